@@ -1,0 +1,10 @@
+# Warnings, sanitizers and optimisation that every target of ours uses; never forced on those who link the library.
+add_library(oted_warnings INTERFACE)
+target_compile_options(oted_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor)
+if(OTED_WARNINGS_AS_ERRORS)
+  target_compile_options(oted_warnings INTERFACE -Werror)
+endif()
+if(OTED_SANITIZE)
+  add_compile_options(-fsanitize=${OTED_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=${OTED_SANITIZE})
+endif()

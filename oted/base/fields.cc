@@ -1,0 +1,197 @@
+#include "oted/base/fields.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <type_traits>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+template <class T>
+struct IsVector : std::false_type {};
+template <class T>
+struct IsVector<std::vector<T>> : std::true_type {};
+
+/// Reads one scalar of type T; false when the JSON value is of another kind.
+template <class T>
+bool ReadScalar(const json& value, T& out) {
+  if constexpr (std::is_same_v<T, bool>) {
+    if (!value.is_boolean()) return false;
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    if (!value.is_string()) return false;
+  } else if constexpr (std::is_integral_v<T>) {
+    // 1e5 is a number that is whole: accept it, as people write step counts like that.
+    if (!value.is_number()) return false;
+    const double number = value.get<double>();
+    if (number != std::floor(number) || std::abs(number) > 9e15) return false;
+    if (number > static_cast<double>(std::numeric_limits<T>::max())) return false;
+    if (number < static_cast<double>(std::numeric_limits<T>::lowest())) return false;
+    out = value.is_number_integer() ? value.get<T>() : static_cast<T>(number);
+    return true;
+  } else {
+    if (!value.is_number()) return false;
+  }
+  out = value.get<T>();
+  return true;
+}
+
+template <class T>
+bool InRange(const Range& range, const T& value) {
+  if constexpr (std::is_arithmetic_v<T> && !std::is_same_v<T, bool>) {
+    return range.Contains(static_cast<double>(value));
+  } else {
+    return true;
+  }
+}
+
+std::vector<std::string> Split(std::string_view text, char separator) {
+  std::vector<std::string> parts;
+  while (true) {
+    const size_t end = text.find(separator);
+    parts.emplace_back(text.substr(0, end));
+    if (end == std::string_view::npos) return parts;
+    text.remove_prefix(end + 1);
+  }
+}
+
+}  // namespace
+
+bool Range::Contains(double value) const {
+  if (std::isnan(value)) return false;
+  return (low_open ? value > low : value >= low) && (high_open ? value < high : value <= high);
+}
+
+std::string Range::ToString() const {
+  if (std::isinf(low) && std::isinf(high)) return "";
+  return fmt::format("{}{}, {}{}", low_open ? '(' : '[', low, high, high_open ? ')' : ']');
+}
+
+std::string Field::TypeName() const {
+  static constexpr const char* kNames[] = {"true|false",     "int", "int", "number", "text", "list of ints",
+                                           "list of numbers"};
+  if (!choices.empty()) return fmt::format("{}", fmt::join(choices, "|"));
+  return kNames[target.index()];
+}
+
+json Field::ToJson() const {
+  return std::visit([](auto* value) { return json(*value); }, target);
+}
+
+void Field::FromJson(const json& value, std::string_view where) const {
+  const auto fail = [&](const std::string& wanted) {
+    throw UsageError(fmt::format("{}: {} is {}, wanted {}", where, name, value.dump(), wanted));
+  };
+  const std::string wanted = range.ToString().empty() ? TypeName() : TypeName() + " in " + range.ToString();
+  std::visit(
+      [&](auto* out) {
+        using T = std::remove_pointer_t<decltype(out)>;
+        T parsed{};
+        if constexpr (IsVector<T>::value) {
+          if (!value.is_array()) fail(wanted);
+          for (const json& element : value) {
+            typename T::value_type scalar{};
+            if (!ReadScalar(element, scalar) || !InRange(range, scalar)) fail(wanted);
+            parsed.push_back(scalar);
+          }
+        } else {
+          if (!ReadScalar(value, parsed) || !InRange(range, parsed)) fail(wanted);
+        }
+        if constexpr (std::is_same_v<T, std::string>) {
+          if (!choices.empty() && std::find(choices.begin(), choices.end(), parsed) == choices.end()) {
+            fail("one of " + TypeName() + DidYouMean(parsed, choices));
+          }
+        }
+        *out = std::move(parsed);
+      },
+      target);
+}
+
+void Field::FromText(std::string_view text, std::string_view where) const {
+  const bool is_text = std::holds_alternative<std::string*>(target);
+  const bool is_list = target.index() >= 5;
+  const auto parse = [&](const std::string& part) {
+    json value = json::parse(part, nullptr, false);
+    return value.is_discarded() ? json(part) : value;
+  };
+  json value;
+  if (is_text) {
+    value = std::string(text);
+  } else if (is_list && !text.starts_with('[')) {
+    value = json::array();
+    if (!text.empty()) {
+      for (const std::string& part : Split(text, ',')) value.push_back(parse(part));
+    }
+  } else {
+    value = parse(std::string(text));
+  }
+  FromJson(value, where);
+}
+
+void FieldList::Add(std::string name, Field::Target target, std::string help, Range range) {
+  fields_.push_back({std::move(name), target, std::move(help), range, {}});
+}
+
+void FieldList::AddChoice(std::string name, std::string* target, std::string help, std::vector<std::string> choices) {
+  fields_.push_back({std::move(name), target, std::move(help), {}, std::move(choices)});
+}
+
+const Field& FieldList::Find(std::string_view name, std::string_view where) const {
+  std::vector<std::string> names;
+  for (const Field& field : fields_) {
+    if (field.name == name) return field;
+    names.push_back(field.name);
+  }
+  throw UsageError(fmt::format("{}: {}.{} is not a setting{}; the settings of [{}] are: {}", where, section_, name,
+                               DidYouMean(name, names), section_, fmt::join(names, ", ")));
+}
+
+json FieldList::ToJson() const {
+  json object = json::object();
+  for (const Field& field : fields_) object[field.name] = field.ToJson();
+  return object;
+}
+
+void FieldList::FromJson(const json& object, std::string_view where) const {
+  if (!object.is_object()) throw UsageError(fmt::format("{}: [{}] is not a table of settings", where, section_));
+  for (const auto& [key, value] : object.items()) Find(key, where).FromJson(value, where);
+}
+
+std::string NearestName(std::string_view name, const std::vector<std::string>& candidates) {
+  const auto distance = [&](std::string_view other) {
+    std::vector<size_t> row(other.size() + 1);
+    for (size_t j = 0; j <= other.size(); ++j) row[j] = j;
+    for (size_t i = 1; i <= name.size(); ++i) {
+      size_t diagonal = row[0];
+      row[0] = i;
+      for (size_t j = 1; j <= other.size(); ++j) {
+        const size_t above = row[j];
+        row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (name[i - 1] != other[j - 1])});
+        diagonal = above;
+      }
+    }
+    return row.back();
+  };
+  std::string best;
+  size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
+  for (const std::string& candidate : candidates) {
+    if (const size_t d = distance(candidate); d < best_distance) {
+      best_distance = d;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+std::string DidYouMean(std::string_view name, const std::vector<std::string>& candidates) {
+  const std::string nearest = NearestName(name, candidates);
+  return nearest.empty() ? "" : fmt::format(" (did you mean '{}'?)", nearest);
+}
+
+}  // namespace oted

@@ -1,0 +1,82 @@
+#pragma once
+/// One list of fields per config struct feeds TOML, command-line flags, Python and the run record.
+///
+///   struct CloneConfig {
+///     int batch_size = 256;
+///     FieldList Fields() {
+///       FieldList fields("clone");
+///       fields.Add("batch_size", &batch_size, "transitions per gradient step", AtLeast(1));
+///       return fields;
+///     }
+///   };
+
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+namespace oted {
+
+/// Closed or half-open range of a numeric setting.
+struct Range {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+  bool low_open = false;
+  bool high_open = false;
+  bool Contains(double value) const;
+  /// For example "[1, inf)" or "(0, 1]"; empty when unbounded.
+  std::string ToString() const;
+};
+inline Range AtLeast(double low) { return {.low = low, .high_open = true}; }
+inline Range Above(double low) { return {.low = low, .low_open = true, .high_open = true}; }
+inline Range Between(double low, double high) { return {.low = low, .high = high}; }
+inline Range AboveUpTo(double low, double high) { return {.low = low, .high = high, .low_open = true}; }
+
+/// One setting, bound to the struct it was listed from.
+struct Field {
+  using Target = std::variant<bool*, int*, int64_t*, double*, std::string*, std::vector<int>*, std::vector<double>*>;
+  std::string name;
+  Target target;
+  std::string help;  ///< what it is, with its unit
+  Range range;       ///< of the value, or of each element
+  std::vector<std::string> choices;
+
+  /// The value as JSON.
+  nlohmann::json ToJson() const;
+  /// Takes the value from JSON. @throws UsageError naming `where`, the field, what it got and what it takes.
+  void FromJson(const nlohmann::json& value, std::string_view where) const;
+  /// Takes the value from text as typed on a command line ("3", "0.1", "true", "1,2,3").
+  void FromText(std::string_view text, std::string_view where) const;
+  /// "int", "number", "text", "true|false", "list of numbers".
+  std::string TypeName() const;
+};
+
+/// The settings of one section, in the order in which they are documented.
+class FieldList {
+ public:
+  explicit FieldList(std::string section) : section_(std::move(section)) {}
+  void Add(std::string name, Field::Target target, std::string help, Range range = {});
+  void AddChoice(std::string name, std::string* target, std::string help, std::vector<std::string> choices);
+
+  const std::string& section() const { return section_; }
+  const std::vector<Field>& fields() const { return fields_; }
+  /// @throws UsageError with the nearest name when there is no such field.
+  const Field& Find(std::string_view name, std::string_view where) const;
+  nlohmann::json ToJson() const;
+  /// Reads an object; a key that is no field is an error.
+  void FromJson(const nlohmann::json& object, std::string_view where) const;
+
+ private:
+  std::string section_;
+  std::vector<Field> fields_;
+};
+
+/// The candidate nearest to `name` in edit distance, or "" when none is near.
+std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);
+/// " (did you mean 'x'?)" or "".
+std::string DidYouMean(std::string_view name, const std::vector<std::string>& candidates);
+
+}  // namespace oted

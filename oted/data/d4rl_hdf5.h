@@ -1,0 +1,19 @@
+#pragma once
+/// Datasets in D4RL's HDF5 layout (Fu et al. 2020): flat arrays, one row per transition.
+
+#include <string>
+
+#include "oted/data/dataset.h"
+
+namespace oted {
+
+/// Reads observations, actions, rewards, terminals, timeouts, next_observations, infos/qpos, infos/qvel; of these
+/// rewards, timeouts, next_observations and infos are optional. Float or double, (N) or (N, 1), bool, integer or float
+/// flags. Without timeouts an episode is cut after 1,000 rows; without next_observations, s' is the next row and the
+/// last row of an episode cut by a timeout is dropped. @throws DataError naming file, field and remedy.
+Dataset ReadD4rlHdf5(const std::string& path);
+
+/// Writes D4RL v2's layout (float32, gzip); atomically. @throws DataError
+void WriteD4rlHdf5(const Dataset& dataset, const std::string& path);
+
+}  // namespace oted

@@ -1,0 +1,162 @@
+#include "oted/data/dataset.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <numeric>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/data/d4rl_hdf5.h"
+#include "oted/data/npz.h"
+
+namespace oted {
+namespace {
+
+template <class T>
+void AppendRows(Array2<T>& to, const Array2<T>& from, int begin, int end) {
+  for (int i = begin; i < end; ++i) to.AppendRow(from.row(i));
+}
+
+template <class T>
+void AppendValues(std::vector<T>& to, const std::vector<T>& from, int begin, int end) {
+  if (!from.empty()) to.insert(to.end(), from.begin() + begin, from.begin() + end);
+}
+
+void AppendRange(Dataset& to, const Dataset& from, int begin, int end) {
+  AppendRows(to.observations, from.observations, begin, end);
+  AppendRows(to.actions, from.actions, begin, end);
+  AppendRows(to.next_observations, from.next_observations, begin, end);
+  AppendValues(to.rewards, from.rewards, begin, end);
+  AppendValues(to.terminals, from.terminals, begin, end);
+  AppendValues(to.timeouts, from.timeouts, begin, end);
+  if (from.has_states()) {
+    AppendRows(to.qpos, from.qpos, begin, end);
+    AppendRows(to.qvel, from.qvel, begin, end);
+  }
+}
+
+}  // namespace
+
+std::vector<Episode> Dataset::Episodes() const {
+  std::vector<Episode> episodes;
+  int begin = 0;
+  for (int i = 0; i < size(); ++i) {
+    if (terminals[i] || timeouts[i] || i + 1 == size()) {
+      episodes.push_back({begin, i + 1, terminals[i] != 0});
+      begin = i + 1;
+    }
+  }
+  return episodes;
+}
+
+std::vector<double> Dataset::EpisodeReturns() const {
+  std::vector<double> returns;
+  if (rewards.empty()) return returns;
+  for (const Episode& e : Episodes()) {
+    returns.push_back(std::accumulate(rewards.begin() + e.begin, rewards.begin() + e.end, 0.0));
+  }
+  return returns;
+}
+
+Dataset Dataset::Select(const std::vector<Episode>& episodes) const {
+  Dataset selected;
+  for (const Episode& e : episodes) {
+    AppendRange(selected, *this, e.begin, e.end);
+    // An episode that the file's end cut off stays an episode of its own.
+    if (!selected.terminals.back()) selected.timeouts.back() = 1;
+  }
+  selected.path = path;
+  selected.sha256 = sha256;
+  return selected;
+}
+
+void Dataset::Append(const Dataset& other) {
+  OTED_CHECK(size() == 0 || (obs_dim() == other.obs_dim() && act_dim() == other.act_dim()));
+  OTED_CHECK(size() == 0 || (has_states() == other.has_states() && rewards.empty() == other.rewards.empty()));
+  AppendRange(*this, other, 0, other.size());
+}
+
+void Dataset::Check() const {
+  const std::string where = path.empty() ? "dataset" : fmt::format("dataset '{}'", path);
+  if (size() == 0) throw DataError(where + " holds no transition; record at least one episode");
+  const auto check_rows = [&](const char* name, int rows) {
+    if (rows != size()) {
+      throw DataError(
+          fmt::format("{}: {} has {} rows but observations has {}; every array needs one row per transition", where,
+                      name, rows, size()));
+    }
+  };
+  check_rows("actions", actions.rows());
+  check_rows("next_observations", next_observations.rows());
+  check_rows("terminals", static_cast<int>(terminals.size()));
+  check_rows("timeouts", static_cast<int>(timeouts.size()));
+  if (!rewards.empty()) check_rows("rewards", static_cast<int>(rewards.size()));
+  if (has_states()) {
+    check_rows("infos/qpos", qpos.rows());
+    check_rows("infos/qvel", qvel.rows());
+  }
+  const auto check_finite = [&](const char* name, std::span<const double> values, int cols) {
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (std::isfinite(values[i])) continue;
+      throw DataError(fmt::format("{}: {}[{}, {}] is {}; remove or repair that transition", where, name,
+                                  i / static_cast<size_t>(cols), i % static_cast<size_t>(cols), values[i]));
+    }
+  };
+  check_finite("observations", observations.values(), obs_dim());
+  check_finite("actions", actions.values(), act_dim());
+  check_finite("next_observations", next_observations.values(), obs_dim());
+  check_finite("rewards", rewards, 1);
+  if (has_states()) {
+    check_finite("infos/qpos", qpos.values(), qpos.cols());
+    check_finite("infos/qvel", qvel.values(), qvel.cols());
+  }
+}
+
+void Dataset::CheckFits(const std::string& task, int task_obs_dim, int task_act_dim) const {
+  if (obs_dim() == task_obs_dim && act_dim() == task_act_dim) return;
+  throw DataError(
+      fmt::format("dataset '{}' has observations of {} and actions of {} numbers, but task '{}' has {} and {}; "
+                  "name the task that the data were logged from",
+                  path, obs_dim(), act_dim(), task, task_obs_dim, task_act_dim));
+}
+
+namespace {
+
+enum class Layout { kHdf5, kNpz };
+
+Layout LayoutOf(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  if (ending == ".hdf5" || ending == ".h5") return Layout::kHdf5;
+  if (ending == ".npz") return Layout::kNpz;
+  throw DataError(
+      fmt::format("'{}': no dataset format ends in '{}'; use .hdf5 or .h5 (D4RL layout) or .npz", path, ending));
+}
+
+}  // namespace
+
+Dataset ReadDataset(const std::string& path) {
+  const Layout layout = LayoutOf(path);
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) {
+    throw DataError(
+        fmt::format("dataset '{}' is not a file; check the path (it is relative to where oted runs)", path));
+  }
+  Dataset dataset = layout == Layout::kHdf5 ? ReadD4rlHdf5(path) : ReadDatasetNpz(path);
+  dataset.path = path;
+  dataset.sha256 = Sha256OfFile(path);
+  dataset.Check();
+  return dataset;
+}
+
+void WriteDataset(const Dataset& dataset, const std::string& path) {
+  dataset.Check();
+  if (LayoutOf(path) == Layout::kHdf5) {
+    WriteD4rlHdf5(dataset, path);
+  } else {
+    WriteDatasetNpz(dataset, path);
+  }
+}
+
+}  // namespace oted

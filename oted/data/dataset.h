@@ -1,0 +1,60 @@
+#pragma once
+/// Logged trajectories: the offline dataset D of the paper (Sec. 3).
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "oted/base/array2.h"
+
+namespace oted {
+
+/// Rows [begin, end) of a dataset that were logged one after the other.
+struct Episode {
+  int begin = 0;
+  int end = 0;
+  bool terminated = false;  ///< ended in a terminal state (no bootstrap); otherwise a time limit or the file's end
+  int size() const { return end - begin; }
+};
+
+/// N transitions (s, a, s') in the order in which they were logged. Row i: action a_i was taken in state s_i and led to
+/// s'_i. Next observations never cross an episode's boundary.
+struct Dataset {
+  Array2<double> observations;       ///< (N, obs_dim)
+  Array2<double> actions;            ///< (N, act_dim)
+  Array2<double> next_observations;  ///< (N, obs_dim)
+  std::vector<double> rewards;       ///< (N), or empty: the design needs none
+  std::vector<uint8_t> terminals;    ///< (N), 1 where s'_i is terminal
+  std::vector<uint8_t> timeouts;     ///< (N), 1 where the episode was cut after this row
+  Array2<double> qpos;               ///< (N, nq) state before action i, or empty
+  Array2<double> qvel;               ///< (N, nv) state before action i, or empty
+
+  std::string path;    ///< where it was read from; empty when made in memory
+  std::string sha256;  ///< of that file
+
+  int size() const { return observations.rows(); }
+  int obs_dim() const { return observations.cols(); }
+  int act_dim() const { return actions.cols(); }
+  bool has_states() const { return !qpos.empty(); }
+
+  /// Episodes: cut after each terminal and each timeout, and at the end of the file.
+  std::vector<Episode> Episodes() const;
+  /// The undiscounted return of each episode; empty without rewards.
+  std::vector<double> EpisodeReturns() const;
+  /// The transitions of the given episodes, in that order.
+  Dataset Select(const std::vector<Episode>& episodes) const;
+  /// Appends all transitions of `other`, which has the same dimensions and optional parts.
+  void Append(const Dataset& other);
+
+  /// @throws DataError naming the first defect: no rows, lengths that disagree, a value that is not finite.
+  void Check() const;
+  /// @throws DataError when the dimensions are not those of the task.
+  void CheckFits(const std::string& task, int obs_dim, int act_dim) const;
+};
+
+/// Reads a dataset by its file's ending: .hdf5 | .h5 (D4RL layout) or .npz. @throws DataError
+Dataset ReadDataset(const std::string& path);
+/// Writes by ending as above, atomically. @throws DataError
+void WriteDataset(const Dataset& dataset, const std::string& path);
+
+}  // namespace oted

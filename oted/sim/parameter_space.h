@@ -1,0 +1,59 @@
+#pragma once
+/// The simulator parameters z of the paper (Sec. 3, M(z)): what may vary, within which bounds.
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "oted/base/rng.h"
+
+namespace oted {
+
+enum class ParameterScale {
+  kNominal,   ///< z multiplies the nominal value
+  kAbsolute,  ///< z is the value itself, in the model's unit
+};
+
+/// One parameter as the user declares it.
+struct ParameterSpec {
+  std::string name;   ///< "friction"
+  std::string field;  ///< "geom/*/friction[0]": shared by everything that the path matches
+  double low = 0.2;   ///< bounds of z, low < high
+  double high = 2.0;
+  ParameterScale scale = ParameterScale::kNominal;
+  bool logarithmic = false;        ///< search in log z; needs low > 0
+  std::string unit = "x nominal";  ///< shown in reports
+  double nominal = 1.0;            ///< z of the un-designed simulator; filled in by the simulator for kAbsolute
+
+  /// @throws UsageError: empty name or field, bounds not finite or not low < high, log of a non-positive bound.
+  void Check() const;
+};
+
+/// Reads "name=path:low:high[:log][:absolute]". @throws UsageError
+ParameterSpec ParseParameterSpec(const std::string& text);
+
+/// An ordered list of parameters. z is in their units, within their bounds; u is z mapped to the unit cube.
+class ParameterSpace {
+ public:
+  ParameterSpace() = default;
+  /// @throws UsageError on a defect of one of them or on a name given twice.
+  explicit ParameterSpace(std::vector<ParameterSpec> specs);
+
+  int size() const { return static_cast<int>(specs_.size()); }
+  const ParameterSpec& operator[](int i) const { return specs_[static_cast<size_t>(i)]; }
+  const std::vector<ParameterSpec>& specs() const { return specs_; }
+  std::vector<double> Nominal() const;
+
+  /// u in [0, 1]^d -> z, and back. Values outside are clamped to the bounds.
+  std::vector<double> FromUnit(std::span<const double> u) const;
+  std::vector<double> ToUnit(std::span<const double> z) const;
+  /// Uniform over the unit cube.
+  std::vector<double> SampleUniform(Rng& rng) const;
+  /// @throws UsageError when `z` has the wrong length or leaves the bounds.
+  void CheckInside(std::span<const double> z) const;
+
+ private:
+  std::vector<ParameterSpec> specs_;
+};
+
+}  // namespace oted

@@ -1,0 +1,86 @@
+#pragma once
+/// The tunable simulator M(z) of the paper (Sec. 3), vectorised: N lanes, each with its own parameters z.
+/// Hopper and MiniGrid are implementations; a user's own class is another. It takes actions and knows no network.
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "oted/base/rng.h"
+#include "oted/sim/parameter_space.h"
+
+namespace oted {
+
+/// Shapes and units of a simulator, the same for all its lanes.
+struct SimulatorSpec {
+  std::string task;                            ///< "Hopper-v5"
+  std::vector<int> observation_shape;          ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
+  std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
+  int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
+  int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
+  std::vector<double> action_low;
+  std::vector<double> action_high;
+  double control_period_s = 0;  ///< time between two actions [s]; 0 where time has no unit
+  int max_episode_steps = 0;    ///< truncation by the clock; 0: none
+  bool can_set_state = false;   ///< SetStateFromObservation works
+  double return_random = 0;     ///< D4RL's reference returns; the normalised score is
+  double return_expert = 0;     ///< 100 (return - random) / (expert - random); equal: no score
+
+  int obs_dim() const;
+  bool has_score() const { return return_expert != return_random; }
+  /// D4RL's normalised score of an undiscounted return.
+  double NormalizedScore(double episode_return) const;
+};
+
+/// What became of a lane in its last step.
+enum class LaneStatus : uint8_t {
+  kRunning,
+  kTerminated,  ///< the task's own end: no value beyond it
+  kTruncated,   ///< the time limit: the state has a value, bootstrap through it
+  kDiverged,    ///< the physics broke down: the step's numbers mean nothing, drop them
+};
+
+/// N lanes. Not thread-safe; one object may use several threads inside, with equal bytes at any number of them.
+/// A lane starts undefined: Reset or SetStateFromObservation it before its first Step.
+class Simulator {
+ public:
+  virtual ~Simulator() = default;
+
+  virtual const SimulatorSpec& spec() const = 0;
+  virtual const ParameterSpace& parameters() const = 0;
+  virtual int n_lanes() const = 0;
+
+  /// Sets the parameters of one lane; always applied to the pristine model. Takes effect at the lane's next step, or at
+  /// its next reset for what acts there. @throws UsageError when z is outside its bounds.
+  virtual void SetParameters(int lane, std::span<const double> z) = 0;
+
+  /// Draws a new start state of one lane: rho_0(. | z).
+  virtual void Reset(int lane, Rng& rng) = 0;
+
+  /// Puts one lane into the state that shows `observation`; its episode clock starts at zero. False when the
+  /// observation does not determine a state (a clipped velocity): the lane is then unchanged.
+  /// @throws UsageError when spec().can_set_state is false.
+  virtual bool SetStateFromObservation(int lane, std::span<const double> observation) = 0;
+
+  /// One control period for the lanes listed in `lanes`. `actions` is (n_lanes, act_dim); rows of other lanes are not
+  /// read. A lane that has ended is not reset by itself.
+  virtual void Step(std::span<const int> lanes, std::span<const double> actions) = 0;
+
+  /// Of one lane, after its last Reset, SetStateFromObservation or Step.
+  virtual std::span<const double> observation(int lane) const = 0;
+  virtual double reward(int lane) const = 0;
+  virtual LaneStatus status(int lane) const = 0;
+};
+
+/// Makes simulators of one task that differ in their number of lanes and threads only. Thread-safe.
+class SimulatorFactory {
+ public:
+  virtual ~SimulatorFactory() = default;
+  virtual const SimulatorSpec& spec() const = 0;
+  virtual const ParameterSpace& parameters() const = 0;
+  virtual std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const = 0;
+};
+
+}  // namespace oted
