@@ -1,7 +1,11 @@
-# A test file is one program; its name is its path: oted/base/rng_test.cc -> base_rng_test.
+# A test file is one program; its name is its path: oted/base/rng_test.cc -> base_rng_test. Labels: `long` for files named
+# *_long_test.cc (left out of `make test`), `sanitize` for those that also run under the sanitizers (`make test` does both).
 if(OTED_BUILD_TESTS)
   enable_testing()
   find_package(GTest REQUIRED)
+  # The folders whose tests make sense under sanitizers: no libtorch in the process, and short.
+  set(OTED_SANITIZE_LIBRARIES oted_base oted_data oted_sim oted_mujoco oted_report)
+  add_custom_target(sanitize_tests)
 endif()
 
 function(oted_test source)
@@ -14,4 +18,10 @@ function(oted_test source)
                              OTED_TEST_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   set_target_properties(${name} PROPERTIES ENABLE_EXPORTS ON RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME ${name} COMMAND ${name})
+  if(name MATCHES "_long_test$")
+    set_property(TEST ${name} APPEND PROPERTY LABELS long)
+  elseif(ARGN IN_LIST OTED_SANITIZE_LIBRARIES)
+    set_property(TEST ${name} APPEND PROPERTY LABELS sanitize)
+    add_dependencies(sanitize_tests ${name})
+  endif()
 endfunction()

@@ -10,10 +10,14 @@ namespace oted {
 /// Reads observations, actions, rewards, terminals, timeouts, next_observations, infos/qpos, infos/qvel; of these
 /// rewards, timeouts, next_observations and infos are optional. Float or double, (N) or (N, 1), bool, integer or float
 /// flags. Without timeouts an episode is cut after 1,000 rows; without next_observations, s' is the next row and the
-/// last row of an episode cut by a timeout is dropped. @throws DataError naming file, field and remedy.
+/// last row of each episode, whose successor the file does not hold, is dropped (see d4rl_layout.h). Sizes are checked
+/// against the file before anything is allocated. Safe from several threads; prints nothing.
+/// @throws DataError naming file, field and remedy.
 Dataset ReadD4rlHdf5(const std::string& path);
 
-/// Writes D4RL v2's layout (float32, gzip); atomically. @throws DataError
+/// Writes D4RL v2's layout, gzip; atomically; equal datasets give equal bytes. Each array is float32, as in D4RL, when
+/// that holds all its values exactly, otherwise float64: reading gives back what was written, to the last bit.
+/// Flags are h5py's bool. @throws DataError
 void WriteD4rlHdf5(const Dataset& dataset, const std::string& path);
 
 }  // namespace oted

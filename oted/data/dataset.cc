@@ -63,6 +63,7 @@ std::vector<double> Dataset::EpisodeReturns() const {
 Dataset Dataset::Select(const std::vector<Episode>& episodes) const {
   Dataset selected;
   for (const Episode& e : episodes) {
+    OTED_CHECK(0 <= e.begin && e.begin < e.end && e.end <= size());
     AppendRange(selected, *this, e.begin, e.end);
     // An episode that the file's end cut off stays an episode of its own.
     if (!selected.terminals.back()) selected.timeouts.back() = 1;
@@ -73,9 +74,22 @@ Dataset Dataset::Select(const std::vector<Episode>& episodes) const {
 }
 
 void Dataset::Append(const Dataset& other) {
-  OTED_CHECK(size() == 0 || (obs_dim() == other.obs_dim() && act_dim() == other.act_dim()));
-  OTED_CHECK(size() == 0 || (has_states() == other.has_states() && rewards.empty() == other.rewards.empty()));
+  if (other.size() == 0) return;
+  if (size() == 0) {
+    *this = other;
+    return;
+  }
+  OTED_CHECK(&other != this);
+  OTED_CHECK(obs_dim() == other.obs_dim() && act_dim() == other.act_dim());
+  OTED_CHECK(has_states() == other.has_states() && rewards.empty() == other.rewards.empty());
+  OTED_CHECK(qpos.cols() == other.qpos.cols() && qvel.cols() == other.qvel.cols());
+  // An episode that this dataset's end cut off must not go on in the other's first.
+  if (!terminals.back()) timeouts.back() = 1;
   AppendRange(*this, other, 0, other.size());
+  if (sha256 != other.sha256 || path != other.path) {
+    path.clear();
+    sha256.clear();
+  }
 }
 
 void Dataset::Check() const {
@@ -88,6 +102,17 @@ void Dataset::Check() const {
                       name, rows, size()));
     }
   };
+  if (obs_dim() < 1 || act_dim() < 1) {
+    throw DataError(fmt::format("{}: observations have {} and actions {} numbers; each needs at least one", where,
+                                obs_dim(), act_dim()));
+  }
+  if (next_observations.cols() != obs_dim()) {
+    throw DataError(fmt::format("{}: next_observations has {} columns but observations has {}; write the file again",
+                                where, next_observations.cols(), obs_dim()));
+  }
+  if (qpos.empty() != qvel.empty()) {
+    throw DataError(where + " has only one of infos/qpos and infos/qvel; give both or neither");
+  }
   check_rows("actions", actions.rows());
   check_rows("next_observations", next_observations.rows());
   check_rows("terminals", static_cast<int>(terminals.size()));
@@ -97,17 +122,18 @@ void Dataset::Check() const {
     check_rows("infos/qpos", qpos.rows());
     check_rows("infos/qvel", qvel.rows());
   }
-  const auto check_finite = [&](const char* name, std::span<const double> values, int cols) {
+  const auto check_finite = [&](const char* name, std::span<const double> values, int cols) {  // cols 0: a vector
     for (size_t i = 0; i < values.size(); ++i) {
       if (std::isfinite(values[i])) continue;
-      throw DataError(fmt::format("{}: {}[{}, {}] is {}; remove or repair that transition", where, name,
-                                  i / static_cast<size_t>(cols), i % static_cast<size_t>(cols), values[i]));
+      const size_t width = static_cast<size_t>(cols);
+      const std::string index = cols == 0 ? fmt::format("{}", i) : fmt::format("{}, {}", i / width, i % width);
+      throw DataError(fmt::format("{}: {}[{}] is {}; remove or repair that transition", where, name, index, values[i]));
     }
   };
   check_finite("observations", observations.values(), obs_dim());
   check_finite("actions", actions.values(), act_dim());
   check_finite("next_observations", next_observations.values(), obs_dim());
-  check_finite("rewards", rewards, 1);
+  check_finite("rewards", rewards, 0);
   if (has_states()) {
     check_finite("infos/qpos", qpos.values(), qpos.cols());
     check_finite("infos/qvel", qvel.values(), qvel.cols());
@@ -151,7 +177,6 @@ Dataset ReadDataset(const std::string& path) {
 }
 
 void WriteDataset(const Dataset& dataset, const std::string& path) {
-  dataset.Check();
   if (LayoutOf(path) == Layout::kHdf5) {
     WriteD4rlHdf5(dataset, path);
   } else {

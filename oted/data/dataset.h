@@ -43,7 +43,8 @@ struct Dataset {
   std::vector<double> EpisodeReturns() const;
   /// The transitions of the given episodes, in that order.
   Dataset Select(const std::vector<Episode>& episodes) const;
-  /// Appends all transitions of `other`, which has the same dimensions and optional parts.
+  /// Appends all transitions of `other`, which has the same dimensions and optional parts (any, when this one is
+  /// empty: it becomes `other`). No episode goes on across the seam. What joins two files has no path and no sha256.
   void Append(const Dataset& other);
 
   /// @throws DataError naming the first defect: no rows, lengths that disagree, a value that is not finite.

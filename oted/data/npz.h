@@ -16,6 +16,7 @@ namespace oted {
 struct NpyArray {
   std::vector<int64_t> shape;
   std::variant<std::vector<double>, std::vector<float>, std::vector<int64_t>, std::vector<uint8_t>> values;
+  bool is_bool = false;  ///< uint8_t values are NumPy's bool, 0 or 1
 
   NpyArray() = default;
   /// One dimension, as long as the values.
@@ -25,6 +26,7 @@ struct NpyArray {
   explicit NpyArray(std::vector<uint8_t> v) : shape{static_cast<int64_t>(v.size())}, values(std::move(v)) {}
   explicit NpyArray(const Array2<double>& m);
 
+  /// The product of the shape; 1 for a scalar.
   int64_t size() const;
   /// The values converted to double, whatever they are stored as.
   std::vector<double> ToDouble() const;
@@ -37,7 +39,8 @@ using NpzArrays = std::map<std::string, NpyArray>;
 /// @throws DataError naming file and array.
 NpzArrays ReadNpz(const std::filesystem::path& path);
 
-/// Writes a deflated archive, atomically and with a fixed time stamp: equal arrays give equal bytes. @throws DataError
+/// Writes a deflated archive, atomically and with a fixed time stamp: equal arrays give equal bytes. Below 4 GiB.
+/// @throws DataError
 void WriteNpz(const NpzArrays& arrays, const std::filesystem::path& path);
 /// The same, to and from memory.
 std::string NpzBytes(const NpzArrays& arrays);

@@ -1,0 +1,43 @@
+# Every target does all the set-up it needs. `make help` lists them.
+SHELL := /bin/bash
+CMAKE ?= cmake
+CTEST ?= ctest
+JOBS ?= $(shell nproc)
+OUT ?= runs/quickstart
+export CMAKE CTEST JOBS
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build test test-long quickstart bench lint format clean
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "  JOBS=N limits parallel jobs; OUT=DIR is quickstart's run directory; PYTHON=, CMAKE= choose the tools."
+
+setup:  ## Debian packages and .venv (scripts/setup.sh); quick when nothing is missing
+	@scripts/setup.sh
+
+build: setup  ## the program: build/release/oted
+	@scripts/build.sh release
+
+test:  ## set-up, build, all tests but the long ones, sanitizers, lint; ends with "N passed, N failed"
+	@scripts/test.sh
+
+test-long:  ## the tests that take minutes: known parameters recovered, agents trained
+	@scripts/test.sh long
+
+quickstart: build  ## the whole pipeline on five Hopper demonstrations, into runs/quickstart
+	@build/release/oted run examples/quickstart.toml --out $(OUT)
+
+bench: setup  ## build and run the benchmark programs (one core each, so give it a quiet machine)
+	@scripts/build.sh bench
+	@for program in build/bench/benchmarks/*_benchmark; do "$$program" || exit 1; done
+
+lint: setup  ## formatting and the rules on who may include whom
+	@scripts/check_format.sh
+	@.venv/bin/python tests/lint_includes.py
+
+format: setup  ## clang-format every source in place
+	@scripts/check_format.sh --fix
+
+clean:  ## remove build/ (keeps .venv and runs/)
+	rm -rf build

@@ -1,0 +1,95 @@
+#include "oted/base/files.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+
+namespace oted {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+int EntriesIn(const fs::path& folder) {
+  int n = 0;
+  for ([[maybe_unused]] const auto& entry : fs::directory_iterator(folder)) ++n;
+  return n;
+}
+
+TEST(Files, WritesWholeFilesAndMissingFolders) {
+  const TestFolder folder;
+  const std::string bytes("a\0b\r\n\xff", 6);
+  WriteFileAtomically(folder / "new/deep/file", bytes);
+  EXPECT_EQ(ReadFile(folder / "new/deep/file"), bytes);
+  WriteFileAtomically(folder / "new/deep/file", "");
+  EXPECT_EQ(ReadFile(folder / "new/deep/file"), "");
+  EXPECT_EQ(EntriesIn(folder / "new/deep"), 1) << "a temporary file is left";
+}
+
+TEST(Files, AWriteThatFailsLeavesTheOldFileAlone) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "file", "old");
+  try {
+    const AtomicFile file(folder / "file");
+    std::ofstream(file.temporary_path()) << "half of the new";
+    throw std::runtime_error("the writer failed");
+  } catch (const std::runtime_error&) {
+  }
+  EXPECT_EQ(ReadFile(folder / "file"), "old");
+  EXPECT_EQ(EntriesIn(folder.path()), 1) << "the half-written file is left";
+}
+
+TEST(Files, TheOldFileStaysReadableUntilCommit) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "file", "old");
+  AtomicFile file(folder / "file");
+  std::ofstream(file.temporary_path()) << "new";
+  EXPECT_EQ(ReadFile(folder / "file"), "old");
+  file.Commit();
+  EXPECT_EQ(ReadFile(folder / "file"), "new");
+}
+
+TEST(Files, APathThatCannotBeWrittenIsADataError) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "file", "x");
+  EXPECT_THAT(MessageOf<DataError>([&] { WriteFileAtomically(folder / "file/below", "y"); }), HasSubstr("file"));
+  // A folder is not replaced by a file.
+  fs::create_directories(folder / "folder/inside");
+  EXPECT_THAT(MessageOf<DataError>([&] { WriteFileAtomically(folder / "folder", "y"); }), HasSubstr("folder'"));
+  EXPECT_EQ(ReadFile(folder / "file"), "x");
+  EXPECT_EQ(EntriesIn(folder.path()), 2);
+}
+
+TEST(Files, MissingFilesAndFoldersAreDataErrors) {
+  const TestFolder folder;
+  EXPECT_THAT(MessageOf<DataError>([&] { ReadFile(folder / "none"); }), HasSubstr("none': No such file"));
+  EXPECT_THAT(MessageOf<DataError>([&] { ReadFile(folder.path()); }), HasSubstr("directory"));
+}
+
+TEST(Files, JsonComesBackAndBrokenJsonIsNamed) {
+  const TestFolder folder;
+  const nlohmann::json value = {{"a", 0.1}, {"b", {1, 2}}};
+  WriteJson(folder / "a.json", value);
+  EXPECT_EQ(ReadJson(folder / "a.json"), value);
+  EXPECT_EQ(ReadFile(folder / "a.json").back(), '\n');
+  WriteFileAtomically(folder / "b.json", "{\"a\": ");
+  EXPECT_THAT(MessageOf<DataError>([&] { ReadJson(folder / "b.json"); }), HasSubstr("b.json' is not valid JSON"));
+}
+
+TEST(Sha256, MatchesThePublishedVectors) {
+  // FIPS 180-4's examples.
+  EXPECT_EQ(Sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(Sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(Sha256(std::string(1000000, 'a')), "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+  const TestFolder folder;
+  WriteFileAtomically(folder / "abc", "abc");
+  EXPECT_EQ(Sha256OfFile(folder / "abc"), Sha256("abc"));
+}
+
+}  // namespace
+}  // namespace oted

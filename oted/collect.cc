@@ -1,0 +1,109 @@
+#include "oted/collect.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/sim/rollout.h"
+
+namespace oted {
+namespace {
+
+constexpr int kJudgeEpisodes = 20;
+
+double RandomReturn(const SimulatorFactory& factory, RngKey key, int n_threads) {
+  const auto simulator = factory.Make(kJudgeEpisodes, n_threads);
+  const SimulatorSpec& spec = factory.spec();
+  Rng rng = key.Stage("actions").MakeRng();
+  const auto act = [&](std::span<const double>, int, std::span<double> actions) {
+    for (size_t i = 0; i < actions.size(); ++i) {
+      const size_t j = i % static_cast<size_t>(spec.act_dim);
+      actions[i] = rng.Uniform(spec.action_low[j], spec.action_high[j]);
+    }
+  };
+  const std::vector<std::vector<double>> z(kJudgeEpisodes, factory.parameters().Nominal());
+  return MeanReturn(RunEpisodes(*simulator, z, act, key));
+}
+
+}  // namespace
+
+BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const SacConfig& config, uint64_t seed,
+                                       const std::filesystem::path& folder, const RunContext& context) {
+  const RngKey key = RngKey(seed).Stage("behavior policies");
+  const std::vector<double> nominal = factory.parameters().Nominal();
+  const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
+  const SacResult training = TrainSac(
+      factory, [&](Rng&) { return nominal; }, {nominal}, config, key, folder, "behavior", context,
+      [&](int64_t step, const TanhGaussianPolicy& policy, double) { policy.Save(snapshot(step)); });
+
+  const auto& returns = training.eval_returns;
+  const size_t best = static_cast<size_t>(std::max_element(returns.begin(), returns.end()) - returns.begin());
+  // The medium policy comes on the way up: evaluations after the expert's are not looked at.
+  size_t middle = 0;
+  for (size_t i = 0; i <= best; ++i) {
+    if (std::abs(returns[i] - returns[best] / 3) < std::abs(returns[middle] - returns[best] / 3)) middle = i;
+  }
+
+  BehaviorPolicies result;
+  const auto judge = [&](const TanhGaussianPolicy& policy) {
+    return EvaluatePolicy(factory, policy, {nominal}, kJudgeEpisodes, context.n_threads, key.Stage("judge"));
+  };
+  result.expert_step = training.eval_steps[best];
+  result.medium_step = training.eval_steps[middle];
+  result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));
+  result.medium = TanhGaussianPolicy::Load(snapshot(result.medium_step));
+  result.expert_return = judge(result.expert);
+  result.medium_return = judge(result.medium);
+  result.random_return = RandomReturn(factory, key.Stage("random"), context.n_threads);
+
+  const SimulatorSpec& spec = factory.spec();
+  const auto describe = [&](int64_t step, double mean_return) {
+    return nlohmann::json{{"step", step}, {"mean_return", mean_return}, {"score", spec.NormalizedScore(mean_return)}};
+  };
+  nlohmann::json record = {{"task", spec.task},
+                           {"seed", seed},
+                           {"episodes", kJudgeEpisodes},
+                           {"expert", describe(result.expert_step, result.expert_return)},
+                           {"medium", describe(result.medium_step, result.medium_return)},
+                           {"random", describe(0, result.random_return)},
+                           {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}}}};
+  SacConfig settings = config;
+  record["sac"] = settings.Fields("sac").ToJson();
+  result.expert.Save(folder / "expert.npz");
+  result.medium.Save(folder / "medium.npz");
+  WriteJson(folder / "training.json", record);
+  return result;
+}
+
+Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector<double>& z,
+                              const TanhGaussianPolicy& policy, int n_episodes, RngKey key, int n_threads) {
+  const auto simulator = factory.Make(n_episodes, n_threads);
+  PolicyRunner runner(policy, ActionNoise::kSampled);
+  Rng noise = key.Stage("actions").MakeRng();
+  const auto act = [&](std::span<const double> observations, int n, std::span<double> actions) {
+    runner.Act(observations, n, noise, actions);
+  };
+  std::vector<Dataset> lanes(static_cast<size_t>(n_episodes));
+  const auto record = [&](const StepView& step) {
+    if (step.status == LaneStatus::kDiverged) {
+      throw DataError(
+          "the target diverged while demonstrations were logged; choose target parameters nearer to nominal");
+    }
+    Dataset& log = lanes[static_cast<size_t>(step.lane)];
+    log.observations.AppendRow(step.observation);
+    log.actions.AppendRow(step.action);
+    log.next_observations.AppendRow(step.next_observation);
+    log.rewards.push_back(step.reward);
+    log.terminals.push_back(step.status == LaneStatus::kTerminated);
+    log.timeouts.push_back(step.status == LaneStatus::kTruncated);
+  };
+  RunEpisodes(*simulator, std::vector<std::vector<double>>(static_cast<size_t>(n_episodes), z), act,
+              key.Stage("episodes"), record);
+  Dataset dataset;
+  for (const Dataset& lane : lanes) dataset.Append(lane);
+  return dataset;
+}
+
+}  // namespace oted

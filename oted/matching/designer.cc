@@ -1,0 +1,164 @@
+#include "oted/matching/designer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+// Narrower than this, q would no longer explore: 0.0005 of the range at its middle.
+constexpr double kLogStdMinX = -6.2;
+// Wider than this, draws crowd at both bounds.
+constexpr double kLogStdMaxX = 0.75;
+// |mean| at most this: u in [0.0025, 0.9975], so that a mode at a bound can still move away.
+constexpr double kMeanMaxX = 6.0;
+
+double Sigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }
+
+/// Quantile of the standard normal by bisection on erfc; only for reports.
+double NormalQuantile(double p) {
+  double low = -10, high = 10;
+  for (int i = 0; i < 80; ++i) {
+    const double middle = 0.5 * (low + high);
+    (0.5 * std::erfc(-middle / std::sqrt(2.0)) < p ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+}  // namespace
+
+Designer::Designer(ParameterSpace space, double initial_std)
+    : space_(std::move(space)),
+      mean_(static_cast<size_t>(space_.size()), 0.0),
+      log_std_(static_cast<size_t>(space_.size()), std::log(initial_std)) {}
+
+std::vector<double> Designer::ToZ(std::span<const double> x) const {
+  std::vector<double> u(x.size());
+  std::transform(x.begin(), x.end(), u.begin(), Sigmoid);
+  return space_.FromUnit(u);
+}
+
+Designer::Sample Designer::Draw(Rng& rng) const {
+  Sample sample;
+  for (size_t i = 0; i < mean_.size(); ++i) sample.x.push_back(mean_[i] + std::exp(log_std_[i]) * rng.Normal());
+  sample.z = ToZ(sample.x);
+  return sample;
+}
+
+std::vector<double> Designer::Mode() const { return ToZ(mean_); }
+
+std::vector<double> Designer::Std() const {
+  std::vector<double> std(mean_.size());
+  for (size_t i = 0; i < mean_.size(); ++i) {
+    // dz/dx by central difference through the transform and the parameter's own scale.
+    std::vector<double> up = mean_, down = mean_;
+    up[i] += 1e-4;
+    down[i] -= 1e-4;
+    const double slope = (ToZ(up)[i] - ToZ(down)[i]) / 2e-4;
+    const ParameterSpec& spec = space_[static_cast<int>(i)];
+    std[i] = std::min(slope * std::exp(log_std_[i]), (spec.high - spec.low) / std::sqrt(12.0));
+  }
+  return std;
+}
+
+std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
+  const double quantile = NormalQuantile(0.5 + 0.5 * mass);
+  std::vector<double> low = mean_, high = mean_;
+  for (size_t i = 0; i < mean_.size(); ++i) {
+    low[i] -= quantile * std::exp(log_std_[i]);
+    high[i] += quantile * std::exp(log_std_[i]);
+  }
+  const std::vector<double> z_low = ToZ(low), z_high = ToZ(high);
+  std::vector<Interval> intervals;
+  for (size_t i = 0; i < mean_.size(); ++i) intervals.push_back({z_low[i], z_high[i]});
+  return intervals;
+}
+
+double Designer::KlToPrior() const {
+  double kl = 0;
+  for (size_t i = 0; i < mean_.size(); ++i) {
+    const double ratio = std::exp(log_std_[i]) / kPriorStd, shift = mean_[i] / kPriorStd;
+    kl += 0.5 * (ratio * ratio + shift * shift - 1.0) - std::log(ratio);
+  }
+  return kl;
+}
+
+void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda,
+                      double step_mean, double step_log_std) {
+  OTED_CHECK(draws.size() == advantages.size() && !draws.empty());
+  const double n = static_cast<double>(draws.size());
+  for (size_t i = 0; i < mean_.size(); ++i) {
+    const double std = std::exp(log_std_[i]), variance_ratio = std * std / (kPriorStd * kPriorStd);
+    double score_mean = 0, score_log_std = 0;
+    for (size_t k = 0; k < draws.size(); ++k) {
+      const double noise = (draws[k].x[i] - mean_[i]) / std;
+      score_mean += advantages[k] * noise / n;
+      score_log_std += advantages[k] * (noise * noise - 1.0) / n;
+    }
+    const double natural_mean = std * score_mean - lambda * mean_[i] * variance_ratio;
+    const double natural_log_std = 0.5 * (score_log_std - lambda * (variance_ratio - 1.0));
+    // No parameter moves by more than its own spread, nor its spread by more than a third, in one step.
+    mean_[i] += std::clamp(step_mean * natural_mean, -std, std);
+    mean_[i] = std::clamp(mean_[i], -kMeanMaxX, kMeanMaxX);
+    log_std_[i] += std::clamp(step_log_std * natural_log_std, -0.3, 0.3);
+    log_std_[i] = std::clamp(log_std_[i], kLogStdMinX, kLogStdMaxX);
+  }
+}
+
+void Designer::Restore(std::vector<double> mean, std::vector<double> log_std) {
+  OTED_CHECK(mean.size() == mean_.size() && log_std.size() == mean_.size());
+  mean_ = std::move(mean);
+  log_std_ = std::move(log_std);
+}
+
+nlohmann::json Designer::ToJson(double lambda) const {
+  nlohmann::json q;
+  q["schema"] = "oted.q/1";
+  q["kind"] = "gaussian";
+  q["transform"] = "logistic";
+  for (const ParameterSpec& spec : space_.specs()) {
+    q["parameters"].push_back(spec.name);
+    q["bounds"].push_back({spec.low, spec.high});
+    q["scale"].push_back(spec.logarithmic ? "log" : "linear");
+  }
+  q["mean"] = mean_;
+  for (size_t i = 0; i < mean_.size(); ++i) {
+    std::vector<double> row(mean_.size(), 0.0);
+    row[i] = std::exp(2.0 * log_std_[i]);
+    q["cov"].push_back(row);
+  }
+  q["prior"] = {{"kind", "gaussian"}, {"mean", 0.0}, {"std", kPriorStd}};
+  q["lambda"] = lambda;
+  q["mode"] = Mode();
+  return q;
+}
+
+Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
+  try {
+    if (q.at("schema") != "oted.q/1" || q.at("kind") != "gaussian") {
+      throw DataError(
+          fmt::format("'{}' is not a Gaussian q(z) of schema oted.q/1; make it again with 'oted design'", where));
+    }
+    Designer designer(space, 1.0);
+    const auto mean = q.at("mean").get<std::vector<double>>();
+    const auto cov = q.at("cov").get<std::vector<std::vector<double>>>();
+    if (mean.size() != static_cast<size_t>(space.size()) || cov.size() != mean.size()) {
+      throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration",
+                                  where, mean.size(), space.size()));
+    }
+    std::vector<double> log_std;
+    for (size_t i = 0; i < mean.size(); ++i) log_std.push_back(0.5 * std::log(cov[i].at(i)));
+    designer.Restore(mean, log_std);
+    return designer;
+  } catch (const nlohmann::json::exception& e) {
+    throw DataError(
+        fmt::format("'{}' is not a q(z) of schema oted.q/1 ({}); make it again with 'oted design'", where, e.what()));
+  }
+}
+
+}  // namespace oted

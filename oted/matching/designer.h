@@ -1,0 +1,70 @@
+#pragma once
+/// q(z), the designer of the paper (Sec. 4.1): a distribution over simulator parameters, improved by policy gradient.
+
+#include <nlohmann/json_fwd.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "oted/base/rng.h"
+#include "oted/sim/parameter_space.h"
+
+namespace oted {
+
+/// A Gaussian with diagonal covariance over x in R^d; u = 1 / (1 + exp(-x)) maps it into the unit cube and
+/// ParameterSpace into the bounds. The prior p is the Gaussian N(0, kPriorStd^2) over the same x: under it u is close
+/// to uniform over the bounds (its standard deviation is 0.29, that of the uniform distribution).
+class Designer {
+ public:
+  static constexpr double kPriorStd = 1.7;
+
+  Designer() = default;
+  /// q starts at the prior, with `initial_std` in x.
+  Designer(ParameterSpace space, double initial_std);
+
+  const ParameterSpace& space() const { return space_; }
+  int size() const { return space_.size(); }
+
+  /// One draw: x, and z = z(x).
+  struct Sample {
+    std::vector<double> x;
+    std::vector<double> z;
+  };
+  Sample Draw(Rng& rng) const;
+
+  /// The paper's mode of q: z at the mean of x.
+  std::vector<double> Mode() const;
+  /// Standard deviation of z in its own units, to first order in x at the mode, at most that of the uniform prior.
+  std::vector<double> Std() const;
+  /// Central interval of z holding `mass` of q: the image of the Gaussian's.
+  struct Interval {
+    double low, high;
+  };
+  std::vector<Interval> CentralInterval(double mass) const;
+  /// D_KL(q || p) [nats], summed over parameters.
+  double KlToPrior() const;
+
+  /// One ascent step on E_q[R] - lambda KL(q, p) (Eq. 3) from draws and their advantages.
+  ///   d/d mean    = mean_k A_k (x_k - mean) / std^2      - lambda mean / prior_std^2
+  ///   d/d log std = mean_k A_k ((x_k - mean)^2/std^2 - 1) - lambda (std^2 / prior_std^2 - 1)
+  /// both multiplied by the inverse Fisher information (std^2 and 1/2): the natural gradient, so that the step does not
+  /// depend on the width of q (docs/deviations.md#natural-gradient).
+  void Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda, double step_mean,
+              double step_log_std);
+
+  const std::vector<double>& mean() const { return mean_; }
+  const std::vector<double>& log_std() const { return log_std_; }
+  void Restore(std::vector<double> mean, std::vector<double> log_std);
+
+  /// q.json (schema oted.q/1).
+  nlohmann::json ToJson(double lambda) const;
+  /// @throws DataError when `q` is not a Gaussian over `space`.
+  static Designer FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where);
+
+ private:
+  std::vector<double> ToZ(std::span<const double> x) const;
+  ParameterSpace space_;
+  std::vector<double> mean_, log_std_;
+};
+
+}  // namespace oted

@@ -1,0 +1,90 @@
+#include "oted/matching/discriminator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/base/error.h"
+
+namespace oted {
+
+double MinusLogOneMinusG(double logit) { return std::max(logit, 0.0) + std::log1p(std::exp(-std::abs(logit))); }
+
+Discriminator::Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng)
+    : options_(options),
+      normalizer_(Normalizer::Fit(dataset_features)),
+      net_(dataset_features.cols(), options.hidden, 1) {
+  net_.Initialize(rng);
+  adam_ = Adam(net_.n_parameters(), {.learning_rate = static_cast<float>(options.learning_rate),
+                                     .weight_decay = static_cast<float>(options.weight_decay)});
+  gradient_.resize(net_.n_parameters());
+}
+
+void Discriminator::Normalize(const Array2<double>& rows, size_t at) {
+  const size_t width = static_cast<size_t>(net_.in());
+  for (int i = 0; i < rows.rows(); ++i) {
+    const std::span<float> out(input_.data() + (at + static_cast<size_t>(i)) * width, width);
+    normalizer_.Apply(rows.row(i), out);
+    // A simulator that runs away shows values that no network was trained for: bounded, they still look wrong.
+    for (float& v : out) v = std::clamp(v, -10.0f, 10.0f);
+  }
+}
+
+double Discriminator::Step(const Array2<double>& dataset_rows, const Array2<double>& simulator_rows) {
+  const int n_data = dataset_rows.rows(), n_sim = simulator_rows.rows(), n = n_data + n_sim;
+  input_.resize(static_cast<size_t>(n) * static_cast<size_t>(net_.in()));
+  Normalize(dataset_rows, 0);
+  Normalize(simulator_rows, static_cast<size_t>(n_data));
+  const float* logits = pass_.Forward(net_, input_.data(), n);
+  dout_.resize(static_cast<size_t>(n));
+  double loss = 0;
+  for (int i = 0; i < n; ++i) {
+    const bool is_data = i < n_data;
+    const double scale = 1.0 / (is_data ? n_data : n_sim);
+    const double g = 1.0 / (1.0 + std::exp(-static_cast<double>(logits[i])));
+    // -log g = softplus(-f) and -log(1 - g) = softplus(f).
+    loss += scale * MinusLogOneMinusG(is_data ? -logits[i] : logits[i]);
+    dout_[static_cast<size_t>(i)] = static_cast<float>(scale * (g - (is_data ? 1.0 : 0.0)));
+  }
+  pass_.Backward(net_, input_.data(), dout_.data(), n, gradient_.data(), nullptr);
+  adam_.Step({net_.parameters().data(), gradient_.size()}, {gradient_.data(), gradient_.size()});
+  return loss;
+}
+
+std::vector<double> Discriminator::Logits(const Array2<double>& features) {
+  input_.resize(static_cast<size_t>(features.rows()) * static_cast<size_t>(net_.in()));
+  Normalize(features, 0);
+  const float* logits = pass_.Forward(net_, input_.data(), features.rows());
+  return {logits, logits + features.rows()};
+}
+
+void Discriminator::Save(NpzArrays& arrays) const {
+  const auto save = [&](const char* name, const AlignedVector<float>& values) {
+    arrays[name] = NpyArray(std::vector<float>(values.begin(), values.end()));
+  };
+  Adam adam = adam_;
+  save("discriminator/parameters", net_.parameters());
+  save("discriminator/m", adam.m());
+  save("discriminator/v", adam.v());
+  arrays["discriminator/n_steps"] = NpyArray(std::vector<int64_t>{adam.n_steps()});
+  arrays["discriminator/mean"] = NpyArray(normalizer_.mean);
+  arrays["discriminator/scale"] = NpyArray(normalizer_.scale);
+}
+
+void Discriminator::Restore(const NpzArrays& arrays, const std::string& where) {
+  const auto restore = [&](const char* name, AlignedVector<float>& values) {
+    const auto found = arrays.find(name);
+    if (found == arrays.end() || found->second.size() != static_cast<int64_t>(values.size())) {
+      throw DataError("'" + where + "' has no fitting array '" + name + "'; remove it to make it again");
+    }
+    const std::vector<double> stored = found->second.ToDouble();
+    std::transform(stored.begin(), stored.end(), values.begin(), [](double v) { return static_cast<float>(v); });
+  };
+  restore("discriminator/parameters", net_.parameters());
+  restore("discriminator/m", adam_.m());
+  restore("discriminator/v", adam_.v());
+  adam_.n_steps() = static_cast<int64_t>(arrays.at("discriminator/n_steps").ToDouble().at(0));
+  normalizer_.mean = arrays.at("discriminator/mean").ToDouble();
+  normalizer_.scale = arrays.at("discriminator/scale").ToDouble();
+}
+
+}  // namespace oted

@@ -1,0 +1,53 @@
+#pragma once
+/// The discriminator g of the paper (Eq. 2): tells transitions of the dataset D from the simulator's.
+
+#include <filesystem>
+#include <span>
+#include <vector>
+
+#include "oted/base/rng.h"
+#include "oted/data/normalizer.h"
+#include "oted/data/npz.h"
+#include "oted/matching/experience.h"
+#include "oted/nn/mlp.h"
+
+namespace oted {
+
+struct DiscriminatorOptions {
+  std::vector<int> hidden = {256, 256};
+  double learning_rate = 3e-4;
+  double weight_decay = 1e-4;
+  int batch_size = 256;  ///< of each kind
+};
+
+/// g(x) = sigmoid(f(x)) on normalised features x of Experience: (s, a) or (s, a, s' - s).
+class Discriminator {
+ public:
+  Discriminator() = default;
+  /// The normaliser is fitted on the dataset's features.
+  Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng);
+
+  /// One step on Eq. 2: E_sim[-log(1 - g)] + E_D[-log g], on mini-batches drawn by the caller: rows of raw features.
+  /// @return its value before the step: 2 log 2 when g is blind.
+  double Step(const Array2<double>& dataset_rows, const Array2<double>& simulator_rows);
+
+  /// f(x) = log g(x) - log(1 - g(x)) of each row.
+  std::vector<double> Logits(const Array2<double>& features);
+
+  void Save(NpzArrays& arrays) const;
+  void Restore(const NpzArrays& arrays, const std::string& where);
+
+ private:
+  void Normalize(const Array2<double>& rows, size_t at);
+  DiscriminatorOptions options_;
+  Normalizer normalizer_;
+  Mlp net_;
+  Adam adam_;
+  MlpPass pass_;
+  AlignedVector<float> input_, dout_, gradient_;
+};
+
+/// The reward of Algorithm 1, line 2: -log(1 - g), from g's logit. log 2 at a perfect match with an optimal g.
+double MinusLogOneMinusG(double logit);
+
+}  // namespace oted

@@ -1,0 +1,137 @@
+#include "oted/matching/experience.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+void AppendFeatures(std::span<const double> s, std::span<const double> a, std::span<const double> s_next,
+                    bool transitions, std::vector<double>& row) {
+  row.assign(s.begin(), s.end());
+  row.insert(row.end(), a.begin(), a.end());
+  // The change, not s': over one control period s' is almost s, and the little that differs is the dynamics.
+  if (transitions) std::transform(s_next.begin(), s_next.end(), s.begin(), std::back_inserter(row), std::minus<>());
+}
+
+}  // namespace
+
+Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions) {
+  Array2<double> features;
+  std::vector<double> row;
+  for (int i = 0; i < dataset.size(); ++i) {
+    AppendFeatures(dataset.observations.row(i), dataset.actions.row(i), dataset.next_observations.row(i), transitions,
+                   row);
+    features.AppendRow(row);
+  }
+  return features;
+}
+
+ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, const Dataset& dataset,
+                                       const TanhGaussianPolicy* clone, const EvidenceConfig& config)
+    : simulator_(std::move(simulator)), dataset_(dataset), clone_(clone), config_(config) {
+  const SimulatorSpec& spec = simulator_->spec();
+  OTED_CHECK(config.replayed_actions || clone != nullptr);
+  if (!config.dataset_starts) {
+    OTED_CHECK(!config.replayed_actions);  // replaying from another state than the logged one would prove nothing
+    return;
+  }
+  if (!spec.can_set_state) {
+    throw DataError(
+        fmt::format("task '{}' cannot be set to a logged state; use --set design.starts=initial "
+                    "--set design.actions=clone",
+                    spec.task));
+  }
+  const std::vector<double> nominal = simulator_->parameters().Nominal();
+  simulator_->SetParameters(0, nominal);
+  for (const Episode& episode : dataset.Episodes()) {
+    for (int i = episode.begin; i < episode.end; ++i) {
+      const int end = std::min(i + config.horizon, episode.end);
+      // A short remainder only where the episode itself is shorter than the horizon.
+      if (end - i < config.horizon && i > episode.begin) break;
+      if (simulator_->SetStateFromObservation(0, dataset.observations.row(i))) windows_.push_back({i, end});
+    }
+  }
+  if (windows_.empty()) {
+    throw DataError(
+        fmt::format("no state of dataset '{}' can be set in task '{}' (velocities at the observation's clip?); "
+                    "use --set design.starts=initial --set design.actions=clone",
+                    dataset.path, spec.task));
+  }
+}
+
+ExperienceGatherer::Window ExperienceGatherer::window(int n_started, RngKey key) const {
+  Rng rng = key.Stage("window").Index(static_cast<uint64_t>(n_started)).MakeRng();
+  return windows_[rng.Below(windows_.size())];
+}
+
+void ExperienceGatherer::StartRollout(int lane, int n_started, RngKey key) {
+  if (config_.dataset_starts) {
+    OTED_CHECK(simulator_->SetStateFromObservation(lane, dataset_.observations.row(window(n_started, key).begin)));
+  } else {
+    Rng rng = key.Stage("reset").Index(static_cast<uint64_t>(n_started)).MakeRng();
+    simulator_->Reset(lane, rng);
+  }
+}
+
+std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::vector<double>>& z, RngKey key) {
+  const size_t n_lanes = z.size();
+  OTED_CHECK(static_cast<int>(n_lanes) <= simulator_->n_lanes());
+  const size_t obs_dim = static_cast<size_t>(simulator_->spec().obs_dim());
+  const size_t act_dim = static_cast<size_t>(simulator_->spec().act_dim);
+  std::vector<LaneExperience> experience(n_lanes);
+  std::vector<int> lanes(n_lanes), n_started(n_lanes, 0), step_in_rollout(n_lanes, 0);
+  std::iota(lanes.begin(), lanes.end(), 0);
+  std::vector<double> observations(n_lanes * obs_dim), actions(n_lanes * act_dim), row;
+  std::unique_ptr<PolicyRunner> runner;
+  if (!config_.replayed_actions)
+    runner = std::make_unique<PolicyRunner>(*clone_, ActionNoise::kSampled, config_.clone_noise);
+  Rng noise = key.Stage("clone").MakeRng();
+
+  for (const int lane : lanes) {
+    simulator_->SetParameters(lane, z[static_cast<size_t>(lane)]);
+    StartRollout(lane, n_started[static_cast<size_t>(lane)]++, key);
+  }
+  for (int t = 0; t < config_.n_steps; ++t) {
+    for (size_t k = 0; k < n_lanes; ++k) {
+      const auto observation = simulator_->observation(lanes[k]);
+      std::copy(observation.begin(), observation.end(), observations.begin() + static_cast<ptrdiff_t>(k * obs_dim));
+    }
+    if (runner) {
+      runner->Act(observations, static_cast<int>(n_lanes), noise, actions);
+    } else {
+      for (size_t k = 0; k < n_lanes; ++k) {
+        const auto action = dataset_.actions.row(window(n_started[k] - 1, key).begin + step_in_rollout[k]);
+        std::copy(action.begin(), action.end(), actions.begin() + static_cast<ptrdiff_t>(k * act_dim));
+      }
+    }
+    simulator_->Step(lanes, actions);
+    for (size_t k = 0; k < n_lanes; ++k) {
+      const LaneStatus status = simulator_->status(lanes[k]);
+      if (status == LaneStatus::kDiverged) {
+        experience[k].diverged = true;
+      } else {
+        AppendFeatures({observations.data() + k * obs_dim, obs_dim}, {actions.data() + k * act_dim, act_dim},
+                       simulator_->observation(lanes[k]), config_.transitions, row);
+        experience[k].features.AppendRow(row);
+      }
+      ++step_in_rollout[k];
+      const int length = config_.replayed_actions
+                             ? [&] { const Window w = window(n_started[k] - 1, key); return w.end - w.begin; }()
+                             : config_.horizon;
+      const bool ended = status == LaneStatus::kDiverged || step_in_rollout[k] >= length ||
+                         (!config_.replayed_actions && status != LaneStatus::kRunning);
+      if (ended) {
+        StartRollout(lanes[k], n_started[k]++, key);
+        step_in_rollout[k] = 0;
+      }
+    }
+  }
+  return experience;
+}
+
+}  // namespace oted

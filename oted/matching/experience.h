@@ -1,0 +1,64 @@
+#pragma once
+/// Samples of the two distributions that the design matches (paper, Sec. 4.1): experience E, gathered in M(z) for a
+/// batch of parameters z (Algorithm 1, line 1), and the dataset's own transitions in the same features.
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "oted/base/array2.h"
+#include "oted/data/dataset.h"
+#include "oted/nn/tanh_gaussian.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// Which evidence tells simulator and dataset apart.
+struct EvidenceConfig {
+  bool dataset_starts = true;    ///< rollouts begin at logged states; otherwise at the initial distribution
+  bool replayed_actions = true;  ///< the logged actions are replayed from there; otherwise the clone acts
+  bool transitions = true;       ///< features (s, a, s' - s); otherwise (s, a)
+  int horizon = 10;              ///< control steps per rollout, before the next start
+  int n_steps = 60;              ///< control steps per z and batch
+  double clone_noise = 1.0;      ///< multiplies the clone's standard deviation
+};
+
+/// (s, a) or (s, a, s' - s) of every dataset row.
+Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions);
+
+/// Samples of one z.
+struct LaneExperience {
+  Array2<double> features;  ///< (up to n_steps, feature_dim): all valid steps
+  bool diverged = false;    ///< the physics broke down at least once
+};
+
+/// Gathers experience in a simulator whose lanes are the batch of z. Not thread-safe.
+class ExperienceGatherer {
+ public:
+  /// @param dataset, clone  must outlive this object; `clone` may be null when actions are replayed.
+  /// @throws DataError when the evidence needs settable states and the simulator or the data have none.
+  ExperienceGatherer(std::unique_ptr<Simulator> simulator, const Dataset& dataset, const TanhGaussianPolicy* clone,
+                     const EvidenceConfig& config);
+
+  int n_lanes() const { return simulator_->n_lanes(); }
+
+  /// `n_steps` control steps for each z[k], k < n_lanes. A rollout ends at its horizon, at termination (replayed
+  /// actions go on: the log did) or divergence, and the next begins. Every lane gets the same starts: the lanes differ
+  /// in z alone.
+  std::vector<LaneExperience> Gather(const std::vector<std::vector<double>>& z, RngKey key);
+
+ private:
+  struct Window {
+    int begin, end;  // dataset rows
+  };
+  void StartRollout(int lane, int n_started, RngKey key);
+  Window window(int n_started, RngKey key) const;
+
+  std::unique_ptr<Simulator> simulator_;
+  const Dataset& dataset_;
+  const TanhGaussianPolicy* clone_;
+  EvidenceConfig config_;
+  std::vector<Window> windows_;  // those whose first state the simulator can be set to
+};
+
+}  // namespace oted

@@ -1,0 +1,72 @@
+#pragma once
+/// One gradient step of Soft Actor-Critic (Haarnoja et al. 2019) with twin critics and automatic temperature.
+
+#include <memory>
+#include <vector>
+
+#include "oted/data/npz.h"
+#include "oted/nn/mlp.h"
+#include "oted/nn/tanh_gaussian.h"
+#include "oted/rl/replay_buffer.h"
+
+namespace oted {
+
+struct SacUpdateOptions {
+  double learning_rate = 3e-4;  ///< of actor, critics and temperature
+  double gamma = 0.99;
+  double tau = 0.005;          ///< Polyak step of the target critics
+  double target_entropy = 0;   ///< of the squashed action; usually -act_dim
+  double initial_alpha = 1.0;  ///< temperature at the start
+};
+
+/// Means over the batch, as Stable-Baselines3 logs them.
+struct SacLosses {
+  double critic_loss = 0, actor_loss = 0, alpha = 0, alpha_loss = 0, mean_q = 0;
+};
+
+/// What a learner of SAC holds and does; the networks are on flat parameters.
+///
+///   alpha:   minimise  -log_alpha (log pi(a|s) + target_entropy)
+///   critics: y = r + gamma (1 - terminated) (min_i Q'_i(s', a') - alpha log pi(a'|s'))
+///            minimise  1/2 sum_i mean (Q_i(s, a) - y)^2
+///   actor:   minimise  mean alpha log pi(a|s) - min_i Q_i(s, a)
+///   targets: Q'_i += tau (Q_i - Q'_i)
+///
+/// Order, losses and the constant 1e-6 in log(1 - a^2 + 1e-6) are Stable-Baselines3's. Gradients are written out by
+/// hand; sac_update_test holds them against libtorch's autograd.
+class SacUpdate {
+ public:
+  /// @param actor initialised; its normaliser is applied by the caller before observations enter a batch.
+  SacUpdate(TanhGaussianPolicy actor, const std::vector<int>& critic_hidden, const SacUpdateOptions& options, Rng& rng);
+
+  SacLosses Step(const SacBatch& batch);
+
+  const TanhGaussianPolicy& actor() const { return actor_; }
+  Mlp& critic(int i) { return critics_[i]; }
+  Mlp& target_critic(int i) { return target_critics_[i]; }
+  double log_alpha() const { return log_alpha_[0]; }
+
+  /// Parameters and optimiser moments under names that start with "sac/".
+  void Save(NpzArrays& arrays);
+  void Restore(const NpzArrays& arrays);
+
+ private:
+  void ForwardActor(const SacBatch& batch);
+  SacLosses StepCritics(const SacBatch& batch, float alpha);
+  double StepActor(const SacBatch& batch, float alpha);
+
+  SacUpdateOptions options_;
+  TanhGaussianPolicy actor_;
+  Mlp critics_[2], target_critics_[2];
+  AlignedVector<float> log_alpha_ = AlignedVector<float>(1);
+  Adam actor_adam_, critic_adam_[2], alpha_adam_;
+
+  MlpPass actor_pass_, critic_pass_[2], target_pass_;
+  const float* actor_out_ = nullptr;                          // (2B, 2 act_dim), owned by actor_pass_
+  AlignedVector<float> actions_, std_, log_prob_;             // at s, then at s': (2B, act_dim), (2B, act_dim), (2B)
+  AlignedVector<float> joint_pi_, joint_next_;                // (B, obs_dim + act_dim): [s, a~pi], [s', a'~pi]
+  AlignedVector<float> target_, dq_, dq_da_[2], actor_dout_;  // gradients at the networks' outputs
+  AlignedVector<float> actor_gradient_, critic_gradient_;
+};
+
+}  // namespace oted

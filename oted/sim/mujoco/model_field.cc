@@ -1,0 +1,283 @@
+#include "oted/sim/mujoco/model_field.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <mujoco/mjxmacro.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string_view>
+
+#include "oted/base/error.h"
+#include "oted/base/fields.h"
+
+namespace oted {
+namespace {
+
+// A floating-point array of mjModel: n rows of `width` numbers.
+struct ModelArray {
+  std::string name;
+  const double* values;
+  int n;
+  int width;
+};
+
+void AddArray(std::vector<ModelArray>& arrays, const char* name, const double* values, int n, int width) {
+  arrays.push_back({name, values, n, width});
+}
+// Integers, flags and colours are structure, not parameters.
+template <class T>
+void AddArray(std::vector<ModelArray>&, const char*, const T*, int, int) {}
+
+std::vector<ModelArray> ModelArrays(const mjModel& model) {
+  std::vector<ModelArray> arrays;
+#undef MJ_M
+#define MJ_M(n) model.n
+#define X(type, name, nr, nc) AddArray(arrays, #name, model.name, static_cast<int>(model.nr), static_cast<int>(nc));
+  MJMODEL_POINTERS
+#undef X
+#undef MJ_M
+#define MJ_M(n) n
+  return arrays;
+}
+
+std::vector<ModelArray> OptionArrays(const mjModel& model) {
+  std::vector<ModelArray> arrays;
+#define X(type, name, n) AddArray(arrays, #name, &model.opt.name, 1, n);
+#define XVEC(type, name, n) AddArray(arrays, #name, model.opt.name, 1, n);
+  MJOPTION_FIELDS
+#undef XVEC
+#undef X
+  return arrays;
+}
+
+// The kinds of objects that a path can name.
+struct Owner {
+  const char* word;
+  mjtObj type;
+  int count;
+  std::vector<const char*> prefixes;
+};
+
+std::vector<Owner> Owners(const mjModel& model) {
+  return {{"geom", mjOBJ_GEOM, static_cast<int>(model.ngeom), {"geom_"}},
+          {"body", mjOBJ_BODY, static_cast<int>(model.nbody), {"body_"}},
+          {"joint", mjOBJ_JOINT, static_cast<int>(model.njnt), {"jnt_", "dof_"}},
+          {"actuator", mjOBJ_ACTUATOR, static_cast<int>(model.nactuator), {"actuator_"}},
+          {"site", mjOBJ_SITE, static_cast<int>(model.nsite), {"site_"}},
+          {"tendon", mjOBJ_TENDON, static_cast<int>(model.ntendon), {"tendon_"}},
+          {"equality", mjOBJ_EQUALITY, static_cast<int>(model.neq), {"eq_"}},
+          {"pair", mjOBJ_UNKNOWN, static_cast<int>(model.npair), {"pair_"}}};
+}
+
+// What MuJoCo computes from other fields or never reads in the dynamics, and the time step: with it the control period,
+// and what an action is, would change.
+const std::set<std::string, std::less<>> kNotParameters = {
+    "body_subtreemass", "body_invweight0",  "body_user",      "jnt_user",          "dof_invweight0", "dof_M0",
+    "dof_length",       "geom_aabb",        "geom_rbound",    "geom_user",         "site_user",      "actuator_user",
+    "actuator_acc0",    "actuator_length0", "tendon_length0", "tendon_invweight0", "tendon_user",    "timestep"};
+
+// mj_setConst reads these (kinematics and inertia in the reference pose).
+const std::set<std::string, std::less<>> kConstantsDependOn = {
+    "body_mass",    "body_inertia",  "body_ipos",    "body_iquat",        "body_pos",        "body_quat",
+    "jnt_pos",      "jnt_axis",      "dof_armature", "geom_pos",          "geom_quat",       "site_pos",
+    "site_quat",    "actuator_gear", "eq_data",      "actuator_armature", "tendon_armature", "actuator_cranklength",
+    "body_gravcomp"};
+
+const std::map<std::string, const char*, std::less<>> kUnits = {{"gravity", "m/s^2"},
+                                                                {"wind", "m/s"},
+                                                                {"density", "kg/m^3"},
+                                                                {"viscosity", "Pa s"},
+                                                                {"body_mass", "kg"},
+                                                                {"body_inertia", "kg m^2"},
+                                                                {"body_pos", "m"},
+                                                                {"body_ipos", "m"},
+                                                                {"geom_pos", "m"},
+                                                                {"geom_size", "m"},
+                                                                {"dof_damping", "N s/m or N m s/rad"},
+                                                                {"jnt_stiffness", "N/m or N m/rad"},
+                                                                {"dof_armature", "kg or kg m^2"},
+                                                                {"dof_frictionloss", "N or N m"}};
+
+// Shell-like matching with * and ?.
+bool Matches(std::string_view pattern, std::string_view text) {
+  if (pattern.empty()) return text.empty();
+  if (pattern.front() == '*') {
+    return Matches(pattern.substr(1), text) || (!text.empty() && Matches(pattern, text.substr(1)));
+  }
+  return !text.empty() && (pattern.front() == '?' || pattern.front() == text.front()) &&
+         Matches(pattern.substr(1), text.substr(1));
+}
+
+struct FieldRef {
+  std::string name;
+  int index = -1;  // -1: all
+};
+
+// "friction[0]" -> ("friction", 0); "friction", "friction[*]" -> all.
+FieldRef ParseField(std::string_view text, const std::string& path) {
+  FieldRef ref{std::string(text)};
+  const size_t open = text.find('[');
+  if (open == std::string_view::npos) return ref;
+  ref.name = text.substr(0, open);
+  const std::string_view inside = text.substr(open + 1, text.size() - open - 2);
+  if (text.back() != ']') throw UsageError(fmt::format("parameter path '{}': '[' without a final ']'", path));
+  if (inside == "*") return ref;
+  const auto [end, error] = std::from_chars(inside.data(), inside.data() + inside.size(), ref.index);
+  if (error != std::errc{} || end != inside.data() + inside.size() || ref.index < 0) {
+    throw UsageError(fmt::format("parameter path '{}': got index '{}', wanted a number from 0 on, or *", path, inside));
+  }
+  return ref;
+}
+
+// The array that `field` means, among those with one of `prefixes`.
+const ModelArray& FindArray(const std::vector<ModelArray>& arrays, const std::vector<const char*>& prefixes,
+                            const std::string& field, const std::string& path) {
+  std::vector<std::string> candidates;
+  for (const char* prefix : prefixes) {
+    for (const ModelArray& array : arrays) {
+      if (!array.name.starts_with(prefix) || kNotParameters.contains(array.name) || array.width == 0) continue;
+      const std::string short_name = array.name.substr(std::string_view(prefix).size());
+      if (short_name == field) return array;
+      candidates.push_back(short_name);
+    }
+  }
+  throw UsageError(fmt::format("parameter path '{}': no field '{}'{}; there are {}", path, field,
+                               DidYouMean(field, candidates), fmt::join(candidates, ", ")));
+}
+
+ModelField Collect(const ModelArray& array, std::string expand_name, const std::vector<int>& rows, int index,
+                   const std::string& path) {
+  if (index >= array.width) {
+    throw UsageError(fmt::format("parameter path '{}': got index {}, wanted 0 to {}", path, index, array.width - 1));
+  }
+  ModelField field{
+      .array = std::move(expand_name), .indices = {}, .nominal = {}, .unit = "", .changes_constants = false};
+  for (int row : rows) {
+    for (int column = 0; column < array.width; ++column) {
+      if (index < 0 || column == index) field.indices.push_back(row * array.width + column);
+    }
+  }
+  for (int i : field.indices) field.nominal.push_back(array.values[i]);
+  if (const auto unit = kUnits.find(array.name); unit != kUnits.end()) field.unit = unit->second;
+  field.changes_constants = kConstantsDependOn.contains(array.name);
+  return field;
+}
+
+// Ids of the objects whose name or "#id" matches `pattern`.
+std::vector<int> MatchObjects(const mjModel& model, const Owner& owner, std::string_view pattern,
+                              const std::string& path) {
+  std::vector<int> ids;
+  std::vector<std::string> candidates;
+  for (int id = 0; id < owner.count; ++id) {
+    const char* name = owner.type == mjOBJ_UNKNOWN ? nullptr : mj_id2name(&model, owner.type, id);
+    const std::string by_id = fmt::format("#{}", id);
+    if (pattern == by_id || Matches(pattern, name == nullptr ? "" : name)) ids.push_back(id);
+    candidates.push_back(name == nullptr || *name == '\0' ? by_id : name);
+  }
+  if (ids.empty()) {
+    throw UsageError(fmt::format("parameter path '{}': no {} matches '{}'{}; there are {}", path, owner.word, pattern,
+                                 DidYouMean(pattern, candidates),
+                                 candidates.empty() ? "none" : fmt::format("{}", fmt::join(candidates, ", "))));
+  }
+  return ids;
+}
+
+// Rows of `array` that belong to the objects `ids`: a joint owns one row per degree of freedom in dof_ arrays.
+std::vector<int> RowsOf(const mjModel& model, const Owner& owner, const ModelArray& array, const std::vector<int>& ids,
+                        const std::string& path) {
+  if (!array.name.starts_with("dof_")) {
+    if (array.n != owner.count) {
+      throw UsageError(
+          fmt::format("parameter path '{}': this model's {}s have several controls or outputs each, so '{}' "
+                      "has no row per {}",
+                      path, owner.word, array.name, owner.word));
+    }
+    return ids;
+  }
+  std::vector<int> rows;
+  for (int dof = 0; dof < array.n; ++dof) {
+    if (std::find(ids.begin(), ids.end(), model.dof_jntid[dof]) != ids.end()) rows.push_back(dof);
+  }
+  return rows;
+}
+
+}  // namespace
+
+ModelField ResolvePath(const mjModel& model, const std::string& path) {
+  const size_t first = path.find('/');
+  const size_t last = path.rfind('/');
+  const std::string word = path.substr(0, first);
+  const std::vector<Owner> owners = Owners(model);
+  if (first == std::string::npos || last + 1 == path.size()) {
+    throw UsageError(fmt::format(
+        "parameter path '{}': wanted owner/objects/field or opt/field, for example geom/*/friction[0]", path));
+  }
+  const FieldRef ref = ParseField(std::string_view(path).substr(last + 1), path);
+  if (word == "opt" && first == last) {
+    const std::vector<ModelArray> arrays = OptionArrays(model);
+    const ModelArray& array = FindArray(arrays, {""}, ref.name, path);
+    return Collect(array, "opt." + array.name, {0}, ref.index, path);
+  }
+  const auto owner = std::find_if(owners.begin(), owners.end(), [&](const Owner& o) { return word == o.word; });
+  if (owner == owners.end()) {
+    std::vector<std::string> words = {"opt"};
+    for (const Owner& o : owners) words.emplace_back(o.word);
+    throw UsageError(fmt::format("parameter path '{}': unknown owner '{}'{}; there are {}", path, word,
+                                 DidYouMean(word, words), fmt::join(words, ", ")));
+  }
+  if (first == last) {
+    throw UsageError(fmt::format("parameter path '{}': names no {}; write {}/*/{} for all of them", path, word, word,
+                                 path.substr(first + 1)));
+  }
+  const std::vector<int> ids =
+      MatchObjects(model, *owner, std::string_view(path).substr(first + 1, last - first - 1), path);
+  const std::vector<ModelArray> arrays = ModelArrays(model);
+  const ModelArray& array = FindArray(arrays, owner->prefixes, ref.name, path);
+  return Collect(array, array.name, RowsOf(model, *owner, array, ids, path), ref.index, path);
+}
+
+double BoundingRadius(int geom_type, const double* size, double otherwise) {
+  switch (geom_type) {
+    case mjGEOM_SPHERE:
+      return size[0];
+    case mjGEOM_CAPSULE:
+      return size[0] + size[1];
+    case mjGEOM_CYLINDER:
+      return std::sqrt(size[0] * size[0] + size[1] * size[1]);
+    case mjGEOM_ELLIPSOID:
+      return std::max({size[0], size[1], size[2]});
+    case mjGEOM_BOX:
+      return std::sqrt(size[0] * size[0] + size[1] * size[1] + size[2] * size[2]);
+    default:
+      return otherwise;
+  }
+}
+
+ModelField ResolveParameter(const mjModel& model, ParameterSpec& spec) {
+  const ModelField field = ResolvePath(model, spec.field);
+  const auto [low, high] = std::minmax_element(field.nominal.begin(), field.nominal.end());
+  if (spec.scale == ParameterScale::kNominal) {
+    if (*low == 0 && *high == 0) {
+      throw UsageError(
+          fmt::format("parameter '{}': the nominal value of '{}' is 0 and has no multiples; set scale = "
+                      "\"absolute\" (':absolute' on the command line)",
+                      spec.name, spec.field));
+    }
+    return field;
+  }
+  if (*low != *high) {
+    throw UsageError(
+        fmt::format("parameter '{}': '{}' matches values from {} to {}, which one absolute value cannot "
+                    "stand for; narrow the path or use multiples of nominal",
+                    spec.name, spec.field, *low, *high));
+  }
+  spec.nominal = *low;
+  spec.unit = field.unit;
+  return field;
+}
+
+}  // namespace oted

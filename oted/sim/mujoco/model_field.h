@@ -1,0 +1,38 @@
+#pragma once
+/// Parameter paths: from "geom/*/friction[0]" to places in an mjModel.
+///
+/// A path is owner/objects/field or opt/field. Owners: geom, body, joint, actuator, site, tendon, equality, pair.
+/// Objects are matched by name with * and ?, or by "#id"; * matches unnamed ones too. The field is mjModel's name
+/// without its prefix ("friction" of geom_friction; a joint also owns dof_damping, dof_armature, dof_frictionloss). An
+/// index in brackets picks one number per object; [*] or none takes all of them.
+
+#include <mujoco/mujoco.h>
+
+#include <string>
+#include <vector>
+
+#include "oted/sim/parameter_space.h"
+
+namespace oted {
+
+/// What one parameter writes.
+struct ModelField {
+  std::string array;            ///< as mjb_expand names it: "geom_friction", "opt.gravity"
+  std::vector<int> indices;     ///< into that array, ascending, at least one
+  std::vector<double> nominal;  ///< the pristine values at those indices
+  std::string unit;             ///< of these values; "" where they have none
+  bool changes_constants;       ///< constants that MuJoCo derives at compilation depend on it: mjb_setConst is needed
+};
+
+/// Finds what `path` names. @throws UsageError saying which part matches nothing, with the nearest name.
+ModelField ResolvePath(const mjModel& model, const std::string& path);
+
+/// The radius of the sphere around a geom's centre that contains it, as MuJoCo's compiler computes geom_rbound, for the
+/// shapes that geom_size alone describes; `otherwise` for planes, meshes and height fields. `size` has 3 numbers [m].
+double BoundingRadius(int geom_type, const double* size, double otherwise);
+
+/// Resolves a parameter and completes it: an absolute one gets its nominal value and unit from the model.
+/// @throws UsageError also when a multiple of 0 was asked for, or an absolute value for places that differ.
+ModelField ResolveParameter(const mjModel& model, ParameterSpec& spec);
+
+}  // namespace oted

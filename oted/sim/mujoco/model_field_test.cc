@@ -1,0 +1,137 @@
+#include "oted/sim/mujoco/model_field.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "oted/base/error.h"
+#include "oted/sim/mujoco/model.h"
+#include "oted/sim/mujoco/task.h"
+
+namespace oted {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::SizeIs;
+using testing::ThrowsMessage;
+
+class ModelFieldTest : public testing::Test {
+ protected:
+  void SetUp() override { loaded_ = LoadModel(AssetFolder() / "hopper.xml"); }
+  ModelField Resolve(const std::string& path) const { return ResolvePath(*loaded_.model, path); }
+  LoadedModel loaded_;
+};
+
+TEST_F(ModelFieldTest, AGlobSharesOneNumberOfEveryObject) {
+  const ModelField field = Resolve("geom/*/friction[0]");
+  EXPECT_EQ(field.array, "geom_friction");
+  EXPECT_THAT(field.indices, ElementsAre(0, 3, 6, 9, 12));
+  EXPECT_THAT(field.nominal, ElementsAre(1.0, 0.9, 0.9, 0.9, 2.0));
+  EXPECT_FALSE(field.changes_constants);
+}
+
+TEST_F(ModelFieldTest, NamesAndIdsAndWildcardsPickObjects) {
+  EXPECT_THAT(Resolve("geom/foot_geom/friction[0]").indices, ElementsAre(12));
+  EXPECT_THAT(Resolve("geom/#4/friction[0]").indices, ElementsAre(12));
+  EXPECT_THAT(Resolve("geom/t*_geom/friction[0]").indices, ElementsAre(3, 6));
+  EXPECT_THAT(Resolve("geom/le?_geom/friction[0]").indices, ElementsAre(9));
+  EXPECT_THAT(Resolve("body/torso/mass").indices, ElementsAre(1));
+}
+
+TEST_F(ModelFieldTest, UnnamedObjectsMatchAStarAndTheirId) {
+  // Hopper's three motors have no names.
+  EXPECT_THAT(Resolve("actuator/*/gainprm[0]").nominal, ElementsAre(1, 1, 1));
+  EXPECT_THAT(Resolve("actuator/#2/gear[0]").nominal, ElementsAre(200));
+}
+
+TEST_F(ModelFieldTest, AMissingIndexAndAStarMeanAllNumbers) {
+  EXPECT_THAT(Resolve("geom/foot_geom/friction").indices, ElementsAre(12, 13, 14));
+  EXPECT_THAT(Resolve("geom/foot_geom/friction[*]").indices, ElementsAre(12, 13, 14));
+  EXPECT_THAT(Resolve("body/*/inertia").indices, SizeIs(15));
+}
+
+TEST_F(ModelFieldTest, AJointOwnsWhatMuJoCoStoresPerDegreeOfFreedom) {
+  EXPECT_EQ(Resolve("joint/*/damping").array, "dof_damping");
+  EXPECT_THAT(Resolve("joint/*/damping").nominal, ElementsAre(0, 0, 0, 1, 1, 1));
+  EXPECT_THAT(Resolve("joint/foot_joint/armature").indices, ElementsAre(5));
+  EXPECT_EQ(Resolve("joint/*/frictionloss").array, "dof_frictionloss");
+  EXPECT_EQ(Resolve("joint/*/stiffness").array, "jnt_stiffness");
+}
+
+TEST_F(ModelFieldTest, OptionsHaveNoObjects) {
+  const ModelField field = Resolve("opt/gravity[2]");
+  EXPECT_EQ(field.array, "opt.gravity");
+  EXPECT_THAT(field.indices, ElementsAre(2));
+  EXPECT_THAT(field.nominal, ElementsAre(-9.81));
+  EXPECT_EQ(field.unit, "m/s^2");
+  EXPECT_THAT(Resolve("opt/viscosity").indices, ElementsAre(0));
+}
+
+TEST_F(ModelFieldTest, MassesAndInertiasAndGearsNeedFreshConstants) {
+  for (const char* path : {"body/*/mass", "body/*/inertia", "joint/*/armature", "actuator/*/gear[0]"}) {
+    EXPECT_TRUE(Resolve(path).changes_constants) << path;
+  }
+  for (const char* path : {"opt/gravity[2]", "actuator/*/gainprm[0]", "joint/*/damping", "joint/*/stiffness"}) {
+    EXPECT_FALSE(Resolve(path).changes_constants) << path;
+  }
+}
+
+TEST_F(ModelFieldTest, AnErrorNamesThePartThatMatchesNothingAndTheNearestName) {
+  const auto message = [&](const std::string& path, auto matcher) {
+    EXPECT_THAT([&] { Resolve(path); }, ThrowsMessage<UsageError>(AllOf(HasSubstr("'" + path + "'"), matcher))) << path;
+  };
+  message("geom/*/fricton[0]", HasSubstr("did you mean 'friction'"));
+  message("geom/foot_gem/friction[0]", HasSubstr("did you mean 'foot_geom'"));
+  message("goem/*/friction[0]", HasSubstr("did you mean 'geom'"));
+  message("opt/gravty[2]", HasSubstr("did you mean 'gravity'"));
+  message("geom/*/friction[3]", HasSubstr("wanted 0 to 2"));
+  message("geom/*/friction[x]", HasSubstr("got index 'x'"));
+  message("geom/*/friction[0", HasSubstr("']'"));
+  message("geom/friction[0]", HasSubstr("geom/*/friction[0]"));
+  message("friction", HasSubstr("wanted owner/objects/field"));
+  message("geom/*/", HasSubstr("wanted owner/objects/field"));
+  message("tendon/*/stiffness", HasSubstr("there are none"));
+  message("geom/#5/friction[0]", HasSubstr("no geom matches '#5'"));
+}
+
+TEST_F(ModelFieldTest, DerivedConstantsAndTheTimeStepAreNotParameters) {
+  for (const char* path : {"body/*/subtreemass", "geom/*/rbound", "joint/*/M0", "opt/timestep", "geom/*/type"}) {
+    EXPECT_THROW(Resolve(path), UsageError) << path;
+  }
+}
+
+TEST_F(ModelFieldTest, AMultipleOfZeroIsAnErrorThatNamesTheRemedy) {
+  ParameterSpec spec{.name = "wind", .field = "opt/wind[0]"};
+  EXPECT_THAT([&] { ResolveParameter(*loaded_.model, spec); }, ThrowsMessage<UsageError>(HasSubstr("absolute")));
+  spec.scale = ParameterScale::kAbsolute;
+  EXPECT_EQ(ResolveParameter(*loaded_.model, spec).nominal, std::vector{0.0});
+  EXPECT_EQ(spec.nominal, 0);
+  EXPECT_EQ(spec.unit, "m/s");
+}
+
+TEST_F(ModelFieldTest, OneAbsoluteValueForPlacesThatDifferIsAnError) {
+  ParameterSpec spec{.name = "friction", .field = "geom/*/friction[0]", .scale = ParameterScale::kAbsolute};
+  EXPECT_THAT([&] { ResolveParameter(*loaded_.model, spec); }, ThrowsMessage<UsageError>(HasSubstr("from 0.9 to 2")));
+}
+
+TEST(BoundingRadius, IsTheCompilersForEveryShape) {
+  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "oted_shapes.xml";
+  std::ofstream(path) << R"(<mujoco><worldbody>
+    <geom type="plane" size="1 2 3"/><geom type="sphere" size=".3"/><geom type="capsule" size=".1 .4"/>
+    <geom type="cylinder" size=".2 .5"/><geom type="ellipsoid" size=".1 .6 .2"/><geom type="box" size=".1 .2 .3"/>
+    </worldbody></mujoco>)";
+  const LoadedModel loaded = LoadModel(path);
+  std::filesystem::remove(path);
+  const mjModel& model = *loaded.model;
+  ASSERT_EQ(model.ngeom, 6);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_DOUBLE_EQ(BoundingRadius(model.geom_type[i], model.geom_size + 3 * i, 0), model.geom_rbound[i]) << i;
+  }
+}
+
+}  // namespace
+}  // namespace oted

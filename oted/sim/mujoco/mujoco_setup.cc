@@ -1,0 +1,85 @@
+#include "oted/sim/mujoco/mujoco_setup.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+// "rootz_pos", ..., "rootx_vel", ...: all joints of these models have one degree of freedom.
+std::vector<std::string> ObservationNames(const mjModel& model) {
+  std::vector<std::string> names;
+  const auto joint = [&](int id) { return std::string(mj_id2name(&model, mjOBJ_JOINT, id)); };
+  for (int i = 1; i < model.njnt; ++i) names.push_back(joint(i) + "_pos");
+  for (int i = 0; i < model.njnt; ++i) names.push_back(joint(i) + "_vel");
+  return names;
+}
+
+SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
+  SimulatorSpec spec;
+  spec.task = task.name;
+  spec.observation_shape = {static_cast<int>(model.nq + model.nv) - 1};
+  spec.observation_names = ObservationNames(model);
+  spec.act_dim = static_cast<int>(model.nu);
+  for (int i = 0; i < model.nu; ++i) {
+    spec.action_low.push_back(model.actuator_ctrlrange[2 * i]);
+    spec.action_high.push_back(model.actuator_ctrlrange[2 * i + 1]);
+  }
+  spec.control_period_s = model.opt.timestep * task.frame_skip;
+  spec.max_episode_steps = task.max_episode_steps;
+  spec.can_set_state = true;
+  spec.return_random = task.return_random;
+  spec.return_expert = task.return_expert;
+  return spec;
+}
+
+std::vector<double> DefaultState(const mjModel& model) {
+  DataPtr data(mj_makeData(&model));
+  OTED_CHECK(data != nullptr);
+  std::vector<double> state(static_cast<size_t>(mj_stateSize(&model, mjSTATE_INTEGRATION)));
+  mj_getState(&model, data.get(), state.data(), mjSTATE_INTEGRATION);
+  return state;
+}
+
+// Two parameters on one place would make the result depend on their order.
+void CheckDisjoint(const ParameterSpace& space, const std::vector<ModelField>& fields) {
+  for (size_t i = 0; i < fields.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      if (fields[i].array != fields[j].array) continue;
+      std::vector<int> common;
+      std::set_intersection(fields[i].indices.begin(), fields[i].indices.end(), fields[j].indices.begin(),
+                            fields[j].indices.end(), std::back_inserter(common));
+      if (common.empty()) continue;
+      throw UsageError(fmt::format("parameters '{}' ({}) and '{}' ({}) both set {}[{}]; narrow one of the paths",
+                                   space.specs()[j].name, space.specs()[j].field, space.specs()[i].name,
+                                   space.specs()[i].field, fields[i].array, common.front()));
+    }
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& task, std::vector<ParameterSpec> specs) {
+  auto setup = std::make_shared<MujocoSetup>();
+  setup->task = FindTask(task);
+  for (const ParameterSpec& spec : specs) spec.Check();
+  setup->model_path = AssetFolder() / setup->task.xml_file;
+  setup->loaded = LoadModel(setup->model_path);
+  const mjModel& model = *setup->loaded.model;
+  for (ParameterSpec& spec : specs) setup->fields.push_back(ResolveParameter(model, spec));
+  setup->space = ParameterSpace(std::move(specs));
+  CheckDisjoint(setup->space, setup->fields);
+  // Bounding boxes are not kept up to date with sizes; without the middle phase nothing reads them.
+  if (std::ranges::any_of(setup->fields, [](const ModelField& f) { return f.array == "geom_size"; })) {
+    setup->loaded.model->opt.disableflags |= mjDSBL_MIDPHASE;
+  }
+  setup->spec = MakeSpec(setup->task, model);
+  setup->default_state = DefaultState(model);
+  setup->control_period = setup->spec.control_period_s;
+  return setup;
+}
+
+}  // namespace oted

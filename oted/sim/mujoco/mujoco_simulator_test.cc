@@ -1,0 +1,324 @@
+#include "oted/sim/mujoco/mujoco_simulator.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "oted/base/error.h"
+#include "oted/base/parallel.h"
+#include "oted/sim/mujoco/model.h"
+#include "oted/sim/mujoco/task.h"
+#include "tests/conformance/simulator_conformance.h"
+
+namespace oted {
+namespace {
+
+using testing::HasSubstr;
+
+std::vector<ParameterSpec> ThreeParameters() {
+  return {{.name = "friction", .field = "geom/*/friction[0]"},
+          {.name = "gain", .field = "actuator/*/gainprm[0]"},
+          {.name = "gravity", .field = "opt/gravity[2]"}};
+}
+
+std::vector<ParameterSpec> InertialParameters() {
+  return {{.name = "mass", .field = "body/*/mass"},
+          {.name = "gear", .field = "actuator/*/gear[0]"},
+          {.name = "armature", .field = "joint/*/armature", .low = 0.5, .logarithmic = true},
+          {.name = "floor",
+           .field = "geom/floor/friction[1]",
+           .low = 0.001,
+           .high = 0.2,
+           .scale = ParameterScale::kAbsolute}};
+}
+
+ConformanceCase Case(const std::string& name, const std::string& task, std::vector<ParameterSpec> specs) {
+  return {name, [task, specs] { return std::make_unique<MujocoSimulatorFactory>(task, specs); }};
+}
+
+INSTANTIATE_TEST_SUITE_P(Mujoco, SimulatorConformance,
+                         testing::Values(Case("Hopper", "Hopper-v5", ThreeParameters()),
+                                         Case("HalfCheetah", "HalfCheetah-v5", ThreeParameters()),
+                                         Case("Walker2d", "Walker2d-v5", ThreeParameters()),
+                                         Case("HopperInertia", "Hopper-v4", InertialParameters()),
+                                         Case("HalfCheetahInertia", "HalfCheetah-v4", InertialParameters())),
+                         [](const auto& parameter) { return parameter.param.name; });
+
+// Runs `work` in an empty working directory; returns what it wrote to stdout and stderr and the files it left.
+struct SideEffects {
+  std::string text;
+  int n_files = 0;
+};
+SideEffects Observe(const std::function<void()>& work) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("oted_sim_" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  std::filesystem::current_path(folder);
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  work();
+  SideEffects effects;
+  effects.text = testing::internal::GetCapturedStdout() + testing::internal::GetCapturedStderr();
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder)) ++effects.n_files;
+  std::filesystem::current_path(before);
+  std::filesystem::remove_all(folder);
+  return effects;
+}
+
+void ResetAll(MujocoSimulator& simulator) {
+  for (int lane = 0; lane < simulator.n_lanes(); ++lane) {
+    Rng rng = RngKey(3).Index(static_cast<uint64_t>(lane)).MakeRng();
+    simulator.Reset(lane, rng);
+  }
+}
+
+// State with one velocity replaced.
+std::vector<double> WithVelocity(const MujocoSimulator& simulator, int lane, double velocity) {
+  const std::span<const double> state = simulator.IntegrationState(lane);
+  std::vector<double> changed(state.begin(), state.end());
+  changed[static_cast<size_t>(simulator.qvel(lane).data() - state.data())] = velocity;
+  return changed;
+}
+
+TEST(MujocoSimulator, AnExplodingLaneIsDivergedAndItsNeighboursDoNotNotice) {
+  for (int n_threads : {1, 2}) {
+    for (const std::string& task : TaskNames()) {
+      const SideEffects effects = Observe([&] {
+        const MujocoSimulatorFactory factory(task, {});
+        const auto broken = factory.MakeMujoco(3, n_threads);
+        const auto sound = factory.MakeMujoco(3, n_threads);
+        ResetAll(*broken);
+        ResetAll(*sound);
+        broken->SetIntegrationState(1, WithVelocity(*broken, 1, 1e12));
+        const std::vector<double> actions(static_cast<size_t>(3 * factory.spec().act_dim), 0.3);
+        const std::vector<int> lanes = {0, 1, 2};
+        for (int step = 0; step < 20; ++step) {
+          broken->Step(lanes, actions);
+          sound->Step(lanes, actions);
+          EXPECT_EQ(broken->status(1), LaneStatus::kDiverged) << task;
+          EXPECT_NE(sound->status(1), LaneStatus::kDiverged) << task;
+          EXPECT_EQ(broken->reward(1), 0);
+          for (int lane : {0, 2}) {
+            EXPECT_TRUE(std::ranges::equal(broken->IntegrationState(lane), sound->IntegrationState(lane))) << task;
+            EXPECT_EQ(broken->reward(lane), sound->reward(lane));
+            EXPECT_EQ(broken->status(lane), sound->status(lane));
+          }
+        }
+        for (double v : broken->observation(1)) EXPECT_TRUE(std::isfinite(v));
+        // A reset brings the lane back.
+        ResetAll(*broken);
+        ResetAll(*sound);
+        broken->Step(lanes, actions);
+        sound->Step(lanes, actions);
+        EXPECT_TRUE(std::ranges::equal(broken->IntegrationState(1), sound->IntegrationState(1))) << task;
+        EXPECT_EQ(broken->status(1), sound->status(1));
+      });
+      EXPECT_EQ(effects.text, "");
+      EXPECT_EQ(effects.n_files, 0);
+    }
+  }
+}
+
+TEST(MujocoSimulator, AStateThatIsNotANumberIsDiverged) {
+  const MujocoSimulatorFactory factory("HalfCheetah-v5", {});
+  const auto simulator = factory.MakeMujoco(1, 1);
+  ResetAll(*simulator);
+  simulator->SetIntegrationState(0, WithVelocity(*simulator, 0, std::nan("")));
+  const int lane = 0;
+  const SideEffects effects = Observe([&] { simulator->Step({&lane, 1}, std::vector<double>(6, 0.0)); });
+  EXPECT_EQ(simulator->status(0), LaneStatus::kDiverged);
+  EXPECT_EQ(effects.text, "");
+  EXPECT_EQ(effects.n_files, 0);
+}
+
+TEST(MujocoSimulator, AnActionThatIsNotFiniteIsAnErrorAndMovesNothing) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {});
+  const auto simulator = factory.MakeMujoco(2, 1);
+  ResetAll(*simulator);
+  const std::vector<double> before(simulator->IntegrationState(0).begin(), simulator->IntegrationState(0).end());
+  std::vector<double> actions(6, 0.0);
+  actions[4] = std::nan("");
+  EXPECT_THROW(simulator->Step(std::vector{0, 1}, actions), UsageError);
+  EXPECT_TRUE(std::ranges::equal(before, simulator->IntegrationState(0)));
+  EXPECT_NO_THROW(simulator->Step(std::vector{0}, actions)) << "rows of other lanes are not read";
+}
+
+TEST(MujocoSimulator, AClippedVelocityDoesNotDetermineAState) {
+  for (const std::string task : {"Hopper-v5", "Walker2d-v4", "HalfCheetah-v5"}) {
+    const bool clips = task != "HalfCheetah-v5";
+    const MujocoSimulatorFactory factory(task, {});
+    const auto simulator = factory.MakeMujoco(1, 1);
+    ResetAll(*simulator);
+    const std::vector<double> state(simulator->IntegrationState(0).begin(), simulator->IntegrationState(0).end());
+    std::vector<double> observation(simulator->observation(0).begin(), simulator->observation(0).end());
+    observation.back() = -10;
+    EXPECT_EQ(simulator->SetStateFromObservation(0, observation), !clips) << task;
+    observation.back() = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_FALSE(simulator->SetStateFromObservation(0, observation));
+    EXPECT_EQ(clips, std::ranges::equal(state, simulator->IntegrationState(0))) << "unchanged when refused";
+    observation.pop_back();
+    EXPECT_THROW(simulator->SetStateFromObservation(0, observation), UsageError);
+  }
+}
+
+TEST(MujocoSimulator, VelocitiesAreObservedClippedWhereGymnasiumClips) {
+  for (const std::string task : {"Hopper-v4", "HalfCheetah-v4"}) {
+    const MujocoSimulatorFactory factory(task, {});
+    const auto simulator = factory.MakeMujoco(1, 1);
+    ResetAll(*simulator);
+    simulator->SetIntegrationState(0, WithVelocity(*simulator, 0, 12.5));
+    const size_t index = simulator->qpos(0).size() - 1;
+    EXPECT_EQ(simulator->observation(0)[index], task == "Hopper-v4" ? 10 : 12.5);
+  }
+}
+
+// Largest distance between the empirical distribution and `cdf`.
+double KolmogorovSmirnov(std::vector<double> sample, const std::function<double(double)>& cdf) {
+  std::sort(sample.begin(), sample.end());
+  double distance = 0;
+  for (size_t i = 0; i < sample.size(); ++i) {
+    const double n = static_cast<double>(sample.size());
+    const double p = cdf(sample[i]);
+    distance = std::max({distance, p - static_cast<double>(i) / n, static_cast<double>(i + 1) / n - p});
+  }
+  return distance;
+}
+
+class ResetNoiseTest : public testing::TestWithParam<std::string> {};
+
+TEST_P(ResetNoiseTest, HasTheDocumentedDistributionInEveryCoordinate) {
+  const bool cheetah = GetParam().starts_with("HalfCheetah");
+  const double scale = cheetah ? 0.1 : 5e-3;
+  const auto uniform = [&](double x) { return std::clamp((x + scale) / (2 * scale), 0.0, 1.0); };
+  const auto normal = [&](double x) { return 0.5 * std::erfc(-x / (scale * std::sqrt(2.0))); };
+  const MujocoSimulatorFactory factory(GetParam(), {});
+  const auto simulator = factory.MakeMujoco(1, 1);
+  const std::vector<double> centre = {simulator->qpos(0).begin(), simulator->qpos(0).end()};
+  constexpr int kDraws = 20000;
+  std::vector<std::vector<double>> positions(centre.size()), velocities(simulator->qvel(0).size());
+  Rng rng = RngKey(11).MakeRng();
+  for (int i = 0; i < kDraws; ++i) {
+    simulator->Reset(0, rng);
+    for (size_t k = 0; k < centre.size(); ++k) positions[k].push_back(simulator->qpos(0)[k] - centre[k]);
+    for (size_t k = 0; k < velocities.size(); ++k) velocities[k].push_back(simulator->qvel(0)[k]);
+  }
+  // 1.95 / sqrt(n) is exceeded with probability 1e-3 per coordinate; the seed is fixed.
+  const double limit = 1.95 / std::sqrt(kDraws);
+  for (const auto& sample : positions) EXPECT_LT(KolmogorovSmirnov(sample, uniform), limit);
+  for (const auto& sample : velocities) {
+    EXPECT_LT(cheetah ? KolmogorovSmirnov(sample, normal) : KolmogorovSmirnov(sample, uniform), limit);
+    EXPECT_GT(cheetah ? KolmogorovSmirnov(sample, uniform) : KolmogorovSmirnov(sample, normal), 3 * limit);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryTask, ResetNoiseTest, testing::ValuesIn(TaskNames()), [](const auto& parameter) {
+  std::string name = parameter.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
+
+TEST(MujocoSimulator, ScaledMassesGiveTheConstantsOfAModelCompiledWithThem) {
+  // Density and every body's inertia are proportional here: scaling mass and inertia is scaling the density.
+  const MujocoSimulatorFactory factory(
+      "Hopper-v5", {{.name = "mass", .field = "body/*/mass"}, {.name = "inertia", .field = "body/*/inertia"}});
+  const auto simulator = factory.MakeMujoco(1, 1);
+  simulator->SetParameters(0, std::vector{1.5, 1.5});
+  ResetAll(*simulator);
+  std::ifstream file(factory.model_path());
+  std::string xml((std::istreambuf_iterator<char>(file)), {});
+  const size_t geom = xml.find("<geom conaffinity=\"1\" condim=\"1\"");
+  ASSERT_NE(geom, std::string::npos);
+  xml.insert(geom + 5, " density=\"1500\"");
+  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "oted_dense_hopper.xml";
+  std::ofstream(path) << xml;
+  const LoadedModel dense = LoadModel(path);
+  std::filesystem::remove(path);
+  DataPtr data(mj_makeData(dense.model.get()));
+  mj_setState(dense.model.get(), data.get(), simulator->IntegrationState(0).data(), mjSTATE_INTEGRATION);
+  const std::vector<double> action = {0.4, -0.3, 0.2};
+  const int lane = 0;
+  for (int step = 0; step < 40; ++step) {
+    simulator->Step({&lane, 1}, action);
+    std::copy(action.begin(), action.end(), data->ctrl);
+    for (int i = 0; i < 4; ++i) mj_step(dense.model.get(), data.get());
+    // The solver's tolerance is scaled by a statistic that the batch keeps at its nominal value.
+    for (size_t i = 0; i < simulator->qpos(0).size(); ++i) EXPECT_NEAR(simulator->qpos(0)[i], data->qpos[i], 1e-6);
+  }
+}
+
+TEST(MujocoSimulator, ScaledSizesCollideAsInAModelWhoseBoundsNeverExclude) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "foot", .field = "geom/foot_geom/size"}});
+  const auto simulator = factory.MakeMujoco(1, 1);
+  simulator->SetParameters(0, std::vector{1.8});
+  ResetAll(*simulator);
+  const LoadedModel loaded = LoadModel(factory.model_path());
+  mjModel& model = *loaded.model;
+  const int foot = mj_name2id(&model, mjOBJ_GEOM, "foot_geom");
+  for (int i = 0; i < 3; ++i) model.geom_size[3 * foot + i] *= 1.8;
+  model.geom_rbound[foot] = 100;
+  model.opt.disableflags |= mjDSBL_MIDPHASE;
+  DataPtr data(mj_makeData(&model));
+  mj_setState(&model, data.get(), simulator->IntegrationState(0).data(), mjSTATE_INTEGRATION);
+  const int lane = 0;
+  for (int step = 0; step < 100; ++step) {
+    simulator->Step({&lane, 1}, std::vector(3, 0.0));
+    for (int i = 0; i < 4; ++i) mj_step(&model, data.get());
+    for (size_t i = 0; i < simulator->qpos(0).size(); ++i) ASSERT_EQ(simulator->qpos(0)[i], data->qpos[i]) << step;
+  }
+}
+
+TEST(MujocoSimulatorFactory, MakesSimulatorsFromSeveralThreads) {
+  const MujocoSimulatorFactory factory("Hopper-v5", ThreeParameters());
+  std::vector<std::vector<double>> ends(8);
+  ParallelFor(8, 4, [&](int i) {
+    const auto simulator = factory.MakeMujoco(2, 1);
+    simulator->SetParameters(1, std::vector{0.6, 1.3, 1.2});
+    ResetAll(*simulator);
+    for (int step = 0; step < 20; ++step) simulator->Step(std::vector{1}, std::vector(6, 0.5));
+    ends[static_cast<size_t>(i)].assign(simulator->IntegrationState(1).begin(), simulator->IntegrationState(1).end());
+  });
+  for (const auto& end : ends) EXPECT_EQ(end, ends[0]);
+}
+
+TEST(MujocoSimulatorFactory, TellsWhichModelItUses) {
+  const MujocoSimulatorFactory first("Walker2d-v4", {}), again("Walker2d-v4", ThreeParameters()),
+      other("Walker2d-v5", {});
+  EXPECT_EQ(first.model_sha256().size(), 64u);
+  EXPECT_EQ(first.model_sha256(), again.model_sha256());
+  EXPECT_NE(first.model_sha256(), other.model_sha256());
+}
+
+TEST(MujocoSimulatorFactory, RefusesWhatCannotBeSimulated) {
+  EXPECT_THROW(MujocoSimulatorFactory("Hopper-v5", {}).Make(0, 1), UsageError);
+  EXPECT_THROW(MujocoSimulatorFactory("Hopper-v5", {}).Make(1, 0), UsageError);
+  std::vector<ParameterSpec> overlapping = {{.name = "all", .field = "geom/*/friction[0]"},
+                                            {.name = "foot", .field = "geom/foot_geom/friction[0]"}};
+  EXPECT_THAT([&] { MujocoSimulatorFactory("Hopper-v5", overlapping); },
+              testing::ThrowsMessage<UsageError>(testing::AllOf(HasSubstr("'all'"), HasSubstr("'foot'"))));
+}
+
+TEST(MujocoSimulatorFactory, FillsInTheNominalValueOfAbsoluteParameters) {
+  const MujocoSimulatorFactory factory(
+      "Hopper-v5",
+      {{.name = "gravity", .field = "opt/gravity[2]", .low = -20, .high = -1, .scale = ParameterScale::kAbsolute}});
+  EXPECT_EQ(factory.parameters().Nominal(), std::vector{-9.81});
+  EXPECT_EQ(factory.parameters()[0].unit, "m/s^2");
+}
+
+TEST(MujocoSimulatorFactory, MissingModelFilesAreErrorsWithTheRemedy) {
+  setenv("OTED_ASSETS", "/nonexistent", 1);
+  EXPECT_THAT([] { MujocoSimulatorFactory("Hopper-v5", {}); },
+              testing::ThrowsMessage<DataError>(testing::AllOf(HasSubstr("/nonexistent"), HasSubstr("OTED_ASSETS"))));
+  unsetenv("OTED_ASSETS");
+}
+
+}  // namespace
+}  // namespace oted

@@ -1,0 +1,69 @@
+#include "oted/sim/rollout.h"
+
+#include <algorithm>
+
+#include "oted/base/error.h"
+
+namespace oted {
+
+std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<std::vector<double>>& z,
+                                       const BatchPolicy& policy, RngKey key, const StepObserver& observer) {
+  const int n_lanes = simulator.n_lanes();
+  const size_t obs_dim = static_cast<size_t>(simulator.spec().obs_dim());
+  const size_t act_dim = static_cast<size_t>(simulator.spec().act_dim);
+  OTED_CHECK(static_cast<int>(z.size()) == n_lanes);
+
+  std::vector<EpisodeResult> results(static_cast<size_t>(n_lanes));
+  std::vector<int> running;
+  for (int lane = 0; lane < n_lanes; ++lane) {
+    simulator.SetParameters(lane, z[static_cast<size_t>(lane)]);
+    Rng rng = key.Index(static_cast<uint64_t>(lane)).MakeRng();
+    simulator.Reset(lane, rng);
+    running.push_back(lane);
+  }
+
+  std::vector<double> observations(static_cast<size_t>(n_lanes) * obs_dim), packed(observations.size());
+  std::vector<double> actions(static_cast<size_t>(n_lanes) * act_dim), packed_actions(actions.size());
+  while (!running.empty()) {
+    for (size_t i = 0; i < running.size(); ++i) {
+      const auto observation = simulator.observation(running[i]);
+      std::copy(observation.begin(), observation.end(), packed.begin() + static_cast<ptrdiff_t>(i * obs_dim));
+    }
+    const int n = static_cast<int>(running.size());
+    policy({packed.data(), running.size() * obs_dim}, n, {packed_actions.data(), running.size() * act_dim});
+    for (size_t i = 0; i < running.size(); ++i) {
+      std::copy_n(packed_actions.begin() + static_cast<ptrdiff_t>(i * act_dim), act_dim,
+                  actions.begin() + static_cast<ptrdiff_t>(static_cast<size_t>(running[i]) * act_dim));
+    }
+    simulator.Step(running, actions);
+    std::vector<int> still_running;
+    for (size_t i = 0; i < running.size(); ++i) {
+      const int lane = running[i];
+      EpisodeResult& result = results[static_cast<size_t>(lane)];
+      result.end = simulator.status(lane);
+      if (result.end != LaneStatus::kDiverged) {
+        result.episode_return += simulator.reward(lane);
+        ++result.n_steps;
+      }
+      if (observer) {
+        observer({lane,
+                  {packed.data() + i * obs_dim, obs_dim},
+                  {packed_actions.data() + i * act_dim, act_dim},
+                  simulator.observation(lane),
+                  simulator.reward(lane),
+                  result.end});
+      }
+      if (result.end == LaneStatus::kRunning) still_running.push_back(lane);
+    }
+    running = std::move(still_running);
+  }
+  return results;
+}
+
+double MeanReturn(const std::vector<EpisodeResult>& episodes) {
+  double sum = 0;
+  for (const EpisodeResult& episode : episodes) sum += episode.episode_return;
+  return episodes.empty() ? 0 : sum / static_cast<double>(episodes.size());
+}
+
+}  // namespace oted

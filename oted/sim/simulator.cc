@@ -1,0 +1,18 @@
+#include "oted/sim/simulator.h"
+
+#include "oted/base/error.h"
+
+namespace oted {
+
+int SimulatorSpec::obs_dim() const {
+  int size = 1;
+  for (int extent : observation_shape) size *= extent;
+  return observation_shape.empty() ? 0 : size;
+}
+
+double SimulatorSpec::NormalizedScore(double episode_return) const {
+  OTED_CHECK(has_score());
+  return 100.0 * (episode_return - return_random) / (return_expert - return_random);
+}
+
+}  // namespace oted

@@ -1,0 +1,155 @@
+#!/usr/bin/env bash
+# Sets up everything that a build and the tests need, and is quick when nothing is missing:
+#   Debian packages   through apt when root or passwordless sudo is at hand, otherwise prints the command and fails;
+#                     on a bare Debian 12 about 130 MB of downloads, 640 MB installed
+#   .venv             a project-local Python environment with the pinned wheels of requirements-test.txt;
+#                     about 320 MB of downloads (1.4 GB on disk) with a CPU build of torch, 2.9 GB (6 GB) with a CUDA build
+# PYTHON=... chooses the interpreter (3.11 or newer), CMAKE=... the cmake (3.25 or newer).
+# The output of apt and pip goes to build/setup-*.log.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+readonly VENV=.venv
+readonly STAMP=$VENV/.oted-setup
+readonly LOGS=build
+# A shared environment's settings must not leak into the project's own.
+unset PYTHONHOME PYTHONPATH VIRTUAL_ENV
+
+fail() {
+  printf 'setup: %s\n' "$*" >&2
+  exit 1
+}
+
+# run_logged LABEL LOG COMMAND...: one progress line on the terminal, everything else in LOG.
+run_logged() {
+  local label=$1 log=$2 started=$SECONDS pid status=0
+  shift 2
+  printf 'setup: %s (log: %s) ...' "$label" "$log"
+  "$@" >"$log" 2>&1 </dev/null &
+  pid=$!
+  trap 'kill "$pid" 2>/dev/null; echo; exit 130' INT TERM
+  if [ -t 1 ]; then
+    while kill -0 "$pid" 2>/dev/null; do
+      printf '\rsetup: %s (log: %s) ... %d s' "$label" "$log" $((SECONDS - started))
+      sleep 1
+    done
+  fi
+  wait "$pid" || status=$?
+  trap - INT TERM
+  if [ "$status" -ne 0 ]; then
+    printf ' failed\n'
+    tail -n 15 "$log" >&2
+    return "$status"
+  fi
+  [ -t 1 ] && printf '\rsetup: %s (log: %s) ...' "$label" "$log"
+  printf ' done in %d s\n' $((SECONDS - started))
+}
+
+# --- What is there already?
+
+cmake_is_new_enough() {
+  local version
+  version=$("${CMAKE:-cmake}" --version 2>/dev/null | sed -n '1s/[^0-9]*\([0-9]*\.[0-9]*\).*/\1/p')
+  [ -n "$version" ] && [ "${version%%.*}" -ge 3 ] && { [ "${version%%.*}" -gt 3 ] || [ "${version#*.}" -ge 25 ]; }
+}
+
+# A Python counts when it is new enough and can make an environment with pip in it (Debian splits that off).
+find_python() {
+  local candidate
+  for candidate in ${PYTHON:-python3.11 /usr/bin/python3.11 python3 /usr/bin/python3}; do
+    if "$candidate" -c 'import sys, ensurepip, ssl, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+      printf '%s\n' "$candidate"
+      return 0
+    fi
+  done
+  return 1
+}
+
+missing_packages() {
+  local package status
+  # Tools: any one in PATH that works will do. Asking for the version sees through shims that lead nowhere.
+  g++ --version >/dev/null 2>&1 && make --version >/dev/null 2>&1 || echo build-essential
+  cmake_is_new_enough || echo cmake
+  ninja --version >/dev/null 2>&1 || echo ninja-build
+  git --version >/dev/null 2>&1 || echo git
+  clang-format --version >/dev/null 2>&1 || echo clang-format
+  find_python >/dev/null || echo python3-venv
+  # Libraries: only dpkg knows.
+  command -v dpkg-query >/dev/null || return 0
+  for package in ca-certificates python3-dev libhdf5-dev zlib1g-dev libcli11-dev libtomlplusplus-dev nlohmann-json3-dev \
+    libfmt-dev libgtest-dev libgmock-dev libbenchmark-dev libprotozero-dev libssl-dev; do
+    # shellcheck disable=SC2016  # dpkg-query's own placeholder
+    status=$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) || status=
+    [ "$status" = installed ] || echo "$package"
+  done
+}
+
+requirements_hash() {
+  cat requirements.txt requirements-test.txt scripts/setup.sh | sha256sum | cut -d ' ' -f 1
+}
+
+# --- Debian packages.
+
+apt_install() {
+  local as_root=$1
+  shift
+  # An index that cannot be refreshed may still be good enough.
+  $as_root apt-get update || echo 'apt-get update failed: going on with the index at hand'
+  $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
+    -o DPkg::Lock::Timeout=300 "$@"
+}
+
+install_packages() {
+  local -a missing
+  local as_root
+  mapfile -t missing < <(missing_packages)
+  [ "${#missing[@]}" -eq 0 ] && return
+  local command="apt-get update && apt-get install -y --no-install-recommends ${missing[*]}"
+  if ! command -v apt-get >/dev/null; then
+    fail "missing, and there is no apt-get to install them: ${missing[*]} (Debian's names); install them and run this again"
+  elif [ "$(id -u)" -eq 0 ]; then
+    as_root=
+  elif sudo -n true 2>/dev/null; then
+    as_root='sudo -n'
+  else
+    fail "Debian packages are missing; run this as root, then 'make setup' again:
+  $command"
+  fi
+  run_logged "installing ${#missing[@]} Debian packages" "$LOGS/setup-apt.log" apt_install "$as_root" "${missing[@]}" ||
+    fail "apt could not install them; run this as root to see why:
+  $command"
+  hash -r
+  mapfile -t missing < <(missing_packages)
+  [ "${#missing[@]}" -eq 0 ] && return
+  fail "still not usable after installation: ${missing[*]}; an older program of that name may come first in PATH" \
+    "($PATH): put /usr/bin before it, or set CMAKE=/usr/bin/cmake, PYTHON=/usr/bin/python3"
+}
+
+# --- The Python environment.
+
+install_wheels() {
+  local python
+  python=$(find_python) || fail "no Python 3.11 or newer with venv and pip found: set PYTHON=/path/to/python3"
+  # An environment whose interpreter is gone or too old is made anew; any other is brought up to date in place.
+  if ! "$VENV/bin/python" -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    run_logged "creating $VENV with $("$python" --version)" "$LOGS/setup-venv.log" "$python" -m venv --clear "$VENV" ||
+      fail "could not create $VENV: see $LOGS/setup-venv.log"
+  fi
+  run_logged 'installing the pinned wheels: 320 MB, or 2.9 GB where torch comes with CUDA' "$LOGS/setup-pip.log" \
+    env PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_DEFAULT_TIMEOUT="${PIP_DEFAULT_TIMEOUT:-120}" \
+    "$VENV/bin/python" -m pip install --no-input --progress-bar off -r requirements-test.txt ||
+    fail "pip could not install requirements-test.txt: see $LOGS/setup-pip.log; run 'make setup' again to go on"
+}
+
+mkdir -p "$LOGS"
+# Two set-ups at once (make test beside make quickstart) would write into the same environment.
+exec 9>"$LOGS/setup.lock"
+flock 9
+
+install_packages
+hash=$(requirements_hash)
+if [ -x "$VENV/bin/python" ] && [ "$(cat "$STAMP" 2>/dev/null)" = "$hash" ]; then
+  exit 0
+fi
+install_wheels
+printf '%s\n' "$hash" >"$STAMP"

@@ -1,0 +1,72 @@
+#!/usr/bin/env bash
+# test.sh [long]: set-up, a build with warnings as errors, the tests, those that can bear it again under the address and
+# undefined-behaviour sanitizers, and the lint checks. With "long": the tests labelled long and nothing else.
+# Ends with one line, "N passed, N failed", and fails when anything failed. A step that could not run counts as failed.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+
+passed=0
+failed=0
+
+close() {
+  [ "$failed" -eq 0 ] || printf 'failed: %s\n' "${failures[@]}"
+  printf '%d passed, %d failed\n' "$passed" "$failed"
+  [ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
+  exit
+}
+
+failures=()
+count_failure() {
+  failed=$((failed + 1))
+  failures+=("$1")
+}
+
+# check NAME COMMAND...: one check that either passes or fails.
+check() {
+  local name=$1
+  shift
+  echo "== $name"
+  if "$@"; then
+    passed=$((passed + 1))
+  else
+    count_failure "$name"
+    return 1
+  fi
+}
+
+# run_tests NAME PRESET CTEST_ARGUMENTS...: adds ctest's own counts, from its JUnit record.
+run_tests() {
+  local name=$1 folder=build/$2 record=$PWD/build/$2/junit.xml status=0 total bad
+  shift 2
+  echo "== $name"
+  rm -f "$record"
+  "${CTEST:-ctest}" --test-dir "$folder" --output-on-failure -j "${JOBS:-2}" --no-tests=error --output-junit "$record" "$@" ||
+    status=$?
+  attribute() { grep -o -m 1 "[[:space:]]$1=\"[0-9]*\"" "$record" 2>/dev/null | head -n 1 | tr -dc 0-9; }
+  total=$(attribute tests)
+  bad=$(attribute failures)
+  if [ -z "$total" ] || { [ "$status" -ne 0 ] && [ "${bad:-0}" -eq 0 ]; }; then
+    count_failure "$name (ctest status $status)"
+    return
+  fi
+  passed=$((passed + total - bad - $(attribute skipped) - $(attribute disabled)))
+  failed=$((failed + bad))
+  [ "$bad" -eq 0 ] || failures+=("$bad of $total in: $name")
+}
+
+check 'set-up' scripts/setup.sh || close
+check 'build, warnings are errors' scripts/build.sh dev || close
+
+if [ "${1:-}" = long ]; then
+  run_tests 'long tests' dev -L long --timeout 3600
+  close
+fi
+
+check 'formatting' scripts/check_format.sh
+run_tests 'tests' dev -LE long --timeout 900
+if check 'build with sanitizers' scripts/build.sh asan; then
+  # libmujoco and the interpreter that some tests start are not instrumented: what they keep until exit is not ours.
+  UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_leaks=1 \
+    run_tests 'tests under sanitizers' asan -L sanitize -LE long --timeout 900
+fi
+close

@@ -1,0 +1,165 @@
+"""Checks the rules on who may include whom (CONTRIBUTING.md), and what the library may not do.
+
+    lint_includes.py [ROOT]     prints one line per violation, exits 1 when there is any
+
+The folder of a file decides what it may include:
+
+    base <- data <- sim <- sim/mujoco, sim/minigrid
+    base <- data <- nn <- rl, and sim <- rl
+    matching                    base, data, sim, nn: what the design and the selection stages share
+    stages/X, baselines         base, data, sim, nn, rl, matching; a stage never another stage
+    report                      base, data, sim and the result headers of stages (result.h, *_result.h)
+    oted/*.h, oted/*.cc         the pipeline: everything in oted/ but report
+    cli, python, benchmarks, examples, tests      everything in oted/, and themselves
+
+A test beside its source (*_test.cc) follows its folder's rules, but may use the concrete simulators as well. Tests alone
+include testing.h, a folder's helpers for tests, and the conformance tests in tests/.
+"""
+
+import pathlib
+import re
+import sys
+
+FOLDERS = ("oted", "cli", "python", "tests", "benchmarks", "examples")
+SIMULATORS = {"sim/mujoco", "sim/minigrid"}
+FOUNDATIONS = {"base", "data", "sim", "nn", "rl", "matching"}
+STAGES = {"behavior", "design", "simulator_selection", "agent", "policy_selection"}
+
+MAY_INCLUDE = {
+    "base": set(),
+    "data": {"base"},
+    "sim": {"base", "data"},
+    "sim/mujoco": {"base", "data", "sim"},
+    "sim/minigrid": {"base", "data", "sim"},
+    "nn": {"base", "data"},
+    "rl": {"base", "data", "sim", "nn"},
+    "matching": {"base", "data", "sim", "nn"},
+    "baselines": FOUNDATIONS,
+    "report": {"base", "data", "sim"},
+    **{f"stages/{stage}": FOUNDATIONS for stage in STAGES},
+}
+PIPELINE_MAY_INCLUDE = FOUNDATIONS | SIMULATORS | {"baselines"} | {f"stages/{stage}" for stage in STAGES}
+
+TORCH = re.compile(r"(torch|ATen|c10|caffe2)/")
+MUJOCO = re.compile(r"(mujoco/|mujoco\.h$|mjbatch\.h$)")
+STAGE_RESULT = re.compile(r"oted/stages/\w+/(\w+_)?result\.h$")
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*([<"])([^>"]+)[>"]', re.MULTILINE)
+
+# Not preceded by something that makes it another name's part or a member: fs.exit(), my_abort(), Foo::puts().
+START = r"(?<![\w.:>~])(?:std::|::)?"
+PRINTS = re.compile(
+    START + r"(?:v?printf|puts|putchar|perror)\s*\(|\bstd::(?:w?cout|w?cerr|w?clog)\b"
+    r"|\bfmt::print(?:ln)?\s*\(|" + START + r"(?:stdout|stderr)\b|\bSTD(?:OUT|ERR)_FILENO\b")
+EXITS = re.compile(START + r"(?:_?exit|_Exit|quick_exit|abort|terminate)\s*\(")
+
+# Comments, raw strings, strings and characters: a mention in any of them is no use of a thing.
+NOT_CODE = re.compile(
+    r'//[^\n]*|/\*.*?\*/|R"(?P<mark>[^(\s]*)\(.*?\)(?P=mark)"|"(?:\\.|[^"\\\n])*"'
+    r"|(?<![0-9a-fA-F])'(?:\\.|[^'\\\n])+'", re.DOTALL)
+
+
+def blank(match):
+    """Keeps line numbers: newlines stay, everything else goes."""
+    return "\n" * match.group().count("\n") or " "
+
+
+def without_comments(text):
+    return NOT_CODE.sub(lambda match: blank(match) if match.group()[0] == "/" else match.group(), text)
+
+
+def layer_of(path):
+    """The key of MAY_INCLUDE for a path such as oted/stages/design/designer.h, '' for the pipeline's own files."""
+    folders = path.split("/")[1:-1]
+    return "/".join(folders[:2]) if folders[:1] in (["stages"], ["sim"]) else "/".join(folders[:1])
+
+
+def include_violation(path, quote, included):
+    """Why the file `path` may not include `included`, or None."""
+    owner = path.split("/")[0]
+    is_test = path.endswith("_test.cc") or path.endswith("testing.h") or owner == "tests"
+    layer = layer_of(path) if owner == "oted" else None
+
+    if TORCH.match(included):
+        if layer not in ("nn", "rl"):
+            return "torch's headers belong to oted/nn and oted/rl alone"
+        return None
+    if MUJOCO.match(included):
+        if owner not in ("tests", "benchmarks") and layer != "sim/mujoco":
+            return "MuJoCo's headers belong to oted/sim/mujoco alone"
+        return None
+
+    target = included.split("/")[0]
+    if target == "oted" and included.endswith("testing.h") and not is_test:
+        return "testing.h is for tests"
+    if target in ("tests", "benchmarks", "examples") and target != owner and not (target == "tests" and is_test):
+        return f"nothing includes {target}/"
+    if target in ("cli", "python") and target != owner and not (owner == "tests" and target == "cli"):
+        return f"{target}/ is a program's own code"
+    if target != "oted" or "/" not in included:
+        if quote == '"' and target not in FOLDERS:
+            return 'a project header is named from the root: "oted/..."; a foreign one stands in <>'
+        return None
+    if owner != "oted":
+        return None
+
+    wanted = layer_of(included)
+    if layer == "":
+        if wanted not in PIPELINE_MAY_INCLUDE and wanted != "":
+            return f"the pipeline does not include {wanted or 'itself'}"
+        return None
+    if layer not in MAY_INCLUDE:
+        return f"the folder oted/{layer} has no rules yet: add them to tests/lint_includes.py"
+    if wanted == layer or wanted in MAY_INCLUDE[layer]:
+        return None
+    if is_test and wanted in SIMULATORS and "sim" in MAY_INCLUDE[layer]:
+        return None
+    if layer == "report" and STAGE_RESULT.match(included):
+        return None
+    if wanted.startswith("stages/") and layer.startswith("stages/"):
+        return "stages never include each other: hand a Result over in oted/pipeline"
+    return f"oted/{layer} may include {', '.join(sorted(MAY_INCLUDE[layer] | {layer}))}, not {wanted or 'the pipeline'}"
+
+
+def check_file(path, text):
+    """Yields (line, what) for each violation in one file."""
+    code = without_comments(text)
+    for match in INCLUDE.finditer(code):
+        why = include_violation(path, *match.groups())
+        if why:
+            yield code.count("\n", 0, match.start(2)) + 1, f"includes {match.group(2)}: {why}"
+        elif path.startswith("oted/") and not path.endswith("_test.cc") and match.group(2) == "iostream":
+            yield code.count("\n", 0, match.start(2)) + 1, "includes iostream: the library never prints"
+    if path.endswith(".h") and not re.search(r"^#pragma once$", code, re.MULTILINE):
+        yield 1, "a header starts with #pragma once"
+    if not path.startswith("oted/") or path.endswith("_test.cc"):
+        return
+    code = NOT_CODE.sub(blank, text)
+    for pattern, rule in ((PRINTS, "the library never prints"), (EXITS, "the library never exits: throw")):
+        for match in pattern.finditer(code):
+            yield code.count("\n", 0, match.start()) + 1, f"{match.group().strip(' (')}: {rule}"
+
+
+def violations(root):
+    """All violations below `root`, as printable lines."""
+    root = pathlib.Path(root)
+    found = []
+    for folder in FOLDERS:
+        for file in sorted((root / folder).rglob("*")):
+            if file.suffix in (".h", ".cc") and file.is_file():
+                path = file.relative_to(root).as_posix()
+                for line, what in check_file(path, file.read_text(encoding="utf-8")):
+                    found.append(f"{path}:{line}: {what}")
+    return found
+
+
+def main():
+    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent)
+    if not (root / "oted").is_dir():
+        sys.exit(f"lint_includes.py: no folder oted/ in '{root}': give the repository's root")
+    found = violations(root)
+    print("\n".join(found), end="\n" if found else "")
+    sys.exit(bool(found))
+
+
+if __name__ == "__main__":
+    main()

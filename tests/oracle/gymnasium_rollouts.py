@@ -1,0 +1,88 @@
+"""Rollouts of a Gymnasium MuJoCo task, for a comparison with our simulators.
+
+usage: gymnasium_rollouts.py TASK OUT.npz [--scale friction=0.6 --scale gain=1.3 --scale gravity=1.2 --scale mass=1.5]
+
+Writes the integration state at every start, and after it the actions, observations, rewards and terminations:
+  states (episodes, n_state), lengths (episodes,), actions (steps, nu), observations (steps, n_obs), rewards (steps,),
+  terminals (steps,)
+The first episode has 1,000 steps and ignores termination; 100 episodes that end as the task says follow.
+"""
+
+import argparse
+import os
+import tempfile
+
+import gymnasium
+import mujoco
+import numpy as np
+
+N_EPISODES = 100
+N_LONG_STEPS = 1000
+
+
+def modify(model, name, z):
+    """Multiplies one model parameter by z, as a Gymnasium user would."""
+    if name == "friction":
+        model.geom_friction[:, 0] *= z
+    elif name == "gain":
+        model.actuator_gainprm[:, 0] *= z
+    elif name == "gravity":
+        model.opt.gravity[2] *= z
+    elif name == "mass":
+        model.body_mass[1:] *= z
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    else:
+        raise SystemExit(f"unknown parameter {name}")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("task")
+    parser.add_argument("out")
+    parser.add_argument("--scale", action="append", default=[])
+    args = parser.parse_args()
+
+    env = gymnasium.make(args.task)
+    base = env.unwrapped
+    for assignment in args.scale:
+        name, z = assignment.split("=")
+        modify(base.model, name, float(z))
+    n_state = mujoco.mj_stateSize(base.model, mujoco.mjtState.mjSTATE_INTEGRATION)
+    rng = np.random.default_rng(1)
+    states, lengths, actions, observations, rewards, terminals = [], [], [], [], [], []
+
+    def rollout(step, n_steps, stop):
+        state = np.empty(n_state)
+        mujoco.mj_getState(base.model, base.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        states.append(state)
+        length = 0
+        # Some actions beyond +-1: the physics clamps them, the control cost does not.
+        for length in range(1, n_steps + 1):
+            action = rng.uniform(-1.2, 1.2, base.model.nu)
+            observation, reward, terminated, truncated, _ = step(action)
+            actions.append(action)
+            observations.append(observation)
+            rewards.append(reward)
+            terminals.append(float(terminated))
+            if stop and (terminated or truncated):
+                break
+        lengths.append(float(length))
+
+    base.reset(seed=1)
+    rollout(base.step, N_LONG_STEPS, stop=False)
+    for episode in range(N_EPISODES):
+        env.reset(seed=100 + episode)
+        # HalfCheetah never ends: a tenth of an episode each is enough, with one whole one for the truncation.
+        whole = episode == 0 or not args.task.startswith("HalfCheetah")
+        rollout(env.step, N_LONG_STEPS if whole else N_LONG_STEPS // 10, stop=True)
+
+    np.savez(args.out, states=states, lengths=lengths, actions=actions, observations=observations, rewards=rewards,
+             terminals=terminals)
+
+
+if __name__ == "__main__":
+    # The mujoco package writes warnings at load time into a log file in the working directory.
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        main()
+        os.chdir("/")
