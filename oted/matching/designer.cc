@@ -50,6 +50,13 @@ Designer::Sample Designer::Draw(Rng& rng) const {
   return sample;
 }
 
+Designer::Sample Designer::Mirror(const Sample& sample) const {
+  Sample mirrored;
+  for (size_t i = 0; i < mean_.size(); ++i) mirrored.x.push_back(2.0 * mean_[i] - sample.x[i]);
+  mirrored.z = ToZ(mirrored.x);
+  return mirrored;
+}
+
 std::vector<double> Designer::Mode() const { return ToZ(mean_); }
 
 std::vector<double> Designer::Std() const {

@@ -31,6 +31,8 @@ class Designer {
     std::vector<double> z;
   };
   Sample Draw(Rng& rng) const;
+  /// The draw on the other side of the mean.
+  Sample Mirror(const Sample& sample) const;
 
   /// The paper's mode of q: z at the mean of x.
   std::vector<double> Mode() const;

@@ -255,15 +255,16 @@ TEST(MujocoSimulator, ScaledMassesGiveTheConstantsOfAModelCompiledWithThem) {
 }
 
 TEST(MujocoSimulator, ScaledSizesCollideAsInAModelWhoseBoundsNeverExclude) {
-  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "foot", .field = "geom/foot_geom/size"}});
+  // The upright leg reaches the floor with its new length; its old bounding sphere does not.
+  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "leg", .field = "geom/leg_geom/size"}});
   const auto simulator = factory.MakeMujoco(1, 1);
-  simulator->SetParameters(0, std::vector{1.8});
+  simulator->SetParameters(0, std::vector{1.3});
   ResetAll(*simulator);
   const LoadedModel loaded = LoadModel(factory.model_path());
   mjModel& model = *loaded.model;
-  const int foot = mj_name2id(&model, mjOBJ_GEOM, "foot_geom");
-  for (int i = 0; i < 3; ++i) model.geom_size[3 * foot + i] *= 1.8;
-  model.geom_rbound[foot] = 100;
+  const int leg = mj_name2id(&model, mjOBJ_GEOM, "leg_geom");
+  for (int i = 0; i < 3; ++i) model.geom_size[3 * leg + i] *= 1.3;
+  model.geom_rbound[leg] = 100;
   model.opt.disableflags |= mjDSBL_MIDPHASE;
   DataPtr data(mj_makeData(&model));
   mj_setState(&model, data.get(), simulator->IntegrationState(0).data(), mjSTATE_INTEGRATION);

@@ -1,0 +1,98 @@
+#include "oted/report/figure.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace oted {
+
+using nlohmann::json;
+
+std::string PlotText(std::string_view text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '&') {
+      escaped += "&amp;";
+    } else if (c == '<') {
+      escaped += "&lt;";
+    } else if (c == '>') {
+      escaped += "&gt;";
+    } else {
+      escaped += c;
+    }
+  }
+  return escaped;
+}
+
+void Figure::AddCurve(const json& points, const std::string& name, const LineStyle& style) {
+  if (points.empty()) return;
+  json x = json::array();
+  json y = json::array();
+  for (const json& point : points) {
+    x.push_back(point.at(0));
+    y.push_back(point.at(1));
+    const double at = point.at(0).get<double>();
+    first_x_ = has_x_ ? std::min(first_x_, at) : at;
+    last_x_ = has_x_ ? std::max(last_x_, at) : at;
+    has_x_ = true;
+  }
+  json trace = {{"type", "scatter"},
+                {"mode", points.size() == 1 ? "markers" : "lines"},
+                {"x", std::move(x)},
+                {"y", std::move(y)},
+                {"name", PlotText(name)},
+                {"opacity", style.opacity},
+                {"line", {{"color", style.color}, {"width", style.width}, {"dash", style.dash}}},
+                {"marker", {{"color", style.color}, {"size", 6}}}};
+  traces_.push_back(std::move(trace));
+}
+
+void Figure::AddBand(const json& mean, const json& spread, const std::string& color) {
+  if (mean.empty() || mean.size() != spread.size()) return;
+  json x = json::array();
+  json y = json::array();
+  const auto add = [&](size_t i, double sign) {
+    if (!mean[i].at(1).is_number() || !spread[i].at(1).is_number()) return;
+    x.push_back(mean[i].at(0));
+    y.push_back(mean[i].at(1).get<double>() + sign * spread[i].at(1).get<double>());
+  };
+  for (size_t i = 0; i < mean.size(); ++i) add(i, 1);
+  for (size_t i = mean.size(); i-- > 0;) add(i, -1);
+  traces_.push_back({{"type", "scatter"},
+                     {"mode", "lines"},
+                     {"fill", "toself"},
+                     {"fillcolor", color},
+                     {"line", {{"width", 0}, {"color", color}}},
+                     {"hoverinfo", "skip"},
+                     {"x", std::move(x)},
+                     {"y", std::move(y)}});
+}
+
+void Figure::AddLevel(double y, const std::string& name, const LineStyle& style) {
+  if (!has_x_) return;
+  AddCurve({{first_x_, y}, {std::max(last_x_, first_x_ + 1), y}}, name, style);
+}
+
+std::string Figure::Html(std::string_view css_class) const {
+  if (traces_.empty()) return "";
+  std::string spec = json{{"data", traces_}, {"layout", layout_}}.dump(-1, ' ', false, json::error_handler_t::replace);
+  // Inside a script element the parser looks for "</script" and "<!--".
+  for (size_t at = 0; (at = spec.find('<', at)) != std::string::npos;) spec.replace(at, 1, "\\u003c");
+  return fmt::format(
+      "<figure class=\"{}\"><figcaption>{}</figcaption><div class=\"plot\"></div>"
+      "<script type=\"application/json\">{}</script></figure>\n",
+      css_class, title_, spec);
+}
+
+std::string FigureGrid(std::string_view figures) {
+  return figures.empty() ? "" : fmt::format("<div class=\"grid\">{}</div>\n", figures);
+}
+
+PlotKey& PlotKey::Add(std::string_view style, std::string_view variable, std::string_view text) {
+  items_ += fmt::format("<li><i class=\"{}\" style=\"--c:var({})\"></i>{}</li>", style, variable, text);
+  return *this;
+}
+
+std::string PlotKey::Html() const { return "<ul class=\"key\">" + items_ + "</ul>\n"; }
+
+}  // namespace oted

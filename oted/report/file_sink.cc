@@ -1,0 +1,37 @@
+#include "oted/report/file_sink.h"
+
+#include "oted/report/curves.h"
+#include "oted/report/tensorboard.h"
+
+namespace oted {
+
+struct FileSink::Files {
+  explicit Files(const std::filesystem::path& folder) : curves(folder / "curves.csv"), events(folder) {}
+  CurvesWriter curves;
+  EventFileWriter events;
+};
+
+FileSink::FileSink(std::filesystem::path run_dir, LogSink* inner) : run_dir_(std::move(run_dir)), inner_(inner) {}
+
+FileSink::~FileSink() = default;
+
+void FileSink::Scalar(std::string_view run, std::string_view key, int64_t step, double value) {
+  const std::lock_guard lock(mutex_);
+  auto found = files_.find(run);
+  if (found == files_.end()) {
+    found = files_.emplace(std::string(run), std::make_unique<Files>(run_dir_ / run)).first;
+  }
+  found->second->curves.Append(step, key, value);
+  found->second->events.Scalar(key, step, value);
+}
+
+void FileSink::Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
+                        std::string_view note) {
+  if (inner_ != nullptr) inner_->Progress(stage, label, done, total, note);
+}
+
+void FileSink::Warning(std::string_view message) {
+  if (inner_ != nullptr) inner_->Warning(message);
+}
+
+}  // namespace oted

@@ -1,0 +1,54 @@
+#pragma once
+/// Text and tables for the page. Everything that comes from a result file goes through Escape.
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace oted {
+
+/// For HTML text and quoted attributes.
+std::string Escape(std::string_view text);
+
+/// About three significant digits: 0.0312, 1.25, 48.1, 1,830; "–" when not known.
+std::string FormatNumber(std::optional<double> value);
+/// With the decimals of `scale`'s two leading digits: a value beside its spread.
+std::string FormatAtScale(std::optional<double> value, std::optional<double> scale);
+/// "0.981 ± 0.052", or the value alone when the spread is not known.
+std::string FormatSpread(std::optional<double> value, std::optional<double> spread);
+/// 12,345.
+std::string FormatCount(std::optional<double> value);
+
+/// A table in a box of its own in which it scrolls when the page is narrow.
+class HtmlTable {
+ public:
+  enum class Align { kText, kNumber };
+  /// `title` is HTML.
+  HtmlTable& Column(std::string title, Align align = Align::kNumber);
+  /// One cell of HTML per column.
+  void Row(std::vector<std::string> cells, bool emphasised = false);
+  std::string Html() const;
+
+ private:
+  struct Head {
+    std::string title;
+    Align align;
+  };
+  struct Line {
+    std::vector<std::string> cells;
+    bool emphasised;
+  };
+  std::vector<Head> columns_;
+  std::vector<Line> rows_;
+};
+
+/// One part of the page; nothing is shown when `html` is empty.
+struct Section {
+  std::string id;
+  std::string title;
+  std::string html;
+};
+
+}  // namespace oted

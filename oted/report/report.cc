@@ -1,0 +1,47 @@
+#include "oted/report/report.h"
+
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/report/gather.h"
+#include "oted/report/html_page.h"
+#include "oted/report/summary.h"
+
+namespace oted {
+namespace {
+
+std::string PlotlyJs() {
+  const char* const chosen = std::getenv("OTED_PLOTLY_JS");
+  const std::filesystem::path path = chosen != nullptr && *chosen != '\0' ? chosen : OTED_PLOTLY_JS;
+  std::error_code failed;
+  if (!std::filesystem::is_regular_file(path, failed)) {
+    throw DataError(fmt::format("the report needs plotly.min.js, and '{}' is no file; run 'make setup', or set "
+                                "OTED_PLOTLY_JS to a copy of plotly.min.js",
+                                path.string()));
+  }
+  return ReadFile(path);
+}
+
+}  // namespace
+
+void WriteReport(const std::filesystem::path& run_dir) {
+  nlohmann::json report = GatherReport(run_dir);
+  const std::string plotly_js = PlotlyJs();
+  std::string page;
+  try {
+    report["summary"] = Summarise(report);
+    page = HtmlPage(report, plotly_js);
+  } catch (const nlohmann::json::exception& error) {
+    throw DataError(fmt::format("a result file in '{}' does not have the layout of its schema ({}); run the stage that "
+                                "wrote it again",
+                                run_dir.string(), error.what()));
+  }
+  WriteJson(run_dir / "report.json", report);
+  WriteFileAtomically(run_dir / "report.html", page);
+}
+
+}  // namespace oted

@@ -1,0 +1,19 @@
+#pragma once
+/// Stage 4 (paper, Algorithm 2): train an agent in the mixture of designed simulators.
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "oted/rl/sac.h"
+
+namespace oted {
+
+/// Trains one SAC agent; at each episode's start i ~ U[1, n] and the simulator is set to the mode z_i of q(.|h_i).
+/// With a single z this is SAC in a fixed simulator.
+/// @param modes  (n, parameters), at least one
+SacResult TrainAgent(const SimulatorFactory& factory, const std::vector<std::vector<double>>& modes,
+                     const SacConfig& config, RngKey key, const std::filesystem::path& folder,
+                     const std::string& run_name, const RunContext& context);
+
+}  // namespace oted

@@ -1,0 +1,81 @@
+#include "oted/stages/design/design_config.h"
+
+#include <fmt/format.h>
+
+#include "oted/base/error.h"
+
+namespace oted {
+
+DesignConfig DesignConfig::ForForm(const std::string& form) {
+  DesignConfig config;
+  if (form == "transitions") return config;
+  if (form != "paper") {
+    const std::vector<std::string> forms = {"transitions", "paper"};
+    throw UsageError(
+        fmt::format("design.form is '{}', wanted one of transitions|paper{}", form, DidYouMean(form, forms)));
+  }
+  config.form = "paper";
+  config.starts = "initial";
+  config.actions = "clone";
+  config.discriminator = "sa";
+  config.horizon = 300;
+  config.n_steps = 300;
+  config.n_iterations = 60;
+  return config;
+}
+
+FieldList DesignConfig::Fields() {
+  FieldList fields("design");
+  fields.AddChoice("form", &form, "sets the evidence as a whole: transitions (the default) or the paper's Algorithm 1",
+                   {"transitions", "paper"});
+  fields.AddChoice("starts", &starts, "where rollouts begin: logged states, or the initial distribution",
+                   {"dataset", "initial"});
+  fields.AddChoice("actions", &actions, "who acts: the logged actions again, or the clone", {"replayed", "clone"});
+  fields.AddChoice("discriminator", &discriminator, "what g sees: (s, a), or (s, a, s' - s)", {"sa", "sas"});
+  fields.Add("horizon", &horizon, "control steps per rollout", AtLeast(1));
+  fields.Add("n_steps", &n_steps, "control steps per simulator and iteration, over its rollouts", AtLeast(1));
+  fields.Add("clone_noise", &clone_noise, "multiplies the clone's action noise; 0 takes its mean action", AtLeast(0));
+  fields.Add("n_iterations", &n_iterations, "repetitions of Algorithm 1", AtLeast(1));
+  fields.Add("n_sims", &n_sims, "simulators per iteration, each with its own z ~ q", AtLeast(2));
+  fields.Add("step_mean", &step_mean, "natural-gradient step on the mean of q, in spreads of q", Above(0));
+  fields.Add("step_log_std", &step_log_std, "natural-gradient step on the log spread of q", Above(0));
+  fields.Add("lambda", &lambda, "weight of KL(q, prior), in standard deviations of the reward (Eq. 3)", AtLeast(0));
+  fields.Add("initial_std", &initial_std, "spread of q at the start, in logits of the range (the prior has 1.7)",
+             Above(0));
+  fields.AddChoice("reward", &reward, "-log(1 - g) as in the paper, or the whole log ratio log g - log(1 - g)",
+                   {"paper", "log_ratio"});
+  fields.Add("discriminator_hidden", &discriminator_hidden, "widths of g's hidden layers", AtLeast(1));
+  fields.Add("discriminator_learning_rate", &discriminator_learning_rate, "Adam's step size for g", Above(0));
+  fields.Add("discriminator_weight_decay", &discriminator_weight_decay, "L2 penalty on g", AtLeast(0));
+  fields.Add("discriminator_steps", &discriminator_steps, "gradient steps on g per iteration", AtLeast(1));
+  fields.Add("discriminator_batch", &discriminator_batch, "samples of each kind per gradient step", AtLeast(1));
+  fields.Add("replay_iterations", &replay_iterations, "iterations whose simulator samples g is trained on", AtLeast(1));
+  return fields;
+}
+
+void DesignConfig::Check() const {
+  if (actions == "replayed" && starts == "initial") {
+    throw UsageError(
+        "design.actions = \"replayed\" needs design.starts = \"dataset\": logged actions mean nothing from other "
+        "states; "
+        "set design.actions = \"clone\"");
+  }
+}
+
+EvidenceConfig DesignConfig::Evidence() const {
+  return {.dataset_starts = starts == "dataset",
+          .replayed_actions = actions == "replayed",
+          .transitions = discriminator == "sas",
+          .horizon = horizon,
+          .n_steps = n_steps,
+          .clone_noise = clone_noise};
+}
+
+DiscriminatorOptions DesignConfig::Discriminator() const {
+  return {.hidden = discriminator_hidden,
+          .learning_rate = discriminator_learning_rate,
+          .weight_decay = discriminator_weight_decay,
+          .batch_size = discriminator_batch};
+}
+
+}  // namespace oted

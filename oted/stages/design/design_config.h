@@ -1,0 +1,49 @@
+#pragma once
+/// Settings of stage 2, the design.
+
+#include <string>
+
+#include "oted/base/fields.h"
+#include "oted/matching/discriminator.h"
+#include "oted/matching/experience.h"
+
+namespace oted {
+
+/// Which evidence, how much of it, and how q(z) and g move. Two forms set the evidence together:
+///   "transitions"  logged actions replayed from logged states, g(s, a, s'), short rollouts: the default
+///   "paper"        the clone rolled out from the initial states, g(s, a): Algorithm 1 to the letter
+struct DesignConfig {
+  std::string form = "transitions";
+  std::string starts = "dataset";
+  std::string actions = "replayed";
+  std::string discriminator = "sas";
+  int horizon = 10;
+  int n_steps = 60;
+  double clone_noise = 1.0;
+
+  int n_iterations = 100;
+  int n_sims = 32;
+  double step_mean = 0.5;
+  double step_log_std = 0.25;
+  double lambda = 0.01;
+  double initial_std = 1.2;
+  std::string reward = "paper";
+
+  std::vector<int> discriminator_hidden = {256, 256};
+  double discriminator_learning_rate = 3e-4;
+  double discriminator_weight_decay = 1e-4;
+  int discriminator_steps = 60;
+  int discriminator_batch = 256;
+  int replay_iterations = 10;
+
+  /// The defaults of a form. @throws UsageError for an unknown one.
+  static DesignConfig ForForm(const std::string& form);
+  FieldList Fields();
+  /// @throws UsageError when settings contradict each other.
+  void Check() const;
+
+  EvidenceConfig Evidence() const;
+  DiscriminatorOptions Discriminator() const;
+};
+
+}  // namespace oted

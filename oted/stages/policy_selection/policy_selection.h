@@ -1,0 +1,24 @@
+#pragma once
+/// Stage 5 (paper, Sec. 4.2, "Simulator-based policy selection"): rank agents without touching the target.
+
+#include <vector>
+
+#include "oted/base/log.h"
+#include "oted/nn/tanh_gaussian.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+struct PolicySelectionResult {
+  std::vector<std::vector<double>> returns;  ///< (m agents, n simulators): mean return of agent j in M(z_i)
+  std::vector<double> mean_return;           ///< (m), over simulators
+  int selected = 0;                          ///< index of the agent with the highest mean
+};
+
+/// Steps 3 and 4: evaluates every policy pi_j in every M(z_i), `n_episodes` episodes each with the mean action, and
+/// picks the highest average. All agents meet the same start states.
+PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<TanhGaussianPolicy>& agents,
+                                   const std::vector<std::vector<double>>& modes, int n_episodes, RngKey key,
+                                   const RunContext& context);
+
+}  // namespace oted

@@ -1,0 +1,219 @@
+#include "oted/stages/simulator_selection/simulator_selection.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "oted/base/error.h"
+#include "oted/base/parallel.h"
+
+namespace oted {
+
+FieldList SelectionConfig::Fields() {
+  FieldList fields("selection");
+  fields.Add("n_seeds", &n_seeds, "seeded designs per setting (n in the paper)", AtLeast(1));
+  fields.AddChoice("score", &score,
+                   "what ranks the settings: the common judge, or the paper's c, design deviation or learning progress",
+                   {"common", "paper", "design_deviation", "learning_progress"});
+  fields.Add("n_sims", &n_sims, "draws z ~ q per candidate", AtLeast(1));
+  fields.Add("n_steps", &n_steps, "control steps per draw", AtLeast(1));
+  fields.Add("judge_steps", &judge_steps, "gradient steps of the common judge", AtLeast(1));
+  return fields;
+}
+
+namespace {
+
+std::vector<std::vector<double>> DrawParameters(const Designer& q, int n, RngKey key) {
+  Rng rng = key.MakeRng();
+  std::vector<std::vector<double>> z;
+  for (int k = 0; k < n; ++k) z.push_back(q.Draw(rng).z);
+  return z;
+}
+
+/// All samples of a batch of z, one after the other.
+Array2<double> Pool(const std::vector<LaneExperience>& experience) {
+  Array2<double> pooled;
+  for (const LaneExperience& lane : experience) {
+    for (int i = 0; i < lane.features.rows(); ++i) pooled.AppendRow(lane.features.row(i));
+  }
+  return pooled;
+}
+
+/// Steps 2 and 3 of the paper's procedure: c(h_i) = mean over E of -log(1 - g(.|h_i)), z ~ q(.|h_i).
+double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
+                  Candidate& candidate, const SelectionConfig& config, RngKey key) {
+  EvidenceConfig evidence = candidate.evidence;
+  evidence.n_steps = config.n_steps;
+  ExperienceGatherer gatherer(factory.Make(config.n_sims, 1), dataset, clone, evidence);
+  const auto z = DrawParameters(candidate.q, config.n_sims, key.Stage("z"));
+  const Array2<double> pooled = Pool(gatherer.Gather(z, key.Stage("rollouts")));
+  if (pooled.rows() == 0) return 0;
+  double sum = 0;
+  for (const double logit : candidate.g.Logits(pooled)) sum += MinusLogOneMinusG(logit);
+  return sum / pooled.rows();
+}
+
+/// The two halves that judges are trained and tested on: whole episodes where there are at least two.
+struct Halves {
+  Dataset part[2];
+};
+Halves Split(const Dataset& dataset) {
+  std::vector<Episode> episodes = dataset.Episodes();
+  if (episodes.size() == 1) {
+    const Episode whole = episodes[0];
+    const int middle = (whole.begin + whole.end) / 2;
+    episodes = {{whole.begin, middle, false}, {middle, whole.end, whole.terminated}};
+  }
+  // The longest first, each to the half that has less: halves of nearly equal size.
+  std::stable_sort(episodes.begin(), episodes.end(),
+                   [](const Episode& a, const Episode& b) { return a.size() > b.size(); });
+  std::vector<Episode> halves[2];
+  int size[2] = {0, 0};
+  for (const Episode& episode : episodes) {
+    const int half = size[1] < size[0] ? 1 : 0;
+    halves[half].push_back(episode);
+    size[half] += episode.size();
+  }
+  return {{dataset.Select(halves[0]), dataset.Select(halves[1])}};
+}
+
+Array2<double> DrawRows(const Array2<double>& from, int n, Rng& rng) {
+  Array2<double> rows(n, from.cols());
+  for (int i = 0; i < n; ++i) {
+    const auto row = from.row(static_cast<int>(rng.Below(static_cast<uint64_t>(from.rows()))));
+    std::copy(row.begin(), row.end(), rows.row(i).begin());
+  }
+  return rows;
+}
+
+/// Held-out Eq. 2 / 2 of a judge trained on half 0 of data and simulator samples, tested on half 1, and the reverse.
+double CommonScore(const SimulatorFactory& factory, const Halves& halves, const TanhGaussianPolicy* clone,
+                   const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence,
+                   const SelectionConfig& config, RngKey key) {
+  Array2<double> data[2], simulated[2];
+  for (int h = 0; h < 2; ++h) {
+    data[h] = DatasetFeatures(halves.part[h], evidence.transitions);
+    ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), halves.part[h], clone, evidence);
+    simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
+    if (simulated[h].rows() == 0) return 0;
+  }
+  double score = 0;
+  for (int h = 0; h < 2; ++h) {
+    Rng rng = key.Stage("judge").Index(static_cast<uint64_t>(h)).MakeRng();
+    Discriminator judge(data[h], {}, rng);
+    for (int step = 0; step < config.judge_steps; ++step) {
+      const Array2<double> data_rows = DrawRows(data[h], 256, rng);
+      judge.Step(data_rows, DrawRows(simulated[h], 256, rng));
+    }
+    double loss_data = 0, loss_simulated = 0;
+    for (const double logit : judge.Logits(data[1 - h])) loss_data += MinusLogOneMinusG(-logit);
+    for (const double logit : judge.Logits(simulated[1 - h])) loss_simulated += MinusLogOneMinusG(logit);
+    score += 0.25 * (loss_data / data[1 - h].rows() + loss_simulated / simulated[1 - h].rows());
+  }
+  return score;
+}
+
+/// The strongest evidence that the simulator allows, the same for every candidate.
+EvidenceConfig CommonEvidence(const SimulatorSpec& spec, const SelectionConfig& config) {
+  EvidenceConfig evidence;
+  evidence.n_steps = config.n_steps;
+  if (!spec.can_set_state) {
+    evidence.dataset_starts = evidence.replayed_actions = evidence.transitions = false;
+    evidence.horizon = config.n_steps;
+  }
+  return evidence;
+}
+
+double DesignDeviation(const std::vector<Candidate>& candidates, const std::vector<int>& indices) {
+  const ParameterSpace& space = candidates[static_cast<size_t>(indices[0])].q.space();
+  double deviation = 0;
+  for (int i = 0; i < space.size(); ++i) {
+    double mean = 0, square = 0;
+    for (const int k : indices) {
+      const double mode =
+          candidates[static_cast<size_t>(k)].q.Mode()[static_cast<size_t>(i)] / (space[i].high - space[i].low);
+      mean += mode / static_cast<double>(indices.size());
+      square += mode * mode / static_cast<double>(indices.size());
+    }
+    deviation += std::sqrt(std::max(0.0, square - mean * mean)) / space.size();
+  }
+  return deviation;
+}
+
+double RankingScore(const SettingScore& setting, const std::string& score) {
+  if (score == "common") return setting.common;
+  if (score == "paper") return setting.c;
+  if (score == "design_deviation") return -setting.design_deviation;
+  return setting.learning_progress;
+}
+
+}  // namespace
+
+SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset,
+                                const TanhGaussianPolicy* clone, std::vector<Candidate>& candidates,
+                                const SelectionConfig& config, RngKey key, const RunContext& context) {
+  OTED_CHECK(!candidates.empty());
+  const Halves halves = Split(dataset);
+  const EvidenceConfig common_evidence = CommonEvidence(factory.spec(), config);
+  SelectionResult result;
+  result.candidates.resize(candidates.size());
+  const int n = static_cast<int>(candidates.size());
+  std::atomic<int> n_done{0};
+  ParallelFor(n + 1, context.n_threads, [&](int i) {
+    context.ThrowIfStopped();
+    const auto common = [&](const std::vector<std::vector<double>>& z) {
+      // One key for all: every candidate is judged on the same windows by a judge with the same initial weights.
+      return CommonScore(factory, halves, clone, z, common_evidence, config, key.Stage("common"));
+    };
+    if (i == n) {
+      const std::vector<std::vector<double>> nominal(static_cast<size_t>(config.n_sims),
+                                                     factory.parameters().Nominal());
+      result.nominal_common = common(nominal);
+    } else {
+      Candidate& candidate = candidates[static_cast<size_t>(i)];
+      const RngKey own = key.Stage(candidate.setting).Index(static_cast<uint64_t>(candidate.seed));
+      CandidateScore& score = result.candidates[static_cast<size_t>(i)];
+      score.c = PaperScore(factory, dataset, clone, candidate, config, own.Stage("c"));
+      score.common = common(DrawParameters(candidate.q, config.n_sims, own.Stage("common")));
+    }
+    context.log->Progress("select", "simulators", ++n_done, n + 1, "");
+  });
+
+  // Steps 4 and 5: average over seeds, pick the best.
+  for (int i = 0; i < n; ++i) {
+    const std::string& name = candidates[static_cast<size_t>(i)].setting;
+    auto found = std::find_if(result.settings.begin(), result.settings.end(),
+                              [&](const SettingScore& s) { return s.setting == name; });
+    if (found == result.settings.end()) {
+      result.settings.push_back({});
+      result.settings.back().setting = name;
+      found = result.settings.end() - 1;
+    }
+    found->candidates.push_back(i);
+  }
+  for (SettingScore& setting : result.settings) {
+    const double n_seeds = static_cast<double>(setting.candidates.size());
+    for (const int i : setting.candidates) {
+      setting.c += result.candidates[static_cast<size_t>(i)].c / n_seeds;
+      setting.common += result.candidates[static_cast<size_t>(i)].common / n_seeds;
+      setting.learning_progress += candidates[static_cast<size_t>(i)].learning_progress / n_seeds;
+    }
+    setting.design_deviation = DesignDeviation(candidates, setting.candidates);
+  }
+  const auto best = std::max_element(result.settings.begin(), result.settings.end(),
+                                     [&](const SettingScore& a, const SettingScore& b) {
+                                       return RankingScore(a, config.score) < RankingScore(b, config.score);
+                                     });
+  result.selected_setting = static_cast<int>(best - result.settings.begin());
+  const auto candidate_score = [&](int i) {
+    const CandidateScore& score = result.candidates[static_cast<size_t>(i)];
+    return config.score == "paper" ? score.c : score.common;
+  };
+  result.best_candidate = *std::max_element(best->candidates.begin(), best->candidates.end(),
+                                            [&](int a, int b) { return candidate_score(a) < candidate_score(b); });
+  return result;
+}
+
+}  // namespace oted

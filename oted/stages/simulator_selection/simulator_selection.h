@@ -1,0 +1,68 @@
+#pragma once
+/// Stage 3 (paper, Sec. 4.2, "Simulator selection"): which hyperparameter setting h designed the best simulators?
+
+#include <string>
+#include <vector>
+
+#include "oted/base/fields.h"
+#include "oted/base/log.h"
+#include "oted/data/dataset.h"
+#include "oted/matching/designer.h"
+#include "oted/matching/discriminator.h"
+#include "oted/nn/tanh_gaussian.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+struct SelectionConfig {
+  int n_seeds = 3;
+  std::string score = "common";
+  int n_sims = 16;
+  int n_steps = 200;
+  int judge_steps = 400;
+
+  FieldList Fields();
+};
+
+/// One design: hyperparameters h with seed i, and what it learned.
+struct Candidate {
+  std::string setting;
+  int seed = 0;
+  Designer q;
+  Discriminator g;
+  EvidenceConfig evidence;       ///< that g was trained on
+  double learning_progress = 0;  ///< mean reward during training
+};
+
+struct CandidateScore {
+  double c = 0;       ///< the paper's c(h_i): mean -log(1 - g) on fresh rollouts with z ~ q, by the design's own g
+  double common = 0;  ///< held-out Eq. 2 / 2 of a judge that every candidate gets anew; log 2 at a perfect match
+};
+
+struct SettingScore {
+  std::string setting;
+  std::vector<int> candidates;  ///< indices into the candidates
+  double c = 0;                 ///< mean over seeds; highest wins
+  double common = 0;            ///< mean over seeds; highest wins
+  double design_deviation =
+      0;  ///< standard deviation of the modes over seeds, in ranges, mean over parameters; lowest wins
+  double learning_progress = 0;  ///< mean over seeds; highest wins
+};
+
+struct SelectionResult {
+  std::vector<CandidateScore> candidates;
+  std::vector<SettingScore> settings;
+  int selected_setting = 0;   ///< index into settings, by config.score
+  int best_candidate = 0;     ///< the best-scoring seed of the selected setting
+  double nominal_common = 0;  ///< the common score of the un-designed simulator: is there a gap at all?
+};
+
+/// Scores of differently strong discriminators are not comparable (a blind g gives log 2 on any simulator), so beside
+/// the paper's c every candidate is judged by one common protocol: a fresh discriminator, trained on one half of the
+/// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score).
+/// @param clone  may be null when every candidate's evidence replays actions
+SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset,
+                                const TanhGaussianPolicy* clone, std::vector<Candidate>& candidates,
+                                const SelectionConfig& config, RngKey key, const RunContext& context);
+
+}  // namespace oted
