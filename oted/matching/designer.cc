@@ -159,7 +159,18 @@ Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space
                                   where, mean.size(), space.size()));
     }
     std::vector<double> log_std;
-    for (size_t i = 0; i < mean.size(); ++i) log_std.push_back(0.5 * std::log(cov[i].at(i)));
+    for (size_t i = 0; i < mean.size(); ++i) {
+      const ParameterSpec& spec = space[static_cast<int>(i)];
+      if (q.at("parameters").at(i) != spec.name || q.at("bounds").at(i) != nlohmann::json{spec.low, spec.high}) {
+        throw DataError(fmt::format("parameter {} of '{}' is not '{}' in [{:g}, {:g}]; use the run's own configuration",
+                                    i + 1, where, spec.name, spec.low, spec.high));
+      }
+      if (cov[i].size() != mean.size() || !(cov[i][i] > 0)) {
+        throw DataError(
+            fmt::format("'{}' has no positive variance of '{}'; make it again with 'oted design'", where, spec.name));
+      }
+      log_std.push_back(0.5 * std::log(cov[i][i]));
+    }
     designer.Restore(mean, log_std);
     return designer;
   } catch (const nlohmann::json::exception& e) {

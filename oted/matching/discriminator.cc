@@ -71,20 +71,23 @@ void Discriminator::Save(NpzArrays& arrays) const {
 }
 
 void Discriminator::Restore(const NpzArrays& arrays, const std::string& where) {
-  const auto restore = [&](const char* name, AlignedVector<float>& values) {
+  const auto restore = [&](const char* name, auto& values) {
     const auto found = arrays.find(name);
     if (found == arrays.end() || found->second.size() != static_cast<int64_t>(values.size())) {
       throw DataError("'" + where + "' has no fitting array '" + name + "'; remove it to make it again");
     }
     const std::vector<double> stored = found->second.ToDouble();
-    std::transform(stored.begin(), stored.end(), values.begin(), [](double v) { return static_cast<float>(v); });
+    using Value = std::decay_t<decltype(values[0])>;
+    std::transform(stored.begin(), stored.end(), values.begin(), [](double v) { return static_cast<Value>(v); });
   };
   restore("discriminator/parameters", net_.parameters());
   restore("discriminator/m", adam_.m());
   restore("discriminator/v", adam_.v());
-  adam_.n_steps() = static_cast<int64_t>(arrays.at("discriminator/n_steps").ToDouble().at(0));
-  normalizer_.mean = arrays.at("discriminator/mean").ToDouble();
-  normalizer_.scale = arrays.at("discriminator/scale").ToDouble();
+  std::vector<double> n_steps(1);
+  restore("discriminator/n_steps", n_steps);
+  adam_.n_steps() = static_cast<int64_t>(n_steps[0]);
+  restore("discriminator/mean", normalizer_.mean);
+  restore("discriminator/scale", normalizer_.scale);
 }
 
 }  // namespace oted

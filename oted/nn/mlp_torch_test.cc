@@ -28,8 +28,8 @@ struct Shape {
 constexpr double kRelative = 1e-5;
 
 TEST(MlpAgainstAutograd, OutputParameterGradientAndInputGradientAgree) {
-  for (const Shape& s : {Shape{5, {}, 3, 7}, Shape{11, {64}, 6, 33}, Shape{17, {256, 256}, 12, 256},
-                         Shape{3, {9, 31, 5}, 1, 1}}) {
+  for (const Shape& s :
+       {Shape{5, {}, 3, 7}, Shape{11, {64}, 6, 33}, Shape{17, {256, 256}, 12, 256}, Shape{3, {9, 31, 5}, 1, 1}}) {
     SCOPED_TRACE(testing::Message() << s.in << " -> " << s.hidden.size() << " hidden -> " << s.out);
     Mlp mlp(s.in, s.hidden, s.out);
     Rng rng(1);
@@ -95,7 +95,8 @@ TEST(AdamAgainstTorch, AHundredStepsEndAtTheSameParameters) {
     for (uint64_t step = 0; step < 100; ++step) {
       AlignedVector<float> gradient = Normals(n, 100 + step);
       // Scales from 1e-4 to 1e4: Adam's step hardly depends on them.
-      for (size_t i = 0; i < n; ++i) gradient[i] *= static_cast<float>(std::pow(10.0, static_cast<double>(i % 9) - 4.0));
+      for (size_t i = 0; i < n; ++i)
+        gradient[i] *= static_cast<float>(std::pow(10.0, static_cast<double>(i % 9) - 4.0));
       reference.mutable_grad() = ToTensor(gradient, 1, n);
       torch_adam.step();
       adam.Step({parameters.data(), n}, {gradient.data(), n});

@@ -7,6 +7,34 @@
 #include "oted/data/npz.h"
 
 namespace oted {
+namespace {
+
+/// Whether a file's arrays describe a policy; decided before anything is allocated by their word.
+bool IsSound(const std::vector<double>& hidden, const Normalizer& normalizer, const std::vector<double>& low,
+             const std::vector<double>& high, const std::vector<double>& parameters) {
+  const auto finite = [](double v) { return std::isfinite(v); };
+  for (const auto* values : {&normalizer.mean, &normalizer.scale, &low, &high, &parameters}) {
+    if (values->empty() || !std::all_of(values->begin(), values->end(), finite)) return false;
+  }
+  if (normalizer.scale.size() != normalizer.mean.size() || high.size() != low.size()) return false;
+  for (const double scale : normalizer.scale) {
+    if (scale <= 0) return false;
+  }
+  for (size_t j = 0; j < low.size(); ++j) {
+    if (low[j] >= high[j]) return false;
+  }
+  double in = static_cast<double>(normalizer.mean.size()), n_parameters = 0;
+  std::vector<double> widths = hidden;
+  widths.push_back(2.0 * static_cast<double>(low.size()));
+  for (const double width : widths) {
+    if (!(width >= 1 && width == std::floor(width))) return false;
+    n_parameters += (in + 1) * width;
+    in = width;
+  }
+  return n_parameters == static_cast<double>(parameters.size());
+}
+
+}  // namespace
 
 TanhGaussianPolicy::TanhGaussianPolicy(Normalizer normalizer, const std::vector<int>& hidden,
                                        std::vector<double> action_low, std::vector<double> action_high)
@@ -58,15 +86,14 @@ TanhGaussianPolicy TanhGaussianPolicy::Load(const std::filesystem::path& path) {
     }
     return found->second.ToDouble();
   };
-  const std::vector<double> hidden = get("hidden");
-  const std::vector<double> parameters = get("parameters");
-  TanhGaussianPolicy policy(Normalizer{get("observation_mean"), get("observation_scale")},
-                            std::vector<int>(hidden.begin(), hidden.end()), get("action_low"), get("action_high"));
-  if (policy.net_.n_parameters() != parameters.size()) {
-    throw DataError("'" + path.string() + "' holds " + std::to_string(parameters.size()) +
-                    " parameters, its shape needs " + std::to_string(policy.net_.n_parameters()) +
-                    "; the file is damaged, make it again");
+  const std::vector<double> hidden = get("hidden"), parameters = get("parameters");
+  const Normalizer normalizer{get("observation_mean"), get("observation_scale")};
+  const std::vector<double> low = get("action_low"), high = get("action_high");
+  if (!IsSound(hidden, normalizer, low, high, parameters)) {
+    throw DataError("the arrays of policy '" + path.string() +
+                    "' do not fit together or hold values that are no numbers; the file is damaged, make it again");
   }
+  TanhGaussianPolicy policy(normalizer, std::vector<int>(hidden.begin(), hidden.end()), low, high);
   std::transform(parameters.begin(), parameters.end(), policy.net_.parameters().begin(),
                  [](double v) { return static_cast<float>(v); });
   return policy;

@@ -57,9 +57,10 @@ std::optional<Row> ParseRow(std::string_view line) {
 
 void CheckHeader(const std::filesystem::path& path, std::string_view text) {
   if (text.starts_with(kHeader)) return;
-  throw DataError(fmt::format("'{}' is no curves file: its first line is not 'step,key,value'; move it away, or name "
-                              "another run directory",
-                              path.string()));
+  throw DataError(
+      fmt::format("'{}' is no curves file: its first line is not 'step,key,value'; move it away, or name "
+                  "another run directory",
+                  path.string()));
 }
 
 }  // namespace

@@ -27,8 +27,9 @@ json ReadResult(const fs::path& path, const std::string& schema) {
   json result = ReadJson(path);
   const std::string got = result.is_object() ? TextAt(result, "schema") : "";
   if (!schema.empty() && got != schema) {
-    throw DataError(fmt::format("'{}' has schema '{}', wanted '{}'; run the stage that wrote it again with this version",
-                                path.string(), got, schema));
+    throw DataError(
+        fmt::format("'{}' has schema '{}', wanted '{}'; run the stage that wrote it again with this version",
+                    path.string(), got, schema));
   }
   return result;
 }
@@ -151,8 +152,8 @@ json Gather(const fs::path& run_dir) {
   if (report.contains("evaluation")) add("policies", ListAt(report["evaluation"], "policies"));
   if (report.contains("design")) add("warnings", ListAt(report["design"], "warnings"));
   if (report.size() == 1) {
-    throw DataError(fmt::format("'{}' holds no results to report; name the folder that was given as --out to 'oted run'",
-                                run_dir.string()));
+    throw DataError(fmt::format(
+        "'{}' holds no results to report; name the folder that was given as --out to 'oted run'", run_dir.string()));
   }
   json run;
   if (fs::exists(run_dir / "run.toml")) run["config"] = ReadFile(run_dir / "run.toml");
@@ -173,9 +174,10 @@ nlohmann::json GatherReport(const fs::path& run_dir) {
   try {
     return Gather(run_dir);
   } catch (const json::exception& error) {
-    throw DataError(fmt::format("a result file in '{}' does not have the layout of its schema ({}); run the stage that "
-                                "wrote it again",
-                                run_dir.string(), error.what()));
+    throw DataError(
+        fmt::format("a result file in '{}' does not have the layout of its schema ({}); run the stage that "
+                    "wrote it again",
+                    run_dir.string(), error.what()));
   }
 }
 

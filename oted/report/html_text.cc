@@ -72,6 +72,12 @@ std::string FormatAtScale(std::optional<double> value, std::optional<double> sca
   return Fixed(*value, Decimals(*scale, 2));
 }
 
+std::string FormatGiven(std::optional<double> value) {
+  return value ? (*value < 0 ? "\u2212" : "") + fmt::format("{:.6g}", std::abs(*value)) : kUnknown;
+}
+
+std::string FormatScore(std::optional<double> value) { return value ? Fixed(*value, 3) : kUnknown; }
+
 std::string FormatSpread(std::optional<double> value, std::optional<double> spread) {
   if (!value || !spread) return FormatNumber(value);
   return FormatAtScale(value, spread) + " ± " + FormatAtScale(spread, spread);

@@ -16,6 +16,10 @@ std::string Escape(std::string_view text);
 std::string FormatNumber(std::optional<double> value);
 /// With the decimals of `scale`'s two leading digits: a value beside its spread.
 std::string FormatAtScale(std::optional<double> value, std::optional<double> scale);
+/// A number that somebody chose, as it was given: 1, 0.6.
+std::string FormatGiven(std::optional<double> value);
+/// A score less its value at a perfect match: three decimals.
+std::string FormatScore(std::optional<double> value);
 /// "0.981 ± 0.052", or the value alone when the spread is not known.
 std::string FormatSpread(std::optional<double> value, std::optional<double> spread);
 /// 12,345.
@@ -47,6 +51,7 @@ class HtmlTable {
 /// One part of the page; nothing is shown when `html` is empty.
 struct Section {
   std::string id;
+  std::string label;  ///< in the contents bar
   std::string title;
   std::string html;
 };

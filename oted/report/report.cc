@@ -19,9 +19,10 @@ std::string PlotlyJs() {
   const std::filesystem::path path = chosen != nullptr && *chosen != '\0' ? chosen : OTED_PLOTLY_JS;
   std::error_code failed;
   if (!std::filesystem::is_regular_file(path, failed)) {
-    throw DataError(fmt::format("the report needs plotly.min.js, and '{}' is no file; run 'make setup', or set "
-                                "OTED_PLOTLY_JS to a copy of plotly.min.js",
-                                path.string()));
+    throw DataError(
+        fmt::format("the report needs plotly.min.js, and '{}' is no file; run 'make setup', or set "
+                    "OTED_PLOTLY_JS to a copy of plotly.min.js",
+                    path.string()));
   }
   return ReadFile(path);
 }
@@ -36,9 +37,10 @@ void WriteReport(const std::filesystem::path& run_dir) {
     report["summary"] = Summarise(report);
     page = HtmlPage(report, plotly_js);
   } catch (const nlohmann::json::exception& error) {
-    throw DataError(fmt::format("a result file in '{}' does not have the layout of its schema ({}); run the stage that "
-                                "wrote it again",
-                                run_dir.string(), error.what()));
+    throw DataError(
+        fmt::format("a result file in '{}' does not have the layout of its schema ({}); run the stage that "
+                    "wrote it again",
+                    run_dir.string(), error.what()));
   }
   WriteJson(run_dir / "report.json", report);
   WriteFileAtomically(run_dir / "report.html", page);

@@ -26,7 +26,8 @@ constexpr std::array<uint32_t, 256> MakeTable() {
 }
 constexpr std::array<uint32_t, 256> kTable = MakeTable();
 
-// TFRecord stores checksums rotated and shifted by a constant, so that a checksum of data that holds checksums is sound.
+// TFRecord stores checksums rotated and shifted by a constant, so that a checksum of data that holds checksums is
+// sound.
 uint32_t MaskedCrc32c(std::string_view bytes) {
   const uint32_t crc = Crc32c(bytes);
   return ((crc >> 15) | (crc << 17)) + 0xa282ead8u;
@@ -37,9 +38,7 @@ void AppendLittleEndian(T value, std::string* out) {
   for (size_t i = 0; i < sizeof(T); ++i) out->push_back(static_cast<char>((value >> (8 * i)) & 0xff));
 }
 
-double WallTime() {
-  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
+double WallTime() { return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count(); }
 
 std::string HostName() {
   std::array<char, 256> name{};

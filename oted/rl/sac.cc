@@ -53,6 +53,15 @@ Normalizer IdentityNormalizer(int dim) {
   return {std::vector<double>(static_cast<size_t>(dim), 0.0), std::vector<double>(static_cast<size_t>(dim), 1.0)};
 }
 
+/// A checkpoint's array of `size` numbers, stored as T.
+template <class T>
+const std::vector<T>& Values(const NpzArrays& arrays, const char* name, size_t size) {
+  const auto found = arrays.find(name);
+  const std::vector<T>* values = found == arrays.end() ? nullptr : std::get_if<std::vector<T>>(&found->second.values);
+  if (values == nullptr || values->size() != size) throw DataError(fmt::format("no fitting array '{}'", name));
+  return *values;
+}
+
 /// The state of one training run between segments, and its segment.
 class SacTraining {
  public:
@@ -151,14 +160,14 @@ class SacTraining {
 
   void Restore(const NpzArrays& arrays) {
     update_->Restore(arrays);
-    const auto& counters = std::get<std::vector<int64_t>>(arrays.at("counters").values);
-    n_steps_ = counters.at(0);
-    n_updates_ = counters.at(1);
-    buffer_.Restore(std::get<std::vector<float>>(arrays.at("buffer/rows").values), counters.at(2));
-    owed_updates_ = arrays.at("owed_updates").ToDouble().at(0);
+    const auto& counters = Values<int64_t>(arrays, "counters", 3);
+    n_steps_ = counters[0];
+    n_updates_ = counters[1];
+    buffer_.Restore(std::get<std::vector<float>>(arrays.at("buffer/rows").values), counters[2]);
+    owed_updates_ = Values<double>(arrays, "owed_updates", 1)[0];
     Rng::State state;
-    const auto& words = std::get<std::vector<int64_t>>(arrays.at("rng").values);
-    for (size_t i = 0; i < state.size(); ++i) state[i] = static_cast<uint64_t>(words.at(i));
+    const auto& words = Values<int64_t>(arrays, "rng", state.size());
+    for (size_t i = 0; i < state.size(); ++i) state[i] = static_cast<uint64_t>(words[i]);
     rng_.set_state(state);
   }
 
@@ -202,14 +211,21 @@ void SaveCheckpoint(SacTraining& training, const SacResult& result, const std::f
 }
 
 void RestoreCheckpoint(SacTraining& training, SacResult& result, const std::filesystem::path& folder) {
-  const NpzArrays arrays = ReadNpz(folder / "checkpoint.npz");
-  training.Restore(arrays);
-  result.eval_steps = std::get<std::vector<int64_t>>(arrays.at("eval/steps").values);
-  result.eval_returns = arrays.at("eval/returns").ToDouble();
-  result.eval_return = arrays.at("eval/best").ToDouble().at(0);
-  result.policy = training.policy();
-  const auto& best = std::get<std::vector<float>>(arrays.at("best").values);
-  std::copy(best.begin(), best.end(), result.policy.net().parameters().begin());
+  const std::filesystem::path path = folder / "checkpoint.npz";
+  const NpzArrays arrays = ReadNpz(path);
+  try {
+    training.Restore(arrays);
+    result.eval_steps = std::get<std::vector<int64_t>>(arrays.at("eval/steps").values);
+    result.eval_returns = Values<double>(arrays, "eval/returns", result.eval_steps.size());
+    result.eval_return = Values<double>(arrays, "eval/best", 1)[0];
+    result.policy = training.policy();
+    const auto& best = Values<float>(arrays, "best", result.policy.net().n_parameters());
+    std::copy(best.begin(), best.end(), result.policy.net().parameters().begin());
+  } catch (const std::exception& e) {
+    // Whatever a file makes fail here is the file's fault, or that of a configuration which is not its own.
+    throw DataError(fmt::format("checkpoint '{}' does not fit this agent ({}); remove it to start the agent anew",
+                                path.string(), e.what()));
+  }
 }
 
 }  // namespace

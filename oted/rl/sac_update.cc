@@ -184,14 +184,14 @@ void SacUpdate::Save(NpzArrays& arrays) {
 }
 
 void SacUpdate::Restore(const NpzArrays& arrays) {
-  const auto restore = [&](const std::string& name, AlignedVector<float>& values) {
+  const auto restore = [&](const std::string& name, auto& values) {
     const auto found = arrays.find(name);
     if (found == arrays.end() || found->second.size() != static_cast<int64_t>(values.size())) {
-      throw DataError("the checkpoint has no fitting array '" + name +
-                      "'; remove the checkpoint to start this agent anew");
+      throw DataError("no fitting array '" + name + "'");
     }
     const std::vector<double> stored = found->second.ToDouble();
-    std::transform(stored.begin(), stored.end(), values.begin(), [](double v) { return static_cast<float>(v); });
+    using Value = std::decay_t<decltype(values[0])>;
+    std::transform(stored.begin(), stored.end(), values.begin(), [](double v) { return static_cast<Value>(v); });
   };
   VisitState("actor", actor_.net().parameters(), actor_adam_, restore);
   VisitState("critic0", critics_[0].parameters(), critic_adam_[0], restore);
@@ -199,8 +199,9 @@ void SacUpdate::Restore(const NpzArrays& arrays) {
   VisitState("alpha", log_alpha_, alpha_adam_, restore);
   restore("sac/target0", target_critics_[0].parameters());
   restore("sac/target1", target_critics_[1].parameters());
-  const int64_t n_steps = static_cast<int64_t>(arrays.at("sac/n_steps").ToDouble().front());
-  for (Adam* adam : {&actor_adam_, &critic_adam_[0], &critic_adam_[1], &alpha_adam_}) adam->n_steps() = n_steps;
+  std::vector<int64_t> n_steps(1);
+  restore("sac/n_steps", n_steps);
+  for (Adam* adam : {&actor_adam_, &critic_adam_[0], &critic_adam_[1], &alpha_adam_}) adam->n_steps() = n_steps[0];
 }
 
 }  // namespace oted

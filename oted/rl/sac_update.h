@@ -48,6 +48,7 @@ class SacUpdate {
 
   /// Parameters and optimiser moments under names that start with "sac/".
   void Save(NpzArrays& arrays);
+  /// @throws DataError naming the array that is missing or of another size; the caller names the file.
   void Restore(const NpzArrays& arrays);
 
  private:

@@ -1,0 +1,108 @@
+// oted collect: demonstrations of a policy in a target. oted behavior: the policies themselves.
+
+#include "oted/collect.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "cli/options.h"
+#include "cli/verbs.h"
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+
+namespace oted::cli {
+
+void AddCollectVerb(Program& program) {
+  struct CollectOptions : Options {
+    std::vector<std::string> policies;
+    std::string output;
+    int n_episodes = 5;
+  };
+  CLI::App* verb =
+      program.app.add_subcommand("collect", "log demonstrations of a policy in a simulator that stands for the target");
+  auto options = std::make_shared<CollectOptions>();
+  verb->add_option("--task", options->task, "simulator: Hopper-v5, ...")->required();
+  verb->add_option("--policy", options->policies, "policy.npz; give two to draw half of the episodes from each")
+      ->required();
+  verb->add_option("--param", options->parameters,
+                   "a parameter that differs from nominal: name=path:low:high; repeatable");
+  verb->add_option("--truth", options->truth, "name=value for every parameter; repeatable");
+  verb->add_option("--episodes", options->n_episodes, "episodes to log")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
+  verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
+  verb->add_option("--out", options->output, "dataset to write, .hdf5 (D4RL layout) or .npz")->required();
+  verb->callback([options] {
+    RunConfig config;
+    for (const std::string& text : options->parameters) config.parameters.push_back(ParseParameterSpec(text));
+    for (const std::string& text : options->truth) config.SetTruth(text);
+    const auto factory = MakeSimulatorFactory(options->task, config.parameters);
+    std::vector<double> z = factory->parameters().Nominal();
+    for (int i = 0; i < factory->parameters().size(); ++i) {
+      const auto found = config.truth.find(factory->parameters()[i].name);
+      if (found != config.truth.end()) z[static_cast<size_t>(i)] = found->second;
+      if (found != config.truth.end()) config.truth.erase(found);
+    }
+    if (!config.truth.empty()) {
+      throw UsageError(
+          fmt::format("--truth {} names no parameter; declare it with --param", config.truth.begin()->first));
+    }
+    NullSink log;
+    const RunContext context = MakeContext(log, options->threads);
+    const RngKey key = RngKey(static_cast<uint64_t>(std::max(1L, options->seed))).Stage("collect");
+    Dataset dataset;
+    const int n_policies = static_cast<int>(options->policies.size());
+    for (int p = 0; p < n_policies; ++p) {
+      // Two policies share the episodes; the later one takes what is odd: medium-expert is two medium and three expert.
+      const int n = options->n_episodes * (p + 1) / n_policies - options->n_episodes * p / n_policies;
+      const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(options->policies[static_cast<size_t>(p)]);
+      if (policy.obs_dim() != factory->spec().obs_dim() || policy.act_dim() != factory->spec().act_dim) {
+        throw DataError(fmt::format(
+            "policy '{}' maps {} observations to {} actions, task '{}' has {} and {}; name a policy of this task",
+            options->policies[static_cast<size_t>(p)], policy.obs_dim(), policy.act_dim(), options->task,
+            factory->spec().obs_dim(), factory->spec().act_dim));
+      }
+      if (n > 0) {
+        dataset.Append(
+            CollectDemonstrations(*factory, z, policy, n, key.Index(static_cast<uint64_t>(p)), context.n_threads));
+      }
+    }
+    WriteDataset(dataset, options->output);
+    double sum = 0;
+    const std::vector<double> returns = dataset.EpisodeReturns();
+    for (const double r : returns) sum += r;
+    fmt::print("{}: {} transitions in {} episodes, mean return {:.1f}\n", options->output, dataset.size(),
+               returns.size(), sum / static_cast<double>(returns.size()));
+  });
+}
+
+void AddBehaviorVerb(Program& program) {
+  CLI::App* verb =
+      program.app.add_subcommand("behavior", "train the medium and the expert behaviour policy of a study with SAC");
+  auto options = std::make_shared<Options>();
+  verb->add_option("--task", options->task, "simulator: Hopper-v5, ...")->required();
+  verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
+  verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
+  verb->add_option("--out", options->out, "folder for expert.npz, medium.npz and training.json")->required();
+  verb->add_option("--set", options->assignments, "sac.key=value; repeatable")->allow_extra_args(false);
+  verb->add_flag("--quiet", options->quiet, "no progress on stderr");
+  verb->footer(SettingsHelp({"sac"}));
+  verb->callback([options] {
+    RunConfig config;
+    for (const std::string& assignment : options->assignments) config.Set(assignment);
+    const auto factory = MakeSimulatorFactory(options->task, {});
+    TerminalSink terminal(options->quiet);
+    FileSink log(options->out, &terminal);
+    const BehaviorPolicies policies =
+        TrainBehaviorPolicies(*factory, config.sac, static_cast<uint64_t>(std::max(1L, options->seed)), options->out,
+                              MakeContext(log, options->threads));
+    fmt::print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", options->task,
+               policies.expert_return, policies.expert_step, policies.medium_return, policies.medium_step,
+               policies.random_return);
+  });
+}
+
+}  // namespace oted::cli

@@ -1,0 +1,131 @@
+#include "cli/options.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <csignal>
+#include <ctime>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/parallel.h"
+
+namespace oted::cli {
+
+std::atomic<bool> g_stop{false};
+
+namespace {
+
+extern "C" void OnInterrupt(int) {
+  if (g_stop.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
+}
+
+std::string Now() {
+  const std::time_t now = std::time(nullptr);
+  char text[32];
+  std::strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
+  return text;
+}
+
+}  // namespace
+
+void InstallStopHandler() {
+  struct sigaction action {};
+  action.sa_handler = OnInterrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+RunContext MakeContext(LogSink& log, int threads) {
+  RunContext context;
+  context.log = &log;
+  context.stop = &g_stop;
+  context.n_threads = threads > 0 ? threads : AvailableThreads();
+  return context;
+}
+
+std::string CommandLine(int argc, char** argv) {
+  std::string line = "oted";
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool plain = word.find_first_of(" *'\"[]$&|;<>()") == std::string::npos;
+    line += plain ? " " + word : " '" + word + "'";
+  }
+  return line;
+}
+
+void AddRunOptions(CLI::App& app, Options& options) {
+  if (app.get_option_no_throw("CONFIG") == nullptr) {
+    app.add_option("--config", options.config, "configuration file (TOML); default: the run directory's own run.toml");
+  }
+  app.add_option("--task", options.task, "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
+  app.add_option("--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz");
+  app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
+  app.add_option("--param", options.parameters,
+                 "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable");
+  app.add_option("--truth", options.truth,
+                 "name=value, where a study knows it; read by evaluation and report only; repeatable");
+  app.add_option("--seed", options.seed, "names every random stream [default: 1]");
+  app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]");
+  app.add_option("--threads", options.threads,
+                 "threads at most; results do not depend on it [default: all processors]");
+  app.add_option("--out", options.out, "run directory")->required();
+  app.add_option("--set", options.assignments, "section.key=value, any setting of the configuration; repeatable")
+      ->allow_extra_args(false);
+  app.add_flag("--json", options.json, "print the result as JSON");
+  app.add_flag("--quiet", options.quiet, "no progress on stderr");
+  app.add_flag("--strict", options.strict, "a parameter without measured effect is an error");
+  app.add_flag("--require-identified", options.require_identified, "exit with 4 when a parameter is not identified");
+}
+
+std::string SettingsHelp(const std::vector<std::string>& sections) {
+  RunConfig defaults;
+  std::string text = "Settings (in the configuration file, or with --set section.key=value):\n";
+  for (const FieldList& section : AllFields(defaults)) {
+    if (std::find(sections.begin(), sections.end(), section.section()) == sections.end()) continue;
+    text += fmt::format("\n[{}]\n", section.section());
+    for (const Field& field : section.fields()) {
+      const std::string range = field.range.ToString();
+      text += fmt::format("  {:<28} {} ({}{}) [default: {}]\n", field.name, field.help, field.TypeName(),
+                          range.empty() ? "" : " in " + range, field.ToJson().dump());
+    }
+  }
+  return text;
+}
+
+RunConfig ResolveConfig(const Options& options) {
+  RunConfig config;
+  const std::filesystem::path own = std::filesystem::path(options.out) / "run.toml";
+  if (!options.config.empty()) {
+    config = RunConfig::FromTomlFile(options.config);
+  } else if (std::filesystem::exists(own)) {
+    // run.toml holds the data's path as it was resolved: relative to where the program ran, not to the run directory.
+    config = RunConfig::FromToml(ReadFile(own), "run.toml");
+  }
+  if (!options.task.empty()) config.task.name = options.task;
+  if (!options.data.empty()) config.data.path = options.data;
+  if (!options.episodes.empty()) config.data.episodes = options.episodes;
+  if (!options.parameters.empty()) {
+    config.parameters.clear();
+    for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
+  }
+  if (!options.truth.empty()) config.truth.clear();
+  for (const std::string& text : options.truth) config.SetTruth(text);
+  if (options.seed >= 0) config.run.seed = options.seed;
+  if (options.threads >= 0) config.run.threads = options.threads;
+  if (options.n_seeds > 0) config.selection.n_seeds = options.n_seeds;
+  if (options.strict) config.run.strict = true;
+  for (const std::string& assignment : options.assignments) config.Set(assignment);
+  return config;
+}
+
+Session::Session(const Options& options, const std::string& command_line) : terminal_(options.quiet) {
+  const RunConfig config = ResolveConfig(options);
+  log_ = std::make_unique<FileSink>(options.out, &terminal_);
+  pipeline_ = std::make_unique<Pipeline>(config, options.out, MakeContext(*log_, config.run.threads));
+  WriteJson(std::filesystem::path(options.out) / "versions.json",
+            {{"oted", OTED_VERSION}, {"mujoco", "4.0.0"}, {"command", command_line}, {"finished_setup", Now()}});
+}
+
+}  // namespace oted::cli

@@ -1,0 +1,60 @@
+#pragma once
+/// Options that the verbs share, and what they make of them.
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cli/terminal.h"
+#include "oted/pipeline.h"
+#include "oted/report/file_sink.h"
+
+namespace oted::cli {
+
+/// As typed; empty where not given.
+struct Options {
+  std::string config, task, data, episodes, out;
+  std::vector<std::string> parameters, truth, assignments;
+  long seed = -1;
+  int threads = -1;
+  int n_seeds = -1;
+  bool json = false, quiet = false, strict = false, require_identified = false;
+};
+
+/// Adds the options that every stage takes.
+void AddRunOptions(CLI::App& app, Options& options);
+/// The settings of the named sections with types, defaults and units, for a verb's --help.
+std::string SettingsHelp(const std::vector<std::string>& sections);
+
+/// The configuration that the options describe: --config, else the run directory's own run.toml, else defaults; flags
+/// on top.
+RunConfig ResolveConfig(const Options& options);
+
+/// A pipeline with its log: files in the run directory and bars on the terminal.
+class Session {
+ public:
+  /// @param command_line for the record
+  Session(const Options& options, const std::string& command_line);
+  Pipeline& pipeline() { return *pipeline_; }
+
+ private:
+  TerminalSink terminal_;
+  std::unique_ptr<FileSink> log_;
+  std::unique_ptr<Pipeline> pipeline_;
+};
+
+/// Set by Ctrl-C; a second one ends the program at once.
+extern std::atomic<bool> g_stop;
+void InstallStopHandler();
+/// Threads and log of a verb that needs no pipeline.
+RunContext MakeContext(LogSink& log, int threads);
+
+/// The program's command line, as typed.
+std::string CommandLine(int argc, char** argv);
+
+/// Prints the final tables of a run directory (or its JSON), and returns the exit code that its verdict stands for.
+int PrintResult(const std::filesystem::path& run_directory, const Options& options);
+
+}  // namespace oted::cli

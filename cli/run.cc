@@ -1,0 +1,28 @@
+// oted run CONFIG.toml: everything.
+
+#include <memory>
+
+#include "cli/options.h"
+#include "cli/verbs.h"
+#include "oted/report/report.h"
+
+namespace oted::cli {
+
+void AddRunVerb(Program& program) {
+  CLI::App* verb =
+      program.app.add_subcommand("run", "the whole method: clone, design, select, train, select, evaluate, report");
+  auto options = std::make_shared<Options>();
+  verb->add_option("CONFIG", options->config, "configuration file (TOML)");
+  AddRunOptions(*verb, *options);
+  verb->footer(SettingsHelp({"task", "data", "run", "clone", "design", "selection", "agents", "sac"}));
+  verb->callback([&program, options] {
+    {
+      Session session(*options, program.command_line);
+      session.pipeline().Run();
+      WriteReport(options->out);
+    }
+    program.exit_code = PrintResult(options->out, *options);
+  });
+}
+
+}  // namespace oted::cli

@@ -1,0 +1,65 @@
+// One verb per stage, on the same run directory. A stage whose predecessors are missing makes them first.
+
+#include <functional>
+#include <memory>
+
+#include "cli/options.h"
+#include "cli/verbs.h"
+#include "oted/base/error.h"
+#include "oted/report/report.h"
+
+namespace oted::cli {
+namespace {
+
+struct StageVerb {
+  const char* name;
+  const char* help;
+  std::vector<std::string> sections;
+  void (Pipeline::*call)();
+};
+
+void AddStageVerb(Program& program, const StageVerb& stage) {
+  CLI::App* verb = program.app.add_subcommand(stage.name, stage.help);
+  auto options = std::make_shared<Options>();
+  AddRunOptions(*verb, *options);
+  verb->footer(SettingsHelp(stage.sections));
+  verb->callback([&program, options, call = stage.call] {
+    {
+      Session session(*options, program.command_line);
+      if (call == &Pipeline::EvaluateInTarget && session.pipeline().config().truth.empty()) {
+        throw UsageError(
+            "evaluate needs the truth of a study: add --truth name=value for every parameter, or a [truth] section");
+      }
+      (session.pipeline().*call)();
+      WriteReport(options->out);
+    }
+    program.exit_code = PrintResult(options->out, *options);
+  });
+}
+
+}  // namespace
+
+void AddStageVerbs(Program& program) {
+  AddStageVerb(
+      program,
+      {"clone", "stage 1: learn the behaviour policy mu-hat from the logs", {"clone"}, &Pipeline::CloneBehavior});
+  // A design is of use once it is known which seed to trust: the verb goes on to the selection.
+  AddStageVerb(program, {"design",
+                         "stages 2 and 3: learn q(z) for every setting and seed, and select",
+                         {"design", "selection"},
+                         &Pipeline::SelectSimulator});
+  AddStageVerb(program, {"select-simulator",
+                         "stage 3: score the designs and select the best setting",
+                         {"selection"},
+                         &Pipeline::SelectSimulator});
+  AddStageVerb(
+      program,
+      {"train", "stage 4: train agents in the designed simulators", {"agents", "sac"}, &Pipeline::TrainAgents});
+  AddStageVerb(
+      program,
+      {"select-policy", "stage 5: rank the agents in every designed simulator", {"agents"}, &Pipeline::SelectPolicy});
+  AddStageVerb(program,
+               {"evaluate", "with a known truth: every policy in the target", {"agents"}, &Pipeline::EvaluateInTarget});
+}
+
+}  // namespace oted::cli

@@ -1,0 +1,180 @@
+#include "oted/matching/designer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+
+namespace oted {
+namespace {
+
+ParameterSpace Space() {
+  return ParameterSpace({{.name = "friction", .field = "env/friction", .low = 0.2, .high = 2.0},
+                         {.name = "gain", .field = "env/gain", .low = 0.1, .high = 10.0, .logarithmic = true}});
+}
+
+Designer At(std::vector<double> mean, std::vector<double> log_std) {
+  Designer designer(Space(), 1.0);
+  designer.Restore(std::move(mean), std::move(log_std));
+  return designer;
+}
+
+TEST(Designer, KlIsZeroAtThePriorAndItsGradientIsTheOneThatAscendFollows) {
+  EXPECT_NEAR(At({0, 0}, {std::log(Designer::kPriorStd), std::log(Designer::kPriorStd)}).KlToPrior(), 0, 1e-12);
+  const std::vector<double> mean = {0.7, -1.1}, log_std = {-0.9, 0.3};
+  const double h = 1e-6, lambda = 0.3, step = 1e-3;
+  Designer stepped = At(mean, log_std);
+  // Without advantages Ascend follows -lambda dKL, times the inverse Fisher information: std^2 and 1/2.
+  Rng rng(1);
+  stepped.Ascend({stepped.Draw(rng)}, std::vector{0.0}, lambda, step, step);
+  for (size_t i = 0; i < 2; ++i) {
+    std::vector<double> up = mean, down = mean;
+    up[i] += h;
+    down[i] -= h;
+    const double d_mean = (At(up, log_std).KlToPrior() - At(down, log_std).KlToPrior()) / (2 * h);
+    up = down = log_std;
+    up[i] += h;
+    down[i] -= h;
+    const double d_log_std = (At(mean, up).KlToPrior() - At(mean, down).KlToPrior()) / (2 * h);
+    EXPECT_NEAR((stepped.mean()[i] - mean[i]) / step, -lambda * std::exp(2 * log_std[i]) * d_mean, 1e-6);
+    EXPECT_NEAR((stepped.log_std()[i] - log_std[i]) / step, -lambda * 0.5 * d_log_std, 1e-6);
+  }
+}
+
+TEST(Designer, TheRewardsGradientIsThatOfItsExpectation) {
+  // R(x) = b x_0 + c x_1^2 has E[R] = b mean_0 + c (mean_1^2 + std_1^2): natural gradients in closed form.
+  const double b = 0.7, c = -0.4, step = 1e-3;
+  Designer designer = At({0.5, 0.8}, {-0.5, -0.2});
+  const std::vector<double> mean = designer.mean(), log_std = designer.log_std();
+  const double var0 = std::exp(2 * log_std[0]), var1 = std::exp(2 * log_std[1]);
+  Rng rng(2);
+  std::vector<Designer::Sample> draws;
+  std::vector<double> advantages;
+  const double baseline = b * mean[0] + c * (mean[1] * mean[1] + var1);
+  for (int k = 0; k < 200000; ++k) {
+    draws.push_back(designer.Draw(rng));
+    const auto& x = draws.back().x;
+    advantages.push_back(b * x[0] + c * x[1] * x[1] - baseline);
+  }
+  designer.Ascend(draws, advantages, 0, step, step);
+  EXPECT_NEAR((designer.mean()[0] - mean[0]) / step, var0 * b, 0.01);
+  EXPECT_NEAR((designer.mean()[1] - mean[1]) / step, var1 * 2 * c * mean[1], 0.01);
+  EXPECT_NEAR((designer.log_std()[0] - log_std[0]) / step, 0, 0.01);
+  EXPECT_NEAR((designer.log_std()[1] - log_std[1]) / step, 0.5 * 2 * c * var1, 0.01);
+}
+
+TEST(Designer, AscendsToTheMaximumAndLeavesWhatHasNoEffectAtThePrior) {
+  const ParameterSpace space = Space();
+  Designer designer(space, 1.0);
+  const double truth_u = 0.8;  // of the first parameter; the second has no effect
+  Rng rng(3);
+  for (int iteration = 0; iteration < 400; ++iteration) {
+    std::vector<Designer::Sample> draws;
+    std::vector<double> rewards;
+    double mean = 0;
+    for (int k = 0; k < 32; ++k) {
+      draws.push_back(k % 2 == 0 ? designer.Draw(rng) : designer.Mirror(draws.back()));
+      const double error = space.ToUnit(draws.back().z)[0] - truth_u;
+      rewards.push_back(-20 * error * error);
+      mean += rewards.back() / 32;
+    }
+    for (double& r : rewards) r -= mean;
+    designer.Ascend(draws, rewards, 0.01, 0.2, 0.1);
+  }
+  EXPECT_NEAR(designer.Mode()[0], 0.2 + 1.8 * truth_u, 0.03);
+  EXPECT_LT(std::exp(designer.log_std()[0]), 0.35);
+  EXPECT_LT(std::abs(designer.mean()[1]), 1.0);
+  EXPECT_GT(std::exp(designer.log_std()[1]), 0.8) << "the spread is the uncertainty, and must stay";
+}
+
+TEST(Designer, CentralIntervalsHoldTheirMassOfTheDraws) {
+  const Designer designer = At({1.2, -0.4}, {-0.3, 0.4});
+  Rng rng(4);
+  constexpr int kN = 20000;
+  std::vector<std::vector<double>> z;
+  for (int k = 0; k < kN; ++k) z.push_back(designer.Draw(rng).z);
+  for (const double mass : {0.5, 0.9, 0.99}) {
+    const auto intervals = designer.CentralInterval(mass);
+    for (size_t i = 0; i < 2; ++i) {
+      double inside = 0, below = 0;
+      for (const auto& draw : z) {
+        inside += draw[i] >= intervals[i].low && draw[i] <= intervals[i].high;
+        below += draw[i] < intervals[i].low;
+      }
+      const double five_errors = 5 * std::sqrt(mass * (1 - mass) / kN);
+      EXPECT_NEAR(inside / kN, mass, five_errors);
+      EXPECT_NEAR(below / kN, (1 - mass) / 2, five_errors);
+    }
+  }
+}
+
+TEST(Designer, ANarrowQHasTheDeviationOfItsDrawsAndAWideOneThatOfThePriorAtMost) {
+  const Designer narrow = At({0.9, -0.6}, {std::log(0.02), std::log(0.03)});
+  Rng rng(5);
+  std::vector<double> sum(2, 0), squares(2, 0);
+  constexpr int kN = 20000;
+  for (int k = 0; k < kN; ++k) {
+    const auto z = narrow.Draw(rng).z;
+    for (size_t i = 0; i < 2; ++i) {
+      sum[i] += z[i] / kN;
+      squares[i] += z[i] * z[i] / kN;
+    }
+  }
+  for (size_t i = 0; i < 2; ++i) {
+    const double std = std::sqrt(squares[i] - sum[i] * sum[i]);
+    EXPECT_NEAR(narrow.Std()[i], std, 0.05 * std);
+    EXPECT_NEAR(narrow.Mode()[i], sum[i], 0.1 * std);
+  }
+  EXPECT_LE(At({0, 0}, {0.7, 0.7}).Std()[0], 1.8 / std::sqrt(12.0));
+}
+
+TEST(Designer, DrawsStayInsideTheBoundsAndMirrorsLieOppositeTheMean) {
+  const Designer designer = At({5.9, -6.0}, {0.75, 0.75});
+  Rng rng(6);
+  for (int k = 0; k < 1000; ++k) {
+    const auto draw = designer.Draw(rng), mirror = designer.Mirror(draw);
+    EXPECT_NO_THROW(Space().CheckInside(draw.z));
+    EXPECT_NO_THROW(Space().CheckInside(mirror.z));
+    for (size_t i = 0; i < 2; ++i) EXPECT_NEAR(0.5 * (draw.x[i] + mirror.x[i]), designer.mean()[i], 1e-12);
+  }
+}
+
+TEST(Designer, QJsonRoundTrips) {
+  const Designer designer = At({1.23456789, -0.4}, {-2.5, 0.3});
+  const nlohmann::json q = nlohmann::json::parse(designer.ToJson(0.05).dump());
+  EXPECT_EQ(q["schema"], "oted.q/1");
+  EXPECT_EQ(q["lambda"], 0.05);
+  EXPECT_EQ(q["mode"].get<std::vector<double>>(), designer.Mode());
+  const Designer read = Designer::FromJson(q, Space(), "q.json");
+  EXPECT_EQ(read.mean(), designer.mean());
+  for (size_t i = 0; i < 2; ++i) EXPECT_NEAR(read.log_std()[i], designer.log_std()[i], 1e-14);
+  EXPECT_EQ(read.Mode(), designer.Mode());
+}
+
+TEST(Designer, AForeignQIsADataErrorThatNamesTheFile) {
+  const nlohmann::json q = At({1, 2}, {0, 0}).ToJson(0.1);
+  const auto error_with = [&](const std::function<void(nlohmann::json&)>& change) {
+    nlohmann::json changed = q;
+    change(changed);
+    const std::string message = MessageOf<DataError>([&] { Designer::FromJson(changed, Space(), "the/q.json"); });
+    EXPECT_NE(message.find("the/q.json"), std::string::npos) << message;
+  };
+  error_with([](auto& j) { j = nlohmann::json::array(); });
+  error_with([](auto& j) { j["schema"] = "oted.q/2"; });
+  error_with([](auto& j) { j["kind"] = "categorical"; });
+  for (const char* key : {"schema", "kind", "parameters", "bounds", "mean", "cov"}) {
+    error_with([&](auto& j) { j.erase(key); });
+  }
+  error_with([](auto& j) { j["mean"] = {1.0}; });
+  error_with([](auto& j) { j["cov"] = {{1.0}, {0.0}}; });
+  error_with([](auto& j) { j["cov"] = {{1.0, 0.0}, {0.0, -1.0}}; });
+  error_with([](auto& j) { j["mean"][0] = nullptr; });
+  error_with([](auto& j) { j["parameters"][1] = "gravity"; });
+  error_with([](auto& j) { j["bounds"][0][1] = 3.0; });
+}
+
+}  // namespace
+}  // namespace oted

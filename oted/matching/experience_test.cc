@@ -1,0 +1,205 @@
+#include "oted/matching/experience.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/sim/rollout.h"
+#include "oted/sim/testing.h"
+
+namespace oted {
+namespace {
+
+const std::vector<double> kTruth = {1.3, 0.6, 0.5};
+
+/// Four 20-step episodes of the point mass at kTruth with wavering actions.
+Dataset MakeDataset(const PointMassOptions& options = {}) {
+  PointMass simulator(options, 4, 1);
+  int step = 0;
+  const auto act = [&](std::span<const double>, int n, std::span<double> actions) {
+    for (int i = 0; i < n; ++i) actions[static_cast<size_t>(i)] = 0.9 * std::sin(1.7 * step + i);
+    ++step;
+  };
+  std::vector<Dataset> lanes(4);
+  RunEpisodes(simulator, std::vector(4, kTruth), act, RngKey(1), [&](const StepView& view) {
+    Dataset& log = lanes[static_cast<size_t>(view.lane)];
+    log.observations.AppendRow(view.observation);
+    log.actions.AppendRow(view.action);
+    log.next_observations.AppendRow(view.next_observation);
+    log.terminals.push_back(view.status == LaneStatus::kTerminated);
+    log.timeouts.push_back(view.status == LaneStatus::kTruncated);
+  });
+  Dataset dataset;
+  for (const Dataset& lane : lanes) dataset.Append(lane);
+  return dataset;
+}
+
+std::vector<LaneExperience> Gather(const Dataset& dataset, const EvidenceConfig& config,
+                                   const std::vector<std::vector<double>>& z, const TanhGaussianPolicy* clone = nullptr,
+                                   const PointMassOptions& options = {}, int n_threads = 1) {
+  ExperienceGatherer gatherer(std::make_unique<PointMass>(options, static_cast<int>(z.size()), n_threads), dataset,
+                              clone, config);
+  return gatherer.Gather(z, RngKey(2));
+}
+
+/// The dataset row that shows the same s and a, or -1.
+int RowOf(const Dataset& dataset, std::span<const double> features) {
+  for (int i = 0; i < dataset.size(); ++i) {
+    if (dataset.observations(i, 0) == features[0] && dataset.observations(i, 1) == features[1] &&
+        dataset.actions(i, 0) == features[2]) {
+      return i;
+    }
+  }
+  return -1;
+}
+
+TEST(DatasetFeatures, AreStateActionAndChange) {
+  const Dataset dataset = MakeDataset();
+  const Array2<double> with = DatasetFeatures(dataset, true), without = DatasetFeatures(dataset, false);
+  ASSERT_EQ(with.rows(), 80);
+  ASSERT_EQ(with.cols(), 5);
+  ASSERT_EQ(without.cols(), 3);
+  for (int i = 0; i < 80; ++i) {
+    EXPECT_EQ(with(i, 1), dataset.observations(i, 1));
+    EXPECT_EQ(with(i, 2), dataset.actions(i, 0));
+    EXPECT_EQ(with(i, 3), dataset.next_observations(i, 0) - dataset.observations(i, 0));
+    EXPECT_EQ(with(i, 4), dataset.next_observations(i, 1) - dataset.observations(i, 1));
+    EXPECT_EQ(without(i, 2), with(i, 2));
+  }
+}
+
+TEST(ExperienceGatherer, ReplayAtTheTrueParametersGivesTheDatasetsTransitionsExactly) {
+  const Dataset dataset = MakeDataset();
+  const Array2<double> logged = DatasetFeatures(dataset, true);
+  // The second lane has another gain, the third differs in a parameter without effect.
+  const auto lanes = Gather(dataset, {.horizon = 6, .n_steps = 50}, {kTruth, {1.2, 0.6, 0.5}, {1.3, 0.6, 0.9}});
+  ASSERT_EQ(lanes.size(), 3u);
+  std::set<int> rows_seen;
+  int different = 0;
+  for (int i = 0; i < 50; ++i) {
+    const auto features = lanes[0].features.row(i);
+    const int row = RowOf(dataset, features);
+    ASSERT_GE(row, 0) << i;
+    rows_seen.insert(row);
+    for (int j = 0; j < 5; ++j) EXPECT_EQ(features[static_cast<size_t>(j)], logged(row, j));
+    different += std::abs(lanes[1].features(i, 4) - features[4]) > 1e-6;
+  }
+  EXPECT_GT(rows_seen.size(), 25u);
+  EXPECT_GT(different, 45) << "another gain shows in the change of velocity";
+  EXPECT_EQ(lanes[0].features, lanes[2].features);
+  for (const LaneExperience& lane : lanes) {
+    EXPECT_EQ(lane.features.rows(), 50);
+    EXPECT_FALSE(lane.diverged);
+  }
+}
+
+TEST(ExperienceGatherer, AllLanesGetTheSameStartsAndActionsWhateverTheirParameters) {
+  const Dataset dataset = MakeDataset();
+  const auto lanes = Gather(dataset, {.horizon = 5, .n_steps = 30}, {{0.5, 0.6, 0}, {2, 0.3, 0}, {1, 1, 0}});
+  for (int i = 0; i < 30; ++i) {
+    for (size_t k = 1; k < 3; ++k) {
+      EXPECT_EQ(lanes[k].features(i, 2), lanes[0].features(i, 2));
+      if (i % 5 == 0) EXPECT_EQ(lanes[k].features(i, 0), lanes[0].features(i, 0));
+      if (i % 5 == 0) EXPECT_EQ(lanes[k].features(i, 1), lanes[0].features(i, 1));
+    }
+  }
+}
+
+TEST(ExperienceGatherer, TheClonesRolloutsRestartAtTheHorizonAndAfterTermination) {
+  const Dataset dataset = MakeDataset();
+  TanhGaussianPolicy clone(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  clone.net().parameters()[4] = 3.0f;    // mean of u: action near 1
+  clone.net().parameters()[5] = -20.0f;  // log std: no noise
+  const double action = std::tanh(3.0);
+  const PointMassOptions options{.terminate_beyond = 0.9};
+  const auto lanes = Gather(dataset, {.dataset_starts = false, .replayed_actions = false, .horizon = 8, .n_steps = 100},
+                            {{1, 1, 0}, {2, 1, 0}}, &clone, options);
+  for (size_t k = 0; k < 2; ++k) {
+    const Array2<double>& f = lanes[k].features;
+    ASSERT_EQ(f.rows(), 100) << "every z gets the same number of steps";
+    int length = 0, short_ones = 0;
+    for (int i = 0; i < 100; ++i) {
+      EXPECT_NEAR(f(i, 2), action, 1e-6);
+      EXPECT_NEAR(f(i, 3), 0.1 * (k == 0 ? 1 : 2) * action, 1e-6);
+      ++length;
+      const bool terminal = std::abs(f(i, 0) + f(i, 3)) > 0.9;
+      if (i + 1 == 100) break;
+      const bool fresh = f(i + 1, 1) == 0;  // a reset starts at rest, a running mass never is
+      EXPECT_EQ(fresh, terminal || length == 8) << k << " " << i;
+      short_ones += fresh && length < 8;
+      if (fresh) length = 0;
+    }
+    EXPECT_GT(short_ones, 2);
+  }
+  EXPECT_EQ(lanes[0].features(0, 0), lanes[1].features(0, 0));
+}
+
+TEST(ExperienceGatherer, ClonesNoiseIsScaled) {
+  const Dataset dataset = MakeDataset();
+  TanhGaussianPolicy clone(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  clone.net().parameters()[5] = -1.0f;
+  const auto deviation = [&](double scale) {
+    const auto lanes =
+        Gather(dataset, {.replayed_actions = false, .n_steps = 500, .clone_noise = scale}, {kTruth}, &clone);
+    double squares = 0;
+    for (int i = 0; i < 500; ++i) squares += std::pow(std::atanh(lanes[0].features(i, 2)), 2) / 500;
+    return std::sqrt(squares);
+  };
+  EXPECT_NEAR(deviation(1.0), std::exp(-1), 0.05);
+  EXPECT_NEAR(deviation(0.5), 0.5 * std::exp(-1), 0.03);
+  EXPECT_EQ(deviation(0.0), 0);
+}
+
+TEST(ExperienceGatherer, ADivergingLaneIsMarkedAndItsBrokenStepsAreLeftOut) {
+  const Dataset dataset = MakeDataset();
+  const PointMassOptions options{.diverge_beyond = 1.6};
+  TanhGaussianPolicy clone(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  clone.net().parameters()[4] = 10.0f;
+  const auto lanes = Gather(dataset, {.dataset_starts = false, .replayed_actions = false, .horizon = 10, .n_steps = 60},
+                            {{0.2, 1, 0}, {2, 1, 0}, {0.3, 1, 0}}, &clone, options);
+  EXPECT_FALSE(lanes[0].diverged);
+  EXPECT_TRUE(lanes[1].diverged);
+  EXPECT_FALSE(lanes[2].diverged);
+  EXPECT_EQ(lanes[0].features.rows(), 60);
+  EXPECT_LT(lanes[1].features.rows(), 60);
+  EXPECT_GT(lanes[1].features.rows(), 0);
+  for (const double v : lanes[1].features.values()) EXPECT_TRUE(std::isfinite(v));
+  // The neighbours do not notice.
+  const auto without =
+      Gather(dataset, {.dataset_starts = false, .replayed_actions = false, .horizon = 10, .n_steps = 60},
+             {{0.2, 1, 0}, {0.5, 1, 0}, {0.3, 1, 0}}, &clone, options);
+  EXPECT_EQ(lanes[0].features.rows(), without[0].features.rows());
+}
+
+TEST(ExperienceGatherer, StatesThatTheObservationDoesNotDetermineAreNoStarts) {
+  const Dataset dataset = MakeDataset();
+  const double clip = 0.5;
+  const auto lanes = Gather(dataset, {.horizon = 1, .n_steps = 200}, {kTruth}, nullptr, {.velocity_clip = clip});
+  for (int i = 0; i < 200; ++i) EXPECT_LT(std::abs(lanes[0].features(i, 1)), clip);
+  const Dataset fast = [&] {
+    Dataset d = dataset;
+    for (int i = 0; i < d.size(); ++i) d.observations(i, 1) = 1;
+    return d;
+  }();
+  MessageOf<DataError>([&] { Gather(fast, {}, {kTruth}, nullptr, {.velocity_clip = clip}); });
+}
+
+TEST(ExperienceGatherer, ASimulatorWithoutSettableStatesIsADataErrorWithTheRemedy) {
+  const Dataset dataset = MakeDataset();
+  const std::string message =
+      MessageOf<DataError>([&] { Gather(dataset, {}, {kTruth}, nullptr, {.can_set_state = false}); });
+  EXPECT_NE(message.find("--set design.starts=initial"), std::string::npos) << message;
+}
+
+TEST(ExperienceGatherer, TheSameKeyGivesTheSameExperienceAtAnyThreadCount) {
+  const Dataset dataset = MakeDataset();
+  const std::vector<std::vector<double>> z = {{1, 1, 0}, {0.5, 0.4, 0}, {1.7, 1, 0}};
+  const auto one = Gather(dataset, {}, z, nullptr, {}, 1), two = Gather(dataset, {}, z, nullptr, {}, 2);
+  for (size_t k = 0; k < 3; ++k) EXPECT_EQ(one[k].features, two[k].features);
+}
+
+}  // namespace
+}  // namespace oted

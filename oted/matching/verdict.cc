@@ -1,0 +1,104 @@
+#include "oted/matching/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+constexpr double kIdentifiedBelow = 0.25;  // of the uniform prior's standard deviation
+constexpr double kWeakBelow = 0.6;
+constexpr double kNoGapMargin = 0.02;  // nats of the common score
+constexpr double kMatchMargin = 0.35;
+
+double Sigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }
+
+/// x at which the mixture of Gaussians of parameter i has the given cumulative probability; by bisection.
+double MixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
+  double low = -20, high = 20;
+  for (int step = 0; step < 60; ++step) {
+    const double middle = 0.5 * (low + high);
+    double mass = 0;
+    for (const Designer& q : designs) {
+      const double noise = (middle - q.mean()[i]) / std::exp(q.log_std()[i]);
+      mass += 0.5 * std::erfc(-noise / std::numbers::sqrt2) / static_cast<double>(designs.size());
+    }
+    (mass < probability ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+double ZOf(const Designer& q, size_t i, double x) {
+  std::vector<double> u(static_cast<size_t>(q.size()), 0.5);
+  u[i] = Sigmoid(x);
+  return q.space().FromUnit(u)[i];
+}
+
+}  // namespace
+
+std::string ToString(ParameterVerdict verdict) {
+  switch (verdict) {
+    case ParameterVerdict::kIdentified:
+      return "identified";
+    case ParameterVerdict::kWeak:
+      return "weak";
+    case ParameterVerdict::kNotIdentified:
+      return "not_identified";
+  }
+  throw InternalError("unknown parameter verdict");
+}
+
+std::string ToString(DesignVerdict verdict) {
+  switch (verdict) {
+    case DesignVerdict::kNoGap:
+      return "no_gap";
+    case DesignVerdict::kGapClosed:
+      return "gap_closed";
+    case DesignVerdict::kOutsideFamily:
+      return "outside_family";
+  }
+  throw InternalError("unknown design verdict");
+}
+
+std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
+                                                  const std::vector<bool>& has_effect) {
+  OTED_CHECK(!designs.empty());
+  const ParameterSpace& space = designs[0].space();
+  const double n = static_cast<double>(designs.size());
+  std::vector<ParameterSummary> summaries;
+  for (int p = 0; p < space.size(); ++p) {
+    const size_t i = static_cast<size_t>(p);
+    ParameterSummary summary;
+    double mean = 0, within = 0, between = 0;
+    for (const Designer& q : designs) mean += q.Mode()[i] / n;
+    for (const Designer& q : designs) {
+      within += q.Std()[i] * q.Std()[i] / n;
+      between += (q.Mode()[i] - mean) * (q.Mode()[i] - mean) / n;
+    }
+    summary.mode = designs[static_cast<size_t>(best)].Mode()[i];
+    summary.std = std::sqrt(within + between);
+    summary.interval90_low = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.05));
+    summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
+    const double uniform_std = (space[p].high - space[p].low) / std::sqrt(12.0);
+    if (!has_effect[i] || summary.std >= kWeakBelow * uniform_std) {
+      summary.verdict = ParameterVerdict::kNotIdentified;
+    } else {
+      summary.verdict =
+          summary.std < kIdentifiedBelow * uniform_std ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
+    }
+    summaries.push_back(summary);
+  }
+  return summaries;
+}
+
+DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
+  const double nominal_gap = std::numbers::ln2 - nominal_common, designed_gap = std::numbers::ln2 - designed_common;
+  if (nominal_gap < kNoGapMargin) return DesignVerdict::kNoGap;
+  if (designed_gap < kMatchMargin || designed_gap < 0.5 * nominal_gap) return DesignVerdict::kGapClosed;
+  return DesignVerdict::kOutsideFamily;
+}
+
+}  // namespace oted

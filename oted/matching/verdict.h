@@ -1,0 +1,39 @@
+#pragma once
+/// How far a design can be trusted.
+
+#include <string>
+#include <vector>
+
+#include "oted/matching/designer.h"
+
+namespace oted {
+
+enum class ParameterVerdict { kIdentified, kWeak, kNotIdentified };
+enum class DesignVerdict {
+  kNoGap,          ///< the un-designed simulator already matches the logs
+  kGapClosed,      ///< the designed simulator matches the logs
+  kOutsideFamily,  ///< no simulator in this family matches the logs
+};
+std::string ToString(ParameterVerdict verdict);
+std::string ToString(DesignVerdict verdict);
+
+/// One parameter over the mixture of the selected setting's seeds.
+struct ParameterSummary {
+  double mode = 0;                                 ///< of the best-scoring seed
+  double std = 0;                                  ///< of the mixture of all seeds' q
+  double interval90_low = 0, interval90_high = 0;  ///< central 90 % of the mixture
+  ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
+};
+
+/// Summarises the mixture of `designs`; `best` is the index whose mode is reported.
+/// A parameter is identified when the mixture's standard deviation is below a quarter of the uniform prior's, weak
+/// below 0.6 of it, otherwise (and without measured effect) not identified.
+std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
+                                                  const std::vector<bool>& has_effect);
+
+/// From the common score (held-out cross-entropy of a judge; log 2 where logs and simulator cannot be told apart):
+/// within 0.02 nats of log 2 nominal already matches; the designed simulator matches where it closed at least half of
+/// the gap, or is within 0.35 nats of log 2.
+DesignVerdict JudgeDesign(double nominal_common, double designed_common);
+
+}  // namespace oted

@@ -1,0 +1,104 @@
+// Stages 4 and 5: the agents, and which of them is used.
+#include <fmt/format.h>
+
+#include "oted/report/figure.h"
+#include "oted/report/json_values.h"
+#include "oted/report/sections.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+// Evaluations where there are any, else the returns of the training episodes.
+const json& ReturnCurve(const json& agent) {
+  const json& evaluations = ListAt(agent["curves"], "eval/mean_reward");
+  return evaluations.empty() ? ListAt(agent["curves"], "rollout/ep_rew_mean") : evaluations;
+}
+
+std::string MatrixFigure(const json& selection) {
+  json agents = json::array();
+  json simulators = json::array();
+  json returns = json::array();
+  for (const json& simulator : ListAt(selection, "simulators")) {
+    simulators.push_back("simulator " + PlotText(TextAt(simulator, "seed")));
+  }
+  for (const json& agent : ListAt(selection, "agents")) {
+    agents.push_back("agent " + PlotText(TextAt(agent, "agent")));
+    returns.push_back(ListAt(agent, "returns"));
+  }
+  if (agents.empty() || simulators.empty()) return "";
+  Figure figure("Return of every agent in every designed simulator");
+  figure.AddTrace({{"type", "heatmap"},
+                   {"x", simulators},
+                   {"y", agents},
+                   {"z", returns},
+                   {"colorscale", {{0, "var:--surface"}, {1, "var:--designed"}}},
+                   {"texttemplate", "%{z:,.0f}"},
+                   {"hoverinfo", "skip"},
+                   {"xgap", 3},
+                   {"ygap", 3},
+                   {"showscale", false}});
+  figure.layout() = {{"xaxis", {{"type", "category"}, {"showgrid", false}}},
+                     {"yaxis", {{"type", "category"}, {"autorange", "reversed"}, {"showgrid", false}}}};
+  return figure.Html("wide");
+}
+
+}  // namespace
+
+Section AgentsSection(const json& report) {
+  Section section{"agents", "Agents", "Training the agents", ""};
+  const json& agents = ListAt(report, "agents");
+  const json& undesigned = ListAt(report, "undesigned");
+  if (agents.empty() && undesigned.empty()) return section;
+  section.html =
+      "<p>Agents learn in the designed simulators, a different one of them in each episode. Returns here are earned in "
+      "the simulator that each agent trains in, not in the target.";
+  if (!undesigned.empty()) section.html += " For comparison, the same training in the original simulator.";
+  section.html += "</p>\n";
+  HtmlTable table;
+  table.Column("Agent", HtmlTable::Align::kText).Column("Trained in", HtmlTable::Align::kText);
+  table.Column("Seed").Column("Steps").Column("Return at the end");
+  Figure figure("Return over the training steps");
+  const auto add = [&](const json& group, const char* where, const char* color) {
+    for (const json& agent : group) {
+      const std::string name = TextAt(agent, "name");
+      const json& result = agent["result"];
+      figure.AddCurve(ReturnCurve(agent), fmt::format("agent {}, {}", name, where), {.color = color, .width = 1.8});
+      const std::string seed = TextAt(result, "seed");
+      table.Row({Escape(name), where, seed.empty() ? "–" : Escape(seed), FormatCount(NumberAt(result, "n_steps")),
+                 FormatNumber(NumberAt(result, "eval_return"))});
+    }
+  };
+  add(undesigned, "original simulator", "var:--nominal");
+  add(agents, "designed simulators", "var:--designed");
+  figure.layout() = {{"xaxis", {{"title", {{"text", "step"}}}}}};
+  PlotKey key;
+  if (!agents.empty()) key.Add("line", "--designed", "in the designed simulators");
+  if (!undesigned.empty()) key.Add("line", "--nominal", "in the original simulator");
+  if (!figure.empty()) section.html += key.Html() + figure.Html("wide");
+  section.html += table.Html();
+  return section;
+}
+
+Section PolicySelectionSection(const json& report) {
+  Section section{"policy-selection", "Policy choice", "Choosing the policy", ""};
+  if (!report.contains("policy_selection")) return section;
+  const json& selection = report["policy_selection"];
+  section.html =
+      "<p>Every agent is tried in every designed simulator, and the one with the highest mean return is kept. The "
+      "target has no say in this.</p>\n";
+  HtmlTable table;
+  table.Column("Agent", HtmlTable::Align::kText).Column("Mean return");
+  const std::string selected = TextAt(selection, "selected");
+  for (const json& agent : ListAt(selection, "agents")) {
+    const bool chosen = TextAt(agent, "agent") == selected;
+    table.Row({Escape(TextAt(agent, "agent")) + (chosen ? " <span class=\"badge good\">selected</span>" : ""),
+               FormatNumber(NumberAt(agent, "mean_return"))},
+              chosen);
+  }
+  section.html += MatrixFigure(selection) + table.Html();
+  return section;
+}
+
+}  // namespace oted

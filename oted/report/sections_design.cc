@@ -1,0 +1,160 @@
+// Stage 2: the distribution over the parameters and its discriminator.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "oted/report/figure.h"
+#include "oted/report/json_values.h"
+#include "oted/report/sections.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+// The parameters' names; before design.json is there, those that the curves name.
+std::vector<std::string> ParameterNames(const json& report) {
+  std::vector<std::string> names;
+  for (const json& parameter : ListAt(report, "parameters")) names.push_back(TextAt(parameter, "name"));
+  if (!names.empty()) return names;
+  constexpr std::string_view kPrefix = "design/mode/";
+  for (const auto& [key, curve] : report["design_seeds"].front()["curves"].items()) {
+    if (key.starts_with(kPrefix)) names.push_back(key.substr(kPrefix.size()));
+  }
+  return names;
+}
+
+// The name of the seed whose mode is the designed value: the best-scoring one of the selected setting.
+std::string BestSeed(const json& report) {
+  if (!report.contains("design")) return "";
+  std::optional<double> best;
+  std::string name;
+  for (const json& setting : ListAt(report["design"], "settings")) {
+    if (TextAt(setting, "name") != TextAt(report, "shown_setting")) continue;
+    const char* score = NumberAt(setting, "common") ? "common" : "c";
+    for (const json& seed : ListAt(setting, "seeds")) {
+      const std::optional<double> value = NumberAt(seed, score);
+      if (value && (!best || *value > *best)) {
+        best = value;
+        name = TextAt(seed, "seed");
+      }
+    }
+  }
+  return name;
+}
+
+LineStyle SeedStyle(bool emphasised) {
+  return {.color = "var:--designed", .width = emphasised ? 2.4 : 1.2, .opacity = emphasised ? 1.0 : 0.55};
+}
+
+std::string ParameterFigure(const json& report, size_t index, const std::string& name, const std::string& best) {
+  const json& parameters = ListAt(report, "parameters");
+  const json parameter = index < parameters.size() ? parameters[index] : json::object();
+  const std::string unit = TextAt(parameter, "unit");
+  Figure figure(
+      fmt::format("<b>{}</b>{}", Escape(name), unit.empty() ? "" : fmt::format(" <small>{}</small>", Escape(unit))));
+  const json& seeds = report["design_seeds"];
+  for (const json& seed : seeds) {
+    figure.AddBand(ListAt(seed["curves"], ("design/mode/" + name).c_str()),
+                   ListAt(seed["curves"], ("design/std/" + name).c_str()), "var:--band");
+  }
+  for (const bool emphasised : {false, true}) {  // the best seed on top
+    for (const json& seed : seeds) {
+      if ((seed["name"] == best || seeds.size() == 1) != emphasised) continue;
+      figure.AddCurve(ListAt(seed["curves"], ("design/mode/" + name).c_str()), "seed " + TextAt(seed, "name"),
+                      SeedStyle(emphasised));
+    }
+  }
+  if (const auto nominal = NumberAt(parameter, "nominal")) {
+    figure.AddLevel(*nominal, "original", {.color = "var:--nominal", .width = 1.6});
+  }
+  if (const auto truth = NumberAt(parameter, "truth")) {
+    figure.AddLevel(*truth, "truth", {.color = "var:--truth", .width = 1.6, .dash = "dash"});
+  }
+  figure.layout() = {{"xaxis", {{"title", {{"text", "iteration"}}}}}};
+  return figure.Html();
+}
+
+std::string CorrelationFigure(const json& report) {
+  if (!report.contains("design")) return "";
+  const json& correlation = ListAt(report["design"], "correlation");
+  if (correlation.size() < 2) return "";
+  json names = json::array();
+  for (const std::string& name : ParameterNames(report)) names.push_back(PlotText(name));
+  Figure figure("How the parameters trade off against each other");
+  figure.AddTrace({{"type", "heatmap"},
+                   {"x", names},
+                   {"y", names},
+                   {"z", correlation},
+                   {"zmin", -1},
+                   {"zmax", 1},
+                   {"colorscale", {{0, "var:--low"}, {0.5, "var:--surface"}, {1, "var:--designed"}}},
+                   {"texttemplate", "%{z:.2f}"},
+                   {"hoverinfo", "skip"},
+                   {"xgap", 3},
+                   {"ygap", 3},
+                   {"showscale", false}});
+  figure.layout() = {{"xaxis", {{"type", "category"}, {"showgrid", false}}},
+                     {"yaxis", {{"type", "category"}, {"autorange", "reversed"}, {"showgrid", false}}}};
+  return "<p>Correlation under the designed distribution. Near +1 or &minus;1, the logs fix a combination of two "
+         "parameters better than each alone.</p>\n" +
+         figure.Html("matrix");
+}
+
+}  // namespace
+
+Section DesignSection(const json& report) {
+  Section section{"design", "Design", "The design", ""};
+  if (!report.contains("design_seeds")) {
+    section.html = CorrelationFigure(report);
+    return section;
+  }
+  const std::string best = BestSeed(report);
+  std::string figures;
+  const std::vector<std::string> names = ParameterNames(report);
+  for (size_t i = 0; i < names.size(); ++i) figures += ParameterFigure(report, i, names[i], best);
+  const size_t n_seeds = report["design_seeds"].size();
+  section.html = fmt::format(
+      "<p>How the parameters moved from their starting values, round by round, as the simulator came to behave like "
+      "the "
+      "logs. {}</p>\n",
+      n_seeds > 1
+          ? fmt::format("The {} lines are independent repetitions of setting <em>{}</em>; where they end at the "
+                        "same value, chance played little part.",
+                        n_seeds, Escape(TextAt(report, "shown_setting")))
+          : fmt::format("One repetition of setting <em>{}</em>.", Escape(TextAt(report, "shown_setting"))));
+  bool truth = false;
+  for (const json& parameter : ListAt(report, "parameters")) truth |= NumberAt(parameter, "truth").has_value();
+  PlotKey key;
+  key.Add("line", "--designed", best.empty() ? "designed value" : "designed value, best seed in bold");
+  key.Add("band", "--band", "spread (&plusmn; one standard deviation)").Add("line", "--nominal", "original");
+  if (truth) key.Add("dash", "--truth", "truth");
+  section.html += key.Html() + FigureGrid(figures) + CorrelationFigure(report);
+  return section;
+}
+
+Section DiscriminatorSection(const json& report) {
+  Section section{"discriminator", "Judge", "The judge", ""};
+  if (!report.contains("design_seeds")) return section;
+  const std::string best = BestSeed(report);
+  const auto plot = [&](const char* title, const char* key, double level, const char* level_name) {
+    Figure figure(title);
+    for (const json& seed : report["design_seeds"]) {
+      figure.AddCurve(ListAt(seed["curves"], key), "seed " + TextAt(seed, "name"), SeedStyle(seed["name"] == best));
+    }
+    figure.AddLevel(level, level_name, {.color = "var:--truth", .width = 1.4, .dash = "dash"});
+    figure.layout() = {{"xaxis", {{"title", {{"text", "iteration"}}}}}};
+    return figure.Html();
+  };
+  const std::string figures = plot("Share it tells apart correctly", "design/discriminator_accuracy", 0.5, "guessing") +
+                              plot("Its loss", "design/discriminator_loss", 2 * std::log(2.0), "guessing");
+  if (figures.empty()) return section;
+  section.html =
+      "<p>A classifier (the discriminator) learns to tell simulated samples from logged ones, and the design learns to "
+      "fool it. At the dashed lines, a share of one half and a loss of 2&#8201;log&#8201;2, it can only guess: the two "
+      "are alike to it.</p>\n" +
+      PlotKey().Add("line", "--designed", "each seed").Add("dash", "--truth", "guessing").Html() + FigureGrid(figures);
+  return section;
+}
+
+}  // namespace oted

@@ -1,0 +1,107 @@
+// What came out: the parameters and the policies.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "oted/report/json_values.h"
+#include "oted/report/sections.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+std::string VerdictBadge(const std::string& verdict) {
+  if (verdict.empty()) return "–";
+  const char* css = verdict == "identified" ? "good" : verdict == "weak" ? "fair" : "poor";
+  std::string words = verdict;
+  std::replace(words.begin(), words.end(), '_', ' ');
+  return fmt::format("<span class=\"badge {}\">{}</span>", css, Escape(words));
+}
+
+std::string Interval(const json& parameter) {
+  const json& interval = ListAt(parameter, "interval90");
+  if (interval.size() != 2) return "–";
+  const std::optional<double> spread = NumberAt(parameter, "std");
+  return fmt::format("{} to {}", FormatAtScale(AsNumber(interval[0]), spread),
+                     FormatAtScale(AsNumber(interval[1]), spread));
+}
+
+// The least and the greatest mode over the seeds.
+std::string SeedRange(const json& parameter) {
+  std::optional<double> least, greatest;
+  for (const json& value : ListAt(parameter, "seed_modes")) {
+    const std::optional<double> mode = AsNumber(value);
+    if (!mode) continue;
+    least = least ? std::min(*least, *mode) : *mode;
+    greatest = greatest ? std::max(*greatest, *mode) : *mode;
+  }
+  const std::optional<double> spread = NumberAt(parameter, "std");
+  return least ? fmt::format("{} to {}", FormatAtScale(least, spread), FormatAtScale(greatest, spread)) : "–";
+}
+
+bool AnyHas(const json& list, const char* key) {
+  return std::any_of(list.begin(), list.end(), [&](const json& item) { return NumberAt(item, key).has_value(); });
+}
+
+}  // namespace
+
+Section ParametersSection(const json& report) {
+  Section section{"parameters", "Parameters", "Parameters", ""};
+  const json& parameters = ListAt(report, "parameters");
+  if (parameters.empty()) return section;
+  const bool truth = AnyHas(parameters, "truth");
+  const bool error = AnyHas(parameters, "absolute_error");
+  const bool seeds = std::any_of(parameters.begin(), parameters.end(),
+                                 [](const json& p) { return ListAt(p, "seed_modes").size() > 1; });
+  section.html =
+      "<p>The values that make the simulator behave as the logs do. The spread says how far a value can move before "
+      "the difference shows; a parameter that is <em>not identified</em> could as well be anything in its range.";
+  if (truth) section.html += " The truth was kept from the design and is used for the last columns only.";
+  section.html += "</p>\n";
+  HtmlTable table;
+  table.Column("Parameter", HtmlTable::Align::kText).Column("Verdict", HtmlTable::Align::kText);
+  table.Column("Original").Column("Designed").Column("90&#8201;% interval");
+  if (seeds) table.Column("Over the seeds");
+  if (truth) table.Column("Truth");
+  if (error) table.Column("Error");
+  for (const json& parameter : parameters) {
+    const std::string unit = TextAt(parameter, "unit");
+    const std::optional<double> spread = NumberAt(parameter, "std");
+    std::vector<std::string> cells = {
+        fmt::format("<b>{}</b>{}", Escape(TextAt(parameter, "name")),
+                    unit.empty() ? "" : fmt::format(" <small>{}</small>", Escape(unit))),
+        VerdictBadge(TextAt(parameter, "verdict")), FormatGiven(NumberAt(parameter, "nominal")),
+        "<b>" + FormatSpread(NumberAt(parameter, "mode"), spread) + "</b>", Interval(parameter)};
+    if (seeds) cells.push_back(SeedRange(parameter));
+    if (truth) cells.push_back(FormatGiven(NumberAt(parameter, "truth")));
+    if (error) cells.push_back(FormatAtScale(NumberAt(parameter, "absolute_error"), spread));
+    table.Row(std::move(cells));
+  }
+  section.html += table.Html();
+  return section;
+}
+
+Section PoliciesSection(const json& report) {
+  Section section{"policies", "Policies", "Policies in the target", ""};
+  const json& policies = ListAt(report, "policies");
+  if (policies.empty()) return section;
+  const std::optional<double> episodes = NumberAt(report["evaluation"], "episodes");
+  section.html = fmt::format(
+      "<p>What each policy earns where it counts, in the target{}. None of them was trained there. The score puts "
+      "a random policy at 0 and an expert at 100.</p>\n",
+      episodes ? fmt::format(", over {} episodes", FormatCount(episodes)) : "");
+  HtmlTable table;
+  table.Column("Policy", HtmlTable::Align::kText).Column("Return").Column("Score");
+  for (const json& policy : policies) {
+    const std::string label = TextAt(policy, "label");
+    table.Row({Escape(label.empty() ? TextAt(policy, "name") : label),
+               FormatSpread(NumberAt(policy, "mean_return"), NumberAt(policy, "std_return")),
+               FormatNumber(NumberAt(policy, "score"))},
+              TextAt(policy, "name") == "oted_sac");
+  }
+  section.html += table.Html();
+  return section;
+}
+
+}  // namespace oted

@@ -1,0 +1,97 @@
+// Stage 3: which setting of the design is used.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "oted/report/figure.h"
+#include "oted/report/json_values.h"
+#include "oted/report/sections.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+std::optional<double> Minus(std::optional<double> value, double offset) {
+  return value ? std::optional(*value - offset) : std::nullopt;
+}
+
+json OrNull(std::optional<double> value) { return value ? json(*value) : json(); }
+
+std::string Chart(const json& design, double log2) {
+  json setting_names = json::array();
+  json seed_names = json::array();
+  json own = json::array();
+  json common = json::array();
+  for (const json& setting : ListAt(design, "settings")) {
+    for (const json& seed : ListAt(setting, "seeds")) {
+      setting_names.push_back(PlotText(TextAt(setting, "name")));
+      seed_names.push_back("seed " + PlotText(TextAt(seed, "seed")));
+      own.push_back(OrNull(Minus(NumberAt(seed, "c"), log2)));
+      common.push_back(OrNull(Minus(NumberAt(seed, "common"), log2)));
+    }
+  }
+  if (seed_names.empty()) return "";
+  const json x = {setting_names, seed_names};
+  Figure figure("Score of every seed, less its value at a perfect match");
+  const auto bars = [&](const char* name, const json& y, const char* color) {
+    figure.AddTrace({{"type", "bar"}, {"x", x}, {"y", y}, {"name", name}, {"marker", {{"color", color}}}});
+  };
+  bars("common judge", common, "var:--designed");
+  bars("own judge", own, "var:--muted");
+  PlotKey key;
+  key.Add("band", "--designed", "common judge").Add("band", "--muted", "own judge");
+  if (const auto nominal = Minus(NumberAt(design, "nominal_common"), log2)) {
+    figure.AddTrace({{"type", "scatter"},
+                     {"mode", seed_names.size() == 1 ? "markers" : "lines"},
+                     {"x", x},
+                     {"y", std::vector<double>(seed_names.size(), *nominal)},
+                     {"name", "original simulator"},
+                     {"line", {{"color", "var:--nominal"}, {"width", 2}}},
+                     {"marker", {{"color", "var:--nominal"}, {"symbol", "line-ew-open"}, {"size", 40}}}});
+    key.Add("line", "--nominal", "original simulator, common judge");
+  }
+  figure.layout() = {{"barmode", "group"},
+                     {"bargap", 0.35},
+                     {"xaxis", {{"type", "multicategory"}, {"showgrid", false}}},
+                     {"yaxis", {{"zeroline", true}, {"rangemode", "tozero"}}}};
+  return key.Html() + figure.Html("wide");
+}
+
+}  // namespace
+
+Section SelectionSection(const json& report) {
+  Section section{"selection", "Settings", "Choosing among settings", ""};
+  if (!report.contains("design") || ListAt(report["design"], "settings").empty()) return section;
+  const json& design = report["design"];
+  const double log2 = NumberAt(design, "log2").value_or(std::log(2.0));
+  section.html =
+      "<p>Each setting of the method was run with several seeds and scored on fresh simulations. A score of 0 means "
+      "that simulated and logged samples look alike to the judge; the further below, the easier they are to tell "
+      "apart. "
+      "Only the common judge, the same procedure for all, compares across settings.</p>\n";
+  HtmlTable table;
+  table.Column("Setting", HtmlTable::Align::kText).Column("Form", HtmlTable::Align::kText).Column("Seeds");
+  table.Column("Common judge").Column("Own judge").Column("Design deviation").Column("Learning progress");
+  const std::string selected = TextAt(design, "selected");
+  for (const json& setting : ListAt(design, "settings")) {
+    const bool chosen = TextAt(setting, "name") == selected;
+    table.Row(
+        {Escape(TextAt(setting, "name")) + (chosen ? " <span class=\"badge good\">selected</span>" : ""),
+         Escape(TextAt(setting, "form")), FormatCount(ListAt(setting, "seeds").size()),
+         FormatScore(Minus(NumberAt(setting, "common"), log2)), FormatScore(Minus(NumberAt(setting, "c"), log2)),
+         FormatNumber(NumberAt(setting, "design_deviation")), FormatNumber(NumberAt(setting, "learning_progress"))},
+        chosen);
+  }
+  if (const auto nominal = NumberAt(design, "nominal_common")) {
+    table.Row({"<em>original simulator</em>", "", "", FormatScore(Minus(nominal, log2)), "–", "–", "–"});
+  }
+  section.html += table.Html() +
+                  "<p class=\"note\">Scores are E[&minus;log(1&minus;g)] &minus; log&#8201;2. Design deviation is how "
+                  "far the seeds' results lie apart (lower is better); learning progress is how much the score rose "
+                  "during the design (higher is better). Both are the paper's alternatives, shown to compare.</p>\n" +
+                  Chart(design, log2);
+  return section;
+}
+
+}  // namespace oted

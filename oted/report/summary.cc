@@ -1,0 +1,164 @@
+#include "oted/report/summary.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "oted/report/html_text.h"
+#include "oted/report/json_values.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+// "a", "a and b", "a, b and c".
+std::string Enumerate(const std::vector<std::string>& items) {
+  std::string text;
+  for (size_t i = 0; i < items.size(); ++i) {
+    if (i > 0) text += i + 1 == items.size() ? " and " : ", ";
+    text += items[i];
+  }
+  return text;
+}
+
+std::vector<std::string> NamesOf(const json& parameters, const std::string& verdict = "") {
+  std::vector<std::string> names;
+  for (const json& parameter : parameters) {
+    if (verdict.empty() || TextAt(parameter, "verdict") == verdict) names.push_back(TextAt(parameter, "name"));
+  }
+  return names;
+}
+
+std::string Headline(const json& report, const std::string& verdict) {
+  if (verdict == "gap_closed") return "The designed simulator matches the logs; the original one does not.";
+  if (verdict == "no_gap") return "The original simulator already matches the logs: there is no gap to close.";
+  if (verdict == "outside_family") return "No simulator in this family matches the logs.";
+  if (report.contains("design")) return "A simulator has been designed; no verdict was recorded.";
+  if (report.contains("design_seeds")) return "The design is not complete yet.";
+  return "No simulator has been designed in this run yet.";
+}
+
+std::string Asked(const json& report) {
+  const std::vector<std::string> names = NamesOf(ListAt(report, "parameters"));
+  std::string logs = "the logged behaviour";
+  if (report.contains("dataset")) {
+    const std::optional<double> episodes = NumberAt(report["dataset"], "n_episodes");
+    logs = fmt::format("the {} logged episode{} ({} steps)", FormatCount(episodes), episodes == 1 ? "" : "s",
+                       FormatCount(NumberAt(report["dataset"], "n_transitions")));
+  }
+  if (names.empty()) return fmt::format("What does {} tell about the simulator it is to be compared with?", logs);
+  return fmt::format("Which value{} of {} make{} the simulator behave as in {}?", names.size() == 1 ? "" : "s",
+                     Enumerate(names), names.size() == 1 ? "s" : "", logs);
+}
+
+void AddParameters(const json& report, json* found) {
+  const json& parameters = ListAt(report, "parameters");
+  std::vector<std::string> identified;
+  for (const json& parameter : parameters) {
+    if (TextAt(parameter, "verdict") != "identified") continue;
+    identified.push_back(fmt::format("{} ({})", TextAt(parameter, "name"),
+                                     FormatSpread(NumberAt(parameter, "mode"), NumberAt(parameter, "std"))));
+  }
+  if (!identified.empty()) found->push_back(fmt::format("The logs pin down {}.", Enumerate(identified)));
+  const std::vector<std::string> weak = NamesOf(parameters, "weak");
+  if (!weak.empty()) {
+    found->push_back(
+        fmt::format("They say only roughly what {} {}.", Enumerate(weak), weak.size() == 1 ? "is" : "are"));
+  }
+  double sum = 0;
+  int known = 0;
+  for (const json& parameter : parameters) {
+    const std::optional<double> error = NumberAt(parameter, "absolute_error");
+    if (!error) continue;
+    sum += *error;
+    ++known;
+  }
+  if (known > 0) {
+    found->push_back(fmt::format("Against the truth, which the design did not see, the mean absolute error is {}.",
+                                 FormatNumber(sum / known)));
+  }
+}
+
+void AddPolicies(const json& report, json* found) {
+  std::optional<double> ours, clone, undesigned;
+  for (const json& policy : ListAt(report, "policies")) {
+    const std::optional<double> value = NumberAt(policy, "mean_return");
+    const std::string name = TextAt(policy, "name");
+    if (name == "oted_sac") ours = value;
+    if (name == "clone") clone = value;
+    if (name == "sac_undesigned") undesigned = value;
+  }
+  if (!ours) return;
+  std::string text =
+      fmt::format("In the target, the policy trained in the designed simulators returns {}", FormatNumber(ours));
+  if (clone) text += fmt::format("; the clone of the logged behaviour {}", FormatNumber(clone));
+  if (undesigned) text += fmt::format("; a policy trained in the original simulator {}", FormatNumber(undesigned));
+  found->push_back(text + ".");
+}
+
+void AddMatch(const json& report, json* found) {
+  if (!report.contains("design")) return;
+  const json& design = report["design"];
+  const std::optional<double> nominal = NumberAt(design, "nominal_common");
+  const double log2 = NumberAt(design, "log2").value_or(std::log(2.0));
+  for (const json& setting : ListAt(design, "settings")) {
+    const std::optional<double> common = NumberAt(setting, "common");
+    if (TextAt(setting, "name") != TextAt(design, "selected") || !common || !nominal) continue;
+    found->push_back(
+        fmt::format("A classifier that learns to tell simulated from logged samples scores the designed simulator {} "
+                    "and the original one {}; at 0 it could not tell.",
+                    FormatScore(*common - log2), FormatScore(*nominal - log2)));
+  }
+}
+
+json Unknown(const json& report, const std::string& verdict) {
+  json unknown = json::array();
+  const json& parameters = ListAt(report, "parameters");
+  const std::vector<std::string> open = NamesOf(parameters, "not_identified");
+  if (!open.empty()) {
+    unknown.push_back(fmt::format("The logs do not tell {}: any value in the search range fits them about as well.",
+                                  Enumerate(open)));
+  }
+  const bool truth_known =
+      std::any_of(parameters.begin(), parameters.end(), [](const json& p) { return NumberAt(p, "truth").has_value(); });
+  if (!parameters.empty() && !truth_known) {
+    unknown.push_back(
+        "The true values are not known here, so no error can be stated; the spread says how sharply the logs decide.");
+  }
+  if (verdict == "gap_closed" || verdict == "no_gap") {
+    unknown.push_back(
+        "A match means that the judge saw no difference on this behaviour. Motions that the logs do not contain, and "
+        "effects that none of the parameters stands for, remain untested.");
+  }
+  if (verdict == "outside_family") {
+    unknown.push_back(
+        "Something else than the listed parameters differs between the simulator and the target. The values below are "
+        "the best of a family that does not fit: do not read them as measurements.");
+  }
+  if (report.contains("design") && !report.contains("evaluation")) {
+    unknown.push_back("No policy was evaluated in the target: how well they do there is not known.");
+  }
+  return unknown;
+}
+
+}  // namespace
+
+json Summarise(const json& report) {
+  const std::string verdict = report.contains("design") ? TextAt(report["design"], "verdict") : "";
+  json found = json::array();
+  AddMatch(report, &found);
+  AddParameters(report, &found);
+  AddPolicies(report, &found);
+  return {{"verdict", verdict},
+          {"headline", Headline(report, verdict)},
+          {"asked", Asked(report)},
+          {"found", found},
+          {"unknown", Unknown(report, verdict)}};
+}
+
+}  // namespace oted

@@ -1,0 +1,245 @@
+#include "oted/rl/sac.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/data/npz.h"
+#include "oted/sim/testing.h"
+
+namespace oted {
+namespace {
+
+const std::vector<double> kNominal = {1, 1, 0};
+
+SacConfig SmallConfig() {
+  SacConfig config;
+  config.n_steps = 400;
+  config.learning_starts = 100;
+  config.eval_interval = 200;
+  config.eval_episodes = 3;
+  config.batch_size = 32;
+  config.hidden = {16, 16};
+  return config;
+}
+
+struct Training {
+  const std::filesystem::path folder;
+  PointMassOptions options;
+  SacConfig config = SmallConfig();
+  int n_threads = 1;
+  EpisodeParameters parameters = [](Rng&) { return kNominal; };
+  SacObserver observer;
+  const std::atomic<bool>* stop = nullptr;
+
+  SacResult operator()() const {
+    NullSink log;
+    return TrainSac(PointMassFactory(options), parameters, {kNominal}, config, RngKey(5), folder, "agent",
+                    {&log, stop, n_threads}, observer);
+  }
+};
+
+std::string Bytes(const SacResult& result) {
+  const auto& p = result.policy.net().parameters();
+  return std::string(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(float));
+}
+
+/// The buffer's rows after training: s (2), a, s' (2), r, terminated.
+std::vector<std::array<float, 7>> BufferRows(const std::filesystem::path& folder) {
+  const NpzArrays arrays = ReadNpz(folder / "checkpoint.npz");
+  const auto& values = std::get<std::vector<float>>(arrays.at("buffer/rows").values);
+  std::vector<std::array<float, 7>> rows(values.size() / 7);
+  for (size_t i = 0; i < values.size(); ++i) rows[i / 7][i % 7] = values[i];
+  return rows;
+}
+
+/// The best return from x0 at nominal parameters: straight to zero at full speed.
+double OptimalReturn(double x0, int n_steps) {
+  double sum = 0;
+  for (int t = 1; t <= n_steps; ++t) sum -= std::pow(std::max(std::abs(x0) - 0.1 * t, 0.0), 2);
+  return sum;
+}
+
+TEST(TrainSac, SolvesThePointMassToNearItsAnalyticOptimum) {
+  const TestFolder folder;
+  Training run{folder.path()};
+  run.config.n_steps = 4000;
+  run.config.eval_interval = 4000;
+  run.config.batch_size = 64;
+  run.config.hidden = {32, 32};
+  run.config.learning_rate = 2e-3;
+  run.config.gamma = 0.95;
+  const SacResult result = run();
+  const RngKey key(77);
+  constexpr int kEpisodes = 50;
+  double optimal = 0, idle = 0;
+  for (uint64_t k = 0; k < kEpisodes; ++k) {
+    Rng rng = key.Index(k).MakeRng();
+    const double x0 = rng.Uniform(-1, 1);
+    optimal += OptimalReturn(x0, 20) / kEpisodes;
+    idle -= 20 * x0 * x0 / kEpisodes;
+  }
+  const double reached = EvaluatePolicy(PointMassFactory(), result.policy, {kNominal}, kEpisodes, 1, key);
+  EXPECT_LE(reached, optimal + 1e-9) << "better than the optimum: the evaluation is wrong";
+  EXPECT_GT(reached, optimal + 0.05 * (idle - optimal)) << "optimum " << optimal << ", doing nothing " << idle;
+}
+
+TEST(TrainSac, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
+  const TestFolder whole, parts;
+  const std::vector<double> other = {0.4, 0.7, 0};
+  const EpisodeParameters draw = [&](Rng& rng) { return rng.Uniform() < 0.5 ? kNominal : other; };
+  Training uninterrupted{whole.path()};
+  uninterrupted.config.n_steps = 600;
+  uninterrupted.config.keep = "last";
+  uninterrupted.config.updates_per_step = 0.7;
+  uninterrupted.config.buffer_size = 250;  // the ring has wrapped when the second segment ends
+  uninterrupted.parameters = draw;
+  const SacResult expected = uninterrupted();
+
+  std::atomic<bool> stop = false;
+  int segments = 0;
+  Training first{parts.path(), {}, uninterrupted.config, 1, draw, {}, &stop};
+  first.observer = [&](int64_t, const TanhGaussianPolicy&, double) {
+    ++segments;
+    stop = true;
+  };
+  EXPECT_THROW(first(), Interrupted);
+  EXPECT_EQ(segments, 1);
+  stop = false;
+  EXPECT_THROW(first(), Interrupted);
+  EXPECT_EQ(segments, 2);
+  const SacResult resumed = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
+  EXPECT_EQ(Bytes(resumed), Bytes(expected));
+  EXPECT_EQ(resumed.eval_steps, (std::vector<int64_t>{200, 400, 600}));
+  EXPECT_EQ(resumed.eval_returns, expected.eval_returns);
+  EXPECT_EQ(resumed.eval_return, expected.eval_return);
+  // Complete: nothing is trained again.
+  const SacResult again = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
+  EXPECT_EQ(Bytes(again), Bytes(expected));
+}
+
+TEST(TrainSac, TheBestEvaluatedPolicySurvivesAStop) {
+  const TestFolder whole, parts;
+  Training run{whole.path()};
+  run.config.n_steps = 1000;
+  run.config.learning_rate = 3e-2;  // restless: the last policy is not the best one
+  const SacResult expected = run();
+  const auto& returns = expected.eval_returns;
+  EXPECT_EQ(expected.eval_return, *std::max_element(returns.begin(), returns.end()));
+  std::atomic<bool> stop = false;
+  Training first{parts.path(), {}, run.config, 1, run.parameters, {}, &stop};
+  first.observer = [&](int64_t step, const TanhGaussianPolicy&, double) { stop = step == 800; };
+  EXPECT_THROW(first(), Interrupted);
+  EXPECT_EQ(Bytes(Training{parts.path(), {}, run.config}()), Bytes(expected));
+}
+
+TEST(TrainSac, SameSeedSameBytesAtOneAndTwoThreads) {
+  const TestFolder one, two;
+  Training run_one{one.path()}, run_two{two.path()};
+  run_one.config.n_lanes = run_two.config.n_lanes = 3;
+  run_two.n_threads = 2;
+  EXPECT_EQ(Bytes(run_one()), Bytes(run_two()));
+}
+
+TEST(TrainSac, SamplesOfDivergedStepsNeverEnterTheBuffer) {
+  const TestFolder folder;
+  Training run{folder.path(), {.diverge_beyond = 0.8}};
+  run.config.n_lanes = 2;
+  run();
+  const auto rows = BufferRows(folder.path());
+  EXPECT_GT(rows.size(), 100u);
+  EXPECT_LT(rows.size(), 400u) << "no lane diverged: the case tests nothing";
+  for (const auto& row : rows) {
+    for (const float v : row) ASSERT_TRUE(std::isfinite(v));
+    ASSERT_LE(std::abs(row[3]), 0.8f);
+  }
+}
+
+TEST(TrainSac, OnlyTheTasksOwnEndIsTerminal) {
+  const TestFolder folder;
+  Training run{folder.path(), {.terminate_beyond = 0.9, .max_episode_steps = 5}};
+  run();
+  const auto rows = BufferRows(folder.path());
+  ASSERT_EQ(rows.size(), 400u);
+  int n_terminated = 0;
+  for (const auto& row : rows) {
+    EXPECT_EQ(row[6], std::abs(row[3]) > 0.9f ? 1.0f : 0.0f);
+    n_terminated += row[6] == 1.0f;
+  }
+  EXPECT_GT(n_terminated, 5);
+  EXPECT_LT(n_terminated, 60) << "5-step episodes that the clock ends are not terminal";
+}
+
+TEST(TrainSac, EachEpisodeRunsWithParametersDrawnAnew) {
+  const TestFolder folder;
+  std::vector<double> drawn;
+  Training run{folder.path()};
+  run.parameters = [&](Rng& rng) {
+    drawn.push_back(rng.Uniform(0.2, 2.0));
+    return std::vector<double>{drawn.back(), 1, 0};
+  };
+  run();
+  // 20-step episodes: the end of the first segment and an episode's end coincide, and both draw.
+  const auto rows = BufferRows(folder.path());
+  ASSERT_EQ(rows.size(), 400u);
+  ASSERT_EQ(drawn.size(), 22u);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const size_t episode = i / 20 + (i >= 200 ? 1 : 0);
+    const double gain = 10 * (static_cast<double>(rows[i][3]) - rows[i][0]) / rows[i][2];
+    if (std::abs(rows[i][2]) > 0.1f) EXPECT_NEAR(gain, drawn[episode], 1e-4) << i;
+  }
+}
+
+TEST(TrainSac, ActionsInTheBufferAreScaledToTheirRange) {
+  const TestFolder folder;
+  Training run{folder.path(), {.action_low = -1, .action_high = 3}};
+  run();
+  double lowest = 1, highest = -1;
+  for (const auto& row : BufferRows(folder.path())) {
+    EXPECT_NEAR(row[3] - row[0], 0.1 * (1 + 2 * row[2]), 1e-5);  // centre 1, half range 2
+    lowest = std::min(lowest, static_cast<double>(row[2]));
+    highest = std::max(highest, static_cast<double>(row[2]));
+  }
+  EXPECT_GE(lowest, -1);
+  EXPECT_LE(highest, 1);
+  EXPECT_LT(lowest, -0.9);
+  EXPECT_GT(highest, 0.9);
+}
+
+TEST(TrainSac, ADamagedCheckpointIsADataError) {
+  const TestFolder folder;
+  Training run{folder.path()};
+  run();
+  const auto damage = [&](const std::function<void(NpzArrays&)>& change) {
+    NpzArrays arrays = ReadNpz(folder / "checkpoint.npz");
+    NpzArrays changed = arrays;
+    change(changed);
+    WriteNpz(changed, folder / "checkpoint.npz");
+    MessageOf<DataError>([&] { run(); });
+    WriteNpz(arrays, folder / "checkpoint.npz");
+  };
+  for (const auto& [name, array] : ReadNpz(folder / "checkpoint.npz")) {
+    SCOPED_TRACE(name);
+    damage([&, key = name](NpzArrays& arrays) { arrays.erase(key); });
+    damage([&, key = name](NpzArrays& arrays) { arrays[key] = NpyArray(std::vector<uint8_t>{7, 7, 7}); });
+  }
+}
+
+TEST(EvaluatePolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
+  TanhGaussianPolicy policy(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  policy.net().parameters()[4] = 0.5f;  // mean action tanh(0.5), whatever the state
+  const RngKey key(6);
+  const std::vector<std::vector<double>> z = {{1, 1, 0}, {0.5, 1, 0}};
+  double expected = 0;
+  for (uint64_t k = 0; k < 5; ++k) {
+    Rng rng = key.Index(k).MakeRng();
+    const double x0 = rng.Uniform(-1, 1), step = 0.1 * std::tanh(0.5) * z[k % 2][0];
+    for (int t = 1; t <= 20; ++t) expected -= std::pow(x0 + step * t, 2) / 5;
+  }
+  EXPECT_NEAR(EvaluatePolicy(PointMassFactory(), policy, z, 5, 1, key), expected, 1e-5);
+}
+
+}  // namespace
+}  // namespace oted

@@ -1,0 +1,360 @@
+#include "oted/run_config.h"
+
+#include <fmt/format.h>
+#define TOML_EXCEPTIONS 1
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/parallel.h"
+
+namespace oted {
+
+using nlohmann::json;
+
+FieldList TaskConfig::Fields() {
+  FieldList fields("task");
+  fields.Add("name", &name, "the simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
+  return fields;
+}
+
+FieldList DataConfig::Fields() {
+  FieldList fields("data");
+  fields.Add("path", &path, "logged trajectories: .hdf5 (D4RL layout) or .npz");
+  fields.Add("episodes", &episodes, "how many of them to use, from the first: a number, or all");
+  return fields;
+}
+
+FieldList RunSettings::Fields() {
+  FieldList fields("run");
+  fields.Add("seed", &seed, "names every random stream of the run", AtLeast(0));
+  fields.Add("threads", &threads, "threads at most; 0 takes every processor", AtLeast(0));
+  fields.Add("strict", &strict, "a parameter without measured effect is an error");
+  return fields;
+}
+
+FieldList AgentsConfig::Fields() {
+  FieldList fields("agents");
+  fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
+  fields.Add("undesigned", &undesigned, "with a known truth, also train in the un-designed simulator, to compare");
+  fields.Add("selection_episodes", &selection_episodes, "episodes per agent and designed simulator", AtLeast(1));
+  fields.Add("target_episodes", &target_episodes, "with a known truth, episodes per policy in the target", AtLeast(1));
+  return fields;
+}
+
+namespace {
+
+json TomlToJson(const toml::node& node, const std::string& where) {
+  if (const auto* table = node.as_table()) {
+    json object = json::object();
+    for (const auto& [key, value] : *table) object[std::string(key.str())] = TomlToJson(value, where);
+    return object;
+  }
+  if (const auto* array = node.as_array()) {
+    json values = json::array();
+    for (const auto& value : *array) values.push_back(TomlToJson(value, where));
+    return values;
+  }
+  if (const auto value = node.value_exact<std::string>()) return *value;
+  if (const auto value = node.value_exact<int64_t>()) return *value;
+  if (const auto value = node.value_exact<double>()) return *value;
+  if (const auto value = node.value_exact<bool>()) return *value;
+  throw UsageError(fmt::format("{}: dates and times are no settings", where));
+}
+
+/// "file:line" of a key, for errors.
+std::string Where(const std::string& file, const toml::node& node) {
+  return fmt::format("{}:{}", file, node.source().begin.line);
+}
+
+double Number(const json& value, const std::string& what, const std::string& where) {
+  if (!value.is_number()) throw UsageError(fmt::format("{}: {} is {}, wanted a number", where, what, value.dump()));
+  return value.get<double>();
+}
+
+ParameterSpec ParameterFromJson(const std::string& name, const json& table, const std::string& where) {
+  ParameterSpec spec;
+  spec.name = name;
+  if (!table.is_object() || !table.contains("field") || !table["field"].is_string()) {
+    throw UsageError(
+        fmt::format("{}: parameters.{} needs a field, for example field = \"geom/*/friction[0]\"", where, name));
+  }
+  const std::vector<std::string> keys = {"field", "range", "scale", "log", "unit"};
+  for (const auto& [key, value] : table.items()) {
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
+      throw UsageError(fmt::format("{}: parameters.{}.{} is not a setting{}; a parameter has {}", where, name, key,
+                                   DidYouMean(key, keys), fmt::join(keys, ", ")));
+    }
+  }
+  spec.field = table["field"].get<std::string>();
+  const std::string prefix = fmt::format("parameters.{}.", name);
+  if (table.contains("scale")) {
+    if (table["scale"] != "nominal" && table["scale"] != "absolute") {
+      throw UsageError(
+          fmt::format("{}: {}scale is {}, wanted \"nominal\" (multiples of the nominal value) or \"absolute\"", where,
+                      prefix, table["scale"].dump()));
+    }
+    if (table["scale"] == "absolute") spec.scale = ParameterScale::kAbsolute;
+  }
+  if (table.contains("range")) {
+    const json& range = table["range"];
+    if (!range.is_array() || range.size() != 2) {
+      throw UsageError(fmt::format("{}: {}range is {}, wanted [low, high]", where, prefix, range.dump()));
+    }
+    spec.low = Number(range[0], prefix + "range[0]", where);
+    spec.high = Number(range[1], prefix + "range[1]", where);
+  } else if (spec.scale == ParameterScale::kAbsolute) {
+    throw UsageError(
+        fmt::format("{}: {}range is missing; an absolute parameter needs range = [low, high]", where, prefix));
+  }
+  if (table.contains("log")) {
+    if (!table["log"].is_boolean())
+      throw UsageError(fmt::format("{}: {}log is {}, wanted true|false", where, prefix, table["log"].dump()));
+    spec.logarithmic = table["log"].get<bool>();
+  }
+  if (table.contains("unit") && table["unit"].is_string()) spec.unit = table["unit"].get<std::string>();
+  try {
+    spec.Check();
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", where, e.what()));
+  }
+  return spec;
+}
+
+json ParameterToJson(const ParameterSpec& spec) {
+  json table = {{"field", spec.field},
+                {"range", {spec.low, spec.high}},
+                {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
+                {"log", spec.logarithmic}};
+  return table;
+}
+
+void WriteTomlValue(std::ostream& out, const json& value) {
+  if (value.is_object()) {
+    out << "{ ";
+    for (auto it = value.begin(); it != value.end(); ++it) {
+      if (it != value.begin()) out << ", ";
+      out << it.key() << " = ";
+      WriteTomlValue(out, it.value());
+    }
+    out << " }";
+  } else {
+    // JSON's scalars and arrays of scalars are TOML's.
+    out << value.dump();
+  }
+}
+
+}  // namespace
+
+std::vector<FieldList> AllFields(RunConfig& config) {
+  return {config.task.Fields(),   config.data.Fields(),      config.run.Fields(),    config.clone.Fields(),
+          config.design.Fields(), config.selection.Fields(), config.agents.Fields(), config.sac.Fields("sac")};
+}
+
+RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name) {
+  toml::table document;
+  try {
+    document = toml::parse(text, file_name);
+  } catch (const toml::parse_error& e) {
+    throw UsageError(fmt::format("{}:{}: {}", file_name, e.source().begin.line, std::string(e.description())));
+  }
+  RunConfig config;
+  // The form of the design sets other defaults, so it is read before them.
+  if (const auto form = document["design"]["form"].value<std::string>()) config.design = DesignConfig::ForForm(*form);
+
+  std::vector<FieldList> sections = AllFields(config);
+  std::vector<std::string> names = {"parameters", "truth"};
+  for (const FieldList& section : sections) names.push_back(section.section());
+  for (const auto& [key, node] : document) {
+    const std::string name(key.str());
+    const std::string where = Where(file_name, node);
+    if (!node.is_table()) {
+      throw UsageError(fmt::format("{}: '{}' stands outside of a section{}; the sections are {}", where, name,
+                                   DidYouMean(name, names), fmt::join(names, ", ")));
+    }
+    const toml::table& table = *node.as_table();
+    if (name == "parameters") {
+      // In the order of the file: it is the order of z.
+      std::vector<std::pair<toml::source_index, std::string>> order;
+      for (const auto& [k, n] : table) order.push_back({n.source().begin.line, std::string(k.str())});
+      std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+      for (const auto& [line, parameter] : order) {
+        const std::string at = Where(file_name, *table.get(parameter));
+        config.parameters.push_back(ParameterFromJson(parameter, TomlToJson(*table.get(parameter), at), at));
+      }
+    } else if (name == "truth") {
+      for (const auto& [k, n] : table) {
+        config.truth[std::string(k.str())] =
+            Number(TomlToJson(n, where), "truth." + std::string(k.str()), Where(file_name, n));
+      }
+    } else {
+      const auto section =
+          std::find_if(sections.begin(), sections.end(), [&](const FieldList& s) { return s.section() == name; });
+      if (section == sections.end()) {
+        throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, name,
+                                     DidYouMean(name, names), fmt::join(names, ", ")));
+      }
+      for (const auto& [k, n] : table) {
+        const std::string setting(k.str()), at = Where(file_name, n);
+        if (name == "design" && setting == "settings") continue;
+        section->Find(setting, at).FromJson(TomlToJson(n, at), at);
+      }
+    }
+  }
+  // The settings h start from [design] and change what they name.
+  if (const toml::table* settings = document["design"]["settings"].as_table()) {
+    for (const auto& [key, node] : *settings) {
+      const std::string at = Where(file_name, node);
+      const json changes = TomlToJson(node, at);
+      DesignConfig setting = config.design;
+      if (changes.is_object() && changes.contains("form") && changes["form"].is_string()) {
+        setting = DesignConfig::ForForm(changes["form"].get<std::string>());
+      }
+      setting.Fields().FromJson(changes, at);
+      config.settings[std::string(key.str())] = setting;
+    }
+  }
+  const std::filesystem::path data(config.data.path), folder = std::filesystem::path(file_name).parent_path();
+  if (!config.data.path.empty() && data.is_relative()) config.data.path = (folder / data).lexically_normal().string();
+  return config;
+}
+
+RunConfig RunConfig::FromTomlFile(const std::string& path) { return FromToml(ReadFile(path), path); }
+
+json RunConfig::ToJson() const {
+  RunConfig copy = *this;
+  json object;
+  for (const FieldList& section : AllFields(copy)) object[section.section()] = section.ToJson();
+  for (auto& [name, setting] : copy.settings) object["design"]["settings"][name] = setting.Fields().ToJson();
+  object["parameters"] = json::object();
+  for (const ParameterSpec& spec : parameters) object["parameters"][spec.name] = ParameterToJson(spec);
+  if (!truth.empty()) object["truth"] = truth;
+  return object;
+}
+
+std::string RunConfig::ToToml() const {
+  RunConfig copy = *this;
+  std::ostringstream out;
+  out << "# The resolved configuration of this run: every setting, defaults included.\n";
+  for (const FieldList& section : AllFields(copy)) {
+    out << "\n[" << section.section() << "]\n";
+    for (const Field& field : section.fields()) {
+      out << field.name << " = ";
+      WriteTomlValue(out, field.ToJson());
+      out << "  # " << field.help << "\n";
+    }
+    if (section.section() == "task" || section.section() == "data") continue;
+    if (section.section() == "run") {
+      out << "\n[parameters]\n";
+      for (const ParameterSpec& spec : parameters) {
+        out << spec.name << " = ";
+        WriteTomlValue(out, ParameterToJson(spec));
+        out << "\n";
+      }
+    }
+    if (section.section() == "design") {
+      for (auto& [name, setting] : copy.settings) {
+        out << "\n[design.settings." << name << "]\n";
+        const FieldList fields = setting.Fields();
+        for (const Field& field : fields.fields()) {
+          out << field.name << " = ";
+          WriteTomlValue(out, field.ToJson());
+          out << "\n";
+        }
+      }
+    }
+  }
+  if (!truth.empty()) {
+    out << "\n[truth]  # read by the evaluation and the report only\n";
+    for (const auto& [name, value] : truth) out << name << " = " << json(value).dump() << "\n";
+  }
+  return out.str();
+}
+
+void RunConfig::Set(const std::string& assignment) {
+  const size_t equals = assignment.find('='), dot = assignment.find('.');
+  if (equals == std::string::npos || dot == std::string::npos || dot > equals) {
+    throw UsageError(
+        fmt::format("--set {}: wanted section.key=value, for example --set design.n_iterations=50", assignment));
+  }
+  const std::string name = assignment.substr(0, dot), key = assignment.substr(dot + 1, equals - dot - 1);
+  const std::string value = assignment.substr(equals + 1), where = "--set " + assignment;
+  if (name == "design" && key == "form") design = DesignConfig::ForForm(value);
+  std::vector<std::string> names;
+  for (const FieldList& section : AllFields(*this)) {
+    names.push_back(section.section());
+    if (section.section() != name) continue;
+    section.Find(key, where).FromText(value, where);
+    // A setting named on the command line holds for every h.
+    if (name == "design") {
+      for (auto& [unused, setting] : settings) setting.Fields().Find(key, where).FromText(value, where);
+    }
+    return;
+  }
+  throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, name, DidYouMean(name, names),
+                               fmt::join(names, ", ")));
+}
+
+void RunConfig::SetTruth(const std::string& assignment) {
+  const size_t equals = assignment.find('=');
+  char* end = nullptr;
+  const double value = equals == std::string::npos ? 0 : std::strtod(assignment.c_str() + equals + 1, &end);
+  if (equals == std::string::npos || equals + 1 == assignment.size() || *end != '\0') {
+    throw UsageError(fmt::format("--truth {}: wanted name=value, for example --truth friction=0.6", assignment));
+  }
+  truth[assignment.substr(0, equals)] = value;
+}
+
+void RunConfig::Check() const {
+  if (task.name.empty())
+    throw UsageError("no task is named; add --task, or [task] name = \"Hopper-v5\" to the configuration");
+  if (parameters.empty()) {
+    throw UsageError(
+        "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', or a [parameters] section");
+  }
+  const ParameterSpace space(parameters);
+  std::vector<std::string> names;
+  for (const ParameterSpec& spec : parameters) names.push_back(spec.name);
+  for (const auto& [name, value] : truth) {
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end()) {
+      throw UsageError(fmt::format("truth.{} names no parameter{}; the parameters are {}", name,
+                                   DidYouMean(name, names), fmt::join(names, ", ")));
+    }
+  }
+  if (!truth.empty() && truth.size() != names.size()) {
+    throw UsageError(
+        fmt::format("the truth names {} of {} parameters; name all of them, or none", truth.size(), names.size()));
+  }
+  if (data.episodes != "all") {
+    char* end = nullptr;
+    const long n = std::strtol(data.episodes.c_str(), &end, 10);
+    if (*end != '\0' || n < 1) {
+      throw UsageError(fmt::format("data.episodes is '{}', wanted a number of at least 1, or all", data.episodes));
+    }
+  }
+  design.Check();
+  for (const auto& [name, setting] : settings) setting.Check();
+}
+
+std::vector<double> RunConfig::TruthVector() const {
+  std::vector<double> values;
+  if (truth.empty()) return values;
+  for (const ParameterSpec& spec : parameters) values.push_back(truth.at(spec.name));
+  return values;
+}
+
+int RunConfig::Threads() const { return run.threads > 0 ? run.threads : AvailableThreads(); }
+
+std::map<std::string, DesignConfig> RunConfig::DesignSettings() const {
+  if (!settings.empty()) return settings;
+  return {{"default", design}};
+}
+
+}  // namespace oted

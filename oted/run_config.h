@@ -1,0 +1,85 @@
+#pragma once
+/// The configuration of a run: one TOML file, or the same as flags (docs/configuration.md).
+
+#include <cstdint>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "oted/rl/sac.h"
+#include "oted/sim/parameter_space.h"
+#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/design/design_config.h"
+#include "oted/stages/simulator_selection/simulator_selection.h"
+
+namespace oted {
+
+struct TaskConfig {
+  std::string name;
+  FieldList Fields();
+};
+
+struct DataConfig {
+  std::string path;
+  std::string episodes = "all";
+  FieldList Fields();
+};
+
+struct RunSettings {
+  int64_t seed = 1;
+  int threads = 0;
+  bool strict = false;
+  FieldList Fields();
+};
+
+/// Stages 4 and 5: how many agents, and how they are compared.
+struct AgentsConfig {
+  int n_agents = 2;
+  bool undesigned = true;
+  int selection_episodes = 10;
+  int target_episodes = 20;
+  FieldList Fields();
+};
+
+struct RunConfig {
+  TaskConfig task;
+  DataConfig data;
+  std::vector<ParameterSpec> parameters;
+  RunSettings run;
+  CloneConfig clone;
+  DesignConfig design;
+  /// Hyperparameter settings h of Sec. 4.2: what each changes in `design`. Without any there is one, "default".
+  std::map<std::string, DesignConfig> settings;
+  SelectionConfig selection;
+  AgentsConfig agents;
+  SacConfig sac;
+  /// The true parameters, where a study knows them: read by evaluation and report only.
+  std::map<std::string, double> truth;
+
+  /// Reads TOML. Paths in it are relative to its folder. @throws UsageError with file and line, DataError when
+  /// unreadable.
+  static RunConfig FromToml(const std::string& text, const std::string& file_name);
+  static RunConfig FromTomlFile(const std::string& path);
+  /// The resolved configuration, every default written out; FromToml reads it back.
+  std::string ToToml() const;
+  nlohmann::json ToJson() const;
+
+  /// Takes "section.key=value" as typed for --set. @throws UsageError
+  void Set(const std::string& assignment);
+  /// Takes "name=value" as typed for --truth.
+  void SetTruth(const std::string& assignment);
+  /// @throws UsageError when something that every stage needs is missing or contradictory.
+  void Check() const;
+  /// The truth in the order of the parameters; empty when unknown.
+  std::vector<double> TruthVector() const;
+  /// Threads to use: run.threads, or all that the process may use.
+  int Threads() const;
+  /// Settings of the design with the default filled in.
+  std::map<std::string, DesignConfig> DesignSettings() const;
+};
+
+/// Every section's fields, bound to `config`; for help texts.
+std::vector<FieldList> AllFields(RunConfig& config);
+
+}  // namespace oted
