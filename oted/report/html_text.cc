@@ -80,10 +80,17 @@ std::string FormatScore(std::optional<double> value) { return value ? Fixed(*val
 
 std::string FormatSpread(std::optional<double> value, std::optional<double> spread) {
   if (!value || !spread) return FormatNumber(value);
-  return FormatAtScale(value, spread) + " ± " + FormatAtScale(spread, spread);
+  return FormatAtScale(value, spread) + "\u00a0±\u00a0" + FormatAtScale(spread, spread);
 }
 
 std::string FormatCount(std::optional<double> value) { return value ? Fixed(*value, 0) : kUnknown; }
+
+std::string FormatPoints(std::optional<double> value) { return value ? Fixed(*value, 1) : kUnknown; }
+
+std::string UnitHtml(std::string_view unit) {
+  if (unit.empty()) return "";
+  return fmt::format(" <small>{}</small>", unit.starts_with("x ") ? "× " + Escape(unit.substr(2)) : Escape(unit));
+}
 
 HtmlTable& HtmlTable::Column(std::string title, Align align) {
   columns_.push_back({std::move(title), align});

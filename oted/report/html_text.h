@@ -22,6 +22,10 @@ std::string FormatGiven(std::optional<double> value);
 std::string FormatScore(std::optional<double> value);
 /// "0.981 ± 0.052", or the value alone when the spread is not known.
 std::string FormatSpread(std::optional<double> value, std::optional<double> spread);
+/// A score of 0 to 100: one decimal.
+std::string FormatPoints(std::optional<double> value);
+/// A unit behind a name, as HTML; "x nominal" becomes "× nominal". Empty for no unit.
+std::string UnitHtml(std::string_view unit);
 /// 12,345.
 std::string FormatCount(std::optional<double> value);
 

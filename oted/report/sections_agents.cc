@@ -70,8 +70,8 @@ Section AgentsSection(const json& report) {
                  FormatNumber(NumberAt(result, "eval_return"))});
     }
   };
-  add(undesigned, "original simulator", "var:--nominal");
   add(agents, "designed simulators", "var:--designed");
+  add(undesigned, "original simulator", "var:--nominal");
   figure.layout() = {{"xaxis", {{"title", {{"text", "step"}}}}}};
   PlotKey key;
   if (!agents.empty()) key.Add("line", "--designed", "in the designed simulators");

@@ -1,6 +1,7 @@
 // Stage 2: the distribution over the parameters and its discriminator.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "oted/report/figure.h"
@@ -50,9 +51,7 @@ LineStyle SeedStyle(bool emphasised) {
 std::string ParameterFigure(const json& report, size_t index, const std::string& name, const std::string& best) {
   const json& parameters = ListAt(report, "parameters");
   const json parameter = index < parameters.size() ? parameters[index] : json::object();
-  const std::string unit = TextAt(parameter, "unit");
-  Figure figure(
-      fmt::format("<b>{}</b>{}", Escape(name), unit.empty() ? "" : fmt::format(" <small>{}</small>", Escape(unit))));
+  Figure figure("<b>" + Escape(name) + "</b>" + UnitHtml(TextAt(parameter, "unit")));
   const json& seeds = report["design_seeds"];
   for (const json& seed : seeds) {
     figure.AddBand(ListAt(seed["curves"], ("design/mode/" + name).c_str()),
@@ -123,12 +122,16 @@ Section DesignSection(const json& report) {
                         "same value, chance played little part.",
                         n_seeds, Escape(TextAt(report, "shown_setting")))
           : fmt::format("One repetition of setting <em>{}</em>.", Escape(TextAt(report, "shown_setting"))));
-  bool truth = false;
-  for (const json& parameter : ListAt(report, "parameters")) truth |= NumberAt(parameter, "truth").has_value();
+  const auto any_has = [&](const char* what) {
+    const json& parameters = ListAt(report, "parameters");
+    return std::any_of(parameters.begin(), parameters.end(),
+                       [&](const json& parameter) { return NumberAt(parameter, what).has_value(); });
+  };
   PlotKey key;
   key.Add("line", "--designed", best.empty() ? "designed value" : "designed value, best seed in bold");
-  key.Add("band", "--band", "spread (&plusmn; one standard deviation)").Add("line", "--nominal", "original");
-  if (truth) key.Add("dash", "--truth", "truth");
+  key.Add("band", "--band", "spread (&plusmn; one standard deviation)");
+  if (any_has("nominal")) key.Add("line", "--nominal", "original (nominal)");
+  if (any_has("truth")) key.Add("dash", "--truth", "truth");
   section.html += key.Html() + FigureGrid(figures) + CorrelationFigure(report);
   return section;
 }

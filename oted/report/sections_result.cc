@@ -61,16 +61,14 @@ Section ParametersSection(const json& report) {
   section.html += "</p>\n";
   HtmlTable table;
   table.Column("Parameter", HtmlTable::Align::kText).Column("Verdict", HtmlTable::Align::kText);
-  table.Column("Original").Column("Designed").Column("90&#8201;% interval");
+  table.Column("Nominal").Column("Designed").Column("90&#8201;% interval");
   if (seeds) table.Column("Over the seeds");
   if (truth) table.Column("Truth");
   if (error) table.Column("Error");
   for (const json& parameter : parameters) {
-    const std::string unit = TextAt(parameter, "unit");
     const std::optional<double> spread = NumberAt(parameter, "std");
     std::vector<std::string> cells = {
-        fmt::format("<b>{}</b>{}", Escape(TextAt(parameter, "name")),
-                    unit.empty() ? "" : fmt::format(" <small>{}</small>", Escape(unit))),
+        "<b>" + Escape(TextAt(parameter, "name")) + "</b>" + UnitHtml(TextAt(parameter, "unit")),
         VerdictBadge(TextAt(parameter, "verdict")), FormatGiven(NumberAt(parameter, "nominal")),
         "<b>" + FormatSpread(NumberAt(parameter, "mode"), spread) + "</b>", Interval(parameter)};
     if (seeds) cells.push_back(SeedRange(parameter));
@@ -97,7 +95,7 @@ Section PoliciesSection(const json& report) {
     const std::string label = TextAt(policy, "label");
     table.Row({Escape(label.empty() ? TextAt(policy, "name") : label),
                FormatSpread(NumberAt(policy, "mean_return"), NumberAt(policy, "std_return")),
-               FormatNumber(NumberAt(policy, "score"))},
+               FormatPoints(NumberAt(policy, "score"))},
               TextAt(policy, "name") == "oted_sac");
   }
   section.html += table.Html();

@@ -45,13 +45,13 @@ std::string Headline(const json& report, const std::string& verdict) {
 
 std::string Asked(const json& report) {
   const std::vector<std::string> names = NamesOf(ListAt(report, "parameters"));
-  std::string logs = "the logged behaviour";
+  std::string logs = "the logs";
   if (report.contains("dataset")) {
     const std::optional<double> episodes = NumberAt(report["dataset"], "n_episodes");
     logs = fmt::format("the {} logged episode{} ({} steps)", FormatCount(episodes), episodes == 1 ? "" : "s",
                        FormatCount(NumberAt(report["dataset"], "n_transitions")));
   }
-  if (names.empty()) return fmt::format("What does {} tell about the simulator it is to be compared with?", logs);
+  if (names.empty()) return fmt::format("Which simulator behaves as in {}?", logs);
   return fmt::format("Which value{} of {} make{} the simulator behave as in {}?", names.size() == 1 ? "" : "s",
                      Enumerate(names), names.size() == 1 ? "s" : "", logs);
 }
@@ -132,7 +132,8 @@ json Unknown(const json& report, const std::string& verdict) {
   }
   if (verdict == "gap_closed" || verdict == "no_gap") {
     unknown.push_back(
-        "A match means that the judge saw no difference on this behaviour. Motions that the logs do not contain, and "
+        "A match means that the classifier saw no difference on this behaviour. Motions that the logs do not contain, "
+        "and "
         "effects that none of the parameters stands for, remain untested.");
   }
   if (verdict == "outside_family") {
