@@ -43,6 +43,7 @@ void TerminalSink::Progress(std::string_view stage, std::string_view label, int6
     FinishLine();
     stage_ = stage;
     jobs_.clear();
+    note_.clear();
     last_tenth_ = -1;
     stage_start_ = Clock::now();
     last_draw_ = {};

@@ -14,6 +14,10 @@ function(oted_test source)
   string(REPLACE "/" "_" name ${name})
   add_executable(${name} ${source})
   target_link_libraries(${name} PRIVATE ${ARGN} GTest::gmock GTest::gtest GTest::gtest_main oted_warnings)
+  # libtorch's autograd as the reference of what oted/nn and oted/rl write by hand.
+  if(name MATCHES "_torch_test$")
+    target_link_libraries(${name} PRIVATE oted_torch)
+  endif()
   # gtest's macros make optimising a test slow to compile, and a third of the build's time; the library keeps its own flags.
   target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   target_compile_definitions(${name} PRIVATE OTED_TEST_PYTHON="${OTED_VENV}/bin/python" OTED_TEST_ASSETS="${OTED_ASSETS}"

@@ -60,7 +60,9 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
 
   const SimulatorSpec& spec = factory.spec();
   const auto describe = [&](int64_t step, double mean_return) {
-    return nlohmann::json{{"step", step}, {"mean_return", mean_return}, {"score", spec.NormalizedScore(mean_return)}};
+    nlohmann::json entry = {{"step", step}, {"mean_return", mean_return}};
+    if (spec.has_score()) entry["score"] = spec.NormalizedScore(mean_return);
+    return entry;
   };
   nlohmann::json record = {{"task", spec.task},
                            {"seed", seed},

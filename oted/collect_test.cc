@@ -40,7 +40,9 @@ TEST(CollectDemonstrations, EpisodesTerminalsAndTimeoutsAreTheTasks) {
       EXPECT_EQ(dataset.timeouts[static_cast<size_t>(i)], std::abs(x) <= 1.3 && i - episode.begin == 14);
       EXPECT_NEAR(x, dataset.observations(i, 0) + 0.15 * dataset.actions(i, 0), 1e-12);
       EXPECT_EQ(dataset.rewards[static_cast<size_t>(i)], -x * x);
-      if (i + 1 < episode.end) EXPECT_EQ(dataset.observations(i + 1, 0), x);
+      if (i + 1 < episode.end) {
+        EXPECT_EQ(dataset.observations(i + 1, 0), x);
+      }
     }
   }
   EXPECT_GT(n_terminated, 0);
@@ -104,8 +106,12 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
     nearest = std::min(nearest, std::abs(returns[i] - best / 3));
   }
   for (size_t i = 0; i < steps.size(); ++i) {
-    if (steps[i] == policies.expert_step) EXPECT_EQ(returns[i], best);
-    if (steps[i] == policies.medium_step) EXPECT_EQ(std::abs(returns[i] - best / 3), nearest);
+    if (steps[i] == policies.expert_step) {
+      EXPECT_EQ(returns[i], best);
+    }
+    if (steps[i] == policies.medium_step) {
+      EXPECT_EQ(std::abs(returns[i] - best / 3), nearest);
+    }
   }
   EXPECT_LE(policies.medium_step, policies.expert_step);
   EXPECT_GT(policies.expert_return, policies.random_return);

@@ -102,8 +102,9 @@ TEST(ExperienceGatherer, AllLanesGetTheSameStartsAndActionsWhateverTheirParamete
   for (int i = 0; i < 30; ++i) {
     for (size_t k = 1; k < 3; ++k) {
       EXPECT_EQ(lanes[k].features(i, 2), lanes[0].features(i, 2));
-      if (i % 5 == 0) EXPECT_EQ(lanes[k].features(i, 0), lanes[0].features(i, 0));
-      if (i % 5 == 0) EXPECT_EQ(lanes[k].features(i, 1), lanes[0].features(i, 1));
+      if (i % 5 != 0) continue;
+      EXPECT_EQ(lanes[k].features(i, 0), lanes[0].features(i, 0));
+      EXPECT_EQ(lanes[k].features(i, 1), lanes[0].features(i, 1));
     }
   }
 }

@@ -96,7 +96,7 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
 
 DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
   const double nominal_gap = std::numbers::ln2 - nominal_common, designed_gap = std::numbers::ln2 - designed_common;
-  if (nominal_gap < kNoGapMargin) return DesignVerdict::kNoGap;
+  if (nominal_gap < kNoGapMargin && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
   if (designed_gap < kMatchMargin || designed_gap < 0.5 * nominal_gap) return DesignVerdict::kGapClosed;
   return DesignVerdict::kOutsideFamily;
 }

@@ -1,8 +1,12 @@
 #pragma once
 /// libtorch as the reference of what is written by hand. Include from *_torch_test.cc files only.
 
-#include <torch/torch.h>
+// Not torch/torch.h: it takes half as long again to compile.
+#include <torch/optim/adam.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
+#include <cmath>
 #include <span>
 #include <vector>
 

@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "oted/base/error.h"
 #include "oted/base/testing.h"
 
 namespace oted {

@@ -25,12 +25,15 @@ body { margin: 0; background: var(--page); color: var(--text);
   font: 16px/1.6 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
 main, nav div { max-width: 68rem; margin: 0 auto; padding: 0 1.5rem; }
 nav { position: sticky; top: 0; z-index: 10; background: var(--page); border-bottom: 1px solid var(--rule); }
-nav div { display: flex; gap: 1.4rem; overflow-x: auto; white-space: nowrap; scrollbar-width: none; font-size: .8125rem; }
+nav div { display: flex; gap: 1.4rem; overflow-x: auto; white-space: nowrap; scrollbar-width: none;
+  font-size: .8125rem; }
 nav a { color: var(--soft); text-decoration: none; padding: .8rem 0 .7rem; border-bottom: 2px solid transparent; }
 nav a:hover { color: var(--text); }
 nav a.here { color: var(--text); border-color: var(--designed); }
-nav a.home { color: var(--text); font-weight: 600; }
-a:focus-visible, summary:focus-visible, .table:focus-visible { outline: 2px solid var(--designed); outline-offset: 2px; }
+nav a.home { flex: none; max-width: 16rem; overflow: hidden; text-overflow: ellipsis; color: var(--text);
+  font-weight: 600; }
+a:focus-visible, summary:focus-visible, .table:focus-visible { outline: 2px solid var(--designed);
+  outline-offset: 2px; }
 header { padding: 4rem 0 1rem; }
 .eyebrow { margin: 0 0 .6rem; color: var(--soft); font-size: .9375rem; }
 h1 { margin: 0; max-width: 22em; font-size: clamp(1.7rem, 4.2vw, 2.5rem); line-height: 1.18; font-weight: 600;
@@ -84,12 +87,13 @@ dl { display: flex; flex-wrap: wrap; gap: .8rem 2.8rem; margin: 0 0 1.5rem; }
 dt { font-size: .8125rem; color: var(--soft); }
 dd { margin: 0; font-size: 1.125rem; font-variant-numeric: tabular-nums; }
 .warnings { margin: 0 0 1rem; padding: 0; list-style: none; max-width: 44rem; }
-.warnings li { padding: .6rem .9rem; margin-bottom: .6rem; border-left: 3px solid var(--fair); background: var(--fair-bg);
-  overflow-wrap: anywhere; }
+.warnings li { padding: .6rem .9rem; margin-bottom: .6rem; border-left: 3px solid var(--fair);
+  background: var(--fair-bg); overflow-wrap: anywhere; }
 summary { cursor: pointer; font-size: .9375rem; }
 code, pre { font: .8125rem/1.6 ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; }
 pre { overflow-x: auto; padding: 1rem 1.2rem; background: var(--surface); border-radius: 6px; }
-footer { margin: 3rem 0; padding-top: 1.2rem; border-top: 1px solid var(--rule); color: var(--soft); font-size: .8125rem; }
+footer { margin: 3rem 0; padding-top: 1.2rem; border-top: 1px solid var(--rule); color: var(--soft);
+  font-size: .8125rem; }
 @media (max-width: 40rem) {
   main, nav div { padding: 0 1.1rem; }
   header { padding-top: 2.4rem; }

@@ -36,13 +36,13 @@ void WriteReport(const std::filesystem::path& run_dir) {
   try {
     report["summary"] = Summarise(report);
     page = HtmlPage(report, plotly_js);
+    WriteJson(run_dir / "report.json", report);
   } catch (const nlohmann::json::exception& error) {
     throw DataError(
         fmt::format("a result file in '{}' does not have the layout of its schema ({}); run the stage that "
                     "wrote it again",
                     run_dir.string(), error.what()));
   }
-  WriteJson(run_dir / "report.json", report);
   WriteFileAtomically(run_dir / "report.html", page);
 }
 

@@ -74,6 +74,7 @@ class SampleRun {
                             {"field", "geom/*/friction[0]"},
                             {"unit", "x nominal"},
                             {"nominal", 1},
+                            {"bounds", {0.2, 2.0}},
                             {"mode", found[i]},
                             {"std", spread[i]},
                             {"interval90", {found[i] - 1.645 * spread[i], found[i] + 1.645 * spread[i]}},

@@ -32,7 +32,7 @@ std::string BestSeed(const json& report) {
   std::string name;
   for (const json& setting : ListAt(report["design"], "settings")) {
     if (TextAt(setting, "name") != TextAt(report, "shown_setting")) continue;
-    const char* score = NumberAt(setting, "common") ? "common" : "c";
+    const char* score = TextAt(report["design"], "score_name") == "paper" ? "c" : "common";
     for (const json& seed : ListAt(setting, "seeds")) {
       const std::optional<double> value = NumberAt(seed, score);
       if (value && (!best || *value > *best)) {
@@ -77,7 +77,11 @@ std::string ParameterFigure(const json& report, size_t index, const std::string&
 std::string CorrelationFigure(const json& report) {
   if (!report.contains("design")) return "";
   const json& correlation = ListAt(report["design"], "correlation");
-  if (correlation.size() < 2) return "";
+  bool any = false;
+  for (size_t i = 0; i < correlation.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) any = any || AsNumber(correlation[i].at(j)).value_or(0) != 0;
+  }
+  if (!any) return "";  // one parameter, or a distribution in which they are independent by construction
   json names = json::array();
   for (const std::string& name : ParameterNames(report)) names.push_back(PlotText(name));
   Figure figure("How the parameters trade off against each other");
@@ -154,8 +158,9 @@ Section DiscriminatorSection(const json& report) {
   if (figures.empty()) return section;
   section.html =
       "<p>A classifier (the discriminator) learns to tell simulated samples from logged ones, and the design learns to "
-      "fool it. At the dashed lines, a share of one half and a loss of 2&#8201;log&#8201;2, it can only guess: the two "
-      "are alike to it.</p>\n" +
+      "fool it. At the dashed line it can only guess: the two are alike to it. (Guessing is right half the time and "
+      "has "
+      "a loss of 2&#8201;log&#8201;2.)</p>\n" +
       PlotKey().Add("line", "--designed", "each seed").Add("dash", "--truth", "guessing").Html() + FigureGrid(figures);
   return section;
 }

@@ -19,6 +19,12 @@ std::string VerdictBadge(const std::string& verdict) {
   return fmt::format("<span class=\"badge {}\">{}</span>", css, Escape(words));
 }
 
+std::string SearchRange(const json& parameter) {
+  const json& bounds = ListAt(parameter, "bounds");
+  if (bounds.size() != 2) return "–";
+  return fmt::format("{} to {}", FormatGiven(AsNumber(bounds[0])), FormatGiven(AsNumber(bounds[1])));
+}
+
 std::string Interval(const json& parameter) {
   const json& interval = ListAt(parameter, "interval90");
   if (interval.size() != 2) return "–";
@@ -56,12 +62,13 @@ Section ParametersSection(const json& report) {
                                  [](const json& p) { return ListAt(p, "seed_modes").size() > 1; });
   section.html =
       "<p>The values that make the simulator behave as the logs do. The spread says how far a value can move before "
-      "the difference shows; a parameter that is <em>not identified</em> could as well be anything in its range.";
+      "the difference shows, all seeds taken together; a parameter that is <em>not identified</em> could as well be "
+      "anything in its range.";
   if (truth) section.html += " The truth was kept from the design and is used for the last columns only.";
   section.html += "</p>\n";
   HtmlTable table;
   table.Column("Parameter", HtmlTable::Align::kText).Column("Verdict", HtmlTable::Align::kText);
-  table.Column("Nominal").Column("Designed").Column("90&#8201;% interval");
+  table.Column("Nominal").Column("Searched").Column("Designed").Column("90&#8201;% interval");
   if (seeds) table.Column("Over the seeds");
   if (truth) table.Column("Truth");
   if (error) table.Column("Error");
@@ -69,8 +76,11 @@ Section ParametersSection(const json& report) {
     const std::optional<double> spread = NumberAt(parameter, "std");
     std::vector<std::string> cells = {
         "<b>" + Escape(TextAt(parameter, "name")) + "</b>" + UnitHtml(TextAt(parameter, "unit")),
-        VerdictBadge(TextAt(parameter, "verdict")), FormatGiven(NumberAt(parameter, "nominal")),
-        "<b>" + FormatSpread(NumberAt(parameter, "mode"), spread) + "</b>", Interval(parameter)};
+        VerdictBadge(TextAt(parameter, "verdict")),
+        FormatGiven(NumberAt(parameter, "nominal")),
+        SearchRange(parameter),
+        "<b>" + FormatSpread(NumberAt(parameter, "mode"), spread) + "</b>",
+        Interval(parameter)};
     if (seeds) cells.push_back(SeedRange(parameter));
     if (truth) cells.push_back(FormatGiven(NumberAt(parameter, "truth")));
     if (error) cells.push_back(FormatAtScale(NumberAt(parameter, "absolute_error"), spread));

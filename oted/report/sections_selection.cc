@@ -87,9 +87,12 @@ Section SelectionSection(const json& report) {
     table.Row({"<em>original simulator</em>", "", "", FormatScore(Minus(nominal, log2)), "–", "–", "–"});
   }
   section.html += table.Html() +
-                  "<p class=\"note\">Scores are E[&minus;log(1&minus;g)] &minus; log&#8201;2. Design deviation is how "
-                  "far the seeds' results lie apart (lower is better); learning progress is how much the score rose "
-                  "during the design (higher is better). Both are the paper's alternatives, shown to compare.</p>\n" +
+                  "<p class=\"note\">Own judge: the paper's score E[&minus;log(1&minus;g)] of the discriminator that "
+                  "the design was "
+                  "trained with. Common judge: half the loss, on held-out samples, of a new discriminator that every "
+                  "candidate is given in the same way. Both less log&#8201;2, their value at a perfect match. Design "
+                  "deviation: how far the seeds lie apart, as a share of the search range (lower is better). Learning "
+                  "progress: mean reward over the design (higher is better).</p>\n" +
                   Chart(design, log2);
   return section;
 }

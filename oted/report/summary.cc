@@ -34,8 +34,35 @@ std::vector<std::string> NamesOf(const json& parameters, const std::string& verd
   return names;
 }
 
+// The common scores, less their value at a perfect match.
+struct Match {
+  std::optional<double> nominal;
+  std::optional<double> designed;
+};
+
+Match MatchOf(const json& report) {
+  Match match;
+  if (!report.contains("design")) return match;
+  const json& design = report["design"];
+  const double log2 = NumberAt(design, "log2").value_or(std::log(2.0));
+  const auto less_log2 = [log2](std::optional<double> value) { return value ? std::optional(*value - log2) : value; };
+  match.nominal = less_log2(NumberAt(design, "nominal_common"));
+  for (const json& setting : ListAt(design, "settings")) {
+    if (TextAt(setting, "name") == TextAt(design, "selected")) match.designed = less_log2(NumberAt(setting, "common"));
+  }
+  return match;
+}
+
+std::string GapClosed(const Match& match) {
+  if (!match.nominal || !match.designed || *match.nominal >= 0) {
+    return "The designed simulator matches the logs; the original one does not.";
+  }
+  const double share = std::clamp(1 - *match.designed / *match.nominal, 0.0, 1.0);
+  return fmt::format("The designed simulator closes {:.0f}\u00a0% of the gap to the logs.", 100 * share);
+}
+
 std::string Headline(const json& report, const std::string& verdict) {
-  if (verdict == "gap_closed") return "The designed simulator matches the logs; the original one does not.";
+  if (verdict == "gap_closed") return GapClosed(MatchOf(report));
   if (verdict == "no_gap") return "The original simulator already matches the logs: there is no gap to close.";
   if (verdict == "outside_family") return "No simulator in this family matches the logs.";
   if (report.contains("design")) return "A simulator has been designed; no verdict was recorded.";
@@ -102,18 +129,26 @@ void AddPolicies(const json& report, json* found) {
 }
 
 void AddMatch(const json& report, json* found) {
-  if (!report.contains("design")) return;
-  const json& design = report["design"];
-  const std::optional<double> nominal = NumberAt(design, "nominal_common");
-  const double log2 = NumberAt(design, "log2").value_or(std::log(2.0));
-  for (const json& setting : ListAt(design, "settings")) {
-    const std::optional<double> common = NumberAt(setting, "common");
-    if (TextAt(setting, "name") != TextAt(design, "selected") || !common || !nominal) continue;
-    found->push_back(
-        fmt::format("A classifier that learns to tell simulated from logged samples scores the designed simulator {} "
-                    "and the original one {}; at 0 it could not tell.",
-                    FormatScore(*common - log2), FormatScore(*nominal - log2)));
+  const Match match = MatchOf(report);
+  if (!match.nominal || !match.designed) return;
+  found->push_back(
+      fmt::format("A classifier that learns to tell simulated from logged samples scores the designed simulator {} and "
+                  "the original one {}; at 0 it could not tell.",
+                  FormatScore(match.designed), FormatScore(match.nominal)));
+}
+
+// The parameters whose value ended within a hundredth of the search range from its edge.
+std::vector<std::string> AtTheEdge(const json& parameters) {
+  std::vector<std::string> names;
+  for (const json& parameter : parameters) {
+    const json& bounds = ListAt(parameter, "bounds");
+    const std::optional<double> mode = NumberAt(parameter, "mode");
+    if (bounds.size() != 2 || !mode || !AsNumber(bounds[0]) || !AsNumber(bounds[1])) continue;
+    const double low = *AsNumber(bounds[0]);
+    const double high = *AsNumber(bounds[1]);
+    if (std::min(*mode - low, high - *mode) < 0.01 * (high - low)) names.push_back(TextAt(parameter, "name"));
   }
+  return names;
 }
 
 json Unknown(const json& report, const std::string& verdict) {
@@ -123,6 +158,11 @@ json Unknown(const json& report, const std::string& verdict) {
   if (!open.empty()) {
     unknown.push_back(fmt::format("The logs do not tell {}: any value in the search range fits them about as well.",
                                   Enumerate(open)));
+  }
+  const std::vector<std::string> edge = AtTheEdge(parameters);
+  if (!edge.empty()) {
+    unknown.push_back(fmt::format("{} ended at the edge of the search range: the value that fits best may lie beyond.",
+                                  Enumerate(edge)));
   }
   const bool truth_known =
       std::any_of(parameters.begin(), parameters.end(), [](const json& p) { return NumberAt(p, "truth").has_value(); });

@@ -1,5 +1,6 @@
 #include "oted/report/tensorboard.h"
 
+#include "oted/base/error.h"
 #include "oted/base/testing.h"
 
 namespace oted {

@@ -27,11 +27,11 @@ SacConfig SmallConfig() {
 
 struct Training {
   const std::filesystem::path folder;
-  PointMassOptions options;
+  PointMassOptions options = {};
   SacConfig config = SmallConfig();
   int n_threads = 1;
   EpisodeParameters parameters = [](Rng&) { return kNominal; };
-  SacObserver observer;
+  SacObserver observer = {};
   const std::atomic<bool>* stop = nullptr;
 
   SacResult operator()() const {
@@ -188,7 +188,9 @@ TEST(TrainSac, EachEpisodeRunsWithParametersDrawnAnew) {
   for (size_t i = 0; i < rows.size(); ++i) {
     const size_t episode = i / 20 + (i >= 200 ? 1 : 0);
     const double gain = 10 * (static_cast<double>(rows[i][3]) - rows[i][0]) / rows[i][2];
-    if (std::abs(rows[i][2]) > 0.1f) EXPECT_NEAR(gain, drawn[episode], 1e-4) << i;
+    if (std::abs(rows[i][2]) > 0.1f) {
+      EXPECT_NEAR(gain, drawn[episode], 1e-4) << i;
+    }
   }
 }
 

@@ -1,0 +1,198 @@
+#include "oted/report/report.h"
+
+#include <gmock/gmock.h>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/report/gather.h"
+#include "oted/report/sample_run.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+// Stands in for plotly.js (5 MB) where the page around it is looked at.
+constexpr const char* kStandIn = "/* stand-in for plotly */";
+
+// Says what was looked for when it is not there, and not the whole page.
+testing::AssertionResult Contains(const std::string& page, const std::string& part) {
+  if (page.find(part) != std::string::npos) return testing::AssertionSuccess();
+  return testing::AssertionFailure() << "the page has no '" << part << "'";
+}
+
+class WriteReportTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    WriteFileAtomically(plotly_ / "plotly.min.js", kStandIn);
+    ::setenv("OTED_PLOTLY_JS", (plotly_ / "plotly.min.js").c_str(), 1);
+  }
+  void TearDown() override { ::unsetenv("OTED_PLOTLY_JS"); }
+  std::string Page() const { return ReadFile(folder_ / "report.html"); }
+
+  TestFolder folder_;
+  TestFolder plotly_;
+  SampleRun run_{folder_.path()};
+};
+
+// An HTML parser of its own: elements balance, figures hold JSON, nothing points outside, links of the contents bar
+// lead somewhere.
+constexpr const char* kCheckPage = R"(
+import html.parser, json
+VOID = {'meta', 'link', 'br'}
+class Page(html.parser.HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.open, self.ids, self.hrefs, self.tags, self.figures = [], set(), [], set(), 0
+        self.json = False
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.tags.add(tag)
+        for name, value in attributes.items():
+            assert not name.startswith('on'), (tag, name)
+            if name in ('src', 'href', 'srcset', 'action', 'data', 'poster'):
+                assert name == 'href' and value.startswith(('#', 'data:,')), (tag, name, value)
+                self.hrefs.append(value)
+        if 'id' in attributes:
+            assert attributes['id'] not in self.ids
+            self.ids.add(attributes['id'])
+        if tag not in VOID: self.open.append(tag)
+        self.json = tag == 'script' and attributes.get('type') == 'application/json'
+    def handle_endtag(self, tag):
+        assert self.open and self.open.pop() == tag, (tag, self.getpos())
+        self.json = False
+    def handle_data(self, data):
+        if self.json:
+            figure = json.loads(data)
+            assert figure['data'], 'an empty figure'
+            self.figures += 1
+page = Page()
+text = open('report.html', encoding='utf-8').read()
+page.feed(text)
+page.close()
+assert not page.open, page.open
+for href in page.hrefs:
+    assert href.startswith('data:') or href[1:] in page.ids, href
+assert '@import' not in text and 'url(' not in text
+assert 'http:' not in text and 'https:' not in text
+)";
+
+TEST_F(WriteReportTest, TheJsonIsWhatTheFilesHoldWithASummary) {
+  run_.WriteAll();
+  WriteReport(folder_.path());
+  json report = ReadJson(folder_ / "report.json");
+  EXPECT_THAT(report["summary"]["headline"].get<std::string>(), HasSubstr("closes 90\u00a0%"));
+  report.erase("summary");
+  EXPECT_EQ(report, GatherReport(folder_.path()));
+}
+
+TEST_F(WriteReportTest, AWholeRunGivesAWellFormedPageThatNeedsNothingElse) {
+  run_.WriteAll();
+  WriteReport(folder_.path());
+  EXPECT_TRUE(RunPython(std::string(kCheckPage) + R"(
+assert page.ids == {'top', 'parameters', 'policies', 'warnings', 'design', 'discriminator', 'selection', 'agents',
+                    'policy-selection', 'data', 'clone', 'run'}, page.ids
+assert page.figures == 3 + 1 + 2 + 1 + 1 + 1 + 1 + 1, page.figures
+)",
+                        folder_));
+  const std::string page = Page();
+  EXPECT_TRUE(Contains(page, "1.297\u00a0±\u00a00.012"));
+  EXPECT_TRUE(Contains(page, "default-src 'none'"));
+  EXPECT_TRUE(Contains(page, kStandIn));
+  EXPECT_TRUE(Contains(page, "prefers-color-scheme: dark"));
+}
+
+TEST_F(WriteReportTest, TheFilePlotlyComesInIsTheRealOneByDefault) {
+  ::unsetenv("OTED_PLOTLY_JS");
+  run_.WriteClone();
+  WriteReport(folder_.path());
+  const std::string page = Page();
+  EXPECT_GT(page.size(), 1'000'000u);
+  EXPECT_TRUE(Contains(page, "plotly.js v"));
+}
+
+TEST_F(WriteReportTest, HostileNamesStayText) {
+  const std::string hostile = "</script><script>alert('x')</script><img src=x onerror=alert(1)>\"&";
+  run_.names = {hostile, "gain", "gravity"};
+  run_.WriteAll();
+  json design = ReadJson(folder_ / "design.json");
+  design["warnings"] = {hostile};
+  design["selected"] = hostile;
+  design["settings"][0]["name"] = hostile;
+  design["settings"][0]["form"] = hostile;
+  design["model"] = {{hostile, hostile}};
+  WriteJson(folder_ / "design.json", design);
+  json evaluation = ReadJson(folder_ / "evaluation.json");
+  evaluation["task"] = hostile;
+  evaluation["policies"][0]["label"] = hostile;
+  evaluation["parameters"][0]["unit"] = hostile;
+  WriteJson(folder_ / "evaluation.json", evaluation);
+  WriteFileAtomically(folder_ / "run.toml", hostile);
+  std::filesystem::rename(folder_ / "agents/1", folder_ / "agents/<b onclick=1>");
+  WriteReport(folder_.path());
+  EXPECT_TRUE(
+      RunPython(std::string(kCheckPage) + "assert 'img' not in page.tags and 'b' in page.tags, page.tags\n", folder_));
+  const std::string page = Page();
+  for (const char* markup : {"<img", "<script>alert", "<b onclick"}) {
+    EXPECT_EQ(page.find(markup), std::string::npos) << markup;
+  }
+  EXPECT_EQ(ReadJson(folder_ / "report.json")["warnings"][0], hostile);
+}
+
+TEST_F(WriteReportTest, ASingleStageGivesItsOwnSectionsOnly) {
+  const auto expect_ids = [this](const std::string& ids) {
+    WriteReport(folder_.path());
+    EXPECT_TRUE(RunPython(kCheckPage + fmt::format("assert page.ids == {{'top', {}}}, page.ids\n", ids), folder_));
+    std::filesystem::remove_all(folder_.path());
+    std::filesystem::create_directories(folder_.path());
+  };
+  run_.WriteClone();
+  expect_ids("'clone'");
+  run_.WriteDesignSeeds();
+  expect_ids("'design', 'discriminator'");
+  run_.WriteDesign();
+  expect_ids("'parameters', 'warnings', 'design', 'selection', 'run'");
+  run_.WriteAgents();
+  expect_ids("'agents', 'policy-selection'");
+  run_.WriteEvaluation();
+  expect_ids("'parameters', 'policies'");
+  run_.WriteDataset();
+  expect_ids("'data', 'run'");
+}
+
+TEST_F(WriteReportTest, NullAndMissingFieldsAreShownAsUnknown) {
+  WriteJson(folder_ / "design.json",
+            {{"schema", "oted.design/1"}, {"parameters", {{{"name", "x"}, {"mode", nullptr}}}}});
+  WriteJson(folder_ / "evaluation.json", {{"schema", "oted.evaluation/1"}, {"policies", {{{"name", "clone"}}}}});
+  WriteReport(folder_.path());
+  EXPECT_TRUE(RunPython(kCheckPage, folder_));
+  EXPECT_TRUE(Contains(Page(), "<td>clone</td><td class=\"num\">–</td><td class=\"num\">–</td>"));
+}
+
+TEST_F(WriteReportTest, AMissingPlotlyIsAnErrorWithTheRemedyAndWritesNothing) {
+  run_.WriteClone();
+  ::setenv("OTED_PLOTLY_JS", (plotly_ / "missing.js").c_str(), 1);
+  EXPECT_THAT(MessageOf<DataError>([&] { WriteReport(folder_.path()); }),
+              testing::AllOf(HasSubstr("missing.js"), HasSubstr("make setup"), HasSubstr("OTED_PLOTLY_JS")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "report.json"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "report.html"));
+}
+
+TEST_F(WriteReportTest, TextThatIsNoUtf8IsAnErrorNotACrash) {
+  run_.WriteClone();
+  WriteFileAtomically(folder_ / "run.toml", "name = \"\xff\xfe\"\n");
+  EXPECT_THAT(MessageOf<DataError>([&] { WriteReport(folder_.path()); }), HasSubstr("UTF-8"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "report.html"));
+}
+
+TEST_F(WriteReportTest, TheSameFilesGiveTheSamePage) {
+  run_.WriteAll();
+  WriteReport(folder_.path());
+  const std::string first = Page();
+  WriteReport(folder_.path());
+  EXPECT_EQ(Page(), first);
+}
+
+}  // namespace
+}  // namespace oted

@@ -1,0 +1,110 @@
+#include "oted/report/summary.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+
+std::string Text(const json& sentences) {
+  std::string text;
+  for (const json& sentence : sentences) text += sentence.get<std::string>() + "\n";
+  return text;
+}
+
+json Parameter(const char* name, double mode, const char* verdict) {
+  return {{"name", name}, {"mode", mode}, {"std", 0.05}, {"verdict", verdict}};
+}
+
+TEST(SummariseTest, EachVerdictHasItsHeadline) {
+  const auto headline = [](const char* verdict) {
+    return Summarise({{"design", {{"verdict", verdict}}}})["headline"].get<std::string>();
+  };
+  EXPECT_THAT(headline("no_gap"), HasSubstr("no gap"));
+  EXPECT_THAT(headline("gap_closed"), HasSubstr("matches the logs"));
+  EXPECT_THAT(headline("outside_family"), HasSubstr("No simulator in this family"));
+  EXPECT_THAT(Summarise(json::object())["headline"].get<std::string>(), HasSubstr("yet"));
+}
+
+TEST(SummariseTest, NamesWhatTheLogsPinDownAndWhatTheyDoNot) {
+  const json summary = Summarise({{"design", {{"verdict", "gap_closed"}}},
+                                  {"dataset", {{"n_episodes", 5}, {"n_transitions", 1749}}},
+                                  {"parameters",
+                                   {Parameter("gain", 1.297, "identified"), Parameter("friction", 0.7, "weak"),
+                                    Parameter("damping", 1, "not_identified")}}});
+  EXPECT_EQ(summary["asked"],
+            "Which values of gain, friction and damping make the simulator behave as in the 5 logged episodes (1,749 "
+            "steps)?");
+  EXPECT_THAT(Text(summary["found"]), HasSubstr("pin down gain (1.297\u00a0±\u00a00.050)."));
+  EXPECT_THAT(Text(summary["found"]), HasSubstr("roughly what friction is"));
+  EXPECT_THAT(Text(summary["found"]), Not(HasSubstr("damping")));
+  EXPECT_THAT(Text(summary["unknown"]), HasSubstr("do not tell damping"));
+  EXPECT_THAT(Text(summary["unknown"]), HasSubstr("true values are not known"));
+  EXPECT_THAT(Text(summary["unknown"]), HasSubstr("No policy was evaluated"));
+}
+
+TEST(SummariseTest, WithATruthItStatesTheMeanAbsoluteErrorInPlaceOfTheCaveat) {
+  json parameter = Parameter("gain", 1.2, "identified");
+  parameter["truth"] = 1.3;
+  parameter["absolute_error"] = 0.1;
+  json other = parameter;
+  other["absolute_error"] = 0.3;
+  const json summary = Summarise({{"design", json::object()}, {"parameters", {parameter, other}}});
+  EXPECT_THAT(Text(summary["found"]), HasSubstr("mean absolute error is 0.200"));
+  EXPECT_THAT(Text(summary["unknown"]), Not(HasSubstr("true values are not known")));
+}
+
+TEST(SummariseTest, ScoresAreGivenRelativeToAPerfectMatch) {
+  const double log2 = std::log(2.0);
+  const json design = {
+      {"verdict", "gap_closed"},
+      {"selected", "b"},
+      {"log2", log2},
+      {"nominal_common", log2 - 0.25},
+      {"settings", {{{"name", "a"}, {"common", log2 - 0.9}}, {{"name", "b"}, {"common", log2 - 0.03}}}}};
+  const json summary = Summarise({{"design", design}});
+  EXPECT_THAT(Text(summary["found"]), HasSubstr("designed simulator \u22120.030 and the original one \u22120.250"));
+}
+
+TEST(SummariseTest, TheHeadlineSaysHowMuchOfTheGapIsClosed) {
+  const auto headline = [](double nominal, double designed) {
+    const json design = {{"verdict", "gap_closed"},
+                         {"selected", "a"},
+                         {"log2", 0.5},
+                         {"nominal_common", 0.5 + nominal},
+                         {"settings", {{{"name", "a"}, {"common", 0.5 + designed}}}}};
+    return Summarise({{"design", design}})["headline"].get<std::string>();
+  };
+  EXPECT_THAT(headline(-0.25, -0.0625), HasSubstr("closes 75\u00a0% of the gap"));
+  EXPECT_THAT(headline(-0.25, 0.01), HasSubstr("closes 100\u00a0% of the gap"));
+}
+
+TEST(SummariseTest, AValueAtTheEdgeOfItsRangeIsNotTrusted) {
+  json at_the_edge = Parameter("friction", 1.99, "identified");
+  at_the_edge["bounds"] = {0.2, 2.0};
+  json inside = Parameter("gain", 1.9, "identified");
+  inside["bounds"] = {0.2, 2.0};
+  const json summary = Summarise({{"parameters", {at_the_edge, inside}}});
+  EXPECT_THAT(Text(summary["unknown"]), HasSubstr("friction ended at the edge"));
+}
+
+TEST(SummariseTest, ComparesThePoliciesByName) {
+  const json summary = Summarise({{"policies",
+                                   {{{"name", "oted_sac"}, {"mean_return", 1731.5}},
+                                    {{"name", "clone"}, {"mean_return", 904.1}},
+                                    {{"name", "sac_undesigned"}, {"mean_return", 612.8}}}}});
+  EXPECT_THAT(Text(summary["found"]), testing::AllOf(HasSubstr("returns 1,732"),
+                                                     HasSubstr("clone of the logged "
+                                                               "behaviour 904"),
+                                                     HasSubstr("original simulator 613")));
+}
+
+}  // namespace
+}  // namespace oted
