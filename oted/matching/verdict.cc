@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kIdentifiedBelow = 0.25;  // of the uniform prior's standard deviation
 constexpr double kWeakBelow = 0.6;
-constexpr double kNoGapMargin = 0.02;  // nats of the common score
+constexpr double kNoGapMargin = 0.1;     // nats of the common score
+constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
 constexpr double kMatchMargin = 0.35;
 
 double Sigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }

@@ -61,9 +61,8 @@ std::string HtmlPage(const json& report, std::string_view plotly_js) {
   page += Header(report);
   page += "<noscript><p class=\"note\">The plots need JavaScript; the tables do not.</p></noscript>\n";
   page += body;
-  page +=
-      "<footer>Made by oted from the files of this run. The same content as data: "
-      "report.json.</footer>\n</main>\n<script>";
+  page += "<footer>Made by oted from the files of this run; report.json has the same as data.</footer>\n</main>\n";
+  page += "<script>";
   page += plotly_js;
   page += "</script>\n<script>";
   page += PageScript();

@@ -82,7 +82,7 @@ TEST_F(WriteReportTest, TheJsonIsWhatTheFilesHoldWithASummary) {
   run_.WriteAll();
   WriteReport(folder_.path());
   json report = ReadJson(folder_ / "report.json");
-  EXPECT_THAT(report["summary"]["headline"].get<std::string>(), HasSubstr("closes 90\u00a0%"));
+  EXPECT_THAT(report["summary"]["headline"].get<std::string>(), HasSubstr("closes 90%"));
   report.erase("summary");
   EXPECT_EQ(report, GatherReport(folder_.path()));
 }
@@ -101,6 +101,17 @@ assert page.figures == 3 + 1 + 2 + 1 + 1 + 1 + 1 + 1, page.figures
   EXPECT_TRUE(Contains(page, "default-src 'none'"));
   EXPECT_TRUE(Contains(page, kStandIn));
   EXPECT_TRUE(Contains(page, "prefers-color-scheme: dark"));
+}
+
+TEST_F(WriteReportTest, IndependentParametersGetNoCorrelationPlot) {
+  run_.WriteDesign();
+  WriteReport(folder_.path());
+  EXPECT_TRUE(Contains(Page(), "How the parameters trade off"));
+  json design = ReadJson(folder_ / "design.json");
+  design["correlation"] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  WriteJson(folder_ / "design.json", design);
+  WriteReport(folder_.path());
+  EXPECT_FALSE(Contains(Page(), "How the parameters trade off"));
 }
 
 TEST_F(WriteReportTest, TheFilePlotlyComesInIsTheRealOneByDefault) {

@@ -68,7 +68,7 @@ Section ParametersSection(const json& report) {
   section.html += "</p>\n";
   HtmlTable table;
   table.Column("Parameter", HtmlTable::Align::kText).Column("Verdict", HtmlTable::Align::kText);
-  table.Column("Nominal").Column("Searched").Column("Designed").Column("90&#8201;% interval");
+  table.Column("Nominal").Column("Searched").Column("Designed").Column("90% interval");
   if (seeds) table.Column("Over the seeds");
   if (truth) table.Column("Truth");
   if (error) table.Column("Error");

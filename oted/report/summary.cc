@@ -58,7 +58,7 @@ std::string GapClosed(const Match& match) {
     return "The designed simulator matches the logs; the original one does not.";
   }
   const double share = std::clamp(1 - *match.designed / *match.nominal, 0.0, 1.0);
-  return fmt::format("The designed simulator closes {:.0f}\u00a0% of the gap to the logs.", 100 * share);
+  return fmt::format("The designed simulator closes {:.0f}% of the gap to the logs.", 100 * share);
 }
 
 std::string Headline(const json& report, const std::string& verdict) {
@@ -91,7 +91,11 @@ void AddParameters(const json& report, json* found) {
     identified.push_back(fmt::format("{} ({})", TextAt(parameter, "name"),
                                      FormatSpread(NumberAt(parameter, "mode"), NumberAt(parameter, "std"))));
   }
-  if (!identified.empty()) found->push_back(fmt::format("The logs pin down {}.", Enumerate(identified)));
+  const bool outside = report.contains("design") && TextAt(report["design"], "verdict") == "outside_family";
+  if (!identified.empty()) {
+    found->push_back(
+        fmt::format("{} logs pin down {}.", outside ? "Within this family, the" : "The", Enumerate(identified)));
+  }
   const std::vector<std::string> weak = NamesOf(parameters, "weak");
   if (!weak.empty()) {
     found->push_back(
@@ -172,8 +176,7 @@ json Unknown(const json& report, const std::string& verdict) {
   }
   if (verdict == "gap_closed" || verdict == "no_gap") {
     unknown.push_back(
-        "A match means that the classifier saw no difference on this behaviour. Motions that the logs do not contain, "
-        "and "
+        "Where the classifier sees no difference there may still be one: motions that the logs do not contain, and "
         "effects that none of the parameters stands for, remain untested.");
   }
   if (verdict == "outside_family") {

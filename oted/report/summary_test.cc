@@ -82,8 +82,8 @@ TEST(SummariseTest, TheHeadlineSaysHowMuchOfTheGapIsClosed) {
                          {"settings", {{{"name", "a"}, {"common", 0.5 + designed}}}}};
     return Summarise({{"design", design}})["headline"].get<std::string>();
   };
-  EXPECT_THAT(headline(-0.25, -0.0625), HasSubstr("closes 75\u00a0% of the gap"));
-  EXPECT_THAT(headline(-0.25, 0.01), HasSubstr("closes 100\u00a0% of the gap"));
+  EXPECT_THAT(headline(-0.25, -0.0625), HasSubstr("closes 75% of the gap"));
+  EXPECT_THAT(headline(-0.25, 0.01), HasSubstr("closes 100% of the gap"));
 }
 
 TEST(SummariseTest, AValueAtTheEdgeOfItsRangeIsNotTrusted) {

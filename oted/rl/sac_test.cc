@@ -127,10 +127,13 @@ TEST(TrainSac, TheBestEvaluatedPolicySurvivesAStop) {
   run.config.learning_rate = 3e-2;  // restless: the last policy is not the best one
   const SacResult expected = run();
   const auto& returns = expected.eval_returns;
-  EXPECT_EQ(expected.eval_return, *std::max_element(returns.begin(), returns.end()));
+  const auto best = std::max_element(returns.begin(), returns.end());
+  EXPECT_EQ(expected.eval_return, *best);
+  ASSERT_LT(best + 1, returns.end()) << "the best policy must not be the last one for this case";
+  const int64_t after_best = expected.eval_steps[static_cast<size_t>(best - returns.begin()) + 1];
   std::atomic<bool> stop = false;
   Training first{parts.path(), {}, run.config, 1, run.parameters, {}, &stop};
-  first.observer = [&](int64_t step, const TanhGaussianPolicy&, double) { stop = step == 800; };
+  first.observer = [&](int64_t step, const TanhGaussianPolicy&, double) { stop = step == after_best; };
   EXPECT_THROW(first(), Interrupted);
   EXPECT_EQ(Bytes(Training{parts.path(), {}, run.config}()), Bytes(expected));
 }
