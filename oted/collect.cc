@@ -27,6 +27,14 @@ double RandomReturn(const SimulatorFactory& factory, RngKey key, int n_threads) 
   return MeanReturn(RunEpisodes(*simulator, z, act, key));
 }
 
+double RoundToFloat(double value) { return static_cast<double>(static_cast<float>(value)); }
+
+std::vector<double> RoundToFloat(std::span<const double> values) {
+  std::vector<double> rounded;
+  for (const double value : values) rounded.push_back(RoundToFloat(value));
+  return rounded;
+}
+
 }  // namespace
 
 BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const SacConfig& config, uint64_t seed,
@@ -86,6 +94,8 @@ Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector
   Rng noise = key.Stage("actions").MakeRng();
   const auto act = [&](std::span<const double> observations, int n, std::span<double> actions) {
     runner.Act(observations, n, noise, actions);
+    // D4RL's files hold float32: what is logged is what was done.
+    for (double& a : actions) a = RoundToFloat(a);
   };
   std::vector<Dataset> lanes(static_cast<size_t>(n_episodes));
   const auto record = [&](const StepView& step) {
@@ -94,10 +104,10 @@ Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector
           "the target diverged while demonstrations were logged; choose target parameters nearer to nominal");
     }
     Dataset& log = lanes[static_cast<size_t>(step.lane)];
-    log.observations.AppendRow(step.observation);
+    log.observations.AppendRow(RoundToFloat(step.observation));
     log.actions.AppendRow(step.action);
-    log.next_observations.AppendRow(step.next_observation);
-    log.rewards.push_back(step.reward);
+    log.next_observations.AppendRow(RoundToFloat(step.next_observation));
+    log.rewards.push_back(RoundToFloat(step.reward));
     log.terminals.push_back(step.status == LaneStatus::kTerminated);
     log.timeouts.push_back(step.status == LaneStatus::kTruncated);
   };

@@ -28,7 +28,7 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
                                        const std::filesystem::path& folder, const RunContext& context);
 
 /// Logs `n_episodes` episodes of `policy` with sampled actions in the simulator at parameters `z`: the dataset D with
-/// rewards, terminals and timeouts, and nothing that names `z`.
+/// rewards, terminals and timeouts, rounded to float32 as D4RL's files are, and nothing that names `z`.
 Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector<double>& z,
                               const TanhGaussianPolicy& policy, int n_episodes, RngKey key, int n_threads);
 

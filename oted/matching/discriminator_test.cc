@@ -44,10 +44,8 @@ TEST(Discriminator, TheLogitApproachesTheLogRatioOfTwoKnownGaussians) {
   Rng rng(2);
   for (int step = 0; step < 1500; ++step) g.Step(Draw(256, kDataMean, rng), Draw(256, kSimMean, rng));
   Array2<double> probes = Draw(500, kDataMean, rng);
-  for (const double v : {kSimMean}) {
-    const Array2<double> more = Draw(500, v, rng);
-    for (int i = 0; i < more.rows(); ++i) probes.AppendRow(more.row(i));
-  }
+  const Array2<double> simulated = Draw(500, kSimMean, rng);
+  for (int i = 0; i < simulated.rows(); ++i) probes.AppendRow(simulated.row(i));
   const std::vector<double> logits = g.Logits(probes);
   double error = 0, sum_f = 0, sum_r = 0, ff = 0, rr = 0, fr = 0;
   const double n = probes.rows();

@@ -33,10 +33,11 @@ struct Training {
   EpisodeParameters parameters = [](Rng&) { return kNominal; };
   SacObserver observer = {};
   const std::atomic<bool>* stop = nullptr;
+  uint64_t seed = 5;
 
   SacResult operator()() const {
     NullSink log;
-    return TrainSac(PointMassFactory(options), parameters, {kNominal}, config, RngKey(5), folder, "agent",
+    return TrainSac(PointMassFactory(options), parameters, {kNominal}, config, RngKey(seed), folder, "agent",
                     {&log, stop, n_threads}, observer);
   }
 };
@@ -121,21 +122,30 @@ TEST(TrainSac, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
 }
 
 TEST(TrainSac, TheBestEvaluatedPolicySurvivesAStop) {
-  const TestFolder whole, parts;
-  Training run{whole.path()};
-  run.config.n_steps = 1000;
-  run.config.learning_rate = 3e-2;  // restless: the last policy is not the best one
-  const SacResult expected = run();
-  const auto& returns = expected.eval_returns;
-  const auto best = std::max_element(returns.begin(), returns.end());
-  EXPECT_EQ(expected.eval_return, *best);
-  ASSERT_LT(best + 1, returns.end()) << "the best policy must not be the last one for this case";
-  const int64_t after_best = expected.eval_steps[static_cast<size_t>(best - returns.begin()) + 1];
-  std::atomic<bool> stop = false;
-  Training first{parts.path(), {}, run.config, 1, run.parameters, {}, &stop};
-  first.observer = [&](int64_t step, const TanhGaussianPolicy&, double) { stop = step == after_best; };
-  EXPECT_THROW(first(), Interrupted);
-  EXPECT_EQ(Bytes(Training{parts.path(), {}, run.config}()), Bytes(expected));
+  // The case needs a run whose best policy is not its last: with restless learning almost any seed gives one.
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    const TestFolder whole, parts;
+    Training run{whole.path()};
+    run.seed = seed;
+    run.config.n_steps = 1000;
+    run.config.learning_rate = 3e-2;
+    const SacResult expected = run();
+    const auto& returns = expected.eval_returns;
+    const auto best = std::max_element(returns.begin(), returns.end());
+    EXPECT_EQ(expected.eval_return, *best);
+    if (best + 1 == returns.end()) continue;
+    const int64_t after_best = expected.eval_steps[static_cast<size_t>(best - returns.begin()) + 1];
+    std::atomic<bool> stop = false;
+    Training parted{parts.path(), {}, run.config};
+    parted.seed = seed;
+    parted.stop = &stop;
+    parted.observer = [&](int64_t step, const TanhGaussianPolicy&, double) { stop = step == after_best; };
+    EXPECT_THROW(parted(), Interrupted);
+    stop = false;
+    EXPECT_EQ(Bytes(parted()), Bytes(expected));
+    return;
+  }
+  FAIL() << "no seed had its best policy before its last";
 }
 
 TEST(TrainSac, SameSeedSameBytesAtOneAndTwoThreads) {
