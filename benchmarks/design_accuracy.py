@@ -32,9 +32,6 @@ def cells():
         for target in TARGETS:
             for form in ("transitions", "paper"):
                 yield {"task": task, "target": target, "data": "medium", "form": form}
-        # Five demonstrations of a bad policy: some 800 transitions.
-        if (ROOT / f"examples/data/{task}-poor-shifted.hdf5").exists():
-            yield {"task": task, "target": "shifted", "data": "poor", "form": "transitions"}
 
 
 def name_of(cell):

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <csignal>
 #include <ctime>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
@@ -26,6 +27,16 @@ std::string Now() {
   char text[32];
   std::strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
   return text;
+}
+
+/// The processor's name: what speeds in the record mean.
+std::string Cpu() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    const size_t colon = line.find(": ");
+    if (line.starts_with("model name") && colon != std::string::npos) return line.substr(colon + 2);
+  }
+  return "unknown";
 }
 
 }  // namespace
@@ -66,10 +77,10 @@ void AddRunOptions(CLI::App& app, Options& options) {
                  "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable");
   app.add_option("--truth", options.truth,
                  "name=value, where a study knows it; read by evaluation and report only; repeatable");
-  app.add_option("--seed", options.seed, "names every random stream [default: 1]");
-  app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]");
-  app.add_option("--threads", options.threads,
-                 "threads at most; results do not depend on it [default: all processors]");
+  app.add_option("--seed", options.seed, "names every random stream [default: 1]")->check(CLI::NonNegativeNumber);
+  app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(CLI::PositiveNumber);
+  app.add_option("--threads", options.threads, "threads at most; results do not depend on it [default: all processors]")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--out", options.out, "run directory")->required();
   app.add_option("--set", options.assignments, "section.key=value, any setting of the configuration; repeatable")
       ->allow_extra_args(false);
@@ -116,16 +127,25 @@ RunConfig ResolveConfig(const Options& options) {
   if (options.threads >= 0) config.run.threads = options.threads;
   if (options.n_seeds > 0) config.selection.n_seeds = options.n_seeds;
   if (options.strict) config.run.strict = true;
-  for (const std::string& assignment : options.assignments) config.Set(assignment);
+  // The form sets other settings' defaults, so it comes before them, wherever it stands.
+  const auto is_form = [](const std::string& assignment) { return assignment.starts_with("design.form="); };
+  for (const std::string& assignment : options.assignments) {
+    if (is_form(assignment)) config.Set(assignment);
+  }
+  for (const std::string& assignment : options.assignments) {
+    if (!is_form(assignment)) config.Set(assignment);
+  }
   return config;
 }
 
 Session::Session(const Options& options, const std::string& command_line) : terminal_(options.quiet) {
+  const std::string started = Now();
   const RunConfig config = ResolveConfig(options);
   log_ = std::make_unique<FileSink>(options.out, &terminal_);
   pipeline_ = std::make_unique<Pipeline>(config, options.out, MakeContext(*log_, config.run.threads));
-  WriteJson(std::filesystem::path(options.out) / "versions.json",
-            {{"oted", OTED_VERSION}, {"mujoco", "4.0.0"}, {"command", command_line}, {"finished_setup", Now()}});
+  WriteJson(
+      std::filesystem::path(options.out) / "versions.json",
+      {{"oted", OTED_VERSION}, {"mujoco", "4.0.0"}, {"cpu", Cpu()}, {"command", command_line}, {"started", started}});
 }
 
 }  // namespace oted::cli

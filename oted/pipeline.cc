@@ -79,10 +79,38 @@ Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
       factory_(MakeSimulatorFactory(config_.task.name, config_.parameters)),
       model_sha256_(static_cast<const MujocoSimulatorFactory&>(*factory_).model_sha256()),
       dataset_(ReadEpisodes(config_.data)),
-      directory_((dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim), out)) {
-  if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
-  context_.n_threads = config_.Threads();
+      directory_(CheckRequest(out)) {
+  CheckDirectory();
   WriteProvenance();
+}
+
+const fs::path& Pipeline::CheckRequest(const fs::path& out) {
+  context_.n_threads = config_.Threads();
+  dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
+  if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
+  if (config_.run.strict) ParametersWithEffect();
+  return out;
+}
+
+void Pipeline::CheckDirectory() const {
+  const auto check = [&](const fs::path& file, const std::string& fingerprint) {
+    if (!directory_.IsComplete(file, fingerprint) && file.parent_path() != directory_.root()) {
+      directory_.CheckCheckpoint(file.parent_path(), fingerprint);
+    }
+  };
+  check(directory_.clone() / "clone.json", CloneFingerprint());
+  for (const auto& [setting, unused] : config_.DesignSettings()) {
+    for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
+      check(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting));
+    }
+  }
+  check(directory_.root() / "design.json", SelectionFingerprint());
+  for (int j = 1; j <= config_.agents.n_agents; ++j) {
+    check(directory_.agent(j) / "agent.json", AgentFingerprint(true));
+    if (ComparesUndesigned()) check(directory_.undesigned(j) / "agent.json", AgentFingerprint(false));
+  }
+  check(directory_.root() / "policy_selection.json", PolicySelectionFingerprint());
+  if (!config_.truth.empty()) check(directory_.root() / "evaluation.json", EvaluationFingerprint());
 }
 
 Pipeline::~Pipeline() = default;
@@ -117,7 +145,6 @@ void Pipeline::CloneBehavior() {
 
 void Pipeline::Design() {
   CloneBehavior();
-  ParametersWithEffect();
   const TanhGaussianPolicy clone = TanhGaussianPolicy::Load(directory_.clone() / "policy.npz");
   struct Job {
     std::string setting;
@@ -131,6 +158,13 @@ void Pipeline::Design() {
       jobs.push_back({setting, design, seed});
     }
   }
+  if (jobs.empty()) return;
+  ParametersWithEffect();
+  // The bar knows all the work before any of it starts.
+  for (const Job& job : jobs) {
+    const std::string name = directory_.NameOf(directory_.design_seed(job.setting, job.seed));
+    context_.log->Progress("design", name, 0, job.config.n_iterations, "");
+  }
   const RunContext share = ShareOf(context_, jobs.size());
   ParallelFor(static_cast<int>(jobs.size()), context_.n_threads, [&](int i) {
     context_.ThrowIfStopped();
@@ -140,6 +174,7 @@ void Pipeline::Design() {
                            .Stage("design")
                            .Stage(job.setting)
                            .Index(static_cast<uint64_t>(job.seed));
+    directory_.Begin(folder, DesignFingerprint(job.setting));
     const DesignResult design =
         LearnDesign(*factory_, dataset_, &clone, job.config, key, folder, directory_.NameOf(folder), share);
     NpzArrays arrays;
@@ -148,18 +183,18 @@ void Pipeline::Design() {
     json q = design.q.ToJson(job.config.lambda);
     q["learning_progress"] = design.learning_progress;
     directory_.Complete(folder / "q.json", q, DesignFingerprint(job.setting));
-    fs::remove(folder / "checkpoint.npz");
+    directory_.RemoveCheckpoint(folder);
   });
 }
 
-std::vector<bool> Pipeline::ParametersWithEffect() {
+const std::vector<bool>& Pipeline::ParametersWithEffect() {
+  if (!has_effect_.empty()) return has_effect_;
   const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("effects");
   const auto effects = MeasureEffects(*factory_, dataset_, kEffectEpisodes, key, context_.n_threads);
-  std::vector<bool> has_effect;
   for (size_t i = 0; i < effects.size(); ++i) {
     const ParameterSpec& spec = config_.parameters[i];
-    has_effect.push_back(effects[i].largest_change > 0);
-    if (has_effect.back()) continue;
+    has_effect_.push_back(effects[i].largest_change > 0);
+    if (has_effect_.back()) continue;
     const std::string message = fmt::format(
         "parameter '{}' ({}) changes nothing that the logged episodes show, from {} to {}: it will be reported as not "
         "identified; check the path, or remove the parameter",
@@ -167,7 +202,7 @@ std::vector<bool> Pipeline::ParametersWithEffect() {
     if (config_.run.strict) throw UsageError(message + " (run.strict)");
     context_.log->Warning(message);
   }
-  return has_effect;
+  return has_effect_;
 }
 
 // ---------------------------------------------------------------- stage 3: simulator selection
@@ -177,7 +212,7 @@ void Pipeline::SelectSimulator() {
   const fs::path file = directory_.root() / "design.json";
   if (directory_.IsComplete(file, SelectionFingerprint())) return;
   const TanhGaussianPolicy clone = TanhGaussianPolicy::Load(directory_.clone() / "policy.npz");
-  const std::vector<bool> has_effect = ParametersWithEffect();
+  const std::vector<bool>& has_effect = ParametersWithEffect();
 
   std::vector<Candidate> candidates;
   for (const auto& [setting, design] : config_.DesignSettings()) {
@@ -300,6 +335,9 @@ void Pipeline::TrainAgents() {
     return directory_.IsComplete(job.folder / "agent.json", AgentFingerprint(job.designed));
   });
   const std::vector<std::vector<double>> modes = MixtureModes();
+  for (const AgentJob& job : jobs) {
+    context_.log->Progress("train", directory_.NameOf(job.folder), 0, config_.sac.n_steps, "");
+  }
   const RunContext share = ShareOf(context_, jobs.size());
   ParallelFor(static_cast<int>(jobs.size()), context_.n_threads, [&](int i) {
     context_.ThrowIfStopped();
@@ -309,6 +347,7 @@ void Pipeline::TrainAgents() {
         RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("agent").Index(static_cast<uint64_t>(job.index));
     const std::vector<std::vector<double>> where =
         job.designed ? modes : std::vector<std::vector<double>>{factory_->parameters().Nominal()};
+    directory_.Begin(job.folder, AgentFingerprint(job.designed));
     const SacResult agent =
         TrainAgent(*factory_, where, config_.sac, key, job.folder, directory_.NameOf(job.folder), share);
     agent.policy.Save(job.folder / "policy.npz");
@@ -320,7 +359,7 @@ void Pipeline::TrainAgents() {
                          {"n_steps", config_.sac.n_steps},
                          {"eval_return", agent.eval_return}},
                         AgentFingerprint(job.designed));
-    fs::remove(job.folder / "checkpoint.npz");
+    directory_.RemoveCheckpoint(job.folder);
   });
 }
 

@@ -47,8 +47,12 @@ class Pipeline {
 
  private:
   struct AgentJob;
+  /// Everything that can be wrong with the request; nothing has been written yet. @return `out`
+  const std::filesystem::path& CheckRequest(const std::filesystem::path& out);
+  /// Results and checkpoints that lie in the directory are of this configuration. @throws UsageError
+  void CheckDirectory() const;
   void WriteProvenance() const;
-  std::vector<bool> ParametersWithEffect();
+  const std::vector<bool>& ParametersWithEffect();
   std::string CloneFingerprint() const;
   std::string DesignFingerprint(const std::string& setting) const;
   std::string SelectionFingerprint() const;
@@ -63,6 +67,7 @@ class Pipeline {
   std::unique_ptr<SimulatorFactory> factory_;
   std::string model_sha256_;
   Dataset dataset_;
+  std::vector<bool> has_effect_;  // empty until measured
   RunDirectory directory_;
 };
 

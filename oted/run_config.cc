@@ -5,6 +5,8 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cctype>
+#include <charconv>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -73,6 +75,14 @@ std::string Where(const std::string& file, const toml::node& node) {
   return fmt::format("{}:{}", file, node.source().begin.line);
 }
 
+DesignConfig FormAt(const std::string& form, const std::string& where) {
+  try {
+    return DesignConfig::ForForm(form);
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", where, e.what()));
+  }
+}
+
 double Number(const json& value, const std::string& what, const std::string& where) {
   if (!value.is_number()) throw UsageError(fmt::format("{}: {} is {}, wanted a number", where, what, value.dump()));
   return value.get<double>();
@@ -118,7 +128,11 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
       throw UsageError(fmt::format("{}: {}log is {}, wanted true|false", where, prefix, table["log"].dump()));
     spec.logarithmic = table["log"].get<bool>();
   }
-  if (table.contains("unit") && table["unit"].is_string()) spec.unit = table["unit"].get<std::string>();
+  if (table.contains("unit")) {
+    if (!table["unit"].is_string())
+      throw UsageError(fmt::format("{}: {}unit is {}, wanted text", where, prefix, table["unit"].dump()));
+    spec.unit = table["unit"].get<std::string>();
+  }
   try {
     spec.Check();
   } catch (const UsageError& e) {
@@ -131,8 +145,16 @@ json ParameterToJson(const ParameterSpec& spec) {
   json table = {{"field", spec.field},
                 {"range", {spec.low, spec.high}},
                 {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
-                {"log", spec.logarithmic}};
+                {"log", spec.logarithmic},
+                {"unit", spec.unit}};
   return table;
+}
+
+/// Names become keys, folders and names of curves.
+void CheckName(const std::string& what, const std::string& name) {
+  const auto plain = [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-'; };
+  if (!name.empty() && std::all_of(name.begin(), name.end(), plain)) return;
+  throw UsageError(fmt::format("{} '{}': a name has letters, digits, '_' and '-' only; rename it", what, name));
 }
 
 void WriteTomlValue(std::ostream& out, const json& value) {
@@ -166,7 +188,9 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
   }
   RunConfig config;
   // The form of the design sets other defaults, so it is read before them.
-  if (const auto form = document["design"]["form"].value<std::string>()) config.design = DesignConfig::ForForm(*form);
+  if (const toml::value<std::string>* form = document["design"]["form"].as_string()) {
+    config.design = FormAt(form->get(), Where(file_name, *form));
+  }
 
   std::vector<FieldList> sections = AllFields(config);
   std::vector<std::string> names = {"parameters", "truth"};
@@ -181,10 +205,10 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
     const toml::table& table = *node.as_table();
     if (name == "parameters") {
       // In the order of the file: it is the order of z.
-      std::vector<std::pair<toml::source_index, std::string>> order;
-      for (const auto& [k, n] : table) order.push_back({n.source().begin.line, std::string(k.str())});
-      std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-      for (const auto& [line, parameter] : order) {
+      std::vector<std::pair<toml::source_position, std::string>> order;
+      for (const auto& [k, n] : table) order.push_back({n.source().begin, std::string(k.str())});
+      std::sort(order.begin(), order.end());
+      for (const auto& [position, parameter] : order) {
         const std::string at = Where(file_name, *table.get(parameter));
         config.parameters.push_back(ParameterFromJson(parameter, TomlToJson(*table.get(parameter), at), at));
       }
@@ -203,18 +227,25 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
       for (const auto& [k, n] : table) {
         const std::string setting(k.str()), at = Where(file_name, n);
         if (name == "design" && setting == "settings") continue;
-        section->Find(setting, at).FromJson(TomlToJson(n, at), at);
+        json value = TomlToJson(n, at);
+        // A count or a word: the field is text.
+        if (name == "data" && setting == "episodes" && value.is_number_integer()) value = value.dump();
+        section->Find(setting, at).FromJson(value, at);
       }
     }
   }
   // The settings h start from [design] and change what they name.
+  if (const toml::node* node = document["design"]["settings"].node(); node != nullptr && !node->is_table()) {
+    throw UsageError(fmt::format("{}: design.settings is no table; write [design.settings.NAME] for each setting",
+                                 Where(file_name, *node)));
+  }
   if (const toml::table* settings = document["design"]["settings"].as_table()) {
     for (const auto& [key, node] : *settings) {
       const std::string at = Where(file_name, node);
       const json changes = TomlToJson(node, at);
       DesignConfig setting = config.design;
       if (changes.is_object() && changes.contains("form") && changes["form"].is_string()) {
-        setting = DesignConfig::ForForm(changes["form"].get<std::string>());
+        setting = FormAt(changes["form"].get<std::string>(), at);
       }
       setting.Fields().FromJson(changes, at);
       config.settings[std::string(key.str())] = setting;
@@ -285,7 +316,13 @@ void RunConfig::Set(const std::string& assignment) {
   }
   const std::string name = assignment.substr(0, dot), key = assignment.substr(dot + 1, equals - dot - 1);
   const std::string value = assignment.substr(equals + 1), where = "--set " + assignment;
-  if (name == "design" && key == "form") design = DesignConfig::ForForm(value);
+  if (name == "design" && key == "form") {
+    if (!settings.empty()) {
+      throw UsageError(fmt::format("{}: each of design.settings has its own form; set form in [design.settings.{}]",
+                                   where, settings.begin()->first));
+    }
+    design = DesignConfig::ForForm(value);
+  }
   std::vector<std::string> names;
   for (const FieldList& section : AllFields(*this)) {
     names.push_back(section.section());
@@ -320,7 +357,11 @@ void RunConfig::Check() const {
   }
   const ParameterSpace space(parameters);
   std::vector<std::string> names;
-  for (const ParameterSpec& spec : parameters) names.push_back(spec.name);
+  for (const ParameterSpec& spec : parameters) {
+    CheckName("parameter", spec.name);
+    names.push_back(spec.name);
+  }
+  for (const auto& [name, setting] : settings) CheckName("design setting", name);
   for (const auto& [name, value] : truth) {
     const auto found = std::find(names.begin(), names.end(), name);
     if (found == names.end()) {
@@ -333,9 +374,10 @@ void RunConfig::Check() const {
         fmt::format("the truth names {} of {} parameters; name all of them, or none", truth.size(), names.size()));
   }
   if (data.episodes != "all") {
-    char* end = nullptr;
-    const long n = std::strtol(data.episodes.c_str(), &end, 10);
-    if (*end != '\0' || n < 1) {
+    int n = 0;
+    const char *begin = data.episodes.data(), *end = begin + data.episodes.size();
+    const auto [rest, error] = std::from_chars(begin, end, n);
+    if (error != std::errc{} || rest != end || n < 1) {
       throw UsageError(fmt::format("data.episodes is '{}', wanted a number of at least 1, or all", data.episodes));
     }
   }

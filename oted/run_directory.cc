@@ -8,6 +8,16 @@
 #include "oted/base/files.h"
 
 namespace oted {
+namespace {
+
+/// Empty where the file is the JSON of something else.
+std::string FingerprintIn(const std::filesystem::path& file) {
+  const nlohmann::json result = ReadJson(file);
+  if (!result.is_object() || !result.contains("fingerprint") || !result["fingerprint"].is_string()) return "";
+  return result["fingerprint"].get<std::string>();
+}
+
+}  // namespace
 
 RunDirectory::RunDirectory(std::filesystem::path root) : root_(std::move(root)) {
   // Found out now, not after an hour of work.
@@ -21,8 +31,7 @@ std::string RunDirectory::NameOf(const std::filesystem::path& folder) const {
 
 bool RunDirectory::IsComplete(const std::filesystem::path& file, const std::string& fingerprint) const {
   if (!std::filesystem::exists(file)) return false;
-  const nlohmann::json result = ReadJson(file);
-  if (result.value("fingerprint", "") == fingerprint) return true;
+  if (FingerprintIn(file) == fingerprint) return true;
   throw UsageError(
       fmt::format("'{}' was made with other data, settings or an earlier stage that has changed; choose another --out, "
                   "or remove '{}'",
@@ -33,6 +42,26 @@ void RunDirectory::Complete(const std::filesystem::path& file, nlohmann::json re
                             const std::string& fingerprint) const {
   result["fingerprint"] = fingerprint;
   WriteJson(file, result);
+}
+
+void RunDirectory::CheckCheckpoint(const std::filesystem::path& folder, const std::string& fingerprint) const {
+  if (!std::filesystem::exists(folder / "checkpoint.npz")) return;
+  const std::filesystem::path mark = folder / "checkpoint.json";
+  if (std::filesystem::exists(mark) && FingerprintIn(mark) == fingerprint) return;
+  throw UsageError(
+      fmt::format("'{}' holds work that was stopped and had other data or settings; choose another --out, go on with "
+                  "its own settings, or remove the folder",
+                  folder.string()));
+}
+
+void RunDirectory::Begin(const std::filesystem::path& folder, const std::string& fingerprint) const {
+  CheckCheckpoint(folder, fingerprint);
+  WriteJson(folder / "checkpoint.json", {{"fingerprint", fingerprint}});
+}
+
+void RunDirectory::RemoveCheckpoint(const std::filesystem::path& folder) const {
+  std::filesystem::remove(folder / "checkpoint.npz");
+  std::filesystem::remove(folder / "checkpoint.json");
 }
 
 std::string Fingerprint(const nlohmann::json& inputs) { return Sha256(inputs.dump()).substr(0, 16); }

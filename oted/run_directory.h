@@ -28,6 +28,14 @@ class RunDirectory {
   /// Writes `result` with its fingerprint: the mark of completion.
   void Complete(const std::filesystem::path& file, nlohmann::json result, const std::string& fingerprint) const;
 
+  /// A unit of work that can be stopped keeps checkpoint.npz in its folder, and beside it what the work is made from.
+  /// @throws UsageError when `folder` holds a checkpoint of other settings.
+  void CheckCheckpoint(const std::filesystem::path& folder, const std::string& fingerprint) const;
+  /// Call before the unit's work: CheckCheckpoint, and the mark of what is being made.
+  void Begin(const std::filesystem::path& folder, const std::string& fingerprint) const;
+  /// Call after Complete: the checkpoint has done its service.
+  void RemoveCheckpoint(const std::filesystem::path& folder) const;
+
  private:
   std::filesystem::path root_;
 };

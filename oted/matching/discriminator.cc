@@ -29,25 +29,27 @@ void Discriminator::Normalize(const Array2<double>& rows, size_t at) {
   }
 }
 
-double Discriminator::Step(const Array2<double>& dataset_rows, const Array2<double>& simulator_rows) {
+Discriminator::StepResult Discriminator::Step(const Array2<double>& dataset_rows,
+                                              const Array2<double>& simulator_rows) {
   const int n_data = dataset_rows.rows(), n_sim = simulator_rows.rows(), n = n_data + n_sim;
   input_.resize(static_cast<size_t>(n) * static_cast<size_t>(net_.in()));
   Normalize(dataset_rows, 0);
   Normalize(simulator_rows, static_cast<size_t>(n_data));
   const float* logits = pass_.Forward(net_, input_.data(), n);
   dout_.resize(static_cast<size_t>(n));
-  double loss = 0;
+  StepResult result;
   for (int i = 0; i < n; ++i) {
     const bool is_data = i < n_data;
     const double scale = 1.0 / (is_data ? n_data : n_sim);
     const double g = 1.0 / (1.0 + std::exp(-static_cast<double>(logits[i])));
     // -log g = softplus(-f) and -log(1 - g) = softplus(f).
-    loss += scale * MinusLogOneMinusG(is_data ? -logits[i] : logits[i]);
+    result.loss += scale * MinusLogOneMinusG(is_data ? -logits[i] : logits[i]);
+    if ((logits[i] > 0) == is_data) result.accuracy += 0.5 * scale;
     dout_[static_cast<size_t>(i)] = static_cast<float>(scale * (g - (is_data ? 1.0 : 0.0)));
   }
   pass_.Backward(net_, input_.data(), dout_.data(), n, gradient_.data(), nullptr);
   adam_.Step({net_.parameters().data(), gradient_.size()}, {gradient_.data(), gradient_.size()});
-  return loss;
+  return result;
 }
 
 std::vector<double> Discriminator::Logits(const Array2<double>& features) {

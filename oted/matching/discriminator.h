@@ -28,8 +28,11 @@ class Discriminator {
   Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng);
 
   /// One step on Eq. 2: E_sim[-log(1 - g)] + E_D[-log g], on mini-batches drawn by the caller: rows of raw features.
-  /// @return its value before the step: 2 log 2 when g is blind.
-  double Step(const Array2<double>& dataset_rows, const Array2<double>& simulator_rows);
+  struct StepResult {
+    double loss = 0;      ///< Eq. 2 before the step: 2 log 2 when g is blind
+    double accuracy = 0;  ///< share of rows on the right side of g = 1/2, mean over both kinds: 1/2 when g is blind
+  };
+  StepResult Step(const Array2<double>& dataset_rows, const Array2<double>& simulator_rows);
 
   /// f(x) = log g(x) - log(1 - g(x)) of each row.
   std::vector<double> Logits(const Array2<double>& features);

@@ -77,10 +77,10 @@ TEST(Discriminator, ABlindOneHasTheLossTwoLogTwo) {
   // Equal distributions: whatever the fresh network says of one row, it says of the other kind as well.
   Discriminator g = Make(5);
   Rng rng(6);
-  EXPECT_NEAR(g.Step(Draw(4000, kDataMean, rng), Draw(4000, kDataMean, rng)), 2 * std::numbers::ln2, 0.1);
+  EXPECT_NEAR(g.Step(Draw(4000, kDataMean, rng), Draw(4000, kDataMean, rng)).loss, 2 * std::numbers::ln2, 0.1);
   double last = 0;
   for (int step = 0; step < 400; ++step) {
-    const double loss = g.Step(Draw(256, kDataMean, rng), Draw(256, kDataMean, rng));
+    const double loss = g.Step(Draw(256, kDataMean, rng), Draw(256, kDataMean, rng)).loss;
     if (step >= 300) last += loss / 100;
   }
   EXPECT_NEAR(last, 2 * std::numbers::ln2, 0.02);
@@ -93,8 +93,8 @@ TEST(Discriminator, StepReturnsEquationTwoBeforeTheStep) {
   double expected = 0;
   for (const double f : g.Logits(data)) expected += MinusLogOneMinusG(-f) / 40;
   for (const double f : g.Logits(sim)) expected += MinusLogOneMinusG(f) / 25;
-  EXPECT_NEAR(g.Step(data, sim), expected, 1e-6);
-  EXPECT_LT(g.Step(data, sim), expected);
+  EXPECT_NEAR(g.Step(data, sim).loss, expected, 1e-6);
+  EXPECT_LT(g.Step(data, sim).loss, expected);
 }
 
 TEST(Discriminator, ARunAwaySimulatorGivesFiniteLogits) {
@@ -113,7 +113,7 @@ TEST(Discriminator, SavedAndRestoredItGoesOnWithTheSameNumbers) {
   other.Restore(ParseNpz(NpzBytes(arrays), "memory"), "memory");
   for (int step = 0; step < 5; ++step) {
     const auto data = Draw(64, kDataMean, rng), sim = Draw(64, kSimMean, rng);
-    EXPECT_EQ(g.Step(data, sim), other.Step(data, sim));
+    EXPECT_EQ(g.Step(data, sim).loss, other.Step(data, sim).loss);
     EXPECT_EQ(g.Logits(data), other.Logits(data));
   }
 }

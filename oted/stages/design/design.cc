@@ -123,13 +123,13 @@ struct DesignState {
   }
 };
 
-/// Line 4. Returns the mean of Eq. 2 over the steps.
-double UpdateDiscriminator(const DesignConfig& config, const Array2<double>& dataset_features, Rng& rng,
-                           DesignState& state) {
-  if (state.replay.empty()) return 0;
+/// Line 4. Returns means over the steps.
+Discriminator::StepResult UpdateDiscriminator(const DesignConfig& config, const Array2<double>& dataset_features,
+                                              Rng& rng, DesignState& state) {
+  Discriminator::StepResult mean;
+  if (state.replay.empty()) return mean;
   const int batch = config.discriminator_batch;
   Array2<double> data_rows(batch, dataset_features.cols()), sim_rows(batch, dataset_features.cols());
-  double loss = 0;
   for (int step = 0; step < config.discriminator_steps; ++step) {
     for (int i = 0; i < batch; ++i) {
       const auto data_row =
@@ -138,16 +138,20 @@ double UpdateDiscriminator(const DesignConfig& config, const Array2<double>& dat
       const auto sim_row = state.replay.Draw(rng);
       std::copy(sim_row.begin(), sim_row.end(), sim_rows.row(i).begin());
     }
-    loss += state.g.Step(data_rows, sim_rows) / config.discriminator_steps;
+    const Discriminator::StepResult result = state.g.Step(data_rows, sim_rows);
+    mean.loss += result.loss / config.discriminator_steps;
+    mean.accuracy += result.accuracy / config.discriminator_steps;
   }
-  return loss;
+  return mean;
 }
 
-void LogIteration(const DesignState& state, const std::vector<double>& rewards, double discriminator_loss,
-                  int n_iterations, const std::string& run_name, LogSink& log) {
+void LogIteration(const DesignState& state, const std::vector<double>& rewards,
+                  const Discriminator::StepResult& discriminator, int n_iterations, const std::string& run_name,
+                  LogSink& log) {
   const std::vector<double> mode = state.q.Mode(), std = state.q.Std();
   log.Scalar(run_name, "design/reward", state.iteration, Mean(rewards));
-  log.Scalar(run_name, "design/discriminator_loss", state.iteration, discriminator_loss);
+  log.Scalar(run_name, "design/discriminator_loss", state.iteration, discriminator.loss);
+  log.Scalar(run_name, "design/discriminator_accuracy", state.iteration, discriminator.accuracy);
   log.Scalar(run_name, "design/kl", state.iteration, state.q.KlToPrior());
   std::string note = fmt::format("R {:.3f}", Mean(rewards));
   for (int i = 0; i < state.q.size(); ++i) {
@@ -204,11 +208,11 @@ DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset
     std::vector<Array2<double>> by_lane;
     for (LaneExperience& lane : experience) by_lane.push_back(std::move(lane.features));
     state.replay.Add(std::move(by_lane));
-    const double loss = UpdateDiscriminator(config, dataset_features, rng, state);
+    const Discriminator::StepResult discriminator = UpdateDiscriminator(config, dataset_features, rng, state);
 
     ++state.iteration;
     state.reward_sum += Mean(rewards);
-    LogIteration(state, rewards, loss, config.n_iterations, run_name, *context.log);
+    LogIteration(state, rewards, discriminator, config.n_iterations, run_name, *context.log);
     if (context.StopRequested() || state.iteration % kCheckpointInterval == 0) state.Save(checkpoint);
     context.ThrowIfStopped();
   }

@@ -9,6 +9,8 @@
 namespace oted {
 namespace {
 
+constexpr double kBroke = 1e9;
+
 /// Lane 2i holds parameter i at its lower bound, lane 2i + 1 at its upper one.
 class BoundLanes {
  public:
@@ -32,11 +34,15 @@ class BoundLanes {
   void Compare() {
     for (size_t i = 0; i < effects_.size(); ++i) {
       const int low = static_cast<int>(2 * i), high = low + 1;
+      const bool low_broke = simulator_->status(low) == LaneStatus::kDiverged;
+      const bool high_broke = simulator_->status(high) == LaneStatus::kDiverged;
+      // The numbers of a lane that diverged mean nothing; that one of two did is an effect.
+      if (low_broke != high_broke) effects_[i].largest_change = std::max(effects_[i].largest_change, kBroke);
+      if (low_broke || high_broke) continue;
       const auto a = simulator_->observation(low), b = simulator_->observation(high);
       for (size_t j = 0; j < a.size(); ++j) {
         const double change = std::abs(a[j] - b[j]) / normalizer_.scale[j];
-        // A lane that diverged where the other did not has an effect, whatever the numbers say.
-        effects_[i].largest_change = std::max(effects_[i].largest_change, std::isfinite(change) ? change : 1e9);
+        effects_[i].largest_change = std::max(effects_[i].largest_change, change);
       }
       if (simulator_->status(low) != simulator_->status(high)) {
         effects_[i].largest_change = std::max(effects_[i].largest_change, 1.0);

@@ -1,0 +1,342 @@
+#include "oted/pipeline.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/collect.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+/// Counts units of work, and may ask for a stop at one of them.
+class Watch : public NullSink {
+ public:
+  void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t, std::string_view) override {
+    const std::lock_guard lock(mutex);
+    worked.insert(std::string(label));
+    if (stage == stop_stage && done >= stop_at) stop = true;
+  }
+  void Warning(std::string_view message) override {
+    const std::lock_guard lock(mutex);
+    warnings.push_back(std::string(message));
+  }
+  std::mutex mutex;
+  std::set<std::string> worked;
+  std::vector<std::string> warnings;
+  std::string stop_stage;
+  int64_t stop_at = 0;
+  std::atomic<bool> stop{false};
+};
+
+/// Eight episodes of random actions in Hopper-v5, written once.
+const std::string& Demos() {
+  static const TestFolder folder;
+  static const std::string path = [] {
+    const auto factory = MakeSimulatorFactory("Hopper-v5", {});
+    const SimulatorSpec& spec = factory->spec();
+    const size_t n = static_cast<size_t>(spec.obs_dim());
+    TanhGaussianPolicy policy(Normalizer{std::vector<double>(n, 0), std::vector<double>(n, 1)}, {}, spec.action_low,
+                              spec.action_high);
+    std::fill(policy.net().parameters().begin(), policy.net().parameters().end(), 0.0f);
+    const Dataset dataset = CollectDemonstrations(*factory, {}, policy, 8, RngKey(3), 1);
+    WriteDataset(dataset, folder / "demos.hdf5");
+    return folder / "demos.hdf5";
+  }();
+  return path;
+}
+
+RunConfig TinyConfig() {
+  RunConfig config = RunConfig::FromToml(R"(
+    [task]
+    name = "Hopper-v5"
+    [parameters]
+    gravity  = { field = "opt/gravity[2]", range = [0.2, 2.0] }
+    friction = { field = "geom/*/friction[0]", range = [0.2, 2.0] }
+    [run]
+    threads = 1
+    [clone]
+    hidden = [16]
+    max_steps = 60
+    check_interval = 20
+    [design]
+    n_iterations = 3
+    n_sims = 4
+    n_steps = 20
+    discriminator_hidden = [16]
+    discriminator_steps = 5
+    discriminator_batch = 32
+    [selection]
+    n_seeds = 2
+    n_sims = 2
+    n_steps = 20
+    judge_steps = 20
+    [agents]
+    n_agents = 2
+    selection_episodes = 2
+    target_episodes = 2
+    [sac]
+    n_steps = 300
+    learning_starts = 100
+    batch_size = 32
+    hidden = [16]
+    buffer_size = 1000
+    eval_interval = 150
+    eval_episodes = 1
+    [truth]
+    gravity = 1.2
+    friction = 0.6
+  )",
+                                         "tiny.toml");
+  config.data.path = Demos();
+  return config;
+}
+
+void RunPipeline(const RunConfig& config, const fs::path& out, Watch& watch,
+                 void (Pipeline::*call)() = &Pipeline::Run) {
+  Pipeline pipeline(config, out, {.log = &watch, .stop = &watch.stop, .n_threads = 1});
+  (pipeline.*call)();
+}
+void RunPipeline(const RunConfig& config, const fs::path& out, void (Pipeline::*call)() = &Pipeline::Run) {
+  Watch watch;
+  RunPipeline(config, out, watch, call);
+}
+
+using Snapshot = std::map<std::string, std::pair<std::string, fs::file_time_type>>;
+/// Every file below `root` with its bytes and the time of its last change.
+Snapshot Look(const fs::path& root) {
+  Snapshot files;
+  for (const auto& entry : fs::recursive_directory_iterator(root)) {
+    if (!entry.is_regular_file()) continue;
+    files[fs::relative(entry.path(), root).string()] = {ReadFile(entry.path()), entry.last_write_time()};
+  }
+  return files;
+}
+std::map<std::string, std::string> Bytes(const fs::path& root) {
+  std::map<std::string, std::string> bytes;
+  for (const auto& [name, file] : Look(root)) bytes[name] = file.first;
+  return bytes;
+}
+
+/// One whole run that the tests compare with, and copies of it.
+class PipelineTest : public testing::Test {
+ protected:
+  static const fs::path& Whole() {
+    static const TestFolder folder;
+    static const bool done = (RunPipeline(TinyConfig(), folder.path() / "run"), true);
+    static const fs::path path = folder.path() / "run";
+    EXPECT_TRUE(done);
+    return path;
+  }
+  fs::path Copy() {
+    fs::copy(Whole(), folder_.path() / "copy", fs::copy_options::recursive);
+    return folder_.path() / "copy";
+  }
+  fs::path Fresh(const std::string& name) const { return folder_.path() / name; }
+
+ private:
+  TestFolder folder_;
+};
+
+TEST_F(PipelineTest, LeavesTheDocumentedFilesAndNoOthers) {
+  std::set<std::string> names;
+  for (const auto& [name, bytes] : Bytes(Whole())) names.insert(name);
+  std::set<std::string> wanted = {"run.toml",    "dataset.json",          "clone/policy.npz", "clone/clone.json",
+                                  "design.json", "policy_selection.json", "evaluation.json"};
+  for (const char* k : {"1", "2"}) {
+    for (const char* file : {"q.json", "discriminator.npz"}) {
+      wanted.insert(std::string("design/default/") + k + "/" + file);
+    }
+    for (const char* folder : {"agents/", "undesigned/"}) {
+      wanted.insert(std::string(folder) + k + "/policy.npz");
+      wanted.insert(std::string(folder) + k + "/agent.json");
+    }
+  }
+  EXPECT_EQ(names, wanted);
+}
+
+TEST_F(PipelineTest, ItsResultsHaveTheDocumentedFields) {
+  const json design = ReadJson(Whole() / "design.json");
+  EXPECT_EQ(design.at("schema"), "oted.design/1");
+  ASSERT_EQ(design.at("parameters").size(), 2u);
+  EXPECT_EQ(design["parameters"][0].at("name"), "gravity") << "in the order of the configuration";
+  EXPECT_EQ(design["parameters"][1].at("name"), "friction");
+  for (const char* key : {"field", "unit", "nominal", "mode", "std", "interval90", "verdict"}) {
+    EXPECT_TRUE(design["parameters"][0].contains(key)) << key;
+  }
+  EXPECT_EQ(design.at("selected"), "default");
+  ASSERT_EQ(design.at("mixture").size(), 2u);
+  for (const char* key : {"correlation", "score", "verdict", "dataset", "model", "versions", "settings", "log2"}) {
+    EXPECT_TRUE(design.contains(key)) << key;
+  }
+  const json evaluation = ReadJson(Whole() / "evaluation.json");
+  std::vector<std::string> policies;
+  for (const json& policy : evaluation.at("policies")) policies.push_back(policy.at("name"));
+  EXPECT_THAT(policies, testing::ElementsAre("random", "clone", "sac_undesigned", "oted_sac"));
+  EXPECT_EQ(evaluation["parameters"][1].at("truth"), 0.6);
+  const json selection = ReadJson(Whole() / "policy_selection.json");
+  EXPECT_EQ(selection.at("simulators").size(), 2u);
+  ASSERT_EQ(selection.at("agents").size(), 2u);
+  EXPECT_EQ(selection["agents"][0].at("returns").size(), 2u);
+  const json dataset = ReadJson(Whole() / "dataset.json");
+  EXPECT_EQ(dataset.at("n_episodes"), 8);
+  EXPECT_EQ(dataset.at("sha256"), Sha256OfFile(Demos()));
+  const RunConfig resolved = RunConfig::FromTomlFile((Whole() / "run.toml").string());
+  EXPECT_EQ(resolved.ToJson(), TinyConfig().ToJson());
+}
+
+TEST_F(PipelineTest, RunningAgainDoesNothing) {
+  const fs::path copy = Copy();
+  const Snapshot before = Look(copy);
+  Watch watch;
+  RunPipeline(TinyConfig(), copy, watch);
+  EXPECT_TRUE(watch.worked.empty()) << "first of them: " << *watch.worked.begin();
+  const Snapshot after = Look(copy);
+  ASSERT_EQ(after.size(), before.size());
+  for (const auto& [name, file] : before) {
+    EXPECT_EQ(after.at(name).first, file.first) << name;
+    // The record of what was asked is written anew each time.
+    if (name != "run.toml" && name != "dataset.json") {
+      EXPECT_EQ(after.at(name).second, file.second) << name;
+    }
+  }
+}
+
+TEST_F(PipelineTest, AMissingPieceIsMadeAgainAloneAndIsTheSame) {
+  const fs::path copy = Copy();
+  const auto before = Bytes(copy);
+  fs::remove(copy / "design/default/2/q.json");
+  Watch watch;
+  RunPipeline(TinyConfig(), copy, watch);
+  EXPECT_THAT(watch.worked, testing::ElementsAre("design/default/2"));
+  EXPECT_EQ(Bytes(copy), before);
+}
+
+TEST_F(PipelineTest, GivesTheSameBytesAtAnyNumberOfThreads) {
+  RunConfig config = TinyConfig();
+  config.run.threads = 3;
+  RunPipeline(config, Fresh("three"));
+  auto one = Bytes(Whole()), three = Bytes(Fresh("three"));
+  EXPECT_EQ(one.erase("run.toml") + three.erase("run.toml"), 2u) << "it holds the number of threads";
+  ASSERT_EQ(one.size(), three.size());
+  for (const auto& [name, bytes] : one) EXPECT_EQ(three.at(name), bytes) << name;
+}
+
+TEST_F(PipelineTest, TheTruthChangesNothingThatTheDesignWrites) {
+  RunConfig other = TinyConfig(), without = TinyConfig();
+  other.truth = {{"gravity", 0.3}, {"friction", 1.9}};
+  without.truth.clear();
+  RunPipeline(other, Fresh("other"), &Pipeline::SelectPolicy);
+  RunPipeline(without, Fresh("without"), &Pipeline::SelectPolicy);
+  const auto whole = Bytes(Whole());
+  for (const char* name : {"other", "without"}) {
+    const auto bytes = Bytes(Fresh(name));
+    for (const auto& [file, content] : bytes) {
+      if (file == "run.toml") continue;
+      EXPECT_EQ(whole.at(file), content) << name << ": " << file;
+    }
+    for (const char* file :
+         {"design.json", "design/default/1/q.json", "design/default/2/q.json", "agents/1/policy.npz"}) {
+      EXPECT_TRUE(bytes.contains(file)) << file;
+    }
+  }
+}
+
+TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouched) {
+  const fs::path copy = Copy();
+  const Snapshot before = Look(copy);
+  const auto refuse = [&](const std::string& assignment) {
+    RunConfig config = TinyConfig();
+    config.Set(assignment);
+    EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(config, copy); }), HasSubstr("choose another --out"))
+        << assignment;
+    EXPECT_EQ(Look(copy), before) << assignment;
+  };
+  refuse("run.seed=2");
+  refuse("clone.max_steps=61");
+  refuse("design.lambda=0.02");
+  refuse("selection.judge_steps=21");
+  refuse("sac.gamma=0.98");
+  refuse("data.episodes=7");
+  refuse("agents.selection_episodes=3");
+  RunConfig config = TinyConfig();
+  config.parameters[0].high = 1.9;
+  EXPECT_THROW(RunPipeline(config, copy), UsageError);
+  config = TinyConfig();
+  config.truth["gravity"] = 1.1;
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(config, copy); }), HasSubstr("evaluation.json"));
+  EXPECT_EQ(Look(copy), before);
+}
+
+TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
+  const fs::path out = Fresh("stopped");
+  for (const auto& [stage, at] : {std::pair{"design", 2}, std::pair{"train", 150}}) {
+    Watch watch;
+    watch.stop_stage = stage;
+    watch.stop_at = at;
+    EXPECT_THROW(RunPipeline(TinyConfig(), out, watch), Interrupted) << stage;
+    EXPECT_FALSE(fs::exists(out / "evaluation.json"));
+    RunConfig other = TinyConfig();
+    other.Set("design.lambda=0.02");
+    other.Set("sac.gamma=0.98");
+    EXPECT_THROW(RunPipeline(other, out), UsageError) << "work of other settings would be gone on with: " << stage;
+  }
+  RunPipeline(TinyConfig(), out);
+  const auto whole = Bytes(Whole()), stopped = Bytes(out);
+  ASSERT_EQ(stopped.size(), whole.size());
+  for (const auto& [name, bytes] : whole) EXPECT_EQ(stopped.at(name), bytes) << name;
+}
+
+TEST_F(PipelineTest, AWrongRequestIsRefusedBeforeAnythingIsWritten) {
+  const auto refuse = [&](const RunConfig& config, const std::string& what) {
+    try {
+      RunPipeline(config, Fresh("none"));
+      ADD_FAILURE() << "not refused: " << what;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(what));
+    }
+    EXPECT_FALSE(fs::exists(Fresh("none"))) << what;
+  };
+  RunConfig config = TinyConfig();
+  config.truth["gravity"] = 2.5;
+  refuse(config, "'gravity'");
+  config = TinyConfig();
+  config.data.episodes = "9";
+  refuse(config, "holds 8");
+  config = TinyConfig();
+  config.task.name = "Walker2d-v5";
+  refuse(config, "'Walker2d-v5'");
+  config = TinyConfig();
+  config.parameters[1].field = "geom/*/frction[0]";
+  refuse(config, "frction");
+}
+
+TEST_F(PipelineTest, AParameterWithoutEffectIsAWarningAndUnderStrictAnError) {
+  RunConfig config = TinyConfig();
+  // Friction is the larger of the two geoms': the foot's is 2, so the floor's below that does nothing.
+  config.parameters.push_back(ParseParameterSpec("floor=geom/floor/friction[0]:0.2:1.0"));
+  config.truth.clear();
+  config.run.strict = true;
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(config, Fresh("strict")); }), HasSubstr("'floor'"));
+  EXPECT_FALSE(fs::exists(Fresh("strict")));
+  config.run.strict = false;
+  Watch watch;
+  RunPipeline(config, Fresh("warned"), watch, &Pipeline::SelectSimulator);
+  ASSERT_EQ(watch.warnings.size(), 1u) << "told once";
+  EXPECT_THAT(watch.warnings[0], HasSubstr("'floor'"));
+  const json design = ReadJson(Fresh("warned") / "design.json");
+  EXPECT_EQ(design["parameters"][2].at("verdict"), "not_identified");
+  EXPECT_EQ(design.at("warnings").size(), 1u);
+}
+
+}  // namespace
+}  // namespace oted

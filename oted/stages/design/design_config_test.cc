@@ -1,0 +1,51 @@
+#include "oted/stages/design/design_config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+
+namespace oted {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(DesignConfig, ThePapersFormIsAlgorithm1FromTheInitialStates) {
+  const DesignConfig config = DesignConfig::ForForm("paper");
+  config.Check();
+  const EvidenceConfig evidence = config.Evidence();
+  EXPECT_FALSE(evidence.dataset_starts);
+  EXPECT_FALSE(evidence.replayed_actions);
+  EXPECT_FALSE(evidence.transitions) << "g(s, a)";
+  EXPECT_EQ(config.form, "paper");
+}
+
+TEST(DesignConfig, TheDefaultIsTheTransitionsForm) {
+  DesignConfig by_name = DesignConfig::ForForm("transitions"), by_default;
+  by_default.Check();
+  EXPECT_EQ(by_default.Fields().ToJson(), by_name.Fields().ToJson());
+  const EvidenceConfig evidence = by_default.Evidence();
+  EXPECT_TRUE(evidence.dataset_starts && evidence.replayed_actions && evidence.transitions);
+}
+
+TEST(DesignConfig, AnUnknownFormIsRefusedWithTheNearestName) {
+  const std::string message = MessageOf<UsageError>([] { DesignConfig::ForForm("papr"); });
+  EXPECT_THAT(message, HasSubstr("papr"));
+  EXPECT_THAT(message, HasSubstr("did you mean 'paper'?"));
+}
+
+TEST(DesignConfig, LoggedActionsFromOtherStatesAreAContradiction) {
+  DesignConfig config;
+  config.starts = "initial";
+  const std::string message = MessageOf<UsageError>([&] { config.Check(); });
+  EXPECT_THAT(message, HasSubstr("design.actions"));
+  EXPECT_THAT(message, HasSubstr("set design.actions = \"clone\""));
+  config.actions = "clone";
+  config.Check();
+}
+
+}  // namespace
+}  // namespace oted

@@ -1,0 +1,173 @@
+#include "oted/stages/design/design.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/matching/testing.h"
+#include "oted/sim/testing.h"
+
+namespace oted {
+namespace {
+
+const std::vector<double> kTruth = {1.5, 0.6, 0.5};
+constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
+
+DesignConfig SmallConfig() {
+  DesignConfig config;
+  config.n_sims = 24;
+  config.n_steps = 40;
+  config.n_iterations = 60;
+  config.discriminator_hidden = {48, 48};
+  config.discriminator_learning_rate = 1e-3;
+  config.discriminator_steps = 40;
+  config.discriminator_batch = 128;
+  return config;
+}
+
+/// Asks for a stop when iteration `at` has been reported.
+class StopAt : public NullSink {
+ public:
+  explicit StopAt(int64_t at) : at_(at) {}
+  void Progress(std::string_view, std::string_view, int64_t done, int64_t, std::string_view) override {
+    if (done == at_) stop = true;
+  }
+  std::atomic<bool> stop{false};
+
+ private:
+  int64_t at_;
+};
+
+DesignResult Learn(const DesignConfig& config, const std::filesystem::path& folder, int n_threads = 1,
+                   const SimulatorFactory& factory = PointMassFactory(), const Dataset& logs = PointMassLogs(kTruth, 8),
+                   uint64_t seed = 1) {
+  NullSink log;
+  RunContext context{.log = &log, .n_threads = n_threads};
+  return LearnDesign(factory, logs, nullptr, config, RngKey(seed), folder, "design/test/1", context);
+}
+
+void ExpectSameBits(const DesignResult& a, const DesignResult& b) {
+  EXPECT_EQ(a.q.mean(), b.q.mean());
+  EXPECT_EQ(a.q.log_std(), b.q.log_std());
+  EXPECT_EQ(a.learning_progress, b.learning_progress);
+  NpzArrays g_a, g_b;
+  a.g.Save(g_a);
+  b.g.Save(g_b);
+  ASSERT_EQ(g_a.size(), g_b.size());
+  for (const auto& [name, array] : g_a) EXPECT_EQ(array.values, g_b.at(name).values) << name;
+}
+
+TEST(LearnDesign, RecoversWhatTheLogsShowAndStaysWideWhereTheyShowNothing) {
+  const TestFolder folder;
+  const DesignResult design = Learn(SmallConfig(), folder.path());
+  const std::vector<double> mode = design.q.Mode(), std = design.q.Std();
+  EXPECT_NEAR(mode[kGain], kTruth[kGain], 0.1);
+  EXPECT_NEAR(mode[kDamping], kTruth[kDamping], 0.05);
+  // In units of the uniform distribution's spread.
+  EXPECT_LT(std[kGain], 0.25 * 1.8 / std::sqrt(12.0));
+  EXPECT_LT(std[kDamping], 0.25 * 0.8 / std::sqrt(12.0));
+  EXPECT_GT(std[kIdle], 0.6 * 1.0 / std::sqrt(12.0)) << "no effect: nothing to learn";
+}
+
+TEST(LearnDesign, GivesTheSameBitsAtAnyNumberOfThreads) {
+  const TestFolder one, two;
+  DesignConfig config = SmallConfig();
+  config.n_iterations = 12;
+  ExpectSameBits(Learn(config, one.path(), 1), Learn(config, two.path(), 2));
+}
+
+TEST(LearnDesign, AnotherSeedIsAnotherDesign) {
+  const TestFolder one, two;
+  DesignConfig config = SmallConfig();
+  config.n_iterations = 3;
+  const PointMassFactory factory;
+  const Dataset logs = PointMassLogs(kTruth, 4);
+  EXPECT_NE(Learn(config, one.path(), 1, factory, logs, 1).q.mean(),
+            Learn(config, two.path(), 1, factory, logs, 2).q.mean());
+}
+
+TEST(LearnDesign, AStoppedDesignGoesOnAsIfItHadNot) {
+  const TestFolder whole_folder, stopped_folder;
+  DesignConfig config = SmallConfig();
+  config.n_iterations = 24;
+  const DesignResult whole = Learn(config, whole_folder.path());
+  // Before and after the replay is full, and twice in one design.
+  for (const int64_t at : {7, 17}) {
+    StopAt log(at);
+    const RunContext context{.log = &log, .stop = &log.stop};
+    EXPECT_THROW(LearnDesign(PointMassFactory(), PointMassLogs(kTruth, 8), nullptr, config, RngKey(1),
+                             stopped_folder.path(), "design/test/1", context),
+                 Interrupted);
+    EXPECT_TRUE(std::filesystem::exists(stopped_folder / "checkpoint.npz"));
+  }
+  ExpectSameBits(Learn(config, stopped_folder.path()), whole);
+}
+
+/// A point mass whose third parameter does nothing, but breaks the physics above (or below) 0.5.
+class Breaking : public PointMass {
+ public:
+  Breaking(bool above, bool below, int n_lanes, int n_threads)
+      : PointMass({}, n_lanes, n_threads), above_(above), below_(below), idle_(static_cast<size_t>(n_lanes)) {}
+  void SetParameters(int lane, std::span<const double> z) override {
+    PointMass::SetParameters(lane, z);
+    idle_[static_cast<size_t>(lane)] = z[2];
+  }
+  LaneStatus status(int lane) const override {
+    const bool broken = idle_[static_cast<size_t>(lane)] > 0.5 ? above_ : below_;
+    return broken ? LaneStatus::kDiverged : PointMass::status(lane);
+  }
+
+ private:
+  bool above_, below_;
+  std::vector<double> idle_;
+};
+
+class BreakingFactory : public PointMassFactory {
+ public:
+  BreakingFactory(bool above, bool below) : above_(above), below_(below) {}
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<Breaking>(above_, below_, n_lanes, n_threads);
+  }
+
+ private:
+  bool above_, below_;
+};
+
+TEST(LearnDesign, LeavesTheRegionWhereThePhysicsBreaks) {
+  DesignConfig config = SmallConfig();
+  config.n_iterations = 30;
+  const TestFolder above, below;
+  const auto breaks_above = Learn(config, above.path(), 1, BreakingFactory(true, false));
+  const auto breaks_below = Learn(config, below.path(), 1, BreakingFactory(false, true));
+  EXPECT_LT(breaks_above.q.Mode()[kIdle], 0.35);
+  EXPECT_GT(breaks_below.q.Mode()[kIdle], 0.65);
+}
+
+TEST(LearnDesign, WherePhysicsAlwaysBreaksNothingIsLearned) {
+  DesignConfig config = SmallConfig();
+  config.n_iterations = 5;
+  config.lambda = 0;
+  const TestFolder folder;
+  const auto design = Learn(config, folder.path(), 1, BreakingFactory(true, true));
+  EXPECT_THAT(design.q.mean(), testing::Each(0.0));
+  EXPECT_THAT(design.q.log_std(), testing::Each(testing::DoubleEq(std::log(config.initial_std))));
+}
+
+TEST(LearnDesign, RefusesDataOfAnotherTaskAndContradictingSettings) {
+  const TestFolder folder;
+  Dataset wrong = PointMassLogs(kTruth, 2);
+  Array2<double> wide(wrong.size(), 3);
+  wrong.observations = wrong.next_observations = wide;
+  EXPECT_THAT(MessageOf<DataError>([&] { Learn(SmallConfig(), folder.path(), 1, PointMassFactory(), wrong); }),
+              testing::HasSubstr("task 'PointMass'"));
+  DesignConfig config = SmallConfig();
+  config.starts = "initial";
+  EXPECT_THROW(Learn(config, folder.path()), UsageError);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+}  // namespace
+}  // namespace oted
