@@ -5,16 +5,29 @@
 #include <algorithm>
 #include <exception>
 #include <string>
+#include <vector>
 
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
+#include "oted/base/fields.h"
 
 namespace {
 
 std::string OneLine(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
+}
+
+/// CLI11 would only say that a subcommand is missing.
+void CheckVerb(const CLI::App& app, const std::string& word) {
+  std::vector<std::string> verbs;
+  for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
+    verbs.push_back(verb->get_name());
+  }
+  if (word.starts_with('-') || std::find(verbs.begin(), verbs.end(), word) != verbs.end()) return;
+  throw oted::UsageError(fmt::format("'{}' is not a verb{}; the verbs are {}; 'oted --help' explains them", word,
+                                     oted::DidYouMean(word, verbs), fmt::join(verbs, ", ")));
 }
 
 int Main(int argc, char** argv) {
@@ -30,6 +43,7 @@ int Main(int argc, char** argv) {
   cli::AddReportVerb(program);
   cli::InstallStopHandler();
   try {
+    if (argc > 1) CheckVerb(program.app, argv[1]);
     program.app.parse(argc, argv);
     return program.exit_code;
   } catch (const CLI::ParseError& e) {

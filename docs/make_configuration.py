@@ -23,7 +23,9 @@ CHOICES = r"[a-z_]+(?:\|[a-z_]+)+"
 SETTING = re.compile(
     r"^  (?P<name>\w+)\s+(?P<help>.*) \((?P<type>text|int|number|list of ints|list of numbers|" + CHOICES + r")"
     r"(?: in (?P<range>.+))?\) \[default: (?P<default>.*)\]$")
-FLAG = re.compile(r"^  (?P<flag>-[-,\w]+)(?: (?P<value>TEXT|INT)(?: \.\.\.)?)?(?P<required> REQUIRED)?\s{2,}(?P<help>.*)$")
+# "--seed INT:NONNEGATIVE   help": the check that CLI11 appends to the type is no news to a reader.
+FLAG = re.compile(
+    r"^  (?P<flag>-[-,\w]+)(?: (?P<value>[A-Z]+)(?::\S+)?(?: \.\.\.)?)?(?P<required> REQUIRED)?\s{2,}(?P<help>.*)$")
 
 
 def cell(text):
@@ -39,11 +41,14 @@ def row(cells):
 
 
 def flags_table(lines):
-    found = [match for match in map(FLAG.match, lines) if match]
-    if not found:
-        sys.exit("make_configuration: the help lists no flag; has its layout changed?")
+    # A long flag has its help on the next line.
+    lines = re.sub(r"\n {20,}", "   ", "\n".join(lines)).splitlines()
+    found = [(line, FLAG.match(line)) for line in lines if line.strip()]
+    if not found or not all(match for _, match in found):
+        line = next((line for line, match in found if not match), "")
+        sys.exit(f"make_configuration: the help lists no flags, or one it cannot read: {line!r}")
     table = ["## Flags of `oted run`", "", "| flag | value | meaning |", "|---|---|---|"]
-    for match in found:
+    for _, match in found:
         value = (match["value"] or "-").lower() + (", required" if match["required"] else "")
         table.append(row([code(match["flag"].replace(",", ", ")), value, cell(match["help"])]))
     return table

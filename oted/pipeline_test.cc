@@ -323,7 +323,7 @@ TEST_F(PipelineTest, AWrongRequestIsRefusedBeforeAnythingIsWritten) {
 TEST_F(PipelineTest, AParameterWithoutEffectIsAWarningAndUnderStrictAnError) {
   RunConfig config = TinyConfig();
   // Friction is the larger of the two geoms': the foot's is 2, so the floor's below that does nothing.
-  config.parameters.push_back(ParseParameterSpec("floor=geom/floor/friction[0]:0.2:1.0"));
+  config.parameters[1] = ParseParameterSpec("floor=geom/floor/friction[0]:0.2:1.0");
   config.truth.clear();
   config.run.strict = true;
   EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(config, Fresh("strict")); }), HasSubstr("'floor'"));
@@ -334,7 +334,7 @@ TEST_F(PipelineTest, AParameterWithoutEffectIsAWarningAndUnderStrictAnError) {
   ASSERT_EQ(watch.warnings.size(), 1u) << "told once";
   EXPECT_THAT(watch.warnings[0], HasSubstr("'floor'"));
   const json design = ReadJson(Fresh("warned") / "design.json");
-  EXPECT_EQ(design["parameters"][2].at("verdict"), "not_identified");
+  EXPECT_EQ(design["parameters"][1].at("verdict"), "not_identified");
   EXPECT_EQ(design.at("warnings").size(), 1u);
 }
 

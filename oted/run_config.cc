@@ -373,6 +373,11 @@ void RunConfig::Check() const {
     throw UsageError(
         fmt::format("the truth names {} of {} parameters; name all of them, or none", truth.size(), names.size()));
   }
+  try {
+    static_cast<void>(json({task.name, data.path, parameters[0].field}).dump());
+  } catch (const json::exception&) {
+    throw UsageError("a path or name is not UTF-8 text, which run.toml cannot hold; rename the file");
+  }
   if (data.episodes != "all") {
     int n = 0;
     const char *begin = data.episodes.data(), *end = begin + data.episodes.size();

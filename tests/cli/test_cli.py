@@ -175,6 +175,15 @@ class TestData(CliTest):
         for text in ("0", "-1", "many", "3x", "99999999999999999999"):
             self.assertRefused(self.design("--episodes", text), USAGE, text, "or all")
 
+    def test_a_name_that_is_no_text(self):
+        path = bytes(self.folder) + b"/\xff.hdf5"
+        shutil.copyfile(self.demos, path)
+        words = ["design", "--task", "Hopper-v5", "--param", FRICTION, "--out", str(self.out), "--data"]
+        result = subprocess.run([OTED, *words, path], capture_output=True, timeout=120)
+        self.assertEqual(result.returncode, USAGE, result.stderr)
+        self.assertRegex(result.stderr, rb"\Aoted: [^\n]+UTF-8[^\n]+\n\Z")
+        self.assertFalse(self.out.exists())
+
     def test_no_data_named(self):
         result = oted("design", "--task", "Hopper-v5", "--param", FRICTION, "--out", self.out)
         self.assertRefused(result, USAGE, "--data")
@@ -182,7 +191,7 @@ class TestData(CliTest):
 
 class TestRequest(CliTest):
     def test_unknown_verb_and_flag(self):
-        self.assertRefused(oted("desing", "--out", self.out), USAGE, "desing", "--help")
+        self.assertRefused(oted("desing", "--out", self.out), USAGE, "desing", "did you mean 'design'?", "--help")
         self.assertRefused(self.design("--treads", "2"), USAGE, "--treads", "--help")
         self.assertRefused(oted(), USAGE, "--help")
         self.assertRefused(oted("design", "--task", "Hopper-v5"), USAGE, "--out")
@@ -246,8 +255,38 @@ class TestRequest(CliTest):
         self.assertOneLine(result, USAGE, "--truth")
 
     def test_strict_refuses_a_parameter_without_effect(self):
-        result = self.design("--strict", parameters=(FRICTION, FLOOR))
+        result = self.design("--strict", parameters=(GRAVITY, FLOOR))
         self.assertRefused(result, USAGE, "'floor'", "remove the parameter")
+
+
+class TestCollect(CliTest):
+    def collect(self, *words):
+        return oted("collect", "--task", "Hopper-v5", "--out", self.folder / "new.hdf5", *words)
+
+    def assertCollectsNothing(self, result, code, *needles):
+        self.assertOneLine(result, code, *needles)
+        self.assertFalse((self.folder / "new.hdf5").exists())
+
+    def test_refusals(self):
+        self.assertCollectsNothing(self.collect(), USAGE, "--policy")
+        self.assertCollectsNothing(self.collect("--policy", "no/such.npz"), DATA_OR_MODEL, "no/such.npz")
+        self.assertCollectsNothing(self.collect("--policy", self.demos), DATA_OR_MODEL, "demos.hdf5")
+        self.assertCollectsNothing(self.collect("--policy", "p.npz", "--episodes", "0"), USAGE, "--episodes")
+        result = self.collect("--policy", "p.npz", "--param", FRICTION, "--truth", "fricton=1")
+        self.assertCollectsNothing(result, USAGE, "fricton", "--param")
+
+    def test_a_clones_demonstrations_are_read_again(self):
+        words = ["--task", "Hopper-v5", "--param", FRICTION, "--out", self.out, *sets(TINY)]
+        self.assertEqual(oted("clone", "--data", self.demos, *words).returncode, 0)
+        policy = self.out / "clone/policy.npz"
+        result = self.collect("--policy", policy, "--episodes", "3", "--param", FRICTION, "--truth", "friction=0.6")
+        self.assertEqual((result.returncode, result.stderr), (0, ""))
+        arrays = read_hdf5(self.folder / "new.hdf5")
+        self.assertEqual(int(np.sum(arrays["terminals"]) + np.sum(arrays["timeouts"])), 3)
+        self.assertNotIn(b"friction", (self.folder / "new.hdf5").read_bytes(), "the truth is not in the data")
+        self.out = self.folder / "second"
+        self.assertEqual(oted("clone", "--data", self.folder / "new.hdf5", *words[:4], "--out", self.out,
+                              *sets(TINY)).returncode, 0)
 
 
 class TestConfiguration(CliTest):
@@ -291,6 +330,12 @@ class TestOutput(CliTest):
         (self.out / "run.toml").mkdir(parents=True)
         result = oted("run", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", self.out)
         self.assertOneLine(result, DATA_OR_MODEL, "run.toml")
+
+    def test_no_name(self):
+        result = oted("design", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", "",
+                      cwd=self.folder)
+        self.assertOneLine(result, USAGE, "--out")
+        self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_report_of_nothing(self):
         result = oted("report", "--out", self.folder / "nothing")
@@ -390,7 +435,7 @@ class TestResult(CliTest):
 
 class TestStopping(CliTest):
     LONG = [s for s in TINY if not s.startswith(("design.n_iterations", "design.n_sims"))] + [
-        "design.n_iterations=400", "design.n_sims=32"]
+        "design.n_iterations=120", "design.n_sims=16"]
 
     def test_ctrl_c_and_the_same_command_again(self):
         command = [OTED, "design", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--param", GRAVITY,

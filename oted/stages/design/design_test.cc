@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
@@ -144,6 +145,47 @@ TEST(LearnDesign, LeavesTheRegionWhereThePhysicsBreaks) {
   const auto breaks_below = Learn(config, below.path(), 1, BreakingFactory(false, true));
   EXPECT_LT(breaks_above.q.Mode()[kIdle], 0.35);
   EXPECT_GT(breaks_below.q.Mode()[kIdle], 0.65);
+}
+
+TEST(LearnDesign, LambdaHoldsQAtThePrior) {
+  DesignConfig free = SmallConfig(), held = SmallConfig();
+  free.n_iterations = held.n_iterations = 25;
+  free.lambda = 0;
+  held.lambda = 1;
+  const TestFolder one, two;
+  const double kl_free = Learn(free, one.path()).q.KlToPrior(), kl_held = Learn(held, two.path()).q.KlToPrior();
+  EXPECT_GT(kl_free, 1.0) << "the logs teach something";
+  EXPECT_LT(kl_held, 0.5 * kl_free);
+}
+
+TEST(LearnDesign, ABlindDiscriminatorsRewardIsLog2AndItsLogRatio0) {
+  DesignConfig config = SmallConfig();
+  config.n_iterations = 1;
+  const TestFolder one, two;
+  EXPECT_NEAR(Learn(config, one.path()).learning_progress, std::log(2.0), 0.15);
+  config.reward = "log_ratio";
+  EXPECT_NEAR(Learn(config, two.path()).learning_progress, 0.0, 0.3);
+}
+
+TEST(LearnDesign, LogsItsCurvesUnderTheDocumentedNames) {
+  class Curves : public NullSink {
+   public:
+    void Scalar(std::string_view run, std::string_view key, int64_t step, double value) override {
+      EXPECT_EQ(run, "design/test/1");
+      EXPECT_TRUE(std::isfinite(value)) << key;
+      steps[std::string(key)].push_back(step);
+    }
+    std::map<std::string, std::vector<int64_t>> steps;
+  } curves;
+  DesignConfig config = SmallConfig();
+  config.n_iterations = 3;
+  const TestFolder folder;
+  LearnDesign(PointMassFactory(), PointMassLogs(kTruth, 4), nullptr, config, RngKey(1), folder.path(), "design/test/1",
+              {.log = &curves});
+  for (const char* key : {"design/reward", "design/kl", "design/discriminator_loss", "design/discriminator_accuracy",
+                          "design/mode/gain", "design/std/gain", "design/mode/idle"}) {
+    EXPECT_THAT(curves.steps[key], testing::ElementsAre(1, 2, 3)) << key;
+  }
 }
 
 TEST(LearnDesign, WherePhysicsAlwaysBreaksNothingIsLearned) {

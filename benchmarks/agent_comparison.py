@@ -1,0 +1,108 @@
+#!/usr/bin/env python3
+"""Does an agent trained in the designed simulators beat one trained in the un-designed simulator, and the clone?
+
+  benchmarks/agent_comparison.py [--study quickstart|tasks] [--seeds 10] [--parallel 2] [--oted build/release/oted]
+
+quickstart  examples/quickstart.toml, whole pipeline, one run per seed.
+tasks       the same comparison on every task, one agent each at equal steps: the target has half the friction, 0.7 of the
+            gain and 1.3 of the gravity of the un-designed simulator; demonstrations by the shipped medium policy.
+Every run leaves one JSON file in benchmarks/results/agents; a run whose file exists is not made again. Prints the table.
+"""
+
+import argparse
+import concurrent.futures
+import json
+import math
+import pathlib
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+TASKS = {"hopper": "Hopper-v5", "halfcheetah": "HalfCheetah-v5", "walker2d": "Walker2d-v5"}
+PARAMETERS = {"friction": "geom/*/friction[0]", "gain": "actuator/*/gainprm[0]", "gravity": "opt/gravity[2]"}
+TRUTH = {"friction": 0.5, "gain": 0.7, "gravity": 1.3}
+# Two-sided 95 % quantiles of Student's t by degrees of freedom, for the paired interval.
+T95 = {1: 12.71, 2: 4.303, 3: 3.182, 4: 2.776, 5: 2.571, 6: 2.447, 7: 2.365, 8: 2.306, 9: 2.262}
+
+
+def command_of(study, seed, oted, out, steps):
+    if study == "quickstart":
+        return [str(oted), "run", "examples/quickstart.toml", "--seed", str(seed), "--threads", "1", "--quiet", "--out", out]
+    data = f"{out}/demonstrations.hdf5"
+    target = [text for n, field in PARAMETERS.items() for text in ("--param", f"{n}={field}:0.2:2.0", "--truth", f"{n}={TRUTH[n]}")]
+    collect = [str(oted), "collect", "--task", TASKS[study], "--policy", f"examples/policies/{study}/medium.npz", "--seed", str(seed),
+               "--out", data, *target]
+    subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
+    return [str(oted), "run", "--task", TASKS[study], "--data", data, *target, "--seed", str(seed), "--threads", "1", "--quiet",
+            "--out", f"{out}/run", "--set", "agents.n_agents=1", "--set", f"sac.n_steps={steps}", "--set", "sac.hidden=128,128",
+            "--set", "sac.learning_rate=0.001"]
+
+
+def run(study, seed, oted, file, steps):
+    out = tempfile.mkdtemp(prefix="oted-agents-")
+    start = time.monotonic()
+    command = command_of(study, seed, oted, out, steps)
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    folder = pathlib.Path(out) if study == "quickstart" else pathlib.Path(out) / "run"
+    if result.returncode not in (0, 4):
+        raise SystemExit(f"{' '.join(command)}\n{result.stderr}")
+    evaluation = json.loads((folder / "evaluation.json").read_text())
+    design = json.loads((folder / "design.json").read_text())
+    record = {"study": study, "seed": seed, "core_seconds": round(time.monotonic() - start, 1),
+              "returns": {p["name"]: p["mean_return"] for p in evaluation["policies"]},
+              "errors": {p["name"]: p["absolute_error"] for p in evaluation["parameters"]},
+              "selected": design["selected"], "verdict": design["verdict"],
+              "command": " ".join(command).replace(out, "OUT").replace(str(oted), "oted"),
+              "commit": subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True,
+                                       check=False).stdout.strip()}
+    shutil.rmtree(out, ignore_errors=True)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(record, indent=1) + "\n")
+    return record
+
+
+def table(study, records):
+    print(f"\n### {study}\n\n| seed | clone | SAC, un-designed | OTED-SAC | mean parameter error |\n|---|---|---|---|---|")
+    for r in records:
+        v = r["returns"]
+        print(f"| {r['seed']} | {v['clone']:.0f} | {v['sac_undesigned']:.0f} | **{v['oted_sac']:.0f}** | "
+              f"{statistics.mean(r['errors'].values()):.3f} |")
+    for other in ("sac_undesigned", "clone"):
+        differences = [r["returns"]["oted_sac"] - r["returns"][other] for r in records]
+        mean, n = statistics.mean(differences), len(differences)
+        wins = sum(d > 0 for d in differences)
+        interval = f" +- {T95[n - 1] * statistics.stdev(differences) / math.sqrt(n):.0f} (95 %, paired)" if 1 < n <= 10 else ""
+        print(f"\nOTED-SAC - {other}: {mean:.0f}{interval}; higher in {wins} of {n} seeds.")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--study", choices=["quickstart", "tasks"], default="quickstart")
+    parser.add_argument("--task", choices=list(TASKS), help="of the study 'tasks': only this one")
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--steps", type=int, default=100_000, help="of the study 'tasks': control steps per agent")
+    parser.add_argument("--parallel", type=int, default=2)
+    parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
+    parser.add_argument("--out", default=ROOT / "benchmarks/results/agents", type=pathlib.Path)
+    parser.add_argument("--table", action="store_true", help="print the table of what is there; run nothing")
+    arguments = parser.parse_args()
+    studies = ["quickstart"] if arguments.study == "quickstart" else [arguments.task] if arguments.task else list(TASKS)
+    jobs = [(s, seed, arguments.out / s / f"{seed}.json") for s in studies for seed in range(1, arguments.seeds + 1)]
+    if not arguments.table:
+        with concurrent.futures.ThreadPoolExecutor(arguments.parallel) as pool:
+            futures = [pool.submit(run, s, seed, arguments.oted.resolve(), file, arguments.steps) for s, seed, file in jobs
+                       if not file.exists()]
+            for future in concurrent.futures.as_completed(futures):
+                r = future.result()
+                print(r["study"], r["seed"], {k: round(v) for k, v in r["returns"].items()}, flush=True)
+    for study in studies:
+        records = [json.loads(file.read_text()) for s, _, file in jobs if s == study and file.exists()]
+        if records:
+            table(study, records)
+
+
+if __name__ == "__main__":
+    main()
