@@ -81,7 +81,9 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(CLI::PositiveNumber);
   app.add_option("--threads", options.threads, "threads at most; results do not depend on it [default: all processors]")
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--out", options.out, "run directory")->required();
+  app.add_option("--out", options.out, "run directory")->required()->check([](const std::string& folder) {
+    return std::string(folder.empty() ? "names no folder" : "");
+  });
   app.add_option("--set", options.assignments, "section.key=value, any setting of the configuration; repeatable")
       ->allow_extra_args(false);
   app.add_flag("--json", options.json, "print the result as JSON");

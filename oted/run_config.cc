@@ -374,9 +374,10 @@ void RunConfig::Check() const {
         fmt::format("the truth names {} of {} parameters; name all of them, or none", truth.size(), names.size()));
   }
   try {
-    static_cast<void>(json({task.name, data.path, parameters[0].field}).dump());
+    static_cast<void>(json(data.path).dump());
   } catch (const json::exception&) {
-    throw UsageError("a path or name is not UTF-8 text, which run.toml cannot hold; rename the file");
+    throw UsageError(
+        fmt::format("data.path '{}' is not UTF-8 text, which run.toml cannot hold; rename the file", data.path));
   }
   if (data.episodes != "all") {
     int n = 0;
