@@ -28,7 +28,7 @@ void AddCollectVerb(Program& program) {
       ->required();
   verb->add_option("--param", options->parameters,
                    "a parameter that differs from nominal: name=path:low:high; repeatable");
-  verb->add_option("--truth", options->truth, "name=value for every parameter; repeatable");
+  verb->add_option("--truth", options->truth, "name=value for every parameter; repeatable")->allow_extra_args(false);
   verb->add_option("--episodes", options->n_episodes, "episodes to log")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();

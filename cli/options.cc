@@ -67,16 +67,17 @@ std::string CommandLine(int argc, char** argv) {
 }
 
 void AddRunOptions(CLI::App& app, Options& options) {
-  if (app.get_option_no_throw("CONFIG") == nullptr) {
-    app.add_option("--config", options.config, "configuration file (TOML); default: the run directory's own run.toml");
-  }
+  app.add_option("CONFIG,--config", options.config,
+                 "configuration file (TOML); default: the run directory's own run.toml");
   app.add_option("--task", options.task, "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
   app.add_option("--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz");
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   app.add_option("--param", options.parameters,
-                 "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable");
+                 "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable")
+      ->allow_extra_args(false);
   app.add_option("--truth", options.truth,
-                 "name=value, where a study knows it; read by evaluation and report only; repeatable");
+                 "name=value, where a study knows it; read by evaluation and report only; repeatable")
+      ->allow_extra_args(false);
   app.add_option("--seed", options.seed, "names every random stream [default: 1]")->check(CLI::NonNegativeNumber);
   app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(CLI::PositiveNumber);
   app.add_option("--threads", options.threads, "threads at most; results do not depend on it [default: all processors]")
@@ -113,8 +114,7 @@ RunConfig ResolveConfig(const Options& options) {
   if (!options.config.empty()) {
     config = RunConfig::FromTomlFile(options.config);
   } else if (std::filesystem::exists(own)) {
-    // run.toml holds the data's path as it was resolved: relative to where the program ran, not to the run directory.
-    config = RunConfig::FromToml(ReadFile(own), "run.toml");
+    config = RunConfig::FromTomlFile(own.string());
   }
   if (!options.task.empty()) config.task.name = options.task;
   if (!options.data.empty()) config.data.path = options.data;

@@ -12,7 +12,6 @@ void AddRunVerb(Program& program) {
   CLI::App* verb =
       program.app.add_subcommand("run", "the whole method: clone, design, select, train, select, evaluate, report");
   auto options = std::make_shared<Options>();
-  verb->add_option("CONFIG", options->config, "configuration file (TOML)");
   AddRunOptions(*verb, *options);
   verb->footer(SettingsHelp({"task", "data", "run", "clone", "design", "selection", "agents", "sac"}));
   verb->callback([&program, options] {

@@ -3,16 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
-#include "oted/matching/verdict.h"
+#include "oted/design_record.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
-#include "oted/sim/rollout.h"
 #include "oted/stages/agent/agent.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
 #include "oted/stages/design/design.h"
@@ -44,26 +41,11 @@ Dataset ReadEpisodes(const DataConfig& config) {
   return all.Select(episodes);
 }
 
-json ParametersJson(const ParameterSpace& space) {
-  json list = json::array();
-  for (const ParameterSpec& spec : space.specs()) {
-    list.push_back(
-        {spec.name, spec.field, spec.low, spec.high, spec.logarithmic, spec.scale == ParameterScale::kAbsolute});
-  }
-  return list;
-}
-
 /// Jobs side by side on the cores: each gets its share of the threads.
 RunContext ShareOf(const RunContext& context, size_t n_jobs) {
   RunContext share = context;
   share.n_threads = std::max(1, context.n_threads / static_cast<int>(std::max<size_t>(1, n_jobs)));
   return share;
-}
-
-double StandardDeviation(const std::vector<double>& values, double mean) {
-  double square = 0;
-  for (const double v : values) square += (v - mean) * (v - mean);
-  return values.size() < 2 ? 0 : std::sqrt(square / static_cast<double>(values.size() - 1));
 }
 
 }  // namespace
@@ -82,35 +64,6 @@ Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
       directory_(CheckRequest(out)) {
   CheckDirectory();
   WriteProvenance();
-}
-
-const fs::path& Pipeline::CheckRequest(const fs::path& out) {
-  context_.n_threads = config_.Threads();
-  dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
-  if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
-  if (config_.run.strict) ParametersWithEffect();
-  return out;
-}
-
-void Pipeline::CheckDirectory() const {
-  const auto check = [&](const fs::path& file, const std::string& fingerprint) {
-    if (!directory_.IsComplete(file, fingerprint) && file.parent_path() != directory_.root()) {
-      directory_.CheckCheckpoint(file.parent_path(), fingerprint);
-    }
-  };
-  check(directory_.clone() / "clone.json", CloneFingerprint());
-  for (const auto& [setting, unused] : config_.DesignSettings()) {
-    for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
-      check(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting));
-    }
-  }
-  check(directory_.root() / "design.json", SelectionFingerprint());
-  for (int j = 1; j <= config_.agents.n_agents; ++j) {
-    check(directory_.agent(j) / "agent.json", AgentFingerprint(true));
-    if (ComparesUndesigned()) check(directory_.undesigned(j) / "agent.json", AgentFingerprint(false));
-  }
-  check(directory_.root() / "policy_selection.json", PolicySelectionFingerprint());
-  if (!config_.truth.empty()) check(directory_.root() / "evaluation.json", EvaluationFingerprint());
 }
 
 Pipeline::~Pipeline() = default;
@@ -235,72 +188,7 @@ void Pipeline::SelectSimulator() {
   const SelectionResult result =
       ::oted::SelectSimulator(*factory_, dataset_, &clone, candidates, config_.selection,
                               RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("simulator selection"), context_);
-  const SettingScore& selected = result.settings[static_cast<size_t>(result.selected_setting)];
-
-  std::vector<Designer> mixture;
-  int best = 0;
-  json mixture_json = json::array();
-  for (const int i : selected.candidates) {
-    const Candidate& candidate = candidates[static_cast<size_t>(i)];
-    if (i == result.best_candidate) best = static_cast<int>(mixture.size());
-    mixture.push_back(candidate.q);
-    mixture_json.push_back({{"seed", candidate.seed}, {"mode", candidate.q.Mode()}, {"std", candidate.q.Std()}});
-  }
-  const auto summaries = SummarizeParameters(mixture, best, has_effect);
-  const DesignVerdict verdict = JudgeDesign(result.nominal_common, selected.common);
-
-  json design;
-  design["schema"] = "oted.design/1";
-  design["task"] = config_.task.name;
-  design["warnings"] = json::array();
-  for (int i = 0; i < factory_->parameters().size(); ++i) {
-    const ParameterSpec& spec = factory_->parameters()[i];
-    const ParameterSummary& s = summaries[static_cast<size_t>(i)];
-    design["parameters"].push_back({{"name", spec.name},
-                                    {"field", spec.field},
-                                    {"unit", spec.unit},
-                                    {"nominal", spec.nominal},
-                                    {"bounds", {spec.low, spec.high}},
-                                    {"mode", s.mode},
-                                    {"std", s.std},
-                                    {"interval90", {s.interval90_low, s.interval90_high}},
-                                    {"verdict", ToString(s.verdict)}});
-    if (!has_effect[static_cast<size_t>(i)]) {
-      design["warnings"].push_back(
-          fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
-    }
-    std::vector<double> row(static_cast<size_t>(factory_->parameters().size()), 0.0);
-    row[static_cast<size_t>(i)] = 1.0;
-    design["correlation"].push_back(row);
-  }
-  design["selected"] = selected.setting;
-  design["mixture"] = mixture_json;
-  design["score"] = config_.selection.score == "paper" ? selected.c : selected.common;
-  design["score_name"] = config_.selection.score;
-  design["verdict"] = ToString(verdict);
-  design["log2"] = std::numbers::ln2;
-  design["nominal_common"] = result.nominal_common;
-  for (const SettingScore& setting : result.settings) {
-    json seeds = json::array();
-    for (const int i : setting.candidates) {
-      const Candidate& candidate = candidates[static_cast<size_t>(i)];
-      const CandidateScore& score = result.candidates[static_cast<size_t>(i)];
-      seeds.push_back({{"seed", candidate.seed},
-                       {"mode", candidate.q.Mode()},
-                       {"std", candidate.q.Std()},
-                       {"c", score.c},
-                       {"common", score.common},
-                       {"learning_progress", candidate.learning_progress}});
-    }
-    const std::map<std::string, DesignConfig> settings = config_.DesignSettings();
-    design["settings"].push_back({{"name", setting.setting},
-                                  {"form", settings.at(setting.setting).form},
-                                  {"c", setting.c},
-                                  {"common", setting.common},
-                                  {"design_deviation", setting.design_deviation},
-                                  {"learning_progress", setting.learning_progress},
-                                  {"seeds", seeds}});
-  }
+  json design = DesignRecord(config_, factory_->parameters(), candidates, result, has_effect);
   design["dataset"] = {{"path", config_.data.path}, {"sha256", dataset_.sha256}, {"n_transitions", dataset_.size()}};
   design["model"] = {{"task", config_.task.name}, {"sha256", model_sha256_}};
   design["versions"] = {{"oted", OTED_VERSION}, {"mujoco", "4.0.0"}};
@@ -386,133 +274,6 @@ void Pipeline::SelectPolicy() {
         {{"agent", j + 1}, {"returns", result.returns[j]}, {"mean_return", result.mean_return[j]}});
   }
   directory_.Complete(file, selection, PolicySelectionFingerprint());
-}
-
-// ---------------------------------------------------------------- a study's last step: the target
-
-void Pipeline::EvaluateInTarget() {
-  if (config_.truth.empty()) return;
-  SelectPolicy();
-  const fs::path file = directory_.root() / "evaluation.json";
-  if (directory_.IsComplete(file, EvaluationFingerprint())) return;
-  const std::vector<double> truth = config_.TruthVector();
-  const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("target");
-  const SimulatorSpec& spec = factory_->spec();
-
-  json policies = json::array();
-  const auto judge = [&](const std::string& name, const std::string& label, const BatchPolicy& act) {
-    const auto simulator = factory_->Make(config_.agents.target_episodes, context_.n_threads);
-    const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
-    std::vector<double> returns;
-    const auto episodes = RunEpisodes(*simulator, z, act, key);
-    for (const EpisodeResult& episode : episodes) returns.push_back(episode.episode_return);
-    const double mean = MeanReturn(episodes);
-    policies.push_back(
-        {{"name", name}, {"label", label}, {"mean_return", mean}, {"std_return", StandardDeviation(returns, mean)}});
-    policies.back()["score"] = spec.has_score() ? json(spec.NormalizedScore(mean)) : json();
-    context_.log->Progress("evaluate", "target", static_cast<int64_t>(policies.size()), 4, label);
-  };
-  const auto judge_policy = [&](const std::string& name, const std::string& label, const fs::path& path,
-                                ActionNoise noise) {
-    const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(path);
-    PolicyRunner runner(policy, noise);
-    Rng rng = key.Stage(name).MakeRng();
-    judge(name, label, [&](std::span<const double> observations, int n, std::span<double> actions) {
-      runner.Act(observations, n, rng, actions);
-    });
-  };
-
-  Rng random = key.Stage("random").MakeRng();
-  judge("random", "random actions", [&](std::span<const double>, int, std::span<double> actions) {
-    for (size_t i = 0; i < actions.size(); ++i) {
-      const size_t j = i % static_cast<size_t>(spec.act_dim);
-      actions[i] = random.Uniform(spec.action_low[j], spec.action_high[j]);
-    }
-  });
-  judge_policy("clone", "clone of the logs", directory_.clone() / "policy.npz", ActionNoise::kMean);
-  if (ComparesUndesigned()) {
-    // The un-designed agent, too, is the one of its m that does best where it was trained.
-    int best = 1;
-    const auto own_return = [&](int j) {
-      return ReadJson(directory_.undesigned(j) / "agent.json").at("eval_return").get<double>();
-    };
-    for (int j = 2; j <= config_.agents.n_agents; ++j) best = own_return(j) > own_return(best) ? j : best;
-    judge_policy("sac_undesigned", "SAC in the un-designed simulator", directory_.undesigned(best) / "policy.npz",
-                 ActionNoise::kMean);
-  }
-  const int selected = ReadJson(directory_.root() / "policy_selection.json").at("selected").get<int>();
-  judge_policy("oted_sac", "OTED-SAC", directory_.agent(selected) / "policy.npz", ActionNoise::kMean);
-
-  json parameters = json::array();
-  const json design = ReadJson(directory_.root() / "design.json");
-  for (size_t i = 0; i < truth.size(); ++i) {
-    const json& p = design.at("parameters").at(i);
-    parameters.push_back({{"name", p.at("name")},
-                          {"unit", p.at("unit")},
-                          {"nominal", p.at("nominal")},
-                          {"truth", truth[i]},
-                          {"mode", p.at("mode")},
-                          {"std", p.at("std")},
-                          {"absolute_error", std::abs(p.at("mode").get<double>() - truth[i])}});
-  }
-  directory_.Complete(file,
-                      {{"schema", "oted.evaluation/1"},
-                       {"task", config_.task.name},
-                       {"episodes", config_.agents.target_episodes},
-                       {"parameters", parameters},
-                       {"policies", policies}},
-                      EvaluationFingerprint());
-}
-
-// ---------------------------------------------------------------- provenance
-
-void Pipeline::WriteProvenance() const {
-  WriteFileAtomically(directory_.root() / "run.toml", config_.ToToml());
-  const std::vector<Episode> episodes = dataset_.Episodes();
-  WriteJson(directory_.root() / "dataset.json", {{"schema", "oted.dataset/1"},
-                                                 {"path", config_.data.path},
-                                                 {"sha256", dataset_.sha256},
-                                                 {"n_transitions", dataset_.size()},
-                                                 {"n_episodes", episodes.size()},
-                                                 {"episode_returns", dataset_.EpisodeReturns()},
-                                                 {"obs_dim", dataset_.obs_dim()},
-                                                 {"act_dim", dataset_.act_dim()}});
-}
-
-std::string Pipeline::CloneFingerprint() const {
-  RunConfig copy = config_;
-  return Fingerprint({"clone", config_.task.name, model_sha256_, dataset_.sha256, config_.data.episodes,
-                      config_.run.seed, copy.clone.Fields().ToJson()});
-}
-
-std::string Pipeline::DesignFingerprint(const std::string& setting) const {
-  DesignConfig design = config_.DesignSettings().at(setting);
-  return Fingerprint(
-      {"design", CloneFingerprint(), ParametersJson(factory_->parameters()), setting, design.Fields().ToJson()});
-}
-
-std::string Pipeline::SelectionFingerprint() const {
-  json inputs = {"selection"};
-  for (const auto& [setting, unused] : config_.DesignSettings()) inputs.push_back(DesignFingerprint(setting));
-  SelectionConfig selection = config_.selection;
-  inputs.push_back(selection.Fields().ToJson());
-  return Fingerprint(inputs);
-}
-
-std::string Pipeline::AgentFingerprint(bool designed) const {
-  SacConfig sac = config_.sac;
-  json inputs = {"agent", designed, sac.Fields("sac").ToJson(), config_.run.seed, config_.task.name, model_sha256_};
-  if (designed) inputs.push_back(SelectionFingerprint());
-  return Fingerprint(inputs);
-}
-
-std::string Pipeline::PolicySelectionFingerprint() const {
-  return Fingerprint({"policies", AgentFingerprint(true), config_.agents.n_agents, config_.agents.selection_episodes});
-}
-
-std::string Pipeline::EvaluationFingerprint() const {
-  return Fingerprint({"evaluation", PolicySelectionFingerprint(), config_.TruthVector(), config_.agents.target_episodes,
-                      config_.agents.undesigned});
 }
 
 }  // namespace oted

@@ -1,0 +1,84 @@
+#include "oted/design_record.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "oted/matching/verdict.h"
+
+namespace oted {
+
+using nlohmann::json;
+
+json DesignRecord(const RunConfig& config, const ParameterSpace& space, const std::vector<Candidate>& candidates,
+                  const SelectionResult& result, const std::vector<bool>& has_effect) {
+  const SettingScore& selected = result.settings[static_cast<size_t>(result.selected_setting)];
+  std::vector<Designer> mixture;
+  int best = 0;
+  json mixture_json = json::array();
+  for (const int i : selected.candidates) {
+    const Candidate& candidate = candidates[static_cast<size_t>(i)];
+    if (i == result.best_candidate) best = static_cast<int>(mixture.size());
+    mixture.push_back(candidate.q);
+    mixture_json.push_back({{"seed", candidate.seed}, {"mode", candidate.q.Mode()}, {"std", candidate.q.Std()}});
+  }
+  const auto summaries = SummarizeParameters(mixture, best, has_effect);
+  const DesignVerdict verdict = JudgeDesign(result.nominal_common, selected.common);
+
+  json design;
+  design["schema"] = "oted.design/1";
+  design["task"] = config.task.name;
+  design["warnings"] = json::array();
+  for (int i = 0; i < space.size(); ++i) {
+    const ParameterSpec& spec = space[i];
+    const ParameterSummary& s = summaries[static_cast<size_t>(i)];
+    design["parameters"].push_back({{"name", spec.name},
+                                    {"field", spec.field},
+                                    {"unit", spec.unit},
+                                    {"nominal", spec.nominal},
+                                    {"bounds", {spec.low, spec.high}},
+                                    {"mode", s.mode},
+                                    {"std", s.std},
+                                    {"interval90", {s.interval90_low, s.interval90_high}},
+                                    {"verdict", ToString(s.verdict)}});
+    if (!has_effect[static_cast<size_t>(i)]) {
+      design["warnings"].push_back(
+          fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
+    }
+    std::vector<double> row(static_cast<size_t>(space.size()), 0.0);
+    row[static_cast<size_t>(i)] = 1.0;
+    design["correlation"].push_back(row);
+  }
+  design["selected"] = selected.setting;
+  design["mixture"] = mixture_json;
+  design["score"] = config.selection.score == "paper" ? selected.c : selected.common;
+  design["score_name"] = config.selection.score;
+  design["verdict"] = ToString(verdict);
+  design["log2"] = std::numbers::ln2;
+  design["nominal_common"] = result.nominal_common;
+  for (const SettingScore& setting : result.settings) {
+    json seeds = json::array();
+    for (const int i : setting.candidates) {
+      const Candidate& candidate = candidates[static_cast<size_t>(i)];
+      const CandidateScore& score = result.candidates[static_cast<size_t>(i)];
+      seeds.push_back({{"seed", candidate.seed},
+                       {"mode", candidate.q.Mode()},
+                       {"std", candidate.q.Std()},
+                       {"c", score.c},
+                       {"common", score.common},
+                       {"learning_progress", candidate.learning_progress}});
+    }
+    const std::map<std::string, DesignConfig> settings = config.DesignSettings();
+    design["settings"].push_back({{"name", setting.setting},
+                                  {"form", settings.at(setting.setting).form},
+                                  {"c", setting.c},
+                                  {"common", setting.common},
+                                  {"design_deviation", setting.design_deviation},
+                                  {"learning_progress", setting.learning_progress},
+                                  {"seeds", seeds}});
+  }
+  return design;
+}
+
+}  // namespace oted

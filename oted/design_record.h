@@ -1,0 +1,19 @@
+#pragma once
+/// design.json (schema oted.design/1, docs/file_formats.md): what the design found and how far to trust it.
+
+#include <nlohmann/json_fwd.hpp>
+#include <vector>
+
+#include "oted/run_config.h"
+#include "oted/stages/simulator_selection/simulator_selection.h"
+
+namespace oted {
+
+/// Parameters with modes, spreads, intervals and verdicts over the selected setting's seeds; the mixture that agents
+/// train in; every setting's scores; the verdict on the whole.
+/// @param has_effect  per parameter, whether it changes anything that the logs show
+nlohmann::json DesignRecord(const RunConfig& config, const ParameterSpace& space,
+                            const std::vector<Candidate>& candidates, const SelectionResult& result,
+                            const std::vector<bool>& has_effect);
+
+}  // namespace oted

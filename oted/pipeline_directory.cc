@@ -1,0 +1,107 @@
+// What a pipeline checks before it writes anything, and what each result depends on.
+
+#include <nlohmann/json.hpp>
+
+#include "oted/base/files.h"
+#include "oted/pipeline.h"
+
+namespace oted {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+namespace {
+
+json ParametersJson(const ParameterSpace& space) {
+  json list = json::array();
+  for (const ParameterSpec& spec : space.specs()) {
+    list.push_back(
+        {spec.name, spec.field, spec.low, spec.high, spec.logarithmic, spec.scale == ParameterScale::kAbsolute});
+  }
+  return list;
+}
+
+}  // namespace
+
+const fs::path& Pipeline::CheckRequest(const fs::path& out) {
+  context_.n_threads = config_.Threads();
+  dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
+  if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
+  if (config_.run.strict) ParametersWithEffect();
+  return out;
+}
+
+void Pipeline::CheckDirectory() const {
+  const auto check = [&](const fs::path& file, const std::string& fingerprint) {
+    if (!directory_.IsComplete(file, fingerprint) && file.parent_path() != directory_.root()) {
+      directory_.CheckCheckpoint(file.parent_path(), fingerprint);
+    }
+  };
+  check(directory_.clone() / "clone.json", CloneFingerprint());
+  for (const auto& [setting, unused] : config_.DesignSettings()) {
+    for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
+      check(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting));
+    }
+  }
+  check(directory_.root() / "design.json", SelectionFingerprint());
+  for (int j = 1; j <= config_.agents.n_agents; ++j) {
+    check(directory_.agent(j) / "agent.json", AgentFingerprint(true));
+    if (ComparesUndesigned()) check(directory_.undesigned(j) / "agent.json", AgentFingerprint(false));
+  }
+  check(directory_.root() / "policy_selection.json", PolicySelectionFingerprint());
+  if (!config_.truth.empty()) check(directory_.root() / "evaluation.json", EvaluationFingerprint());
+}
+
+void Pipeline::WriteProvenance() const {
+  // As in every configuration file, the data's path is relative to the file's own folder.
+  RunConfig written = config_;
+  written.data.path = fs::proximate(config_.data.path, directory_.root()).string();
+  WriteFileAtomically(directory_.root() / "run.toml", written.ToToml());
+  const std::vector<Episode> episodes = dataset_.Episodes();
+  WriteJson(directory_.root() / "dataset.json", {{"schema", "oted.dataset/1"},
+                                                 {"path", config_.data.path},
+                                                 {"sha256", dataset_.sha256},
+                                                 {"n_transitions", dataset_.size()},
+                                                 {"n_episodes", episodes.size()},
+                                                 {"episode_returns", dataset_.EpisodeReturns()},
+                                                 {"obs_dim", dataset_.obs_dim()},
+                                                 {"act_dim", dataset_.act_dim()}});
+}
+
+std::string Pipeline::CloneFingerprint() const {
+  RunConfig copy = config_;
+  return Fingerprint({"clone", config_.task.name, model_sha256_, dataset_.sha256, config_.data.episodes,
+                      config_.run.seed, copy.clone.Fields().ToJson()});
+}
+
+std::string Pipeline::DesignFingerprint(const std::string& setting) const {
+  DesignConfig design = config_.DesignSettings().at(setting);
+  return Fingerprint(
+      {"design", CloneFingerprint(), ParametersJson(factory_->parameters()), setting, design.Fields().ToJson()});
+}
+
+std::string Pipeline::SelectionFingerprint() const {
+  json inputs = {"selection"};
+  for (const auto& [setting, unused] : config_.DesignSettings()) inputs.push_back(DesignFingerprint(setting));
+  SelectionConfig selection = config_.selection;
+  inputs.push_back(selection.Fields().ToJson());
+  return Fingerprint(inputs);
+}
+
+std::string Pipeline::AgentFingerprint(bool designed) const {
+  SacConfig sac = config_.sac;
+  json inputs = {"agent", designed, sac.Fields("sac").ToJson(), config_.run.seed, config_.task.name, model_sha256_};
+  if (designed) inputs.push_back(SelectionFingerprint());
+  return Fingerprint(inputs);
+}
+
+std::string Pipeline::PolicySelectionFingerprint() const {
+  return Fingerprint({"policies", AgentFingerprint(true), config_.agents.n_agents, config_.agents.selection_episodes});
+}
+
+std::string Pipeline::EvaluationFingerprint() const {
+  return Fingerprint({"evaluation", PolicySelectionFingerprint(), config_.TruthVector(), config_.agents.target_episodes,
+                      config_.agents.undesigned});
+}
+
+}  // namespace oted

@@ -1,0 +1,99 @@
+// A study's last step: every policy in the target, which only EvaluateInTarget may look at.
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/files.h"
+#include "oted/pipeline.h"
+#include "oted/sim/rollout.h"
+
+namespace oted {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+namespace {
+
+double StandardDeviation(const std::vector<double>& values, double mean) {
+  double square = 0;
+  for (const double v : values) square += (v - mean) * (v - mean);
+  return values.size() < 2 ? 0 : std::sqrt(square / static_cast<double>(values.size() - 1));
+}
+
+}  // namespace
+
+void Pipeline::EvaluateInTarget() {
+  if (config_.truth.empty()) return;
+  SelectPolicy();
+  const fs::path file = directory_.root() / "evaluation.json";
+  if (directory_.IsComplete(file, EvaluationFingerprint())) return;
+  const std::vector<double> truth = config_.TruthVector();
+  const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("target");
+  const SimulatorSpec& spec = factory_->spec();
+
+  json policies = json::array();
+  const auto judge = [&](const std::string& name, const std::string& label, const BatchPolicy& act) {
+    const auto simulator = factory_->Make(config_.agents.target_episodes, context_.n_threads);
+    const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
+    std::vector<double> returns;
+    const auto episodes = RunEpisodes(*simulator, z, act, key);
+    for (const EpisodeResult& episode : episodes) returns.push_back(episode.episode_return);
+    const double mean = MeanReturn(episodes);
+    policies.push_back(
+        {{"name", name}, {"label", label}, {"mean_return", mean}, {"std_return", StandardDeviation(returns, mean)}});
+    policies.back()["score"] = spec.has_score() ? json(spec.NormalizedScore(mean)) : json();
+    context_.log->Progress("evaluate", "target", static_cast<int64_t>(policies.size()), 4, label);
+  };
+  const auto judge_policy = [&](const std::string& name, const std::string& label, const fs::path& path,
+                                ActionNoise noise) {
+    const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(path);
+    PolicyRunner runner(policy, noise);
+    Rng rng = key.Stage(name).MakeRng();
+    judge(name, label, [&](std::span<const double> observations, int n, std::span<double> actions) {
+      runner.Act(observations, n, rng, actions);
+    });
+  };
+
+  Rng random = key.Stage("random").MakeRng();
+  judge("random", "random actions", [&](std::span<const double>, int, std::span<double> actions) {
+    for (size_t i = 0; i < actions.size(); ++i) {
+      const size_t j = i % static_cast<size_t>(spec.act_dim);
+      actions[i] = random.Uniform(spec.action_low[j], spec.action_high[j]);
+    }
+  });
+  judge_policy("clone", "clone of the logs", directory_.clone() / "policy.npz", ActionNoise::kMean);
+  if (ComparesUndesigned()) {
+    // The un-designed agent, too, is the one of its m that does best where it was trained.
+    int best = 1;
+    const auto own_return = [&](int j) {
+      return ReadJson(directory_.undesigned(j) / "agent.json").at("eval_return").get<double>();
+    };
+    for (int j = 2; j <= config_.agents.n_agents; ++j) best = own_return(j) > own_return(best) ? j : best;
+    judge_policy("sac_undesigned", "SAC in the un-designed simulator", directory_.undesigned(best) / "policy.npz",
+                 ActionNoise::kMean);
+  }
+  const int selected = ReadJson(directory_.root() / "policy_selection.json").at("selected").get<int>();
+  judge_policy("oted_sac", "OTED-SAC", directory_.agent(selected) / "policy.npz", ActionNoise::kMean);
+
+  json parameters = json::array();
+  const json design = ReadJson(directory_.root() / "design.json");
+  for (size_t i = 0; i < truth.size(); ++i) {
+    const json& p = design.at("parameters").at(i);
+    parameters.push_back({{"name", p.at("name")},
+                          {"unit", p.at("unit")},
+                          {"nominal", p.at("nominal")},
+                          {"truth", truth[i]},
+                          {"mode", p.at("mode")},
+                          {"std", p.at("std")},
+                          {"absolute_error", std::abs(p.at("mode").get<double>() - truth[i])}});
+  }
+  directory_.Complete(file,
+                      {{"schema", "oted.evaluation/1"},
+                       {"task", config_.task.name},
+                       {"episodes", config_.agents.target_episodes},
+                       {"parameters", parameters},
+                       {"policies", policies}},
+                      EvaluationFingerprint());
+}
+
+}  // namespace oted
