@@ -1,11 +1,13 @@
 """Rollouts of a Gymnasium MuJoCo task, for a comparison with our simulators.
 
 usage: gymnasium_rollouts.py TASK OUT.npz [--scale friction=0.6 --scale gain=1.3 --scale gravity=1.2 --scale mass=1.5]
+                             [--policy policy.npz]
 
 Writes the integration state at every start, and after it the actions, observations, rewards and terminations:
   states (episodes, n_state), lengths (episodes,), actions (steps, nu), observations (steps, n_obs), rewards (steps,),
   terminals (steps,)
-The first episode has 1,000 steps and ignores termination; 100 episodes that end as the task says follow.
+The first episode has 1,000 steps and ignores termination; 100 episodes that end as the task says follow. Actions are
+random, or a trained policy's with noise: little in some episodes, which then last, and much in others, which do not.
 """
 
 import argparse
@@ -18,6 +20,7 @@ import numpy as np
 
 N_EPISODES = 100
 N_LONG_STEPS = 1000
+NOISE = (0.05, 0.3, 0.5, 0.7)  # standard deviations on a trained policy's actions, in turn over the episodes
 
 
 def modify(model, name, z):
@@ -35,11 +38,34 @@ def modify(model, name, z):
         raise SystemExit(f"unknown parameter {name}")
 
 
+def load_policy(path):
+    """The mean action of a policy.npz (docs/file_formats.md), as a function of the raw observation."""
+    with np.load(path) as arrays:
+        policy = dict(arrays)
+    low, high = policy["action_low"], policy["action_high"]
+    widths = [len(policy["observation_mean"]), *policy["hidden"].astype(int), 2 * len(low)]
+    parameters, layers = policy["parameters"].astype(float), []
+    for n_in, n_out in zip(widths, widths[1:]):
+        weight, bias, parameters = np.split(parameters, [n_in * n_out, (n_in + 1) * n_out])
+        layers.append((weight.reshape(n_in, n_out), bias))
+    assert parameters.size == 0, "the file holds more parameters than its layers have"
+
+    def act(observation):
+        x = (observation - policy["observation_mean"]) / policy["observation_scale"]
+        for weight, bias in layers[:-1]:
+            x = np.maximum(x @ weight + bias, 0)
+        weight, bias = layers[-1]
+        return (low + high) / 2 + (high - low) / 2 * np.tanh((x @ weight + bias)[: len(low)])
+
+    return act
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("task")
     parser.add_argument("out")
     parser.add_argument("--scale", action="append", default=[])
+    parser.add_argument("--policy")
     args = parser.parse_args()
 
     env = gymnasium.make(args.task)
@@ -49,16 +75,22 @@ def main():
         modify(base.model, name, float(z))
     n_state = mujoco.mj_stateSize(base.model, mujoco.mjtState.mjSTATE_INTEGRATION)
     rng = np.random.default_rng(1)
+    policy = load_policy(args.policy) if args.policy else None
     states, lengths, actions, observations, rewards, terminals = [], [], [], [], [], []
 
-    def rollout(step, n_steps, stop):
+    def choose(observation, noise):
+        # Some actions beyond +-1: the physics clamps them, the control cost does not.
+        if policy is None:
+            return rng.uniform(-1.2, 1.2, base.model.nu)
+        return policy(observation) + noise * rng.standard_normal(base.model.nu)
+
+    def rollout(step, observation, n_steps, stop, noise):
         state = np.empty(n_state)
         mujoco.mj_getState(base.model, base.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         states.append(state)
         length = 0
-        # Some actions beyond +-1: the physics clamps them, the control cost does not.
         for length in range(1, n_steps + 1):
-            action = rng.uniform(-1.2, 1.2, base.model.nu)
+            action = choose(observation, noise)
             observation, reward, terminated, truncated, _ = step(action)
             actions.append(action)
             observations.append(observation)
@@ -68,13 +100,14 @@ def main():
                 break
         lengths.append(float(length))
 
-    base.reset(seed=1)
-    rollout(base.step, N_LONG_STEPS, stop=False)
+    observation, _ = base.reset(seed=1)
+    rollout(base.step, observation, N_LONG_STEPS, stop=False, noise=NOISE[0])
     for episode in range(N_EPISODES):
-        env.reset(seed=100 + episode)
+        observation, _ = env.reset(seed=100 + episode)
         # HalfCheetah never ends: a tenth of an episode each is enough, with one whole one for the truncation.
         whole = episode == 0 or not args.task.startswith("HalfCheetah")
-        rollout(env.step, N_LONG_STEPS if whole else N_LONG_STEPS // 10, stop=True)
+        rollout(env.step, observation, N_LONG_STEPS if whole else N_LONG_STEPS // 10, stop=True,
+                noise=NOISE[episode % len(NOISE)])
 
     np.savez(args.out, states=states, lengths=lengths, actions=actions, observations=observations, rewards=rewards,
              terminals=terminals)
