@@ -4,6 +4,7 @@ CMAKE ?= cmake
 CTEST ?= ctest
 JOBS ?= $(shell nproc)
 OUT ?= runs/quickstart
+BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetitions=15 --benchmark_report_aggregates_only=true
 export CMAKE CTEST JOBS
 
 .DEFAULT_GOAL := help
@@ -12,6 +13,7 @@ export CMAKE CTEST JOBS
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "  JOBS=N limits parallel jobs; OUT=DIR is quickstart's run directory; PYTHON=, CMAKE= choose the tools."
+	@echo "  BENCH_ARGS='--benchmark_filter=Hopper' goes to every benchmark program."
 
 setup:  ## Debian packages and .venv (scripts/setup.sh); quick when nothing is missing
 	@scripts/setup.sh
@@ -30,7 +32,7 @@ quickstart: build  ## the whole pipeline on five Hopper demonstrations, into run
 
 bench: setup  ## build and run the benchmark programs (one core each, so give it a quiet machine)
 	@scripts/build.sh bench
-	@for program in build/bench/benchmarks/*_benchmark; do "$$program" || exit 1; done
+	@for program in build/bench/benchmarks/bench_*; do "$$program" $(BENCH_ARGS) || exit 1; done
 
 lint: setup  ## formatting and the rules on who may include whom
 	@scripts/check_format.sh

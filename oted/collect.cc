@@ -15,16 +15,9 @@ constexpr int kJudgeEpisodes = 20;
 
 double RandomReturn(const SimulatorFactory& factory, RngKey key, int n_threads) {
   const auto simulator = factory.Make(kJudgeEpisodes, n_threads);
-  const SimulatorSpec& spec = factory.spec();
   Rng rng = key.Stage("actions").MakeRng();
-  const auto act = [&](std::span<const double>, int, std::span<double> actions) {
-    for (size_t i = 0; i < actions.size(); ++i) {
-      const size_t j = i % static_cast<size_t>(spec.act_dim);
-      actions[i] = rng.Uniform(spec.action_low[j], spec.action_high[j]);
-    }
-  };
   const std::vector<std::vector<double>> z(kJudgeEpisodes, factory.parameters().Nominal());
-  return MeanReturn(RunEpisodes(*simulator, z, act, key));
+  return MeanReturn(RunEpisodes(*simulator, z, UniformRandomPolicy(factory.spec(), rng), key));
 }
 
 double RoundToFloat(double value) { return static_cast<double>(static_cast<float>(value)); }

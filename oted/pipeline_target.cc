@@ -55,12 +55,7 @@ void Pipeline::EvaluateInTarget() {
   };
 
   Rng random = key.Stage("random").MakeRng();
-  judge("random", "random actions", [&](std::span<const double>, int, std::span<double> actions) {
-    for (size_t i = 0; i < actions.size(); ++i) {
-      const size_t j = i % static_cast<size_t>(spec.act_dim);
-      actions[i] = random.Uniform(spec.action_low[j], spec.action_high[j]);
-    }
-  });
+  judge("random", "random actions", UniformRandomPolicy(spec, random));
   judge_policy("clone", "clone of the logs", directory_.clone() / "policy.npz", ActionNoise::kMean);
   if (ComparesUndesigned()) {
     // The un-designed agent, too, is the one of its m that does best where it was trained.

@@ -6,6 +6,13 @@
 
 namespace oted {
 
+BatchPolicy UniformRandomPolicy(const SimulatorSpec& spec, Rng& rng) {
+  return
+      [low = spec.action_low, high = spec.action_high, &rng](std::span<const double>, int, std::span<double> actions) {
+        for (size_t i = 0; i < actions.size(); ++i) actions[i] = rng.Uniform(low[i % low.size()], high[i % low.size()]);
+      };
+}
+
 std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<std::vector<double>>& z,
                                        const BatchPolicy& policy, RngKey key, const StepObserver& observer) {
   const int n_lanes = simulator.n_lanes();

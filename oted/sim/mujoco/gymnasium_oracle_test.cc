@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -19,13 +20,19 @@ namespace {
 
 constexpr double kTolerance = 1e-9;
 
-// Gymnasium's rollouts of a task, with the model changed as `scales` says ("friction=0.6").
-NpzArrays RecordGymnasium(const std::string& task, const std::vector<std::string>& scales) {
+// The shipped expert of a task; v4 and v5 have the same observations.
+std::string PolicyOf(const std::string& task) {
+  std::string name = task.substr(0, task.find('-'));
+  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
+  return fmt::format("{}/examples/policies/{}/expert.npz", OTED_TEST_SOURCE_DIR, name);
+}
+
+// Gymnasium's rollouts of a task. `options`: "--scale friction=0.6" changes the model, "--policy FILE" chooses actions.
+NpzArrays RecordGymnasium(const std::string& task, const std::string& options) {
   const std::filesystem::path out =
-      std::filesystem::path(testing::TempDir()) / fmt::format("oracle_{}_{}_{}.npz", task, scales.size(), getpid());
-  std::string command = fmt::format("'{}' '{}/tests/oracle/gymnasium_rollouts.py' {} '{}'", OTED_TEST_PYTHON,
-                                    OTED_TEST_SOURCE_DIR, task, out.string());
-  for (const std::string& scale : scales) command += " --scale " + scale;
+      std::filesystem::path(testing::TempDir()) / fmt::format("oracle_{}_{}.npz", task, getpid());
+  const std::string command = fmt::format("'{}' '{}/tests/oracle/gymnasium_rollouts.py' {} '{}' {}", OTED_TEST_PYTHON,
+                                          OTED_TEST_SOURCE_DIR, task, out.string(), options);
   // HalfCheetah's deprecation warnings of both packages are not of interest here.
   EXPECT_EQ(std::system((command + " 2>/dev/null").c_str()), 0) << command;
   NpzArrays arrays = ReadNpz(out);
@@ -39,7 +46,9 @@ struct Differences {
   int terminations = 0;
   int truncations = 0;
   int n_terminated = 0;
+  int n_truncated = 0;
   int n_steps = 0;
+  double first_return = 0;  // of the episode that ignores termination
 };
 
 // Replays every recorded episode.
@@ -68,7 +77,10 @@ Differences Replay(const NpzArrays& recorded, const MujocoSimulatorFactory& fact
       const bool terminated = terminals[row] != 0;
       worst.terminations += terminated != (simulator->status(lane) == LaneStatus::kTerminated);
       worst.truncations += (step == 1000 && !terminated) != (simulator->status(lane) == LaneStatus::kTruncated);
-      worst.n_terminated += terminated;
+      // The first episode goes on after its terminal states.
+      worst.n_terminated += episode > 0 && terminated;
+      worst.n_truncated += episode > 0 && step == 1000 && !terminated;
+      worst.first_return += episode == 0 ? rewards[row] : 0;
       ++worst.n_steps;
     }
   }
@@ -77,36 +89,52 @@ Differences Replay(const NpzArrays& recorded, const MujocoSimulatorFactory& fact
 }
 
 void ExpectEqual(const std::string& task, const Differences& d) {
-  fmt::print("{}: {} steps, {} terminal; largest difference: observation {:.3g}, reward {:.3g}, termination {}\n", task,
-             d.n_steps, d.n_terminated, d.observation, d.reward, d.terminations);
+  fmt::print("{}: {} steps, {} falls, {} time limits; largest difference: observation {:.3g}, reward {:.3g}\n", task,
+             d.n_steps, d.n_terminated, d.n_truncated, d.observation, d.reward);
   EXPECT_LE(d.observation, kTolerance);
   EXPECT_LE(d.reward, kTolerance);
   EXPECT_EQ(d.terminations, 0);
   EXPECT_EQ(d.truncations, 0);
   EXPECT_GT(d.n_steps, 2000);
-  // Random actions throw the two that can fall in all of the 100 episodes.
-  EXPECT_EQ(d.n_terminated >= 100, !task.starts_with("HalfCheetah"));
 }
 
-class GymnasiumOracle : public testing::TestWithParam<std::string> {};
+class GymnasiumOracle : public testing::TestWithParam<std::string> {
+ protected:
+  // Whether the task ends when the robot falls.
+  bool can_fall() const { return !GetParam().starts_with("HalfCheetah"); }
+};
 
-TEST_P(GymnasiumOracle, NominalRolloutsAreGymnasiums) {
+TEST_P(GymnasiumOracle, NominalRolloutsOfRandomActionsAreGymnasiumsAndAWrongParameterIsTold) {
+  const NpzArrays recorded = RecordGymnasium(GetParam(), "");
+  const Differences d = Replay(recorded, MujocoSimulatorFactory(GetParam(), {}), {});
+  ExpectEqual(GetParam(), d);
+  // Random actions throw the two that can fall in all of the 100 episodes.
+  EXPECT_EQ(d.n_terminated, can_fall() ? 100 : 0);
+
+  const MujocoSimulatorFactory wrong(GetParam(), {{.name = "gain", .field = "actuator/*/gainprm[0]"}});
+  EXPECT_GT(Replay(recorded, wrong, std::vector{1.001}).observation, 1e-6);
+}
+
+TEST_P(GymnasiumOracle, NominalRolloutsOfATrainedPolicyAreGymnasiums) {
   const MujocoSimulatorFactory factory(GetParam(), {});
-  ExpectEqual(GetParam(), Replay(RecordGymnasium(GetParam(), {}), factory, {}));
+  const Differences d =
+      Replay(RecordGymnasium(GetParam(), fmt::format("--policy '{}'", PolicyOf(GetParam()))), factory, {});
+  ExpectEqual(GetParam(), d);
+  // States that random actions never reach, falls and time limits among them.
+  EXPECT_GT(d.first_return, 1000);
+  EXPECT_GE(d.n_truncated, 1);
+  EXPECT_EQ(d.n_terminated >= 25, can_fall());
+  EXPECT_GT(d.n_steps, can_fall() ? 20'000 : 10'000);
 }
 
 TEST_P(GymnasiumOracle, RolloutsWithScaledFieldsAreThoseOfAModifiedGymnasiumModel) {
   const MujocoSimulatorFactory factory(GetParam(), {{.name = "friction", .field = "geom/*/friction[0]"},
                                                     {.name = "gain", .field = "actuator/*/gainprm[0]"},
                                                     {.name = "gravity", .field = "opt/gravity[2]"}});
-  const NpzArrays recorded = RecordGymnasium(GetParam(), {"friction=0.6", "gain=1.3", "gravity=1.2"});
-  ExpectEqual(GetParam(), Replay(recorded, factory, std::vector{0.6, 1.3, 1.2}));
-}
-
-TEST_P(GymnasiumOracle, WrongParametersAreTold) {
-  const MujocoSimulatorFactory factory(GetParam(), {{.name = "gain", .field = "actuator/*/gainprm[0]"}});
-  const Differences d = Replay(RecordGymnasium(GetParam(), {}), factory, std::vector{1.001});
-  EXPECT_GT(d.observation, 1e-6);
+  const NpzArrays recorded = RecordGymnasium(GetParam(), "--scale friction=0.6 --scale gain=1.3 --scale gravity=1.2");
+  const Differences d = Replay(recorded, factory, std::vector{0.6, 1.3, 1.2});
+  ExpectEqual(GetParam(), d);
+  EXPECT_EQ(d.n_terminated, can_fall() ? 100 : 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryTask, GymnasiumOracle, testing::ValuesIn(TaskNames()), [](const auto& parameter) {

@@ -5,7 +5,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
-#include "oted/sim/rollout.h"
+#include "oted/rl/sac.h"
 
 namespace oted {
 
@@ -20,14 +20,7 @@ PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::v
   ParallelFor(n_agents * n_modes, context.n_threads, [&](int cell) {
     context.ThrowIfStopped();
     const size_t j = static_cast<size_t>(cell / n_modes), i = static_cast<size_t>(cell % n_modes);
-    const auto simulator = factory.Make(n_episodes, 1);
-    PolicyRunner runner(agents[j], ActionNoise::kMean);
-    Rng unused = key.MakeRng();
-    const auto act = [&](std::span<const double> observations, int n, std::span<double> actions) {
-      runner.Act(observations, n, unused, actions);
-    };
-    const std::vector<std::vector<double>> z(static_cast<size_t>(n_episodes), modes[i]);
-    result.returns[j][i] = MeanReturn(RunEpisodes(*simulator, z, act, key));
+    result.returns[j][i] = EvaluatePolicy(factory, agents[j], {modes[i]}, n_episodes, 1, key);
     context.log->Progress("select", "policies", ++n_done, n_agents * n_modes, "");
   });
   for (const std::vector<double>& returns : result.returns) {
