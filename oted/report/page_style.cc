@@ -99,6 +99,7 @@ footer { margin: 3rem 0; padding-top: 1.2rem; border-top: 1px solid var(--rule);
   header { padding-top: 2.4rem; }
   section { padding-top: 2rem; margin-top: 1.2rem; }
   th, td { padding-right: 1.2rem; }
+  td:first-child { white-space: normal; }
 }
 @media print {
   nav { display: none; }

@@ -52,21 +52,20 @@ Section AgentsSection(const json& report) {
   const json& undesigned = ListAt(report, "undesigned");
   if (agents.empty() && undesigned.empty()) return section;
   section.html =
-      "<p>Agents learn in the designed simulators, a different one of them in each episode. Returns here are earned in "
-      "the simulator that each agent trains in, not in the target.";
-  if (!undesigned.empty()) section.html += " For comparison, the same training in the original simulator.";
+      "<p>Agents learn in the designed simulators, in one drawn anew for each episode. Returns here are earned in the "
+      "simulators that each agent trains in, not in the target: those of different simulators do not compare.";
+  if (!undesigned.empty()) section.html += " For comparison, the same training in the original simulator alone.";
   section.html += "</p>\n";
   HtmlTable table;
   table.Column("Agent", HtmlTable::Align::kText).Column("Trained in", HtmlTable::Align::kText);
-  table.Column("Seed").Column("Steps").Column("Return at the end");
+  table.Column("Steps").Column("Return of the kept policy");
   Figure figure("Return over the training steps");
   const auto add = [&](const json& group, const char* where, const char* color) {
     for (const json& agent : group) {
       const std::string name = TextAt(agent, "name");
       const json& result = agent["result"];
       figure.AddCurve(ReturnCurve(agent), fmt::format("agent {}, {}", name, where), {.color = color, .width = 1.8});
-      const std::string seed = TextAt(result, "seed");
-      table.Row({Escape(name), where, seed.empty() ? "–" : Escape(seed), FormatCount(NumberAt(result, "n_steps")),
+      table.Row({Escape(name), where, FormatCount(NumberAt(result, "n_steps")),
                  FormatNumber(NumberAt(result, "eval_return"))});
     }
   };

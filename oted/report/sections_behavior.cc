@@ -45,9 +45,11 @@ Section CloneSection(const json& report) {
   if (!report.contains("clone")) return section;
   const json& clone = report["clone"];
   section.html =
-      "<p>A policy that imitates the logs. It drives the simulator during the design, so that both are compared on "
-      "the same behaviour. The loss is how surprised it is by a logged action; on episodes held out from its training "
-      "it shows when imitation turns into learning by heart.</p>\n";
+      "<p>A policy that imitates the logs. It acts in the simulator during a design in the form <em>paper</em>; a "
+      "design in the form <em>transitions</em> repeats the logged actions instead and does not need it. It is also the "
+      "least that a trained agent has to beat. The loss is how surprised it is by a logged action; on stretches of the "
+      "logs held out from its training it shows when imitation turns into learning by heart. The policy is kept as it "
+      "was where that loss is lowest.</p>\n";
   if (clone["result"].is_object()) {
     section.html += "<dl>";
     for (const auto& [key, name] :
@@ -55,7 +57,7 @@ Section CloneSection(const json& report) {
       section.html +=
           fmt::format("<div><dt>{}</dt><dd>{}</dd></div>", name, FormatNumber(NumberAt(clone["result"], key)));
     }
-    section.html += fmt::format("<div><dt>Training steps</dt><dd>{}</dd></div></dl>\n",
+    section.html += fmt::format("<div><dt>Training steps to there</dt><dd>{}</dd></div></dl>\n",
                                 FormatCount(NumberAt(clone["result"], "n_steps")));
   }
   Figure figure("Loss over the training steps");

@@ -120,10 +120,10 @@ Section DesignSection(const json& report) {
   section.html = fmt::format(
       "<p>How the parameters moved from their starting values, round by round, as the simulator came to behave like "
       "the "
-      "logs. {}</p>\n",
+      "logs: the mode of the learned distribution and its spread. {}</p>\n",
       n_seeds > 1
           ? fmt::format("The {} lines are independent repetitions of setting <em>{}</em>; where they end at the "
-                        "same value, chance played little part.",
+                        "same value, chance in the method played little part.",
                         n_seeds, Escape(TextAt(report, "shown_setting")))
           : fmt::format("One repetition of setting <em>{}</em>.", Escape(TextAt(report, "shown_setting"))));
   const auto any_has = [&](const char* what) {
@@ -160,7 +160,8 @@ Section DiscriminatorSection(const json& report) {
       "<p>A classifier (the discriminator) learns to tell simulated samples from logged ones, and the design learns to "
       "fool it. At the dashed line it can only guess: the two are alike to it. (Guessing is right half the time and "
       "has "
-      "a loss of 2&#8201;log&#8201;2.)</p>\n" +
+      "a loss of 2&#8201;log&#8201;2.) It need not get there: it is measured on samples that it learns from, earlier "
+      "iterations' among them.</p>\n" +
       PlotKey().Add("line", "--designed", "each seed").Add("dash", "--truth", "guessing").Html() + FigureGrid(figures);
   return section;
 }

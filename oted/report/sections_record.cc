@@ -60,14 +60,14 @@ Section RunSection(const json& report) {
     add({{"path", TextAt(data, "path")}, {"sha256", TextAt(data, "sha256")}}, "dataset");
   }
   if (report.contains("design")) {
-    for (const char* key : {"model", "versions"}) {
-      if (report["design"].contains(key)) add(report["design"][key], key);
+    for (const auto& [key, prefix] : {std::pair("model", "model"), std::pair("versions", "design.versions")}) {
+      if (report["design"].contains(key)) add(report["design"][key], prefix);
     }
   }
   if (!any && !run.contains("config")) return section;
   section.html =
-      "<p>Enough to do it again: with the same data, configuration and seeds the design comes out the same to "
-      "the last digit, at any number of threads.</p>\n";
+      "<p>Enough to do it again: with the same data, configuration and seeds, everything comes out the same to the "
+      "last digit on this machine, at any number of threads.</p>\n";
   if (any) section.html += table.Html();
   if (run.contains("config")) {
     section.html += fmt::format("<details><summary>Configuration (run.toml)</summary><pre>{}</pre></details>\n",

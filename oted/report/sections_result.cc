@@ -61,25 +61,26 @@ Section ParametersSection(const json& report) {
   const bool seeds = std::any_of(parameters.begin(), parameters.end(),
                                  [](const json& p) { return ListAt(p, "seed_modes").size() > 1; });
   section.html =
-      "<p>The values that make the simulator behave as the logs do. The spread says how far a value can move before "
-      "the difference shows, all seeds taken together; a parameter that is <em>not identified</em> could as well be "
-      "anything in its range.";
+      "<p>The values that make the simulator behave as the logs do: the mode of the best-scoring seed. The spread (one "
+      "standard deviation) and the interval are those of the learned distribution, all seeds taken together: how "
+      "sharply the design decided, which is no bound on its error. A parameter that is <em>not identified</em> could "
+      "as well be anything in its range.";
   if (truth) section.html += " The truth was kept from the design and is used for the last columns only.";
   section.html += "</p>\n";
   HtmlTable table;
-  table.Column("Parameter", HtmlTable::Align::kText).Column("Verdict", HtmlTable::Align::kText);
-  table.Column("Nominal").Column("Searched").Column("Designed").Column("90% interval");
-  if (seeds) table.Column("Over the seeds");
+  table.Column("Parameter", HtmlTable::Align::kText).Column("Designed").Column("Verdict", HtmlTable::Align::kText);
+  table.Column("Nominal").Column("Searched").Column("90% interval");
+  if (seeds) table.Column("Modes of the seeds");
   if (truth) table.Column("Truth");
   if (error) table.Column("Error");
   for (const json& parameter : parameters) {
     const std::optional<double> spread = NumberAt(parameter, "std");
     std::vector<std::string> cells = {
         "<b>" + Escape(TextAt(parameter, "name")) + "</b>" + UnitHtml(TextAt(parameter, "unit")),
+        "<b>" + FormatSpread(NumberAt(parameter, "mode"), spread) + "</b>",
         VerdictBadge(TextAt(parameter, "verdict")),
         FormatGiven(NumberAt(parameter, "nominal")),
         SearchRange(parameter),
-        "<b>" + FormatSpread(NumberAt(parameter, "mode"), spread) + "</b>",
         Interval(parameter)};
     if (seeds) cells.push_back(SeedRange(parameter));
     if (truth) cells.push_back(FormatGiven(NumberAt(parameter, "truth")));
@@ -96,8 +97,9 @@ Section PoliciesSection(const json& report) {
   if (policies.empty()) return section;
   const std::optional<double> episodes = NumberAt(report["evaluation"], "episodes");
   section.html = fmt::format(
-      "<p>What each policy earns where it counts, in the target{}. None of them was trained there. The score puts "
-      "a random policy at 0 and an expert at 100.</p>\n",
+      "<p>What each policy earns where it counts: in the target, the simulator at the true values{}, with the standard "
+      "deviation over episodes. None of them was trained there. The score is D4RL's: 0 for a random policy and 100 for "
+      "an expert, both in the original task.</p>\n",
       episodes ? fmt::format(", over {} episodes", FormatCount(episodes)) : "");
   HtmlTable table;
   table.Column("Policy", HtmlTable::Align::kText).Column("Return").Column("Score");

@@ -69,7 +69,8 @@ Section SelectionSection(const json& report) {
       "<p>Each setting of the method was run with several seeds and scored on fresh simulations. A score of 0 means "
       "that simulated and logged samples look alike to the judge; the further below, the easier they are to tell "
       "apart. "
-      "Only the common judge, the same procedure for all, compares across settings.</p>\n";
+      "Only the common judge, the same procedure for all, compares across settings; the own judge can also go above 0, "
+      "where it takes simulated samples for logged ones.</p>\n";
   HtmlTable table;
   table.Column("Setting", HtmlTable::Align::kText).Column("Form", HtmlTable::Align::kText).Column("Seeds");
   table.Column("Common judge").Column("Own judge").Column("Design deviation").Column("Learning progress");
@@ -92,7 +93,9 @@ Section SelectionSection(const json& report) {
                   "trained with. Common judge: half the loss, on held-out samples, of a new discriminator that every "
                   "candidate is given in the same way. Both less log&#8201;2, their value at a perfect match. Design "
                   "deviation: how far the seeds lie apart, as a share of the search range (lower is better). Learning "
-                  "progress: mean reward over the design (higher is better).</p>\n" +
+                  "progress: mean reward over the design (higher is better). Of settings, or seeds, with the same "
+                  "score the first is "
+                  "used.</p>\n" +
                   Chart(design, log2);
   return section;
 }

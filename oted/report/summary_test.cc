@@ -83,6 +83,7 @@ TEST(SummariseTest, TheHeadlineSaysHowMuchOfTheGapIsClosed) {
     return Summarise({{"design", design}})["headline"].get<std::string>();
   };
   EXPECT_THAT(headline(-0.25, -0.0625), HasSubstr("closes 75% of the gap"));
+  EXPECT_THAT(headline(-0.25, -0.0005), HasSubstr("closes 99% of the gap"));
   EXPECT_THAT(headline(-0.25, 0.01), HasSubstr("closes 100% of the gap"));
 }
 

@@ -20,7 +20,7 @@ import numpy as np
 
 N_EPISODES = 100
 N_LONG_STEPS = 1000
-NOISE = (0.0, 0.4, 0.6, 0.8)  # standard deviations on a trained policy's actions, in turn over the episodes
+NOISE = (0.02, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # standard deviations on a trained policy's actions, in turn over the episodes
 
 
 def modify(model, name, z):
