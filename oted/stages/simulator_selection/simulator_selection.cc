@@ -26,6 +26,8 @@ FieldList SelectionConfig::Fields() {
 
 namespace {
 
+constexpr double kTie = 1e-9;  // scores nearer than this are equal
+
 std::vector<std::vector<double>> DrawParameters(const Designer& q, int n, RngKey key) {
   Rng rng = key.MakeRng();
   std::vector<std::vector<double>> z;
@@ -153,6 +155,21 @@ double DesignDeviation(const std::vector<Candidate>& candidates, const std::vect
   return deviation;
 }
 
+/// Of each candidate's mode to the mean of all, in ranges, summed over parameters.
+std::vector<double> DistancesToMean(const std::vector<Candidate>& candidates, const std::vector<int>& indices) {
+  const ParameterSpace& space = candidates[static_cast<size_t>(indices[0])].q.space();
+  std::vector<double> distances(indices.size(), 0.0);
+  for (int p = 0; p < space.size(); ++p) {
+    const auto mode = [&](int k) { return candidates[static_cast<size_t>(k)].q.Mode()[static_cast<size_t>(p)]; };
+    double mean = 0;
+    for (const int k : indices) mean += mode(k) / static_cast<double>(indices.size());
+    for (size_t i = 0; i < indices.size(); ++i) {
+      distances[i] += std::abs(mode(indices[i]) - mean) / (space[p].high - space[p].low);
+    }
+  }
+  return distances;
+}
+
 double RankingScore(const SettingScore& setting, const std::string& score) {
   if (score == "common") return setting.common;
   if (score == "paper") return setting.c;
@@ -213,17 +230,29 @@ SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& 
     }
     setting.design_deviation = DesignDeviation(candidates, setting.candidates);
   }
-  const auto best = std::max_element(result.settings.begin(), result.settings.end(),
-                                     [&](const SettingScore& a, const SettingScore& b) {
-                                       return RankingScore(a, config.score) < RankingScore(b, config.score);
-                                     });
-  result.selected_setting = static_cast<int>(best - result.settings.begin());
-  const auto candidate_score = [&](int i) {
-    const CandidateScore& score = result.candidates[static_cast<size_t>(i)];
+  // A judge that sees nothing leaves candidates tied at log 2: then the setting whose seeds agree best wins, and of its
+  // seeds the one nearest their mean.
+  const auto better_setting = [&](const SettingScore& x, const SettingScore& y) {
+    const double score_x = RankingScore(x, config.score), score_y = RankingScore(y, config.score);
+    return std::abs(score_x - score_y) > kTie ? score_x > score_y : x.design_deviation < y.design_deviation;
+  };
+  for (size_t s = 1; s < result.settings.size(); ++s) {
+    if (better_setting(result.settings[s], result.settings[static_cast<size_t>(result.selected_setting)])) {
+      result.selected_setting = static_cast<int>(s);
+    }
+  }
+  const std::vector<int>& seeds = result.settings[static_cast<size_t>(result.selected_setting)].candidates;
+  const std::vector<double> distance = DistancesToMean(candidates, seeds);
+  const auto score_of = [&](size_t i) {
+    const CandidateScore& score = result.candidates[static_cast<size_t>(seeds[i])];
     return config.score == "paper" ? score.c : score.common;
   };
-  result.best_candidate = *std::max_element(best->candidates.begin(), best->candidates.end(),
-                                            [&](int a, int b) { return candidate_score(a) < candidate_score(b); });
+  size_t best = 0;
+  for (size_t i = 1; i < seeds.size(); ++i) {
+    const double gain = score_of(i) - score_of(best);
+    if (std::abs(gain) > kTie ? gain > 0 : distance[i] < distance[best]) best = i;
+  }
+  result.best_candidate = seeds[best];
   return result;
 }
 

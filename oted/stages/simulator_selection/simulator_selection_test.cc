@@ -63,6 +63,16 @@ TEST(SelectSimulator, WithoutAGapTheUndesignedSimulatorScoresLog2) {
   EXPECT_LE(result.nominal_common, kLog2) << "a blind judge is the worst judge";
 }
 
+TEST(SelectSimulator, OfSeedsThatNoJudgeTellsApartTheOneNearestTheirMeanWins) {
+  const Dataset logs = PointMassLogs(kTruth, 8);
+  const auto near_truth = [&](int seed, double gain) { return CertainOf("a", seed, {gain, 0.5, 0.5}, logs); };
+  SelectionConfig config = SmallConfig();
+  config.judge_steps = 1;  // checked every 20 steps: the judge stays blind, every score is log 2
+  const auto result = Select(logs, {near_truth(1, 1.2), near_truth(2, 1.9), near_truth(3, 1.6)}, config);
+  for (const CandidateScore& score : result.candidates) EXPECT_EQ(score.common, kLog2);
+  EXPECT_EQ(result.best_candidate, 2);
+}
+
 TEST(SelectSimulator, ScoresDoNotDependOnThreads) {
   const Dataset logs = PointMassLogs(kTruth, 4);
   const std::vector<Candidate> candidates = {CertainOf("a", 1, {0.6, 0.9, 0.5}, logs), CertainOf("a", 2, kTruth, logs)};
