@@ -41,22 +41,25 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
 
   const auto& returns = training.eval_returns;
   const size_t best = static_cast<size_t>(std::max_element(returns.begin(), returns.end()) - returns.begin());
-  // The medium policy comes on the way up: evaluations after the expert's are not looked at.
-  size_t middle = 0;
-  for (size_t i = 0; i <= best; ++i) {
-    if (std::abs(returns[i] - returns[best] / 3) < std::abs(returns[middle] - returns[best] / 3)) middle = i;
-  }
 
   BehaviorPolicies result;
   const auto judge = [&](const TanhGaussianPolicy& policy) {
     return EvaluatePolicy(factory, policy, {nominal}, kJudgeEpisodes, context.n_threads, key.Stage("judge"));
   };
   result.expert_step = training.eval_steps[best];
-  result.medium_step = training.eval_steps[middle];
   result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));
-  result.medium = TanhGaussianPolicy::Load(snapshot(result.medium_step));
   result.expert_return = judge(result.expert);
-  result.medium_return = judge(result.medium);
+  // The medium policy comes on the way up. The learning curve's few episodes would misjudge it: every snapshot until
+  // the expert's gets as many as the expert.
+  for (size_t i = 0; i <= best; ++i) {
+    TanhGaussianPolicy policy = TanhGaussianPolicy::Load(snapshot(training.eval_steps[i]));
+    const double mean_return = judge(policy);
+    const double third = result.expert_return / 3;
+    if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
+    result.medium_step = training.eval_steps[i];
+    result.medium = std::move(policy);
+    result.medium_return = mean_return;
+  }
   result.random_return = RandomReturn(factory, key.Stage("random"), context.n_threads);
 
   const SimulatorSpec& spec = factory.spec();

@@ -21,7 +21,8 @@ struct BehaviorPolicies {
 };
 
 /// Trains one SAC agent in the simulator at its nominal parameters. The expert is the best evaluated policy; the medium
-/// one is the evaluated policy whose return is nearest a third of the expert's (D4RL's convention). Snapshots of every
+/// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the expert's (D4RL's
+/// convention). Snapshots of every
 /// evaluation lie in `folder` while it trains, so that a stopped run goes on.
 /// Writes expert.npz, medium.npz and training.json into `folder`.
 BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const SacConfig& config, uint64_t seed,

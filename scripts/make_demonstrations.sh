@@ -6,7 +6,8 @@
 # The policies themselves (one training run per task; about an hour of one core each):
 #   oted behavior --task Hopper-v5      --seed 1 --threads 1 --set sac.n_steps=250000 --out examples/policies/hopper
 #   oted behavior --task HalfCheetah-v5 --seed 1 --threads 1 --set sac.n_steps=200000 --out examples/policies/halfcheetah
-#   oted behavior --task Walker2d-v5    --seed 1 --threads 1 --set sac.n_steps=170000 --out examples/policies/walker2d
+#   oted behavior --task Walker2d-v5    --seed 1 --threads 1 --set sac.n_steps=600000 --set sac.hidden=128,128 \
+#     --set sac.batch_size=128 --set sac.learning_rate=0.001 --set sac.eval_interval=20000 --out examples/policies/walker2d
 set -euo pipefail
 cd "$(dirname "$0")/.."
 oted=${1:-build/release/oted}
