@@ -28,6 +28,7 @@ FieldList TaskConfig::Fields() {
   fields.Add("actions", &model.actions, "what acts, in this order: actuator/NAME");
   fields.Add("action_range", &model.action_range, "[low, high] of controls that the model gives no ctrlrange");
   fields.Add("start", &model.start, "where episodes begin: default, keyframe/NAME, or logs (the data's own starts)");
+  fields.Add("start_qpos", &model.start_qpos, "positions of the start state, one per number of qpos [m, rad]");
   fields.Add("start_noise", &model.start_noise, "half width of uniform noise on qpos and qvel [m, rad, m/s, rad/s]",
              AtLeast(0));
   fields.Add("reward", &model.reward, "expression, per control step; needed to train agents, not to design");

@@ -131,24 +131,40 @@ class Builder {
   void Start(const Array2<double>& logged_starts) {
     plan_.start_noise = task_.start_noise;
     setup_.start_state = FixedState(model_);
-    if (task_.start == "default") return;
     if (task_.start.starts_with("keyframe/")) {
       const ObjectKind kind{"keyframe", mjOBJ_KEY, static_cast<int>(model_.nkey)};
       const std::string what = At("start", task_.start);
       const std::vector<int> keys = MatchObjects(model_, kind, std::string_view(task_.start).substr(9), what);
       if (keys.size() > 1) throw UsageError(what + ": matches several keyframes; name one");
       setup_.start_state = FixedState(model_, keys[0]);
-      return;
-    }
-    if (task_.start != "logs") {
+    } else if (task_.start == "logs") {
+      if (logged_starts.rows() == 0) {
+        throw UsageError(
+            "task.start = \"logs\" takes start states from logged data, and there are none here; set task.start to "
+            "default "
+            "or keyframe/NAME");
+      }
+      plan_.logged_starts = logged_starts;
+    } else if (task_.start != "default") {
       throw UsageError(fmt::format("task.start is '{}', wanted default, keyframe/NAME or logs", task_.start));
     }
-    if (logged_starts.rows() == 0) {
-      throw UsageError(
-          "task.start = \"logs\" takes start states from logged data, and there are none here; set "
-          "task.start to default or keyframe/NAME");
+    if (task_.start_qpos.empty()) return;
+    if (static_cast<int>(task_.start_qpos.size()) != model_.nq) {
+      throw UsageError(fmt::format("task.start_qpos has {} numbers, wanted {}, one for each of {} (model '{}')",
+                                   task_.start_qpos.size(), model_.nq, JointList(), setup_.model_path.string()));
     }
-    plan_.logged_starts = logged_starts;
+    std::vector<double> qpos = task_.start_qpos;
+    mj_normalizeQuat(&model_, qpos.data());
+    DataPtr data(mj_makeData(&model_));
+    mj_setState(&model_, data.get(), setup_.start_state.data(), mjSTATE_INTEGRATION);
+    std::copy(qpos.begin(), qpos.end(), data->qpos);
+    mj_getState(&model_, data.get(), setup_.start_state.data(), mjSTATE_INTEGRATION);
+  }
+
+  std::string JointList() const {
+    std::vector<std::string> names;
+    for (const Observable& o : ResolveObservable(model_, "joint/*/qpos", "")) names.push_back(o.name);
+    return fmt::format("{}", fmt::join(names, ", "));
   }
 
   // Every coordinate of the state is seen, or declared to be of no consequence.
@@ -250,7 +266,7 @@ std::vector<double> MiddleAction(const SimulatorSpec& spec) {
 
 // What is seen in the first steps from a state.
 std::vector<double> FirstSteps(MujocoSimulator& simulator, std::span<const double> state) {
-  constexpr int kSteps = 3;
+  constexpr int kSteps = 5;
   const int lane = 0;
   simulator.SetIntegrationState(lane, state);
   std::vector<double> seen(simulator.observation(lane).begin(), simulator.observation(lane).end());
@@ -276,19 +292,23 @@ void CheckUnobserved(const MujocoSetup& setup, const ModelPlan& plan, MujocoSimu
     for (const Observable& o : ResolveObservable(model, all, "")) {
       const bool position = o.array == "qpos";
       if (shown(position ? Part::kQpos : Part::kQvel, o.index)) continue;
-      std::vector<double> state = start;
       const ptrdiff_t qpos = simulator.qpos(0).data() - simulator.IntegrationState(0).data();
       const ptrdiff_t qvel = simulator.qvel(0).data() - simulator.IntegrationState(0).data();
-      state[static_cast<size_t>((position ? qpos : qvel) + o.index)] += kShift;
-      mj_normalizeQuat(&model, state.data() + qpos);
-      const std::vector<double> after = FirstSteps(simulator, state);
-      for (size_t i = 0; i < before.size(); ++i) {
-        if (std::abs(after[i] - before[i]) <= kTolerance * (1 + std::abs(before[i]))) continue;
-        throw UsageError(
-            fmt::format("task.unobserved lists '{}', but moving it by {} changes '{}' from {:.6g} to {:.6g} within {} "
-                        "control steps: a state cannot be set without it; observe it",
-                        o.name, kShift, setup.spec.observation_names[i % setup.spec.observation_names.size()],
-                        before[i], after[i], before.size() / setup.spec.observation_names.size() - 1));
+      // Both ways: a fall towards the floor shows, one from higher up may not.
+      for (const double shift : {kShift, -kShift}) {
+        std::vector<double> state = start;
+        state[static_cast<size_t>((position ? qpos : qvel) + o.index)] += shift;
+        mj_normalizeQuat(&model, state.data() + qpos);
+        const std::vector<double> after = FirstSteps(simulator, state);
+        for (size_t i = 0; i < before.size(); ++i) {
+          if (std::abs(after[i] - before[i]) <= kTolerance * (1 + std::abs(before[i]))) continue;
+          throw UsageError(
+              fmt::format("task.unobserved lists '{}', but moving it by {} changes '{}' from {:.6g} to {:.6g} within "
+                          "{} control steps: "
+                          "a state cannot be set without it; observe it",
+                          o.name, shift, setup.spec.observation_names[i % setup.spec.observation_names.size()],
+                          before[i], after[i], before.size() / setup.spec.observation_names.size() - 1));
+        }
       }
     }
   }
