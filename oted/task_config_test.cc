@@ -60,12 +60,15 @@ TEST(TaskConfig, ResultsDependOnEveryKeyButTheModelsPlaceAndTheLabel) {
   text.replace(text.find("robots/"), 7, "elsewhere/");
   text.replace(text.find("model"), 0, "name = \"other\"\n");
   EXPECT_EQ(RunConfig::FromToml(text, "x.toml").task.Identity(), identity);
-  for (const char* change : {"control_period = 0.02", "\"sensor/imu\"", "[-1, 1]", "0.1 *", "xpos[0]"}) {
+  const std::vector<std::pair<std::string, std::string>> changes = {{"0.02", "0.04"},
+                                                                    {"sensor/imu", "sensor/gyro"},
+                                                                    {"[-1, 1]", "[-1, 2]"},
+                                                                    {"0.1 *", "0.2 *"},
+                                                                    {"xpos[0]", "xpos[1]"}};
+  for (const auto& [from, to] : changes) {
     std::string changed = kTask;
-    std::string with = change;
-    with[with.find_first_of("012si")] = with.find_first_of("si") == std::string::npos ? '3' : 'z';
-    changed.replace(changed.find(change), with.size(), with);
-    EXPECT_NE(RunConfig::FromToml(changed, "x.toml").task.Identity(), identity) << change;
+    changed.replace(changed.find(from), from.size(), to);
+    EXPECT_NE(RunConfig::FromToml(changed, "x.toml").task.Identity(), identity) << from;
   }
 }
 

@@ -243,5 +243,5 @@ class TaskFiles(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    OTED, CUSTOM = sys.argv[1], sys.argv[2]
+    OTED, CUSTOM = (str(pathlib.Path(program).resolve()) for program in sys.argv[1:3])
     unittest.main(argv=[sys.argv[0], *sys.argv[3:]], verbosity=1)
