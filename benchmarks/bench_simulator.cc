@@ -57,7 +57,7 @@ void BareLoop(benchmark::State& state, const std::string& task_name) {
       for (int i = 0; i < n_lanes; ++i) {
         mjData* data = lanes[static_cast<size_t>(i)].get();
         mju_copy(data->ctrl, actions.data() + (step * n_lanes + i) * act_dim, act_dim);
-        for (int k = 0; k < factory.task().frame_skip; ++k) mj_step(model, data);
+        for (int k = 0; k < factory.frame_skip(); ++k) mj_step(model, data);
       }
     }
   }

@@ -11,6 +11,7 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/excitation.h"
 
 namespace oted::cli {
 
@@ -23,12 +24,18 @@ void AddCollectVerb(Program& program) {
   CLI::App* verb =
       program.app.add_subcommand("collect", "log demonstrations of a policy in a simulator that stands for the target");
   auto options = std::make_shared<CollectOptions>();
-  verb->add_option("--task", options->task, "simulator: Hopper-v5, ...")->required();
-  verb->add_option("--policy", options->policies, "policy.npz; give two to draw half of the episodes from each")
+  verb->add_option("--task", options->task, kTaskHelp)->required();
+  verb->add_option(
+          "--policy", options->policies,
+          "policy.npz, or open-loop excitation: random, noise:STD[:SECONDS], sine[:AMPLITUDE] (fractions of the "
+          "action range); give two to draw half of the episodes from each")
       ->required();
   verb->add_option("--param", options->parameters,
-                   "a parameter that differs from nominal: name=path:low:high; repeatable");
-  verb->add_option("--truth", options->truth, "name=value for every parameter; repeatable")->allow_extra_args(false);
+                   "a parameter that differs from nominal: name=path:low:high; repeatable; default: [parameters] of "
+                   "--task's file");
+  verb->add_option("--truth", options->truth,
+                   "name=value for every parameter; repeatable; default: [truth] of --task's file")
+      ->allow_extra_args(false);
   verb->add_option("--episodes", options->n_episodes, "episodes to log")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
@@ -36,10 +43,14 @@ void AddCollectVerb(Program& program) {
   verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
   verb->add_option("--out", options->output, "dataset to write, .hdf5 (D4RL layout) or .npz")->required();
   verb->callback([options] {
-    RunConfig config;
+    // A file that describes the whole study says what its target is.
+    RunConfig config = options->task.ends_with(".toml") ? RunConfig::FromTomlFile(options->task) : RunConfig();
+    config.task = TaskConfig::FromArgument(options->task);
+    if (!options->parameters.empty()) config.parameters.clear();
     for (const std::string& text : options->parameters) config.parameters.push_back(ParseParameterSpec(text));
+    if (!options->truth.empty() || !options->parameters.empty()) config.truth.clear();
     for (const std::string& text : options->truth) config.SetTruth(text);
-    const auto factory = MakeSimulatorFactory(options->task, config.parameters);
+    const auto factory = MakeSimulatorFactory(config.task, config.parameters);
     std::vector<double> z = factory->parameters().Nominal();
     for (int i = 0; i < factory->parameters().size(); ++i) {
       const auto found = config.truth.find(factory->parameters()[i].name);
@@ -58,24 +69,28 @@ void AddCollectVerb(Program& program) {
     for (int p = 0; p < n_policies; ++p) {
       // Two policies share the episodes; the later one takes what is odd: medium-expert is two medium and three expert.
       const int n = options->n_episodes * (p + 1) / n_policies - options->n_episodes * p / n_policies;
-      const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(options->policies[static_cast<size_t>(p)]);
+      const std::string& name = options->policies[static_cast<size_t>(p)];
+      const RngKey policy_key = key.Index(static_cast<uint64_t>(p));
+      if (const auto excitation = Excitation::Parse(name)) {
+        if (n > 0) dataset.Append(CollectExcitation(*factory, z, *excitation, n, policy_key, context.n_threads));
+        continue;
+      }
+      const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(name);
       if (policy.obs_dim() != factory->spec().obs_dim() || policy.act_dim() != factory->spec().act_dim) {
         throw DataError(fmt::format(
-            "policy '{}' maps {} observations to {} actions, task '{}' has {} and {}; name a policy of this task",
-            options->policies[static_cast<size_t>(p)], policy.obs_dim(), policy.act_dim(), options->task,
-            factory->spec().obs_dim(), factory->spec().act_dim));
+            "policy '{}' maps {} observations to {} actions, task '{}' has {} and {}; name a policy of this task", name,
+            policy.obs_dim(), policy.act_dim(), config.task.name, factory->spec().obs_dim(), factory->spec().act_dim));
       }
       if (n > 0) {
-        dataset.Append(
-            CollectDemonstrations(*factory, z, policy, n, key.Index(static_cast<uint64_t>(p)), context.n_threads));
+        dataset.Append(CollectDemonstrations(*factory, z, policy, n, policy_key, context.n_threads));
       }
     }
     WriteDataset(dataset, options->output);
     double sum = 0;
     const std::vector<double> returns = dataset.EpisodeReturns();
     for (const double r : returns) sum += r;
-    fmt::print("{}: {} transitions in {} episodes, mean return {:.1f}\n", options->output, dataset.size(),
-               returns.size(), sum / static_cast<double>(returns.size()));
+    fmt::print("{}: {} transitions in {} episodes{}\n", options->output, dataset.size(), dataset.Episodes().size(),
+               returns.empty() ? "" : fmt::format(", mean return {:.1f}", sum / static_cast<double>(returns.size())));
   });
 }
 
@@ -83,7 +98,7 @@ void AddBehaviorVerb(Program& program) {
   CLI::App* verb =
       program.app.add_subcommand("behavior", "train the medium and the expert behaviour policy of a study with SAC");
   auto options = std::make_shared<Options>();
-  verb->add_option("--task", options->task, "simulator: Hopper-v5, ...")->required();
+  verb->add_option("--task", options->task, kTaskHelp)->required();
   verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
   verb->add_option("--out", options->out, "folder for expert.npz, medium.npz and training.json")->required();
@@ -93,15 +108,19 @@ void AddBehaviorVerb(Program& program) {
   verb->callback([options] {
     RunConfig config;
     for (const std::string& assignment : options->assignments) config.Set(assignment);
-    const auto factory = MakeSimulatorFactory(options->task, {});
+    const TaskConfig task = TaskConfig::FromArgument(options->task);
+    const auto factory = MakeSimulatorFactory(task, {});
+    if (!factory->spec().has_reward) {
+      throw UsageError(
+          fmt::format("task '{}' has no reward to train a policy with; add task.reward = \"...\"", task.name));
+    }
     TerminalSink terminal(options->quiet);
     FileSink log(options->out, &terminal);
     const BehaviorPolicies policies =
         TrainBehaviorPolicies(*factory, config.sac, static_cast<uint64_t>(std::max(1L, options->seed)), options->out,
                               MakeContext(log, options->threads));
-    fmt::print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", options->task,
-               policies.expert_return, policies.expert_step, policies.medium_return, policies.medium_step,
-               policies.random_return);
+    fmt::print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
+               policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
   });
 }
 

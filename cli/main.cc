@@ -1,4 +1,6 @@
-// The program: dispatches to the verbs, turns errors into one line and an exit code (docs/exit_codes.md).
+// Dispatches to the verbs, turns errors into one line and an exit code (docs/exit_codes.md).
+
+#include "cli/main.h"
 
 #include <fmt/format.h>
 
@@ -30,8 +32,9 @@ void CheckVerb(const CLI::App& app, const std::string& word) {
                                      oted::DidYouMean(word, verbs), fmt::join(verbs, ", ")));
 }
 
-int Main(int argc, char** argv) {
-  using namespace oted;
+}  // namespace
+
+int oted::cli::Main(int argc, char** argv) {
   cli::Program program;
   program.command_line = cli::CommandLine(argc, argv);
   program.app.set_version_flag("--version", "oted " OTED_VERSION);
@@ -60,7 +63,3 @@ int Main(int argc, char** argv) {
     return static_cast<int>(ExitCode::kInternal);
   }
 }
-
-}  // namespace
-
-int main(int argc, char** argv) { return Main(argc, argv); }

@@ -69,7 +69,7 @@ std::string CommandLine(int argc, char** argv) {
 void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
-  app.add_option("--task", options.task, "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
+  app.add_option("--task", options.task, kTaskHelp);
   app.add_option("--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz");
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   app.add_option("--param", options.parameters,
@@ -116,7 +116,7 @@ RunConfig ResolveConfig(const Options& options) {
   } else if (std::filesystem::exists(own)) {
     config = RunConfig::FromTomlFile(own.string());
   }
-  if (!options.task.empty()) config.task.name = options.task;
+  if (!options.task.empty()) config.task = TaskConfig::FromArgument(options.task);
   if (!options.data.empty()) config.data.path = options.data;
   if (!options.episodes.empty()) config.data.episodes = options.episodes;
   if (!options.parameters.empty()) {
@@ -137,6 +137,7 @@ RunConfig ResolveConfig(const Options& options) {
   for (const std::string& assignment : options.assignments) {
     if (!is_form(assignment)) config.Set(assignment);
   }
+  config.task.Resolve();
   return config;
 }
 

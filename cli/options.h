@@ -23,6 +23,10 @@ struct Options {
   bool json = false, quiet = false, strict = false, require_identified = false;
 };
 
+/// Of --task, for every verb.
+inline constexpr const char* kTaskHelp =
+    "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4; or a TOML file whose [task] describes one";
+
 /// Adds the options that every stage takes.
 void AddRunOptions(CLI::App& app, Options& options);
 /// The settings of the named sections with types, defaults and units, for a verb's --help.

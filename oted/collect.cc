@@ -6,6 +6,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/parallel.h"
 #include "oted/sim/rollout.h"
 
 namespace oted {
@@ -26,6 +27,22 @@ std::vector<double> RoundToFloat(std::span<const double> values) {
   std::vector<double> rounded;
   for (const double value : values) rounded.push_back(RoundToFloat(value));
   return rounded;
+}
+
+/// D4RL's files hold float32: what is logged is what is there.
+void LogStep(const StepView& step, bool has_reward, Dataset& log) {
+  if (step.status == LaneStatus::kDiverged) {
+    throw DataError(
+        "the target diverged while demonstrations were logged; choose target parameters nearer to nominal, or a "
+        "gentler "
+        "policy");
+  }
+  log.observations.AppendRow(RoundToFloat(step.observation));
+  log.actions.AppendRow(step.action);
+  log.next_observations.AppendRow(RoundToFloat(step.next_observation));
+  if (has_reward) log.rewards.push_back(RoundToFloat(step.reward));
+  log.terminals.push_back(step.status == LaneStatus::kTerminated);
+  log.timeouts.push_back(step.status == LaneStatus::kTruncated);
 }
 
 }  // namespace
@@ -83,6 +100,26 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
   return result;
 }
 
+Dataset CollectExcitation(const SimulatorFactory& factory, const std::vector<double>& z, const Excitation& excitation,
+                          int n_episodes, RngKey key, int n_threads) {
+  std::vector<Dataset> episodes(static_cast<size_t>(n_episodes));
+  ParallelFor(n_episodes, n_threads, [&](int i) {
+    const auto simulator = factory.Make(1, 1);
+    const RngKey episode = key.Index(static_cast<uint64_t>(i));
+    OpenLoop actions(excitation, factory.spec(), episode.Stage("actions"));
+    const auto act = [&](std::span<const double>, int, std::span<double> out) {
+      actions.Next(out);
+      for (double& a : out) a = RoundToFloat(a);
+    };
+    RunEpisodes(*simulator, {z}, act, episode.Stage("episodes"), [&](const StepView& step) {
+      LogStep(step, factory.spec().has_reward, episodes[static_cast<size_t>(i)]);
+    });
+  });
+  Dataset dataset;
+  for (const Dataset& episode : episodes) dataset.Append(episode);
+  return dataset;
+}
+
 Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector<double>& z,
                               const TanhGaussianPolicy& policy, int n_episodes, RngKey key, int n_threads) {
   const auto simulator = factory.Make(n_episodes, n_threads);
@@ -94,19 +131,8 @@ Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector
     for (double& a : actions) a = RoundToFloat(a);
   };
   std::vector<Dataset> lanes(static_cast<size_t>(n_episodes));
-  const auto record = [&](const StepView& step) {
-    if (step.status == LaneStatus::kDiverged) {
-      throw DataError(
-          "the target diverged while demonstrations were logged; choose target parameters nearer to nominal");
-    }
-    Dataset& log = lanes[static_cast<size_t>(step.lane)];
-    log.observations.AppendRow(RoundToFloat(step.observation));
-    log.actions.AppendRow(step.action);
-    log.next_observations.AppendRow(RoundToFloat(step.next_observation));
-    log.rewards.push_back(RoundToFloat(step.reward));
-    log.terminals.push_back(step.status == LaneStatus::kTerminated);
-    log.timeouts.push_back(step.status == LaneStatus::kTruncated);
-  };
+  const bool has_reward = factory.spec().has_reward;
+  const auto record = [&](const StepView& step) { LogStep(step, has_reward, lanes[static_cast<size_t>(step.lane)]); };
   RunEpisodes(*simulator, std::vector<std::vector<double>>(static_cast<size_t>(n_episodes), z), act,
               key.Stage("episodes"), record);
   Dataset dataset;

@@ -8,6 +8,7 @@
 
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
+#include "oted/excitation.h"
 #include "oted/rl/sac.h"
 
 namespace oted {
@@ -29,8 +30,13 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
                                        const std::filesystem::path& folder, const RunContext& context);
 
 /// Logs `n_episodes` episodes of `policy` with sampled actions in the simulator at parameters `z`: the dataset D with
-/// rewards, terminals and timeouts, rounded to float32 as D4RL's files are, and nothing that names `z`.
+/// rewards, terminals and timeouts, rounded to float32 as D4RL's files are, and nothing that names `z`. No rewards for
+/// a task without.
 Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector<double>& z,
                               const TanhGaussianPolicy& policy, int n_episodes, RngKey key, int n_threads);
+
+/// The same with open-loop actions, each episode with its own: for logs of a target that nobody has a policy for.
+Dataset CollectExcitation(const SimulatorFactory& factory, const std::vector<double>& z, const Excitation& excitation,
+                          int n_episodes, RngKey key, int n_threads);
 
 }  // namespace oted

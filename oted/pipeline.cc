@@ -16,6 +16,7 @@
 #include "oted/stages/design/effects.h"
 #include "oted/stages/policy_selection/policy_selection.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
+#include "oted/task_registry.h"
 
 namespace oted {
 
@@ -41,6 +42,13 @@ Dataset ReadEpisodes(const DataConfig& config) {
   return all.Select(episodes);
 }
 
+/// The first observation of every episode.
+Array2<double> EpisodeStarts(const Dataset& dataset) {
+  Array2<double> starts;
+  for (const Episode& episode : dataset.Episodes()) starts.AppendRow(dataset.observations.row(episode.begin));
+  return starts;
+}
+
 /// Jobs side by side on the cores: each gets its share of the threads.
 RunContext ShareOf(const RunContext& context, size_t n_jobs) {
   RunContext share = context;
@@ -50,17 +58,20 @@ RunContext ShareOf(const RunContext& context, size_t n_jobs) {
 
 }  // namespace
 
-std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
-                                                       const std::vector<ParameterSpec>& parameters) {
-  return std::make_unique<MujocoSimulatorFactory>(task, parameters);
+std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
+                                                       const std::vector<ParameterSpec>& parameters,
+                                                       const Array2<double>& logged_starts) {
+  if (task.has_model()) return std::make_unique<MujocoSimulatorFactory>(task.model, parameters, logged_starts);
+  if (auto registered = MakeRegisteredTask(task.name, parameters)) return registered;
+  return std::make_unique<MujocoSimulatorFactory>(task.name, parameters);
 }
 
 Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
-    : config_((config.Check(), std::move(config))),
+    : config_((config.task.Resolve(), config.Check(), std::move(config))),
       context_(context),
-      factory_(MakeSimulatorFactory(config_.task.name, config_.parameters)),
-      model_sha256_(static_cast<const MujocoSimulatorFactory&>(*factory_).model_sha256()),
       dataset_(ReadEpisodes(config_.data)),
+      factory_(MakeSimulatorFactory(config_.task, config_.parameters, EpisodeStarts(dataset_))),
+      model_sha256_(factory_->model_sha256()),
       directory_(CheckRequest(out)) {
   CheckDirectory();
   WriteProvenance();
@@ -72,6 +83,12 @@ void Pipeline::Run() {
   CloneBehavior();
   Design();
   SelectSimulator();
+  if (!factory_->spec().has_reward) {
+    context_.log->Warning(fmt::format(
+        "task '{}' has no reward: the simulator is designed and no agent is trained; add task.reward to train one",
+        config_.task.name));
+    return;
+  }
   TrainAgents();
   SelectPolicy();
   EvaluateInTarget();
@@ -213,6 +230,10 @@ struct Pipeline::AgentJob {
 };
 
 void Pipeline::TrainAgents() {
+  if (!factory_->spec().has_reward) {
+    throw UsageError(
+        fmt::format("task '{}' has no reward to train agents with; add task.reward = \"...\"", config_.task.name));
+  }
   SelectSimulator();
   std::vector<AgentJob> jobs;
   for (int j = 1; j <= config_.agents.n_agents; ++j) {

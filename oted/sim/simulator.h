@@ -20,11 +20,13 @@ struct SimulatorSpec {
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
   int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
+  std::vector<std::string> action_names;       ///< one per action ("actuator/hip"); may be empty
   std::vector<double> action_low;
   std::vector<double> action_high;
   double control_period_s = 0;  ///< time between two actions [s]; 0 where time has no unit
   int max_episode_steps = 0;    ///< truncation by the clock; 0: none
   bool can_set_state = false;   ///< SetStateFromObservation works
+  bool has_reward = true;       ///< false: reward() is always 0, and no agent can be trained
   double return_random = 0;     ///< D4RL's reference returns; the normalised score is
   double return_expert = 0;     ///< 100 (return - random) / (expert - random); equal: no score
 
@@ -81,6 +83,9 @@ class SimulatorFactory {
   virtual const SimulatorSpec& spec() const = 0;
   virtual const ParameterSpace& parameters() const = 0;
   virtual std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const = 0;
+  /// The SHA-256 of the model file that is simulated, or another text that changes when the simulated thing does: what
+  /// was computed with another one is not used again. "" where the task's name says it all.
+  virtual std::string model_sha256() const { return ""; }
 };
 
 }  // namespace oted

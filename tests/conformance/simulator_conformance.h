@@ -95,6 +95,9 @@ TEST_P(SimulatorConformance, SpecHasConsistentShapes) {
   if (!spec().observation_names.empty()) {
     EXPECT_EQ(static_cast<int>(spec().observation_names.size()), spec().obs_dim());
   }
+  if (!spec().action_names.empty()) {
+    EXPECT_EQ(static_cast<int>(spec().action_names.size()), spec().act_dim);
+  }
   const std::unique_ptr<Simulator> simulator = factory_->Make(3, 1);
   EXPECT_EQ(simulator->n_lanes(), 3);
   EXPECT_EQ(static_cast<int>(simulator->observation(2).size()), spec().obs_dim());

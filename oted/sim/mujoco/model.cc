@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <mutex>
+#include <set>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
 namespace {
@@ -20,7 +22,48 @@ void SilenceWarnings() {
   });
 }
 
+[[noreturn]] void FailToLoad(const std::filesystem::path& path, std::string reason) {
+  std::replace(reason.begin(), reason.end(), '\n', ' ');
+  throw DataError(fmt::format("MuJoCo {} cannot load '{}': {}", mj_versionString(), path.string(), reason));
+}
+
+LoadedModel Finish(ModelPtr model) {
+  LoadedModel loaded;
+  loaded.model = std::move(model);
+  loaded.disable_flags = loaded.model->opt.disableflags;
+  loaded.sha256 = Sha256(SerializeModel(*loaded.model));
+  loaded.model->opt.disableflags |= mjDSBL_AUTORESET;
+  return loaded;
+}
+
+struct SpecDeleter {
+  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
+};
+
+// The control range of a motor on a joint.
+std::array<double, 2> MotorRange(const mjModel& model, int joint, const std::vector<double>& range) {
+  const std::string name = ObjectName(model, mjOBJ_JOINT, joint);
+  if (model.jnt_type[joint] != mjJNT_HINGE && model.jnt_type[joint] != mjJNT_SLIDE) {
+    throw UsageError(fmt::format("task.motors: joint '{}' is neither hinge nor slide; name the joints that are", name));
+  }
+  if (name.starts_with('#')) {
+    throw UsageError(fmt::format("task.motors: joint '{}' has no name; give it one in the model", name));
+  }
+  if (model.jnt_actfrclimited[joint]) return {model.jnt_actfrcrange[2 * joint], model.jnt_actfrcrange[2 * joint + 1]};
+  if (range.size() == 2) return {range[0], range[1]};
+  throw UsageError(
+      fmt::format("task.motors: joint '{}' has no force limit (actuatorfrcrange, in URDF effort); set "
+                  "task.action_range = [low, high]",
+                  name));
+}
+
 }  // namespace
+
+std::string SerializeModel(const mjModel& model) {
+  std::string bytes(static_cast<size_t>(mj_sizeModel(&model)), '\0');
+  mj_saveModel(&model, nullptr, bytes.data(), static_cast<mjtSize>(bytes.size()));
+  return bytes;
+}
 
 LoadedModel LoadModel(const std::filesystem::path& path) {
   SilenceWarnings();
@@ -28,18 +71,40 @@ LoadedModel LoadModel(const std::filesystem::path& path) {
     throw DataError(fmt::format("no model file at '{}'; set OTED_ASSETS to the folder that holds it", path.string()));
   }
   std::array<char, 1000> reason{};
-  LoadedModel loaded;
-  loaded.model.reset(mj_loadXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
-  if (loaded.model == nullptr) {
-    std::string text = reason.data();
-    std::replace(text.begin(), text.end(), '\n', ' ');
-    throw DataError(fmt::format("MuJoCo {} cannot load '{}': {}", mj_versionString(), path.string(), text));
+  ModelPtr model(mj_loadXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
+  if (model == nullptr) FailToLoad(path, reason.data());
+  return Finish(std::move(model));
+}
+
+LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::vector<std::string>& motors,
+                                const std::vector<double>& range) {
+  LoadedModel plain = LoadModel(path);
+  if (motors.empty()) return plain;
+  std::array<char, 1000> reason{};
+  const std::unique_ptr<mjSpec, SpecDeleter> spec(
+      mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
+  if (spec == nullptr) FailToLoad(path, reason.data());
+  std::set<int> joints;  // in the model's order, each once
+  for (const std::string& motor : motors) {
+    const std::string what = fmt::format("task.motors '{}' (model '{}')", motor, path.string());
+    if (!motor.starts_with("joint/")) throw UsageError(what + ": wanted joint/NAME, with * for any text");
+    const ObjectKind kind{"joint", mjOBJ_JOINT, static_cast<int>(plain.model->njnt)};
+    for (const int id : MatchObjects(*plain.model, kind, std::string_view(motor).substr(6), what)) joints.insert(id);
   }
-  std::string bytes(static_cast<size_t>(mj_sizeModel(loaded.model.get())), '\0');
-  mj_saveModel(loaded.model.get(), nullptr, bytes.data(), static_cast<mjtSize>(bytes.size()));
-  loaded.sha256 = Sha256(bytes);
-  loaded.model->opt.disableflags |= mjDSBL_AUTORESET;
-  return loaded;
+  for (const int joint : joints) {
+    const std::array<double, 2> limits = MotorRange(*plain.model, joint, range);
+    const std::string name = ObjectName(*plain.model, mjOBJ_JOINT, joint);
+    mjsActuator* actuator = mjs_addActuator(spec.get(), nullptr);
+    mjs_setToMotor(actuator);
+    mjs_setName(actuator->element, name.c_str());
+    mjs_setString(actuator->target, name.c_str());
+    actuator->trntype = mjTRN_JOINT;
+    actuator->ctrllimited = mjLIMITED_TRUE;
+    std::copy(limits.begin(), limits.end(), actuator->ctrlrange);
+  }
+  ModelPtr model(mj_compile(spec.get(), nullptr));
+  if (model == nullptr) FailToLoad(path, mjs_getError(spec.get()));
+  return Finish(std::move(model));
 }
 
 }  // namespace oted

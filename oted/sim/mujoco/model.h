@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace oted {
 
@@ -21,6 +22,7 @@ using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 /// A model as its file describes it, and the fingerprint of what was compiled from it.
 struct LoadedModel {
   ModelPtr model;      ///< with mjDSBL_AUTORESET set: a diverged state stays as it is and is reported
+  int disable_flags;   ///< as the file has them, without that flag
   std::string sha256;  ///< of the compiled model as mj_saveModel writes it, before that flag was set
 };
 
@@ -28,5 +30,15 @@ struct LoadedModel {
 /// the caller has installed a warning handler of its own, which is then kept.
 /// @throws DataError naming the file and MuJoCo's reason.
 LoadedModel LoadModel(const std::filesystem::path& path);
+
+/// The same with a motor on each hinge or slide joint that one of the paths "joint/NAME" matches, named as the joint:
+/// its control is the joint's torque [N m] or force [N]. Its control range is the joint's actuatorfrcrange (URDF: the
+/// effort limit), otherwise `range`.
+/// @param range {low, high}, or empty  @throws UsageError when a path matches nothing or a joint has no range at all
+LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::vector<std::string>& motors,
+                                const std::vector<double>& range);
+
+/// The compiled model as a .mjb file has it: what LoadedModel::sha256 is of.
+std::string SerializeModel(const mjModel& model);
 
 }  // namespace oted

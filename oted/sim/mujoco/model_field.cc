@@ -5,7 +5,6 @@
 #include <mujoco/mjxmacro.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <set>
@@ -13,6 +12,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
 namespace {
@@ -102,37 +102,6 @@ const std::map<std::string, const char*, std::less<>> kUnits = {{"gravity", "m/s
                                                                 {"dof_armature", "kg or kg m^2"},
                                                                 {"dof_frictionloss", "N or N m"}};
 
-// Shell-like matching with * and ?.
-bool Matches(std::string_view pattern, std::string_view text) {
-  if (pattern.empty()) return text.empty();
-  if (pattern.front() == '*') {
-    return Matches(pattern.substr(1), text) || (!text.empty() && Matches(pattern, text.substr(1)));
-  }
-  return !text.empty() && (pattern.front() == '?' || pattern.front() == text.front()) &&
-         Matches(pattern.substr(1), text.substr(1));
-}
-
-struct FieldRef {
-  std::string name;
-  int index = -1;  // -1: all
-};
-
-// "friction[0]" -> ("friction", 0); "friction", "friction[*]" -> all.
-FieldRef ParseField(std::string_view text, const std::string& path) {
-  FieldRef ref{std::string(text)};
-  const size_t open = text.find('[');
-  if (open == std::string_view::npos) return ref;
-  ref.name = text.substr(0, open);
-  const std::string_view inside = text.substr(open + 1, text.size() - open - 2);
-  if (text.back() != ']') throw UsageError(fmt::format("parameter path '{}': '[' without a final ']'", path));
-  if (inside == "*") return ref;
-  const auto [end, error] = std::from_chars(inside.data(), inside.data() + inside.size(), ref.index);
-  if (error != std::errc{} || end != inside.data() + inside.size() || ref.index < 0) {
-    throw UsageError(fmt::format("parameter path '{}': got index '{}', wanted a number from 0 on, or *", path, inside));
-  }
-  return ref;
-}
-
 // The array that `field` means, among those with one of `prefixes`.
 const ModelArray& FindArray(const std::vector<ModelArray>& arrays, const std::vector<const char*>& prefixes,
                             const std::string& field, const std::string& path) {
@@ -167,25 +136,6 @@ ModelField Collect(const ModelArray& array, std::string expand_name, const std::
   return field;
 }
 
-// Ids of the objects whose name or "#id" matches `pattern`.
-std::vector<int> MatchObjects(const mjModel& model, const Owner& owner, std::string_view pattern,
-                              const std::string& path) {
-  std::vector<int> ids;
-  std::vector<std::string> candidates;
-  for (int id = 0; id < owner.count; ++id) {
-    const char* name = owner.type == mjOBJ_UNKNOWN ? nullptr : mj_id2name(&model, owner.type, id);
-    const std::string by_id = fmt::format("#{}", id);
-    if (pattern == by_id || Matches(pattern, name == nullptr ? "" : name)) ids.push_back(id);
-    candidates.push_back(name == nullptr || *name == '\0' ? by_id : name);
-  }
-  if (ids.empty()) {
-    throw UsageError(fmt::format("parameter path '{}': no {} matches '{}'{}; there are {}", path, owner.word, pattern,
-                                 DidYouMean(pattern, candidates),
-                                 candidates.empty() ? "none" : fmt::format("{}", fmt::join(candidates, ", "))));
-  }
-  return ids;
-}
-
 // Rows of `array` that belong to the objects `ids`: a joint owns one row per degree of freedom in dof_ arrays.
 std::vector<int> RowsOf(const mjModel& model, const Owner& owner, const ModelArray& array, const std::vector<int>& ids,
                         const std::string& path) {
@@ -216,7 +166,8 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
     throw UsageError(fmt::format(
         "parameter path '{}': wanted owner/objects/field or opt/field, for example geom/*/friction[0]", path));
   }
-  const FieldRef ref = ParseField(std::string_view(path).substr(last + 1), path);
+  const std::string what = fmt::format("parameter path '{}'", path);
+  const FieldRef ref = ParseField(std::string_view(path).substr(last + 1), what);
   if (word == "opt" && first == last) {
     const std::vector<ModelArray> arrays = OptionArrays(model);
     const ModelArray& array = FindArray(arrays, {""}, ref.name, path);
@@ -233,8 +184,8 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
     throw UsageError(fmt::format("parameter path '{}': names no {}; write {}/*/{} for all of them", path, word, word,
                                  path.substr(first + 1)));
   }
-  const std::vector<int> ids =
-      MatchObjects(model, *owner, std::string_view(path).substr(first + 1, last - first - 1), path);
+  const std::vector<int> ids = MatchObjects(model, {owner->word, owner->type, owner->count},
+                                            std::string_view(path).substr(first + 1, last - first - 1), what);
   const std::vector<ModelArray> arrays = ModelArrays(model);
   const ModelArray& array = FindArray(arrays, owner->prefixes, ref.name, path);
   return Collect(array, array.name, RowsOf(model, *owner, array, ids, path), ref.index, path);

@@ -3,8 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numeric>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/gymnasium_rules.h"
+#include "oted/sim/mujoco/object_path.h"
+#include "oted/sim/mujoco/task.h"
 
 namespace oted {
 namespace {
@@ -24,6 +28,9 @@ SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
   spec.observation_shape = {static_cast<int>(model.nq + model.nv) - 1};
   spec.observation_names = ObservationNames(model);
   spec.act_dim = static_cast<int>(model.nu);
+  for (int i = 0; i < model.nactuator; ++i) {
+    spec.action_names.push_back("actuator/" + ObjectName(model, mjOBJ_ACTUATOR, i));
+  }
   for (int i = 0; i < model.nu; ++i) {
     spec.action_low.push_back(model.actuator_ctrlrange[2 * i]);
     spec.action_high.push_back(model.actuator_ctrlrange[2 * i + 1]);
@@ -34,14 +41,6 @@ SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
   spec.return_random = task.return_random;
   spec.return_expert = task.return_expert;
   return spec;
-}
-
-std::vector<double> DefaultState(const mjModel& model) {
-  DataPtr data(mj_makeData(&model));
-  OTED_CHECK(data != nullptr);
-  std::vector<double> state(static_cast<size_t>(mj_stateSize(&model, mjSTATE_INTEGRATION)));
-  mj_getState(&model, data.get(), state.data(), mjSTATE_INTEGRATION);
-  return state;
 }
 
 // Two parameters on one place would make the result depend on their order.
@@ -62,23 +61,42 @@ void CheckDisjoint(const ParameterSpace& space, const std::vector<ModelField>& f
 
 }  // namespace
 
-std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& task, std::vector<ParameterSpec> specs) {
+std::vector<double> FixedState(const mjModel& model, int key) {
+  DataPtr data(mj_makeData(&model));
+  OTED_CHECK(data != nullptr);
+  if (key >= 0) mj_resetDataKeyframe(&model, data.get(), key);
+  std::vector<double> state(static_cast<size_t>(mj_stateSize(&model, mjSTATE_INTEGRATION)));
+  mj_getState(&model, data.get(), state.data(), mjSTATE_INTEGRATION);
+  return state;
+}
+
+void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup) {
+  for (ParameterSpec& spec : specs) setup.fields.push_back(ResolveParameter(*setup.loaded.model, spec));
+  setup.space = ParameterSpace(std::move(specs));
+  CheckDisjoint(setup.space, setup.fields);
+  // Bounding boxes are not kept up to date with sizes; without the middle phase nothing reads them.
+  if (std::ranges::any_of(setup.fields, [](const ModelField& f) { return f.array == "geom_size"; })) {
+    setup.loaded.model->opt.disableflags |= mjDSBL_MIDPHASE;
+  }
+}
+
+std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& name, std::vector<ParameterSpec> specs) {
   auto setup = std::make_shared<MujocoSetup>();
-  setup->task = FindTask(task);
+  const MujocoTask& task = FindTask(name);
   for (const ParameterSpec& spec : specs) spec.Check();
-  setup->model_path = AssetFolder() / setup->task.xml_file;
+  setup->model_path = AssetFolder() / task.xml_file;
   setup->loaded = LoadModel(setup->model_path);
   const mjModel& model = *setup->loaded.model;
-  for (ParameterSpec& spec : specs) setup->fields.push_back(ResolveParameter(model, spec));
-  setup->space = ParameterSpace(std::move(specs));
-  CheckDisjoint(setup->space, setup->fields);
-  // Bounding boxes are not kept up to date with sizes; without the middle phase nothing reads them.
-  if (std::ranges::any_of(setup->fields, [](const ModelField& f) { return f.array == "geom_size"; })) {
-    setup->loaded.model->opt.disableflags |= mjDSBL_MIDPHASE;
-  }
-  setup->spec = MakeSpec(setup->task, model);
-  setup->default_state = DefaultState(model);
-  setup->control_period = setup->spec.control_period_s;
+  AddParameters(std::move(specs), *setup);
+  setup->spec = MakeSpec(task, model);
+  setup->start_state = FixedState(model);
+  setup->frame_skip = task.frame_skip;
+  setup->controls.resize(static_cast<size_t>(model.nu));
+  std::iota(setup->controls.begin(), setup->controls.end(), 0);
+  // Tasks are never destroyed.
+  setup->make_rules = [&task, period = setup->spec.control_period_s] {
+    return std::make_unique<GymnasiumRules>(task, period);
+  };
   return setup;
 }
 

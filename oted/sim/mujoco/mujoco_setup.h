@@ -2,29 +2,38 @@
 /// What all simulators of one task and parameter space share, read-only.
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/model_field.h"
-#include "oted/sim/mujoco/task.h"
+#include "oted/sim/mujoco/task_rules.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
 
 struct MujocoSetup {
-  MujocoTask task;
   std::filesystem::path model_path;
   LoadedModel loaded;
   SimulatorSpec spec;
+  std::string why_not_settable;  ///< "" where spec.can_set_state
   ParameterSpace space;
-  std::vector<ModelField> fields;     ///< parallel to the space's parameters
-  std::vector<double> default_state;  ///< mj_getState(mjSTATE_INTEGRATION) after mj_resetData
-  double control_period = 0;          ///< [s]
+  std::vector<ModelField> fields;   ///< parallel to the space's parameters
+  std::vector<double> start_state;  ///< mj_getState(mjSTATE_INTEGRATION) that every start begins from
+  int frame_skip = 1;               ///< physics steps per control step
+  std::vector<int> controls;        ///< entry of mjData's ctrl for every action
+  std::function<std::unique_ptr<TaskRules>()> make_rules;
 };
 
-/// @throws UsageError, DataError
+/// One of Gymnasium's tasks. @throws UsageError, DataError
 std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& task, std::vector<ParameterSpec> specs);
+
+/// Resolves the parameters against `setup.loaded` and fills in what depends on them. @throws UsageError
+void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup);
+
+/// The state after mj_resetData, or of keyframe `key` from 0 on.
+std::vector<double> FixedState(const mjModel& model, int key = -1);
 
 }  // namespace oted

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 
 namespace oted {
@@ -15,12 +16,6 @@ namespace {
 
 bool AllFinite(std::span<const double> values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
-}
-
-bool IsHealthy(const MujocoTask& task, std::span<const double> qpos, std::span<const double> qvel) {
-  if (!task.healthy_height.Contains(qpos[1]) || !task.healthy_angle.Contains(qpos[2])) return false;
-  const auto contained = [&](double v) { return task.healthy_remainder.Contains(v); };
-  return std::all_of(qpos.begin() + 2, qpos.end(), contained) && std::all_of(qvel.begin(), qvel.end(), contained);
 }
 
 }  // namespace
@@ -43,19 +38,24 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
                                 reason.data()));
   }
   n_state_ = mjb_nstate(batch_.get());
-  state_ = {mjb_state(batch_.get()), n_state_};
+  state_ = {mjb_state(batch_.get()), n_state_, n_state_};
   qpos_ = StateComponent(mjSTATE_QPOS);
   qvel_ = StateComponent(mjSTATE_QVEL);
   ctrl_ = StateComponent(mjSTATE_CTRL);
+  if (setup_->loaded.model->na > 0) act_ = StateComponent(mjSTATE_ACT);
+  rules_ = setup_->make_rules();
+  for (const std::string& name : rules_->arrays()) arrays_.push_back(ArrayNamed(name));
   for (const ModelField& field : setup_->fields) {
     fields_.push_back(Expand(field.array));
     if (field.array == "geom_size") bounding_radii_ = Expand("geom_rbound");
     changes_constants_ = changes_constants_ || field.changes_constants;
   }
   observations_ = Array2<double>(n_lanes, setup_->spec.obs_dim());
+  observation_.resize(static_cast<size_t>(setup_->spec.obs_dim()));
+  memory_ = Array2<double>(n_lanes, rules_->memory_size());
   lanes_.resize(static_cast<size_t>(n_lanes));
   active_.reserve(static_cast<size_t>(n_lanes));
-  for (int lane = 0; lane < n_lanes; ++lane) SetIntegrationState(lane, setup_->default_state);
+  for (int lane = 0; lane < n_lanes; ++lane) SetIntegrationState(lane, setup_->start_state);
 }
 
 MujocoSimulator::~MujocoSimulator() = default;
@@ -63,11 +63,30 @@ MujocoSimulator::~MujocoSimulator() = default;
 const SimulatorSpec& MujocoSimulator::spec() const { return setup_->spec; }
 const ParameterSpace& MujocoSimulator::parameters() const { return setup_->space; }
 
-MujocoSimulator::Component MujocoSimulator::StateComponent(int component) {
-  Component found;
+LaneArray MujocoSimulator::StateComponent(int component) {
+  LaneArray found;
   found.first = mjb_stateComponent(batch_.get(), component, &found.size);
+  found.stride = n_state_;
   OTED_CHECK(found.first != nullptr);
   return found;
+}
+
+LaneArray MujocoSimulator::ArrayNamed(const std::string& name) {
+  if (name == "qpos") return qpos_;
+  if (name == "qvel") return qvel_;
+  if (name == "act") return act_;
+  LaneArray found;
+  int element_size = 0;
+  found.first = static_cast<double*>(mjb_output(batch_.get(), name.c_str(), &found.size, &element_size));
+  found.stride = found.size;
+  OTED_CHECK(found.first != nullptr && element_size == static_cast<int>(sizeof(double)));
+  return found;
+}
+
+LaneState MujocoSimulator::StateOf(int lane) const {
+  return {.qpos = qpos_.row(lane),
+          .qvel = qvel_.row(lane),
+          .act = act_.first == nullptr ? std::span<double>() : act_.row(lane)};
 }
 
 MujocoSimulator::ExpandedField MujocoSimulator::Expand(const std::string& array) {
@@ -78,13 +97,9 @@ MujocoSimulator::ExpandedField MujocoSimulator::Expand(const std::string& array)
   return expanded;
 }
 
-std::span<double> MujocoSimulator::Row(const Component& component, int lane) const {
-  return {component.first + static_cast<ptrdiff_t>(lane) * n_state_, static_cast<size_t>(component.size)};
-}
-
-std::span<const double> MujocoSimulator::qpos(int lane) const { return Row(qpos_, lane); }
-std::span<const double> MujocoSimulator::qvel(int lane) const { return Row(qvel_, lane); }
-std::span<const double> MujocoSimulator::IntegrationState(int lane) const { return Row(state_, lane); }
+std::span<const double> MujocoSimulator::qpos(int lane) const { return qpos_.row(lane); }
+std::span<const double> MujocoSimulator::qvel(int lane) const { return qvel_.row(lane); }
+std::span<const double> MujocoSimulator::IntegrationState(int lane) const { return state_.row(lane); }
 
 void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
@@ -117,7 +132,15 @@ void MujocoSimulator::StartEpisode(int lane) {
   lanes_[static_cast<size_t>(lane)] = Lane{};
   mjWarningStat* warnings = mjb_warning(batch_.get()) + static_cast<ptrdiff_t>(lane) * mjNWARNING;
   std::fill_n(warnings, static_cast<int>(mjNWARNING), mjWarningStat{});
-  Observe(lane);
+  // A state that is no state would be computed with; its next step reports it.
+  if (rules_->stage() != mjSTAGE_NONE && AllFinite(state_.row(lane)) &&
+      mjb_forward(batch_.get(), &lane, 1, rules_->stage()) != 0) {
+    throw DataError(
+        fmt::format("MuJoCo failed in lane {} of {}: {}", lane, setup_->spec.task, mjb_error(batch_.get(), lane)));
+  }
+  const LaneView view(arrays_, lane);
+  rules_->Begin(view, memory_.row(lane));
+  rules_->Observe(view, observations_.row(lane));
 }
 
 void MujocoSimulator::SetIntegrationState(int lane, std::span<const double> state) {
@@ -125,42 +148,38 @@ void MujocoSimulator::SetIntegrationState(int lane, std::span<const double> stat
   if (static_cast<int>(state.size()) != n_state_) {
     throw UsageError(fmt::format("got a state of {} numbers, wanted {}", state.size(), n_state_));
   }
-  std::copy(state.begin(), state.end(), Row(state_, lane).begin());
+  std::copy(state.begin(), state.end(), state_.row(lane).begin());
   StartEpisode(lane);
 }
 
 void MujocoSimulator::Reset(int lane, Rng& rng) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
-  // Gymnasium calls mj_forward here; that changes no number of the state (the warm start is stored by mj_step alone).
-  std::copy(setup_->default_state.begin(), setup_->default_state.end(), Row(state_, lane).begin());
-  const double scale = setup_->task.reset_noise_scale;
-  const bool normal = setup_->task.reset_noise == ResetNoise::kUniformPositionsNormal;
-  for (double& q : Row(qpos_, lane)) q += rng.Uniform(-scale, scale);
-  for (double& v : Row(qvel_, lane)) v += normal ? scale * rng.Normal() : rng.Uniform(-scale, scale);
+  std::copy(setup_->start_state.begin(), setup_->start_state.end(), state_.row(lane).begin());
+  rules_->DrawStart(rng, StateOf(lane));
   StartEpisode(lane);
 }
 
 bool MujocoSimulator::SetStateFromObservation(int lane, std::span<const double> observation) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
+  if (!setup_->spec.can_set_state) {
+    throw UsageError(
+        fmt::format("task '{}' cannot be set to an observed state: {}", setup_->spec.task, setup_->why_not_settable));
+  }
   if (static_cast<int>(observation.size()) != setup_->spec.obs_dim()) {
     throw UsageError(fmt::format("got an observation of {} numbers, wanted {} for {}", observation.size(),
-                                 setup_->spec.obs_dim(), setup_->task.name));
+                                 setup_->spec.obs_dim(), setup_->spec.task));
   }
-  const std::span<const double> positions = observation.first(static_cast<size_t>(qpos_.size - 1));
-  const std::span<const double> velocities = observation.last(static_cast<size_t>(qvel_.size));
-  const double clip = setup_->task.velocity_clip;
-  const auto determined = [&](double v) { return std::isfinite(v) && std::abs(v) < clip; };
-  if (!AllFinite(positions) || !std::all_of(velocities.begin(), velocities.end(), determined)) return false;
-  std::copy(setup_->default_state.begin(), setup_->default_state.end(), Row(state_, lane).begin());
-  Row(qpos_, lane)[0] = 0;
-  std::copy(positions.begin(), positions.end(), Row(qpos_, lane).begin() + 1);
-  std::copy(velocities.begin(), velocities.end(), Row(qvel_, lane).begin());
+  if (!AllFinite(observation) || !rules_->Determines(observation)) return false;
+  std::copy(setup_->start_state.begin(), setup_->start_state.end(), state_.row(lane).begin());
+  rules_->SetState(observation, StateOf(lane));
   StartEpisode(lane);
+  // Sensors of forces and accelerations depend on controls that were never logged: what was seen is what is shown.
+  std::copy(observation.begin(), observation.end(), observations_.row(lane).begin());
   return true;
 }
 
 void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> actions) {
-  const size_t act_dim = static_cast<size_t>(ctrl_.size);
+  const size_t act_dim = setup_->controls.size();
   OTED_CHECK(actions.size() == lanes_.size() * act_dim);
   for (int lane : lanes) {
     OTED_CHECK(lane >= 0 && lane < n_lanes());
@@ -171,54 +190,46 @@ void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> a
   }
   active_.clear();
   for (int lane : lanes) {
-    Lane& l = lanes_[static_cast<size_t>(lane)];
-    if (l.status == LaneStatus::kDiverged) continue;
-    std::copy_n(actions.begin() + static_cast<ptrdiff_t>(lane) * ctrl_.size, ctrl_.size, Row(ctrl_, lane).begin());
-    l.x_before = qpos(lane)[0];
+    if (lanes_[static_cast<size_t>(lane)].status == LaneStatus::kDiverged) continue;
+    for (size_t k = 0; k < act_dim; ++k) {
+      ctrl_.row(lane)[static_cast<size_t>(setup_->controls[k])] = actions[static_cast<size_t>(lane) * act_dim + k];
+    }
     active_.push_back(lane);
   }
   if (active_.empty()) return;
   const int n_active = static_cast<int>(active_.size());
-  if (mjb_step(batch_.get(), active_.data(), n_active, setup_->task.frame_skip, mjSTAGE_NONE) != 0) {
+  if (mjb_step(batch_.get(), active_.data(), n_active, setup_->frame_skip, rules_->stage()) != 0) {
     for (int lane : active_) {
       if (mjb_status(batch_.get())[lane] != 0) {
         throw DataError(
-            fmt::format("MuJoCo failed in lane {} of {}: {}", lane, setup_->task.name, mjb_error(batch_.get(), lane)));
+            fmt::format("MuJoCo failed in lane {} of {}: {}", lane, setup_->spec.task, mjb_error(batch_.get(), lane)));
       }
     }
   }
   for (int lane : active_) FinishStep(lane, actions.subspan(static_cast<size_t>(lane) * act_dim, act_dim));
 }
 
-// The order of the floating-point operations is Gymnasium's.
 void MujocoSimulator::FinishStep(int lane, std::span<const double> action) {
-  const MujocoTask& task = setup_->task;
   Lane& l = lanes_[static_cast<size_t>(lane)];
   ++l.episode_steps;
-  if (TakeDivergence(lane)) {
+  const LaneView view(arrays_, lane);
+  bool diverged = TakeDivergence(lane);
+  if (!diverged) {
+    rules_->Observe(view, observation_);
+    diverged = !AllFinite(observation_);
+  }
+  if (diverged) {
     l.reward = 0;
     l.status = LaneStatus::kDiverged;
     return;
   }
-  const bool healthy = !task.terminates || IsHealthy(task, qpos(lane), qvel(lane));
-  const double x_velocity = (qpos(lane)[0] - l.x_before) / setup_->control_period;
-  double sum_of_squares = 0;
-  for (double a : action) sum_of_squares += a * a;
-  const double control_cost = task.control_cost_weight * sum_of_squares;
-  const double healthy_reward = healthy || task.healthy_on_terminal ? task.healthy_reward : 0.0;
-  l.reward = task.forward_weight * x_velocity + healthy_reward - control_cost;
-  l.status = !healthy                                    ? LaneStatus::kTerminated
-             : l.episode_steps >= task.max_episode_steps ? LaneStatus::kTruncated
-                                                         : LaneStatus::kRunning;
-  Observe(lane);
-}
-
-void MujocoSimulator::Observe(int lane) {
-  const std::span<double> out = observations_.row(lane);
-  const std::span<const double> positions = qpos(lane).subspan(1);
-  const double clip = setup_->task.velocity_clip;
-  const auto next = std::copy(positions.begin(), positions.end(), out.begin());
-  std::transform(qvel(lane).begin(), qvel(lane).end(), next, [&](double v) { return std::clamp(v, -clip, clip); });
+  std::copy(observation_.begin(), observation_.end(), observations_.row(lane).begin());
+  const double time = l.episode_steps * setup_->spec.control_period_s;
+  const StepOutcome outcome = rules_->Finish(view, action, time, memory_.row(lane));
+  l.reward = outcome.reward;
+  l.status = outcome.terminated                                  ? LaneStatus::kTerminated
+             : l.episode_steps >= setup_->spec.max_episode_steps ? LaneStatus::kTruncated
+                                                                 : LaneStatus::kRunning;
 }
 
 // Whether the last control period broke down. MuJoCo counts it as a warning, with status 0: read it and clear it.
@@ -227,18 +238,24 @@ bool MujocoSimulator::TakeDivergence(int lane) {
   const bool warned =
       warnings[mjWARN_BADQPOS].number > 0 || warnings[mjWARN_BADQVEL].number > 0 || warnings[mjWARN_BADQACC].number > 0;
   std::fill_n(warnings, static_cast<int>(mjNWARNING), mjWarningStat{});
-  return warned || !AllFinite(Row(state_, lane));
+  return warned || !AllFinite(state_.row(lane));
 }
 
 MujocoSimulatorFactory::MujocoSimulatorFactory(const std::string& task, std::vector<ParameterSpec> specs)
     : setup_(MakeMujocoSetup(task, std::move(specs))) {}
+MujocoSimulatorFactory::MujocoSimulatorFactory(const ModelTask& task, std::vector<ParameterSpec> specs,
+                                               const Array2<double>& logged_starts)
+    : setup_(MakeModelSetup(task, std::move(specs), logged_starts)) {
+  CheckModelSetup(setup_);
+}
 MujocoSimulatorFactory::~MujocoSimulatorFactory() = default;
 
 const SimulatorSpec& MujocoSimulatorFactory::spec() const { return setup_->spec; }
 const ParameterSpace& MujocoSimulatorFactory::parameters() const { return setup_->space; }
-const MujocoTask& MujocoSimulatorFactory::task() const { return setup_->task; }
+int MujocoSimulatorFactory::frame_skip() const { return setup_->frame_skip; }
 std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
 std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
+const std::string& MujocoSimulatorFactory::why_not_settable() const { return setup_->why_not_settable; }
 
 std::unique_ptr<Simulator> MujocoSimulatorFactory::Make(int n_lanes, int n_threads) const {
   return MakeMujoco(n_lanes, n_threads);

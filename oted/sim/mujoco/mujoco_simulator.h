@@ -1,6 +1,6 @@
 #pragma once
-/// Hopper, HalfCheetah and Walker2d as Gymnasium defines them, on MuJoCo's batch API: N lanes of one model, each with
-/// its own values of the model's fields. Equal bytes at any number of threads.
+/// Tasks on MuJoCo's batch API: N lanes of one model, each with its own values of the model's fields. Equal bytes at
+/// any number of threads. What a task shows and pays is a TaskRules: Gymnasium's three, or a task file's.
 
 #include <memory>
 #include <span>
@@ -8,22 +8,23 @@
 #include <vector>
 
 #include "oted/base/array2.h"
+#include "oted/sim/mujoco/task_rules.h"
 #include "oted/sim/simulator.h"
 
 struct mjBatch_;
 
 namespace oted {
 
-struct MujocoTask;
+struct ModelTask;
 
 /// What the simulators of one factory share, read-only.
 struct MujocoSetup;
 
 /// Physics, observation, reward, termination and truncation of one task.
 ///
-/// A lane that diverged (MuJoCo reports a bad qpos, qvel or qacc, or a number of its state is not finite) keeps the
-/// observation before the step, earns 0, and stays kDiverged, not simulated, until it is reset.
-/// A step past termination goes on simulating and reports termination again.
+/// A lane that diverged (MuJoCo reports a bad qpos, qvel or qacc, or a number of its state or observation is not
+/// finite) keeps the observation before the step, earns 0, and stays kDiverged, not simulated, until it is reset. A
+/// step past termination goes on simulating and reports termination again.
 class MujocoSimulator : public Simulator {
  public:
   MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n_lanes, int n_threads);
@@ -35,10 +36,12 @@ class MujocoSimulator : public Simulator {
 
   void SetParameters(int lane, std::span<const double> z) override;
   void Reset(int lane, Rng& rng) override;
-  /// The root's x, which no observation shows, becomes 0. False when a velocity lies on the clip (|v| >= 10 where the
-  /// task clips) or a number is not finite. @throws UsageError when the length is not obs_dim.
+  /// What no observation shows is as in the start state. The lane shows `observation` itself. False when it does not
+  /// determine a state: a velocity on Gymnasium's clip, a quaternion of zeros, a number that is not finite.
+  /// @throws UsageError when the length is not obs_dim, or spec().can_set_state is false.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
-  /// @throws UsageError when an action is not finite; nothing is simulated then.
+  /// @throws UsageError when an action is not finite; nothing is simulated then. DataError when a task file's
+  /// expression gives no finite number.
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
 
   std::span<const double> observation(int lane) const override { return observations_.row(lane); }
@@ -52,22 +55,17 @@ class MujocoSimulator : public Simulator {
 
   std::span<const double> qpos(int lane) const;  ///< generalised positions (nq) [m, rad]
   std::span<const double> qvel(int lane) const;  ///< generalised velocities (nv) [m/s, rad/s]
+  const TaskRules& rules() const { return *rules_; }
   int episode_steps(int lane) const { return lanes_[static_cast<size_t>(lane)].episode_steps; }
 
  private:
   struct Lane {
-    double x_before = 0;
     double reward = 0;
     LaneStatus status = LaneStatus::kRunning;
     int episode_steps = 0;
   };
   struct BatchDeleter {
     void operator()(mjBatch_* batch) const;
-  };
-  // One component of every state row.
-  struct Component {
-    double* first = nullptr;
-    int size = 0;
   };
   // One model field with values per lane.
   struct ExpandedField {
@@ -77,21 +75,25 @@ class MujocoSimulator : public Simulator {
 
   ExpandedField Expand(const std::string& array);
   void UpdateBoundingRadii(int lane, const double* sizes);
-  Component StateComponent(int component);
-  std::span<double> Row(const Component& component, int lane) const;
+  LaneArray StateComponent(int component);
+  LaneArray ArrayNamed(const std::string& name);
+  LaneState StateOf(int lane) const;
   void StartEpisode(int lane);
   void FinishStep(int lane, std::span<const double> action);
-  void Observe(int lane);
   bool TakeDivergence(int lane);
 
   std::shared_ptr<const MujocoSetup> setup_;
   std::unique_ptr<mjBatch_, BatchDeleter> batch_;
   int n_state_ = 0;
-  Component state_, qpos_, qvel_, ctrl_;
+  LaneArray state_, qpos_, qvel_, act_, ctrl_;
+  std::unique_ptr<TaskRules> rules_;
+  std::vector<LaneArray> arrays_;      // parallel to rules_->arrays()
   std::vector<ExpandedField> fields_;  // parallel to the parameters
   ExpandedField bounding_radii_;       // used when a parameter changes the size of a geom
   bool changes_constants_ = false;
   Array2<double> observations_;
+  Array2<double> memory_;            // of the rules, per lane
+  std::vector<double> observation_;  // of the lane at hand
   std::vector<Lane> lanes_;
   std::vector<int> active_;
 };
@@ -103,6 +105,10 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   /// @throws UsageError for an unknown task or a parameter that the model does not have; DataError for a model file
   /// that is missing or does not compile.
   MujocoSimulatorFactory(const std::string& task, std::vector<ParameterSpec> specs);
+  /// A task that a file describes. @param logged_starts (n, obs_dim): first observations of logged episodes, for
+  /// `start = "logs"`; otherwise not read.
+  MujocoSimulatorFactory(const ModelTask& task, std::vector<ParameterSpec> specs,
+                         const Array2<double>& logged_starts = {});
   ~MujocoSimulatorFactory() override;
 
   const SimulatorSpec& spec() const override;
@@ -112,9 +118,10 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   /// The same, with MuJoCo's own state at hand.
   std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
 
-  const MujocoTask& task() const;
-  std::string model_path() const;    ///< the MJCF file that was loaded
-  std::string model_sha256() const;  ///< of the compiled pristine model
+  int frame_skip() const;                       ///< physics steps per control step
+  std::string model_path() const;               ///< the model file that was loaded
+  std::string model_sha256() const override;    ///< of the compiled pristine model
+  const std::string& why_not_settable() const;  ///< "" where the state can be set from an observation
 
  private:
   std::shared_ptr<const MujocoSetup> setup_;

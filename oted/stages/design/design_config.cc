@@ -24,6 +24,16 @@ DesignConfig DesignConfig::ForForm(const std::string& form) {
   return config;
 }
 
+bool DesignConfig::AdaptToFixedStarts() {
+  if (starts == "initial") return false;
+  const DesignConfig defaults = ForForm(form), paper = ForForm("paper");
+  starts = paper.starts;
+  actions = paper.actions;
+  if (horizon == defaults.horizon) horizon = paper.horizon;
+  if (n_steps == defaults.n_steps) n_steps = paper.n_steps;
+  return true;
+}
+
 FieldList DesignConfig::Fields() {
   FieldList fields("design");
   fields.AddChoice("form", &form, "sets the evidence as a whole: transitions (the default) or the paper's Algorithm 1",

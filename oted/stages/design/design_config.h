@@ -38,6 +38,10 @@ struct DesignConfig {
 
   /// The defaults of a form. @throws UsageError for an unknown one.
   static DesignConfig ForForm(const std::string& form);
+  /// For a simulator that cannot be set to logged states: rollouts begin at its own starts and the clone acts. A
+  /// horizon and a number of steps still at the form's defaults become the paper form's. @return whether anything
+  /// changed
+  bool AdaptToFixedStarts();
   FieldList Fields();
   /// @throws UsageError when settings contradict each other.
   void Check() const;

@@ -1,0 +1,376 @@
+#include "oted/sim/mujoco/model_setup.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <set>
+
+#include "oted/base/error.h"
+#include "oted/base/fields.h"
+#include "oted/sim/mujoco/model_rules.h"
+#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/object_path.h"
+#include "oted/sim/mujoco/observables.h"
+
+namespace oted {
+namespace {
+
+using Part = ModelPlan::Target::Part;
+
+// Builds one setup; the members follow the keys of the file.
+class Builder {
+ public:
+  Builder(const ModelTask& task, MujocoSetup& setup, ModelPlan& plan)
+      : task_(task), setup_(setup), plan_(plan), model_(*setup.loaded.model), spec_(setup.spec) {}
+
+  void Build(const Array2<double>& logged_starts) {
+    spec_.task = plan_.task = task_.name;
+    spec_.max_episode_steps = task_.max_episode_steps;
+    spec_.has_reward = !task_.reward.empty();
+    ControlPeriod();
+    Observations();
+    Actions();
+    Start(logged_starts);
+    Settable();
+    Quantities();
+  }
+
+ private:
+  // "task.observations 'sensor/imu' (model 'robot.xml')", the beginning of an error.
+  std::string At(const char* key, const std::string& value) const {
+    return fmt::format("task.{} '{}' (model '{}')", key, value, setup_.model_path.string());
+  }
+
+  void ControlPeriod() {
+    const double step = model_.opt.timestep;
+    const double periods = std::round(task_.control_period / step);
+    if (task_.control_period <= 0) {
+      throw UsageError(
+          fmt::format("task.control_period is missing: the time between two actions [s], a multiple of the "
+                      "time step {} s of model '{}'",
+                      step, setup_.model_path.string()));
+    }
+    if (periods < 1 || std::abs(periods * step - task_.control_period) > 1e-6 * task_.control_period) {
+      throw UsageError(
+          fmt::format("task.control_period is {} s, wanted a multiple of the time step {} s of model '{}'; "
+                      "the nearest is {:.10g} s",
+                      task_.control_period, step, setup_.model_path.string(), std::max(1.0, periods) * step));
+    }
+    setup_.frame_skip = static_cast<int>(periods);
+    spec_.control_period_s = plan_.control_period = periods * step;
+  }
+
+  void Observations() {
+    if (task_.observations.empty()) throw UsageError("task.observations is empty; name at least one, joint/*/qpos");
+    std::set<std::string> seen;
+    for (const std::string& path : task_.observations) {
+      for (const Observable& o : ResolveObservable(model_, path, At("observations", path))) {
+        if (!seen.insert(o.name).second) {
+          throw UsageError(
+              fmt::format("{}: '{}' is observed twice; narrow one of the paths", At("observations", path), o.name));
+        }
+        observed_.push_back(o);
+        spec_.observation_names.push_back(o.name);
+        plan_.observation.push_back(plan_.Add(o.array, o.index, o.stage));
+      }
+    }
+    spec_.observation_shape = {static_cast<int>(observed_.size())};
+  }
+
+  void Actions() {
+    if (model_.nactuator == 0) {
+      throw UsageError(
+          fmt::format("model '{}' has no actuators; add some, or task.motors = [\"joint/*\"] for a motor on "
+                      "each joint",
+                      setup_.model_path.string()));
+    }
+    if (task_.actions.empty()) throw UsageError("task.actions is empty; name at least one, actuator/*");
+    const std::vector<double>& range = task_.action_range;
+    if (!range.empty() && (range.size() != 2 || !(range[0] < range[1]))) {
+      throw UsageError(
+          fmt::format("task.action_range is [{}], wanted [low, high] with low < high", fmt::join(range, ", ")));
+    }
+    const ObjectKind kind{"actuator", mjOBJ_ACTUATOR, static_cast<int>(model_.nactuator)};
+    for (const std::string& path : task_.actions) {
+      const std::string what = At("actions", path);
+      if (!path.starts_with("actuator/")) throw UsageError(what + ": wanted actuator/NAME, with * for any text");
+      for (const int id : MatchObjects(model_, kind, std::string_view(path).substr(9), what)) AddActuator(id, what);
+    }
+    spec_.act_dim = plan_.n_actions = static_cast<int>(setup_.controls.size());
+  }
+
+  void AddActuator(int id, const std::string& what) {
+    const std::string name = "actuator/" + ObjectName(model_, mjOBJ_ACTUATOR, id);
+    const int n = model_.actuator_ctrlnum[id];
+    for (int k = 0; k < n; ++k) {
+      const int control = model_.actuator_ctrladr[id] + k;
+      if (std::find(setup_.controls.begin(), setup_.controls.end(), control) != setup_.controls.end()) {
+        throw UsageError(fmt::format("{}: '{}' is listed twice; narrow one of the paths", what, name));
+      }
+      double low = model_.actuator_ctrlrange[2 * control], high = model_.actuator_ctrlrange[2 * control + 1];
+      if (!model_.actuator_ctrllimited[control]) {
+        if (task_.action_range.empty()) {
+          throw UsageError(
+              fmt::format("{}: '{}' has no ctrlrange; give it one in the model, or set task.action_range = "
+                          "[low, high]",
+                          what, name));
+        }
+        low = task_.action_range[0];
+        high = task_.action_range[1];
+      }
+      setup_.controls.push_back(control);
+      spec_.action_names.push_back(n == 1 ? name : fmt::format("{}[{}]", name, k));
+      spec_.action_low.push_back(low);
+      spec_.action_high.push_back(high);
+    }
+  }
+
+  void Start(const Array2<double>& logged_starts) {
+    plan_.start_noise = task_.start_noise;
+    setup_.start_state = FixedState(model_);
+    if (task_.start.starts_with("keyframe/")) {
+      const ObjectKind kind{"keyframe", mjOBJ_KEY, static_cast<int>(model_.nkey)};
+      const std::string what = At("start", task_.start);
+      const std::vector<int> keys = MatchObjects(model_, kind, std::string_view(task_.start).substr(9), what);
+      if (keys.size() > 1) throw UsageError(what + ": matches several keyframes; name one");
+      setup_.start_state = FixedState(model_, keys[0]);
+    } else if (task_.start == "logs") {
+      if (logged_starts.rows() == 0) {
+        throw UsageError(
+            "task.start = \"logs\" takes start states from logged data, and there are none here; set task.start to "
+            "default "
+            "or keyframe/NAME");
+      }
+      plan_.logged_starts = logged_starts;
+    } else if (task_.start != "default") {
+      throw UsageError(fmt::format("task.start is '{}', wanted default, keyframe/NAME or logs", task_.start));
+    }
+    if (task_.start_qpos.empty()) return;
+    if (static_cast<int>(task_.start_qpos.size()) != model_.nq) {
+      throw UsageError(fmt::format("task.start_qpos has {} numbers, wanted {}, one for each of {} (model '{}')",
+                                   task_.start_qpos.size(), model_.nq, JointList(), setup_.model_path.string()));
+    }
+    std::vector<double> qpos = task_.start_qpos;
+    mj_normalizeQuat(&model_, qpos.data());
+    DataPtr data(mj_makeData(&model_));
+    mj_setState(&model_, data.get(), setup_.start_state.data(), mjSTATE_INTEGRATION);
+    std::copy(qpos.begin(), qpos.end(), data->qpos);
+    mj_getState(&model_, data.get(), setup_.start_state.data(), mjSTATE_INTEGRATION);
+  }
+
+  std::string JointList() const {
+    std::vector<std::string> names;
+    for (const Observable& o : ResolveObservable(model_, "joint/*/qpos", "")) names.push_back(o.name);
+    return fmt::format("{}", fmt::join(names, ", "));
+  }
+
+  // Every coordinate of the state is seen, or declared to be of no consequence.
+  void Settable() {
+    std::set<std::pair<std::string, int>> known;
+    for (const Observable& observed : observed_) {
+      const Observable o = AsState(model_, observed);
+      const Part part = o.array == "qpos"   ? Part::kQpos
+                        : o.array == "qvel" ? Part::kQvel
+                        : o.array == "act"  ? Part::kAct
+                                            : Part::kNone;
+      plan_.targets.push_back({part, static_cast<size_t>(o.index)});
+      if (part != Part::kNone) known.insert({o.array, o.index});
+    }
+    for (const std::string& path : task_.unobserved) {
+      const std::string what = At("unobserved", path);
+      for (const Observable& o : ResolveObservable(model_, path, what)) {
+        if (o.array != "qpos" && o.array != "qvel" && o.array != "act") {
+          throw UsageError(what +
+                           ": wanted a coordinate of the state: joint/NAME/qpos, joint/NAME/qvel or "
+                           "actuator/NAME/act");
+        }
+        if (!known.insert({o.array, o.index}).second) {
+          throw UsageError(fmt::format("{}: '{}' is observed, or listed twice; remove it here", what, o.name));
+        }
+      }
+    }
+    std::vector<std::string> missing;
+    for (const char* all : {"joint/*/qpos", "joint/*/qvel", "actuator/*/act"}) {
+      if (all[0] == 'j' ? model_.njnt == 0 : model_.na == 0) continue;
+      for (const Observable& o : ResolveObservable(model_, all, "")) {
+        if (!known.contains({o.array, o.index})) missing.push_back(o.name);
+      }
+    }
+    if (!missing.empty()) {
+      const size_t shown = std::min<size_t>(missing.size(), 4);
+      setup_.why_not_settable =
+          fmt::format("no observation shows {}{}; observe them, or list those that change nothing in task.unobserved",
+                      fmt::join(missing.begin(), missing.begin() + static_cast<ptrdiff_t>(shown), ", "),
+                      missing.size() > shown ? fmt::format(" and {} more", missing.size() - shown) : "");
+    } else if (mj_stateSize(&model_, mjSTATE_HISTORY) > 0) {
+      setup_.why_not_settable = "the model delays actuators or sensors, and no observation shows what is on its way";
+    }
+    spec_.can_set_state = setup_.why_not_settable.empty();
+    if (plan_.logged_starts.rows() > 0 && !spec_.can_set_state) {
+      throw UsageError(fmt::format("task.start = \"logs\": {}", setup_.why_not_settable));
+    }
+    Quaternions();
+  }
+
+  // Those that an observation shows as a whole.
+  void Quaternions() {
+    const auto seen_at = [&](int qpos) {
+      const auto found = std::find_if(plan_.targets.begin(), plan_.targets.end(), [&](const ModelPlan::Target& t) {
+        return t.part == Part::kQpos && t.index == static_cast<size_t>(qpos);
+      });
+      return found == plan_.targets.end() ? -1 : static_cast<int>(found - plan_.targets.begin());
+    };
+    for (int joint = 0; joint < model_.njnt; ++joint) {
+      const int type = model_.jnt_type[joint];
+      if (type != mjJNT_FREE && type != mjJNT_BALL) continue;
+      const int first = model_.jnt_qposadr[joint] + (type == mjJNT_FREE ? 3 : 0);
+      const std::array<int, 4> at = {seen_at(first), seen_at(first + 1), seen_at(first + 2), seen_at(first + 3)};
+      if (std::none_of(at.begin(), at.end(), [](int i) { return i < 0; })) plan_.quaternions.push_back(at);
+    }
+  }
+
+  void Quantities() {
+    plan_.reward = task_.reward;
+    plan_.terminate = task_.terminate;
+    for (const auto& [name, path] : task_.quantities) {
+      const auto plain = [](unsigned char c) { return std::isalnum(c) || c == '_'; };
+      if (name.empty() || !std::all_of(name.begin(), name.end(), plain) ||
+          std::isdigit(static_cast<unsigned char>(name[0]))) {
+        throw UsageError(
+            fmt::format("task.quantities: '{}' is no name; use letters, digits and '_', a letter first", name));
+      }
+      ModelPlan::Quantity quantity{.name = name, .elements = {}};
+      for (const Observable& o : ResolveObservable(model_, path, At(("quantities." + name).c_str(), path))) {
+        quantity.elements.push_back(plan_.Add(o.array, o.index, o.stage));
+      }
+      plan_.quantities.push_back(std::move(quantity));
+    }
+  }
+
+  const ModelTask& task_;
+  MujocoSetup& setup_;
+  ModelPlan& plan_;
+  const mjModel& model_;
+  SimulatorSpec& spec_;
+  std::vector<Observable> observed_;
+};
+
+std::vector<double> MiddleAction(const SimulatorSpec& spec) {
+  std::vector<double> action;
+  for (size_t i = 0; i < spec.action_low.size(); ++i) action.push_back((spec.action_low[i] + spec.action_high[i]) / 2);
+  return action;
+}
+
+// What is seen in the first steps from a state.
+std::vector<double> FirstSteps(MujocoSimulator& simulator, std::span<const double> state) {
+  constexpr int kSteps = 5;
+  const int lane = 0;
+  simulator.SetIntegrationState(lane, state);
+  std::vector<double> seen(simulator.observation(lane).begin(), simulator.observation(lane).end());
+  for (int step = 0; step < kSteps; ++step) {
+    simulator.Step({&lane, 1}, MiddleAction(simulator.spec()));
+    seen.insert(seen.end(), simulator.observation(lane).begin(), simulator.observation(lane).end());
+  }
+  return seen;
+}
+
+// The coordinates of qpos and qvel that no observation shows.
+void CheckUnobserved(const MujocoSetup& setup, const ModelPlan& plan, MujocoSimulator& simulator) {
+  constexpr double kShift = 0.37, kTolerance = 1e-4;
+  const mjModel& model = *setup.loaded.model;
+  const std::vector<double> start(simulator.IntegrationState(0).begin(), simulator.IntegrationState(0).end());
+  const auto shown = [&](Part part, int index) {
+    return std::any_of(plan.targets.begin(), plan.targets.end(), [&](const ModelPlan::Target& t) {
+      return t.part == part && t.index == static_cast<size_t>(index);
+    });
+  };
+  const std::vector<double> before = FirstSteps(simulator, start);
+  for (const char* all : {"joint/*/qpos", "joint/*/qvel"}) {
+    for (const Observable& o : ResolveObservable(model, all, "")) {
+      const bool position = o.array == "qpos";
+      if (shown(position ? Part::kQpos : Part::kQvel, o.index)) continue;
+      const ptrdiff_t qpos = simulator.qpos(0).data() - simulator.IntegrationState(0).data();
+      const ptrdiff_t qvel = simulator.qvel(0).data() - simulator.IntegrationState(0).data();
+      // Both ways: a fall towards the floor shows, one from higher up may not.
+      for (const double shift : {kShift, -kShift}) {
+        std::vector<double> state = start;
+        state[static_cast<size_t>((position ? qpos : qvel) + o.index)] += shift;
+        mj_normalizeQuat(&model, state.data() + qpos);
+        const std::vector<double> after = FirstSteps(simulator, state);
+        for (size_t i = 0; i < before.size(); ++i) {
+          if (std::abs(after[i] - before[i]) <= kTolerance * (1 + std::abs(before[i]))) continue;
+          throw UsageError(
+              fmt::format("task.unobserved lists '{}', but moving it by {} changes '{}' from {:.6g} to {:.6g} within "
+                          "{} control steps: "
+                          "a state cannot be set without it; observe it",
+                          o.name, shift, setup.spec.observation_names[i % setup.spec.observation_names.size()],
+                          before[i], after[i], before.size() / setup.spec.observation_names.size() - 1));
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const MujocoSetup> MakeModelSetup(const ModelTask& task, std::vector<ParameterSpec> specs,
+                                                  const Array2<double>& logged_starts) {
+  for (const ParameterSpec& spec : specs) spec.Check();
+  auto setup = std::make_shared<MujocoSetup>();
+  auto plan = std::make_shared<ModelPlan>();
+  setup->model_path = FindModelFile(task.model);
+  setup->loaded = LoadModelWithMotors(setup->model_path, task.motors, task.action_range);
+  plan->model = setup->loaded.model.get();
+  Builder(task, *setup, *plan).Build(logged_starts);
+  AddParameters(std::move(specs), *setup);
+  if (plan->logged_starts.rows() > 0) {
+    Array2<double> usable;
+    const ModelRules rules(plan);
+    for (int i = 0; i < logged_starts.rows(); ++i) {
+      const auto row = logged_starts.row(i);
+      if (static_cast<int>(row.size()) == setup->spec.obs_dim() && rules.Determines(row)) usable.AppendRow(row);
+    }
+    if (usable.rows() == 0) {
+      throw DataError(
+          fmt::format("task.start = \"logs\": no logged episode begins with {} numbers that determine a "
+                      "state of task '{}'; check the data against task.observations",
+                      setup->spec.obs_dim(), task.name));
+    }
+    plan->logged_starts = std::move(usable);
+  }
+  setup->make_rules = [plan = std::shared_ptr<const ModelPlan>(std::move(plan))] {
+    return std::make_unique<ModelRules>(plan);
+  };
+  return setup;
+}
+
+void CheckModelSetup(const std::shared_ptr<const MujocoSetup>& setup) {
+  MujocoSimulator simulator(setup, 1, 1);
+  const ModelPlan& plan = static_cast<const ModelRules&>(simulator.rules()).plan();
+  if (plan.logged_starts.rows() > 0) {
+    OTED_CHECK(simulator.SetStateFromObservation(0, plan.logged_starts.row(0)));
+  }
+  const std::vector<double> start(simulator.IntegrationState(0).begin(), simulator.IntegrationState(0).end());
+  const int lane = 0;
+  simulator.Step({&lane, 1}, MiddleAction(setup->spec));
+  if (simulator.status(lane) == LaneStatus::kDiverged) {
+    throw DataError(
+        fmt::format("model '{}' diverges in the first control step from task.start; use another start, or a "
+                    "smaller time step",
+                    setup->model_path.string()));
+  }
+  if (simulator.status(lane) == LaneStatus::kTerminated) {
+    throw UsageError(
+        fmt::format("task.terminate \"{}\" holds one control step after task.start already; change one of "
+                    "the two",
+                    plan.terminate));
+  }
+  if (!setup->spec.can_set_state) return;
+  simulator.SetIntegrationState(lane, start);
+  CheckUnobserved(*setup, plan, simulator);
+}
+
+}  // namespace oted

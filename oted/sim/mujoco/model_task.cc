@@ -1,0 +1,46 @@
+#include "oted/sim/mujoco/model_task.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdlib>
+#include <sstream>
+
+#include "oted/base/error.h"
+#include "oted/sim/mujoco/model.h"
+
+namespace oted {
+
+std::filesystem::path FindModelFile(const std::string& model) {
+  constexpr std::string_view kPackage = "package:";
+  if (!model.starts_with(kPackage)) {
+    if (std::filesystem::is_regular_file(model)) return model;
+    throw DataError(
+        fmt::format("task.model: no file at '{}'; a relative path starts from the folder of the task file", model));
+  }
+  const std::string inside = model.substr(kPackage.size());
+  std::vector<std::string> folders;
+  if (const char* named = std::getenv("OTED_PACKAGES")) {
+    std::istringstream list(named);
+    for (std::string folder; std::getline(list, folder, ':');) {
+      if (!folder.empty()) folders.push_back(folder);
+    }
+  }
+  folders.emplace_back(OTED_DEFAULT_PACKAGES);
+  for (const std::string& folder : folders) {
+    const std::filesystem::path path = std::filesystem::path(folder) / inside;
+    if (std::filesystem::is_regular_file(path)) return path;
+  }
+  throw DataError(
+      fmt::format("task.model: no '{}' in {}; install the package, or name the folder that holds it in "
+                  "OTED_PACKAGES",
+                  inside, fmt::join(folders, ", ")));
+}
+
+std::string CompileToMjb(const ModelTask& task) {
+  LoadedModel loaded = LoadModelWithMotors(FindModelFile(task.model), task.motors, task.action_range);
+  loaded.model->opt.disableflags = loaded.disable_flags;
+  return SerializeModel(*loaded.model);
+}
+
+}  // namespace oted
