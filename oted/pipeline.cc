@@ -9,6 +9,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/design_record.h"
+#include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/stages/agent/agent.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
@@ -52,14 +53,16 @@ RunContext ShareOf(const RunContext& context, size_t n_jobs) {
 
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
                                                        const std::vector<ParameterSpec>& parameters) {
-  return std::make_unique<MujocoSimulatorFactory>(task, parameters);
+  return WithChannels(parameters, [&](std::vector<ParameterSpec> own) {
+    return std::make_unique<MujocoSimulatorFactory>(task, std::move(own));
+  });
 }
 
 Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
     : config_((config.Check(), std::move(config))),
       context_(context),
       factory_(MakeSimulatorFactory(config_.task.name, config_.parameters)),
-      model_sha256_(static_cast<const MujocoSimulatorFactory&>(*factory_).model_sha256()),
+      model_sha256_(factory_->model_sha256()),
       dataset_(ReadEpisodes(config_.data)),
       directory_(CheckRequest(out)) {
   CheckDirectory();
@@ -177,9 +180,11 @@ void Pipeline::SelectSimulator() {
       candidate.seed = seed;
       candidate.q = Designer::FromJson(q, factory_->parameters(), (folder / "q.json").string());
       candidate.evidence = design.Evidence();
+      candidate.evidence.n_past_actions = factory_->spec().n_past_actions;
       Rng unused(0);
       candidate.g =
-          Discriminator(DatasetFeatures(dataset_, candidate.evidence.transitions), design.Discriminator(), unused);
+          Discriminator(DatasetFeatures(dataset_, candidate.evidence.transitions, candidate.evidence.n_past_actions),
+                        design.Discriminator(), unused);
       candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
       candidate.learning_progress = q.value("learning_progress", 0.0);
       candidates.push_back(std::move(candidate));

@@ -7,12 +7,13 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <map>
 #include <set>
 #include <string_view>
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/base/glob.h"
+#include "oted/sim/mujoco/field_info.h"
 
 namespace oted {
 namespace {
@@ -87,31 +88,6 @@ const std::set<std::string, std::less<>> kConstantsDependOn = {
     "site_quat",    "actuator_gear", "eq_data",      "actuator_armature", "tendon_armature", "actuator_cranklength",
     "body_gravcomp"};
 
-const std::map<std::string, const char*, std::less<>> kUnits = {{"gravity", "m/s^2"},
-                                                                {"wind", "m/s"},
-                                                                {"density", "kg/m^3"},
-                                                                {"viscosity", "Pa s"},
-                                                                {"body_mass", "kg"},
-                                                                {"body_inertia", "kg m^2"},
-                                                                {"body_pos", "m"},
-                                                                {"body_ipos", "m"},
-                                                                {"geom_pos", "m"},
-                                                                {"geom_size", "m"},
-                                                                {"dof_damping", "N s/m or N m s/rad"},
-                                                                {"jnt_stiffness", "N/m or N m/rad"},
-                                                                {"dof_armature", "kg or kg m^2"},
-                                                                {"dof_frictionloss", "N or N m"}};
-
-// Shell-like matching with * and ?.
-bool Matches(std::string_view pattern, std::string_view text) {
-  if (pattern.empty()) return text.empty();
-  if (pattern.front() == '*') {
-    return Matches(pattern.substr(1), text) || (!text.empty() && Matches(pattern, text.substr(1)));
-  }
-  return !text.empty() && (pattern.front() == '?' || pattern.front() == text.front()) &&
-         Matches(pattern.substr(1), text.substr(1));
-}
-
 struct FieldRef {
   std::string name;
   int index = -1;  // -1: all
@@ -162,9 +138,23 @@ ModelField Collect(const ModelArray& array, std::string expand_name, const std::
     }
   }
   for (int i : field.indices) field.nominal.push_back(array.values[i]);
-  if (const auto unit = kUnits.find(array.name); unit != kUnits.end()) field.unit = unit->second;
+  field.unit = DescribeField(array.name, index).unit;
   field.changes_constants = kConstantsDependOn.contains(array.name);
   return field;
+}
+
+// Joints that an actuator drives, itself or through a tendon.
+std::vector<int> ActuatedJoints(const mjModel& model) {
+  std::vector<int> joints;
+  for (int i = 0; i < model.nactuator; ++i) {
+    const int type = model.actuator_trntype[i], target = model.actuator_trnid[2 * i];
+    if (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) joints.push_back(target);
+    if (type != mjTRN_TENDON) continue;
+    for (int w = model.tendon_adr[target]; w < model.tendon_adr[target] + model.tendon_num[target]; ++w) {
+      if (model.wrap_type[w] == mjWRAP_JOINT) joints.push_back(model.wrap_objid[w]);
+    }
+  }
+  return joints;
 }
 
 // Ids of the objects whose name or "#id" matches `pattern`.
@@ -172,10 +162,19 @@ std::vector<int> MatchObjects(const mjModel& model, const Owner& owner, std::str
                               const std::string& path) {
   std::vector<int> ids;
   std::vector<std::string> candidates;
+  if (pattern == "@actuated" && (owner.type == mjOBJ_JOINT || owner.type == mjOBJ_BODY)) {
+    for (const int joint : ActuatedJoints(model)) {
+      ids.push_back(owner.type == mjOBJ_JOINT ? joint : model.jnt_bodyid[joint]);
+    }
+    std::sort(ids.begin(), ids.end());
+    ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+    if (ids.empty()) throw UsageError(fmt::format("parameter path '{}': no actuator of this model drives a joint", path));
+    return ids;
+  }
   for (int id = 0; id < owner.count; ++id) {
     const char* name = owner.type == mjOBJ_UNKNOWN ? nullptr : mj_id2name(&model, owner.type, id);
     const std::string by_id = fmt::format("#{}", id);
-    if (pattern == by_id || Matches(pattern, name == nullptr ? "" : name)) ids.push_back(id);
+    if (pattern == by_id || MatchesGlob(pattern, name == nullptr ? "" : name)) ids.push_back(id);
     candidates.push_back(name == nullptr || *name == '\0' ? by_id : name);
   }
   if (ids.empty()) {

@@ -114,7 +114,9 @@ class MujocoSimulatorFactory : public SimulatorFactory {
 
   const MujocoTask& task() const;
   std::string model_path() const;    ///< the MJCF file that was loaded
-  std::string model_sha256() const;  ///< of the compiled pristine model
+  std::string model_sha256() const override;  ///< of the compiled pristine model
+  std::vector<ParameterOffer> Offers() const override;
+  PathInfo Describe(const std::string& path) const override;
 
  private:
   std::shared_ptr<const MujocoSetup> setup_;
