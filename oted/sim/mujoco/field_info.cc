@@ -1,7 +1,6 @@
 #include "oted/sim/mujoco/field_info.h"
 
 #include <map>
-#include <vector>
 
 namespace oted {
 namespace {
@@ -136,6 +135,12 @@ FieldInfo DescribeField(std::string_view name, int index) {
   }
   if (info.unit == "1") info.unit.clear();
   return info;
+}
+
+std::vector<std::string> DescribedFields() {
+  std::vector<std::string> names;
+  for (const auto& [name, row] : Table()) names.emplace_back(name);
+  return names;
 }
 
 std::string PickUnit(const std::string& unit, bool slides) {

@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace oted {
 
@@ -15,6 +16,9 @@ struct FieldInfo {
 /// units depend on whether it slides or turns: "N s/m | N m s/rad" has both, the sliding one first.
 /// Empty for an array that is not in the table.
 FieldInfo DescribeField(std::string_view name, int index);
+
+/// The names of all arrays in the table, ascending.
+std::vector<std::string> DescribedFields();
 
 /// One half of a unit with two: `slides` picks the first.
 std::string PickUnit(const std::string& unit, bool slides);

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/model_offers.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 
 namespace oted {
@@ -239,6 +240,11 @@ const ParameterSpace& MujocoSimulatorFactory::parameters() const { return setup_
 const MujocoTask& MujocoSimulatorFactory::task() const { return setup_->task; }
 std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
 std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
+
+std::vector<ParameterOffer> MujocoSimulatorFactory::Offers() const { return ModelOffers(*setup_->loaded.model); }
+PathInfo MujocoSimulatorFactory::Describe(const std::string& path) const {
+  return DescribeModelPath(*setup_->loaded.model, path);
+}
 
 std::unique_ptr<Simulator> MujocoSimulatorFactory::Make(int n_lanes, int n_threads) const {
   return MakeMujoco(n_lanes, n_threads);
