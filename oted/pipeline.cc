@@ -1,6 +1,7 @@
 #include "oted/pipeline.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -11,6 +12,7 @@
 #include "oted/design_record.h"
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/presets.h"
 #include "oted/stages/agent/agent.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
 #include "oted/stages/design/design.h"
@@ -51,6 +53,33 @@ RunContext ShareOf(const RunContext& context, size_t n_jobs) {
 
 }  // namespace
 
+RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
+  if (config.presets.empty() || config.task.name.empty()) return config;
+  ExpandedPresets expanded =
+      ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task.name, {}));
+  if (expanded.parameters.empty()) {
+    throw UsageError(fmt::format("the model of task '{}' has nothing that preset {} names; 'oted params list' shows what "
+                                 "it has",
+                                 config.task.name, fmt::join(config.presets, ", ")));
+  }
+  config.parameters = std::move(expanded.parameters);
+  config.presets.clear();
+  if (notes != nullptr) *notes = std::move(expanded.skipped);
+  return config;
+}
+
+namespace {
+
+RunConfig ExpandAndCheck(RunConfig config, const RunContext& context) {
+  std::vector<std::string> notes;
+  RunConfig expanded = ExpandPresets(std::move(config), &notes);
+  expanded.Check();
+  for (const std::string& note : notes) context.log->Warning("left out: " + note);
+  return expanded;
+}
+
+}  // namespace
+
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
                                                        const std::vector<ParameterSpec>& parameters) {
   return WithChannels(parameters, [&](std::vector<ParameterSpec> own) {
@@ -59,7 +88,7 @@ std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
 }
 
 Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
-    : config_((config.Check(), std::move(config))),
+    : config_(ExpandAndCheck(std::move(config), context)),
       context_(context),
       factory_(MakeSimulatorFactory(config_.task.name, config_.parameters)),
       model_sha256_(factory_->model_sha256()),

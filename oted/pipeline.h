@@ -71,6 +71,10 @@ class Pipeline {
   RunDirectory directory_;
 };
 
+/// `config` with its presets replaced by the parameters that they stand for in its task's model; `notes`, when given,
+/// gets a line for each entry that the model does not have. @throws UsageError, DataError
+RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes = nullptr);
+
 /// The simulator that a task's name stands for. @throws UsageError, DataError
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
                                                        const std::vector<ParameterSpec>& parameters);

@@ -15,6 +15,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/sim/presets.h"
 
 namespace oted {
 
@@ -141,6 +142,19 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
   return spec;
 }
 
+/// preset = "arm", or ["arm", "gripper"].
+std::vector<std::string> PresetsFromJson(const json& value, const std::string& where) {
+  std::vector<std::string> presets;
+  for (const json& name : value.is_array() ? value : json::array({value})) {
+    if (!name.is_string()) {
+      throw UsageError(fmt::format("{}: parameters.preset is {}, wanted a preset's name or a list of names, of {}", where,
+                                   value.dump(), fmt::join(PresetNames(), ", ")));
+    }
+    presets.push_back(name.get<std::string>());
+  }
+  return presets;
+}
+
 json ParameterToJson(const ParameterSpec& spec) {
   json table = {{"field", spec.field},
                 {"range", {spec.low, spec.high}},
@@ -210,6 +224,10 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
       std::sort(order.begin(), order.end());
       for (const auto& [position, parameter] : order) {
         const std::string at = Where(file_name, *table.get(parameter));
+        if (parameter == "preset" && !table.get(parameter)->is_table()) {
+          config.presets = PresetsFromJson(TomlToJson(*table.get(parameter), at), at);
+          continue;
+        }
         config.parameters.push_back(ParameterFromJson(parameter, TomlToJson(*table.get(parameter), at), at));
       }
     } else if (name == "truth") {
@@ -264,6 +282,7 @@ json RunConfig::ToJson() const {
   for (const FieldList& section : AllFields(copy)) object[section.section()] = section.ToJson();
   for (auto& [name, setting] : copy.settings) object["design"]["settings"][name] = setting.Fields().ToJson();
   object["parameters"] = json::object();
+  if (!presets.empty()) object["parameters"]["preset"] = presets;
   for (const ParameterSpec& spec : parameters) object["parameters"][spec.name] = ParameterToJson(spec);
   if (!truth.empty()) object["truth"] = truth;
   return object;
@@ -283,6 +302,7 @@ std::string RunConfig::ToToml() const {
     if (section.section() == "task" || section.section() == "data") continue;
     if (section.section() == "run") {
       out << "\n[parameters]\n";
+      if (!presets.empty()) out << "preset = " << json(presets).dump() << "\n";
       for (const ParameterSpec& spec : parameters) {
         out << spec.name << " = ";
         WriteTomlValue(out, ParameterToJson(spec));
@@ -353,7 +373,8 @@ void RunConfig::Check() const {
     throw UsageError("no task is named; add --task, or [task] name = \"Hopper-v5\" to the configuration");
   if (parameters.empty()) {
     throw UsageError(
-        "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', or a [parameters] section");
+        "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', a [parameters] section, or a "
+        "--preset; 'oted params list' shows what there is");
   }
   const ParameterSpace space(parameters);
   std::vector<std::string> names;
