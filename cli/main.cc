@@ -40,6 +40,7 @@ int Main(int argc, char** argv) {
   cli::AddStageVerbs(program);
   cli::AddCollectVerb(program);
   cli::AddBehaviorVerb(program);
+  cli::AddParamsVerb(program);
   cli::AddReportVerb(program);
   cli::InstallStopHandler();
   try {

@@ -125,7 +125,7 @@ RunConfig ResolveConfig(const Options& options) {
   const std::filesystem::path own = std::filesystem::path(options.out) / "run.toml";
   if (!options.config.empty()) {
     config = RunConfig::FromTomlFile(options.config);
-  } else if (std::filesystem::exists(own)) {
+  } else if (!options.out.empty() && std::filesystem::exists(own)) {
     config = RunConfig::FromTomlFile(own.string());
   }
   if (!options.task.empty()) config.task.name = options.task;

@@ -29,6 +29,15 @@ namespace {
 
 constexpr int kEffectEpisodes = 3;
 
+/// Jobs side by side on the cores: each gets its share of the threads.
+RunContext ShareOf(const RunContext& context, size_t n_jobs) {
+  RunContext share = context;
+  share.n_threads = std::max(1, context.n_threads / static_cast<int>(std::max<size_t>(1, n_jobs)));
+  return share;
+}
+
+}  // namespace
+
 Dataset ReadEpisodes(const DataConfig& config) {
   if (config.path.empty())
     throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
@@ -43,15 +52,6 @@ Dataset ReadEpisodes(const DataConfig& config) {
   episodes.resize(wanted);
   return all.Select(episodes);
 }
-
-/// Jobs side by side on the cores: each gets its share of the threads.
-RunContext ShareOf(const RunContext& context, size_t n_jobs) {
-  RunContext share = context;
-  share.n_threads = std::max(1, context.n_threads / static_cast<int>(std::max<size_t>(1, n_jobs)));
-  return share;
-}
-
-}  // namespace
 
 RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
   if (config.presets.empty() || config.task.name.empty()) return config;
