@@ -43,8 +43,8 @@ std::string UnitInBrackets(const std::string& unit) { return unit.empty() ? "" :
 
 /// "1", or "0.9 .. 2".
 std::string NominalRange(const std::vector<ParameterPlace>& places) {
-  const auto [low, high] = std::minmax_element(
-      places.begin(), places.end(), [](const auto& a, const auto& b) { return a.nominal < b.nominal; });
+  const auto [low, high] = std::minmax_element(places.begin(), places.end(),
+                                               [](const auto& a, const auto& b) { return a.nominal < b.nominal; });
   return low->nominal == high->nominal ? fmt::format("{:g}", low->nominal)
                                        : fmt::format("{:g} .. {:g}", low->nominal, high->nominal);
 }
@@ -103,7 +103,8 @@ void PrintPresets(const SimulatorFactory& factory) {
     for (const PresetEntry& entry : preset.entries) {
       fmt::print("  {:<18} {:<28} {}\n", entry.name, entry.field, PresetRange(entry));
     }
-    for (const std::string& note : ExpandPresets({preset.name}, {}, factory).skipped) fmt::print("  not here: {}\n", note);
+    for (const std::string& note : ExpandPresets({preset.name}, {}, factory).skipped)
+      fmt::print("  not here: {}\n", note);
   }
 }
 
@@ -114,7 +115,8 @@ json OffersJson(const std::vector<ParameterOffer>& offers, const SimulatorFactor
                    {"presets", json::array()}};
   for (const ParameterOffer& offer : offers) {
     json places = json::array();
-    for (const ParameterPlace& place : offer.places) places.push_back({{"path", place.path}, {"nominal", place.nominal}});
+    for (const ParameterPlace& place : offer.places)
+      places.push_back({{"path", place.path}, {"nominal", place.nominal}});
     document["parameters"].push_back({{"owner", offer.owner},
                                       {"path", offer.path},
                                       {"unit", offer.unit},
@@ -131,10 +133,8 @@ json OffersJson(const std::vector<ParameterOffer>& offers, const SimulatorFactor
                          {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
                          {"log", spec.logarithmic}});
     }
-    document["presets"].push_back({{"name", preset.name},
-                                   {"purpose", preset.purpose},
-                                   {"parameters", entries},
-                                   {"skipped", expanded.skipped}});
+    document["presets"].push_back(
+        {{"name", preset.name}, {"purpose", preset.purpose}, {"parameters", entries}, {"skipped", expanded.skipped}});
   }
   return document;
 }
@@ -209,11 +209,12 @@ void PrintFindings(const ParameterCheck& check) {
                p.spec.name);
   }
   for (const TradeOff& pair : check.trade_offs) {
-    fmt::print("\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the logs show their combination, not "
-               "each; fix one of them or expect wide intervals\n",
-               check.parameters[static_cast<size_t>(pair.first)].spec.name,
-               check.parameters[static_cast<size_t>(pair.second)].spec.name,
-               pair.cosine > 0 ? "alike" : "oppositely alike", pair.cosine);
+    fmt::print(
+        "\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the logs show their combination, not "
+        "each; fix one of them or expect wide intervals\n",
+        check.parameters[static_cast<size_t>(pair.first)].spec.name,
+        check.parameters[static_cast<size_t>(pair.second)].spec.name, pair.cosine > 0 ? "alike" : "oppositely alike",
+        pair.cosine);
   }
   if (check.all_have_effect() && check.trade_offs.empty()) {
     fmt::print("\nEvery parameter has an effect, and no two of them act alike.\n");
@@ -264,7 +265,8 @@ void AddParamsVerb(Program& program) {
   auto checked = std::make_shared<ParamsOptions>();
   AddModelOptions(*check, *checked);
   AddParameterOptions(*check, *checked);
-  check->add_option("--data", checked->data, "logged trajectories; without them, episodes with random actions are made");
+  check->add_option("--data", checked->data,
+                    "logged trajectories; without them, episodes with random actions are made");
   check->add_option("--episodes", checked->episodes, "episodes of the data to use, from the first: a number, or all");
   check->add_option("--seed", checked->seed, "names every random stream [default: 1]")->check(CLI::NonNegativeNumber);
   check->add_option("--threads", checked->threads, "threads at most [default: all processors]")

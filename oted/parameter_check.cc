@@ -92,9 +92,8 @@ ParameterCheck CheckParameters(const SimulatorFactory& factory, const Dataset* l
       if (std::abs(cosines(k, i)) >= kTradeOffCosine) check.trade_offs.push_back({k, i, cosines(k, i)});
     }
   }
-  std::stable_sort(check.trade_offs.begin(), check.trade_offs.end(), [](const TradeOff& a, const TradeOff& b) {
-    return std::abs(a.cosine) > std::abs(b.cosine);
-  });
+  std::stable_sort(check.trade_offs.begin(), check.trade_offs.end(),
+                   [](const TradeOff& a, const TradeOff& b) { return std::abs(a.cosine) > std::abs(b.cosine); });
   return check;
 }
 
@@ -128,10 +127,10 @@ json ParameterCheck::ToJson() const {
                                       {"change_by_observation", p.effect.by_observation}});
   }
   for (const TradeOff& pair : trade_offs) {
-    document["trade_offs"].push_back(
-        {{"parameters",
-          {parameters[static_cast<size_t>(pair.first)].spec.name, parameters[static_cast<size_t>(pair.second)].spec.name}},
-         {"cosine", pair.cosine}});
+    document["trade_offs"].push_back({{"parameters",
+                                       {parameters[static_cast<size_t>(pair.first)].spec.name,
+                                        parameters[static_cast<size_t>(pair.second)].spec.name}},
+                                      {"cosine", pair.cosine}});
   }
   return document;
 }

@@ -58,9 +58,10 @@ RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
   ExpandedPresets expanded =
       ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task.name, {}));
   if (expanded.parameters.empty()) {
-    throw UsageError(fmt::format("the model of task '{}' has nothing that preset {} names; 'oted params list' shows what "
-                                 "it has",
-                                 config.task.name, fmt::join(config.presets, ", ")));
+    throw UsageError(
+        fmt::format("the model of task '{}' has nothing that preset {} names; 'oted params list' shows what "
+                    "it has",
+                    config.task.name, fmt::join(config.presets, ", ")));
   }
   config.parameters = std::move(expanded.parameters);
   config.presets.clear();

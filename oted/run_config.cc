@@ -147,8 +147,8 @@ std::vector<std::string> PresetsFromJson(const json& value, const std::string& w
   std::vector<std::string> presets;
   for (const json& name : value.is_array() ? value : json::array({value})) {
     if (!name.is_string()) {
-      throw UsageError(fmt::format("{}: parameters.preset is {}, wanted a preset's name or a list of names, of {}", where,
-                                   value.dump(), fmt::join(PresetNames(), ", ")));
+      throw UsageError(fmt::format("{}: parameters.preset is {}, wanted a preset's name or a list of names, of {}",
+                                   where, value.dump(), fmt::join(PresetNames(), ", ")));
     }
     presets.push_back(name.get<std::string>());
   }

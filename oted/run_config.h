@@ -46,7 +46,8 @@ struct RunConfig {
   TaskConfig task;
   DataConfig data;
   std::vector<ParameterSpec> parameters;
-  /// Names of presets whose parameters are added (oted/sim/presets.h); the pipeline replaces them by what they stand for.
+  /// Names of presets whose parameters are added (oted/sim/presets.h); the pipeline replaces them by what they stand
+  /// for.
   std::vector<std::string> presets;
   RunSettings run;
   CloneConfig clone;

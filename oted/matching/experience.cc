@@ -72,7 +72,8 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
       const int end = std::min(i + config.horizon, episode.end);
       // A short remainder only where the episode itself is shorter than the horizon.
       if (end - i < config.horizon && i > episode.begin) break;
-      if (simulator_->SetStateFromObservation(0, dataset.observations.row(i))) windows_.push_back({i, end, episode.begin});
+      if (simulator_->SetStateFromObservation(0, dataset.observations.row(i)))
+        windows_.push_back({i, end, episode.begin});
     }
   }
   if (windows_.empty()) {

@@ -22,13 +22,13 @@ struct EvidenceConfig {
   int horizon = 10;              ///< control steps per rollout, before the next start
   int n_steps = 60;              ///< control steps per z and batch
   double clone_noise = 1.0;      ///< multiplies the clone's standard deviation
-  /// Earlier actions that transition features show too, SimulatorSpec::n_past_actions: after a delay, s' - s is the work
-  /// of actions before a, and without them g could not tell one delay from another.
+  /// Earlier actions that transition features show too, SimulatorSpec::n_past_actions: after a delay, s' - s is the
+  /// work of actions before a, and without them g could not tell one delay from another.
   int n_past_actions = 0;
 };
 
-/// (s, a) or (s, a, s' - s) of every dataset row; the latter with the `n_past_actions` actions before a, latest first, 0
-/// before the episode's first.
+/// (s, a) or (s, a, s' - s) of every dataset row; the latter with the `n_past_actions` actions before a, latest first,
+/// 0 before the episode's first.
 Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions, int n_past_actions = 0);
 
 /// The latest actions of one rollout.
@@ -78,7 +78,7 @@ class ExperienceGatherer {
   const Dataset& dataset_;
   const TanhGaussianPolicy* clone_;
   EvidenceConfig config_;
-  std::vector<Window> windows_;  // those whose first state the simulator can be set to
+  std::vector<Window> windows_;            // those whose first state the simulator can be set to
   std::vector<PastActions> past_actions_;  // of each lane
 };
 

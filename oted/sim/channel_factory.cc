@@ -29,7 +29,7 @@ void CheckDisjoint(const ParameterSpace& space, const std::vector<ChannelSetup::
 
 }  // namespace
 
-ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> specs, const MakePlant& make_plant) {
+ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> specs, const PlantMaker& make_plant) {
   auto setup = std::make_shared<ChannelSetup>();
   std::vector<ParameterSpec> plant_specs;
   for (size_t i = 0; i < specs.size(); ++i) {
@@ -85,7 +85,7 @@ std::vector<double> ChannelSimulatorFactory::PlantParameters(std::span<const dou
 }
 
 std::unique_ptr<SimulatorFactory> WithChannels(const std::vector<ParameterSpec>& specs,
-                                               const ChannelSimulatorFactory::MakePlant& make_plant) {
+                                               const ChannelSimulatorFactory::PlantMaker& make_plant) {
   const bool any = std::any_of(specs.begin(), specs.end(), [](const auto& s) { return IsChannelPath(s.field); });
   if (!any) return make_plant(specs);
   return std::make_unique<ChannelSimulatorFactory>(specs, make_plant);

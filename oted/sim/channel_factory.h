@@ -14,12 +14,12 @@ namespace oted {
 class ChannelSimulatorFactory : public SimulatorFactory {
  public:
   /// Makes the plant's factory from the parameters that are its own.
-  using MakePlant = std::function<std::unique_ptr<SimulatorFactory>(std::vector<ParameterSpec>)>;
+  using PlantMaker = std::function<std::unique_ptr<SimulatorFactory>(std::vector<ParameterSpec>)>;
 
   /// Paths that begin with action/ or obs/ are resolved here, the others go to the plant; z has the order of `specs`.
   /// @throws UsageError as ResolveChannelParameter, and when two parameters set the same channel; DataError when the
   /// plant's observations are not flat.
-  ChannelSimulatorFactory(std::vector<ParameterSpec> specs, const MakePlant& make_plant);
+  ChannelSimulatorFactory(std::vector<ParameterSpec> specs, const PlantMaker& make_plant);
 
   const SimulatorSpec& spec() const override { return setup_->spec; }
   const ParameterSpace& parameters() const override { return setup_->space; }
@@ -31,6 +31,10 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   /// The part of z that is the plant's own.
   std::vector<double> PlantParameters(std::span<const double> z) const;
 
+ protected:
+  const std::shared_ptr<const ChannelSetup>& setup() const { return setup_; }
+  std::unique_ptr<Simulator> MakePlant(int n_lanes, int n_threads) const { return plant_->Make(n_lanes, n_threads); }
+
  private:
   std::unique_ptr<SimulatorFactory> plant_;
   std::shared_ptr<const ChannelSetup> setup_;
@@ -38,6 +42,6 @@ class ChannelSimulatorFactory : public SimulatorFactory {
 
 /// The plant's own factory when no parameter is a channel's, else a ChannelSimulatorFactory around it.
 std::unique_ptr<SimulatorFactory> WithChannels(const std::vector<ParameterSpec>& specs,
-                                               const ChannelSimulatorFactory::MakePlant& make_plant);
+                                               const ChannelSimulatorFactory::PlantMaker& make_plant);
 
 }  // namespace oted

@@ -95,10 +95,16 @@ TEST(ResolveChannel, MultiplesOfTheNominalValueAndRangesThatMissItAreErrors) {
 }
 
 TEST(ResolveChannel, TwoParametersOnOneChannelAreAnError) {
-  EXPECT_THAT([] { Make({Channel("a", "obs/*/bias"), Channel("b", "obs/v/bias")}); },
-              ThrowsMessage<UsageError>(AllOf(HasSubstr("'a'"), HasSubstr("'b'"), HasSubstr("same channel"))));
-  EXPECT_THAT([] { Make({Channel("a", "action/delay"), Channel("b", "action/delay")}); },
-              ThrowsMessage<UsageError>(HasSubstr("same channel")));
+  EXPECT_THAT(
+      [] {
+        Make({Channel("a", "obs/*/bias"), Channel("b", "obs/v/bias")});
+      },
+      ThrowsMessage<UsageError>(AllOf(HasSubstr("'a'"), HasSubstr("'b'"), HasSubstr("same channel"))));
+  EXPECT_THAT(
+      [] {
+        Make({Channel("a", "action/delay"), Channel("b", "action/delay")});
+      },
+      ThrowsMessage<UsageError>(HasSubstr("same channel")));
   EXPECT_NO_THROW(Make({Channel("a", "obs/x/bias"), Channel("b", "obs/v/bias"), Channel("c", "obs/x/delay")}));
 }
 

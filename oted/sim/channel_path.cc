@@ -99,11 +99,10 @@ ChannelField ResolveChannelParameter(const SimulatorSpec& spec, ParameterSpec& p
                     parameter.name, parameter.field));
   }
   if (parameter.low > 0 || parameter.high < 0) {
-    throw UsageError(
-        fmt::format("parameter '{}': got bounds [{}, {}] for '{}', wanted a range that holds 0, its value in the "
-                    "un-designed simulator{}",
-                    parameter.name, parameter.low, parameter.high, parameter.field,
-                    parameter.logarithmic ? "; drop 'log'" : ""));
+    throw UsageError(fmt::format(
+        "parameter '{}': got bounds [{}, {}] for '{}', wanted a range that holds 0, its value in the "
+        "un-designed simulator{}",
+        parameter.name, parameter.low, parameter.high, parameter.field, parameter.logarithmic ? "; drop 'log'" : ""));
   }
   if (parameter.low < 0 && field.quantity != ChannelQuantity::kBias) {
     throw UsageError(fmt::format("parameter '{}': got the lower bound {}, wanted 0: '{}' cannot be negative",

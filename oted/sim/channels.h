@@ -54,11 +54,11 @@ class ChannelSimulator : public Simulator {
   void Reset(int lane, Rng& rng) override;
   /// SetStateFromLog where nothing was logged before.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
-  /// The lane shows `observation` as it was logged, noise and all. Its state is the observation less the bias; the noise
-  /// stays in it. With observation delays the readings are of different ages: the plant is set to the last state that
-  /// all of them have shown by now, some steps back, and goes on from there with the logged actions. Logged actions also
-  /// fill the action delay. Where the episode is too young for that, it begins at its first logged row.
-  /// A state that the plant refuses less its bias or that far back is set as it was logged.
+  /// The lane shows `observation` as it was logged, noise and all. Its state is the observation less the bias; the
+  /// noise stays in it. With observation delays the readings are of different ages: the plant is set to the last state
+  /// that all of them have shown by now, some steps back, and goes on from there with the logged actions. Logged
+  /// actions also fill the action delay. Where the episode is too young for that, it begins at its first logged row. A
+  /// state that the plant refuses less its bias or that far back is set as it was logged.
   bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) override;
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
 

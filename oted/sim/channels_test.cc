@@ -206,12 +206,12 @@ Log Record(OneLane& lane, int n_steps) {
 }
 
 TEST(ChannelSimulator, FromAnyLoggedRowTheTrueChannelsReproduceTheRestOfTheLog) {
-  const std::vector<ParameterSpec> specs = {
-      Channel("delay", "action/delay", 0, 3), Channel("bias", "obs/v/bias", -1, 1), Channel("x", "obs/x/delay", 0, 3),
-      Channel("v", "obs/v/delay", 0, 3)};
+  const std::vector<ParameterSpec> specs = {Channel("delay", "action/delay", 0, 3),
+                                            Channel("bias", "obs/v/bias", -1, 1), Channel("x", "obs/x/delay", 0, 3),
+                                            Channel("v", "obs/v/delay", 0, 3)};
   // Sensors in step, x older, v older; a fraction of an action delay.
-  for (const std::vector<double>& z : std::vector<std::vector<double>>{
-           {2, 0.3, 0, 0}, {1.5, 0, 2, 2}, {0, 0.3, 3, 1}, {2.5, -0.2, 0, 2}}) {
+  for (const std::vector<double>& z :
+       std::vector<std::vector<double>>{{2, 0.3, 0, 0}, {1.5, 0, 2, 2}, {0, 0.3, 3, 1}, {2.5, -0.2, 0, 2}}) {
     OneLane truth(specs, z);
     const Log log = Record(truth, 14);
     for (const size_t start : {0u, 1u, 2u, 3u, 7u}) {

@@ -17,8 +17,7 @@ constexpr const char* kServo =
     "gain alone would move a servo's set point, its kp stands in biasprm too; declare what you mean";
 
 constexpr PresetEntry kFriction = {"friction", "geom/*/friction[0]", {{0.3, 3.0}}, true};
-constexpr PresetEntry kGain = {
-    "gain", "actuator/*/gainprm[0]", {{0.5, 2.0}}, true, {}, "actuator/*/biasprm", kServo};
+constexpr PresetEntry kGain = {"gain", "actuator/*/gainprm[0]", {{0.5, 2.0}}, true, {}, "actuator/*/biasprm", kServo};
 constexpr PresetEntry kDamping = {"damping", "joint/@actuated/damping", {{0.1, 10.0}}, true, {{0.0, 2.0}}};
 constexpr PresetEntry kFrictionLoss = {
     "frictionloss", "joint/@actuated/frictionloss", {{0.1, 10.0}}, true, {{0.0, 2.0}}};

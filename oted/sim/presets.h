@@ -15,13 +15,14 @@ struct PresetEntry {
   struct Bounds {
     double low, high;
   };
-  const char* name;                ///< of the parameter
-  const char* field;               ///< its path
+  const char* name;                               ///< of the parameter
+  const char* field;                              ///< its path
   std::optional<Bounds> multiple = std::nullopt;  ///< of the nominal value, where one of the path's values is not 0
-  bool logarithmic = false;        ///< search in log z, of multiples
+  bool logarithmic = false;                       ///< search in log z, of multiples
   std::optional<Bounds> absolute = std::nullopt;  ///< the value itself, where all of them are 0
-  const char* only_if_zero = "";   ///< a path whose values must be 0, or which names nothing, for the entry to make sense
-  const char* otherwise = "";      ///< what to say where they are not
+  const char* only_if_zero =
+      "";                      ///< a path whose values must be 0, or which names nothing, for the entry to make sense
+  const char* otherwise = "";  ///< what to say where they are not
 };
 
 struct Preset {

@@ -42,12 +42,10 @@ std::vector<std::string> Names(const std::vector<ParameterSpec>& specs) {
   return names;
 }
 
-const std::map<std::string, std::vector<double>> kArm = {{"joint/@actuated/damping", {0.5, 0}},
-                                                         {"joint/@actuated/frictionloss", {0, 0}},
-                                                         {"joint/@actuated/armature", {0.1, 0.1}},
-                                                         {"actuator/*/gainprm[0]", {1, 1}},
-                                                         {"actuator/*/biasprm", {0, 0}},
-                                                         {"body/@actuated/mass", {2, 1}}};
+const std::map<std::string, std::vector<double>> kArm = {
+    {"joint/@actuated/damping", {0.5, 0}},    {"joint/@actuated/frictionloss", {0, 0}},
+    {"joint/@actuated/armature", {0.1, 0.1}}, {"actuator/*/gainprm[0]", {1, 1}},
+    {"actuator/*/biasprm", {0, 0}},           {"body/@actuated/mass", {2, 1}}};
 
 TEST(ExpandPresets, GivesWhatTheModelHasWithMultiplesOrWhereTheNominalIsZeroTheValueItself) {
   const ExpandedPresets arm = ExpandPresets({"arm"}, {}, Claims(kArm));
@@ -105,8 +103,9 @@ TEST(Presets, EveryEntryIsAValidParameterWhoseRangeHoldsTheNominalValue) {
     for (const PresetEntry& entry : preset.entries) {
       EXPECT_TRUE(entry.multiple || entry.absolute) << entry.name;
       if (entry.multiple) {
-        const ParameterSpec spec{entry.name, entry.field, entry.multiple->low, entry.multiple->high,
-                                 ParameterScale::kNominal, entry.logarithmic};
+        const ParameterSpec spec{
+            entry.name,       entry.field, entry.multiple->low, entry.multiple->high, ParameterScale::kNominal,
+            entry.logarithmic};
         EXPECT_NO_THROW(spec.Check()) << preset.name;
         EXPECT_TRUE(spec.low < 1 && 1 < spec.high) << entry.name;
       }

@@ -194,7 +194,8 @@ std::vector<int> MatchObjects(const mjModel& model, const Owner& owner, std::str
     }
     std::sort(ids.begin(), ids.end());
     ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-    if (ids.empty()) throw UsageError(fmt::format("parameter path '{}': no actuator of this model drives a joint", path));
+    if (ids.empty())
+      throw UsageError(fmt::format("parameter path '{}': no actuator of this model drives a joint", path));
     return ids;
   }
   for (int id = 0; id < owner.count; ++id) {
@@ -244,7 +245,8 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
   if (word == "opt" && first == last) {
     const std::vector<ModelArray> arrays = OptionArrays(model);
     const ModelArray& array = FindArray(arrays, {""}, ref.name, path);
-    return Collect(array, "opt." + array.name, {0}, ref.index, ref.name, [](int) { return "opt"; }, path);
+    return Collect(
+        array, "opt." + array.name, {0}, ref.index, ref.name, [](int) { return "opt"; }, path);
   }
   const auto owner = std::find_if(owners.begin(), owners.end(), [&](const Owner& o) { return word == o.word; });
   if (owner == owners.end()) {

@@ -17,15 +17,13 @@ struct Kind {
   const char* prefix;
   const char* owner;
 };
-constexpr Kind kKinds[] = {{"opt.", "opt"},         {"geom_", "geom"},     {"body_", "body"},
-                           {"jnt_", "joint"},       {"dof_", "joint"},     {"actuator_", "actuator"},
-                           {"site_", "site"},       {"tendon_", "tendon"}, {"eq_", "equality"},
-                           {"pair_", "pair"}};
+constexpr Kind kKinds[] = {{"opt.", "opt"},     {"geom_", "geom"},         {"body_", "body"}, {"jnt_", "joint"},
+                           {"dof_", "joint"},   {"actuator_", "actuator"}, {"site_", "site"}, {"tendon_", "tendon"},
+                           {"eq_", "equality"}, {"pair_", "pair"}};
 
 const Kind& KindOf(const std::string& array) {
-  const auto found = std::find_if(std::begin(kKinds), std::end(kKinds), [&](const Kind& kind) {
-    return array.starts_with(kind.prefix);
-  });
+  const auto found = std::find_if(std::begin(kKinds), std::end(kKinds),
+                                  [&](const Kind& kind) { return array.starts_with(kind.prefix); });
   return found == std::end(kKinds) ? kKinds[0] : *found;
 }
 

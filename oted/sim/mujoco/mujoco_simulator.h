@@ -113,7 +113,7 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
 
   const MujocoTask& task() const;
-  std::string model_path() const;    ///< the MJCF file that was loaded
+  std::string model_path() const;             ///< the MJCF file that was loaded
   std::string model_sha256() const override;  ///< of the compiled pristine model
   std::vector<ParameterOffer> Offers() const override;
   PathInfo Describe(const std::string& path) const override;

@@ -25,10 +25,10 @@ std::vector<ParameterEffect> MeasureEffects(const SimulatorFactory& factory, con
                                             RngKey key, int n_threads);
 
 /// How alike the effects of two parameters are: the cosine of their effect vectors, (d, d) with ones on the diagonal.
-/// An effect vector is the change of every observation, in its standard deviations, over short replays (`kTradeOffSteps`
-/// control steps from up to `n_starts` logged states, or from resets where states cannot be set) when the parameter
-/// moves by a fiftieth of its range about nominal. Near 1 or -1 the logs show one combination of the two and not each;
-/// 0 where one of them has no effect.
+/// An effect vector is the change of every observation, in its standard deviations, over short replays
+/// (`kTradeOffSteps` control steps from up to `n_starts` logged states, or from resets where states cannot be set) when
+/// the parameter moves by a fiftieth of its range about nominal. Near 1 or -1 the logs show one combination of the two
+/// and not each; 0 where one of them has no effect.
 Array2<double> EffectCosines(const SimulatorFactory& factory, const Dataset& dataset, int n_starts, RngKey key,
                              int n_threads);
 inline constexpr int kTradeOffSteps = 10;
