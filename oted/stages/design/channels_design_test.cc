@@ -27,13 +27,14 @@ DesignConfig SmallConfig() {
 }
 
 /// The mode of q after a design on ten episodes of the point mass at the truth (1.5, 0.6, -, `channel`).
-std::vector<double> Design(const SimulatorFactory& factory, double channel, int n_iterations) {
+std::vector<double> Design(const SimulatorFactory& factory, double channel, int n_iterations, int horizon = 10) {
   const TestFolder folder;
   const Dataset logs = RandomLogs(*factory.Make(10, 1), {1.5, 0.6, 0.5, channel});
   NullSink log;
   const RunContext context{.log = &log, .n_threads = 1};
   DesignConfig config = SmallConfig();
   config.n_iterations = n_iterations;
+  config.horizon = horizon;
   const DesignResult design =
       LearnDesign(factory, logs, nullptr, config, RngKey(1), folder.path(), "design/test/1", context);
   const std::vector<double> mode = design.q.Mode();
@@ -59,17 +60,17 @@ class ForgetfulFactory : public ChannelSimulatorFactory {
   }
 };
 
-TEST(DesignOfChannels, RecoversAnActionDelayFromShortReplays) {
-  const std::vector<double> mode = Design(*PointMassBehind("action/delay", 0, 4), 2, 150);
+TEST(DesignOfChannels, RecoversAnActionDelayFromReplaysNoLongerThanItself) {
+  const std::vector<double> mode = Design(*PointMassBehind("action/delay", 0, 4), 2, 150, 2);
   EXPECT_NEAR(mode[kChannel], 2, 0.15) << "control steps";
-  EXPECT_NEAR(mode[kGain], 1.5, 0.1);
-  EXPECT_NEAR(mode[kDamping], 0.6, 0.06);
+  EXPECT_NEAR(mode[kGain], 1.5, 0.15);
+  EXPECT_NEAR(mode[kDamping], 0.6, 0.1);
 }
 
-TEST(DesignOfChannels, WithoutTheActionsLoggedBeforeItsStartAShortReplayMisleadsOnTheDelay) {
+TEST(DesignOfChannels, WithoutTheActionsLoggedBeforeTheirStartsSuchReplaysMisleadAboutTheDelay) {
   std::vector<ParameterSpec> specs = PointMassBehind("action/delay", 0, 4)->parameters().specs();
   const ForgetfulFactory factory(specs, [](const auto&) { return std::make_unique<PointMassFactory>(); });
-  EXPECT_GT(std::abs(Design(factory, 2, 80)[kChannel] - 2), 0.5);
+  EXPECT_GT(std::abs(Design(factory, 2, 80, 2)[kChannel] - 2), 0.5);
 }
 
 TEST(DesignOfChannels, RecoversTheBiasOfASensor) {
