@@ -43,6 +43,7 @@ int oted::cli::Main(int argc, char** argv) {
   cli::AddStageVerbs(program);
   cli::AddCollectVerb(program);
   cli::AddBehaviorVerb(program);
+  cli::AddParamsVerb(program);
   cli::AddReportVerb(program);
   cli::InstallStopHandler();
   try {

@@ -1,6 +1,7 @@
 #include "cli/options.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <chrono>
 #include <csignal>
@@ -11,6 +12,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/sim/presets.h"
 
 namespace oted::cli {
 
@@ -66,15 +68,25 @@ std::string CommandLine(int argc, char** argv) {
   return line;
 }
 
+void AddParameterOptions(CLI::App& app, Options& options) {
+  app.add_option("--param", options.parameters,
+                 "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable")
+      ->allow_extra_args(false);
+  app.add_option(
+         "--preset", options.presets,
+         fmt::format("parameters that are usually off, as far as the model has them: {}; repeatable; a --param of the "
+                     "same name replaces one",
+                     fmt::join(PresetNames(), ", ")))
+      ->allow_extra_args(false);
+}
+
 void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
   app.add_option("--task", options.task, kTaskHelp);
   app.add_option("--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz");
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
-  app.add_option("--param", options.parameters,
-                 "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable")
-      ->allow_extra_args(false);
+  AddParameterOptions(app, options);
   app.add_option("--truth", options.truth,
                  "name=value, where a study knows it; read by evaluation and report only; repeatable")
       ->allow_extra_args(false);
@@ -113,12 +125,13 @@ RunConfig ResolveConfig(const Options& options) {
   const std::filesystem::path own = std::filesystem::path(options.out) / "run.toml";
   if (!options.config.empty()) {
     config = RunConfig::FromTomlFile(options.config);
-  } else if (std::filesystem::exists(own)) {
+  } else if (!options.out.empty() && std::filesystem::exists(own)) {
     config = RunConfig::FromTomlFile(own.string());
   }
   if (!options.task.empty()) config.task = TaskConfig::FromArgument(options.task);
   if (!options.data.empty()) config.data.path = options.data;
   if (!options.episodes.empty()) config.data.episodes = options.episodes;
+  if (!options.presets.empty() || !options.parameters.empty()) config.presets = options.presets;
   if (!options.parameters.empty()) {
     config.parameters.clear();
     for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));

@@ -16,7 +16,7 @@ namespace oted::cli {
 /// As typed; empty where not given.
 struct Options {
   std::string config, task, data, episodes, out;
-  std::vector<std::string> parameters, truth, assignments;
+  std::vector<std::string> parameters, presets, truth, assignments;
   long seed = -1;
   int threads = -1;
   int n_seeds = -1;
@@ -35,6 +35,9 @@ std::string SettingsHelp(const std::vector<std::string>& sections);
 /// The configuration that the options describe: --config, else the run directory's own run.toml, else defaults; flags
 /// on top.
 RunConfig ResolveConfig(const Options& options);
+
+/// Adds --param and --preset.
+void AddParameterOptions(CLI::App& app, Options& options);
 
 /// A pipeline with its log: files in the run directory and bars on the terminal.
 class Session {

@@ -16,6 +16,7 @@ void AddRunVerb(Program& program);
 void AddStageVerbs(Program& program);
 void AddCollectVerb(Program& program);
 void AddBehaviorVerb(Program& program);
+void AddParamsVerb(Program& program);
 void AddReportVerb(Program& program);
 
 }  // namespace oted::cli

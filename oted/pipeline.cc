@@ -1,6 +1,7 @@
 #include "oted/pipeline.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -9,7 +10,9 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/design_record.h"
+#include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/presets.h"
 #include "oted/stages/agent/agent.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
 #include "oted/stages/design/design.h"
@@ -27,6 +30,15 @@ namespace {
 
 constexpr int kEffectEpisodes = 3;
 
+/// Jobs side by side on the cores: each gets its share of the threads.
+RunContext ShareOf(const RunContext& context, size_t n_jobs) {
+  RunContext share = context;
+  share.n_threads = std::max(1, context.n_threads / static_cast<int>(std::max<size_t>(1, n_jobs)));
+  return share;
+}
+
+}  // namespace
+
 Dataset ReadEpisodes(const DataConfig& config) {
   if (config.path.empty())
     throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
@@ -42,18 +54,31 @@ Dataset ReadEpisodes(const DataConfig& config) {
   return all.Select(episodes);
 }
 
-/// The first observation of every episode.
-Array2<double> EpisodeStarts(const Dataset& dataset) {
-  Array2<double> starts;
-  for (const Episode& episode : dataset.Episodes()) starts.AppendRow(dataset.observations.row(episode.begin));
-  return starts;
+RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
+  if (config.presets.empty() || config.task.name.empty()) return config;
+  ExpandedPresets expanded =
+      ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task, {}));
+  if (expanded.parameters.empty()) {
+    throw UsageError(
+        fmt::format("the model of task '{}' has nothing that preset {} names; 'oted params list' shows what "
+                    "it has",
+                    config.task.name, fmt::join(config.presets, ", ")));
+  }
+  config.parameters = std::move(expanded.parameters);
+  config.presets.clear();
+  if (notes != nullptr) *notes = std::move(expanded.skipped);
+  return config;
 }
 
-/// Jobs side by side on the cores: each gets its share of the threads.
-RunContext ShareOf(const RunContext& context, size_t n_jobs) {
-  RunContext share = context;
-  share.n_threads = std::max(1, context.n_threads / static_cast<int>(std::max<size_t>(1, n_jobs)));
-  return share;
+namespace {
+
+RunConfig ExpandAndCheck(RunConfig config, const RunContext& context) {
+  config.task.Resolve();
+  std::vector<std::string> notes;
+  RunConfig expanded = ExpandPresets(std::move(config), &notes);
+  expanded.Check();
+  for (const std::string& note : notes) context.log->Warning("left out: " + note);
+  return expanded;
 }
 
 }  // namespace
@@ -61,16 +86,18 @@ RunContext ShareOf(const RunContext& context, size_t n_jobs) {
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
                                                        const std::vector<ParameterSpec>& parameters,
                                                        const Array2<double>& logged_starts) {
-  if (task.has_model()) return std::make_unique<MujocoSimulatorFactory>(task.model, parameters, logged_starts);
-  if (auto registered = MakeRegisteredTask(task.name, parameters)) return registered;
-  return std::make_unique<MujocoSimulatorFactory>(task.name, parameters);
+  return WithChannels(parameters, [&](std::vector<ParameterSpec> own) -> std::unique_ptr<SimulatorFactory> {
+    if (task.has_model()) return std::make_unique<MujocoSimulatorFactory>(task.model, std::move(own), logged_starts);
+    if (auto registered = MakeRegisteredTask(task.name, own)) return registered;
+    return std::make_unique<MujocoSimulatorFactory>(task.name, std::move(own));
+  });
 }
 
 Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
-    : config_((config.task.Resolve(), config.Check(), std::move(config))),
+    : config_(ExpandAndCheck(std::move(config), context)),
       context_(context),
       dataset_(ReadEpisodes(config_.data)),
-      factory_(MakeSimulatorFactory(config_.task, config_.parameters, EpisodeStarts(dataset_))),
+      factory_(MakeSimulatorFactory(config_.task, config_.parameters, dataset_.EpisodeStarts())),
       model_sha256_(factory_->model_sha256()),
       directory_(CheckRequest(out)) {
   CheckDirectory();
@@ -194,9 +221,11 @@ void Pipeline::SelectSimulator() {
       candidate.seed = seed;
       candidate.q = Designer::FromJson(q, factory_->parameters(), (folder / "q.json").string());
       candidate.evidence = design.Evidence();
+      candidate.evidence.n_past_actions = factory_->spec().n_past_actions;
       Rng unused(0);
       candidate.g =
-          Discriminator(DatasetFeatures(dataset_, candidate.evidence.transitions), design.Discriminator(), unused);
+          Discriminator(DatasetFeatures(dataset_, candidate.evidence.transitions, candidate.evidence.n_past_actions),
+                        design.Discriminator(), unused);
       candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
       candidate.learning_progress = q.value("learning_progress", 0.0);
       candidates.push_back(std::move(candidate));

@@ -78,6 +78,13 @@ class Pipeline {
   RunDirectory directory_;
 };
 
+/// The logged episodes that a configuration names. @throws UsageError, DataError
+Dataset ReadEpisodes(const DataConfig& config);
+
+/// `config` with its presets replaced by the parameters that they stand for in its task's model; `notes`, when given,
+/// gets a line for each entry that the model does not have. @throws UsageError, DataError
+RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes = nullptr);
+
 /// The simulator of a task: a built-in one, one that a program registered (task_registry.h), or that of a model.
 /// @param logged_starts (n, obs_dim): where logged episodes begin, for a task that starts there; otherwise not read
 /// @throws UsageError, DataError

@@ -40,7 +40,7 @@ void Pipeline::AdaptDesign() {
   bool adapted = config_.design.AdaptToFixedStarts();
   for (auto& [name, setting] : config_.settings) adapted = setting.AdaptToFixedStarts() || adapted;
   if (!adapted) return;
-  const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(factory_.get());
+  const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(&factory_->plant());
   context_.log->Warning(fmt::format(
       "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "
       "(design.starts = initial, design.actions = clone, design.horizon = {})",

@@ -15,6 +15,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/sim/presets.h"
 #include "oted/toml_writer.h"
 
 namespace oted {
@@ -152,6 +153,19 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
   return spec;
 }
 
+/// preset = "arm", or ["arm", "gripper"].
+std::vector<std::string> PresetsFromJson(const json& value, const std::string& where) {
+  std::vector<std::string> presets;
+  for (const json& name : value.is_array() ? value : json::array({value})) {
+    if (!name.is_string()) {
+      throw UsageError(fmt::format("{}: parameters.preset is {}, wanted a preset's name or a list of names, of {}",
+                                   where, value.dump(), fmt::join(PresetNames(), ", ")));
+    }
+    presets.push_back(name.get<std::string>());
+  }
+  return presets;
+}
+
 json ParameterToJson(const ParameterSpec& spec) {
   json table = {{"field", spec.field},
                 {"range", {spec.low, spec.high}},
@@ -206,6 +220,10 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
       std::sort(order.begin(), order.end());
       for (const auto& [position, parameter] : order) {
         const std::string at = Where(file_name, *table.get(parameter));
+        if (parameter == "preset" && !table.get(parameter)->is_table()) {
+          config.presets = PresetsFromJson(TomlToJson(*table.get(parameter), at), at);
+          continue;
+        }
         config.parameters.push_back(ParameterFromJson(parameter, TomlToJson(*table.get(parameter), at), at));
       }
     } else if (name == "truth") {
@@ -273,6 +291,7 @@ json RunConfig::ToJson() const {
   object["task"] = task.ToJson();
   for (auto& [name, setting] : copy.settings) object["design"]["settings"][name] = setting.Fields().ToJson();
   object["parameters"] = json::object();
+  if (!presets.empty()) object["parameters"]["preset"] = presets;
   for (const ParameterSpec& spec : parameters) object["parameters"][spec.name] = ParameterToJson(spec);
   if (!truth.empty()) object["truth"] = truth;
   return object;
@@ -295,6 +314,7 @@ std::string RunConfig::ToToml() const {
     }
     if (section.section() == "run") {
       out << "\n[parameters]\n";
+      if (!presets.empty()) out << "preset = " << json(presets).dump() << "\n";
       for (const ParameterSpec& spec : parameters) {
         out << spec.name << " = ";
         WriteTomlValue(out, ParameterToJson(spec));
@@ -365,7 +385,8 @@ void RunConfig::Check() const {
     throw UsageError("no task is named; add --task, or [task] with a name or a model to the configuration");
   if (parameters.empty()) {
     throw UsageError(
-        "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', or a [parameters] section");
+        "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', a [parameters] section, or a "
+        "--preset; 'oted params list' shows what there is");
   }
   const ParameterSpace space(parameters);
   std::vector<std::string> names;

@@ -60,6 +60,9 @@ struct RunConfig {
   TaskConfig task;
   DataConfig data;
   std::vector<ParameterSpec> parameters;
+  /// Names of presets whose parameters are added (oted/sim/presets.h); the pipeline replaces them by what they stand
+  /// for.
+  std::vector<std::string> presets;
   RunSettings run;
   CloneConfig clone;
   DesignConfig design;

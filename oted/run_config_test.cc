@@ -267,5 +267,19 @@ TEST(RunConfig, ThreadsAreAllOfThemUnlessSaid) {
   EXPECT_EQ(config.Threads(), 3);
 }
 
+TEST(RunConfig, PresetsAreANameOrAListOfNamesBesideParameters) {
+  const RunConfig one = RunConfig::FromToml("[parameters]\npreset = \"arm\"\n", "t.toml");
+  EXPECT_EQ(one.presets, std::vector<std::string>{"arm"});
+  EXPECT_TRUE(one.parameters.empty());
+  const RunConfig two = RunConfig::FromToml(
+      "[parameters]\npreset = [\"arm\", \"gripper\"]\nwind = { field = \"opt/wind[0]\", range = [-1, 1], scale = "
+      "\"absolute\" }\n",
+      "t.toml");
+  EXPECT_EQ(two.presets, (std::vector<std::string>{"arm", "gripper"}));
+  EXPECT_EQ(two.parameters.size(), 1u);
+  EXPECT_EQ(RunConfig::FromToml(two.ToToml(), "again.toml").presets, two.presets);
+  EXPECT_THROW(RunConfig::FromToml("[parameters]\npreset = 3\n", "t.toml"), UsageError);
+}
+
 }  // namespace
 }  // namespace oted

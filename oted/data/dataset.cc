@@ -51,6 +51,12 @@ std::vector<Episode> Dataset::Episodes() const {
   return episodes;
 }
 
+Array2<double> Dataset::EpisodeStarts() const {
+  Array2<double> starts;
+  for (const Episode& episode : Episodes()) starts.AppendRow(observations.row(episode.begin));
+  return starts;
+}
+
 std::vector<double> Dataset::EpisodeReturns() const {
   std::vector<double> returns;
   if (rewards.empty()) return returns;

@@ -39,6 +39,8 @@ struct Dataset {
 
   /// Episodes: cut after each terminal and each timeout, and at the end of the file.
   std::vector<Episode> Episodes() const;
+  /// (episodes, obs_dim): the first observation of each.
+  Array2<double> EpisodeStarts() const;
   /// The undiscounted return of each episode; empty without rewards.
   std::vector<double> EpisodeReturns() const;
   /// The transitions of the given episodes, in that order.

@@ -11,22 +11,40 @@ namespace oted {
 namespace {
 
 void AppendFeatures(std::span<const double> s, std::span<const double> a, std::span<const double> s_next,
-                    bool transitions, std::vector<double>& row) {
+                    bool transitions, const PastActions& before, std::vector<double>& row) {
   row.assign(s.begin(), s.end());
   row.insert(row.end(), a.begin(), a.end());
   // The change, not s': over one control period s' is almost s, and the little that differs is the dynamics.
-  if (transitions) std::transform(s_next.begin(), s_next.end(), s.begin(), std::back_inserter(row), std::minus<>());
+  if (!transitions) return;
+  std::transform(s_next.begin(), s_next.end(), s.begin(), std::back_inserter(row), std::minus<>());
+  row.insert(row.end(), before.values().begin(), before.values().end());
 }
 
 }  // namespace
 
-Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions) {
+PastActions::PastActions(int n_actions, int act_dim)
+    : values_(static_cast<size_t>(n_actions) * static_cast<size_t>(act_dim)) {}
+
+void PastActions::Clear() { std::fill(values_.begin(), values_.end(), 0.0); }
+
+void PastActions::Push(std::span<const double> action) {
+  if (values_.empty()) return;
+  std::copy_backward(values_.begin(), values_.end() - static_cast<ptrdiff_t>(action.size()), values_.end());
+  std::copy(action.begin(), action.end(), values_.begin());
+}
+
+Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions, int n_past_actions) {
   Array2<double> features;
   std::vector<double> row;
-  for (int i = 0; i < dataset.size(); ++i) {
-    AppendFeatures(dataset.observations.row(i), dataset.actions.row(i), dataset.next_observations.row(i), transitions,
-                   row);
-    features.AppendRow(row);
+  PastActions before(n_past_actions, dataset.act_dim());
+  for (const Episode& episode : dataset.Episodes()) {
+    before.Clear();
+    for (int i = episode.begin; i < episode.end; ++i) {
+      AppendFeatures(dataset.observations.row(i), dataset.actions.row(i), dataset.next_observations.row(i), transitions,
+                     before, row);
+      features.AppendRow(row);
+      before.Push(dataset.actions.row(i));
+    }
   }
   return features;
 }
@@ -36,6 +54,7 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
     : simulator_(std::move(simulator)), dataset_(dataset), clone_(clone), config_(config) {
   const SimulatorSpec& spec = simulator_->spec();
   OTED_CHECK(config.replayed_actions || clone != nullptr);
+  past_actions_.assign(static_cast<size_t>(simulator_->n_lanes()), PastActions(config.n_past_actions, spec.act_dim));
   if (!config.dataset_starts) {
     OTED_CHECK(!config.replayed_actions);  // replaying from another state than the logged one would prove nothing
     return;
@@ -53,7 +72,8 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
       const int end = std::min(i + config.horizon, episode.end);
       // A short remainder only where the episode itself is shorter than the horizon.
       if (end - i < config.horizon && i > episode.begin) break;
-      if (simulator_->SetStateFromObservation(0, dataset.observations.row(i))) windows_.push_back({i, end});
+      if (simulator_->SetStateFromObservation(0, dataset.observations.row(i)))
+        windows_.push_back({i, end, episode.begin});
     }
   }
   if (windows_.empty()) {
@@ -70,8 +90,20 @@ ExperienceGatherer::Window ExperienceGatherer::window(int n_started, RngKey key)
 }
 
 void ExperienceGatherer::StartRollout(int lane, int n_started, RngKey key) {
+  PastActions& before = past_actions_[static_cast<size_t>(lane)];
+  before.Clear();
   if (config_.dataset_starts) {
-    OTED_CHECK(simulator_->SetStateFromObservation(lane, dataset_.observations.row(window(n_started, key).begin)));
+    const Window w = window(n_started, key);
+    const auto logged = [&](const Array2<double>& rows) {
+      const size_t width = static_cast<size_t>(rows.cols());
+      return rows.values().subspan(static_cast<size_t>(w.episode_begin) * width,
+                                   static_cast<size_t>(w.begin - w.episode_begin) * width);
+    };
+    const LoggedHistory history{logged(dataset_.observations), logged(dataset_.actions)};
+    OTED_CHECK(simulator_->SetStateFromLog(lane, dataset_.observations.row(w.begin), history));
+    for (int i = std::max(w.episode_begin, w.begin - config_.n_past_actions); i < w.begin; ++i) {
+      before.Push(dataset_.actions.row(i));
+    }
   } else {
     Rng rng = key.Stage("reset").Index(static_cast<uint64_t>(n_started)).MakeRng();
     simulator_->Reset(lane, rng);
@@ -112,13 +144,15 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
     simulator_->Step(lanes, actions);
     for (size_t k = 0; k < n_lanes; ++k) {
       const LaneStatus status = simulator_->status(lanes[k]);
+      const std::span<const double> action(actions.data() + k * act_dim, act_dim);
       if (status == LaneStatus::kDiverged) {
         experience[k].diverged = true;
       } else {
-        AppendFeatures({observations.data() + k * obs_dim, obs_dim}, {actions.data() + k * act_dim, act_dim},
-                       simulator_->observation(lanes[k]), config_.transitions, row);
+        AppendFeatures({observations.data() + k * obs_dim, obs_dim}, action, simulator_->observation(lanes[k]),
+                       config_.transitions, past_actions_[k], row);
         experience[k].features.AppendRow(row);
       }
+      past_actions_[k].Push(action);
       ++step_in_rollout[k];
       const int length = config_.replayed_actions
                              ? [&] { const Window w = window(n_started[k] - 1, key); return w.end - w.begin; }()

@@ -3,6 +3,7 @@
 /// batch of parameters z (Algorithm 1, line 1), and the dataset's own transitions in the same features.
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,10 +22,28 @@ struct EvidenceConfig {
   int horizon = 10;              ///< control steps per rollout, before the next start
   int n_steps = 60;              ///< control steps per z and batch
   double clone_noise = 1.0;      ///< multiplies the clone's standard deviation
+  /// Earlier actions that transition features show too, SimulatorSpec::n_past_actions: after a delay, s' - s is the
+  /// work of actions before a, and without them g could not tell one delay from another.
+  int n_past_actions = 0;
 };
 
-/// (s, a) or (s, a, s' - s) of every dataset row.
-Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions);
+/// (s, a) or (s, a, s' - s) of every dataset row; the latter with the `n_past_actions` actions before a, latest first,
+/// 0 before the episode's first.
+Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions, int n_past_actions = 0);
+
+/// The latest actions of one rollout.
+class PastActions {
+ public:
+  /// None was taken yet.
+  PastActions(int n_actions, int act_dim);
+  void Clear();
+  void Push(std::span<const double> action);
+  /// (n_actions * act_dim), latest first.
+  std::span<const double> values() const { return values_; }
+
+ private:
+  std::vector<double> values_;
+};
 
 /// Samples of one z.
 struct LaneExperience {
@@ -49,7 +68,8 @@ class ExperienceGatherer {
 
  private:
   struct Window {
-    int begin, end;  // dataset rows
+    int begin, end;     // dataset rows
+    int episode_begin;  // of the episode that they lie in
   };
   void StartRollout(int lane, int n_started, RngKey key);
   Window window(int n_started, RngKey key) const;
@@ -58,7 +78,8 @@ class ExperienceGatherer {
   const Dataset& dataset_;
   const TanhGaussianPolicy* clone_;
   EvidenceConfig config_;
-  std::vector<Window> windows_;  // those whose first state the simulator can be set to
+  std::vector<Window> windows_;            // those whose first state the simulator can be set to
+  std::vector<PastActions> past_actions_;  // of each lane
 };
 
 }  // namespace oted

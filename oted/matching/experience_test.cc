@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/matching/testing.h"
 #include "oted/sim/rollout.h"
 #include "oted/sim/testing.h"
 
@@ -94,6 +95,40 @@ TEST(ExperienceGatherer, ReplayAtTheTrueParametersGivesTheDatasetsTransitionsExa
     EXPECT_EQ(lane.features.rows(), 50);
     EXPECT_FALSE(lane.diverged);
   }
+}
+
+TEST(DatasetFeatures, ShowPastActionsOfTheSameEpisodeLatestFirst) {
+  const Dataset dataset = MakeDataset();
+  const Array2<double> features = DatasetFeatures(dataset, true, 2);
+  ASSERT_EQ(features.cols(), 7);
+  for (const Episode& episode : dataset.Episodes()) {
+    for (int i = episode.begin; i < episode.end; ++i) {
+      EXPECT_EQ(features(i, 5), i > episode.begin ? dataset.actions(i - 1, 0) : 0.0);
+      EXPECT_EQ(features(i, 6), i > episode.begin + 1 ? dataset.actions(i - 2, 0) : 0.0);
+    }
+  }
+  EXPECT_EQ(DatasetFeatures(dataset, false, 2).cols(), 3) << "the paper's g(s, a) sees no more";
+}
+
+TEST(ExperienceGatherer, ReplayAtTheTrueDelayGivesTheDatasetsTransitionsAndPastActions) {
+  const auto factory = PointMassBehind("action/delay", 0, 3);
+  const std::vector<double> truth = {1.3, 0.6, 0.5, 2};
+  const Dataset dataset = RandomLogs(*factory->Make(4, 1), truth);
+  ASSERT_EQ(factory->spec().n_past_actions, 3);
+  const Array2<double> logged = DatasetFeatures(dataset, true, 3);
+  const EvidenceConfig config{.horizon = 3, .n_steps = 60, .n_past_actions = 3};
+  ExperienceGatherer gatherer(factory->Make(2, 1), dataset, nullptr, config);
+  const auto lanes = gatherer.Gather({truth, {1.3, 0.6, 0.5, 1}}, RngKey(2));
+  int wrong = 0;
+  for (int i = 0; i < 60; ++i) {
+    // Actions are continuous: each names its row.
+    int row = 0;
+    while (row < dataset.size() && dataset.actions(row, 0) != lanes[0].features(i, 2)) ++row;
+    ASSERT_LT(row, dataset.size());
+    for (int j = 0; j < 8; ++j) EXPECT_NEAR(lanes[0].features(i, j), logged(row, j), 1e-12) << i << " " << j;
+    wrong += std::abs(lanes[1].features(i, 4) - logged(row, 4)) > 1e-3;
+  }
+  EXPECT_GT(wrong, 55) << "a shorter delay shows in nearly every transition, the first of a replay included";
 }
 
 TEST(ExperienceGatherer, AllLanesGetTheSameStartsAndActionsWhateverTheirParameters) {

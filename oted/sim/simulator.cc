@@ -1,5 +1,7 @@
 #include "oted/sim/simulator.h"
 
+#include <fmt/format.h>
+
 #include "oted/base/error.h"
 
 namespace oted {
@@ -13,6 +15,13 @@ int SimulatorSpec::obs_dim() const {
 double SimulatorSpec::NormalizedScore(double episode_return) const {
   OTED_CHECK(has_score());
   return 100.0 * (episode_return - return_random) / (return_expert - return_random);
+}
+
+PathInfo SimulatorFactory::Describe(const std::string& path) const {
+  for (const ParameterSpec& parameter : parameters().specs()) {
+    if (parameter.field == path) return {{{path, parameter.nominal}}, parameter.unit, "declared by the simulator"};
+  }
+  throw UsageError(fmt::format("parameter path '{}' names nothing in simulator '{}'", path, spec().task));
 }
 
 }  // namespace oted

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "oted/base/rng.h"
+#include "oted/sim/parameter_info.h"
 #include "oted/sim/parameter_space.h"
 
 namespace oted {
@@ -18,6 +19,7 @@ struct SimulatorSpec {
   std::string task;                            ///< "Hopper-v5"
   std::vector<int> observation_shape;          ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
+  std::vector<std::string> observation_units;  ///< parallel to the names; empty where unknown
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
   int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
   std::vector<std::string> action_names;       ///< one per action ("actuator/hip"); may be empty
@@ -27,6 +29,7 @@ struct SimulatorSpec {
   int max_episode_steps = 0;    ///< truncation by the clock; 0: none
   bool can_set_state = false;   ///< SetStateFromObservation works
   bool has_reward = true;       ///< false: reward() is always 0, and no agent can be trained
+  int n_past_actions = 0;       ///< earlier actions that, beside the present one, the next observation may depend on
   double return_random = 0;     ///< D4RL's reference returns; the normalised score is
   double return_expert = 0;     ///< 100 (return - random) / (expert - random); equal: no score
 
@@ -42,6 +45,12 @@ enum class LaneStatus : uint8_t {
   kTerminated,  ///< the task's own end: no value beyond it
   kTruncated,   ///< the time limit: the state has a value, bootstrap through it
   kDiverged,    ///< the physics broke down: the step's numbers mean nothing, drop them
+};
+
+/// What was logged in the same episode before a state, oldest row first; empty where the episode begins there.
+struct LoggedHistory {
+  std::span<const double> observations;  ///< (n, obs_dim)
+  std::span<const double> actions;       ///< (n, act_dim): row k was given at observation k
 };
 
 /// N lanes. Not thread-safe; one object may use several threads inside, with equal bytes at any number of them.
@@ -66,6 +75,13 @@ class Simulator {
   /// @throws UsageError when spec().can_set_state is false.
   virtual bool SetStateFromObservation(int lane, std::span<const double> observation) = 0;
 
+  /// The same where it is known what was logged before: a simulator with delays reaches back into it. Without them the
+  /// observation is enough.
+  virtual bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) {
+    static_cast<void>(before);
+    return SetStateFromObservation(lane, observation);
+  }
+
   /// One control period for the lanes listed in `lanes`. `actions` is (n_lanes, act_dim); rows of other lanes are not
   /// read. A lane that has ended is not reset by itself.
   virtual void Step(std::span<const int> lanes, std::span<const double> actions) = 0;
@@ -83,9 +99,16 @@ class SimulatorFactory {
   virtual const SimulatorSpec& spec() const = 0;
   virtual const ParameterSpace& parameters() const = 0;
   virtual std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const = 0;
+
+  /// Everything that a path can name, for those who look for parameters; empty where the simulator declares its own.
+  virtual std::vector<ParameterOffer> Offers() const { return {}; }
+  /// What one path stands for. @throws UsageError when it names nothing.
+  virtual PathInfo Describe(const std::string& path) const;
   /// The SHA-256 of the model file that is simulated, or another text that changes when the simulated thing does: what
   /// was computed with another one is not used again. "" where the task's name says it all.
   virtual std::string model_sha256() const { return ""; }
+  /// The factory of the plant itself, without what wraps it (sensors, delays).
+  virtual const SimulatorFactory& plant() const { return *this; }
 };
 
 }  // namespace oted

@@ -6,12 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <functional>
 #include <set>
 #include <string_view>
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/sim/mujoco/field_info.h"
 #include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
@@ -87,20 +88,6 @@ const std::set<std::string, std::less<>> kConstantsDependOn = {
     "site_quat",    "actuator_gear", "eq_data",      "actuator_armature", "tendon_armature", "actuator_cranklength",
     "body_gravcomp"};
 
-const std::map<std::string, const char*, std::less<>> kUnits = {{"gravity", "m/s^2"},
-                                                                {"wind", "m/s"},
-                                                                {"density", "kg/m^3"},
-                                                                {"viscosity", "Pa s"},
-                                                                {"body_mass", "kg"},
-                                                                {"body_inertia", "kg m^2"},
-                                                                {"body_pos", "m"},
-                                                                {"body_ipos", "m"},
-                                                                {"geom_pos", "m"},
-                                                                {"geom_size", "m"},
-                                                                {"dof_damping", "N s/m or N m s/rad"},
-                                                                {"jnt_stiffness", "N/m or N m/rad"},
-                                                                {"dof_armature", "kg or kg m^2"},
-                                                                {"dof_frictionloss", "N or N m"}};
 
 // The array that `field` means, among those with one of `prefixes`.
 const ModelArray& FindArray(const std::vector<ModelArray>& arrays, const std::vector<const char*>& prefixes,
@@ -118,22 +105,41 @@ const ModelArray& FindArray(const std::vector<ModelArray>& arrays, const std::ve
                                DidYouMean(field, candidates), fmt::join(candidates, ", ")));
 }
 
+// `prefix` is the path of a row's object, "geom/foot_geom".
 ModelField Collect(const ModelArray& array, std::string expand_name, const std::vector<int>& rows, int index,
+                   const std::string& field_name, const std::function<std::string(int row)>& prefix,
                    const std::string& path) {
   if (index >= array.width) {
     throw UsageError(fmt::format("parameter path '{}': got index {}, wanted 0 to {}", path, index, array.width - 1));
   }
-  ModelField field{
-      .array = std::move(expand_name), .indices = {}, .nominal = {}, .unit = "", .changes_constants = false};
+  ModelField field;
+  field.array = std::move(expand_name);
   for (int row : rows) {
     for (int column = 0; column < array.width; ++column) {
-      if (index < 0 || column == index) field.indices.push_back(row * array.width + column);
+      if (index >= 0 && column != index) continue;
+      field.indices.push_back(row * array.width + column);
+      const std::string place = prefix(row) + "/" + field_name;
+      field.places.push_back(array.width > 1 ? fmt::format("{}[{}]", place, column) : place);
     }
   }
   for (int i : field.indices) field.nominal.push_back(array.values[i]);
-  if (const auto unit = kUnits.find(array.name); unit != kUnits.end()) field.unit = unit->second;
+  field.unit = DescribeField(array.name, index).unit;
   field.changes_constants = kConstantsDependOn.contains(array.name);
   return field;
+}
+
+// Of two units, sliding and turning, the one that holds for all of `ids`; both where they differ.
+std::string UnitFor(const mjModel& model, const Owner& owner, const std::vector<int>& ids, const std::string& unit) {
+  const auto slides = [&](int id) {
+    if (owner.type == mjOBJ_JOINT) return model.jnt_type[id] == mjJNT_SLIDE;
+    const int transmission = model.actuator_trntype[id], target = model.actuator_trnid[2 * id];
+    return transmission != mjTRN_JOINT && transmission != mjTRN_JOINTINPARENT ? transmission == mjTRN_TENDON
+                                                                              : model.jnt_type[target] == mjJNT_SLIDE;
+  };
+  if (owner.type != mjOBJ_JOINT && owner.type != mjOBJ_ACTUATOR) return unit;
+  const auto n_sliding = std::count_if(ids.begin(), ids.end(), slides);
+  const bool alike = n_sliding == 0 || n_sliding == static_cast<ptrdiff_t>(ids.size());
+  return alike ? PickUnit(unit, n_sliding > 0) : unit;
 }
 
 // Rows of `array` that belong to the objects `ids`: a joint owns one row per degree of freedom in dof_ arrays.
@@ -171,7 +177,8 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
   if (word == "opt" && first == last) {
     const std::vector<ModelArray> arrays = OptionArrays(model);
     const ModelArray& array = FindArray(arrays, {""}, ref.name, path);
-    return Collect(array, "opt." + array.name, {0}, ref.index, path);
+    return Collect(
+        array, "opt." + array.name, {0}, ref.index, ref.name, [](int) { return "opt"; }, path);
   }
   const auto owner = std::find_if(owners.begin(), owners.end(), [&](const Owner& o) { return word == o.word; });
   if (owner == owners.end()) {
@@ -188,7 +195,18 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
                                             std::string_view(path).substr(first + 1, last - first - 1), what);
   const std::vector<ModelArray> arrays = ModelArrays(model);
   const ModelArray& array = FindArray(arrays, owner->prefixes, ref.name, path);
-  return Collect(array, array.name, RowsOf(model, *owner, array, ids, path), ref.index, path);
+  const std::vector<int> rows = RowsOf(model, *owner, array, ids, path);
+  const bool per_dof = array.name.starts_with("dof_");
+  const auto prefix = [&](int row) {
+    const int id = per_dof ? model.dof_jntid[row] : row;
+    const std::string dof = per_dof && model.jnt_type[id] <= mjJNT_BALL
+                                ? fmt::format(" (dof {})", row - model.jnt_dofadr[id])
+                                : std::string();
+    return fmt::format("{}/{}{}", owner->word, ObjectName(model, owner->type, id), dof);
+  };
+  ModelField field = Collect(array, array.name, rows, ref.index, ref.name, prefix, path);
+  field.unit = UnitFor(model, *owner, ids, field.unit);
+  return field;
 }
 
 double BoundingRadius(int geom_type, const double* size, double otherwise) {

@@ -2,9 +2,10 @@
 /// Parameter paths: from "geom/*/friction[0]" to places in an mjModel.
 ///
 /// A path is owner/objects/field or opt/field. Owners: geom, body, joint, actuator, site, tendon, equality, pair.
-/// Objects are matched by name with * and ?, or by "#id"; * matches unnamed ones too. The field is mjModel's name
-/// without its prefix ("friction" of geom_friction; a joint also owns dof_damping, dof_armature, dof_frictionloss). An
-/// index in brackets picks one number per object; [*] or none takes all of them.
+/// Objects are matched by name with * and ?, or by "#id"; * matches unnamed ones too. "@actuated" stands for the joints
+/// that an actuator drives, itself or through a tendon, and of bodies for those that such a joint moves. The field is
+/// mjModel's name without its prefix ("friction" of geom_friction; a joint also owns dof_damping, dof_armature,
+/// dof_frictionloss). An index in brackets picks one number per object; [*] or none takes all of them.
 
 #include <mujoco/mujoco.h>
 
@@ -17,11 +18,13 @@ namespace oted {
 
 /// What one parameter writes.
 struct ModelField {
-  std::string array;            ///< as mjb_expand names it: "geom_friction", "opt.gravity"
-  std::vector<int> indices;     ///< into that array, ascending, at least one
-  std::vector<double> nominal;  ///< the pristine values at those indices
-  std::string unit;             ///< of these values; "" where they have none
-  bool changes_constants;       ///< constants that MuJoCo derives at compilation depend on it: mjb_setConst is needed
+  std::string array;                ///< as mjb_expand names it: "geom_friction", "opt.gravity"
+  std::vector<int> indices;         ///< into that array, ascending, at least one
+  std::vector<double> nominal;      ///< the pristine values at those indices
+  std::string unit;                 ///< of these values; "" where they have none
+  std::vector<std::string> places;  ///< the path of each index alone: "geom/foot_geom/friction[0]"
+  bool changes_constants =
+      false;  ///< constants that MuJoCo derives at compilation depend on it: mjb_setConst is needed
 };
 
 /// Finds what `path` names. @throws UsageError saying which part matches nothing, with the nearest name.

@@ -22,11 +22,21 @@ std::vector<std::string> ObservationNames(const mjModel& model) {
   return names;
 }
 
+// Parallel to the names.
+std::vector<std::string> ObservationUnits(const mjModel& model) {
+  std::vector<std::string> units;
+  const auto unit = [&](int id) { return std::string(model.jnt_type[id] == mjJNT_SLIDE ? "m" : "rad"); };
+  for (int i = 1; i < model.njnt; ++i) units.push_back(unit(i));
+  for (int i = 0; i < model.njnt; ++i) units.push_back(unit(i) + "/s");
+  return units;
+}
+
 SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
   SimulatorSpec spec;
   spec.task = task.name;
   spec.observation_shape = {static_cast<int>(model.nq + model.nv) - 1};
   spec.observation_names = ObservationNames(model);
+  spec.observation_units = ObservationUnits(model);
   spec.act_dim = static_cast<int>(model.nu);
   for (int i = 0; i < model.nactuator; ++i) {
     spec.action_names.push_back("actuator/" + ObjectName(model, mjOBJ_ACTUATOR, i));

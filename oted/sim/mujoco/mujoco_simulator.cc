@@ -9,6 +9,7 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_setup.h"
+#include "oted/sim/mujoco/model_offers.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 
 namespace oted {
@@ -256,6 +257,11 @@ int MujocoSimulatorFactory::frame_skip() const { return setup_->frame_skip; }
 std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
 std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
 const std::string& MujocoSimulatorFactory::why_not_settable() const { return setup_->why_not_settable; }
+
+std::vector<ParameterOffer> MujocoSimulatorFactory::Offers() const { return ModelOffers(*setup_->loaded.model); }
+PathInfo MujocoSimulatorFactory::Describe(const std::string& path) const {
+  return DescribeModelPath(*setup_->loaded.model, path);
+}
 
 std::unique_ptr<Simulator> MujocoSimulatorFactory::Make(int n_lanes, int n_threads) const {
   return MakeMujoco(n_lanes, n_threads);

@@ -122,6 +122,8 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   std::string model_path() const;               ///< the model file that was loaded
   std::string model_sha256() const override;    ///< of the compiled pristine model
   const std::string& why_not_settable() const;  ///< "" where the state can be set from an observation
+  std::vector<ParameterOffer> Offers() const override;
+  PathInfo Describe(const std::string& path) const override;
 
  private:
   std::shared_ptr<const MujocoSetup> setup_;

@@ -13,6 +13,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
+#include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/task.h"
 #include "tests/conformance/simulator_conformance.h"
@@ -43,10 +44,28 @@ ConformanceCase Case(const std::string& name, const std::string& task, std::vect
   return {name, [task, specs] { return std::make_unique<MujocoSimulatorFactory>(task, specs); }};
 }
 
+/// Hopper with a parameter of its own and every kind of channel around it.
+ConformanceCase HopperChannels() {
+  const auto channel = [](const char* name, const char* path, double high) {
+    return ParameterSpec{.name = name, .field = path, .high = high, .scale = ParameterScale::kAbsolute};
+  };
+  std::vector<ParameterSpec> specs = {{.name = "gain", .field = "actuator/*/gainprm[0]"},
+                                      channel("delay", "action/delay", 2.5),
+                                      channel("noise", "obs/*/noise_std", 0.02),
+                                      channel("bias", "obs/*_pos/bias", 0.05),
+                                      channel("lag", "obs/*_vel/delay", 2)};
+  for (ParameterSpec& spec : specs) spec.low = spec.name == "gain" ? 0.2 : 0.0;
+  return {"HopperChannels", [specs] {
+            return WithChannels(specs, [](std::vector<ParameterSpec> own) {
+              return std::make_unique<MujocoSimulatorFactory>("Hopper-v5", std::move(own));
+            });
+          }};
+}
+
 INSTANTIATE_TEST_SUITE_P(Mujoco, SimulatorConformance,
                          testing::Values(Case("Hopper", "Hopper-v5", ThreeParameters()),
                                          Case("HalfCheetah", "HalfCheetah-v5", ThreeParameters()),
-                                         Case("Walker2d", "Walker2d-v5", ThreeParameters()),
+                                         Case("Walker2d", "Walker2d-v5", ThreeParameters()), HopperChannels(),
                                          Case("HopperInertia", "Hopper-v4", InertialParameters()),
                                          Case("HalfCheetahInertia", "HalfCheetah-v4", InertialParameters())),
                          [](const auto& parameter) { return parameter.param.name; });

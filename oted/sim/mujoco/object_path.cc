@@ -3,21 +3,42 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <charconv>
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/base/glob.h"
 
 namespace oted {
 
-bool MatchesPattern(std::string_view pattern, std::string_view text) {
-  if (pattern.empty()) return text.empty();
-  if (pattern.front() == '*') {
-    return MatchesPattern(pattern.substr(1), text) || (!text.empty() && MatchesPattern(pattern, text.substr(1)));
+namespace {
+
+// Joints that an actuator drives, itself or through a tendon.
+std::vector<int> ActuatedJoints(const mjModel& model) {
+  std::vector<int> joints;
+  for (int i = 0; i < model.nactuator; ++i) {
+    const int type = model.actuator_trntype[i], target = model.actuator_trnid[2 * i];
+    if (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) joints.push_back(target);
+    if (type != mjTRN_TENDON) continue;
+    for (int w = model.tendon_adr[target]; w < model.tendon_adr[target] + model.tendon_num[target]; ++w) {
+      if (model.wrap_type[w] == mjWRAP_JOINT) joints.push_back(model.wrap_objid[w]);
+    }
   }
-  return !text.empty() && (pattern.front() == '?' || pattern.front() == text.front()) &&
-         MatchesPattern(pattern.substr(1), text.substr(1));
+  return joints;
 }
+
+// "@actuated": what the actuators move, floating bases and loose objects left out.
+std::vector<int> ActuatedObjects(const mjModel& model, mjtObj type, const std::string& what) {
+  std::vector<int> ids;
+  for (const int joint : ActuatedJoints(model)) ids.push_back(type == mjOBJ_JOINT ? joint : model.jnt_bodyid[joint]);
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  if (ids.empty()) throw UsageError(fmt::format("{}: no actuator of this model drives a joint", what));
+  return ids;
+}
+
+}  // namespace
 
 FieldRef ParseField(std::string_view text, const std::string& what) {
   FieldRef ref{std::string(text)};
@@ -41,12 +62,15 @@ std::string ObjectName(const mjModel& model, mjtObj type, int id) {
 
 std::vector<int> MatchObjects(const mjModel& model, const ObjectKind& kind, std::string_view pattern,
                               const std::string& what) {
+  if (pattern == "@actuated" && (kind.type == mjOBJ_JOINT || kind.type == mjOBJ_BODY)) {
+    return ActuatedObjects(model, kind.type, what);
+  }
   std::vector<int> ids;
   std::vector<std::string> candidates;
   for (int id = 0; id < kind.count; ++id) {
     const char* name = kind.type == mjOBJ_UNKNOWN ? nullptr : mj_id2name(&model, kind.type, id);
     const std::string by_id = fmt::format("#{}", id);
-    if (pattern == by_id || MatchesPattern(pattern, name == nullptr ? "" : name)) ids.push_back(id);
+    if (pattern == by_id || MatchesGlob(pattern, name == nullptr ? "" : name)) ids.push_back(id);
     candidates.push_back(ObjectName(model, kind.type, id));
   }
   if (ids.empty()) {

@@ -22,16 +22,14 @@ struct FieldRef {
   int index = -1;  ///< -1: all
 };
 
-/// Shell-like matching with * and ?.
-bool MatchesPattern(std::string_view pattern, std::string_view text);
-
 /// "friction[0]" -> ("friction", 0); "friction", "friction[*]" -> all. @throws UsageError that begins with `what`.
 FieldRef ParseField(std::string_view text, const std::string& what);
 
 /// The object's name, or "#id" where it has none.
 std::string ObjectName(const mjModel& model, mjtObj type, int id);
 
-/// Ids of the objects whose name or "#id" matches `pattern`, ascending, at least one.
+/// Ids of the objects whose name or "#id" matches `pattern` (a glob, or "@actuated" for joints and bodies), ascending,
+/// at least one.
 /// @throws UsageError that begins with `what`, with the nearest name and the list.
 std::vector<int> MatchObjects(const mjModel& model, const ObjectKind& kind, std::string_view pattern,
                               const std::string& what);

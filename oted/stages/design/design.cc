@@ -171,8 +171,9 @@ DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset
                          const std::string& run_name, const RunContext& context) {
   config.Check();
   dataset.CheckFits(factory.spec().task, factory.spec().obs_dim(), factory.spec().act_dim);
-  const EvidenceConfig evidence = config.Evidence();
-  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence.transitions);
+  EvidenceConfig evidence = config.Evidence();
+  evidence.n_past_actions = factory.spec().n_past_actions;
+  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence.transitions, evidence.n_past_actions);
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 
   Rng init = key.Stage("initialisation").MakeRng();

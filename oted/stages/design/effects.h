@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "oted/base/array2.h"
 #include "oted/data/dataset.h"
 #include "oted/sim/simulator.h"
 
@@ -13,6 +14,8 @@ struct ParameterEffect {
   /// Largest change of any observation, in standard deviations of that observation in the dataset, when the parameter
   /// goes from one bound to the other and all others stay nominal. Exactly 0: no measured effect.
   double largest_change = 0;
+  /// The same for each observation: (obs_dim).
+  std::vector<double> by_observation;
 };
 
 /// Replays the logged actions of whole episodes (at most `max_episodes`), from reset states and, where states can be
@@ -20,5 +23,14 @@ struct ParameterEffect {
 /// may act there alone.
 std::vector<ParameterEffect> MeasureEffects(const SimulatorFactory& factory, const Dataset& dataset, int max_episodes,
                                             RngKey key, int n_threads);
+
+/// How alike the effects of two parameters are: the cosine of their effect vectors, (d, d) with ones on the diagonal.
+/// An effect vector is the change of every observation, in its standard deviations, over short replays
+/// (`kTradeOffSteps` control steps from up to `n_starts` logged states, or from resets where states cannot be set) when
+/// the parameter moves by a fiftieth of its range about nominal. Near 1 or -1 the logs show one combination of the two
+/// and not each; 0 where one of them has no effect.
+Array2<double> EffectCosines(const SimulatorFactory& factory, const Dataset& dataset, int n_starts, RngKey key,
+                             int n_threads);
+inline constexpr int kTradeOffSteps = 10;
 
 }  // namespace oted

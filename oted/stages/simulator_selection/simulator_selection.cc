@@ -108,7 +108,7 @@ double CommonScore(const SimulatorFactory& factory, const Halves& halves, const 
   constexpr int kCheckInterval = 20;
   Array2<double> data[2], simulated[2];
   for (int h = 0; h < 2; ++h) {
-    data[h] = DatasetFeatures(halves.part[h], evidence.transitions);
+    data[h] = DatasetFeatures(halves.part[h], evidence.transitions, evidence.n_past_actions);
     ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), halves.part[h], clone, evidence);
     simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
     if (simulated[h].rows() == 0) return 0;
@@ -132,6 +132,7 @@ double CommonScore(const SimulatorFactory& factory, const Halves& halves, const 
 EvidenceConfig CommonEvidence(const SimulatorSpec& spec, const SelectionConfig& config) {
   EvidenceConfig evidence;
   evidence.n_steps = config.n_steps;
+  evidence.n_past_actions = spec.n_past_actions;
   if (!spec.can_set_state) {
     evidence.dataset_starts = evidence.replayed_actions = evidence.transitions = false;
     evidence.horizon = config.n_steps;

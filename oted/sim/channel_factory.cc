@@ -1,0 +1,94 @@
+#include "oted/sim/channel_factory.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+void CheckDisjoint(const ParameterSpace& space, const std::vector<ChannelSetup::Parameter>& channels) {
+  for (size_t i = 0; i < channels.size(); ++i) {
+    for (size_t k = 0; k < i; ++k) {
+      const ChannelField &a = channels[k].field, &b = channels[i].field;
+      if (a.quantity != b.quantity) continue;
+      std::vector<int> common;
+      std::set_intersection(a.observations.begin(), a.observations.end(), b.observations.begin(), b.observations.end(),
+                            std::back_inserter(common));
+      if (common.empty() && a.quantity != ChannelQuantity::kActionDelay) continue;
+      throw UsageError(fmt::format("parameters '{}' ({}) and '{}' ({}) set the same channel; narrow one of the paths",
+                                   space[channels[k].index].name, space[channels[k].index].field,
+                                   space[channels[i].index].name, space[channels[i].index].field));
+    }
+  }
+}
+
+}  // namespace
+
+ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> specs, const PlantMaker& make_plant) {
+  auto setup = std::make_shared<ChannelSetup>();
+  std::vector<ParameterSpec> plant_specs;
+  for (size_t i = 0; i < specs.size(); ++i) {
+    specs[i].Check();
+    if (IsChannelPath(specs[i].field)) continue;
+    setup->to_plant.push_back(static_cast<int>(i));
+    plant_specs.push_back(specs[i]);
+  }
+  plant_ = make_plant(std::move(plant_specs));
+  OTED_CHECK(plant_->parameters().size() == static_cast<int>(setup->to_plant.size()));
+  setup->spec = plant_->spec();
+  if (setup->spec.observation_shape.size() != 1) {
+    throw DataError(fmt::format("task '{}' shows images; parameters of actions and observations need flat observations",
+                                setup->spec.task));
+  }
+  // The plant has completed its own.
+  for (int i = 0; i < plant_->parameters().size(); ++i) {
+    specs[static_cast<size_t>(setup->to_plant[static_cast<size_t>(i)])] = plant_->parameters()[i];
+  }
+  setup->is_noisy.assign(static_cast<size_t>(setup->spec.obs_dim()), false);
+  for (size_t i = 0; i < specs.size(); ++i) {
+    if (!IsChannelPath(specs[i].field)) continue;
+    const ChannelField field = ResolveChannelParameter(setup->spec, specs[i]);
+    const int steps = static_cast<int>(std::ceil(specs[i].high));
+    if (field.quantity == ChannelQuantity::kActionDelay) setup->longest_action_delay = steps;
+    if (field.quantity == ChannelQuantity::kObservationDelay) {
+      setup->longest_observation_delay = std::max(setup->longest_observation_delay, steps);
+    }
+    if (field.quantity == ChannelQuantity::kNoiseStd) {
+      for (const int j : field.observations) setup->is_noisy[static_cast<size_t>(j)] = true;
+    }
+    setup->channels.push_back({static_cast<int>(i), field});
+  }
+  setup->n_noisy = static_cast<int>(std::count(setup->is_noisy.begin(), setup->is_noisy.end(), true));
+  setup->spec.n_past_actions += setup->longest_action_delay + setup->longest_observation_delay;
+  setup->space = ParameterSpace(std::move(specs));
+  CheckDisjoint(setup->space, setup->channels);
+  setup_ = std::move(setup);
+}
+
+std::unique_ptr<Simulator> ChannelSimulatorFactory::Make(int n_lanes, int n_threads) const {
+  return std::make_unique<ChannelSimulator>(setup_, plant_->Make(n_lanes, n_threads));
+}
+
+PathInfo ChannelSimulatorFactory::Describe(const std::string& path) const {
+  return IsChannelPath(path) ? DescribeChannel(spec(), path) : plant_->Describe(path);
+}
+
+std::vector<double> ChannelSimulatorFactory::PlantParameters(std::span<const double> z) const {
+  std::vector<double> values;
+  for (const int i : setup_->to_plant) values.push_back(z[static_cast<size_t>(i)]);
+  return values;
+}
+
+std::unique_ptr<SimulatorFactory> WithChannels(const std::vector<ParameterSpec>& specs,
+                                               const ChannelSimulatorFactory::PlantMaker& make_plant) {
+  const bool any = std::any_of(specs.begin(), specs.end(), [](const auto& s) { return IsChannelPath(s.field); });
+  if (!any) return make_plant(specs);
+  return std::make_unique<ChannelSimulatorFactory>(specs, make_plant);
+}
+
+}  // namespace oted

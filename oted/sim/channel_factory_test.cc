@@ -1,0 +1,123 @@
+#include "oted/sim/channel_factory.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "oted/base/error.h"
+#include "oted/sim/testing.h"
+
+namespace oted {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+ParameterSpec Channel(const std::string& name, const std::string& path, double low = 0, double high = 1) {
+  return {.name = name, .field = path, .low = low, .high = high, .scale = ParameterScale::kAbsolute};
+}
+
+std::unique_ptr<SimulatorFactory> Make(std::vector<ParameterSpec> channels, bool first = false) {
+  std::vector<ParameterSpec> specs = PointMass::MakeParameters().specs();
+  specs.insert(first ? specs.begin() : specs.end(), channels.begin(), channels.end());
+  return WithChannels(specs, [](const auto&) { return std::make_unique<PointMassFactory>(); });
+}
+
+TEST(WithChannels, WithoutChannelParametersIsThePlantsOwnFactory) {
+  EXPECT_NE(dynamic_cast<PointMassFactory*>(Make({}).get()), nullptr);
+  EXPECT_NE(dynamic_cast<const PointMassFactory*>(&Make({Channel("d", "action/delay")})->plant()), nullptr);
+}
+
+TEST(WithChannels, ParametersKeepTheUsersOrderAndThePlantGetsItsOwn) {
+  const auto factory = Make({Channel("delay", "action/delay", 0, 4)}, true);
+  const ParameterSpace& space = factory->parameters();
+  ASSERT_EQ(space.size(), 4);
+  EXPECT_EQ(space[0].name, "delay");
+  EXPECT_EQ(space[1].name, "gain");
+  EXPECT_THAT(space.Nominal(), ElementsAre(0, 1, 1, 1));
+  const std::vector<double> z = {3, 1.5, 0.4, 0.2};
+  EXPECT_THAT(static_cast<const ChannelSimulatorFactory&>(*factory).PlantParameters(z), ElementsAre(1.5, 0.4, 0.2));
+}
+
+TEST(WithChannels, UnitsAreControlStepsOrTheObservationsOwn) {
+  const auto factory =
+      Make({Channel("delay", "action/delay"), Channel("lag", "obs/*/delay"), Channel("bias", "obs/x/bias")});
+  EXPECT_EQ(factory->parameters()[3].unit, "control steps");
+  EXPECT_EQ(factory->parameters()[4].unit, "control steps");
+  EXPECT_EQ(factory->parameters()[5].unit, "unit of the observation") << "the point mass declares none";
+
+  SimulatorSpec spec = PointMass::MakeSpec({});
+  spec.observation_units = {"m", "m/s"};
+  EXPECT_EQ(DescribeChannel(spec, "obs/v/bias").unit, "m/s");
+  EXPECT_EQ(DescribeChannel(spec, "obs/*/bias").unit, "unit of the observation") << "they differ";
+}
+
+TEST(WithChannels, DelaysTellHowManyPastActionsMatter) {
+  EXPECT_EQ(Make({Channel("bias", "obs/x/bias")})->spec().n_past_actions, 0);
+  EXPECT_EQ(Make({Channel("d", "action/delay", 0, 2.5), Channel("l", "obs/x/delay", 0, 2)})->spec().n_past_actions, 5);
+}
+
+TEST(ResolveChannel, ANameAGlobAndANumberPickObservations) {
+  const SimulatorSpec spec = PointMass::MakeSpec({});
+  EXPECT_THAT(ResolveChannel(spec, "obs/*/noise_std").observations, ElementsAre(0, 1));
+  EXPECT_THAT(ResolveChannel(spec, "obs/v/bias").observations, ElementsAre(1));
+  EXPECT_THAT(ResolveChannel(spec, "obs/#1/delay").observations, ElementsAre(1));
+  EXPECT_THAT(ResolveChannel(spec, "obs/0/delay").observations, ElementsAre(0));
+}
+
+TEST(ResolveChannel, AnObservationsNameMayHaveSlashes) {
+  SimulatorSpec spec = PointMass::MakeSpec({});
+  spec.observation_names = {"arm/x", "arm/v"};
+  EXPECT_THAT(ResolveChannel(spec, "obs/arm/v/bias").observations, ElementsAre(1));
+}
+
+TEST(ResolveChannel, APathThatMatchesNothingNamesWhatThereIs) {
+  const auto make = [](const std::string& path) { return [=] { Make({Channel("p", path)}); }; };
+  EXPECT_THAT(make("obs/vel/bias"), ThrowsMessage<UsageError>(AllOf(HasSubstr("'vel'"), HasSubstr("x, v"))));
+  EXPECT_THAT(make("obs/2/bias"), ThrowsMessage<UsageError>(HasSubstr("x, v")));
+  EXPECT_THAT(make("obs/x/bais"), ThrowsMessage<UsageError>(HasSubstr("did you mean 'bias'?")));
+  EXPECT_THAT(make("obs/bias"), ThrowsMessage<UsageError>(HasSubstr("obs/NAME/bias")));
+  EXPECT_THAT(make("action/noise"), ThrowsMessage<UsageError>(HasSubstr("action/delay")));
+}
+
+TEST(ResolveChannel, MultiplesOfTheNominalValueAndRangesThatMissItAreErrors) {
+  ParameterSpec multiple = Channel("d", "action/delay", 0, 4);
+  multiple.scale = ParameterScale::kNominal;
+  EXPECT_THAT([&] { Make({multiple}); }, ThrowsMessage<UsageError>(HasSubstr("absolute")));
+  EXPECT_THAT([] { Make({Channel("d", "action/delay", 1, 4)}); }, ThrowsMessage<UsageError>(HasSubstr("holds 0")));
+  ParameterSpec logarithmic = Channel("n", "obs/*/noise_std", 0.001, 0.1);
+  logarithmic.logarithmic = true;
+  EXPECT_THAT([&] { Make({logarithmic}); }, ThrowsMessage<UsageError>(HasSubstr("drop 'log'")));
+  EXPECT_THAT([] { Make({Channel("n", "obs/*/noise_std", -1, 1)}); },
+              ThrowsMessage<UsageError>(HasSubstr("cannot be negative")));
+  EXPECT_THAT([] { Make({Channel("d", "obs/x/delay", 0, 1e6)}); }, ThrowsMessage<UsageError>(HasSubstr("at most")));
+}
+
+TEST(ResolveChannel, TwoParametersOnOneChannelAreAnError) {
+  EXPECT_THAT(
+      [] {
+        Make({Channel("a", "obs/*/bias"), Channel("b", "obs/v/bias")});
+      },
+      ThrowsMessage<UsageError>(AllOf(HasSubstr("'a'"), HasSubstr("'b'"), HasSubstr("same channel"))));
+  EXPECT_THAT(
+      [] {
+        Make({Channel("a", "action/delay"), Channel("b", "action/delay")});
+      },
+      ThrowsMessage<UsageError>(HasSubstr("same channel")));
+  EXPECT_NO_THROW(Make({Channel("a", "obs/x/bias"), Channel("b", "obs/v/bias"), Channel("c", "obs/x/delay")}));
+}
+
+TEST(ChannelOffers, NameEveryObservationWithTheNominalValueZero) {
+  const std::vector<ParameterOffer> offers = ChannelOffers(PointMass::MakeSpec({}));
+  ASSERT_EQ(offers.size(), 4u);
+  EXPECT_EQ(offers[0].path, "action/delay");
+  EXPECT_EQ(offers[1].places[1].path, "obs/v/noise_std");
+  for (const ParameterOffer& offer : offers) {
+    EXPECT_FALSE(offer.meaning.empty());
+    for (const ParameterPlace& place : offer.places) EXPECT_EQ(place.nominal, 0);
+  }
+}
+
+}  // namespace
+}  // namespace oted

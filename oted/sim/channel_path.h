@@ -1,0 +1,41 @@
+#pragma once
+/// Paths of parameters between controller and plant: "action/delay", "obs/NAME/noise_std", "obs/NAME/bias",
+/// "obs/NAME/delay". NAME is an observation's name, with * and ?, or its number ("#3", or "3").
+
+#include <string>
+#include <vector>
+
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+enum class ChannelQuantity {
+  kActionDelay,       ///< [control steps]
+  kNoiseStd,          ///< standard deviation of white Gaussian noise [unit of the observation]
+  kBias,              ///< added to the observation [unit of the observation]
+  kObservationDelay,  ///< [control steps]
+};
+
+/// What one path stands for.
+struct ChannelField {
+  ChannelQuantity quantity = ChannelQuantity::kActionDelay;
+  std::vector<int> observations;  ///< indices, ascending; empty for the action delay
+};
+
+/// Whether the path's first word is "action" or "obs".
+bool IsChannelPath(const std::string& path);
+
+/// @throws UsageError saying which part of the path matches nothing, with the nearest name.
+ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path);
+
+/// Resolves a parameter and completes it (nominal value 0, unit).
+/// @throws UsageError also when the scale is not absolute, or the range does not hold the nominal value 0, or holds
+/// negative delays or noise.
+ChannelField ResolveChannelParameter(const SimulatorSpec& spec, ParameterSpec& parameter);
+
+PathInfo DescribeChannel(const SimulatorSpec& spec, const std::string& path);
+
+/// The channel parameters of any simulator with flat observations.
+std::vector<ParameterOffer> ChannelOffers(const SimulatorSpec& spec);
+
+}  // namespace oted
