@@ -11,6 +11,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/sim/sysid_file.h"
 
 namespace oted::cli {
 
@@ -75,6 +76,9 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("--param", options.parameters,
                  "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable")
       ->allow_extra_args(false);
+  app.add_option("--params", options.parameter_file,
+                 "a mujoco.sysid parameter file (YAML) with names, bounds and nominal values, read in place of the "
+                 "configuration's parameters.sysid");
   app.add_option("--truth", options.truth,
                  "name=value, where a study knows it; read by evaluation and report only; repeatable")
       ->allow_extra_args(false);
@@ -112,16 +116,21 @@ RunConfig ResolveConfig(const Options& options) {
   RunConfig config;
   const std::filesystem::path own = std::filesystem::path(options.out) / "run.toml";
   if (!options.config.empty()) {
-    config = RunConfig::FromTomlFile(options.config);
+    config = RunConfig::FromTomlFile(options.config, options.parameters.empty() ? options.parameter_file : "");
   } else if (std::filesystem::exists(own)) {
     config = RunConfig::FromTomlFile(own.string());
   }
   if (!options.task.empty()) config.task.name = options.task;
   if (!options.data.empty()) config.data.path = options.data;
   if (!options.episodes.empty()) config.data.episodes = options.episodes;
-  if (!options.parameters.empty()) {
+  if (!options.parameters.empty() || (!options.parameter_file.empty() && options.config.empty())) {
     config.parameters.clear();
     for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
+    if (!options.parameter_file.empty()) {
+      const std::vector<bool> has_range(config.parameters.size(), true);
+      config.parameters =
+          MergeSysid(ReadSysidFile(options.parameter_file), options.parameter_file, config.parameters, has_range);
+    }
   }
   if (!options.truth.empty()) config.truth.clear();
   for (const std::string& text : options.truth) config.SetTruth(text);

@@ -86,6 +86,11 @@ std::span<const double> MujocoSimulator::qpos(int lane) const { return Row(qpos_
 std::span<const double> MujocoSimulator::qvel(int lane) const { return Row(qvel_, lane); }
 std::span<const double> MujocoSimulator::IntegrationState(int lane) const { return Row(state_, lane); }
 
+void MujocoSimulator::CopyModel(int lane, mjModel_& model) const {
+  OTED_CHECK(lane >= 0 && lane < n_lanes());
+  mjb_getModel(batch_.get(), lane, &model);
+}
+
 void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
   setup_->space.CheckInside(z);
@@ -237,6 +242,7 @@ MujocoSimulatorFactory::~MujocoSimulatorFactory() = default;
 const SimulatorSpec& MujocoSimulatorFactory::spec() const { return setup_->spec; }
 const ParameterSpace& MujocoSimulatorFactory::parameters() const { return setup_->space; }
 const MujocoTask& MujocoSimulatorFactory::task() const { return setup_->task; }
+const mjModel_& MujocoSimulatorFactory::model() const { return *setup_->loaded.model; }
 std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
 std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
 

@@ -11,6 +11,7 @@
 #include "oted/sim/simulator.h"
 
 struct mjBatch_;
+struct mjModel_;
 
 namespace oted {
 
@@ -49,6 +50,9 @@ class MujocoSimulator : public Simulator {
   std::span<const double> IntegrationState(int lane) const;
   /// Restores it; the episode clock starts at zero. @throws UsageError when the length is wrong.
   void SetIntegrationState(int lane, std::span<const double> state);
+
+  /// Writes the model that the lane simulates, its parameters applied, into a copy of the factory's model().
+  void CopyModel(int lane, mjModel_& model) const;
 
   std::span<const double> qpos(int lane) const;  ///< generalised positions (nq) [m, rad]
   std::span<const double> qvel(int lane) const;  ///< generalised velocities (nv) [m/s, rad/s]
@@ -113,6 +117,7 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
 
   const MujocoTask& task() const;
+  const mjModel_& model() const;     ///< the pristine model, compiled
   std::string model_path() const;    ///< the MJCF file that was loaded
   std::string model_sha256() const;  ///< of the compiled pristine model
 
