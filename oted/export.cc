@@ -125,19 +125,38 @@ std::string Origin(const Design& design, const Member& member) {
       ParameterLines(record.at("parameters"), member.mode));
 }
 
-// Parameters that act on what the agent sees and does, not on the model: an MJCF file has no place for them.
+// Whether a parameter is one of the model; others act on what the agent sees and does, and MJCF has no place for them.
+bool IsInModel(const ParameterSpec& spec) {
+  const std::string owner = spec.field.substr(0, spec.field.find('/'));
+  return owner != "action" && owner != "obs" && owner != "env";
+}
+
 std::string NotInTheModel(const Design& design) {
   std::string names;
   for (const ParameterSpec& spec : design.config.parameters) {
-    const std::string owner = spec.field.substr(0, spec.field.find('/'));
-    if (owner == "action" || owner == "obs" || owner == "env") names += (names.empty() ? "" : ", ") + spec.name;
+    if (!IsInModel(spec)) names += (names.empty() ? "" : ", ") + spec.name;
   }
   return names.empty() ? "" : fmt::format("Not in this file, as they are no fields of the model: {}.\n", names);
 }
 
+// The task's model with those of the design's parameters that are its fields.
+MujocoSimulatorFactory ModelFactory(const RunConfig& config) {
+  std::vector<ParameterSpec> in_model;
+  std::ranges::copy_if(config.parameters, std::back_inserter(in_model), IsInModel);
+  return {config.task.name, in_model};
+}
+
+std::vector<double> ModelPart(const RunConfig& config, const std::vector<double>& z) {
+  std::vector<double> in_model;
+  for (size_t i = 0; i < z.size(); ++i) {
+    if (IsInModel(config.parameters[i])) in_model.push_back(z[i]);
+  }
+  return in_model;
+}
+
 std::vector<ExportedFile> ExportModels(const Design& design, const ExportRequest& request) {
   const std::vector<Member> members = SelectMembers(design, request.member);
-  const MujocoSimulatorFactory factory(design.config.task.name, design.config.parameters);
+  const MujocoSimulatorFactory factory = ModelFactory(design.config);
   if (design.record.at("model").at("sha256") != factory.model_sha256()) {
     throw DataError(
         fmt::format("'{}' is no longer the model that the design was made with (its SHA-256 differs); restore "
@@ -152,7 +171,7 @@ std::vector<ExportedFile> ExportModels(const Design& design, const ExportRequest
     }
     const std::string comment = Origin(design, member) + NotInTheModel(design) +
                                 "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
-    WriteFileAtomically(path, DesignedMjcf(factory, member.mode, comment));
+    WriteFileAtomically(path, DesignedMjcf(factory, ModelPart(design.config, member.mode), comment));
     written.push_back({fmt::format("designed model, seed {}", member.seed), path});
   }
   return written;

@@ -22,11 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct SpecDeleter {
-  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
-};
-using SpecPtr = std::unique_ptr<mjSpec, SpecDeleter>;
-
 std::string OneLine(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
@@ -36,13 +31,6 @@ std::string OneLine(std::string text) {
 struct Refused {
   std::string reason;
 };
-
-SpecPtr Parse(const fs::path& path) {
-  std::array<char, 1000> reason{};
-  SpecPtr spec(mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
-  if (spec == nullptr) throw Refused{reason.data()};
-  return spec;
-}
 
 ModelPtr Compile(mjSpec& spec) {
   ModelPtr model(mj_compile(&spec, nullptr));
@@ -149,9 +137,10 @@ ModelPtr CompileText(const std::string& text) {
   return Compile(*spec);
 }
 
-// `designed` written on top of the file's own specification.
-std::string Write(const fs::path& path, const mjModel& pristine, mjModel& designed, bool fix_inertias) {
-  const SpecPtr spec = Parse(path);
+// `designed` written on top of what the pristine model was compiled from.
+std::string Write(const mjSpec& original, const mjModel& pristine, mjModel& designed, bool fix_inertias) {
+  const SpecPtr spec(mj_copySpec(&original));
+  OTED_CHECK(spec != nullptr);
   ModelPtr base = Compile(*spec);
   if (fix_inertias) {
     FixInertias(*spec, pristine);
@@ -175,7 +164,7 @@ std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const 
   std::string problem;
   for (const bool fix_inertias : {false, true}) {
     try {
-      const std::string text = Write(factory.model_path(), factory.model(), *designed, fix_inertias);
+      const std::string text = Write(factory.model_spec(), factory.model(), *designed, fix_inertias);
       problem = FirstDifference(*CompileText(text), *designed);
       if (problem.empty()) return AsComment(comment) + text;
     } catch (const Refused& refused) {

@@ -29,9 +29,10 @@ LoadedModel LoadModel(const std::filesystem::path& path) {
   }
   std::array<char, 1000> reason{};
   LoadedModel loaded;
-  loaded.model.reset(mj_loadXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
+  loaded.spec.reset(mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
+  if (loaded.spec != nullptr) loaded.model.reset(mj_compile(loaded.spec.get(), nullptr));
   if (loaded.model == nullptr) {
-    std::string text = reason.data();
+    std::string text = loaded.spec == nullptr ? reason.data() : mjs_getError(loaded.spec.get());
     std::replace(text.begin(), text.end(), '\n', ' ');
     throw DataError(fmt::format("MuJoCo {} cannot load '{}': {}", mj_versionString(), path.string(), text));
   }

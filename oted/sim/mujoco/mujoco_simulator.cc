@@ -243,6 +243,7 @@ const SimulatorSpec& MujocoSimulatorFactory::spec() const { return setup_->spec;
 const ParameterSpace& MujocoSimulatorFactory::parameters() const { return setup_->space; }
 const MujocoTask& MujocoSimulatorFactory::task() const { return setup_->task; }
 const mjModel_& MujocoSimulatorFactory::model() const { return *setup_->loaded.model; }
+const mjSpec_& MujocoSimulatorFactory::model_spec() const { return *setup_->loaded.spec; }
 std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
 std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
 

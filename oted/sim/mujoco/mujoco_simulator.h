@@ -12,6 +12,7 @@
 
 struct mjBatch_;
 struct mjModel_;
+struct mjSpec_;
 
 namespace oted {
 
@@ -117,9 +118,10 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
 
   const MujocoTask& task() const;
-  const mjModel_& model() const;     ///< the pristine model, compiled
-  std::string model_path() const;    ///< the MJCF file that was loaded
-  std::string model_sha256() const;  ///< of the compiled pristine model
+  const mjModel_& model() const;      ///< the pristine model, compiled
+  const mjSpec_& model_spec() const;  ///< what it was compiled from
+  std::string model_path() const;     ///< the MJCF file that was loaded
+  std::string model_sha256() const;   ///< of the compiled pristine model
 
  private:
   std::shared_ptr<const MujocoSetup> setup_;
