@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
+#include <fstream>
+
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
@@ -117,6 +120,42 @@ TEST(SysidFile, EachDefectIsAnErrorThatNamesFileAndParameter) {
               HasSubstr("'times'"));
   EXPECT_THAT(message(std::string(2 << 20, ' ')), HasSubstr("bytes"));
   EXPECT_THAT(MessageOf<DataError>([] { ReadSysidFile("no/such.yaml"); }), HasSubstr("no/such.yaml"));
+}
+
+TEST(SysidFile, MutatedBytesGiveADataErrorOrParametersOfFiniteNumbers) {
+  const std::string whole = SysidText({{.spec = {.name = "friction", .field = "geom/*/friction[0]"}, .value = 0.5},
+                                       {.spec = {.name = "gain", .field = "actuator/#0/gear[0]"}, .value = 1e-5}},
+                                      "two");
+  TestFolder folder;
+  Rng rng = RngKey(3).Stage("mutations").MakeRng();
+  int refused = 0;
+  for (int i = 0; i < 600; ++i) {
+    std::string text = whole;
+    for (uint64_t n = 1 + rng.Below(4); n > 0; --n) {
+      const size_t at = rng.Below(text.size());
+      switch (rng.Below(3)) {
+        case 0:
+          text[at] = static_cast<char>(rng.Below(256));
+          break;
+        case 1:
+          text.erase(at, 1 + rng.Below(20));
+          break;
+        default:
+          text.insert(at, text.substr(rng.Below(text.size()), rng.Below(40)));
+      }
+    }
+    std::ofstream(folder / "params.yaml", std::ios::binary) << text;
+    try {
+      for (const SysidParameter& p : ReadSysidFile(folder / "params.yaml")) {
+        EXPECT_TRUE(std::isfinite(p.spec.nominal) && std::isfinite(p.value) && p.spec.low < p.spec.high) << text;
+      }
+    } catch (const DataError& e) {
+      ++refused;
+      EXPECT_THAT(e.what(), AllOf(HasSubstr("params.yaml"), testing::Not(HasSubstr("\n"))));
+    }
+  }
+  EXPECT_GT(refused, 100);
+  EXPECT_LT(refused, 600);
 }
 
 TEST(MergeSysid, AFieldComesFromTheConfigurationOrFromTheFileAndElseIsAskedFor) {
