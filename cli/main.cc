@@ -45,6 +45,7 @@ int oted::cli::Main(int argc, char** argv) {
   cli::AddBehaviorVerb(program);
   cli::AddParamsVerb(program);
   cli::AddReportVerb(program);
+  cli::AddExportVerb(program);
   cli::InstallStopHandler();
   try {
     if (argc > 1) CheckVerb(program.app, argv[1]);

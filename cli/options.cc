@@ -13,6 +13,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/sim/presets.h"
+#include "oted/sim/sysid_file.h"
 
 namespace oted::cli {
 
@@ -78,6 +79,9 @@ void AddParameterOptions(CLI::App& app, Options& options) {
                      "same name replaces one",
                      fmt::join(PresetNames(), ", ")))
       ->allow_extra_args(false);
+  app.add_option("--params", options.parameter_file,
+                 "a mujoco.sysid parameter file (YAML) with names, bounds and nominal values, read in place of the "
+                 "configuration's parameters.sysid");
 }
 
 void AddRunOptions(CLI::App& app, Options& options) {
@@ -124,17 +128,23 @@ RunConfig ResolveConfig(const Options& options) {
   RunConfig config;
   const std::filesystem::path own = std::filesystem::path(options.out) / "run.toml";
   if (!options.config.empty()) {
-    config = RunConfig::FromTomlFile(options.config);
+    config = RunConfig::FromTomlFile(options.config, options.parameters.empty() ? options.parameter_file : "");
   } else if (!options.out.empty() && std::filesystem::exists(own)) {
     config = RunConfig::FromTomlFile(own.string());
   }
   if (!options.task.empty()) config.task = TaskConfig::FromArgument(options.task);
   if (!options.data.empty()) config.data.path = options.data;
   if (!options.episodes.empty()) config.data.episodes = options.episodes;
-  if (!options.presets.empty() || !options.parameters.empty()) config.presets = options.presets;
-  if (!options.parameters.empty()) {
+  const bool from_file = !options.parameter_file.empty() && options.config.empty();
+  if (!options.presets.empty() || !options.parameters.empty() || from_file) config.presets = options.presets;
+  if (!options.parameters.empty() || from_file) {
     config.parameters.clear();
     for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
+    if (!options.parameter_file.empty()) {
+      const std::vector<bool> has_range(config.parameters.size(), true);
+      config.parameters =
+          MergeSysid(ReadSysidFile(options.parameter_file), options.parameter_file, config.parameters, has_range);
+    }
   }
   if (!options.truth.empty()) config.truth.clear();
   for (const std::string& text : options.truth) config.SetTruth(text);

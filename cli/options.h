@@ -15,7 +15,7 @@ namespace oted::cli {
 
 /// As typed; empty where not given.
 struct Options {
-  std::string config, task, data, episodes, out;
+  std::string config, task, data, episodes, out, parameter_file;
   std::vector<std::string> parameters, presets, truth, assignments;
   long seed = -1;
   int threads = -1;
@@ -60,6 +60,9 @@ RunContext MakeContext(LogSink& log, int threads);
 
 /// The program's command line, as typed.
 std::string CommandLine(int argc, char** argv);
+
+/// Writes RUN_DIR/export/ when there is a design; what cannot be exported is a warning on stderr.
+void WriteExports(const std::filesystem::path& run_directory);
 
 /// Prints the final tables of a run directory (or its JSON), and returns the exit code that its verdict stands for.
 int PrintResult(const std::filesystem::path& run_directory, const Options& options);

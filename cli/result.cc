@@ -70,6 +70,8 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
       fmt::print("\nverdict: {}\n", VerdictSentence(design.at("verdict").get<std::string>()));
     }
     if (!evaluation.is_null()) PrintPolicies(evaluation);
+    const std::filesystem::path designed = run_directory / "export" / "designed.xml";
+    if (std::filesystem::exists(designed)) fmt::print("\ndesigned model: {}", designed.string());
     fmt::print("\nreport: {}\n", (run_directory / "report.html").string());
   }
   if (design.is_null()) return static_cast<int>(ExitCode::kDone);

@@ -18,6 +18,7 @@ void AddRunVerb(Program& program) {
     {
       Session session(*options, program.command_line);
       session.pipeline().Run();
+      WriteExports(options->out);
       WriteReport(options->out);
     }
     program.exit_code = PrintResult(options->out, *options);

@@ -31,6 +31,7 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
             "evaluate needs the truth of a study: add --truth name=value for every parameter, or a [truth] section");
       }
       (session.pipeline().*call)();
+      WriteExports(options->out);
       WriteReport(options->out);
     }
     program.exit_code = PrintResult(options->out, *options);

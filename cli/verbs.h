@@ -18,5 +18,6 @@ void AddCollectVerb(Program& program);
 void AddBehaviorVerb(Program& program);
 void AddParamsVerb(Program& program);
 void AddReportVerb(Program& program);
+void AddExportVerb(Program& program);
 
 }  // namespace oted::cli

@@ -9,6 +9,7 @@ find_package(ZLIB REQUIRED)
 find_package(HDF5 REQUIRED COMPONENTS C)
 find_package(CLI11 REQUIRED)
 find_package(muparser REQUIRED)
+find_package(yaml-cpp REQUIRED)
 
 add_library(oted_hdf5 INTERFACE)
 target_include_directories(oted_hdf5 SYSTEM INTERFACE ${HDF5_C_INCLUDE_DIRS})

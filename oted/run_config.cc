@@ -16,6 +16,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/sim/presets.h"
+#include "oted/sim/sysid_file.h"
 #include "oted/toml_writer.h"
 
 namespace oted {
@@ -100,7 +101,9 @@ double Number(const json& value, const std::string& what, const std::string& whe
   return value.get<double>();
 }
 
-ParameterSpec ParameterFromJson(const std::string& name, const json& table, const std::string& where) {
+/// @param needs_range  of an absolute parameter; false where a parameter file gives it
+ParameterSpec ParameterFromJson(const std::string& name, const json& table, const std::string& where,
+                                bool needs_range) {
   ParameterSpec spec;
   spec.name = name;
   if (!table.is_object() || !table.contains("field") || !table["field"].is_string()) {
@@ -131,7 +134,7 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
     }
     spec.low = Number(range[0], prefix + "range[0]", where);
     spec.high = Number(range[1], prefix + "range[1]", where);
-  } else if (spec.scale == ParameterScale::kAbsolute) {
+  } else if (spec.scale == ParameterScale::kAbsolute && needs_range) {
     throw UsageError(
         fmt::format("{}: {}range is missing; an absolute parameter needs range = [low, high]", where, prefix));
   }
@@ -166,6 +169,42 @@ std::vector<std::string> PresetsFromJson(const json& value, const std::string& w
   return presets;
 }
 
+/// A path in a configuration is relative to its folder.
+std::string BesideFile(const std::string& path, const std::string& file_name) {
+  const std::filesystem::path folder = std::filesystem::path(file_name).parent_path();
+  return path.empty() || std::filesystem::path(path).is_absolute() ? path : (folder / path).lexically_normal().string();
+}
+
+/// In the order of the file, which is the order of z; those of a mujoco.sysid file come first.
+std::vector<ParameterSpec> ParametersFromToml(const toml::table& table, const std::string& file_name,
+                                              std::string parameter_file) {
+  const toml::node* named = table.get("sysid");
+  const bool names_file = named != nullptr && named->is_string();
+  if (names_file && (**named->as_string()).empty()) {
+    throw UsageError(
+        fmt::format("{}: parameters.sysid names no file; name one, or remove the line", Where(file_name, *named)));
+  }
+  if (names_file && parameter_file.empty()) parameter_file = BesideFile(**named->as_string(), file_name);
+  const std::vector<SysidParameter> given =
+      parameter_file.empty() ? std::vector<SysidParameter>{} : ReadSysidFile(parameter_file);
+  std::vector<std::pair<toml::source_position, std::string>> order;
+  for (const auto& [key, node] : table) {
+    if ((key.str() == "sysid" && names_file) || (key.str() == "preset" && !node.is_table())) continue;
+    order.push_back({node.source().begin, std::string(key.str())});
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<ParameterSpec> declared;
+  std::vector<bool> has_range;
+  for (const auto& [position, name] : order) {
+    const std::string at = Where(file_name, *table.get(name));
+    const json entry = TomlToJson(*table.get(name), at);
+    const bool in_file = std::ranges::any_of(given, [&](const auto& p) { return p.spec.name == name; });
+    declared.push_back(ParameterFromJson(name, entry, at, !in_file));
+    has_range.push_back(entry.contains("range"));
+  }
+  return parameter_file.empty() ? declared : MergeSysid(given, parameter_file, declared, has_range);
+}
+
 json ParameterToJson(const ParameterSpec& spec) {
   json table = {{"field", spec.field},
                 {"range", {spec.low, spec.high}},
@@ -189,7 +228,8 @@ std::vector<FieldList> AllFields(RunConfig& config) {
           config.design.Fields(), config.selection.Fields(), config.agents.Fields(), config.sac.Fields("sac")};
 }
 
-RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name) {
+RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,
+                              const std::string& parameter_file) {
   toml::table document;
   try {
     document = toml::parse(text, file_name);
@@ -214,18 +254,12 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
     }
     const toml::table& table = *node.as_table();
     if (name == "parameters") {
-      // In the order of the file: it is the order of z.
-      std::vector<std::pair<toml::source_position, std::string>> order;
-      for (const auto& [k, n] : table) order.push_back({n.source().begin, std::string(k.str())});
-      std::sort(order.begin(), order.end());
-      for (const auto& [position, parameter] : order) {
-        const std::string at = Where(file_name, *table.get(parameter));
-        if (parameter == "preset" && !table.get(parameter)->is_table()) {
-          config.presets = PresetsFromJson(TomlToJson(*table.get(parameter), at), at);
-          continue;
-        }
-        config.parameters.push_back(ParameterFromJson(parameter, TomlToJson(*table.get(parameter), at), at));
+      // The order of the file is the order of z.
+      if (const toml::node* preset = table.get("preset"); preset != nullptr && !preset->is_table()) {
+        const std::string at = Where(file_name, *preset);
+        config.presets = PresetsFromJson(TomlToJson(*preset, at), at);
       }
+      config.parameters = ParametersFromToml(table, file_name, parameter_file);
     } else if (name == "truth") {
       for (const auto& [k, n] : table) {
         config.truth[std::string(k.str())] =
@@ -269,11 +303,13 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
       config.settings[std::string(key.str())] = setting;
     }
   }
-  const std::filesystem::path folder = std::filesystem::path(file_name).parent_path();
-  for (std::string* path : {&config.data.path, &config.task.model.model}) {
-    if (path->empty() || path->starts_with("package:") || std::filesystem::path(*path).is_absolute()) continue;
-    *path = (folder / *path).lexically_normal().string();
+  // Without a [parameters] section there is nothing to add to the file.
+  if (!parameter_file.empty() && !document.contains("parameters")) {
+    config.parameters = ParametersFromToml({}, file_name, parameter_file);
   }
+  config.data.path = BesideFile(config.data.path, file_name);
+  std::string& model = config.task.model.model;
+  if (!model.starts_with("package:")) model = BesideFile(model, file_name);
   try {
     config.task.Resolve();
   } catch (const UsageError& e) {
@@ -282,7 +318,9 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
   return config;
 }
 
-RunConfig RunConfig::FromTomlFile(const std::string& path) { return FromToml(ReadFile(path), path); }
+RunConfig RunConfig::FromTomlFile(const std::string& path, const std::string& parameter_file) {
+  return FromToml(ReadFile(path), path, parameter_file);
+}
 
 json RunConfig::ToJson() const {
   RunConfig copy = *this;

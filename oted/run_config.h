@@ -76,8 +76,10 @@ struct RunConfig {
 
   /// Reads TOML. Paths in it are relative to its folder. @throws UsageError with file and line, DataError when
   /// unreadable.
-  static RunConfig FromToml(const std::string& text, const std::string& file_name);
-  static RunConfig FromTomlFile(const std::string& path);
+  /// @param parameter_file  read in place of what `[parameters] sysid` names; "" for that
+  static RunConfig FromToml(const std::string& text, const std::string& file_name,
+                            const std::string& parameter_file = "");
+  static RunConfig FromTomlFile(const std::string& path, const std::string& parameter_file = "");
   /// The resolved configuration, every default written out; FromToml reads it back.
   std::string ToToml() const;
   nlohmann::json ToJson() const;

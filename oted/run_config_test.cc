@@ -127,6 +127,52 @@ TEST(RunConfig, RelativeDataLieBesideTheFile) {
   EXPECT_EQ(RunConfig::FromToml("[data]\npath = \"/d.hdf5\"\n", "configs/x.toml").data.path, "/d.hdf5");
 }
 
+constexpr const char* kSysidFile = R"(
+damping: {frozen: false, max_value: [3.0], min_value: [0.5], name: damping, nominal: [1.0], value: [1.0]}
+friction: {frozen: false, max_value: [1.5], min_value: [0.6], name: friction, nominal: [1.0], value: [0.9],
+           field: "geom/*/friction[0]", scale: nominal, log: true}
+)";
+
+TEST(RunConfig, ParametersComeFromASysidFileBesideTheConfiguration) {
+  TestFolder folder;
+  WriteFileAtomically(folder / "params.yaml", kSysidFile);
+  const auto read = [&](const std::string& parameters) {
+    return RunConfig::FromToml("[parameters]\n" + parameters, folder / "run.toml");
+  };
+  const RunConfig config = read(R"(
+    gravity = { field = "opt/gravity[2]", range = [0.5, 1.5] }
+    sysid   = "params.yaml"
+    damping = { field = "joint/*/damping", scale = "nominal" })");
+  EXPECT_EQ(Names(config), (std::vector<std::string>{"damping", "friction", "gravity"}));
+  EXPECT_EQ(config.parameters[0].field, "joint/*/damping");
+  EXPECT_EQ(config.parameters[0].high, 3.0) << "the file's";
+  EXPECT_EQ(config.parameters[1].low, 0.6);
+  EXPECT_TRUE(config.parameters[1].logarithmic);
+  EXPECT_EQ(config.parameters[2].high, 1.5);
+  // What the resolved configuration says needs no file any more.
+  const RunConfig again = Parse(config.ToToml());
+  ASSERT_EQ(Names(again), Names(config));
+  for (size_t i = 0; i < again.parameters.size(); ++i) ExpectSame(again.parameters[i], config.parameters[i]);
+
+  EXPECT_THAT(MessageOf<UsageError>([&] { read("sysid = 'params.yaml'"); }),
+              testing::AllOf(HasSubstr("params.yaml"), HasSubstr("'damping'")));
+  EXPECT_THAT(MessageOf<UsageError>([&] { read("sysid = ''"); }), HasSubstr("parameters.sysid"));
+  EXPECT_THAT(MessageOf<DataError>([&] { read("sysid = 'gone.yaml'"); }), HasSubstr("gone.yaml"));
+  EXPECT_EQ(Names(read("sysid = { field = 'opt/gravity[2]' }")), std::vector<std::string>{"sysid"})
+      << "a name like any";
+}
+
+TEST(RunConfig, AParameterFileOnTheCommandLineTakesThePlaceOfTheConfigurations) {
+  TestFolder folder;
+  WriteFileAtomically(folder / "params.yaml", kSysidFile);
+  const RunConfig config =
+      RunConfig::FromToml("[parameters]\nsysid = 'gone.yaml'\ndamping = { field = 'joint/*/damping' }", "here.toml",
+                          folder / "params.yaml");
+  EXPECT_EQ(Names(config), (std::vector<std::string>{"damping", "friction"}));
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunConfig::FromToml("", "here.toml", folder / "params.yaml"); }),
+              HasSubstr("'damping'"));
+}
+
 TEST(RunConfig, AnUnknownNameIsRefusedWithTheNearestAndItsLine) {
   const std::string key = Refusal("[sac]\nlearning_rat = 1e-3\n");
   EXPECT_THAT(key, HasSubstr("here.toml:10"));

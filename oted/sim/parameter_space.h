@@ -1,6 +1,7 @@
 #pragma once
 /// The simulator parameters z of the paper (Sec. 3, M(z)): what may vary, within which bounds.
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,6 +25,8 @@ struct ParameterSpec {
   bool logarithmic = false;        ///< search in log z; needs low > 0
   std::string unit = "x nominal";  ///< shown in reports
   double nominal = 1.0;            ///< z of the un-designed simulator; filled in by the simulator for kAbsolute
+  /// What a parameter file takes the nominal value of a kAbsolute to be: a model with another is refused.
+  std::optional<double> wanted_nominal = std::nullopt;
 
   /// @throws UsageError: empty name or field, bounds not finite or not low < high, log of a non-positive bound.
   void Check() const;

@@ -27,18 +27,31 @@ void SilenceWarnings() {
   throw DataError(fmt::format("MuJoCo {} cannot load '{}': {}", mj_versionString(), path.string(), reason));
 }
 
-LoadedModel Finish(ModelPtr model) {
+SpecPtr Parse(const std::filesystem::path& path) {
+  if (!std::filesystem::is_regular_file(path)) {
+    throw DataError(fmt::format("no model file at '{}'; set OTED_ASSETS to the folder that holds it", path.string()));
+  }
+  std::array<char, 1000> reason{};
+  SpecPtr spec(mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
+  if (spec == nullptr) FailToLoad(path, reason.data());
+  return spec;
+}
+
+ModelPtr Compile(mjSpec& spec, const std::filesystem::path& path) {
+  ModelPtr model(mj_compile(&spec, nullptr));
+  if (model == nullptr) FailToLoad(path, mjs_getError(&spec));
+  return model;
+}
+
+LoadedModel Finish(SpecPtr spec, ModelPtr model) {
   LoadedModel loaded;
+  loaded.spec = std::move(spec);
   loaded.model = std::move(model);
   loaded.disable_flags = loaded.model->opt.disableflags;
   loaded.sha256 = Sha256(SerializeModel(*loaded.model));
   loaded.model->opt.disableflags |= mjDSBL_AUTORESET;
   return loaded;
 }
-
-struct SpecDeleter {
-  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
-};
 
 // The control range of a motor on a joint.
 std::array<double, 2> MotorRange(const mjModel& model, int joint, const std::vector<double>& range) {
@@ -67,33 +80,27 @@ std::string SerializeModel(const mjModel& model) {
 
 LoadedModel LoadModel(const std::filesystem::path& path) {
   SilenceWarnings();
-  if (!std::filesystem::is_regular_file(path)) {
-    throw DataError(fmt::format("no model file at '{}'; set OTED_ASSETS to the folder that holds it", path.string()));
-  }
-  std::array<char, 1000> reason{};
-  ModelPtr model(mj_loadXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
-  if (model == nullptr) FailToLoad(path, reason.data());
-  return Finish(std::move(model));
+  SpecPtr spec = Parse(path);
+  ModelPtr model = Compile(*spec, path);
+  return Finish(std::move(spec), std::move(model));
 }
 
 LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::vector<std::string>& motors,
                                 const std::vector<double>& range) {
-  LoadedModel plain = LoadModel(path);
-  if (motors.empty()) return plain;
-  std::array<char, 1000> reason{};
-  const std::unique_ptr<mjSpec, SpecDeleter> spec(
-      mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
-  if (spec == nullptr) FailToLoad(path, reason.data());
+  if (motors.empty()) return LoadModel(path);
+  SilenceWarnings();
+  SpecPtr spec = Parse(path);
+  const ModelPtr plain = Compile(*spec, path);
   std::set<int> joints;  // in the model's order, each once
   for (const std::string& motor : motors) {
     const std::string what = fmt::format("task.motors '{}' (model '{}')", motor, path.string());
     if (!motor.starts_with("joint/")) throw UsageError(what + ": wanted joint/NAME, with * for any text");
-    const ObjectKind kind{"joint", mjOBJ_JOINT, static_cast<int>(plain.model->njnt)};
-    for (const int id : MatchObjects(*plain.model, kind, std::string_view(motor).substr(6), what)) joints.insert(id);
+    const ObjectKind kind{"joint", mjOBJ_JOINT, static_cast<int>(plain->njnt)};
+    for (const int id : MatchObjects(*plain, kind, std::string_view(motor).substr(6), what)) joints.insert(id);
   }
   for (const int joint : joints) {
-    const std::array<double, 2> limits = MotorRange(*plain.model, joint, range);
-    const std::string name = ObjectName(*plain.model, mjOBJ_JOINT, joint);
+    const std::array<double, 2> limits = MotorRange(*plain, joint, range);
+    const std::string name = ObjectName(*plain, mjOBJ_JOINT, joint);
     mjsActuator* actuator = mjs_addActuator(spec.get(), nullptr);
     mjs_setToMotor(actuator);
     mjs_setName(actuator->element, name.c_str());
@@ -102,9 +109,8 @@ LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::ve
     actuator->ctrllimited = mjLIMITED_TRUE;
     std::copy(limits.begin(), limits.end(), actuator->ctrlrange);
   }
-  ModelPtr model(mj_compile(spec.get(), nullptr));
-  if (model == nullptr) FailToLoad(path, mjs_getError(spec.get()));
-  return Finish(std::move(model));
+  ModelPtr model = Compile(*spec, path);
+  return Finish(std::move(spec), std::move(model));
 }
 
 }  // namespace oted

@@ -16,13 +16,18 @@ struct ModelDeleter {
 struct DataDeleter {
   void operator()(mjData* data) const { mj_deleteData(data); }
 };
+struct SpecDeleter {
+  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
+};
 using ModelPtr = std::unique_ptr<mjModel, ModelDeleter>;
 using DataPtr = std::unique_ptr<mjData, DataDeleter>;
+using SpecPtr = std::unique_ptr<mjSpec, SpecDeleter>;
 
 /// A model as its file describes it, and the fingerprint of what was compiled from it.
 struct LoadedModel {
   ModelPtr model;      ///< with mjDSBL_AUTORESET set: a diverged state stays as it is and is reported
   int disable_flags;   ///< as the file has them, without that flag
+  SpecPtr spec;        ///< what it was compiled from; copy it before changing it
   std::string sha256;  ///< of the compiled model as mj_saveModel writes it, before that flag was set
 };
 

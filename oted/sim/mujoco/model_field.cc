@@ -244,6 +244,12 @@ ModelField ResolveParameter(const mjModel& model, ParameterSpec& spec) {
                     "stand for; narrow the path or use multiples of nominal",
                     spec.name, spec.field, *low, *high));
   }
+  if (spec.wanted_nominal && std::abs(*spec.wanted_nominal - *low) > 1e-6 * std::abs(*low) + 1e-12) {
+    throw UsageError(fmt::format(
+        "parameter '{}': the nominal value of '{}' is {} in the model, but {} in the parameter file; the file was made "
+        "with another model: correct the one or the other",
+        spec.name, spec.field, *low, *spec.wanted_nominal));
+  }
   spec.nominal = *low;
   spec.unit = field.unit;
   return field;

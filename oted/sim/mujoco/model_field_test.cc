@@ -118,6 +118,18 @@ TEST_F(ModelFieldTest, OneAbsoluteValueForPlacesThatDifferIsAnError) {
   EXPECT_THAT([&] { ResolveParameter(*loaded_.model, spec); }, ThrowsMessage<UsageError>(HasSubstr("from 0.9 to 2")));
 }
 
+TEST_F(ModelFieldTest, AParameterFileOfAnotherModelIsRefused) {
+  ParameterSpec spec{.name = "gravity", .field = "opt/gravity[2]", .low = -20, .high = -1};
+  spec.scale = ParameterScale::kAbsolute;
+  spec.wanted_nominal = -9.81;
+  ResolveParameter(*loaded_.model, spec);
+  EXPECT_EQ(spec.nominal, -9.81);
+  spec.wanted_nominal = -9.8;
+  EXPECT_THAT(
+      [&] { ResolveParameter(*loaded_.model, spec); },
+      ThrowsMessage<UsageError>(testing::AllOf(HasSubstr("'gravity'"), HasSubstr("-9.8 in the parameter file"))));
+}
+
 TEST(BoundingRadius, IsTheCompilersForEveryShape) {
   const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "oted_shapes.xml";
   std::ofstream(path) << R"(<mujoco><worldbody>

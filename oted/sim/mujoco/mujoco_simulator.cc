@@ -102,6 +102,11 @@ std::span<const double> MujocoSimulator::qpos(int lane) const { return qpos_.row
 std::span<const double> MujocoSimulator::qvel(int lane) const { return qvel_.row(lane); }
 std::span<const double> MujocoSimulator::IntegrationState(int lane) const { return state_.row(lane); }
 
+void MujocoSimulator::CopyModel(int lane, mjModel_& model) const {
+  OTED_CHECK(lane >= 0 && lane < n_lanes());
+  mjb_getModel(batch_.get(), lane, &model);
+}
+
 void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
   setup_->space.CheckInside(z);
@@ -254,6 +259,8 @@ MujocoSimulatorFactory::~MujocoSimulatorFactory() = default;
 const SimulatorSpec& MujocoSimulatorFactory::spec() const { return setup_->spec; }
 const ParameterSpace& MujocoSimulatorFactory::parameters() const { return setup_->space; }
 int MujocoSimulatorFactory::frame_skip() const { return setup_->frame_skip; }
+const mjModel_& MujocoSimulatorFactory::model() const { return *setup_->loaded.model; }
+const mjSpec_& MujocoSimulatorFactory::model_spec() const { return *setup_->loaded.spec; }
 std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
 std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
 const std::string& MujocoSimulatorFactory::why_not_settable() const { return setup_->why_not_settable; }

@@ -12,6 +12,8 @@
 #include "oted/sim/simulator.h"
 
 struct mjBatch_;
+struct mjModel_;
+struct mjSpec_;
 
 namespace oted {
 
@@ -52,6 +54,9 @@ class MujocoSimulator : public Simulator {
   std::span<const double> IntegrationState(int lane) const;
   /// Restores it; the episode clock starts at zero. @throws UsageError when the length is wrong.
   void SetIntegrationState(int lane, std::span<const double> state);
+
+  /// Writes the model that the lane simulates, its parameters applied, into a copy of the factory's model().
+  void CopyModel(int lane, mjModel_& model) const;
 
   std::span<const double> qpos(int lane) const;  ///< generalised positions (nq) [m, rad]
   std::span<const double> qvel(int lane) const;  ///< generalised velocities (nv) [m/s, rad/s]
@@ -119,6 +124,8 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
 
   int frame_skip() const;                       ///< physics steps per control step
+  const mjModel_& model() const;                ///< the pristine model, compiled
+  const mjSpec_& model_spec() const;            ///< what it was compiled from
   std::string model_path() const;               ///< the model file that was loaded
   std::string model_sha256() const override;    ///< of the compiled pristine model
   const std::string& why_not_settable() const;  ///< "" where the state can be set from an observation

@@ -73,6 +73,16 @@ TEST(LearnDesign, RecoversWhatTheLogsShowAndStaysWideWhereTheyShowNothing) {
   EXPECT_GT(std[kIdle], 0.6 * 1.0 / std::sqrt(12.0)) << "no effect: nothing to learn";
 }
 
+// The nominal damping, 1, is its upper bound too; least squares that start on a bound can stall there.
+TEST(LearnDesign, ATruthOnABoundIsApproachedAndANominalValueOnABoundHoldsNothingBack) {
+  const TestFolder folder;
+  const DesignResult design =
+      Learn(SmallConfig(), folder.path(), 1, PointMassFactory(), PointMassLogs({2.0, 0.25, 0.5}, 8));
+  const std::vector<double> mode = design.q.Mode();
+  EXPECT_NEAR(mode[kGain], 2.0, 0.1);
+  EXPECT_NEAR(mode[kDamping], 0.25, 0.05);
+}
+
 TEST(LearnDesign, GivesTheSameBitsAtAnyNumberOfThreads) {
   const TestFolder one, two;
   DesignConfig config = SmallConfig();

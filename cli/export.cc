@@ -1,0 +1,61 @@
+// oted export: the results of a design in other tools' formats.
+
+#include "oted/export.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "cli/options.h"
+#include "cli/verbs.h"
+#include "oted/base/error.h"
+
+namespace oted::cli {
+
+void AddExportVerb(Program& program) {
+  CLI::App* verb = program.app.add_subcommand(
+      "export", "the designed simulator as MJCF, q(z) as JSON, the parameters for mujoco.sysid");
+  struct Words {
+    std::string run, mjcf, q, sysid, member = "best";
+  };
+  auto words = std::make_shared<Words>();
+  verb->add_option("RUN_DIR,--out", words->run, "run directory that holds a design.json")->required();
+  verb->add_option("--mjcf", words->mjcf, "write the designed model: loads in MuJoCo's viewer and in Python");
+  verb->add_option(
+      "--member", words->member,
+      "whose mode --mjcf holds: best (the best-scoring seed), a seed, or all, one file each (NAME-SEED.xml) "
+      "[default: best]");
+  verb->add_option("--q", words->q, "write the selected setting's mixture q(z) (docs/schemas/oted.q.1.schema.json)");
+  verb->add_option("--sysid", words->sysid, "write a parameter file of mujoco.sysid (YAML)");
+  verb->footer("Without --mjcf, --q and --sysid all three are written into RUN_DIR/export/.");
+  verb->callback([words] {
+    ExportRequest request{.mjcf = words->mjcf, .q = words->q, .sysid = words->sysid};
+    if (request.mjcf.empty() && request.q.empty() && request.sysid.empty()) request = DefaultExports(words->run);
+    request.member = words->member;
+    if (request.mjcf.empty() && request.member != "best") {
+      throw UsageError("--member says which model --mjcf writes; add --mjcf FILE");
+    }
+    for (const ExportedFile& file : Export(words->run, request)) {
+      fmt::print("{}: {}\n", file.what, file.path.string());
+    }
+  });
+}
+
+void WriteExports(const std::filesystem::path& run_directory) {
+  if (!std::filesystem::exists(run_directory / "design.json")) return;
+  const ExportRequest request = DefaultExports(run_directory);
+  try {
+    Export(run_directory, request);
+  } catch (const Error& e) {
+    // The design is done and on disk: a model that MuJoCo cannot write does not make it a failure. An earlier design's
+    // exports must not pass for this one's.
+    for (const std::filesystem::path& file : {request.mjcf, request.q, request.sysid}) {
+      std::error_code ignored;
+      std::filesystem::remove(file, ignored);
+    }
+    fmt::print(stderr, "warning: not exported: {}\n", e.what());
+  }
+}
+
+}  // namespace oted::cli

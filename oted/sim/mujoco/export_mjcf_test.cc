@@ -1,0 +1,256 @@
+#include "oted/sim/mujoco/export_mjcf.h"
+
+#include <gmock/gmock.h>
+#include <mujoco/mujoco.h>
+
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/sim/mujoco/model.h"
+#include "oted/sim/mujoco/model_compare.h"
+#include "oted/sim/mujoco/model_field.h"
+#include "oted/sim/mujoco/task.h"
+
+namespace oted {
+namespace {
+
+using testing::HasSubstr;
+
+// A model in which nothing stands where it is easily found: values from defaults and classes, masses from densities and
+// a mesh, angles in degrees, an included file, assets in a folder of their own, servos, a tendon, a weld, a contact
+// pair.
+constexpr const char* kCrooked = R"(<mujoco model="crooked">
+  <compiler angle="degree" meshdir="parts" texturedir="parts" inertiafromgeom="true" settotalmass="7" boundmass="0.01"/>
+  <option timestep="0.004" integrator="implicitfast" gravity="0 0 -9.7"/>
+  <include file="defaults.xml"/>
+  <asset>
+    <mesh name="wedge" file="wedge.obj" scale="0.9 1 1.1"/>
+    <texture name="paint" type="2d" file="paint.png"/>
+    <material name="paint" texture="paint"/>
+  </asset>
+  <worldbody>
+    <geom name="ground" type="plane" size="5 5 0.1" material="paint"/>
+    <body name="base" pos="0 0 0.6" euler="0 10 0">
+      <joint name="x" type="slide" axis="1 0 0" damping="0" stiffness="0"/>
+      <joint name="z" type="slide" axis="0 0 1" damping="0" stiffness="0"/>
+      <joint name="pitch" axis="0 1 0" damping="0" stiffness="0"/>
+      <geom name="hull" type="mesh" mesh="wedge" density="700"/>
+      <site name="hip" pos="0 0 -0.1"/>
+      <body name="arm" pos="0.1 0 -0.1" childclass="limb">
+        <joint name="shoulder" range="-80 70"/>
+        <geom name="upper" fromto="0 0 0 0.05 0 -0.3"/>
+        <body name="hand" pos="0.05 0 -0.3">
+          <joint name="elbow" range="-100 20" damping="0.7"/>
+          <geom name="lower" fromto="0 0 0 0.1 0 -0.2" mass="0.4"/>
+          <geom name="tip" type="sphere" size="0.06" pos="0.1 0 -0.2" friction="0.8"/>
+          <site name="grip" pos="0.1 0 -0.2"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <contact><pair geom1="tip" geom2="ground" friction="1.1 1.1 0.01 0.001 0.001"/></contact>
+  <tendon><spatial name="cord" stiffness="3" damping="0.2"><site site="hip"/><site site="grip"/></spatial></tendon>
+  <actuator>
+    <position name="shoulder" joint="shoulder" kp="20" ctrllimited="true" ctrlrange="-1 1"/>
+    <motor name="elbow" joint="elbow" gear="3" ctrllimited="true" ctrlrange="-1 1"/>
+  </actuator>
+  <sensor><jointpos joint="elbow"/></sensor>
+</mujoco>)";
+constexpr const char* kDefaults = R"(<mujoco><default>
+  <joint damping="0.3" armature="0.01" axis="0 1 0" stiffness="1"/>
+  <geom friction="0.6 0.01 0.001" density="900"/>
+  <default class="limb">
+    <joint frictionloss="0.05" damping="0.5" limited="true"/>
+    <geom type="capsule" size="0.04"/>
+  </default>
+</default></mujoco>)";
+constexpr const char* kWedge =
+    "v -0.2 -0.1 -0.1\nv 0.2 -0.1 -0.1\nv 0 0.1 -0.1\nv 0.05 0 0.15\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+
+// Python loads the exported file, compares it with the lane's model saved as MJB, and rolls it out beside the lane.
+constexpr const char* kCompare = R"(
+import json, mujoco, numpy as np
+case = json.load(open("case.json"))
+got, want = mujoco.MjModel.from_xml_path("designed.xml"), mujoco.MjModel.from_binary_path("lane.mjb")
+compared = 0
+for name in dir(want):
+    value = None if name.startswith("_") else getattr(want, name)
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        np.testing.assert_allclose(getattr(got, name), value, rtol=1e-9, atol=1e-12, err_msg=name)
+        compared += 1
+assert compared > 100, compared
+for name in ("gravity", "timestep", "density", "viscosity", "wind"):
+    np.testing.assert_allclose(getattr(got.opt, name), getattr(want.opt, name), rtol=1e-9, err_msg=name)
+for name, values in case["expanded"].items():
+    field = got.opt.gravity if name == "opt.gravity" else getattr(got, name)
+    np.testing.assert_allclose(np.ravel(field), values, rtol=1e-9, atol=1e-12, err_msg=name)
+assert not got.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_AUTORESET, "the simulator's own switch"
+data = mujoco.MjData(got)
+mujoco.mj_setState(got, data, np.array(case["start"]), mujoco.mjtState.mjSTATE_INTEGRATION)
+for step, (action, qpos, qvel) in enumerate(zip(case["actions"], case["qpos"], case["qvel"])):
+    data.ctrl[:] = action
+    for _ in range(case["frame_skip"]):
+        mujoco.mj_step(got, data)
+    np.testing.assert_allclose(data.qpos, qpos, rtol=0, atol=1e-9, err_msg=str(step))
+    np.testing.assert_allclose(data.qvel, qvel, rtol=0, atol=1e-9, err_msg=str(step))
+)";
+
+struct ExportCase {
+  std::string name, task;
+  std::vector<ParameterSpec> specs;
+  std::vector<double> z;
+  bool crooked = false;
+};
+
+class ExportMjcf : public testing::TestWithParam<ExportCase> {
+ protected:
+  ~ExportMjcf() override { unsetenv("OTED_ASSETS"); }
+  // The crooked model takes the place of Hopper's.
+  void WriteCrooked() {
+    WriteFileAtomically(folder_ / "models/hopper.xml", kCrooked);
+    WriteFileAtomically(folder_ / "models/defaults.xml", kDefaults);
+    WriteFileAtomically(folder_ / "models/parts/wedge.obj", kWedge);
+    ASSERT_TRUE(
+        RunPython("import imageio, numpy\nimageio.imwrite('models/parts/paint.png', numpy.full((2, 2, 3), 90, "
+                  "dtype='uint8'))",
+                  folder_));
+    setenv("OTED_ASSETS", (folder_ / "models").c_str(), 1);
+  }
+  TestFolder folder_;
+};
+
+TEST_P(ExportMjcf, PythonLoadsTheLanesModelAndRollsItOutAlike) {
+  const ExportCase& c = GetParam();
+  if (c.crooked) WriteCrooked();
+  const MujocoSimulatorFactory factory(c.task, c.specs);
+  const auto simulator = factory.MakeMujoco(1, 1);
+  simulator->SetParameters(0, c.z);
+  Rng rng = RngKey(5).MakeRng();
+  simulator->Reset(0, rng);
+  const std::span<const double> state = simulator->IntegrationState(0);
+  nlohmann::json record = {{"frame_skip", factory.frame_skip()},
+                           {"start", std::vector<double>(state.begin(), state.end())},
+                           {"expanded", nlohmann::json::object()}};
+  ModelPtr lane(mj_copyModel(nullptr, &factory.model()));
+  simulator->CopyModel(0, *lane);
+  mj_saveModel(lane.get(), (folder_ / "lane.mjb").c_str(), nullptr, 0);
+  const int first = 0;
+  for (int step = 0; step < 200; ++step) {
+    std::vector<double> action(static_cast<size_t>(factory.spec().act_dim));
+    for (double& a : action) a = rng.Uniform(-1, 1);
+    simulator->Step({&first, 1}, action);
+    record["actions"].push_back(action);
+    record["qpos"].push_back(std::vector<double>(simulator->qpos(0).begin(), simulator->qpos(0).end()));
+    record["qvel"].push_back(std::vector<double>(simulator->qvel(0).begin(), simulator->qvel(0).end()));
+  }
+  // What the parameters are for, by hand: nominal times z, or z.
+  for (size_t i = 0; i < c.specs.size(); ++i) {
+    const ModelField field = ResolvePath(factory.model(), c.specs[i].field);
+    if (field.array != "opt.gravity" && field.array != "geom_friction") continue;
+    const double* pristine = field.array == "opt.gravity" ? factory.model().opt.gravity : factory.model().geom_friction;
+    std::vector<double> values(pristine, pristine + (field.array == "opt.gravity" ? 3 : 3 * factory.model().ngeom));
+    for (size_t k = 0; k < field.indices.size(); ++k) {
+      values[static_cast<size_t>(field.indices[k])] =
+          c.specs[i].scale == ParameterScale::kAbsolute ? c.z[i] : field.nominal[k] * c.z[i];
+    }
+    record["expanded"][field.array] = values;
+  }
+  WriteJson(folder_ / "case.json", record);
+  WriteFileAtomically(folder_ / "designed.xml", DesignedMjcf(factory, c.z, "friction 0.5 +- 0.1 --> \xC3\xA9"));
+  EXPECT_TRUE(RunPython(kCompare, folder_));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Every, ExportMjcf,
+    testing::Values(
+        ExportCase{"Hopper",
+                   "Hopper-v5",
+                   {{.name = "friction", .field = "geom/*/friction[0]"},
+                    {.name = "gain", .field = "actuator/*/gainprm[0]"},
+                    {.name = "gravity", .field = "opt/gravity[2]"}},
+                   {0.5491234567891, 0.6887654321, 1.3501}},
+        ExportCase{"CheetahMasses",
+                   "HalfCheetah-v5",
+                   {{.name = "mass", .field = "body/*/mass"},
+                    {.name = "inertia", .field = "body/*/inertia"},
+                    {.name = "armature", .field = "joint/b*/armature"},
+                    {.name = "damping", .field = "joint/*/damping"},
+                    {.name = "gear", .field = "actuator/*/gear[0]"},
+                    {.name = "stiffness", .field = "joint/*/stiffness"}},
+                   {1.2345, 0.87654321, 1.31, 0.7, 0.9, 1.1}},
+        ExportCase{
+            "WalkerShapes",
+            "Walker2d-v5",
+            {{.name = "size", .field = "geom/*_geom/size[0]", .low = 0.8, .high = 1.2},
+             {.name = "loss", .field = "joint/*/frictionloss", .low = 0, .high = 1, .scale = ParameterScale::kAbsolute},
+             {.name = "range", .field = "joint/thigh_joint/range"},
+             {.name = "com",
+              .field = "body/torso/ipos[0]",
+              .low = -0.1,
+              .high = 0.1,
+              .scale = ParameterScale::kAbsolute},
+             {.name = "solref", .field = "geom/*/solref[0]"}},
+            {1.0712345, 0.0312345, 0.812345, 0.0123456789, 1.3}},
+        ExportCase{"CrookedFriction", "Hopper-v4", {{.name = "friction", .field = "geom/*/friction[0]"}}, {0.7}, true},
+        ExportCase{"CrookedEverything",
+                   "Hopper-v4",
+                   {{.name = "friction", .field = "geom/*/friction[0]"},
+                    {.name = "pair", .field = "pair/*/friction[0]"},
+                    {.name = "gain", .field = "actuator/shoulder/gainprm[0]"},
+                    {.name = "bias", .field = "actuator/shoulder/biasprm[1]"},
+                    {.name = "gear", .field = "actuator/elbow/gear[0]"},
+                    {.name = "cord", .field = "tendon/cord/stiffness"},
+                    {.name = "mass", .field = "body/hand/mass"},
+                    {.name = "armature", .field = "joint/*/armature"},
+                    {.name = "damping", .field = "joint/elbow/damping"},
+                    {.name = "loss", .field = "joint/*/frictionloss"},
+                    {.name = "place", .field = "body/hand/pos[2]", .low = 0.8, .high = 1.2},
+                    {.name = "grip", .field = "site/grip/pos[0]"},
+                    {.name = "wind", .field = "opt/wind[0]", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute},
+                    {.name = "air", .field = "opt/density", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute},
+                    {.name = "gravity", .field = "opt/gravity[2]"}},
+                   {0.7, 1.3, 1.4, 1.2, 0.6, 1.5, 0.8, 1.7, 0.9, 1.1, 1.05, 0.9, 1.25, 1.2, 0.95},
+                   true}),
+    [](const auto& parameter) { return parameter.param.name; });
+
+TEST(DesignedMjcf, AtTheNominalValuesIsTheModelItCameFrom) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "mass", .field = "body/*/mass"}});
+  TestFolder folder;
+  WriteFileAtomically(folder / "same.xml", DesignedMjcf(factory, std::vector{1.0}, "nominal"));
+  const std::string text = ReadFile(folder / "same.xml");
+  EXPECT_EQ(FirstDifference(*LoadModel(folder / "same.xml").model, factory.model()), "");
+  EXPECT_THAT(text, Not(HasSubstr("<inertial"))) << "masses stay inferred where nothing changes them";
+  EXPECT_THAT(text, HasSubstr("friction=\"0.9\"")) << "not 0.90000000000000002";
+}
+
+TEST(DesignedMjcf, RefusesAValueOutsideItsBounds) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "mass", .field = "body/*/mass"}});
+  EXPECT_THROW(DesignedMjcf(factory, std::vector{7.0}, ""), UsageError);
+}
+
+// The compiler refuses it: A + B >= C must hold for a body's inertia.
+TEST(DesignedMjcf, AModelThatMujocoCannotCompileAgainIsADataErrorWithItsReason) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "i", .field = "body/foot/inertia[0]", .high = 9}});
+  const std::string message = MessageOf<DataError>([&] { DesignedMjcf(factory, std::vector{8.0}, ""); });
+  EXPECT_THAT(message, testing::AllOf(HasSubstr("hopper.xml"), HasSubstr("inertia"), HasSubstr("--sysid")));
+}
+
+TEST(FirstDifference, NamesTheNumberThatDiffers) {
+  const LoadedModel one = LoadModel(AssetFolder() / "hopper.xml");
+  ModelPtr other(mj_copyModel(nullptr, one.model.get()));
+  EXPECT_EQ(FirstDifference(*one.model, *other), "");
+  other->geom_friction[3] *= 1 + 1e-10;
+  EXPECT_EQ(FirstDifference(*one.model, *other), "") << "within the tolerance";
+  other->geom_friction[3] *= 1 + 1e-8;
+  EXPECT_THAT(FirstDifference(*one.model, *other), HasSubstr("geom_friction[3]"));
+  other.reset(mj_copyModel(nullptr, one.model.get()));
+  other->opt.gravity[2] = -9;
+  EXPECT_EQ(FirstDifference(*one.model, *other), "opt.gravity[2] is -9.81, not -9");
+  other.reset(mj_copyModel(nullptr, one.model.get()));
+  other->stat.meaninertia *= 2;
+  EXPECT_THAT(FirstDifference(*one.model, *other), HasSubstr("meaninertia"));
+}
+
+}  // namespace
+}  // namespace oted
