@@ -6,7 +6,8 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/sim/rollout.h"
+#include "oted/rl/batch_policy.h"
+#include "oted/sim/episode_recorder.h"
 
 namespace oted {
 namespace {
@@ -18,14 +19,6 @@ double RandomReturn(const SimulatorFactory& factory, RngKey key, int n_threads) 
   Rng rng = key.Stage("actions").MakeRng();
   const std::vector<std::vector<double>> z(kJudgeEpisodes, factory.parameters().Nominal());
   return MeanReturn(RunEpisodes(*simulator, z, UniformRandomPolicy(factory.spec(), rng), key));
-}
-
-double RoundToFloat(double value) { return static_cast<double>(static_cast<float>(value)); }
-
-std::vector<double> RoundToFloat(std::span<const double> values) {
-  std::vector<double> rounded;
-  for (const double value : values) rounded.push_back(RoundToFloat(value));
-  return rounded;
 }
 
 }  // namespace
@@ -83,32 +76,19 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
 Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector<double>& z,
                               const TanhGaussianPolicy& policy, int n_episodes, RngKey key, int n_threads) {
   const auto simulator = factory.Make(n_episodes, n_threads);
-  PolicyRunner runner(policy, ActionNoise::kSampled);
-  Rng noise = key.Stage("actions").MakeRng();
-  const auto act = [&](std::span<const double> observations, int n, std::span<double> actions) {
-    runner.Act(observations, n, noise, actions);
+  const BatchPolicy sampled = AsBatchPolicy(policy, ActionNoise::kSampled, key.Stage("actions").MakeRng());
+  const BatchPolicy act = [&](std::span<const double> observations, int n, std::span<double> actions) {
+    sampled(observations, n, actions);
     // D4RL's files hold float32: what is logged is what was done.
-    for (double& a : actions) a = RoundToFloat(a);
+    for (double& a : actions) a = static_cast<double>(static_cast<float>(a));
   };
-  std::vector<Dataset> lanes(static_cast<size_t>(n_episodes));
-  const auto record = [&](const StepView& step) {
-    if (step.status == LaneStatus::kDiverged) {
-      throw DataError(
-          "the target diverged while demonstrations were logged; choose target parameters nearer to nominal");
-    }
-    Dataset& log = lanes[static_cast<size_t>(step.lane)];
-    log.observations.AppendRow(RoundToFloat(step.observation));
-    log.actions.AppendRow(step.action);
-    log.next_observations.AppendRow(RoundToFloat(step.next_observation));
-    log.rewards.push_back(RoundToFloat(step.reward));
-    log.terminals.push_back(step.status == LaneStatus::kTerminated);
-    log.timeouts.push_back(step.status == LaneStatus::kTruncated);
-  };
+  EpisodeRecorder recorder(n_episodes, LogPrecision::kFloat);
   RunEpisodes(*simulator, std::vector<std::vector<double>>(static_cast<size_t>(n_episodes), z), act,
-              key.Stage("episodes"), record);
-  Dataset dataset;
-  for (const Dataset& lane : lanes) dataset.Append(lane);
-  return dataset;
+              key.Stage("episodes"), recorder.Observer());
+  if (recorder.n_diverged() > 0) {
+    throw DataError("the target diverged while demonstrations were logged; choose target parameters nearer to nominal");
+  }
+  return recorder.Logs();
 }
 
 }  // namespace oted

@@ -271,7 +271,10 @@ void Pipeline::SelectPolicy() {
   }
   for (size_t j = 0; j < agents.size(); ++j) {
     selection["agents"].push_back(
-        {{"agent", j + 1}, {"returns", result.returns[j]}, {"mean_return", result.mean_return[j]}});
+        {{"agent", j + 1},
+         {"returns", result.returns[j]},
+         {"mean_return", result.mean_return[j]},
+         {"n_diverged", result.n_diverged[j]}});
   }
   directory_.Complete(file, selection, PolicySelectionFingerprint());
 }
