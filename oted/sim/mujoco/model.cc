@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <mutex>
+#include <span>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/sim/mujoco/legacy_inertia.h"
 
 namespace oted {
 namespace {
@@ -20,16 +23,36 @@ void SilenceWarnings() {
   });
 }
 
+struct SpecDeleter {
+  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
+};
+
+/// Null with a `reason` where the file does not compile.
+ModelPtr CompileWithLegacyCapsules(const std::filesystem::path& path, std::span<char> reason) {
+  const std::unique_ptr<mjSpec, SpecDeleter> spec(
+      mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
+  if (spec == nullptr) return nullptr;
+  ModelPtr model(mj_compile(spec.get(), nullptr));
+  if (model != nullptr) {
+    UseLegacyCapsules(*spec, *model, path.string());
+    model.reset(mj_compile(spec.get(), nullptr));
+  }
+  if (model == nullptr) std::strncpy(reason.data(), mjs_getError(spec.get()), reason.size() - 1);
+  return model;
+}
+
 }  // namespace
 
-LoadedModel LoadModel(const std::filesystem::path& path) {
+LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules) {
   SilenceWarnings();
   if (!std::filesystem::is_regular_file(path)) {
     throw DataError(fmt::format("no model file at '{}'; set OTED_ASSETS to the folder that holds it", path.string()));
   }
   std::array<char, 1000> reason{};
   LoadedModel loaded;
-  loaded.model.reset(mj_loadXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
+  loaded.model = legacy_capsules
+                     ? CompileWithLegacyCapsules(path, reason)
+                     : ModelPtr(mj_loadXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
   if (loaded.model == nullptr) {
     std::string text = reason.data();
     std::replace(text.begin(), text.end(), '\n', ' ');

@@ -67,7 +67,7 @@ std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& task, std:
   setup->task = FindTask(task);
   for (const ParameterSpec& spec : specs) spec.Check();
   setup->model_path = AssetFolder() / setup->task.xml_file;
-  setup->loaded = LoadModel(setup->model_path);
+  setup->loaded = LoadModel(setup->model_path, setup->task.legacy_capsules);
   const mjModel& model = *setup->loaded.model;
   for (ParameterSpec& spec : specs) setup->fields.push_back(ResolveParameter(model, spec));
   setup->space = ParameterSpace(std::move(specs));
