@@ -19,6 +19,7 @@ struct SimulatorSpec {
   std::vector<int> observation_shape;          ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
+  std::vector<std::string> action_names;       ///< one per number of an action; may be empty
   int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
   std::vector<double> action_low;
   std::vector<double> action_high;
