@@ -38,6 +38,7 @@ int Main(int argc, char** argv) {
   program.app.require_subcommand(1);
   cli::AddRunVerb(program);
   cli::AddStageVerbs(program);
+  cli::AddEvaluateVerb(program);
   cli::AddCollectVerb(program);
   cli::AddBehaviorVerb(program);
   cli::AddReportVerb(program);

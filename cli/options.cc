@@ -69,7 +69,7 @@ std::string CommandLine(int argc, char** argv) {
 void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
-  app.add_option("--task", options.task, "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
+  app.add_option("--task", options.task, "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4 and -v2");
   app.add_option("--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz");
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   app.add_option("--param", options.parameters,
@@ -138,6 +138,25 @@ RunConfig ResolveConfig(const Options& options) {
     if (!is_form(assignment)) config.Set(assignment);
   }
   return config;
+}
+
+std::vector<double> TargetParameters(const ParameterSpace& space, const std::map<std::string, double>& truth) {
+  std::vector<double> z = space.Nominal();
+  size_t n_found = 0;
+  for (int i = 0; i < space.size(); ++i) {
+    const auto found = truth.find(space[i].name);
+    if (found == truth.end()) continue;
+    z[static_cast<size_t>(i)] = found->second;
+    ++n_found;
+  }
+  if (n_found == truth.size()) return z;
+  for (const auto& [name, unused] : truth) {
+    const auto is_it = [&, &wanted = name](const ParameterSpec& spec) { return spec.name == wanted; };
+    if (std::none_of(space.specs().begin(), space.specs().end(), is_it)) {
+      throw UsageError(fmt::format("--truth {} names no parameter; declare it with --param", name));
+    }
+  }
+  return z;
 }
 
 Session::Session(const Options& options, const std::string& command_line) : terminal_(options.quiet) {

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -31,6 +32,10 @@ std::string SettingsHelp(const std::vector<std::string>& sections);
 /// The configuration that the options describe: --config, else the run directory's own run.toml, else defaults; flags
 /// on top.
 RunConfig ResolveConfig(const Options& options);
+
+/// z of a simulator that stands for a target: the truth where it is given, nominal where it is not.
+/// @throws UsageError for a truth that names no parameter
+std::vector<double> TargetParameters(const ParameterSpace& space, const std::map<std::string, double>& truth);
 
 /// A pipeline with its log: files in the run directory and bars on the terminal.
 class Session {

@@ -22,7 +22,7 @@ using nlohmann::json;
 
 FieldList TaskConfig::Fields() {
   FieldList fields("task");
-  fields.Add("name", &name, "the simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
+  fields.Add("name", &name, "the simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4 and -v2");
   return fields;
 }
 
