@@ -4,6 +4,10 @@
 
 #include <cmath>
 
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/sim/testing.h"
+
 namespace oted {
 namespace {
 
@@ -52,6 +56,43 @@ TEST(AsBatchPolicy, ACopyGoesOnWithTheSameStream) {
   const std::vector<double> first = Actions(one), second = Actions(copy);
   EXPECT_EQ(Actions(alone), first);
   EXPECT_EQ(Actions(alone), second);
+}
+
+TEST(LoadBatchPolicy, BothFilesOfAPolicyGiveItsMeanAction) {
+  const TestFolder folder;
+  const TanhGaussianPolicy policy = MakePolicy();
+  const SimulatorSpec spec = PointMass::MakeSpec({});
+  policy.Save(folder / "policy.npz");
+  WriteOnnx(policy, PolicyMetadata(spec, "a test"), folder / "policy.onnx");
+  const std::vector<double> expected = Actions(MeanActionPolicy(policy));
+  EXPECT_EQ(Actions(LoadBatchPolicy(folder / "policy.npz", spec)), expected);
+  const std::vector<double> read = Actions(LoadBatchPolicy(folder / "policy.onnx", spec));
+  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(read[i], expected[i], 1e-6);
+}
+
+TEST(LoadBatchPolicy, AFileOfAnotherTaskOrKindIsADataErrorThatNamesIt) {
+  const TestFolder folder;
+  SimulatorSpec spec = PointMass::MakeSpec({});
+  MakePolicy().Save(folder / "policy.npz");
+  WriteOnnx(MakePolicy(), {}, folder / "policy.onnx");
+  WriteFileAtomically(folder / "policy.pt", "");
+  EXPECT_THROW(LoadBatchPolicy(folder / "policy.pt", spec), DataError);
+  spec.act_dim = 2;
+  for (const char* name : {"policy.npz", "policy.onnx"}) {
+    const std::string message = MessageOf<DataError>([&] { LoadBatchPolicy(folder / name, spec); });
+    EXPECT_NE(message.find(name), std::string::npos);
+    EXPECT_NE(message.find("PointMass"), std::string::npos);
+  }
+}
+
+TEST(LoadBatchPolicy, AnActionThatIsNotFiniteIsADataErrorThatNamesTheFile) {
+  const TestFolder folder;
+  TanhGaussianPolicy policy = MakePolicy();
+  WriteOnnx(policy, {}, folder / "policy.onnx");
+  const BatchPolicy act = LoadBatchPolicy(folder / "policy.onnx", PointMass::MakeSpec({}));
+  std::vector<double> action(1);
+  const std::string message = MessageOf<DataError>([&] { act(std::vector<double>{NAN, 0}, 1, action); });
+  EXPECT_NE(message.find("policy.onnx"), std::string::npos);
 }
 
 }  // namespace
