@@ -51,16 +51,7 @@ void AddCollectVerb(Program& program) {
     if (!options->truth.empty() || !options->parameters.empty()) config.truth.clear();
     for (const std::string& text : options->truth) config.SetTruth(text);
     const auto factory = MakeSimulatorFactory(config.task, config.parameters);
-    std::vector<double> z = factory->parameters().Nominal();
-    for (int i = 0; i < factory->parameters().size(); ++i) {
-      const auto found = config.truth.find(factory->parameters()[i].name);
-      if (found != config.truth.end()) z[static_cast<size_t>(i)] = found->second;
-      if (found != config.truth.end()) config.truth.erase(found);
-    }
-    if (!config.truth.empty()) {
-      throw UsageError(
-          fmt::format("--truth {} names no parameter; declare it with --param", config.truth.begin()->first));
-    }
+    const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
     NullSink log;
     const RunContext context = MakeContext(log, options->threads);
     const RngKey key = RngKey(static_cast<uint64_t>(std::max(1L, options->seed))).Stage("collect");

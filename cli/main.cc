@@ -41,6 +41,7 @@ int oted::cli::Main(int argc, char** argv) {
   program.app.require_subcommand(1);
   cli::AddRunVerb(program);
   cli::AddStageVerbs(program);
+  cli::AddEvaluateVerb(program);
   cli::AddCollectVerb(program);
   cli::AddBehaviorVerb(program);
   cli::AddParamsVerb(program);

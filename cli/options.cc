@@ -164,6 +164,25 @@ RunConfig ResolveConfig(const Options& options) {
   return config;
 }
 
+std::vector<double> TargetParameters(const ParameterSpace& space, const std::map<std::string, double>& truth) {
+  std::vector<double> z = space.Nominal();
+  size_t n_found = 0;
+  for (int i = 0; i < space.size(); ++i) {
+    const auto found = truth.find(space[i].name);
+    if (found == truth.end()) continue;
+    z[static_cast<size_t>(i)] = found->second;
+    ++n_found;
+  }
+  if (n_found == truth.size()) return z;
+  for (const auto& [name, unused] : truth) {
+    const auto is_it = [&, &wanted = name](const ParameterSpec& spec) { return spec.name == wanted; };
+    if (std::none_of(space.specs().begin(), space.specs().end(), is_it)) {
+      throw UsageError(fmt::format("--truth {} names no parameter; declare it with --param", name));
+    }
+  }
+  return z;
+}
+
 Session::Session(const Options& options, const std::string& command_line) : terminal_(options.quiet) {
   const std::string started = Now();
   const RunConfig config = ResolveConfig(options);

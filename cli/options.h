@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -25,7 +26,7 @@ struct Options {
 
 /// Of --task, for every verb.
 inline constexpr const char* kTaskHelp =
-    "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4; or a TOML file whose [task] describes one";
+    "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4 and -v2; or a TOML file whose [task] describes one";
 
 /// Adds the options that every stage takes.
 void AddRunOptions(CLI::App& app, Options& options);
@@ -38,6 +39,9 @@ RunConfig ResolveConfig(const Options& options);
 
 /// Adds --param and --preset.
 void AddParameterOptions(CLI::App& app, Options& options);
+/// z of a simulator that stands for a target: the truth where it is given, nominal where it is not.
+/// @throws UsageError for a truth that names no parameter
+std::vector<double> TargetParameters(const ParameterSpace& space, const std::map<std::string, double>& truth);
 
 /// A pipeline with its log: files in the run directory and bars on the terminal.
 class Session {

@@ -5,7 +5,6 @@
 
 #include "cli/options.h"
 #include "cli/verbs.h"
-#include "oted/base/error.h"
 #include "oted/report/report.h"
 
 namespace oted::cli {
@@ -26,10 +25,6 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
   verb->callback([&program, options, call = stage.call] {
     {
       Session session(*options, program.command_line);
-      if (call == &Pipeline::EvaluateInTarget && session.pipeline().config().truth.empty()) {
-        throw UsageError(
-            "evaluate needs the truth of a study: add --truth name=value for every parameter, or a [truth] section");
-      }
       (session.pipeline().*call)();
       WriteExports(options->out);
       WriteReport(options->out);
@@ -59,8 +54,6 @@ void AddStageVerbs(Program& program) {
   AddStageVerb(
       program,
       {"select-policy", "stage 5: rank the agents in every designed simulator", {"agents"}, &Pipeline::SelectPolicy});
-  AddStageVerb(program,
-               {"evaluate", "with a known truth: every policy in the target", {"agents"}, &Pipeline::EvaluateInTarget});
 }
 
 }  // namespace oted::cli

@@ -14,6 +14,7 @@ struct Program {
 
 void AddRunVerb(Program& program);
 void AddStageVerbs(Program& program);
+void AddEvaluateVerb(Program& program);
 void AddCollectVerb(Program& program);
 void AddBehaviorVerb(Program& program);
 void AddParamsVerb(Program& program);

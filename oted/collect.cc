@@ -7,7 +7,8 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
-#include "oted/sim/rollout.h"
+#include "oted/rl/batch_policy.h"
+#include "oted/sim/episode_recorder.h"
 
 namespace oted {
 namespace {
@@ -21,28 +22,20 @@ double RandomReturn(const SimulatorFactory& factory, RngKey key, int n_threads) 
   return MeanReturn(RunEpisodes(*simulator, z, UniformRandomPolicy(factory.spec(), rng), key));
 }
 
-double RoundToFloat(double value) { return static_cast<double>(static_cast<float>(value)); }
+constexpr LogPrecision kAsLogged = LogPrecision::kFloat;
 
-std::vector<double> RoundToFloat(std::span<const double> values) {
-  std::vector<double> rounded;
-  for (const double value : values) rounded.push_back(RoundToFloat(value));
-  return rounded;
+/// D4RL's files hold float32: what is logged is what was done.
+void RoundToFloat(std::span<double> actions) {
+  for (double& a : actions) a = static_cast<double>(static_cast<float>(a));
 }
 
-/// D4RL's files hold float32: what is logged is what is there.
-void LogStep(const StepView& step, bool has_reward, Dataset& log) {
-  if (step.status == LaneStatus::kDiverged) {
+Dataset CheckedLogs(const EpisodeRecorder& recorder) {
+  if (recorder.n_diverged() > 0) {
     throw DataError(
         "the target diverged while demonstrations were logged; choose target parameters nearer to nominal, or a "
-        "gentler "
-        "policy");
+        "gentler policy");
   }
-  log.observations.AppendRow(RoundToFloat(step.observation));
-  log.actions.AppendRow(step.action);
-  log.next_observations.AppendRow(RoundToFloat(step.next_observation));
-  if (has_reward) log.rewards.push_back(RoundToFloat(step.reward));
-  log.terminals.push_back(step.status == LaneStatus::kTerminated);
-  log.timeouts.push_back(step.status == LaneStatus::kTruncated);
+  return recorder.Logs();
 }
 
 }  // namespace
@@ -102,42 +95,35 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
 
 Dataset CollectExcitation(const SimulatorFactory& factory, const std::vector<double>& z, const Excitation& excitation,
                           int n_episodes, RngKey key, int n_threads) {
-  std::vector<Dataset> episodes(static_cast<size_t>(n_episodes));
+  const bool has_reward = factory.spec().has_reward;
+  std::vector<EpisodeRecorder> episodes(static_cast<size_t>(n_episodes), EpisodeRecorder(1, kAsLogged, has_reward));
   ParallelFor(n_episodes, n_threads, [&](int i) {
     const auto simulator = factory.Make(1, 1);
     const RngKey episode = key.Index(static_cast<uint64_t>(i));
     OpenLoop actions(excitation, factory.spec(), episode.Stage("actions"));
     const auto act = [&](std::span<const double>, int, std::span<double> out) {
       actions.Next(out);
-      for (double& a : out) a = RoundToFloat(a);
+      RoundToFloat(out);
     };
-    RunEpisodes(*simulator, {z}, act, episode.Stage("episodes"), [&](const StepView& step) {
-      LogStep(step, factory.spec().has_reward, episodes[static_cast<size_t>(i)]);
-    });
+    RunEpisodes(*simulator, {z}, act, episode.Stage("episodes"), episodes[static_cast<size_t>(i)].Observer());
   });
   Dataset dataset;
-  for (const Dataset& episode : episodes) dataset.Append(episode);
+  for (const EpisodeRecorder& episode : episodes) dataset.Append(CheckedLogs(episode));
   return dataset;
 }
 
 Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector<double>& z,
                               const TanhGaussianPolicy& policy, int n_episodes, RngKey key, int n_threads) {
   const auto simulator = factory.Make(n_episodes, n_threads);
-  PolicyRunner runner(policy, ActionNoise::kSampled);
-  Rng noise = key.Stage("actions").MakeRng();
-  const auto act = [&](std::span<const double> observations, int n, std::span<double> actions) {
-    runner.Act(observations, n, noise, actions);
-    // D4RL's files hold float32: what is logged is what was done.
-    for (double& a : actions) a = RoundToFloat(a);
+  const BatchPolicy sampled = AsBatchPolicy(policy, ActionNoise::kSampled, key.Stage("actions").MakeRng());
+  const BatchPolicy act = [&](std::span<const double> observations, int n, std::span<double> actions) {
+    sampled(observations, n, actions);
+    RoundToFloat(actions);
   };
-  std::vector<Dataset> lanes(static_cast<size_t>(n_episodes));
-  const bool has_reward = factory.spec().has_reward;
-  const auto record = [&](const StepView& step) { LogStep(step, has_reward, lanes[static_cast<size_t>(step.lane)]); };
+  EpisodeRecorder recorder(n_episodes, kAsLogged, factory.spec().has_reward);
   RunEpisodes(*simulator, std::vector<std::vector<double>>(static_cast<size_t>(n_episodes), z), act,
-              key.Stage("episodes"), record);
-  Dataset dataset;
-  for (const Dataset& lane : lanes) dataset.Append(lane);
-  return dataset;
+              key.Stage("episodes"), recorder.Observer());
+  return CheckedLogs(recorder);
 }
 
 }  // namespace oted

@@ -145,7 +145,7 @@ MujocoSimulatorFactory ModelFactory(const RunConfig& config) {
   std::ranges::copy_if(config.parameters, std::back_inserter(in_model), IsInModel);
   if (!config.task.has_model()) return {config.task.name, in_model};
   // Where episodes begin is no part of the model.
-  ModelTaskConfig task = config.task.model;
+  ModelTask task = config.task.model;
   task.start = "default";
   return {task, in_model};
 }

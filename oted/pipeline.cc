@@ -10,6 +10,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/design_record.h"
+#include "oted/rl/batch_policy.h"
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/presets.h"
@@ -270,7 +271,12 @@ void Pipeline::TrainAgents() {
     if (ComparesUndesigned()) jobs.push_back({directory_.undesigned(j), j, false});
   }
   std::erase_if(jobs, [&](const AgentJob& job) {
-    return directory_.IsComplete(job.folder / "agent.json", AgentFingerprint(job.designed));
+    const bool is_complete = directory_.IsComplete(job.folder / "agent.json", AgentFingerprint(job.designed));
+    // Agents of earlier versions of the program have none.
+    if (is_complete && !fs::exists(job.folder / "policy.onnx")) {
+      ExportAgent(job.folder, job.designed, job.folder / "policy.onnx");
+    }
+    return is_complete;
   });
   const std::vector<std::vector<double>> modes = MixtureModes();
   for (const AgentJob& job : jobs) {
@@ -289,6 +295,7 @@ void Pipeline::TrainAgents() {
     const SacResult agent =
         TrainAgent(*factory_, where, config_.sac, key, job.folder, directory_.NameOf(job.folder), share);
     agent.policy.Save(job.folder / "policy.npz");
+    ExportAgent(job.folder, job.designed, job.folder / "policy.onnx");
     directory_.Complete(job.folder / "agent.json",
                         {{"schema", "oted.agent/1"},
                          {"agent", job.index},
@@ -301,12 +308,24 @@ void Pipeline::TrainAgents() {
   });
 }
 
+void Pipeline::ExportAgent(const fs::path& folder, bool designed, const fs::path& path) const {
+  // The name and what it was made from, not where it lies: equal runs give equal bytes.
+  const std::string source = fmt::format("{} {}", directory_.NameOf(folder), AgentFingerprint(designed));
+  WriteOnnx(TanhGaussianPolicy::Load(folder / "policy.npz"), PolicyMetadata(factory_->spec(), source), path);
+}
+
 // ---------------------------------------------------------------- stage 5: policy selection
 
 void Pipeline::SelectPolicy() {
   TrainAgents();
   const fs::path file = directory_.root() / "policy_selection.json";
-  if (directory_.IsComplete(file, PolicySelectionFingerprint())) return;
+  const fs::path selected_policy = directory_.root() / "policy.onnx";
+  if (directory_.IsComplete(file, PolicySelectionFingerprint())) {
+    if (!fs::exists(selected_policy)) {
+      ExportAgent(directory_.agent(ReadJson(file).at("selected").get<int>()), true, selected_policy);
+    }
+    return;
+  }
   std::vector<TanhGaussianPolicy> agents;
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
     agents.push_back(TanhGaussianPolicy::Load(directory_.agent(j) / "policy.npz"));
@@ -320,9 +339,12 @@ void Pipeline::SelectPolicy() {
     selection["simulators"].push_back({{"seed", member.at("seed")}, {"mode", member.at("mode")}});
   }
   for (size_t j = 0; j < agents.size(); ++j) {
-    selection["agents"].push_back(
-        {{"agent", j + 1}, {"returns", result.returns[j]}, {"mean_return", result.mean_return[j]}});
+    selection["agents"].push_back({{"agent", j + 1},
+                                   {"returns", result.returns[j]},
+                                   {"mean_return", result.mean_return[j]},
+                                   {"n_diverged", result.n_diverged[j]}});
   }
+  ExportAgent(directory_.agent(result.selected + 1), true, selected_policy);
   directory_.Complete(file, selection, PolicySelectionFingerprint());
 }
 

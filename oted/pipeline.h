@@ -67,6 +67,8 @@ class Pipeline {
   std::string PolicySelectionFingerprint() const;
   std::string EvaluationFingerprint() const;
   std::vector<std::vector<double>> MixtureModes() const;
+  /// policy.onnx of the agent in `folder`, from its policy.npz, at `path`.
+  void ExportAgent(const std::filesystem::path& folder, bool designed, const std::filesystem::path& path) const;
   bool ComparesUndesigned() const { return config_.agents.undesigned && !config_.truth.empty(); }
 
   RunConfig config_;

@@ -4,23 +4,14 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/files.h"
+#include "oted/base/statistics.h"
 #include "oted/pipeline.h"
-#include "oted/sim/rollout.h"
+#include "oted/rl/batch_policy.h"
 
 namespace oted {
 
 using nlohmann::json;
 namespace fs = std::filesystem;
-
-namespace {
-
-double StandardDeviation(const std::vector<double>& values, double mean) {
-  double square = 0;
-  for (const double v : values) square += (v - mean) * (v - mean);
-  return values.size() < 2 ? 0 : std::sqrt(square / static_cast<double>(values.size() - 1));
-}
-
-}  // namespace
 
 void Pipeline::EvaluateInTarget() {
   if (config_.truth.empty()) return;
@@ -35,23 +26,21 @@ void Pipeline::EvaluateInTarget() {
   const auto judge = [&](const std::string& name, const std::string& label, const BatchPolicy& act) {
     const auto simulator = factory_->Make(config_.agents.target_episodes, context_.n_threads);
     const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
-    std::vector<double> returns;
-    const auto episodes = RunEpisodes(*simulator, z, act, key);
-    for (const EpisodeResult& episode : episodes) returns.push_back(episode.episode_return);
-    const double mean = MeanReturn(episodes);
-    policies.push_back(
-        {{"name", name}, {"label", label}, {"mean_return", mean}, {"std_return", StandardDeviation(returns, mean)}});
+    const std::vector<EpisodeResult> episodes = RunEpisodes(*simulator, z, act, key);
+    const std::vector<double> returns = ComparableReturns(episodes);
+    const double mean = Mean(returns);
+    policies.push_back({{"name", name},
+                        {"label", label},
+                        {"mean_return", mean},
+                        {"std_return", StandardDeviation(returns)},
+                        {"n_diverged", CountDiverged(episodes)}});
     policies.back()["score"] = spec.has_score() ? json(spec.NormalizedScore(mean)) : json();
     context_.log->Progress("evaluate", "target", static_cast<int64_t>(policies.size()), 4, label);
   };
   const auto judge_policy = [&](const std::string& name, const std::string& label, const fs::path& path,
                                 ActionNoise noise) {
     const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(path);
-    PolicyRunner runner(policy, noise);
-    Rng rng = key.Stage(name).MakeRng();
-    judge(name, label, [&](std::span<const double> observations, int n, std::span<double> actions) {
-      runner.Act(observations, n, rng, actions);
-    });
+    judge(name, label, AsBatchPolicy(policy, noise, key.Stage(name).MakeRng()));
   };
 
   Rng random = key.Stage("random").MakeRng();

@@ -10,6 +10,8 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/collect.h"
+#include "oted/nn/onnx_policy.h"
+#include "oted/rl/batch_policy.h"
 
 namespace oted {
 namespace {
@@ -150,8 +152,8 @@ class PipelineTest : public testing::Test {
 TEST_F(PipelineTest, LeavesTheDocumentedFilesAndNoOthers) {
   std::set<std::string> names;
   for (const auto& [name, bytes] : Bytes(Whole())) names.insert(name);
-  std::set<std::string> wanted = {"run.toml",    "dataset.json",          "clone/policy.npz", "clone/clone.json",
-                                  "design.json", "policy_selection.json", "evaluation.json"};
+  std::set<std::string> wanted = {"run.toml",    "dataset.json", "clone/policy.npz",      "clone/clone.json",
+                                  "policy.onnx", "design.json",  "policy_selection.json", "evaluation.json"};
   for (const char* k : {"1", "2"}) {
     for (const char* file : {"q.json", "discriminator.npz"}) {
       wanted.insert(std::string("design/default/") + k + "/" + file);
@@ -159,6 +161,7 @@ TEST_F(PipelineTest, LeavesTheDocumentedFilesAndNoOthers) {
     for (const char* folder : {"agents/", "undesigned/"}) {
       wanted.insert(std::string(folder) + k + "/policy.npz");
       wanted.insert(std::string(folder) + k + "/agent.json");
+      wanted.insert(std::string(folder) + k + "/policy.onnx");
     }
   }
   EXPECT_EQ(names, wanted);
@@ -275,6 +278,34 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   config.truth["gravity"] = 1.1;
   EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(config, copy); }), HasSubstr("evaluation.json"));
   EXPECT_EQ(Look(copy), before);
+}
+
+TEST_F(PipelineTest, EveryAgentLeavesAnOnnxFileThatActsAsItDoesAndTheSelectedOneLiesOnTop) {
+  const fs::path out = Fresh("onnx");
+  fs::copy(Whole(), out, fs::copy_options::recursive);
+  const std::string selected = std::to_string(ReadJson(out / "policy_selection.json").at("selected").get<int>());
+  EXPECT_EQ(ReadFile(out / "policy.onnx"), ReadFile(out / "agents" / selected / "policy.onnx"));
+  const auto before = Bytes(out);
+  for (const char* folder : {"agents/1", "agents/2", "undesigned/1", "undesigned/2"}) {
+    const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(out / folder / "policy.npz");
+    const OnnxPolicy onnx = OnnxPolicy::Load(out / folder / "policy.onnx");
+    EXPECT_EQ(onnx.metadata().at("task"), "Hopper-v5");
+    EXPECT_EQ(onnx.metadata().at("action_names"), R"(["thigh_joint","leg_joint","foot_joint"])");
+    EXPECT_EQ(onnx.metadata().at("control_period_s"), "0.008");
+    EXPECT_THAT(onnx.metadata().at("observation_names"), HasSubstr("rootz_pos"));
+    EXPECT_THAT(onnx.metadata().at("source"), HasSubstr(folder));
+    std::vector<double> observations(3 * 11), actions(3 * 3);
+    Rng rng(1);
+    for (double& v : observations) v = rng.Normal();
+    MeanActionPolicy(policy)(observations, 3, actions);
+    const OnnxValue read = onnx.Evaluate(observations, 3);
+    for (size_t i = 0; i < actions.size(); ++i) EXPECT_NEAR(read.data[i], actions[i], 1e-5);
+    fs::remove(out / folder / "policy.onnx");
+  }
+  fs::remove(out / "policy.onnx");
+  // As after a run of an earlier version: only the missing files are made again, byte for byte.
+  RunPipeline(TinyConfig(), out);
+  EXPECT_EQ(Bytes(out), before);
 }
 
 TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {

@@ -17,7 +17,7 @@ using nlohmann::json;
 FieldList TaskConfig::Fields() {
   FieldList fields("task");
   fields.Add("name", &name,
-             "a built-in task: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4; with model, a label");
+             "a built-in task: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4 and -v2; with model, a label");
   fields.Add("model", &model.model,
              "MJCF or URDF file, relative to this file, or package:NAME/... of a Python package");
   fields.Add("motors", &model.motors, "joints that get a motor of their own: joint/NAME");

@@ -9,6 +9,7 @@
 #include "oted/base/testing.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/rollout.h"
+#include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -24,18 +25,9 @@ Dataset MakeDataset(const PointMassOptions& options = {}) {
     for (int i = 0; i < n; ++i) actions[static_cast<size_t>(i)] = 0.9 * std::sin(1.7 * step + i);
     ++step;
   };
-  std::vector<Dataset> lanes(4);
-  RunEpisodes(simulator, std::vector(4, kTruth), act, RngKey(1), [&](const StepView& view) {
-    Dataset& log = lanes[static_cast<size_t>(view.lane)];
-    log.observations.AppendRow(view.observation);
-    log.actions.AppendRow(view.action);
-    log.next_observations.AppendRow(view.next_observation);
-    log.terminals.push_back(view.status == LaneStatus::kTerminated);
-    log.timeouts.push_back(view.status == LaneStatus::kTruncated);
-  });
-  Dataset dataset;
-  for (const Dataset& lane : lanes) dataset.Append(lane);
-  return dataset;
+  EpisodeRecorder recorder(4);
+  RunEpisodes(simulator, std::vector(4, kTruth), act, RngKey(1), recorder.Observer());
+  return recorder.Logs();
 }
 
 std::vector<LaneExperience> Gather(const Dataset& dataset, const EvidenceConfig& config,

@@ -7,7 +7,7 @@
 
 #include "oted/data/dataset.h"
 #include "oted/sim/channel_factory.h"
-#include "oted/sim/rollout.h"
+#include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -19,18 +19,9 @@ inline Dataset RandomLogs(Simulator& simulator, const std::vector<double>& z) {
   const auto act = [&](std::span<const double>, int n, std::span<double> actions) {
     for (int i = 0; i < n; ++i) actions[static_cast<size_t>(i)] = rng.Uniform(-1, 1);
   };
-  std::vector<Dataset> lanes(static_cast<size_t>(n_episodes));
-  RunEpisodes(simulator, std::vector(static_cast<size_t>(n_episodes), z), act, RngKey(7), [&](const StepView& view) {
-    Dataset& log = lanes[static_cast<size_t>(view.lane)];
-    log.observations.AppendRow(view.observation);
-    log.actions.AppendRow(view.action);
-    log.next_observations.AppendRow(view.next_observation);
-    log.terminals.push_back(view.status == LaneStatus::kTerminated);
-    log.timeouts.push_back(view.status == LaneStatus::kTruncated);
-  });
-  Dataset dataset;
-  for (const Dataset& lane : lanes) dataset.Append(lane);
-  return dataset;
+  EpisodeRecorder recorder(n_episodes);
+  RunEpisodes(simulator, std::vector(static_cast<size_t>(n_episodes), z), act, RngKey(7), recorder.Observer());
+  return recorder.Logs();
 }
 
 /// `n_episodes` episodes of the point mass at parameters `z` under uniformly random actions.

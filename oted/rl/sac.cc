@@ -6,10 +6,11 @@
 #include <optional>
 
 #include "oted/base/error.h"
+#include "oted/base/statistics.h"
 #include "oted/data/npz.h"
+#include "oted/rl/batch_policy.h"
 #include "oted/rl/replay_buffer.h"
 #include "oted/rl/sac_update.h"
-#include "oted/sim/rollout.h"
 
 namespace oted {
 
@@ -33,18 +34,19 @@ FieldList SacConfig::Fields(const std::string& section) {
   return fields;
 }
 
-double EvaluatePolicy(const SimulatorFactory& factory, const TanhGaussianPolicy& policy,
-                      const std::vector<std::vector<double>>& z, int n_episodes, int n_threads, RngKey key) {
+std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const TanhGaussianPolicy& policy,
+                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
+                                     RngKey key) {
   OTED_CHECK(!z.empty());
   const auto simulator = factory.Make(n_episodes, n_threads);
   std::vector<std::vector<double>> lane_z;
   for (int k = 0; k < n_episodes; ++k) lane_z.push_back(z[static_cast<size_t>(k) % z.size()]);
-  PolicyRunner runner(policy, ActionNoise::kMean);
-  Rng unused = key.Stage("mean action").MakeRng();
-  const auto act = [&](std::span<const double> observations, int n, std::span<double> actions) {
-    runner.Act(observations, n, unused, actions);
-  };
-  return MeanReturn(RunEpisodes(*simulator, lane_z, act, key));
+  return RunEpisodes(*simulator, lane_z, MeanActionPolicy(policy), key);
+}
+
+double EvaluatePolicy(const SimulatorFactory& factory, const TanhGaussianPolicy& policy,
+                      const std::vector<std::vector<double>>& z, int n_episodes, int n_threads, RngKey key) {
+  return MeanReturn(RunPolicy(factory, policy, z, n_episodes, n_threads, key));
 }
 
 namespace {
@@ -193,18 +195,12 @@ class SacTraining {
   std::vector<double> segment_returns_, segment_lengths_;
 };
 
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double v : values) sum += v;
-  return values.empty() ? 0 : sum / static_cast<double>(values.size());
-}
-
 void SaveCheckpoint(SacTraining& training, const SacResult& result, const std::filesystem::path& folder) {
   NpzArrays arrays;
   training.Save(arrays);
   arrays["eval/steps"] = NpyArray(result.eval_steps);
   arrays["eval/returns"] = NpyArray(result.eval_returns);
-  arrays["eval/best"] = NpyArray(std::vector<double>{result.eval_return});
+  arrays["eval/best"] = NpyArray(std::vector<double>{result.eval_return, static_cast<double>(result.n_diverged)});
   const auto& best = result.policy.net().parameters();
   arrays["best"] = NpyArray(std::vector<float>(best.begin(), best.end()));
   WriteNpz(arrays, folder / "checkpoint.npz");
@@ -217,7 +213,9 @@ void RestoreCheckpoint(SacTraining& training, SacResult& result, const std::file
     training.Restore(arrays);
     result.eval_steps = std::get<std::vector<int64_t>>(arrays.at("eval/steps").values);
     result.eval_returns = Values<double>(arrays, "eval/returns", result.eval_steps.size());
-    result.eval_return = Values<double>(arrays, "eval/best", 1)[0];
+    const auto& kept = Values<double>(arrays, "eval/best", 2);
+    result.eval_return = kept[0];
+    result.n_diverged = static_cast<int>(kept[1]);
     result.policy = training.policy();
     const auto& best = Values<float>(arrays, "best", result.policy.net().n_parameters());
     std::copy(best.begin(), best.end(), result.policy.net().parameters().begin());
@@ -245,10 +243,16 @@ SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& epi
           "train", run_name, training.n_steps(), config.n_steps,
           result.eval_returns.empty() ? "" : fmt::format("return {:.0f}", result.eval_returns.back()));
     });
-    const double eval_return = EvaluatePolicy(factory, training.policy(), eval_parameters, config.eval_episodes,
-                                              context.n_threads, key.Stage("evaluation"));
-    if (config.keep == "last" || result.eval_returns.empty() || eval_return > result.eval_return) {
+    const std::vector<EpisodeResult> episodes = RunPolicy(
+        factory, training.policy(), eval_parameters, config.eval_episodes, context.n_threads, key.Stage("evaluation"));
+    const double eval_return = MeanReturn(episodes);
+    const int n_diverged = CountDiverged(episodes);
+    const auto failed = [&](int n) { return n == config.eval_episodes; };
+    const bool better =
+        failed(n_diverged) != failed(result.n_diverged) ? failed(result.n_diverged) : eval_return > result.eval_return;
+    if (config.keep == "last" || result.eval_returns.empty() || better) {
       result.eval_return = eval_return;
+      result.n_diverged = n_diverged;
       result.policy = training.policy();
     }
     const int64_t step = training.n_steps();

@@ -10,6 +10,7 @@
 #include "oted/base/fields.h"
 #include "oted/base/log.h"
 #include "oted/nn/tanh_gaussian.h"
+#include "oted/sim/rollout.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
@@ -42,6 +43,7 @@ using SacObserver = std::function<void(int64_t step, const TanhGaussianPolicy& p
 struct SacResult {
   TanhGaussianPolicy policy;
   double eval_return = 0;            ///< mean return of `policy` in the simulators it was evaluated in
+  int n_diverged = 0;                ///< of that evaluation's episodes
   std::vector<int64_t> eval_steps;   ///< learning curve: environment steps ...
   std::vector<double> eval_returns;  ///< ... and the mean return of the deterministic policy
 };
@@ -50,6 +52,8 @@ struct SacResult {
 /// begins with fresh episodes, ends with an evaluation of the mean action (episode k in `eval_parameters[k mod size]`)
 /// and a checkpoint in `folder`, so that a stopped run that goes on gives the same bytes as one that was not stopped.
 /// Time limits and segment ends are not terminal: the target bootstraps through them.
+/// The kept policy is that of the highest mean return (or the last); an evaluation in which every episode diverged is
+/// below any other.
 /// @param folder  of this agent: checkpoint.npz while it trains. Its learning curve goes to the log under `run_name`.
 /// @throws Interrupted at a segment's end when a stop was requested.
 SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
@@ -57,7 +61,11 @@ SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& epi
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
                    const SacObserver& observer = {});
 
-/// Mean return of the mean action over `n_episodes` episodes; episode k runs in `z[k mod z.size()]`.
+/// `n_episodes` episodes of the mean action; episode k runs in `z[k mod z.size()]`.
+std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const TanhGaussianPolicy& policy,
+                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
+                                     RngKey key);
+/// Their mean return; a diverged episode counts as the lowest of them (ComparableReturns).
 double EvaluatePolicy(const SimulatorFactory& factory, const TanhGaussianPolicy& policy,
                       const std::vector<std::vector<double>>& z, int n_episodes, int n_threads, RngKey key);
 

@@ -242,6 +242,30 @@ TEST(TrainSac, ADamagedCheckpointIsADataError) {
   }
 }
 
+/// Simulators whose physics breaks down at once where the first evaluation runs: its return, 0, is the best there is.
+class BrokenInTheFirstEvaluation : public PointMassFactory {
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    const bool broken = n_lanes == SmallConfig().eval_episodes && n_evaluations_++ == 0;
+    return std::make_unique<PointMass>(PointMassOptions{.diverge_beyond = broken ? 0.0 : INFINITY}, n_lanes, n_threads);
+  }
+
+ private:
+  mutable int n_evaluations_ = 0;
+};
+
+TEST(TrainSac, AnEvaluationInWhichEveryEpisodeDivergedIsNotTheBest) {
+  const TestFolder folder;
+  NullSink log;
+  const SacResult result = TrainSac(BrokenInTheFirstEvaluation(), [](Rng&) { return kNominal; }, {kNominal},
+                                    SmallConfig(), RngKey(5), folder.path(), "agent", {&log, nullptr, 1});
+  ASSERT_EQ(result.eval_returns.size(), 2u);
+  ASSERT_EQ(result.eval_returns[0], 0);
+  ASSERT_LT(result.eval_returns[1], 0);
+  EXPECT_EQ(result.eval_return, result.eval_returns[1]);
+  EXPECT_EQ(result.n_diverged, 0);
+}
+
 TEST(EvaluatePolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
   TanhGaussianPolicy policy(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
   policy.net().parameters()[4] = 0.5f;  // mean action tanh(0.5), whatever the state

@@ -1,8 +1,11 @@
 #include "oted/sim/rollout.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "oted/base/error.h"
+#include "oted/base/statistics.h"
 
 namespace oted {
 
@@ -14,11 +17,17 @@ BatchPolicy UniformRandomPolicy(const SimulatorSpec& spec, Rng& rng) {
 }
 
 std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<std::vector<double>>& z,
-                                       const BatchPolicy& policy, RngKey key, const StepObserver& observer) {
+                                       const BatchPolicy& policy, RngKey key, const StepObserver& observer,
+                                       int max_steps) {
   const int n_lanes = simulator.n_lanes();
   const size_t obs_dim = static_cast<size_t>(simulator.spec().obs_dim());
   const size_t act_dim = static_cast<size_t>(simulator.spec().act_dim);
   OTED_CHECK(static_cast<int>(z.size()) == n_lanes);
+  if (max_steps < 1 && simulator.spec().max_episode_steps < 1) {
+    throw UsageError(
+        fmt::format("task '{}' has no time limit, and its episodes need not end; give it max_episode_steps",
+                    simulator.spec().task));
+  }
 
   std::vector<EpisodeResult> results(static_cast<size_t>(n_lanes));
   std::vector<int> running;
@@ -31,7 +40,7 @@ std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<s
 
   std::vector<double> observations(static_cast<size_t>(n_lanes) * obs_dim), packed(observations.size());
   std::vector<double> actions(static_cast<size_t>(n_lanes) * act_dim), packed_actions(actions.size());
-  while (!running.empty()) {
+  for (int step = 1; !running.empty(); ++step) {
     for (size_t i = 0; i < running.size(); ++i) {
       const auto observation = simulator.observation(running[i]);
       std::copy(observation.begin(), observation.end(), packed.begin() + static_cast<ptrdiff_t>(i * obs_dim));
@@ -48,7 +57,8 @@ std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<s
       const int lane = running[i];
       EpisodeResult& result = results[static_cast<size_t>(lane)];
       result.end = simulator.status(lane);
-      if (result.end != LaneStatus::kDiverged) {
+      if (result.end == LaneStatus::kRunning && step == max_steps) result.end = LaneStatus::kTruncated;
+      if (!result.diverged()) {
         result.episode_return += simulator.reward(lane);
         ++result.n_steps;
       }
@@ -67,10 +77,21 @@ std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<s
   return results;
 }
 
-double MeanReturn(const std::vector<EpisodeResult>& episodes) {
-  double sum = 0;
-  for (const EpisodeResult& episode : episodes) sum += episode.episode_return;
-  return episodes.empty() ? 0 : sum / static_cast<double>(episodes.size());
+std::vector<double> ComparableReturns(const std::vector<EpisodeResult>& episodes) {
+  std::vector<double> returns;
+  for (const EpisodeResult& episode : episodes) returns.push_back(episode.episode_return);
+  if (returns.empty()) return returns;
+  const double lowest = *std::min_element(returns.begin(), returns.end());
+  for (size_t k = 0; k < episodes.size(); ++k) {
+    if (episodes[k].diverged()) returns[k] = lowest;
+  }
+  return returns;
+}
+
+double MeanReturn(const std::vector<EpisodeResult>& episodes) { return Mean(ComparableReturns(episodes)); }
+
+int CountDiverged(const std::vector<EpisodeResult>& episodes) {
+  return static_cast<int>(std::count_if(episodes.begin(), episodes.end(), [](const auto& e) { return e.diverged(); }));
 }
 
 }  // namespace oted

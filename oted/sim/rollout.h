@@ -29,17 +29,28 @@ struct StepView {
 using StepObserver = std::function<void(const StepView&)>;
 
 struct EpisodeResult {
-  double episode_return = 0;  ///< undiscounted, over the valid steps
+  double episode_return = 0;  ///< undiscounted, over the valid steps; of a diverged episode: up to there
   int n_steps = 0;            ///< valid control steps
   LaneStatus end = LaneStatus::kRunning;
+  /// The physics broke down: an episode that stopped there is no measure of a policy (see ComparableReturns).
+  bool diverged() const { return end == LaneStatus::kDiverged; }
 };
 
 /// One episode in every lane of `simulator`, lane k with parameters `z[k]` and start state from `key.Index(k)`; lanes
 /// that end early wait. Diverged steps are not counted.
+/// @param max_steps  a clock beside the simulator's own: a lane that still runs after so many steps is truncated.
+/// 0: the simulator's clock alone.
+/// @throws UsageError when neither the simulator nor the call has a clock: such an episode need not end.
 std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<std::vector<double>>& z,
-                                       const BatchPolicy& policy, RngKey key, const StepObserver& observer = {});
+                                       const BatchPolicy& policy, RngKey key, const StepObserver& observer = {},
+                                       int max_steps = 0);
 
-/// Mean of the returns.
+/// The returns by which policies are compared, in the order of `episodes`. A diverged episode is a failure: it counts
+/// as the lowest return of them all. Its return so far would favour whoever breaks the physics early where rewards
+/// are negative, and a policy that found a flaw of the simulator where they are not.
+std::vector<double> ComparableReturns(const std::vector<EpisodeResult>& episodes);
+/// The mean of ComparableReturns.
 double MeanReturn(const std::vector<EpisodeResult>& episodes);
+int CountDiverged(const std::vector<EpisodeResult>& episodes);
 
 }  // namespace oted

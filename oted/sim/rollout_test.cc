@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -112,6 +114,42 @@ TEST(RunEpisodes, ADivergedStepEndsItsLaneAndIsNotCounted) {
   EXPECT_NEAR(episodes[0].episode_return, expected, 1e-12);
   EXPECT_EQ(episodes[1].end, LaneStatus::kTruncated);
   EXPECT_EQ(episodes[1].n_steps, 20);
+}
+
+TEST(RunEpisodes, ASimulatorWithoutAClockNeedsOneInTheCall) {
+  PointMass simulator({.max_episode_steps = 0}, 2, 1);
+  const std::vector<std::vector<double>> z(2, kNominal);
+  const std::string message = MessageOf<UsageError>([&] { RunEpisodes(simulator, z, Constant(0.1), RngKey(8)); });
+  EXPECT_NE(message.find("PointMass"), std::string::npos) << message;
+  std::vector<LaneStatus> seen;
+  const auto episodes = RunEpisodes(
+      simulator, z, Constant(0.1), RngKey(8), [&](const StepView& step) { seen.push_back(step.status); }, 7);
+  for (const EpisodeResult& episode : episodes) {
+    EXPECT_EQ(episode.n_steps, 7);
+    EXPECT_EQ(episode.end, LaneStatus::kTruncated);
+  }
+  ASSERT_EQ(seen.size(), 14u);
+  for (size_t i = 0; i < seen.size(); ++i) {
+    EXPECT_EQ(seen[i], i < 12 ? LaneStatus::kRunning : LaneStatus::kTruncated) << "the observer sees the cut";
+  }
+}
+
+TEST(RunEpisodes, TheCallsClockDoesNotDelayTheSimulatorsOwn) {
+  PointMass simulator({.max_episode_steps = 5}, 1, 1);
+  EXPECT_EQ(RunEpisodes(simulator, {kNominal}, Constant(0.1), RngKey(8), {}, 50)[0].n_steps, 5);
+}
+
+TEST(ComparableReturns, CountADivergedEpisodeAsTheLowestReturn) {
+  const EpisodeResult good{.episode_return = -50, .n_steps = 20, .end = LaneStatus::kTruncated};
+  const EpisodeResult bad{.episode_return = -80, .n_steps = 9, .end = LaneStatus::kTerminated};
+  const EpisodeResult early{.episode_return = -1, .n_steps = 2, .end = LaneStatus::kDiverged};
+  const EpisodeResult late{.episode_return = -90, .n_steps = 19, .end = LaneStatus::kDiverged};
+  EXPECT_EQ(ComparableReturns({good, early, bad}), (std::vector<double>{-50, -80, -80}));
+  EXPECT_EQ(ComparableReturns({early, good, late}), (std::vector<double>{-90, -50, -90}));
+  EXPECT_EQ(ComparableReturns({good, bad}), (std::vector<double>{-50, -80}));
+  EXPECT_TRUE(ComparableReturns({}).empty());
+  EXPECT_DOUBLE_EQ(MeanReturn({good, early, bad}), -70);
+  EXPECT_EQ(CountDiverged({early, good, late}), 2);
 }
 
 TEST(RunEpisodes, EpisodesAreTheSameAtAnyThreadCount) {

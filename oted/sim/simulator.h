@@ -21,8 +21,8 @@ struct SimulatorSpec {
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
   std::vector<std::string> observation_units;  ///< parallel to the names; empty where unknown
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
+  std::vector<std::string> action_names;       ///< one per number of an action; may be empty
   int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
-  std::vector<std::string> action_names;       ///< one per action ("actuator/hip"); may be empty
   std::vector<double> action_low;
   std::vector<double> action_high;
   double control_period_s = 0;  ///< time between two actions [s]; 0 where time has no unit

@@ -254,6 +254,9 @@ class TestRequest(CliTest):
         result = oted("evaluate", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", self.out)
         self.assertOneLine(result, USAGE, "--truth")
 
+    def test_evaluate_without_a_run_or_a_policy(self):
+        self.assertRefused(oted("evaluate", "--task", "Hopper-v5"), USAGE, "--out", "--policy")
+
     def test_strict_refuses_a_parameter_without_effect(self):
         result = self.design("--strict", parameters=(GRAVITY, FLOOR))
         self.assertRefused(result, USAGE, "'floor'", "remove the parameter")
@@ -386,7 +389,8 @@ class TestResult(CliTest):
         for name in ("run.toml", "versions.json", "dataset.json", "clone/policy.npz", "clone/clone.json",
                      "clone/curves.csv", "design/default/1/q.json", "design/default/2/q.json",
                      "design/default/1/curves.csv", "design.json", "agents/1/policy.npz", "agents/1/agent.json",
-                     "agents/1/curves.csv", "undesigned/1/policy.npz", "policy_selection.json", "evaluation.json",
+                     "agents/1/curves.csv", "agents/1/policy.onnx", "undesigned/1/policy.npz", "undesigned/1/policy.onnx",
+                     "policy.onnx", "policy_selection.json", "evaluation.json",
                      "report.html", "report.json"):
             self.assertTrue((self.out / name).is_file(), name)
         self.assertTrue(list(self.out.glob("design/default/1/events.out.tfevents.*")))

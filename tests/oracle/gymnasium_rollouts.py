@@ -5,7 +5,7 @@ usage: gymnasium_rollouts.py TASK OUT.npz [--scale friction=0.6 --scale gain=1.3
 
 Writes the integration state at every start, and after it the actions, observations, rewards and terminations:
   states (episodes, n_state), lengths (episodes,), actions (steps, nu), observations (steps, n_obs), rewards (steps,),
-  terminals (steps,)
+  terminals (steps,); of the model body_mass (nbody,), body_ipos, body_inertia (nbody, 3), body_iquat (nbody, 4)
 The first episode has 1,000 steps and ignores termination; 100 episodes that end as the task says follow. Actions are
 random, or a trained policy's with noise: little in some episodes, which then last, and much in others, which do not.
 """
@@ -38,6 +38,43 @@ def modify(model, name, z):
         raise SystemExit(f"unknown parameter {name}")
 
 
+def use_legacy_capsules(model):
+    """Gymnasium's v4 model with the capsules of MuJoCo before 2.1.1: cylinders that are longer by r/2 at each end.
+
+    Every body here is made of capsules of one density; their masses and inertia tensors add up about the body's origin.
+    """
+    total = mujoco.mj_getTotalmass(model)
+    fixed_total = bool(np.isclose(total, 14))  # HalfCheetah's settotalmass
+    for body in range(1, model.nbody):
+        mass, first_moment, tensor = 0.0, np.zeros(3), np.zeros((3, 3))
+        geoms = np.flatnonzero(model.geom_bodyid == body)
+        for geom in geoms:
+            assert model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
+            r, length = model.geom_size[geom, 0], 2 * model.geom_size[geom, 1] + model.geom_size[geom, 0]
+            m = 1000 * np.pi * r**2 * length
+            axes = np.zeros(9)
+            mujoco.mju_quat2Mat(axes, model.geom_quat[geom])
+            axes, at = axes.reshape(3, 3), model.geom_pos[geom]
+            across = m * (r**2 / 4 + length**2 / 12)
+            tensor += axes @ np.diag([across, across, m * r**2 / 2]) @ axes.T
+            tensor += m * (at @ at * np.eye(3) - np.outer(at, at))
+            mass += m
+            first_moment += m * at
+        centre = first_moment / mass
+        tensor -= mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        model.body_mass[body], model.body_ipos[body] = mass, centre
+        if len(geoms) == 1:
+            model.body_inertia[body] = np.diag(axes.T @ tensor @ axes)
+        else:
+            moments, axes = np.linalg.eigh(tensor)
+            axes[:, 2] *= np.linalg.det(axes)
+            mujoco.mju_mat2Quat(model.body_iquat[body], axes.ravel())
+            model.body_inertia[body] = moments
+    if fixed_total:
+        mujoco.mj_setTotalmass(model, 14)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
 def load_policy(path):
     """The mean action of a policy.npz (docs/file_formats.md), as a function of the raw observation."""
     with np.load(path) as arrays:
@@ -68,8 +105,11 @@ def main():
     parser.add_argument("--policy")
     args = parser.parse_args()
 
-    env = gymnasium.make(args.task)
+    # Gymnasium has no v2: it is v4 with lighter capsules.
+    env = gymnasium.make(args.task.replace("-v2", "-v4"))
     base = env.unwrapped
+    if args.task.endswith("-v2"):
+        use_legacy_capsules(base.model)
     for assignment in args.scale:
         name, z = assignment.split("=")
         modify(base.model, name, float(z))
@@ -109,8 +149,10 @@ def main():
         rollout(env.step, observation, N_LONG_STEPS if whole else N_LONG_STEPS // 10, stop=True,
                 noise=NOISE[episode % len(NOISE)])
 
+    model = base.model
     np.savez(args.out, states=states, lengths=lengths, actions=actions, observations=observations, rewards=rewards,
-             terminals=terminals)
+             terminals=terminals, body_mass=model.body_mass, body_ipos=model.body_ipos, body_iquat=model.body_iquat,
+             body_inertia=model.body_inertia)
 
 
 if __name__ == "__main__":

@@ -143,7 +143,14 @@ TEST_P(GymnasiumOracle, RolloutsWithScaledFieldsAreThoseOfAModifiedGymnasiumMode
   EXPECT_EQ(d.n_terminated, can_fall() ? 100 : 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryTask, GymnasiumOracle, testing::ValuesIn(TaskNames()), [](const auto& parameter) {
+// Gymnasium has no v2: legacy_inertia_test.cc.
+std::vector<std::string> GymnasiumTasks() {
+  std::vector<std::string> names = TaskNames();
+  std::erase_if(names, [](const std::string& name) { return name.ends_with("-v2"); });
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryTask, GymnasiumOracle, testing::ValuesIn(GymnasiumTasks()), [](const auto& parameter) {
   std::string name = parameter.param;
   std::replace(name.begin(), name.end(), '-', '_');
   return name;

@@ -9,6 +9,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/sim/mujoco/legacy_inertia.h"
 #include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
@@ -78,10 +79,14 @@ std::string SerializeModel(const mjModel& model) {
   return bytes;
 }
 
-LoadedModel LoadModel(const std::filesystem::path& path) {
+LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules) {
   SilenceWarnings();
   SpecPtr spec = Parse(path);
   ModelPtr model = Compile(*spec, path);
+  if (legacy_capsules) {
+    UseLegacyCapsules(*spec, *model, path.string());
+    model = Compile(*spec, path);
+  }
   return Finish(std::move(spec), std::move(model));
 }
 

@@ -33,8 +33,9 @@ struct LoadedModel {
 
 /// Compiles an MJCF file. MuJoCo's warnings are dropped: nothing is printed and no MUJOCO_LOG.TXT is written, unless
 /// the caller has installed a warning handler of its own, which is then kept.
+/// @param legacy_capsules  weigh capsules as MuJoCo did before 2.1.1 (legacy_inertia.h)
 /// @throws DataError naming the file and MuJoCo's reason.
-LoadedModel LoadModel(const std::filesystem::path& path);
+LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules = false);
 
 /// The same with a motor on each hinge or slide joint that one of the paths "joint/NAME" matches, named as the joint:
 /// its control is the joint's torque [N m] or force [N]. Its control range is the joint's actuatorfrcrange (URDF: the

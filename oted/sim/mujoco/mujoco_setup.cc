@@ -31,6 +31,16 @@ std::vector<std::string> ObservationUnits(const mjModel& model) {
   return units;
 }
 
+// An actuator's name, or that of the joint which it drives: the motors of Hopper and Walker2d have none.
+std::string ActionName(const mjModel& model, int actuator) {
+  const char* name = mj_id2name(&model, mjOBJ_ACTUATOR, actuator);
+  if (name != nullptr && *name != '\0') return name;
+  const int joint = model.actuator_trnid[2 * actuator];
+  const int transmission = model.actuator_trntype[actuator];
+  if (transmission == mjTRN_JOINT || transmission == mjTRN_JOINTINPARENT) name = mj_id2name(&model, mjOBJ_JOINT, joint);
+  return name != nullptr && *name != '\0' ? name : fmt::format("actuator{}", actuator);
+}
+
 SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
   SimulatorSpec spec;
   spec.task = task.name;
@@ -38,10 +48,8 @@ SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
   spec.observation_names = ObservationNames(model);
   spec.observation_units = ObservationUnits(model);
   spec.act_dim = static_cast<int>(model.nu);
-  for (int i = 0; i < model.nactuator; ++i) {
-    spec.action_names.push_back("actuator/" + ObjectName(model, mjOBJ_ACTUATOR, i));
-  }
   for (int i = 0; i < model.nu; ++i) {
+    spec.action_names.push_back(ActionName(model, i));
     spec.action_low.push_back(model.actuator_ctrlrange[2 * i]);
     spec.action_high.push_back(model.actuator_ctrlrange[2 * i + 1]);
   }
@@ -95,7 +103,7 @@ std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& name, std:
   const MujocoTask& task = FindTask(name);
   for (const ParameterSpec& spec : specs) spec.Check();
   setup->model_path = AssetFolder() / task.xml_file;
-  setup->loaded = LoadModel(setup->model_path);
+  setup->loaded = LoadModel(setup->model_path, task.legacy_capsules);
   const mjModel& model = *setup->loaded.model;
   AddParameters(std::move(specs), *setup);
   setup->spec = MakeSpec(task, model);

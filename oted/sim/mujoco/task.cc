@@ -15,9 +15,10 @@ MujocoTask Hopper(int version) {
   return {.name = fmt::format("Hopper-v{}", version),
           .xml_file = "hopper.xml",
           .frame_skip = 4,
+          .legacy_capsules = version == 2,
           .velocity_clip = 10,
           .healthy_reward = 1,
-          .healthy_on_terminal = version == 4,
+          .healthy_on_terminal = version < 5,
           .control_cost_weight = 1e-3,
           .terminates = true,
           .healthy_height = {.low = 0.7},
@@ -33,6 +34,7 @@ MujocoTask HalfCheetah(int version) {
   return {.name = fmt::format("HalfCheetah-v{}", version),
           .xml_file = "half_cheetah.xml",
           .frame_skip = 5,
+          .legacy_capsules = version == 2,
           .control_cost_weight = 0.1,
           .healthy_height = {},
           .healthy_angle = {},
@@ -43,14 +45,15 @@ MujocoTask HalfCheetah(int version) {
           .return_expert = 12135.0};
 }
 
-// The two versions differ in the model too: v5 gives the right foot the left one's friction.
+// v5 differs in the model too: it gives the right foot the left one's friction.
 MujocoTask Walker2d(int version) {
   return {.name = fmt::format("Walker2d-v{}", version),
-          .xml_file = version == 4 ? "walker2d.xml" : "walker2d_v5.xml",
+          .xml_file = version < 5 ? "walker2d.xml" : "walker2d_v5.xml",
           .frame_skip = 4,
+          .legacy_capsules = version == 2,
           .velocity_clip = 10,
           .healthy_reward = 1,
-          .healthy_on_terminal = version == 4,
+          .healthy_on_terminal = version < 5,
           .control_cost_weight = 1e-3,
           .terminates = true,
           .healthy_height = {.low = 0.8, .high = 2.0},
@@ -63,8 +66,9 @@ MujocoTask Walker2d(int version) {
 }
 
 const std::vector<MujocoTask>& Tasks() {
-  static const std::vector<MujocoTask> tasks = {Hopper(4),      Hopper(5),   HalfCheetah(4),
-                                                HalfCheetah(5), Walker2d(4), Walker2d(5)};
+  static const std::vector<MujocoTask> tasks = {Hopper(2),      Hopper(4),      Hopper(5),
+                                                HalfCheetah(2), HalfCheetah(4), HalfCheetah(5),
+                                                Walker2d(2),    Walker2d(4),    Walker2d(5)};
   return tasks;
 }
 

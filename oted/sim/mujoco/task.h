@@ -1,5 +1,6 @@
 #pragma once
-/// Gymnasium's locomotion tasks as data (gymnasium 1.4.0, envs/mujoco/{hopper,half_cheetah,walker2d}_v{4,5}.py).
+/// Gymnasium's locomotion tasks as data (gymnasium 1.4.0, envs/mujoco/{hopper,half_cheetah,walker2d}_v{4,5}.py), and as
+/// D4RL recorded them (-v2: the v4 tasks with the capsules of MuJoCo before 2.1.1).
 /// All three observe (qpos without the root's x, qvel) and earn forward speed + healthy bonus - control cost.
 
 #include <filesystem>
@@ -26,12 +27,14 @@ struct MujocoTask {
   std::string name;      ///< "Hopper-v5"
   std::string xml_file;  ///< within the asset folder
   int frame_skip = 1;    ///< physics steps per control step
+  /// Capsules weigh what they did before MuJoCo 2.1.1: the tasks as D4RL recorded them (docs/legacy_engine.md).
+  bool legacy_capsules = false;
 
   double velocity_clip = std::numeric_limits<double>::infinity();  ///< observed velocities are clamped to +-this
 
   double forward_weight = 1;        ///< of the root's speed along x [s/m]
   double healthy_reward = 0;        ///< per step
-  bool healthy_on_terminal = true;  ///< v4 pays the bonus on the terminal step too, v5 does not
+  bool healthy_on_terminal = true;  ///< v2 and v4 pay the bonus on the terminal step too
   double control_cost_weight = 0;   ///< of the sum of squared actions, as given (MuJoCo clamps them, the cost does not)
 
   bool terminates = false;         ///< when one of the ranges below is left
@@ -50,7 +53,7 @@ struct MujocoTask {
 /// The task of that name. @throws UsageError with the nearest name and the list.
 const MujocoTask& FindTask(const std::string& name);
 
-/// "Hopper-v4", "Hopper-v5", "HalfCheetah-v4", ...
+/// "Hopper-v2", "Hopper-v4", "Hopper-v5", "HalfCheetah-v2", ...
 std::vector<std::string> TaskNames();
 
 /// Where the tasks' model files are: the environment variable OTED_ASSETS, else the folder known at build time.

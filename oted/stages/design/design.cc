@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "oted/base/error.h"
+#include "oted/base/statistics.h"
 
 namespace oted {
 namespace {
@@ -71,12 +72,6 @@ std::vector<double> Standardize(const std::vector<double>& rewards) {
   std::vector<double> advantages;
   for (const double r : rewards) advantages.push_back((r - mean) / scale);
   return advantages;
-}
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double v : values) sum += v;
-  return values.empty() ? 0 : sum / static_cast<double>(values.size());
 }
 
 /// What Algorithm 1 carries from one iteration to the next.

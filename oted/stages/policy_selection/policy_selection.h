@@ -12,11 +12,14 @@ namespace oted {
 struct PolicySelectionResult {
   std::vector<std::vector<double>> returns;  ///< (m agents, n simulators): mean return of agent j in M(z_i)
   std::vector<double> mean_return;           ///< (m), over simulators
+  std::vector<int> n_diverged;               ///< (m), episodes that diverged, over all simulators
   int selected = 0;                          ///< index of the agent with the highest mean
 };
 
 /// Steps 3 and 4: evaluates every policy pi_j in every M(z_i), `n_episodes` episodes each with the mean action, and
-/// picks the highest average. All agents meet the same start states.
+/// picks the highest average. All agents meet the same start states. A diverged episode is a failure: it counts as the
+/// lowest return of all episodes of all agents. Among equal averages the agent with fewer of them is taken, then the
+/// first.
 PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<TanhGaussianPolicy>& agents,
                                    const std::vector<std::vector<double>>& modes, int n_episodes, RngKey key,
                                    const RunContext& context);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "oted/rl/sac.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -47,6 +48,31 @@ TEST(SelectPolicy, EqualAgentsGetEqualReturnsAndTheFirstIsTaken) {
   const auto result = Select({Spring(1), Spring(1)});
   EXPECT_EQ(result.returns[0], result.returns[1]);
   EXPECT_EQ(result.selected, 0);
+}
+
+TEST(SelectPolicy, WhoBreaksThePhysicsDoesNotWinByAnEarlyEnd) {
+  // Rewards are negative: pushing the mass past the edge ends the episode at a return near zero.
+  NullSink log;
+  const PointMassFactory factory({.diverge_beyond = 1.05, .max_episode_steps = 60});
+  const std::vector<TanhGaussianPolicy> agents = {Spring(-9), Spring(0)};
+  const std::vector<std::vector<double>> modes = {{2.0, 0.2, 0}};
+  const auto result = SelectPolicy(factory, agents, modes, 6, RngKey(9), {.log = &log, .n_threads = 1});
+  ASSERT_EQ(result.n_diverged, (std::vector<int>{6, 0}));
+  EXPECT_GT(MeanReturn(RunPolicy(factory, agents[0], modes, 6, 1, RngKey(9))), result.mean_return[1])
+      << "the case tests nothing when the early end is no advantage";
+  EXPECT_EQ(result.selected, 1);
+  EXPECT_LE(result.mean_return[0], result.mean_return[1]);
+}
+
+TEST(SelectPolicy, AmongEqualMeansTheOneWithFewerDivergedEpisodesIsTaken) {
+  // With one episode each the failure counts as the other's return.
+  NullSink log;
+  const PointMassFactory factory({.diverge_beyond = 1.05, .max_episode_steps = 60});
+  const auto result =
+      SelectPolicy(factory, {Spring(-9), Spring(0)}, {{2.0, 0.2, 0}}, 1, RngKey(9), {.log = &log, .n_threads = 1});
+  ASSERT_EQ(result.n_diverged, (std::vector<int>{1, 0}));
+  EXPECT_EQ(result.mean_return[0], result.mean_return[1]);
+  EXPECT_EQ(result.selected, 1);
 }
 
 TEST(SelectPolicy, DoesNotDependOnThreads) {

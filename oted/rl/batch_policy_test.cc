@@ -1,0 +1,99 @@
+#include "oted/rl/batch_policy.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/sim/testing.h"
+
+namespace oted {
+namespace {
+
+/// u ~ N(x / 2, e^-1).
+TanhGaussianPolicy MakePolicy() {
+  TanhGaussianPolicy policy(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  auto& p = policy.net().parameters();
+  std::fill(p.begin(), p.end(), 0.0f);
+  p[0] = 0.5f;   // x -> mean
+  p[5] = -1.0f;  // log std
+  return policy;
+}
+
+const std::vector<double> kObservations = {0.4, 0, -0.8, 0, 2, 0};
+
+std::vector<double> Actions(const BatchPolicy& policy) {
+  std::vector<double> actions(3);
+  policy(kObservations, 3, actions);
+  return actions;
+}
+
+TEST(MeanActionPolicy, GivesTheMeanActionEveryTime) {
+  const TanhGaussianPolicy policy = MakePolicy();
+  const BatchPolicy act = MeanActionPolicy(policy);
+  const std::vector<double> first = Actions(act);
+  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(first[i], std::tanh(kObservations[2 * i] / 2), 1e-6);
+  EXPECT_EQ(Actions(act), first);
+}
+
+TEST(AsBatchPolicy, DrawsWhatTheRunnerDrawsFromThatStream) {
+  const TanhGaussianPolicy policy = MakePolicy();
+  const BatchPolicy act = AsBatchPolicy(policy, ActionNoise::kSampled, Rng(7));
+  PolicyRunner runner(policy, ActionNoise::kSampled);
+  Rng rng(7);
+  for (int call = 0; call < 3; ++call) {
+    std::vector<double> expected(3);
+    runner.Act(kObservations, 3, rng, expected);
+    EXPECT_EQ(Actions(act), expected) << call;
+  }
+}
+
+TEST(AsBatchPolicy, ACopyGoesOnWithTheSameStream) {
+  const TanhGaussianPolicy policy = MakePolicy();
+  const BatchPolicy one = AsBatchPolicy(policy, ActionNoise::kSampled, Rng(7)), copy = one;
+  const BatchPolicy alone = AsBatchPolicy(policy, ActionNoise::kSampled, Rng(7));
+  const std::vector<double> first = Actions(one), second = Actions(copy);
+  EXPECT_EQ(Actions(alone), first);
+  EXPECT_EQ(Actions(alone), second);
+}
+
+TEST(LoadBatchPolicy, BothFilesOfAPolicyGiveItsMeanAction) {
+  const TestFolder folder;
+  const TanhGaussianPolicy policy = MakePolicy();
+  const SimulatorSpec spec = PointMass::MakeSpec({});
+  policy.Save(folder / "policy.npz");
+  WriteOnnx(policy, PolicyMetadata(spec, "a test"), folder / "policy.onnx");
+  const std::vector<double> expected = Actions(MeanActionPolicy(policy));
+  EXPECT_EQ(Actions(LoadBatchPolicy(folder / "policy.npz", spec)), expected);
+  const std::vector<double> read = Actions(LoadBatchPolicy(folder / "policy.onnx", spec));
+  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(read[i], expected[i], 1e-6);
+}
+
+TEST(LoadBatchPolicy, AFileOfAnotherTaskOrKindIsADataErrorThatNamesIt) {
+  const TestFolder folder;
+  SimulatorSpec spec = PointMass::MakeSpec({});
+  MakePolicy().Save(folder / "policy.npz");
+  WriteOnnx(MakePolicy(), {}, folder / "policy.onnx");
+  WriteFileAtomically(folder / "policy.pt", "");
+  EXPECT_THROW(LoadBatchPolicy(folder / "policy.pt", spec), DataError);
+  spec.act_dim = 2;
+  for (const char* name : {"policy.npz", "policy.onnx"}) {
+    const std::string message = MessageOf<DataError>([&] { LoadBatchPolicy(folder / name, spec); });
+    EXPECT_NE(message.find(name), std::string::npos);
+    EXPECT_NE(message.find("PointMass"), std::string::npos);
+  }
+}
+
+TEST(LoadBatchPolicy, AnActionThatIsNotFiniteIsADataErrorThatNamesTheFile) {
+  const TestFolder folder;
+  TanhGaussianPolicy policy = MakePolicy();
+  WriteOnnx(policy, {}, folder / "policy.onnx");
+  const BatchPolicy act = LoadBatchPolicy(folder / "policy.onnx", PointMass::MakeSpec({}));
+  std::vector<double> action(1);
+  const std::string message = MessageOf<DataError>([&] { act(std::vector<double>{NAN, 0}, 1, action); });
+  EXPECT_NE(message.find("policy.onnx"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace oted

@@ -1,0 +1,31 @@
+#include "oted/rl/policy_evaluation.h"
+
+#include <algorithm>
+
+#include "oted/base/error.h"
+#include "oted/base/statistics.h"
+
+namespace oted {
+
+PolicyEvaluation EvaluateBatchPolicy(const SimulatorFactory& factory, const BatchPolicy& policy,
+                                     const std::vector<double>& z, int n_episodes, int n_threads, RngKey key) {
+  OTED_CHECK(n_episodes > 0);
+  const auto simulator = factory.Make(n_episodes, n_threads);
+  PolicyEvaluation result;
+  result.episodes = RunEpisodes(*simulator, std::vector(static_cast<size_t>(n_episodes), z), policy, key);
+  const std::vector<double> returns = ComparableReturns(result.episodes);
+  result.mean_return = Mean(returns);
+  result.std_return = StandardDeviation(returns);
+  result.min_return = *std::min_element(returns.begin(), returns.end());
+  result.max_return = *std::max_element(returns.begin(), returns.end());
+  for (const EpisodeResult& episode : result.episodes) {
+    result.mean_length += episode.n_steps;
+    result.n_terminated += episode.end == LaneStatus::kTerminated;
+    result.n_truncated += episode.end == LaneStatus::kTruncated;
+  }
+  result.mean_length /= n_episodes;
+  result.n_diverged = CountDiverged(result.episodes);
+  return result;
+}
+
+}  // namespace oted
