@@ -17,6 +17,7 @@ namespace oted {
 struct SimulatorSpec {
   std::string task;                            ///< "Hopper-v5"
   std::vector<int> observation_shape;          ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
+  std::vector<int> image_shape;                ///< {7, 7, 3}: the observation's leading part is an image; else empty
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
   int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
