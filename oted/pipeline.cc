@@ -9,6 +9,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/design_record.h"
+#include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/stages/agent/agent.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
@@ -41,6 +42,14 @@ Dataset ReadEpisodes(const DataConfig& config) {
   return all.Select(episodes);
 }
 
+/// Of the task's model. @throws UsageError for a simulator whose actions no network here gives yet.
+std::string ModelSha256(const SimulatorFactory& factory) {
+  if (const auto* mujoco = dynamic_cast<const MujocoSimulatorFactory*>(&factory)) return mujoco->model_sha256();
+  throw UsageError(fmt::format("task '{}' has discrete actions, which the learning stages do not take yet; its simulator "
+                               "is there as a library (docs/minigrid.md)",
+                               factory.spec().task));
+}
+
 /// Jobs side by side on the cores: each gets its share of the threads.
 RunContext ShareOf(const RunContext& context, size_t n_jobs) {
   RunContext share = context;
@@ -52,6 +61,7 @@ RunContext ShareOf(const RunContext& context, size_t n_jobs) {
 
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
                                                        const std::vector<ParameterSpec>& parameters) {
+  if (IsMinigridTask(task)) return std::make_unique<MinigridSimulatorFactory>(task, parameters);
   return std::make_unique<MujocoSimulatorFactory>(task, parameters);
 }
 
@@ -59,7 +69,7 @@ Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
     : config_((config.Check(), std::move(config))),
       context_(context),
       factory_(MakeSimulatorFactory(config_.task.name, config_.parameters)),
-      model_sha256_(static_cast<const MujocoSimulatorFactory&>(*factory_).model_sha256()),
+      model_sha256_(ModelSha256(*factory_)),
       dataset_(ReadEpisodes(config_.data)),
       directory_(CheckRequest(out)) {
   CheckDirectory();

@@ -203,11 +203,12 @@ void SolvableGrids::Sample(double density, Rng& rng, std::span<uint8_t> obstacle
 double LogMixture(std::span<const double> counts, double z) {
   const size_t n = counts.size() - 1;
   double largest = -std::numeric_limits<double>::infinity();
+  const double log_z = z > 0 ? std::log(z) : 0, log_rest = z < 1 ? std::log1p(-z) : 0;
   std::vector<double> terms;
+  terms.reserve(n + 1);
   for (size_t k = 0; k <= n; ++k) {
     if (counts[k] <= 0 || (k > 0 && z <= 0) || (k < n && z >= 1)) continue;
-    const double term = std::log(counts[k]) + (k > 0 ? static_cast<double>(k) * std::log(z) : 0) +
-                        (k < n ? static_cast<double>(n - k) * std::log1p(-z) : 0);
+    const double term = std::log(counts[k]) + static_cast<double>(k) * log_z + static_cast<double>(n - k) * log_rest;
     terms.push_back(term);
     largest = std::max(largest, term);
   }
