@@ -11,6 +11,7 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/sim/minigrid/expert.h"
 
 namespace oted::cli {
 
@@ -24,7 +25,9 @@ void AddCollectVerb(Program& program) {
       program.app.add_subcommand("collect", "log demonstrations of a policy in a simulator that stands for the target");
   auto options = std::make_shared<CollectOptions>();
   verb->add_option("--task", options->task, "simulator: Hopper-v5, ...")->required();
-  verb->add_option("--policy", options->policies, "policy.npz; give two to draw half of the episodes from each")
+  verb->add_option(
+          "--policy", options->policies,
+          "policy.npz, or expert or medium for a MiniGrid task; give two to draw half of the episodes from each")
       ->required();
   verb->add_option("--param", options->parameters,
                    "a parameter that differs from nominal: name=path:low:high; repeatable");
@@ -58,6 +61,14 @@ void AddCollectVerb(Program& program) {
     for (int p = 0; p < n_policies; ++p) {
       // Two policies share the episodes; the later one takes what is odd: medium-expert is two medium and three expert.
       const int n = options->n_episodes * (p + 1) / n_policies - options->n_episodes * p / n_policies;
+      const RngKey policy_key = key.Index(static_cast<uint64_t>(p));
+      if (const auto* minigrid = dynamic_cast<const MinigridSimulatorFactory*>(factory.get())) {
+        const MinigridPolicy policy = MinigridPolicyNamed(options->policies[static_cast<size_t>(p)]);
+        if (n > 0) {
+          dataset.Append(CollectMinigridDemonstrations(*minigrid, z, policy, n, policy_key, context.n_threads));
+        }
+        continue;
+      }
       const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(options->policies[static_cast<size_t>(p)]);
       if (policy.obs_dim() != factory->spec().obs_dim() || policy.act_dim() != factory->spec().act_dim) {
         throw DataError(fmt::format(
@@ -66,16 +77,17 @@ void AddCollectVerb(Program& program) {
             factory->spec().obs_dim(), factory->spec().act_dim));
       }
       if (n > 0) {
-        dataset.Append(
-            CollectDemonstrations(*factory, z, policy, n, key.Index(static_cast<uint64_t>(p)), context.n_threads));
+        dataset.Append(CollectDemonstrations(*factory, z, policy, n, policy_key, context.n_threads));
       }
     }
     WriteDataset(dataset, options->output);
     double sum = 0;
     const std::vector<double> returns = dataset.EpisodeReturns();
     for (const double r : returns) sum += r;
-    fmt::print("{}: {} transitions in {} episodes, mean return {:.1f}\n", options->output, dataset.size(),
-               returns.size(), sum / static_cast<double>(returns.size()));
+    // A grid world's returns lie between -1 and 1.
+    const int decimals = IsMinigridTask(options->task) ? 3 : 1;
+    fmt::print("{}: {} transitions in {} episodes, mean return {:.{}f}\n", options->output, dataset.size(),
+               returns.size(), sum / static_cast<double>(returns.size()), decimals);
   });
 }
 
@@ -94,6 +106,10 @@ void AddBehaviorVerb(Program& program) {
     RunConfig config;
     for (const std::string& assignment : options->assignments) config.Set(assignment);
     const auto factory = MakeSimulatorFactory(options->task, {});
+    if (IsMinigridTask(options->task)) {
+      throw UsageError(fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert",
+                                   options->task));
+    }
     TerminalSink terminal(options->quiet);
     FileSink log(options->out, &terminal);
     const BehaviorPolicies policies =

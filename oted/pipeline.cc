@@ -45,9 +45,10 @@ Dataset ReadEpisodes(const DataConfig& config) {
 /// Of the task's model. @throws UsageError for a simulator whose actions no network here gives yet.
 std::string ModelSha256(const SimulatorFactory& factory) {
   if (const auto* mujoco = dynamic_cast<const MujocoSimulatorFactory*>(&factory)) return mujoco->model_sha256();
-  throw UsageError(fmt::format("task '{}' has discrete actions, which the learning stages do not take yet; its simulator "
-                               "is there as a library (docs/minigrid.md)",
-                               factory.spec().task));
+  throw UsageError(
+      fmt::format("task '{}' has discrete actions, which the learning stages do not take yet; its simulator "
+                  "is there as a library (docs/minigrid.md)",
+                  factory.spec().task));
 }
 
 /// Jobs side by side on the cores: each gets its share of the threads.

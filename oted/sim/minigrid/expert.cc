@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "oted/base/error.h"
+#include "oted/base/fields.h"
 
 namespace oted {
 
@@ -78,6 +79,13 @@ MinigridPolicy MinigridMedium(double mistakes, TieBreak ties) {
     if (rng.Uniform() < mistakes) return static_cast<Action>(rng.Below(3));
     return expert(state, rng);
   };
+}
+
+MinigridPolicy MinigridPolicyNamed(const std::string& name) {
+  if (name == "expert") return MinigridExpert();
+  if (name == "medium") return MinigridMedium();
+  throw UsageError(fmt::format("got policy '{}'{}, wanted expert or medium for a MiniGrid task", name,
+                               DidYouMean(name, {"expert", "medium"})));
 }
 
 Dataset CollectMinigridDemonstrations(const MinigridSimulatorFactory& factory, const std::vector<double>& z,

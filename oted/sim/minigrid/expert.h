@@ -2,6 +2,7 @@
 /// Behaviour in a grid world by someone who sees the whole of it: shortest paths, and shortest paths with mistakes.
 
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "oted/base/rng.h"
@@ -48,6 +49,9 @@ MinigridPolicy MinigridExpert(TieBreak ties = TieBreak::kFixed);
 /// probability `mistakes`. With lava or collision = "terminate" a mistake can end the episode.
 /// @throws UsageError unless mistakes is in [0, 1]
 MinigridPolicy MinigridMedium(double mistakes = 0.3, TieBreak ties = TieBreak::kFixed);
+
+/// "expert" or "medium", with the settings above. @throws UsageError for another name
+MinigridPolicy MinigridPolicyNamed(const std::string& name);
 
 /// Logs `n_episodes` episodes at parameters `z`: observations (N, obs_dim), actions (N, 1), rewards, terminals and
 /// timeouts, and nothing that names `z`. Episode i depends on key and i alone.
