@@ -218,11 +218,11 @@ DensityEstimate DensityLikelihood::MaximumOnGrid(double low, double high, double
 DensityEstimate DensityLikelihood::Maximum(double low, double high) const {
   OTED_CHECK(low >= 0 && low < high && high < 1);
   // A coarse look first: with rejection the likelihood need not have one peak only.
-  constexpr int kCoarse = 1000;
-  const auto at = [&](int i) { return low + (high - low) * i / kCoarse; };
+  const int n_coarse = task_.placement == "count" ? 1000 : 200;
+  const auto at = [&](int i) { return low + (high - low) * i / n_coarse; };
   int best = 0;
   double best_value = kNever;
-  for (int i = 0; i <= kCoarse; ++i) {
+  for (int i = 0; i <= n_coarse; ++i) {
     const double value = LogLikelihood(at(i));
     if (value > best_value) {
       best = i;
@@ -232,7 +232,7 @@ DensityEstimate DensityLikelihood::Maximum(double low, double high) const {
   if (task_.placement == "count") return EstimateAt(at(best), low, high);
   // Golden section between the neighbours.
   const double ratio = (std::sqrt(5.0) - 1) / 2;
-  double a = at(std::max(best - 1, 0)), b = at(std::min(best + 1, kCoarse));
+  double a = at(std::max(best - 1, 0)), b = at(std::min(best + 1, n_coarse));
   double c = b - ratio * (b - a), d = a + ratio * (b - a);
   double value_c = LogLikelihood(c), value_d = LogLikelihood(d);
   while (b - a > 1e-7) {

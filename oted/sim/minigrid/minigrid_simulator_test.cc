@@ -70,7 +70,7 @@ TEST(MinigridSimulator, TheRealisedDensityIsTheParameterBeforeRejectionAndTheExa
     const minigrid::SolvableGrids& grids = minigrid::SolvableGrids::Of(8);
     // 0.75: beyond what is drawn by rejection alone.
     for (const double z : {0.1, 0.4, 0.75}) {
-      const int n = 1000;
+      const int n = 400;
       double sum = 0, sum_of_squares = 0;
       for (uint64_t i = 0; i < n; ++i) {
         const minigrid::State& state = Start(*simulator, z, i);
