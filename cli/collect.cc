@@ -12,6 +12,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/excitation.h"
+#include "oted/sim/minigrid/expert.h"
 
 namespace oted::cli {
 
@@ -28,7 +29,7 @@ void AddCollectVerb(Program& program) {
   verb->add_option(
           "--policy", options->policies,
           "policy.npz, or open-loop excitation: random, noise:STD[:SECONDS], sine[:AMPLITUDE] (fractions of the "
-          "action range); give two to draw half of the episodes from each")
+          "action range), or expert or medium for a MiniGrid task; give two to draw half of the episodes from each")
       ->required();
   verb->add_option("--param", options->parameters,
                    "a parameter that differs from nominal: name=path:low:high; repeatable; default: [parameters] of "
@@ -56,12 +57,20 @@ void AddCollectVerb(Program& program) {
     const RunContext context = MakeContext(log, options->threads);
     const RngKey key = RngKey(static_cast<uint64_t>(std::max(1L, options->seed))).Stage("collect");
     Dataset dataset;
+    const auto* minigrid = dynamic_cast<const MinigridSimulatorFactory*>(&factory->plant());
     const int n_policies = static_cast<int>(options->policies.size());
     for (int p = 0; p < n_policies; ++p) {
       // Two policies share the episodes; the later one takes what is odd: medium-expert is two medium and three expert.
       const int n = options->n_episodes * (p + 1) / n_policies - options->n_episodes * p / n_policies;
       const std::string& name = options->policies[static_cast<size_t>(p)];
       const RngKey policy_key = key.Index(static_cast<uint64_t>(p));
+      if (minigrid != nullptr) {
+        const MinigridPolicy policy = MinigridPolicyNamed(name);
+        if (n > 0) {
+          dataset.Append(CollectMinigridDemonstrations(*minigrid, z, policy, n, policy_key, context.n_threads));
+        }
+        continue;
+      }
       if (const auto excitation = Excitation::Parse(name)) {
         if (n > 0) dataset.Append(CollectExcitation(*factory, z, *excitation, n, policy_key, context.n_threads));
         continue;
@@ -80,8 +89,12 @@ void AddCollectVerb(Program& program) {
     double sum = 0;
     const std::vector<double> returns = dataset.EpisodeReturns();
     for (const double r : returns) sum += r;
+    // A grid world's returns lie between -1 and 1.
+    const int decimals = minigrid != nullptr ? 3 : 1;
     fmt::print("{}: {} transitions in {} episodes{}\n", options->output, dataset.size(), dataset.Episodes().size(),
-               returns.empty() ? "" : fmt::format(", mean return {:.1f}", sum / static_cast<double>(returns.size())));
+               returns.empty()
+                   ? ""
+                   : fmt::format(", mean return {:.{}f}", sum / static_cast<double>(returns.size()), decimals));
   });
 }
 
@@ -101,6 +114,10 @@ void AddBehaviorVerb(Program& program) {
     for (const std::string& assignment : options->assignments) config.Set(assignment);
     const TaskConfig task = TaskConfig::FromArgument(options->task);
     const auto factory = MakeSimulatorFactory(task, {});
+    if (IsMinigridTask(task.name)) {
+      throw UsageError(
+          fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert", task.name));
+    }
     if (!factory->spec().has_reward) {
       throw UsageError(
           fmt::format("task '{}' has no reward to train a policy with; add task.reward = \"...\"", task.name));

@@ -4,7 +4,7 @@ if(OTED_BUILD_TESTS)
   enable_testing()
   find_package(GTest REQUIRED)
   # The folders whose tests make sense under sanitizers: no libtorch in the process, and short.
-  set(OTED_SANITIZE_LIBRARIES oted_base oted_data oted_sim oted_mujoco oted_report)
+  set(OTED_SANITIZE_LIBRARIES oted_base oted_data oted_sim oted_mujoco oted_minigrid oted_report)
   add_custom_target(sanitize_tests)
 endif()
 

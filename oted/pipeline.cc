@@ -12,6 +12,7 @@
 #include "oted/design_record.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/sim/channel_factory.h"
+#include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/presets.h"
 #include "oted/stages/agent/agent.h"
@@ -89,6 +90,7 @@ std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
                                                        const Array2<double>& logged_starts) {
   return WithChannels(parameters, [&](std::vector<ParameterSpec> own) -> std::unique_ptr<SimulatorFactory> {
     if (task.has_model()) return std::make_unique<MujocoSimulatorFactory>(task.model, std::move(own), logged_starts);
+    if (IsMinigridTask(task.name)) return std::make_unique<MinigridSimulatorFactory>(task.name, std::move(own));
     if (auto registered = MakeRegisteredTask(task.name, own)) return registered;
     return std::make_unique<MujocoSimulatorFactory>(task.name, std::move(own));
   });

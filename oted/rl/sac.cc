@@ -232,6 +232,10 @@ SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& epi
                    const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
                    const SacObserver& observer) {
+  if (factory.spec().n_discrete_actions > 0) {
+    throw UsageError(
+        fmt::format("task '{}' has discrete actions, SAC takes continuous ones alone", factory.spec().task));
+  }
   SacTraining training(factory, episode_parameters, config, key, context.n_threads);
   SacResult result;
   if (std::filesystem::exists(folder / "checkpoint.npz")) RestoreCheckpoint(training, result, folder);

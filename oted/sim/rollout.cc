@@ -10,6 +10,12 @@
 namespace oted {
 
 BatchPolicy UniformRandomPolicy(const SimulatorSpec& spec, Rng& rng) {
+  if (spec.n_discrete_actions > 0) {
+    return [n = static_cast<uint64_t>(spec.n_discrete_actions), &rng](std::span<const double>, int,
+                                                                      std::span<double> actions) {
+      for (double& action : actions) action = static_cast<double>(rng.Below(n));
+    };
+  }
   return
       [low = spec.action_low, high = spec.action_high, &rng](std::span<const double>, int, std::span<double> actions) {
         for (size_t i = 0; i < actions.size(); ++i) actions[i] = rng.Uniform(low[i % low.size()], high[i % low.size()]);

@@ -14,7 +14,8 @@ namespace oted {
 /// thread's share.
 using BatchPolicy = std::function<void(std::span<const double> observations, int n, std::span<double> actions)>;
 
-/// Uniform over the action bounds of `spec`. Draws from `rng`, which must outlive the policy.
+/// Uniform over the action bounds of `spec`, or over its discrete actions. Draws from `rng`, which must outlive the
+/// policy.
 BatchPolicy UniformRandomPolicy(const SimulatorSpec& spec, Rng& rng);
 
 /// Called after each control step of a lane, before any reset: what a recorder needs.

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/sim/testing.h"
@@ -162,6 +164,17 @@ TEST(RunEpisodes, EpisodesAreTheSameAtAnyThreadCount) {
     return values;
   };
   EXPECT_EQ(returns(1), returns(3));
+}
+
+TEST(UniformRandomPolicy, OfDiscreteActionsIsEachIndexEquallyOften) {
+  SimulatorSpec spec;
+  spec.act_dim = 1;
+  spec.n_discrete_actions = 3;
+  Rng rng(1);
+  std::vector<double> actions(9000);
+  UniformRandomPolicy(spec, rng)({}, 9000, actions);
+  // Standard deviation of each count: 45.
+  for (const double index : {0.0, 1.0, 2.0}) EXPECT_NEAR(std::ranges::count(actions, index), 3000, 180);
 }
 
 }  // namespace

@@ -18,6 +18,7 @@ namespace oted {
 struct SimulatorSpec {
   std::string task;                            ///< "Hopper-v5"
   std::vector<int> observation_shape;          ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
+  std::vector<int> image_shape;                ///< {7, 7, 3}: the observation's leading part is an image; else empty
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
   std::vector<std::string> observation_units;  ///< parallel to the names; empty where unknown
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
