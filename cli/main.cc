@@ -41,6 +41,7 @@ int Main(int argc, char** argv) {
   cli::AddCollectVerb(program);
   cli::AddBehaviorVerb(program);
   cli::AddReportVerb(program);
+  cli::AddDataVerb(program);
   cli::InstallStopHandler();
   try {
     if (argc > 1) CheckVerb(program.app, argv[1]);

@@ -17,5 +17,6 @@ void AddStageVerbs(Program& program);
 void AddCollectVerb(Program& program);
 void AddBehaviorVerb(Program& program);
 void AddReportVerb(Program& program);
+void AddDataVerb(Program& program);
 
 }  // namespace oted::cli

@@ -8,6 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/data_check.h"
 #include "oted/design_record.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/stages/agent/agent.h"
@@ -39,6 +40,14 @@ Dataset ReadEpisodes(const DataConfig& config) {
   }
   episodes.resize(wanted);
   return all.Select(episodes);
+}
+
+/// The checks of data that need no simulator: told before long work starts, and no more than told.
+void WarnAboutData(const Dataset& dataset, const SimulatorSpec& spec, LogSink& log) {
+  for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
+    if (f.severity == Severity::kNote) continue;
+    log.Warning(fmt::format("data, {}: {}; {}; 'oted data check' has more", f.check, f.what, f.meaning));
+  }
 }
 
 /// Jobs side by side on the cores: each gets its share of the threads.
@@ -82,6 +91,7 @@ void Pipeline::Run() {
 void Pipeline::CloneBehavior() {
   const fs::path folder = directory_.clone();
   if (directory_.IsComplete(folder / "clone.json", CloneFingerprint())) return;
+  WarnAboutData(dataset_, factory_->spec(), *context_.log);
   const CloneResult clone = ::oted::CloneBehavior(dataset_, factory_->spec(), config_.clone,
                                                   RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("clone"),
                                                   directory_.NameOf(folder), context_);

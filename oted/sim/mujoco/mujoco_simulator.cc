@@ -159,6 +159,11 @@ bool MujocoSimulator::SetStateFromObservation(int lane, std::span<const double> 
   return true;
 }
 
+std::optional<bool> MujocoSimulator::EndsAt(int lane, std::span<const double> observation) {
+  if (!SetStateFromObservation(lane, observation)) return std::nullopt;
+  return setup_->task.terminates && !IsHealthy(setup_->task, qpos(lane), qvel(lane));
+}
+
 void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> actions) {
   const size_t act_dim = static_cast<size_t>(ctrl_.size);
   OTED_CHECK(actions.size() == lanes_.size() * act_dim);

@@ -3,6 +3,7 @@
 /// its own values of the model's fields. Equal bytes at any number of threads.
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,6 +39,8 @@ class MujocoSimulator : public Simulator {
   /// The root's x, which no observation shows, becomes 0. False when a velocity lies on the clip (|v| >= 10 where the
   /// task clips) or a number is not finite. @throws UsageError when the length is not obs_dim.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
+  /// Nothing when a velocity lies on the clip.
+  std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
   /// @throws UsageError when an action is not finite; nothing is simulated then.
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
 
