@@ -140,7 +140,7 @@ void PrintDataCheck(const Dataset& dataset, const SimulatorSpec* spec, const Dat
   if (check.gap) {
     fmt::print(
         "\n{:<14}{}: area under the curve {:.3f} (0.5: logs and simulator cannot be told apart), {} transitions\n",
-        "gap", ToString(JudgeGap(check.gap->auc)), check.gap->auc, check.gap->n_data);
+        "gap", ToString(VerdictOf(*check.gap)), check.gap->auc, dataset.size());
   } else if (spec == nullptr) {
     fmt::print("\nwith --task the logs are also held against the simulator: is there a gap at all?\n");
   }

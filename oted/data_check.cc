@@ -19,7 +19,7 @@ constexpr double kUseless = 0.5;    // above which it predicts a step hardly bet
 constexpr double kShiftGain = 0.8;  // another row's action must bring the ratio below this share to be a finding
 constexpr int kGapSteps = 3000;     // control steps of each half
 constexpr int kJudgeSteps = 400;    // as selection.judge_steps
-constexpr double kSmallAuc = 0.6, kClearAuc = 0.8;
+constexpr double kSmallAuc = 0.55, kClearAuc = 0.75;
 constexpr int kEffectEpisodes = 3;
 
 void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, std::vector<Finding>& findings) {
@@ -102,8 +102,8 @@ void AddOneStep(const OneStepError& e, const SimulatorSpec& spec, std::vector<Fi
        .remedy = "shift the actions in the log by this number of rows, or describe the delay to the simulator"});
 }
 
-void AddGap(const JudgeScore& s, const SimulatorSpec& spec, std::vector<Finding>& findings) {
-  const GapVerdict verdict = JudgeGap(s.auc);
+void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, std::vector<Finding>& findings) {
+  const GapVerdict verdict = VerdictOf(s);
   const std::string meaning =
       verdict == GapVerdict::kNone
           ? "no gap was seen: agents can be trained in the un-designed simulator; a gap smaller than what so many "
@@ -115,9 +115,9 @@ void AddGap(const JudgeScore& s, const SimulatorSpec& spec, std::vector<Finding>
        .severity = Severity::kNote,
        .what = fmt::format("a classifier tells logs from the un-designed {} with an area under the curve of {:.3f} "
                            "(0.5: blind, 1: always), accuracy {:.2f}, common score {:.3f} (log 2 = {:.3f}: blind); "
-                           "held out, {} logged and {} simulated transitions",
-                           spec.task, s.auc, s.accuracy, s.common, std::numbers::ln2, s.n_data, s.n_simulated),
-       .count = s.n_data,
+                           "held out, on {} logged transitions",
+                           spec.task, s.auc, s.accuracy, s.common, std::numbers::ln2, n_transitions),
+       .count = n_transitions,
        .meaning = meaning,
        .remedy =
            verdict == GapVerdict::kNone ? "none needed; more episodes make the statement stronger" : "oted design"});
@@ -155,8 +155,8 @@ std::string ToString(GapVerdict verdict) {
   return "";
 }
 
-GapVerdict JudgeGap(double auc) {
-  return auc < kSmallAuc ? GapVerdict::kNone : auc < kClearAuc ? GapVerdict::kSmall : GapVerdict::kClear;
+GapVerdict VerdictOf(const JudgeScore& gap) {
+  return gap.auc < kSmallAuc ? GapVerdict::kNone : gap.auc < kClearAuc ? GapVerdict::kSmall : GapVerdict::kClear;
 }
 
 TaskFacts FactsOf(const SimulatorSpec& spec) {
@@ -195,20 +195,23 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
   if (factory->parameters().size() > 0) {
     CheckEffects(*factory, dataset, key.Stage("effects"), context.n_threads, check.findings);
   }
-  const std::vector<double> nominal = factory->parameters().Nominal();
-  const EvidenceConfig evidence = CommonEvidence(spec, kGapSteps);
-  std::optional<CloneResult> clone;
+  const JudgeHalves halves = SplitForJudge(dataset);
   if (spec.can_set_state) {
     CheckTerminals(*factory, dataset, check.findings);
     check.one_step = MeasureOneStep(*factory, dataset, kOneStepRows, context.n_threads);
     AddOneStep(*check.one_step, spec, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states
+    try {
+      check.gap = JudgeGap(*factory, halves, kGapSteps, kJudgeSteps, key.Stage("gap"));
+    } catch (const DataError&) {
+      return check;  // one half alone has no state that can be set: clipped_observations tells
+    }
   } else {
-    clone = CloneBehavior(dataset, spec, {}, key.Stage("clone"), "check", context);
+    const CloneResult clone = CloneBehavior(dataset, spec, {}, key.Stage("clone"), "check", context);
+    check.gap = JudgeSimulator(*factory, halves, &clone.policy, {factory->parameters().Nominal()},
+                               CommonEvidence(spec, kGapSteps), kJudgeSteps, key.Stage("gap"));
   }
-  check.gap = JudgeSimulator(*factory, SplitForJudge(dataset), clone ? &clone->policy : nullptr, {nominal}, evidence,
-                             kJudgeSteps, key.Stage("gap"));
-  AddGap(*check.gap, spec, check.findings);
+  AddGap(*check.gap, spec, dataset.size(), check.findings);
   return check;
 }
 

@@ -19,8 +19,8 @@ namespace oted {
 /// How well the logs can be told from the un-designed simulator (docs/data_checks.md).
 enum class GapVerdict { kNone, kSmall, kClear };
 std::string ToString(GapVerdict verdict);
-/// None below an area of 0.6, clear from 0.8 on.
-GapVerdict JudgeGap(double auc);
+/// None below an area under the curve of 0.55, clear from 0.75 on.
+GapVerdict VerdictOf(const JudgeScore& gap);
 
 struct DataCheck {
   std::vector<Finding> findings;

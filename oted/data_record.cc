@@ -101,12 +101,13 @@ json DataCheckRecord(const Dataset& dataset, const SimulatorSpec* spec, const Da
     }
   }
   if (check.gap) {
-    record["gap"] = {{"verdict", ToString(JudgeGap(check.gap->auc))},
+    record["gap"] = {{"verdict", ToString(VerdictOf(*check.gap))},
                      {"auc", check.gap->auc},
                      {"accuracy", check.gap->accuracy},
                      {"common", check.gap->common},
                      {"log2", std::numbers::ln2},
-                     {"n_logged", check.gap->n_data},
+                     {"n_logged", dataset.size()},
+                     {"n_samples", check.gap->n_data},
                      {"n_simulated", check.gap->n_simulated}};
   }
   return record;

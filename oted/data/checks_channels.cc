@@ -15,7 +15,7 @@ constexpr double kOnBound = 1e-6;            // of the action range
 constexpr double kClippedActionNote = 0.05;  // share of a channel's rows at a bound
 constexpr double kClippedActionWarning = 0.5;
 constexpr double kUnusedRange = 0.01;   // of the range, that no action leaves
-constexpr double kClippedRows = 0.2;    // share of rows with a clipped observation: above it a warning
+constexpr double kClippedRows = 0.5;    // share of rows with a clipped observation: above it a warning
 constexpr double kClippedShare = 1e-3;  // of a channel's rows on its very extreme: a clip
 constexpr int kRowsForPrecision = 200;  // fewer say nothing about resolution
 constexpr double kMaxSteps = 20000;     // a grid finer than this share of the range is no matter
@@ -59,9 +59,13 @@ Resolution MeasureResolution(std::vector<double> values) {
     const double gap = values[i] - values[i - 1];
     if (gap > rounding) smallest = std::min(smallest, gap);
   }
-  // The whole range holds a whole number of steps: a far better measure of the step than one gap.
-  const double n_steps = std::nearbyint((r.high - r.low) / smallest);
-  const double step = (r.high - r.low) / n_steps;
+  // One gap is a poor measure of the step; the distance to ever farther values refines it.
+  double step = smallest;
+  for (const double v : values) {
+    const double n = std::nearbyint((v - r.low) / step);
+    if (n >= 1) step = (v - r.low) / n;
+  }
+  const double n_steps = (r.high - r.low) / step;
   const bool on_grid = n_steps <= kMaxSteps && std::all_of(values.begin(), values.end(), [&](double v) {
                          const double steps = (v - r.low) / step;
                          return std::abs(steps - std::nearbyint(steps)) < 0.02 + rounding / step;

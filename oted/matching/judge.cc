@@ -1,5 +1,7 @@
 #include "oted/matching/judge.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <numbers>
@@ -93,22 +95,14 @@ double AreaUnderCurve(const std::vector<double>& positive, const std::vector<dou
   return below / (static_cast<double>(positive.size()) * static_cast<double>(negative.size()));
 }
 
-JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const TanhGaussianPolicy* clone,
-                          const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence, int judge_steps,
-                          RngKey key) {
+JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&simulated)[2], int judge_steps,
+                        RngKey key) {
   constexpr int kCheckInterval = 20;
-  Array2<double> data[2], simulated[2];
   JudgeScore score;
-  for (int h = 0; h < 2; ++h) {
-    data[h] = DatasetFeatures(halves.part[h], evidence.transitions);
-    ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), halves.part[h], clone, evidence);
-    simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
-    if (simulated[h].rows() == 0) return {};
-    score.n_data += data[h].rows();
-    score.n_simulated += simulated[h].rows();
-  }
   score.auc = 0;
   for (int h = 0; h < 2; ++h) {
+    score.n_data += data[h].rows();
+    score.n_simulated += simulated[h].rows();
     Rng rng = key.Stage("judge").Index(static_cast<uint64_t>(h)).MakeRng();
     Discriminator judge(data[h], {}, rng);
     double lowest = std::numeric_limits<double>::infinity();
@@ -128,6 +122,65 @@ JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& ha
     score.accuracy += 0.5 * (best.data.empty() ? 0.5 : Accuracy(best));
   }
   return score;
+}
+
+JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const TanhGaussianPolicy* clone,
+                          const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence, int judge_steps,
+                          RngKey key) {
+  Array2<double> data[2], simulated[2];
+  for (int h = 0; h < 2; ++h) {
+    data[h] = DatasetFeatures(halves.part[h], evidence.transitions);
+    ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), halves.part[h], clone, evidence);
+    simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
+    if (simulated[h].rows() == 0) return {};
+  }
+  return JudgeSamples(data, simulated, judge_steps, key);
+}
+
+JudgeScore JudgeGap(const SimulatorFactory& factory, const JudgeHalves& halves, int n_steps, int judge_steps,
+                    RngKey key) {
+  constexpr int kHorizon = 10;  // as EvidenceConfig's
+  Array2<double> logged[2], simulated[2];
+  const auto simulator = factory.Make(1, 1);
+  simulator->SetParameters(0, factory.parameters().Nominal());
+  const std::vector<int> lane = {0};
+  for (size_t h = 0; h < 2; ++h) {
+    const Dataset& d = halves.part[h];
+    const Array2<double> features = DatasetFeatures(d, true);
+    std::vector<std::pair<int, int>> windows;
+    for (const Episode& e : d.Episodes()) {
+      for (int i = e.begin; i < e.end; ++i) {
+        if (simulator->SetStateFromObservation(0, d.observations.row(i))) {
+          windows.emplace_back(i, std::min(i + kHorizon, e.end));
+        }
+      }
+    }
+    if (windows.empty()) {
+      throw DataError(
+          fmt::format("no state of dataset '{}' can be set in task '{}' (velocities at the observation's "
+                      "clip?); log unclipped velocities",
+                      d.path, factory.spec().task));
+    }
+    Rng rng = key.Stage("windows").Index(h).MakeRng();
+    // What diverges at once would be drawn for ever.
+    for (int drawn = 0; logged[h].rows() < n_steps && drawn < n_steps; ++drawn) {
+      const auto [begin, end] = windows[rng.Below(windows.size())];
+      OTED_CHECK(simulator->SetStateFromObservation(0, d.observations.row(begin)));
+      for (int i = begin; i < end; ++i) {
+        const auto s = simulator->observation(0), a = d.actions.row(i);
+        std::vector<double> row(s.begin(), s.end());
+        row.insert(row.end(), a.begin(), a.end());
+        simulator->Step(lane, a);
+        if (simulator->status(0) == LaneStatus::kDiverged) break;
+        const auto next = simulator->observation(0);
+        for (size_t j = 0; j < next.size(); ++j) row.push_back(next[j] - row[j]);
+        simulated[h].AppendRow(row);
+        logged[h].AppendRow(features.row(i));
+      }
+    }
+    if (logged[h].rows() == 0) return {};
+  }
+  return JudgeSamples(logged, simulated, judge_steps, key);
 }
 
 }  // namespace oted

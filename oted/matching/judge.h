@@ -40,6 +40,17 @@ JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& ha
                           const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence, int judge_steps,
                           RngKey key);
 
+/// The judges alone: each trained on `data[h]` and `simulated[h]` (rows of features, none empty), tested on the other.
+JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&simulated)[2], int judge_steps,
+                        RngKey key);
+
+/// Is there a gap at all? Windows of the logs whose first state can be set are replayed in the un-designed simulator,
+/// and its transitions judged against the logged ones of the same windows, row by row the same number: where the
+/// simulator is the logs' own, nothing tells them apart, whatever states cannot be set.
+/// Needs spec().can_set_state. @throws DataError when no state of a half can be set
+JudgeScore JudgeGap(const SimulatorFactory& factory, const JudgeHalves& halves, int n_steps, int judge_steps,
+                    RngKey key);
+
 /// Area under the ROC curve: the chance that a draw from `positive` exceeds one from `negative`, ties counting half.
 /// Both non-empty.
 double AreaUnderCurve(const std::vector<double>& positive, const std::vector<double>& negative);
