@@ -11,9 +11,9 @@ namespace oted {
 
 /// What is known of the task that the data were logged from; empty or 0 where it is not known.
 struct TaskFacts {
-  std::vector<std::string> observation_names;
-  std::vector<std::string> action_names;
-  std::vector<double> action_low, action_high;  ///< in the actions' own unit
+  std::vector<std::string> observation_names = {};
+  std::vector<std::string> action_names = {};
+  std::vector<double> action_low = {}, action_high = {};  ///< in the actions' own unit
   int max_episode_steps = 0;
   bool flat_observations = true;   ///< a vector of quantities; false: an image, whose pixels are not checked one by one
   bool continuous_actions = true;  ///< false: numbers of discrete actions
