@@ -221,6 +221,23 @@ class TestCheck(DataTest):
             self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
 
 
+class TestRun(DataTest):
+    def test_findings_are_told_once_before_long_work_starts_and_change_nothing(self):
+        def double(arrays):
+            arrays["actions"][:, 0] *= 1.5
+        path, out = self.planted(double), self.folder / "run"
+        words = ["clone", "--task", "Hopper-v5", "--data", path, "--param", GRAVITY, "--out", out,
+                 "--set", "clone.hidden=16", "--set", "clone.max_steps=20", "--set", "clone.check_interval=20"]
+        first = oted(*words)
+        self.assertEqual(first.returncode, 0, first.stderr)
+        self.assertRegex(first.stderr, r"warning: data, actions_outside_bounds: [^\n]*oted data check[^\n]*\n")
+        # What is complete is not made again, and not complained of again.
+        self.assertNotIn("warning", oted(*words).stderr)
+        sound = oted(*words[:4], self.hopper, *words[5:8], self.folder / "sound", *words[9:])
+        self.assertEqual(sound.returncode, 0, sound.stderr)
+        self.assertNotIn("warning", sound.stderr)
+
+
 class TestConvert(DataTest):
     def test_there_and_back_loses_nothing(self):
         middle, back = self.folder / "logs.npz", self.folder / "back.hdf5"
