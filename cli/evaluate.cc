@@ -49,12 +49,12 @@ int Episodes(const std::string& text) {
 }
 
 /// The task that the options name, else the one that the policy says it was trained for.
-std::string TaskOf(const RunConfig& config, const std::string& policy) {
-  if (!config.task.name.empty()) return config.task.name;
+TaskConfig TaskOf(const RunConfig& config, const std::string& policy) {
+  if (!config.task.name.empty()) return config.task;
   if (policy.ends_with(".onnx")) {
     const auto metadata = OnnxPolicy::Load(policy).metadata();
     const auto task = metadata.find("task");
-    if (task != metadata.end()) return Printable(task->second);
+    if (task != metadata.end()) return TaskConfig::FromArgument(Printable(task->second));
   }
   throw UsageError(fmt::format("'{}' does not say its task; add --task", policy));
 }
@@ -65,8 +65,9 @@ const char* EndOf(const EpisodeResult& episode) {
 }
 
 void EvaluateFile(const EvaluateOptions& options) {
-  const RunConfig config = ResolveConfig(options);
-  const std::string task = TaskOf(config, options.policy);
+  RunConfig config = ResolveConfig(options);
+  config.task.Resolve();
+  const TaskConfig task = TaskOf(config, options.policy);
   const auto factory = MakeSimulatorFactory(task, config.parameters);
   const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
   factory->parameters().CheckInside(z);

@@ -46,6 +46,7 @@ int oted::cli::Main(int argc, char** argv) {
   cli::AddBehaviorVerb(program);
   cli::AddParamsVerb(program);
   cli::AddReportVerb(program);
+  cli::AddDataVerb(program);
   cli::AddExportVerb(program);
   cli::InstallStopHandler();
   try {

@@ -19,6 +19,7 @@ void AddCollectVerb(Program& program);
 void AddBehaviorVerb(Program& program);
 void AddParamsVerb(Program& program);
 void AddReportVerb(Program& program);
+void AddDataVerb(Program& program);
 void AddExportVerb(Program& program);
 
 }  // namespace oted::cli

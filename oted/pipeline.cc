@@ -9,6 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/data_check.h"
 #include "oted/design_record.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/sim/channel_factory.h"
@@ -83,6 +84,14 @@ RunConfig ExpandAndCheck(RunConfig config, const RunContext& context) {
   return expanded;
 }
 
+/// The checks of data that need no simulator: told before long work starts, and no more than told.
+void WarnAboutData(const Dataset& dataset, const SimulatorSpec& spec, LogSink& log) {
+  for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
+    if (f.severity == Severity::kNote) continue;
+    log.Warning(fmt::format("data, {}: {}; {}; 'oted data check' has more", f.check, f.what, f.meaning));
+  }
+}
+
 }  // namespace
 
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
@@ -129,6 +138,7 @@ void Pipeline::Run() {
 void Pipeline::CloneBehavior() {
   const fs::path folder = directory_.clone();
   if (directory_.IsComplete(folder / "clone.json", CloneFingerprint())) return;
+  WarnAboutData(dataset_, factory_->spec(), *context_.log);
   const CloneResult clone = ::oted::CloneBehavior(dataset_, factory_->spec(), config_.clone,
                                                   RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("clone"),
                                                   directory_.NameOf(folder), context_);

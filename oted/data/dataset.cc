@@ -168,7 +168,7 @@ Layout LayoutOf(const std::string& path) {
 
 }  // namespace
 
-Dataset ReadDataset(const std::string& path) {
+Dataset ReadDatasetUnchecked(const std::string& path) {
   const Layout layout = LayoutOf(path);
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) {
@@ -178,6 +178,11 @@ Dataset ReadDataset(const std::string& path) {
   Dataset dataset = layout == Layout::kHdf5 ? ReadD4rlHdf5(path) : ReadDatasetNpz(path);
   dataset.path = path;
   dataset.sha256 = Sha256OfFile(path);
+  return dataset;
+}
+
+Dataset ReadDataset(const std::string& path) {
+  Dataset dataset = ReadDatasetUnchecked(path);
   dataset.Check();
   return dataset;
 }

@@ -57,6 +57,9 @@ struct Dataset {
 
 /// Reads a dataset by its file's ending: .hdf5 | .h5 (D4RL layout) or .npz. @throws DataError
 Dataset ReadDataset(const std::string& path);
+/// The same without Dataset::Check: what a file holds, NaN included, for the checks that are to name it.
+/// @throws DataError
+Dataset ReadDatasetUnchecked(const std::string& path);
 /// Writes by ending as above, atomically. @throws DataError
 void WriteDataset(const Dataset& dataset, const std::string& path);
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -81,6 +82,13 @@ class Simulator {
   virtual bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) {
     static_cast<void>(before);
     return SetStateFromObservation(lane, observation);
+  }
+
+  /// Whether the task ends in the state that shows `observation`, by its own rule and not by the clock; nothing where
+  /// the observation does not determine that or the simulator cannot say. Puts the lane into that state.
+  virtual std::optional<bool> EndsAt(int lane, std::span<const double> observation) {
+    (void)lane, (void)observation;
+    return std::nullopt;
   }
 
   /// One control period for the lanes listed in `lanes`. `actions` is (n_lanes, act_dim); rows of other lanes are not

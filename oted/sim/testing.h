@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -65,6 +66,10 @@ class PointMass : public Simulator {
     if (std::abs(observation[1]) >= options_.velocity_clip) return false;
     Start(At(lane), observation[0], observation[1]);
     return true;
+  }
+  std::optional<bool> EndsAt(int lane, std::span<const double> observation) override {
+    if (!SetStateFromObservation(lane, observation)) return std::nullopt;
+    return std::abs(observation[0]) > options_.terminate_beyond;
   }
   void Step(std::span<const int> lanes, std::span<const double> actions) override {
     OTED_CHECK(actions.size() == lanes_.size());

@@ -74,4 +74,8 @@ void GymnasiumRules::Observe(const LaneView& view, std::span<double> observation
   std::transform(view[kQvel].begin(), view[kQvel].end(), next, [&](double v) { return std::clamp(v, -clip, clip); });
 }
 
+std::optional<bool> GymnasiumRules::Ends(const LaneView& view) const {
+  return task_.terminates && !IsHealthy(task_, view[kQpos], view[kQvel]);
+}
+
 }  // namespace oted

@@ -24,6 +24,7 @@ class GymnasiumRules : public TaskRules {
   StepOutcome Finish(const LaneView& view, std::span<const double> action, double time,
                      std::span<double> memory) override;
   void Observe(const LaneView& view, std::span<double> observation) const override;
+  std::optional<bool> Ends(const LaneView& view) const override;
 
  private:
   const MujocoTask& task_;

@@ -184,6 +184,11 @@ bool MujocoSimulator::SetStateFromObservation(int lane, std::span<const double> 
   return true;
 }
 
+std::optional<bool> MujocoSimulator::EndsAt(int lane, std::span<const double> observation) {
+  if (!SetStateFromObservation(lane, observation)) return std::nullopt;
+  return rules_->Ends(LaneView(arrays_, lane));
+}
+
 void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> actions) {
   const size_t act_dim = setup_->controls.size();
   OTED_CHECK(actions.size() == lanes_.size() * act_dim);

@@ -3,6 +3,7 @@
 /// any number of threads. What a task shows and pays is a TaskRules: Gymnasium's three, or a task file's.
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -42,6 +43,8 @@ class MujocoSimulator : public Simulator {
   /// determine a state: a velocity on Gymnasium's clip, a quaternion of zeros, a number that is not finite.
   /// @throws UsageError when the length is not obs_dim, or spec().can_set_state is false.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
+  /// Nothing when a velocity lies on the clip.
+  std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
   /// @throws UsageError when an action is not finite; nothing is simulated then. DataError when a task file's
   /// expression gives no finite number.
   void Step(std::span<const int> lanes, std::span<const double> actions) override;

@@ -188,6 +188,22 @@ TEST(MujocoSimulator, AClippedVelocityDoesNotDetermineAState) {
   }
 }
 
+TEST(MujocoSimulator, TellsInWhichStatesTheTaskEnds) {
+  const MujocoSimulatorFactory hopper("Hopper-v5", {}), cheetah("HalfCheetah-v5", {});
+  const auto simulator = hopper.MakeMujoco(1, 1);
+  std::vector<double> observation(11, 0.0);
+  observation[0] = 1.25;  // height: healthy above 0.7
+  EXPECT_EQ(simulator->EndsAt(0, observation), std::optional(false));
+  observation[0] = 0.69;
+  EXPECT_EQ(simulator->EndsAt(0, observation), std::optional(true));
+  observation[0] = 1.25;
+  observation[1] = 0.21;  // angle: healthy within 0.2
+  EXPECT_EQ(simulator->EndsAt(0, observation), std::optional(true));
+  observation[7] = 10;  // on the clip: the true velocity may be beyond every bound
+  EXPECT_EQ(simulator->EndsAt(0, observation), std::nullopt);
+  EXPECT_EQ(cheetah.MakeMujoco(1, 1)->EndsAt(0, std::vector<double>(17, 3.0)), std::optional(false));
+}
+
 TEST(MujocoSimulator, VelocitiesAreObservedClippedWhereGymnasiumClips) {
   for (const std::string task : {"Hopper-v4", "HalfCheetah-v4"}) {
     const MujocoSimulatorFactory factory(task, {});

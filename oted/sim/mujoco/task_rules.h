@@ -2,6 +2,7 @@
 /// What a task adds to the physics: its start states, what it shows, what it pays and when it ends. MujocoSimulator
 /// does the rest, the same for every task.
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -67,6 +68,11 @@ class TaskRules {
   virtual StepOutcome Finish(const LaneView& view, std::span<const double> action, double time,
                              std::span<double> memory) = 0;
   virtual void Observe(const LaneView& view, std::span<double> observation) const = 0;
+  /// Whether an episode ends in this state by the task's own rule; nothing where that takes more than the state.
+  virtual std::optional<bool> Ends(const LaneView& view) const {
+    static_cast<void>(view);
+    return std::nullopt;
+  }
 };
 
 }  // namespace oted

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <numbers>
 
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
+#include "oted/matching/judge.h"
 
 namespace oted {
 
@@ -35,15 +35,6 @@ std::vector<std::vector<double>> DrawParameters(const Designer& q, int n, RngKey
   return z;
 }
 
-/// All samples of a batch of z, one after the other.
-Array2<double> Pool(const std::vector<LaneExperience>& experience) {
-  Array2<double> pooled;
-  for (const LaneExperience& lane : experience) {
-    for (int i = 0; i < lane.features.rows(); ++i) pooled.AppendRow(lane.features.row(i));
-  }
-  return pooled;
-}
-
 /// Steps 2 and 3 of the paper's procedure: c(h_i) = mean over E of -log(1 - g(.|h_i)), z ~ q(.|h_i).
 double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
                   Candidate& candidate, const SelectionConfig& config, RngKey key) {
@@ -56,88 +47,6 @@ double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const
   double sum = 0;
   for (const double logit : candidate.g.Logits(pooled)) sum += MinusLogOneMinusG(logit);
   return sum / pooled.rows();
-}
-
-/// The two halves that judges are trained and tested on: whole episodes where there are at least two.
-struct Halves {
-  Dataset part[2];
-};
-Halves Split(const Dataset& dataset) {
-  std::vector<Episode> episodes = dataset.Episodes();
-  if (episodes.size() == 1) {
-    const Episode whole = episodes[0];
-    const int middle = (whole.begin + whole.end) / 2;
-    episodes = {{whole.begin, middle, false}, {middle, whole.end, whole.terminated}};
-  }
-  // The longest first, each to the half that has less: halves of nearly equal size.
-  std::stable_sort(episodes.begin(), episodes.end(),
-                   [](const Episode& a, const Episode& b) { return a.size() > b.size(); });
-  std::vector<Episode> halves[2];
-  int size[2] = {0, 0};
-  for (const Episode& episode : episodes) {
-    const int half = size[1] < size[0] ? 1 : 0;
-    halves[half].push_back(episode);
-    size[half] += episode.size();
-  }
-  return {{dataset.Select(halves[0]), dataset.Select(halves[1])}};
-}
-
-Array2<double> DrawRows(const Array2<double>& from, int n, Rng& rng) {
-  Array2<double> rows(n, from.cols());
-  for (int i = 0; i < n; ++i) {
-    const auto row = from.row(static_cast<int>(rng.Below(static_cast<uint64_t>(from.rows()))));
-    std::copy(row.begin(), row.end(), rows.row(i).begin());
-  }
-  return rows;
-}
-
-/// Eq. 2 / 2 on all rows of both kinds: log 2 for a judge that cannot tell them apart.
-double HalfLoss(Discriminator& judge, const Array2<double>& data, const Array2<double>& simulated) {
-  double loss_data = 0, loss_simulated = 0;
-  for (const double logit : judge.Logits(data)) loss_data += MinusLogOneMinusG(-logit);
-  for (const double logit : judge.Logits(simulated)) loss_simulated += MinusLogOneMinusG(logit);
-  return 0.5 * (loss_data / data.rows() + loss_simulated / simulated.rows());
-}
-
-/// Held-out Eq. 2 / 2 of a judge trained on half 0 of data and simulator samples, tested on half 1, and the reverse. A
-/// judge that over-fits would look worse than a blind one: the step at which it tells most counts, a blind start
-/// included.
-double CommonScore(const SimulatorFactory& factory, const Halves& halves, const TanhGaussianPolicy* clone,
-                   const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence,
-                   const SelectionConfig& config, RngKey key) {
-  constexpr int kCheckInterval = 20;
-  Array2<double> data[2], simulated[2];
-  for (int h = 0; h < 2; ++h) {
-    data[h] = DatasetFeatures(halves.part[h], evidence.transitions, evidence.n_past_actions);
-    ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), halves.part[h], clone, evidence);
-    simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
-    if (simulated[h].rows() == 0) return 0;
-  }
-  double score = 0;
-  for (int h = 0; h < 2; ++h) {
-    Rng rng = key.Stage("judge").Index(static_cast<uint64_t>(h)).MakeRng();
-    Discriminator judge(data[h], {}, rng);
-    double lowest = std::numbers::ln2;
-    for (int step = 1; step <= config.judge_steps; ++step) {
-      const Array2<double> data_rows = DrawRows(data[h], 256, rng);
-      judge.Step(data_rows, DrawRows(simulated[h], 256, rng));
-      if (step % kCheckInterval == 0) lowest = std::min(lowest, HalfLoss(judge, data[1 - h], simulated[1 - h]));
-    }
-    score += 0.5 * lowest;
-  }
-  return score;
-}
-
-/// The strongest evidence that the simulator allows, the same for every candidate.
-EvidenceConfig CommonEvidence(const SimulatorSpec& spec, const SelectionConfig& config) {
-  EvidenceConfig evidence;
-  evidence.n_steps = config.n_steps;
-  evidence.n_past_actions = spec.n_past_actions;
-  if (!spec.can_set_state) {
-    evidence.dataset_starts = evidence.replayed_actions = evidence.transitions = false;
-    evidence.horizon = config.n_steps;
-  }
-  return evidence;
 }
 
 double DesignDeviation(const std::vector<Candidate>& candidates, const std::vector<int>& indices) {
@@ -184,8 +93,8 @@ SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& 
                                 const TanhGaussianPolicy* clone, std::vector<Candidate>& candidates,
                                 const SelectionConfig& config, RngKey key, const RunContext& context) {
   OTED_CHECK(!candidates.empty());
-  const Halves halves = Split(dataset);
-  const EvidenceConfig common_evidence = CommonEvidence(factory.spec(), config);
+  const JudgeHalves halves = SplitForJudge(dataset);
+  const EvidenceConfig common_evidence = CommonEvidence(factory.spec(), config.n_steps);
   SelectionResult result;
   result.candidates.resize(candidates.size());
   const int n = static_cast<int>(candidates.size());
@@ -194,7 +103,7 @@ SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& 
     context.ThrowIfStopped();
     const auto common = [&](const std::vector<std::vector<double>>& z) {
       // One key for all: every candidate is judged on the same windows by a judge with the same initial weights.
-      return CommonScore(factory, halves, clone, z, common_evidence, config, key.Stage("common"));
+      return JudgeSimulator(factory, halves, clone, z, common_evidence, config.judge_steps, key.Stage("common")).common;
     };
     if (i == n) {
       const std::vector<std::vector<double>> nominal(static_cast<size_t>(config.n_sims),

@@ -1,0 +1,47 @@
+#pragma once
+/// Everything that can be told of logged data before a design: the checks that need no simulator, and with one the
+/// one-step error, the task's terminals, the parameters' effects, and whether there is a gap at all.
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "oted/base/log.h"
+#include "oted/data/checks.h"
+#include "oted/data/describe.h"
+#include "oted/matching/judge.h"
+#include "oted/sim/one_step.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// How well the logs can be told from the un-designed simulator (docs/data_checks.md).
+enum class GapVerdict { kNone, kSmall, kClear };
+std::string ToString(GapVerdict verdict);
+/// None below an area under the curve of 0.55, clear from 0.75 on.
+GapVerdict VerdictOf(const JudgeScore& gap);
+
+struct DataCheck {
+  std::vector<Finding> findings;
+  std::vector<ChannelNoise> noise;       ///< per observation channel, or empty
+  std::optional<OneStepError> one_step;  ///< where the task is known and its states can be set
+  std::optional<JudgeScore> gap;         ///< where the task is known
+};
+
+/// What a task says about its data.
+TaskFacts FactsOf(const SimulatorSpec& spec);
+
+/// @param factory  may be null: then the checks that need a simulator are left out. Its parameters, if any, are checked
+///   for an effect on the logged episodes.
+/// Never throws for what the data hold. Equal seeds give equal results at any number of threads.
+DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uint64_t seed, const RunContext& context);
+
+/// oted.data_check/1 and oted.data_info/1 (docs/file_formats.md). `spec` may be null.
+nlohmann::json DataCheckRecord(const Dataset& dataset, const SimulatorSpec* spec, const DataCheck& check);
+nlohmann::json DataInfoRecord(const Dataset& dataset, const SimulatorSpec* spec, const DatasetSummary& summary);
+
+/// What writing `wanted` and reading it back as `got` changed, one sentence each; empty when nothing.
+std::vector<std::string> Losses(const Dataset& wanted, const Dataset& got);
+
+}  // namespace oted

@@ -1,0 +1,40 @@
+#pragma once
+/// Logged transitions repeated one by one in the un-designed simulator: what differs within a single control step?
+
+#include <map>
+#include <vector>
+
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// Of each compared row, the simulator was set to s, given a, and its next observation held against s'.
+struct OneStepError {
+  int n_rows = 0;                  ///< compared
+  int n_unsettable = 0;            ///< rows whose observation determines no state (a clipped velocity)
+  int n_diverged = 0;              ///< rows on which the physics broke down
+  std::vector<double> rms_error;   ///< per channel, in its unit
+  std::vector<double> rms_change;  ///< of the logged s' - s on the same rows: the error of "nothing changes"
+  double median_ratio = 0;         ///< median over channels that change of rms_error / rms_change
+  /// The same median when row i is given the action of row i + k, for k = -2 .. 2, on the rows that have all of these
+  /// neighbours in their episode; empty when there are fewer than 20.
+  std::map<int, double> ratio_by_shift;
+};
+
+/// At most `max_rows` rows, evenly spread over the data. Needs spec().can_set_state and finite data that fit the task.
+OneStepError MeasureOneStep(const SimulatorFactory& factory, const Dataset& dataset, int max_rows, int n_threads);
+
+/// The logs' terminals against the task's own rule, applied to s'.
+struct TerminalAgreement {
+  int n_known = 0;        ///< rows for which the rule gives an answer
+  int n_unexplained = 0;  ///< terminal in the log, not by the rule
+  int first_unexplained = -1;
+  int n_missed = 0;  ///< over by the rule, not terminal in the log
+  int first_missed = -1;
+};
+
+/// All rows that are terminal in the log, and at most `max_rows` others, evenly spread.
+TerminalAgreement CompareTerminals(const SimulatorFactory& factory, const Dataset& dataset, int max_rows);
+
+}  // namespace oted

@@ -1,0 +1,282 @@
+"""oted data info, check and convert as a user meets them.
+
+    test_data.py PATH/TO/oted FOLDER/WITH/EXAMPLE/DATA [TestClass.test_name ...]
+"""
+
+import hashlib
+import json
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import h5py
+import numpy as np
+
+OTED = None  # the program's path, from the command line
+EXAMPLES = None
+
+USAGE, DATA_OR_MODEL = 2, 3
+GRAVITY = "gravity=opt/gravity[2]:0.2:2.0"
+
+
+def oted(*arguments):
+    return subprocess.run([OTED, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+
+
+def read(path):
+    with h5py.File(path, "r") as file:
+        arrays = {name: file[name][()] for name in file if name != "infos"}
+        if "infos" in file:
+            arrays |= {f"infos/{name}": file["infos"][name][()] for name in file["infos"]}
+    return arrays
+
+
+def write(path, arrays):
+    with h5py.File(path, "w") as file:
+        for name, values in arrays.items():
+            file[name] = values
+
+
+class DataTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-data-"))
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.hopper = EXAMPLES / "hopper-medium.hdf5"
+
+    def check(self, path, *more, code=0):
+        """The JSON of `oted data check`, and its findings by name."""
+        result = oted("data", "check", path, "--json", *more)
+        self.assertEqual(result.returncode, code, result.stderr + result.stdout)
+        record = json.loads(result.stdout)
+        self.assertEqual(record["schema"], "oted.data_check/1")
+        return record, {finding["check"]: finding for finding in record["findings"]}
+
+    def planted(self, change, name="planted.hdf5"):
+        """hopper-medium with a defect."""
+        arrays = read(self.hopper)
+        change(arrays)
+        path = self.folder / name
+        write(path, arrays)
+        return path
+
+
+class TestInfo(DataTest):
+    def test_counts_returns_scores_and_hash_are_those_of_the_file(self):
+        result = oted("data", "info", self.hopper, "--task", "Hopper-v5", "--json")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        info, arrays = json.loads(result.stdout), read(self.hopper)
+        self.assertEqual(info["schema"], "oted.data_info/1")
+        self.assertEqual(info["dataset"]["sha256"], hashlib.sha256(self.hopper.read_bytes()).hexdigest())
+        self.assertEqual(info["dataset"]["n_transitions"], len(arrays["observations"]))
+        ends = np.flatnonzero(arrays["terminals"].ravel() | arrays["timeouts"].ravel())
+        lengths = np.diff(np.concatenate([[-1], ends]))
+        self.assertEqual(info["episode_length"],
+                         {"min": lengths.min(), "median": np.median(lengths), "max": lengths.max()})
+        returns = [r.sum() for r in np.split(arrays["rewards"].astype(float).ravel(), ends + 1)[:-1]]
+        np.testing.assert_allclose(info["returns"], returns, rtol=1e-12)
+        # D4RL's references for Hopper.
+        np.testing.assert_allclose(info["scores"], 100 * (np.array(returns) + 20.272305) / (3234.3 + 20.272305))
+        self.assertEqual(info["observations"][0]["name"], "rootz_pos")
+        np.testing.assert_allclose([c["low"] for c in info["observations"]], arrays["observations"].min(0))
+        np.testing.assert_allclose([c["high"] for c in info["actions"]], arrays["actions"].max(0))
+
+    def test_the_table_names_what_is_there(self):
+        result = oted("data", "info", self.hopper, "--episodes", "2-3")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for text in ("sha256", "2 episodes", "observations[10]", "actions[2]", "returns"):
+            self.assertIn(text, result.stdout)
+
+    def test_a_file_with_nan_is_described_and_a_missing_one_is_an_error(self):
+        def spoil(arrays):
+            arrays["observations"][5, 2] = np.nan
+        path = self.planted(spoil)
+        self.assertEqual(oted("data", "info", path).returncode, 0)
+        result = oted("data", "info", self.folder / "none.hdf5")
+        self.assertEqual(result.returncode, DATA_OR_MODEL)
+        self.assertRegex(result.stderr, r"\Aoted: [^\n]*none.hdf5[^\n]*\n\Z")
+
+
+class TestCheck(DataTest):
+    def test_data_of_the_nominal_simulator_show_no_gap(self):
+        record, findings = self.check(self.hopper, "--task", "Hopper-v5")
+        self.assertEqual((record["errors"], record["warnings"]), (0, 0), findings)
+        self.assertEqual(record["gap"]["verdict"], "none")
+        self.assertAlmostEqual(record["gap"]["auc"], 0.5, delta=0.02)
+        self.assertLess(record["one_step"]["median_ratio"], 1e-4)
+        self.assertIn("1403 logged transitions", findings["gap"]["what"])
+
+    def test_data_of_another_target_show_one(self):
+        record, findings = self.check(EXAMPLES / "hopper-medium-shifted.hdf5", "--task", "Hopper-v5", "--param", GRAVITY)
+        self.assertEqual(record["gap"]["verdict"], "clear")
+        self.assertGreater(record["gap"]["auc"], 0.8)
+        self.assertGreater(record["one_step"]["median_ratio"], 0.05)
+        self.assertEqual(findings["parameter_effect"]["severity"], "note")
+
+    def test_the_same_bytes_at_any_number_of_threads(self):
+        def check(threads):
+            return oted("data", "check", self.hopper, "--task", "Hopper-v5", "--json", "--threads", threads).stdout
+        self.assertEqual(check(1), check(3))
+
+    def test_every_shipped_dataset_is_sound(self):
+        for path in sorted(EXAMPLES.glob("*.hdf5")):
+            record, findings = self.check(path, "--strict")
+            self.assertEqual(record["warnings"], 0, (path, findings))
+
+    def test_nan_is_reported_with_its_row_and_is_exit_code_3(self):
+        def spoil(arrays):
+            arrays["observations"][300, 4] = np.nan
+            arrays["actions"][7, 1] = np.inf
+        record, findings = self.check(self.planted(spoil), "--task", "Hopper-v5", code=DATA_OR_MODEL)
+        self.assertEqual(record["errors"], 2)
+        self.assertEqual((record["findings"][0]["row"], record["findings"][0]["episode"]), (300, 2))
+        self.assertEqual(record["findings"][1]["row"], 7)
+
+    def test_a_missed_boundary_is_an_error(self):
+        def join(arrays):
+            arrays["terminals"][np.flatnonzero(arrays["terminals"].ravel())[0]] = 0
+        _, findings = self.check(self.planted(join), code=DATA_OR_MODEL)
+        self.assertEqual(findings["missed_boundary"]["severity"], "error")
+        self.assertEqual(findings["missed_boundary"]["count"], 1)
+
+    def test_episodes_that_run_together_without_timeouts_and_next_observations(self):
+        def strip(arrays):
+            arrays["terminals"][:] = 0
+            del arrays["timeouts"], arrays["next_observations"]
+        _, findings = self.check(self.planted(strip))
+        self.assertEqual(findings["state_jumps"]["severity"], "warning")
+
+    def test_strict_makes_a_warning_exit_code_3(self):
+        def freeze(arrays):
+            for name in ("observations", "next_observations"):
+                arrays[name][:, 3] = 0.25
+        path = self.planted(freeze)
+        _, findings = self.check(path)
+        self.assertEqual(findings["constant_channels"]["severity"], "warning")
+        self.check(path, "--strict", code=DATA_OR_MODEL)
+
+    def test_noise_on_the_sensors_is_measured(self):
+        sigma = 0.01
+
+        def measure(arrays):
+            rng = np.random.default_rng(1)
+            ends = np.flatnonzero(arrays["terminals"].ravel() | arrays["timeouts"].ravel()) + 1
+            for begin, end in zip([0, *ends[:-1]], ends):
+                noise = sigma * rng.normal(size=end - begin + 1)
+                arrays["observations"][begin:end, 0] += noise[:-1]
+                arrays["next_observations"][begin:end, 0] += noise[1:]
+        record, findings = self.check(self.planted(measure), "--task", "Hopper-v5")
+        self.assertAlmostEqual(record["noise"][0]["sigma"], sigma, delta=0.2 * sigma)
+        self.assertEqual([c["visible"] for c in record["noise"]].count(True), 1)
+        self.assertEqual(findings["measurement_noise"]["severity"], "warning")
+        self.assertIn("rootz_pos", findings["measurement_noise"]["what"])
+
+    def test_terminals_that_the_task_does_not_explain(self):
+        def mark(arrays):
+            arrays["terminals"][100] = 1
+        _, findings = self.check(self.planted(mark), "--task", "Hopper-v5")
+        self.assertEqual((findings["unexplained_terminals"]["row"], findings["unexplained_terminals"]["count"]),
+                         (100, 1))
+
+    def test_states_beside_the_observations(self):
+        def add_states(arrays):
+            n = len(arrays["observations"])
+            arrays["infos/qpos"] = np.hstack([np.zeros((n, 1)), arrays["observations"][:, :5]])
+            arrays["infos/qvel"] = arrays["observations"][:, 5:].copy()
+        _, findings = self.check(self.planted(add_states))
+        self.assertNotIn("states_disagree", findings)
+
+        def shift(arrays):
+            add_states(arrays)
+            arrays["infos/qpos"][200:, 1] += 0.1
+        _, findings = self.check(self.planted(shift, "shifted.hdf5"), "--task", "Hopper-v5")
+        self.assertEqual((findings["states_disagree"]["row"], findings["states_disagree"]["channels"]),
+                         (200, ["rootz_pos"]))
+
+    def test_another_tasks_data_are_an_error(self):
+        record, findings = self.check(self.hopper, "--task", "HalfCheetah-v5", code=DATA_OR_MODEL)
+        self.assertIn("HalfCheetah-v5", findings["wrong_dimensions"]["what"])
+        self.assertIsNone(record["gap"])
+
+    def test_the_report_says_what_it_means_and_what_to_do(self):
+        def spoil(arrays):
+            arrays["actions"][:, 0] *= 3
+        result = oted("data", "check", self.planted(spoil))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        result = oted("data", "check", self.planted(spoil), "--task", "Hopper-v5")
+        for text in ("warnings", "actions_outside_bounds", "found", "means", "do ", "first in row", "one-step error",
+                     "area under the curve"):
+            self.assertIn(text, result.stdout)
+        self.assertLessEqual(max(map(len, result.stdout.splitlines())), 120)
+
+    def test_refusals(self):
+        for words in (["data"], ["data", "look", self.hopper], ["data", "check"],
+                      ["data", "check", self.hopper, "--param", GRAVITY],
+                      ["data", "check", self.hopper, "--episodes", "many"],
+                      ["data", "check", self.hopper, "--task", "Hoper-v5"]):
+            result = oted(*words)
+            self.assertEqual(result.returncode, USAGE, words)
+            self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
+
+
+class TestRun(DataTest):
+    def test_findings_are_told_once_before_long_work_starts_and_change_nothing(self):
+        def double(arrays):
+            arrays["actions"][:, 0] *= 1.5
+        path, out = self.planted(double), self.folder / "run"
+        words = ["clone", "--task", "Hopper-v5", "--data", path, "--param", GRAVITY, "--out", out,
+                 "--set", "clone.hidden=16", "--set", "clone.max_steps=20", "--set", "clone.check_interval=20"]
+        first = oted(*words)
+        self.assertEqual(first.returncode, 0, first.stderr)
+        self.assertRegex(first.stderr, r"warning: data, actions_outside_bounds: [^\n]*oted data check[^\n]*\n")
+        # What is complete is not made again, and not complained of again.
+        self.assertNotIn("warning", oted(*words).stderr)
+        sound = oted(*words[:4], self.hopper, *words[5:8], self.folder / "sound", *words[9:])
+        self.assertEqual(sound.returncode, 0, sound.stderr)
+        self.assertNotIn("warning", sound.stderr)
+
+
+class TestConvert(DataTest):
+    def test_there_and_back_loses_nothing(self):
+        middle, back = self.folder / "logs.npz", self.folder / "back.hdf5"
+        for source, target in ((self.hopper, middle), (middle, back)):
+            result = oted("data", "convert", source, target, "--task", "Hopper-v5")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertIn("nothing was lost", result.stdout)
+        wanted, got = read(self.hopper), read(back)
+        self.assertEqual(wanted.keys(), got.keys())
+        for name in wanted:
+            np.testing.assert_array_equal(wanted[name].ravel(), got[name].ravel())
+
+    def test_some_episodes(self):
+        out = self.folder / "two.npz"
+        self.assertEqual(oted("data", "convert", self.hopper, out, "--episodes", "2-3").returncode, 0)
+        arrays, ends = read(self.hopper), None
+        ends = np.flatnonzero(arrays["terminals"].ravel() | arrays["timeouts"].ravel()) + 1
+        np.testing.assert_array_equal(np.load(out)["observations"], arrays["observations"][ends[0]:ends[2]])
+
+    def test_refusals_leave_nothing(self):
+        out = self.folder / "out.npz"
+
+        def spoil(arrays):
+            arrays["observations"][5, 2] = np.nan
+        for words, code in (([self.planted(spoil), out], DATA_OR_MODEL),
+                            ([self.hopper, out, "--task", "HalfCheetah-v5"], DATA_OR_MODEL),
+                            ([self.hopper, out, "--episodes", "9"], DATA_OR_MODEL),
+                            ([self.hopper, self.folder / "out.xyz"], DATA_OR_MODEL)):
+            result = oted("data", "convert", *words)
+            self.assertEqual(result.returncode, code, result.stderr)
+            self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
+            self.assertFalse(out.exists())
+        same = self.planted(lambda arrays: None)
+        before = same.read_bytes()
+        self.assertEqual(oted("data", "convert", same, same).returncode, USAGE)
+        self.assertEqual(same.read_bytes(), before)
+
+
+if __name__ == "__main__":
+    OTED = sys.argv.pop(1)
+    EXAMPLES = pathlib.Path(sys.argv.pop(1))
+    unittest.main()
