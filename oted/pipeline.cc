@@ -72,6 +72,7 @@ void Pipeline::Run() {
   CloneBehavior();
   Design();
   SelectSimulator();
+  ReplayLogs();
   TrainAgents();
   SelectPolicy();
   EvaluateInTarget();
@@ -213,7 +214,7 @@ struct Pipeline::AgentJob {
 };
 
 void Pipeline::TrainAgents() {
-  SelectSimulator();
+  ReplayLogs();
   std::vector<AgentJob> jobs;
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
     jobs.push_back({directory_.agent(j), j, true});

@@ -50,6 +50,17 @@ FieldList AgentsConfig::Fields() {
   return fields;
 }
 
+FieldList ReportConfig::Fields() {
+  FieldList fields("report");
+  fields.AddChoice("motion", &motion,
+                   "pictures of logged, nominal and designed motion: where OpenGL is there, always (an error without), "
+                   "or never",
+                   {"auto", "true", "false"});
+  fields.Add("replay_steps", &replay_steps, "control steps for which logged actions are replayed from a logged state",
+             AtLeast(1));
+  return fields;
+}
+
 namespace {
 
 json TomlToJson(const toml::node& node, const std::string& where) {
@@ -175,8 +186,9 @@ void WriteTomlValue(std::ostream& out, const json& value) {
 }  // namespace
 
 std::vector<FieldList> AllFields(RunConfig& config) {
-  return {config.task.Fields(),   config.data.Fields(),      config.run.Fields(),    config.clone.Fields(),
-          config.design.Fields(), config.selection.Fields(), config.agents.Fields(), config.sac.Fields("sac")};
+  return {config.task.Fields(),   config.data.Fields(),     config.run.Fields(),
+          config.clone.Fields(),  config.design.Fields(),   config.selection.Fields(),
+          config.agents.Fields(), config.sac.Fields("sac"), config.report.Fields()};
 }
 
 RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name) {
@@ -230,6 +242,7 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
         json value = TomlToJson(n, at);
         // A count or a word: the field is text.
         if (name == "data" && setting == "episodes" && value.is_number_integer()) value = value.dump();
+        if (name == "report" && setting == "motion" && value.is_boolean()) value = value.dump();
         section->Find(setting, at).FromJson(value, at);
       }
     }
