@@ -37,9 +37,9 @@ std::string Header(const json& report) {
 
 std::string HtmlPage(const json& report, std::string_view plotly_js) {
   const std::vector<Section> sections = {
-      ParametersSection(report),    PoliciesSection(report),  WarningsSection(report), DesignSection(report),
-      DiscriminatorSection(report), SelectionSection(report), AgentsSection(report),   PolicySelectionSection(report),
-      DataSection(report),          CloneSection(report),     RunSection(report)};
+      ParametersSection(report),      ReplaySection(report),        PoliciesSection(report),  WarningsSection(report),
+      DesignSection(report),          DiscriminatorSection(report), SelectionSection(report), AgentsSection(report),
+      PolicySelectionSection(report), DataSection(report),          CloneSection(report),     RunSection(report)};
   std::string contents;
   std::string body;
   for (const Section& section : sections) {
@@ -66,6 +66,7 @@ std::string HtmlPage(const json& report, std::string_view plotly_js) {
   page += plotly_js;
   page += "</script>\n<script>";
   page += PageScript();
+  page += PlayerScript();
   page += "</script>\n</body>\n</html>\n";
   return page;
 }

@@ -117,4 +117,17 @@ std::string HtmlTable::Html() const {
   return html + "</tbody></table></div>\n";
 }
 
+FactList& FactList::Add(std::string_view name, std::string_view value) {
+  if (!value.empty() && !value.starts_with(kUnknown)) {
+    items_ += fmt::format("<div><dt>{}</dt><dd>{}</dd></div>", name, value);
+  }
+  return *this;
+}
+
+std::string FactList::Html() const { return items_.empty() ? "" : "<dl>" + items_ + "</dl>\n"; }
+
+std::string SelectedName(std::string_view name, bool selected) {
+  return Escape(name) + (selected ? " <span class=\"badge good\">selected</span>" : "");
+}
+
 }  // namespace oted

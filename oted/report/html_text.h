@@ -52,6 +52,20 @@ class HtmlTable {
   std::vector<Line> rows_;
 };
 
+/// Names and their values, side by side. A value that is not known is left out.
+class FactList {
+ public:
+  /// Both are HTML.
+  FactList& Add(std::string_view name, std::string_view value);
+  std::string Html() const;
+
+ private:
+  std::string items_;
+};
+
+/// "name", or "name selected" with a badge; as HTML.
+std::string SelectedName(std::string_view name, bool selected);
+
 /// One part of the page; nothing is shown when `html` is empty.
 struct Section {
   std::string id;

@@ -73,6 +73,7 @@ tr.chosen td { font-weight: 600; }
 .key li { display: flex; align-items: center; }
 .key i { width: 1.5rem; margin-right: .5rem; border-top: 2px solid var(--c); }
 .key i.dash { border-top-style: dashed; }
+.key i.dots { border-top-style: dotted; }
 .key i.band { height: .75rem; border: 0; background: var(--c); border-radius: 2px; }
 .grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 19rem), 1fr)); gap: 1.2rem 1.8rem; }
 figure { margin: 0 0 1.6rem; min-width: 0; }
@@ -83,6 +84,19 @@ figcaption b { font-weight: 600; }
 .short .plot { height: 12rem; }
 .matrix { max-width: 30rem; }
 .matrix .plot { height: 17rem; }
+.small .plot { height: 13rem; }
+.motion { margin: 0 0 2rem; }
+.panels { display: grid; grid-template-columns: repeat(3, minmax(0, 1fr)); gap: .8rem; }
+.panel p { margin: 0 0 .3rem; padding-left: .6rem; border-left: 3px solid var(--truth); font-size: .875rem;
+  line-height: 1.3; }
+.panel.nominal p { border-color: var(--nominal); }
+.panel.designed p { border-color: var(--designed); }
+.panel canvas { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--surface); }
+.controls { display: flex; flex-wrap: wrap; align-items: center; gap: .6rem 1rem; margin-top: .8rem;
+  font-size: .8125rem; color: var(--soft); font-variant-numeric: tabular-nums; }
+.controls button { min-width: 4.6rem; padding: .35rem .8rem; border: 1px solid var(--edge); border-radius: 5px;
+  background: var(--surface); color: var(--text); font: inherit; cursor: pointer; }
+.controls input { flex: 1 1 10rem; min-width: 0; accent-color: var(--designed); }
 dl { display: flex; flex-wrap: wrap; gap: .8rem 2.8rem; margin: 0 0 1.5rem; }
 dt { font-size: .8125rem; color: var(--soft); }
 dd { margin: 0; font-size: 1.125rem; font-variant-numeric: tabular-nums; }
