@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kWidth = 320, kHeight = 240;  // [pixels]
+constexpr int kWidth = 256, kHeight = 256;  // [pixels]
 constexpr int kMostFrames = 64;
 
 /// What an earlier call left, if it was made from the same; null otherwise. Unlike a stage's result it is simply made

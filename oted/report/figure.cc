@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 namespace oted {
 
@@ -22,6 +23,17 @@ std::string PlotText(std::string_view text) {
     }
   }
   return escaped;
+}
+
+std::string PlotLabel(std::string_view text) {
+  constexpr size_t kMost = 18, kHead = 10, kTail = 7;
+  // Bytes that begin a character, so that none is cut.
+  std::vector<size_t> starts;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) starts.push_back(i);
+  }
+  if (starts.size() <= kMost) return PlotText(text);
+  return PlotText(text.substr(0, starts[kHead])) + "…" + PlotText(text.substr(starts[starts.size() - kTail]));
 }
 
 void Figure::AddCurve(const json& points, const std::string& name, const LineStyle& style) {
@@ -99,6 +111,7 @@ Figure MatrixFigure(std::string title, json columns, json rows, json values, jso
                    {"z", std::move(values)},
                    {"colorscale", std::move(colorscale)},
                    {"texttemplate", format},
+                   {"textfont", {{"color", "var:--text"}}},
                    {"hoverinfo", "skip"},
                    {"xgap", 3},
                    {"ygap", 3},

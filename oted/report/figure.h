@@ -54,6 +54,8 @@ Figure MatrixFigure(std::string title, nlohmann::json columns, nlohmann::json ro
 
 /// Plain text for plotly.js.
 std::string PlotText(std::string_view text);
+/// The same, for an axis, where a long name would leave no room for the plot: at most 18 characters, "…" in the middle.
+std::string PlotLabel(std::string_view text);
 
 /// A row of figures that wraps on narrow pages.
 std::string FigureGrid(std::string_view figures);

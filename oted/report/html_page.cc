@@ -28,8 +28,9 @@ std::string Header(const json& report) {
   const char* tone = verdict == "outside_family" ? "poor" : verdict.empty() ? "open" : "good";
   return fmt::format("<header class=\"{}\" id=\"top\"><p class=\"eyebrow\">{}</p><h1>{}</h1>\n", tone,
                      Escape(TextAt(report, "title")), Escape(TextAt(summary, "headline"))) +
-         fmt::format("<p class=\"asked\">{}</p>\n<div class=\"answer\">{}{}</div></header>\n",
-                     Escape(TextAt(summary, "asked")), list("What was found", summary.at("found")),
+         fmt::format("<p class=\"asked\">{}</p>\n<div class=\"answer\">{}{}{}</div></header>\n",
+                     Escape(TextAt(summary, "asked")), list("What came out", summary.at("found")),
+                     list("How far to trust it", summary.at("trust")),
                      list("What stays unknown", summary.at("unknown")));
 }
 

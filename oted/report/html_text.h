@@ -29,11 +29,12 @@ std::string UnitHtml(std::string_view unit);
 /// 12,345.
 std::string FormatCount(std::optional<double> value);
 
-/// A table in a box of its own in which it scrolls when the page is narrow.
+/// A table. One that is too wide for the page is shown row by row instead, each cell beside its column's title (without
+/// JavaScript it scrolls in a box of its own).
 class HtmlTable {
  public:
   enum class Align { kText, kNumber };
-  /// `title` is HTML.
+  /// `title` is plain text without characters that HTML would need escaped.
   HtmlTable& Column(std::string title, Align align = Align::kNumber);
   /// One cell of HTML per column.
   void Row(std::vector<std::string> cells, bool emphasised = false);

@@ -178,7 +178,7 @@ TEST_F(WriteReportTest, NullAndMissingFieldsAreShownAsUnknown) {
   WriteJson(folder_ / "evaluation.json", {{"schema", "oted.evaluation/1"}, {"policies", {{{"name", "clone"}}}}});
   WriteReport(folder_.path());
   EXPECT_TRUE(RunPython(kCheckPage, folder_));
-  EXPECT_TRUE(Contains(Page(), "<td>clone</td><td class=\"num\">–</td><td class=\"num\">–</td>"));
+  EXPECT_TRUE(Contains(Page(), "<td data-label=\"Policy\">clone</td><td class=\"num\" data-label=\"Return\">–</td>"));
 }
 
 TEST_F(WriteReportTest, AMissingPlotlyIsAnErrorWithTheRemedyAndWritesNothing) {

@@ -29,7 +29,7 @@ std::string ReturnMatrix(const json& selection) {
   }
   if (agents.empty() || simulators.empty()) return "";
   return MatrixFigure("Return of every agent in every designed simulator", simulators, agents, returns,
-                      {{0, "var:--surface"}, {1, "var:--designed"}}, "%{z:,.0f}")
+                      {{0, "var:--surface"}, {1, "var:--heat"}}, "%{z:,.0f}")
       .Html("wide");
 }
 

@@ -87,9 +87,9 @@ std::string CorrelationFigure(const json& report) {
   }
   if (!any) return "";  // one parameter, or a distribution in which they are independent by construction
   json names = json::array();
-  for (const std::string& name : ParameterNames(report)) names.push_back(PlotText(name));
+  for (const std::string& name : ParameterNames(report)) names.push_back(PlotLabel(name));
   Figure figure = MatrixFigure("How the parameters trade off against each other", names, names, correlation,
-                               {{0, "var:--low"}, {0.5, "var:--surface"}, {1, "var:--designed"}}, "%{z:.2f}");
+                               {{0, "var:--cold"}, {0.5, "var:--surface"}, {1, "var:--heat"}}, "%{z:.2f}");
   figure.SetValueRange(-1, 1);
   return "<p>Correlation under the designed distribution. Near +1 or &minus;1, the logs fix a combination of two "
          "parameters better than each alone.</p>\n" +

@@ -26,7 +26,7 @@ json OverTime(const json& values, double period) {
 }
 
 std::string AxisTitle(const json& replay) {
-  return NumberAt(replay, "control_period_s").value_or(0) > 0 ? "s" : "step";
+  return NumberAt(replay, "control_period_s").value_or(0) > 0 ? "time [s]" : "step";
 }
 
 double Period(const json& replay) {
@@ -81,7 +81,7 @@ std::string Player(const json& motion) {
   const json& panels = ListAt(motion, "panels");
   if (panels.empty()) return "";
   constexpr std::pair<const char*, const char*> kNames[] = {
-      {"logged", "Logged"}, {"nominal", "Original simulator"}, {"designed", "Designed simulator"}};
+      {"logged", "Logged"}, {"nominal", "Original"}, {"designed", "Designed"}};
   std::string html = fmt::format(
       "<div class=\"motion\" data-columns=\"{}\" data-frames=\"{}\" data-period=\"{}\"><div class=\"panels\">",
       FormatGiven(NumberAt(motion, "columns")), FormatGiven(NumberAt(motion, "n_frames")),

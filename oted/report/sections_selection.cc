@@ -25,7 +25,7 @@ std::string Chart(const json& design, double log2) {
   json common = json::array();
   for (const json& setting : ListAt(design, "settings")) {
     for (const json& seed : ListAt(setting, "seeds")) {
-      setting_names.push_back(PlotText(TextAt(setting, "name")));
+      setting_names.push_back(PlotLabel(TextAt(setting, "name")));
       seed_names.push_back("seed " + PlotText(TextAt(seed, "seed")));
       own.push_back(OrNull(Minus(NumberAt(seed, "c"), log2)));
       common.push_back(OrNull(Minus(NumberAt(seed, "common"), log2)));

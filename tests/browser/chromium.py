@@ -129,7 +129,7 @@ class Page:
         # Plots are drawn, fonts and pictures are there, and two frames have passed.
         self.evaluate("""(async () => {
             await document.fonts.ready;
-            await Promise.all([...document.images].map(image => image.decode()));
+            await Promise.allSettled([...document.images].map(image => image.decode()));
             for (let i = 0; i < 2; ++i) await new Promise(done => requestAnimationFrame(done));
         })()""")
 
