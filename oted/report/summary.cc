@@ -121,13 +121,18 @@ void AddError(const json& report, json* trust) {
 }
 
 // How far the replays are from the logs when they end.
-void AddReplay(const json& report, json* trust) {
+void AddReplay(const json& report, json* trust, json* unknown) {
   if (!report.contains("replay") || !report["replay"].contains("error")) return;
   const json& replay = report["replay"];
   const auto last = [&](const char* side) {
     const json& median = replay["error"].contains(side) ? ListAt(replay["error"][side], "median") : EmptyList();
     return median.empty() ? std::nullopt : AsNumber(median.back());
   };
+  if (last("designed").value_or(HUGE_VAL) >= last("nominal").value_or(HUGE_VAL)) {
+    unknown->push_back(
+        "Replayed, the designed simulator comes no nearer to the logs than the original one does: look at the motion "
+        "below before you rely on it.");
+  }
   const auto distance = [](std::optional<double> error) {
     return error ? fmt::format("{} standard deviations", FormatNumber(error)) : "nowhere: its physics broke down";
   };
@@ -222,10 +227,12 @@ json Summarise(const json& report) {
   AddPolicies(report, &found);
   json trust = json::array();
   AddMatch(report, &trust);
-  AddReplay(report, &trust);
+  json unknown = Unknown(report, verdict);
+  AddReplay(report, &trust, &unknown);
   AddError(report, &trust);
-  return {{"verdict", verdict}, {"headline", Headline(report, verdict)}, {"asked", Asked(report)}, {"found", found},
-          {"trust", trust},     {"unknown", Unknown(report, verdict)}};
+  return {{"verdict", verdict},     {"headline", Headline(report, verdict)},
+          {"asked", Asked(report)}, {"found", found},
+          {"trust", trust},         {"unknown", unknown}};
 }
 
 }  // namespace oted

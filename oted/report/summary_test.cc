@@ -103,6 +103,9 @@ TEST(SummariseTest, SaysHowFarTheReplaysEndFromTheLogs) {
   EXPECT_THAT(Text(Summarise({{"replay", replay}})["trust"]),
               testing::AllOf(HasSubstr("50 logged actions"), HasSubstr("designed simulator 0.250 standard deviations"),
                              HasSubstr("original one 2.50 standard"), HasSubstr("median of 32")));
+  EXPECT_THAT(Text(Summarise({{"replay", replay}})["unknown"]), Not(HasSubstr("no nearer")));
+  replay["error"]["designed"]["median"][2] = 3;
+  EXPECT_THAT(Text(Summarise({{"replay", replay}})["unknown"]), HasSubstr("no nearer"));
   replay["error"]["nominal"]["median"][2] = nullptr;
   EXPECT_THAT(Text(Summarise({{"replay", replay}})["trust"]), HasSubstr("broke down"));
 }

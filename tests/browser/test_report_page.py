@@ -5,6 +5,7 @@
 Screenshots of every combination are left in SCREENSHOT_FOLDER. Without Chromium the tests fail and say what to install.
 """
 
+import functools
 import io
 import json
 import pathlib
@@ -148,15 +149,19 @@ class ContrastTest(unittest.TestCase):
         self.assertEqual(parse("rgba(1, 2, 3, 0.5)"), [1, 2, 3, 0.5])
 
 
-def make_run(out):
-    """A whole run with a known truth, as small as one can be."""
-    config = out.parent / "run.toml"
+@functools.cache
+def tiny_run():
+    """A whole run with a known truth, as small as one can be; made once."""
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-page-"))
+    unittest.addModuleCleanup(shutil.rmtree, folder)
+    config, out = folder / "run.toml", folder / "run"
     config.write_text(CONFIG)
     sets = [word for setting in TINY for word in ("--set", "design." + setting)]
     done = subprocess.run([OTED, "run", config, "--out", out, "--quiet", *sets], capture_output=True, text=True,
                           timeout=600)
     if done.returncode not in (0, 4):
         raise AssertionError(done.stderr)
+    return out
 
 
 def stretch(out):
@@ -195,7 +200,7 @@ class ReportPage(unittest.TestCase):
 
     @classmethod
     def prepare(cls):
-        make_run(cls.run_dir)
+        shutil.copytree(tiny_run(), cls.run_dir)
 
     @classmethod
     def look(cls, size, dark):
