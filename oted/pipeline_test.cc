@@ -153,7 +153,7 @@ TEST_F(PipelineTest, LeavesTheDocumentedFilesAndNoOthers) {
   std::set<std::string> names;
   for (const auto& [name, bytes] : Bytes(Whole())) names.insert(name);
   std::set<std::string> wanted = {"run.toml",    "dataset.json",          "clone/policy.npz", "clone/clone.json",
-                                  "design.json", "policy_selection.json", "evaluation.json"};
+                                  "design.json", "policy_selection.json", "evaluation.json",  "motion/replay.json"};
   for (const char* k : {"1", "2"}) {
     for (const char* file : {"q.json", "discriminator.npz"}) {
       wanted.insert(std::string("design/default/") + k + "/" + file);
