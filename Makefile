@@ -18,7 +18,8 @@ help:  ## this list
 setup:  ## Debian packages and .venv (scripts/setup.sh); quick when nothing is missing
 	@scripts/setup.sh
 
-build: setup  ## the program: build/release/oted
+build:  ## the program: build/release/oted
+	@scripts/setup.sh build
 	@scripts/build.sh release
 
 test:  ## set-up, build, all tests but the long ones, sanitizers, lint; ends with "N passed, N failed"

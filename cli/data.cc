@@ -29,9 +29,15 @@ std::unique_ptr<SimulatorFactory> TaskOf(const Options& options) {
     }
     return nullptr;
   }
-  std::vector<ParameterSpec> parameters;
-  for (const std::string& text : options.parameters) parameters.push_back(ParseParameterSpec(text));
-  return MakeSimulatorFactory(options.task, parameters);
+  // A file that describes the whole study declares its parameters too.
+  const bool study = options.task.ends_with(".toml");
+  RunConfig config = study ? RunConfig::FromTomlFile(options.task) : RunConfig();
+  config.task = TaskConfig::FromArgument(options.task);
+  if (!options.parameters.empty()) config.parameters.clear();
+  for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
+  Array2<double> starts;
+  if (config.task.model.start == "logs") starts = ReadDatasetUnchecked(options.data).EpisodeStarts();
+  return MakeSimulatorFactory(config.task, config.parameters, starts);
 }
 
 std::string FormatOf(const std::string& path) {

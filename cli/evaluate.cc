@@ -90,7 +90,7 @@ void EvaluateFile(const EvaluateOptions& options) {
     fmt::print("{}\n", json{{"schema", "oted.policy_evaluation/1"},
                             {"policy", options.policy},
                             {"policy_sha256", Sha256OfFile(options.policy)},
-                            {"task", task},
+                            {"task", task.name},
                             {"parameters", parameters},
                             {"seed", config.run.seed},
                             {"mean_return", result.mean_return},
@@ -104,7 +104,7 @@ void EvaluateFile(const EvaluateOptions& options) {
                            .dump(2));
     return;
   }
-  fmt::print("{} in {}, {} episodes\n", options.policy, task, n_episodes);
+  fmt::print("{} in {}, {} episodes\n", options.policy, task.name, n_episodes);
   fmt::print("return   {:.1f} +- {:.1f}, from {:.1f} to {:.1f}\n", result.mean_return, result.std_return,
              result.min_return, result.max_return);
   if (!score.is_null()) fmt::print("score    {:.1f}\n", score.get<double>());

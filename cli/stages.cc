@@ -42,12 +42,12 @@ void AddStageVerbs(Program& program) {
   // A design is of use once it is known which seed to trust: the verb goes on to the selection.
   AddStageVerb(program, {"design",
                          "stages 2 and 3: learn q(z) for every setting and seed, and select",
-                         {"design", "selection"},
-                         &Pipeline::SelectSimulator});
+                         {"design", "selection", "report"},
+                         &Pipeline::ReplayLogs});
   AddStageVerb(program, {"select-simulator",
                          "stage 3: score the designs and select the best setting",
-                         {"selection"},
-                         &Pipeline::SelectSimulator});
+                         {"selection", "report"},
+                         &Pipeline::ReplayLogs});
   AddStageVerb(
       program,
       {"train", "stage 4: train agents in the designed simulators", {"agents", "sac"}, &Pipeline::TrainAgents});

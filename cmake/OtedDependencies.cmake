@@ -23,6 +23,13 @@ find_path(PROTOZERO_INCLUDE_DIR protozero/pbf_writer.hpp REQUIRED)
 add_library(protozero INTERFACE)
 target_include_directories(protozero SYSTEM INTERFACE ${PROTOZERO_INCLUDE_DIR})
 
+# libwebp comes without a CMake config.
+find_path(WEBP_INCLUDE_DIR webp/encode.h REQUIRED)
+find_library(WEBP_LIBRARY webp REQUIRED)
+add_library(webp INTERFACE)
+target_include_directories(webp SYSTEM INTERFACE ${WEBP_INCLUDE_DIR})
+target_link_libraries(webp INTERFACE ${WEBP_LIBRARY})
+
 # The wheels' folder: <venv>/lib/python3.x/site-packages.
 set(OTED_VENV "${CMAKE_SOURCE_DIR}/.venv" CACHE PATH "Python environment that holds the mujoco, torch and gymnasium wheels")
 file(GLOB OTED_SITE_PACKAGES "${OTED_VENV}/lib/python3*/site-packages")

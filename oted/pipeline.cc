@@ -122,6 +122,7 @@ void Pipeline::Run() {
   CloneBehavior();
   Design();
   SelectSimulator();
+  ReplayLogs();
   if (!factory_->spec().has_reward) {
     context_.log->Warning(fmt::format(
         "task '{}' has no reward: the simulator is designed and no agent is trained; add task.reward to train one",
@@ -276,7 +277,7 @@ void Pipeline::TrainAgents() {
     throw UsageError(
         fmt::format("task '{}' has no reward to train agents with; add task.reward = \"...\"", config_.task.name));
   }
-  SelectSimulator();
+  ReplayLogs();
   std::vector<AgentJob> jobs;
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
     jobs.push_back({directory_.agent(j), j, true});

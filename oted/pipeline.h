@@ -5,6 +5,7 @@
 ///   pipeline.CloneBehavior();      // stage 1, Sec. 4 step 1:  mu-hat from D
 ///   pipeline.Design();             // stage 2, Sec. 4.1:       q(z | h_i) for every setting h and seed i
 ///   pipeline.SelectSimulator();    // stage 3, Sec. 4.2:       the best h
+///   pipeline.ReplayLogs();         //                          for the report: logs beside their replay at q's mode
 ///   pipeline.TrainAgents();        // stage 4, Algorithm 2:    pi_j in the modes z_i of q(. | h_i)
 ///   pipeline.SelectPolicy();       // stage 5, Sec. 4.2:       the best pi_j
 ///   pipeline.EvaluateInTarget();   // only where a study knows the truth
@@ -36,6 +37,7 @@ class Pipeline {
   void CloneBehavior();
   void Design();
   void SelectSimulator();
+  void ReplayLogs();
   void TrainAgents();
   void SelectPolicy();
   void EvaluateInTarget();
@@ -54,6 +56,8 @@ class Pipeline {
   void AdaptDesign();
   /// Results and checkpoints that lie in the directory are of this configuration. @throws UsageError
   void CheckDirectory() const;
+  /// @throws UsageError when report.motion asks for pictures and none can be drawn
+  void CheckCanDraw() const;
   void WriteProvenance() const;
   /// The model file, its task file and the compiled model, into model/.
   void KeepModel() const;

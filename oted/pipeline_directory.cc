@@ -37,6 +37,7 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
+  CheckCanDraw();
   if (config_.run.strict) ParametersWithEffect();
   return out;
 }

@@ -47,6 +47,17 @@ FieldList AgentsConfig::Fields() {
   return fields;
 }
 
+FieldList ReportConfig::Fields() {
+  FieldList fields("report");
+  fields.AddChoice("motion", &motion,
+                   "pictures of logged, nominal and designed motion: where OpenGL is there, always (an error without), "
+                   "or never",
+                   {"auto", "true", "false"});
+  fields.Add("replay_steps", &replay_steps, "control steps for which logged actions are replayed from a logged state",
+             AtLeast(1));
+  return fields;
+}
+
 namespace {
 
 /// "file:line" of a key, for errors.
@@ -224,8 +235,9 @@ void CheckName(const std::string& what, const std::string& name) {
 }  // namespace
 
 std::vector<FieldList> AllFields(RunConfig& config) {
-  return {config.task.Fields(),   config.data.Fields(),      config.run.Fields(),    config.clone.Fields(),
-          config.design.Fields(), config.selection.Fields(), config.agents.Fields(), config.sac.Fields("sac")};
+  return {config.task.Fields(),   config.data.Fields(),     config.run.Fields(),
+          config.clone.Fields(),  config.design.Fields(),   config.selection.Fields(),
+          config.agents.Fields(), config.sac.Fields("sac"), config.report.Fields()};
 }
 
 RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,
@@ -282,6 +294,7 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
         json value = TomlToJson(n, at);
         // A count or a word: the field is text.
         if (name == "data" && setting == "episodes" && value.is_number_integer()) value = value.dump();
+        if (name == "report" && setting == "motion" && value.is_boolean()) value = value.dump();
         section->Find(setting, at).FromJson(value, at);
       }
     }

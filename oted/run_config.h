@@ -56,6 +56,13 @@ struct AgentsConfig {
   FieldList Fields();
 };
 
+/// What the report shows beyond the results.
+struct ReportConfig {
+  std::string motion = "auto";
+  int replay_steps = 50;
+  FieldList Fields();
+};
+
 struct RunConfig {
   TaskConfig task;
   DataConfig data;
@@ -71,6 +78,7 @@ struct RunConfig {
   SelectionConfig selection;
   AgentsConfig agents;
   SacConfig sac;
+  ReportConfig report;
   /// The true parameters, where a study knows them: read by evaluation and report only.
   std::map<std::string, double> truth;
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 namespace oted {
 
@@ -22,6 +23,17 @@ std::string PlotText(std::string_view text) {
     }
   }
   return escaped;
+}
+
+std::string PlotLabel(std::string_view text) {
+  constexpr size_t kMost = 18, kHead = 10, kTail = 7;
+  // Bytes that begin a character, so that none is cut.
+  std::vector<size_t> starts;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) starts.push_back(i);
+  }
+  if (starts.size() <= kMost) return PlotText(text);
+  return PlotText(text.substr(0, starts[kHead])) + "…" + PlotText(text.substr(starts[starts.size() - kTail]));
 }
 
 void Figure::AddCurve(const json& points, const std::string& name, const LineStyle& style) {
@@ -73,6 +85,13 @@ void Figure::AddLevel(double y, const std::string& name, const LineStyle& style)
   AddCurve({{first_x_, y}, {std::max(last_x_, first_x_ + 1), y}}, name, style);
 }
 
+void Figure::SetXTitle(std::string_view text) { layout_["xaxis"]["title"]["text"] = text; }
+
+void Figure::SetValueRange(double low, double high) {
+  traces_.back()["zmin"] = low;
+  traces_.back()["zmax"] = high;
+}
+
 std::string Figure::Html(std::string_view css_class) const {
   if (traces_.empty()) return "";
   std::string spec = json{{"data", traces_}, {"layout", layout_}}.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -82,6 +101,24 @@ std::string Figure::Html(std::string_view css_class) const {
       "<figure class=\"{}\"><figcaption>{}</figcaption><div class=\"plot\"></div>"
       "<script type=\"application/json\">{}</script></figure>\n",
       css_class, title_, spec);
+}
+
+Figure MatrixFigure(std::string title, json columns, json rows, json values, json colorscale, const char* format) {
+  Figure figure(std::move(title));
+  figure.AddTrace({{"type", "heatmap"},
+                   {"x", std::move(columns)},
+                   {"y", std::move(rows)},
+                   {"z", std::move(values)},
+                   {"colorscale", std::move(colorscale)},
+                   {"texttemplate", format},
+                   {"textfont", {{"color", "var:--text"}}},
+                   {"hoverinfo", "skip"},
+                   {"xgap", 3},
+                   {"ygap", 3},
+                   {"showscale", false}});
+  figure.layout() = {{"xaxis", {{"type", "category"}, {"showgrid", false}}},
+                     {"yaxis", {{"type", "category"}, {"autorange", "reversed"}, {"showgrid", false}}}};
+  return figure;
 }
 
 std::string FigureGrid(std::string_view figures) {
@@ -94,5 +131,9 @@ PlotKey& PlotKey::Add(std::string_view style, std::string_view variable, std::st
 }
 
 std::string PlotKey::Html() const { return "<ul class=\"key\">" + items_ + "</ul>\n"; }
+
+std::string WithKey(const PlotKey& key, const std::string& figures) {
+  return figures.empty() ? "" : key.Html() + figures;
+}
 
 }  // namespace oted

@@ -30,6 +30,9 @@ class Figure {
   void AddLevel(double y, const std::string& name, const LineStyle& style);
   /// A plotly.js trace as it is; texts in it must have been escaped with PlotText.
   void AddTrace(nlohmann::json trace) { traces_.push_back(std::move(trace)); }
+  void SetXTitle(std::string_view text);
+  /// Of a matrix: the values at the ends of its colours.
+  void SetValueRange(double low, double high);
   nlohmann::json& layout() { return layout_; }
   bool empty() const { return traces_.empty(); }
   /// @param css_class  "wide" for a plot that takes the page's width
@@ -44,8 +47,15 @@ class Figure {
   bool has_x_ = false;
 };
 
+/// A matrix with its numbers in the cells. Labels must have been escaped with PlotText.
+/// @param format  of a number, in plotly.js's template: "%{z:.2f}"
+Figure MatrixFigure(std::string title, nlohmann::json columns, nlohmann::json rows, nlohmann::json values,
+                    nlohmann::json colorscale, const char* format);
+
 /// Plain text for plotly.js.
 std::string PlotText(std::string_view text);
+/// The same, for an axis, where a long name would leave no room for the plot: at most 18 characters, "…" in the middle.
+std::string PlotLabel(std::string_view text);
 
 /// A row of figures that wraps on narrow pages.
 std::string FigureGrid(std::string_view figures);
@@ -53,12 +63,15 @@ std::string FigureGrid(std::string_view figures);
 /// The legend of a group of plots: one key for all, in HTML.
 class PlotKey {
  public:
-  /// @param style  "line", "dash" or "band"; @param variable  the CSS variable without "var:"; @param text  HTML
+  /// @param style  "line", "dash", "dots" or "band"; @param variable  the CSS variable without "var:"; @param text HTML
   PlotKey& Add(std::string_view style, std::string_view variable, std::string_view text);
   std::string Html() const;
 
  private:
   std::string items_;
 };
+
+/// The key above its plots; nothing when there are none.
+std::string WithKey(const PlotKey& key, const std::string& figures);
 
 }  // namespace oted

@@ -84,10 +84,7 @@ void GatherDesignSeeds(const fs::path& run_dir, json* report) {
   json seeds = json::array();
   for (const std::string& name : Folders(run_dir / "design" / shown)) {
     const fs::path folder = run_dir / "design" / shown / name;
-    json seed = {{"name", name},
-                 {"q", ReadResult(folder / "q.json", "oted.q/1")},
-                 {"result", ReadResult(folder / "design_seed.json", "")},
-                 {"curves", CurvesOf(folder)}};
+    json seed = {{"name", name}, {"q", ReadResult(folder / "q.json", "oted.q/1")}, {"curves", CurvesOf(folder)}};
     if (!seed["curves"].empty() || !seed["q"].is_null()) seeds.push_back(std::move(seed));
   }
   if (seeds.empty()) return;
@@ -141,6 +138,8 @@ json Gather(const fs::path& run_dir) {
   add("dataset", ReadResult(run_dir / "dataset.json", "oted.dataset/1"));
   add("design", ReadResult(run_dir / "design.json", "oted.design/1"));
   add("policy_selection", ReadResult(run_dir / "policy_selection.json", "oted.policy_selection/1"));
+  add("replay", ReadResult(run_dir / "motion" / "replay.json", "oted.replay/1"));
+  add("motion", ReadResult(run_dir / "motion" / "motion.json", "oted.motion/1"));
   add("evaluation", ReadResult(run_dir / "evaluation.json", "oted.evaluation/1"));
   json clone = {{"result", ReadResult(run_dir / "clone" / "clone.json", "oted.clone/1")},
                 {"curves", CurvesOf(run_dir / "clone")}};

@@ -11,7 +11,8 @@ namespace oted {
 ///   `seed_modes`, the modes of the selected setting's seeds;
 /// - `policies`: evaluation.json's; `evaluation`, `design`, `policy_selection`, `dataset`: the files themselves;
 /// - `clone`: {result, curves}; `agents`, `undesigned`: lists of {name, result, curves};
-/// - `shown_setting` and `design_seeds`, a list of {name, q, result, curves}: the seeds of the selected setting, or,
+/// - `replay`, `motion`: motion/replay.json and motion.json, which names the pictures beside it;
+/// - `shown_setting` and `design_seeds`, a list of {name, q, curves}: the seeds of the selected setting, or,
 ///   before the selection, of the first one;
 /// - `warnings`; `run`: {config, versions}.
 /// A curve is a list of [step, value] of at most 1,000 points (curves.csv has them all).

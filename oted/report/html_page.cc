@@ -28,8 +28,9 @@ std::string Header(const json& report) {
   const char* tone = verdict == "outside_family" ? "poor" : verdict.empty() ? "open" : "good";
   return fmt::format("<header class=\"{}\" id=\"top\"><p class=\"eyebrow\">{}</p><h1>{}</h1>\n", tone,
                      Escape(TextAt(report, "title")), Escape(TextAt(summary, "headline"))) +
-         fmt::format("<p class=\"asked\">{}</p>\n<div class=\"answer\">{}{}</div></header>\n",
-                     Escape(TextAt(summary, "asked")), list("What was found", summary.at("found")),
+         fmt::format("<p class=\"asked\">{}</p>\n<div class=\"answer\">{}{}{}</div></header>\n",
+                     Escape(TextAt(summary, "asked")), list("What came out", summary.at("found")),
+                     list("How far to trust it", summary.at("trust")),
                      list("What stays unknown", summary.at("unknown")));
 }
 
@@ -37,9 +38,9 @@ std::string Header(const json& report) {
 
 std::string HtmlPage(const json& report, std::string_view plotly_js) {
   const std::vector<Section> sections = {
-      ParametersSection(report),    PoliciesSection(report),  WarningsSection(report), DesignSection(report),
-      DiscriminatorSection(report), SelectionSection(report), AgentsSection(report),   PolicySelectionSection(report),
-      DataSection(report),          CloneSection(report),     RunSection(report)};
+      ParametersSection(report),      ReplaySection(report),        PoliciesSection(report),  WarningsSection(report),
+      DesignSection(report),          DiscriminatorSection(report), SelectionSection(report), AgentsSection(report),
+      PolicySelectionSection(report), DataSection(report),          CloneSection(report),     RunSection(report)};
   std::string contents;
   std::string body;
   for (const Section& section : sections) {
@@ -66,6 +67,7 @@ std::string HtmlPage(const json& report, std::string_view plotly_js) {
   page += plotly_js;
   page += "</script>\n<script>";
   page += PageScript();
+  page += PlayerScript();
   page += "</script>\n</body>\n</html>\n";
   return page;
 }

@@ -11,8 +11,9 @@ namespace oted {
 /// @param plotly_js  the text of plotly.min.js
 std::string HtmlPage(const nlohmann::json& report, std::string_view plotly_js);
 
-/// The page's style sheet and script (page_style.cc, page_script.cc).
+/// The page's style sheet and scripts (page_style.cc, page_script.cc, page_player.cc).
 std::string_view PageStyle();
 std::string_view PageScript();
+std::string_view PlayerScript();
 
 }  // namespace oted

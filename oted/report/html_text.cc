@@ -111,10 +111,26 @@ std::string HtmlTable::Html() const {
   html += "</tr></thead><tbody>";
   for (const Line& row : rows_) {
     html += row.emphasised ? "<tr class=\"chosen\">" : "<tr>";
-    for (size_t i = 0; i < row.cells.size(); ++i) html += fmt::format("<td{}>{}</td>", align(i), row.cells[i]);
+    for (size_t i = 0; i < row.cells.size(); ++i) {
+      // Where the table is too wide for the page, each cell stands below the one before and names its column itself.
+      html += fmt::format("<td{} data-label=\"{}\">{}</td>", align(i), columns_[i].title, row.cells[i]);
+    }
     html += "</tr>";
   }
   return html + "</tbody></table></div>\n";
+}
+
+FactList& FactList::Add(std::string_view name, std::string_view value) {
+  if (!value.empty() && !value.starts_with(kUnknown)) {
+    items_ += fmt::format("<div><dt>{}</dt><dd>{}</dd></div>", name, value);
+  }
+  return *this;
+}
+
+std::string FactList::Html() const { return items_.empty() ? "" : "<dl>" + items_ + "</dl>\n"; }
+
+std::string SelectedName(std::string_view name, bool selected) {
+  return Escape(name) + (selected ? " <span class=\"badge good\">selected</span>" : "");
 }
 
 }  // namespace oted

@@ -29,11 +29,12 @@ std::string UnitHtml(std::string_view unit);
 /// 12,345.
 std::string FormatCount(std::optional<double> value);
 
-/// A table in a box of its own in which it scrolls when the page is narrow.
+/// A table. One that is too wide for the page is shown row by row instead, each cell beside its column's title (without
+/// JavaScript it scrolls in a box of its own).
 class HtmlTable {
  public:
   enum class Align { kText, kNumber };
-  /// `title` is HTML.
+  /// `title` is plain text without characters that HTML would need escaped.
   HtmlTable& Column(std::string title, Align align = Align::kNumber);
   /// One cell of HTML per column.
   void Row(std::vector<std::string> cells, bool emphasised = false);
@@ -51,6 +52,20 @@ class HtmlTable {
   std::vector<Head> columns_;
   std::vector<Line> rows_;
 };
+
+/// Names and their values, side by side. A value that is not known is left out.
+class FactList {
+ public:
+  /// Both are HTML.
+  FactList& Add(std::string_view name, std::string_view value);
+  std::string Html() const;
+
+ private:
+  std::string items_;
+};
+
+/// "name", or "name selected" with a badge; as HTML.
+std::string SelectedName(std::string_view name, bool selected);
 
 /// One part of the page; nothing is shown when `html` is empty.
 struct Section {

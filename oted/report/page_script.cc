@@ -35,6 +35,15 @@ std::string_view PageScript() {
     }
     return merged;
   };
+  // A table that does not fit is shown row by row.
+  const fit = () => {
+    for (const box of document.querySelectorAll(".table")) {
+      box.classList.remove("stacked");
+      box.classList.toggle("stacked", box.scrollWidth > box.clientWidth + 1);
+    }
+  };
+  fit();
+  addEventListener("resize", fit);
   const figures = [...document.querySelectorAll("figure")].map(figure => ({
     plot: figure.querySelector(".plot"), spec: JSON.parse(figure.querySelector("script").textContent)
   }));

@@ -7,14 +7,16 @@ std::string_view PageStyle() {
 :root {
   --page: #fbfbfa; --surface: #f1f2f1; --text: #1d2124; --soft: #5b6368; --rule: #e0e2e1; --grid: #e6e8e7;
   --designed: #2563c9; --band: rgba(37, 99, 201, .10); --nominal: #2e8b57; --truth: #1d2124; --low: #c2572b;
-  --muted: #a3abb0; --good: #21744a; --good-bg: #e3f2ea; --fair: #8a5a00; --fair-bg: #fbf0d9; --poor: #a8321f;
+  --muted: #858e94; --edge: #858e94;
+  --heat: #a5c3f3; --cold: #efb99d; --good: #21744a; --good-bg: #e3f2ea; --fair: #8a5a00; --fair-bg: #fbf0d9; --poor: #a8321f;
   --poor-bg: #fae5e1;
 }
 @media (prefers-color-scheme: dark) {
   :root {
     --page: #15181a; --surface: #1f2427; --text: #e6e8e9; --soft: #9aa3a8; --rule: #2d3337; --grid: #272d30;
     --designed: #6ea3f5; --band: rgba(110, 163, 245, .14); --nominal: #5cc48a; --truth: #e6e8e9; --low: #e88a5e;
-    --muted: #6b757b; --good: #7fd3a6; --good-bg: #173326; --fair: #e6bd6a; --fair-bg: #362b12; --poor: #f29a89;
+    --muted: #7d878d; --edge: #7d878d;
+    --heat: #2c5490; --cold: #7c4127; --good: #7fd3a6; --good-bg: #173326; --fair: #e6bd6a; --fair-bg: #362b12; --poor: #f29a89;
     --poor-bg: #3d1e19;
   }
 }
@@ -44,7 +46,7 @@ header.poor h1::before { background: var(--low); }
 header.open h1::before { background: var(--muted); }
 .asked { margin: 1.1rem 0 0; max-width: 44rem; font-size: 1.125rem; line-height: 1.5; color: var(--soft);
   overflow-wrap: anywhere; }
-.answer { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 1.5rem 3.5rem;
+.answer { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 17rem), 1fr)); gap: 1.5rem 2.8rem;
   margin-top: 2.2rem; }
 .answer h2 { margin: 0 0 .5rem; font-size: .8125rem; font-weight: 600; color: var(--soft); letter-spacing: 0; }
 .answer p { margin: 0 0 .7rem; font-size: .9375rem; line-height: 1.55; overflow-wrap: anywhere; }
@@ -63,6 +65,18 @@ th.num, td.num { text-align: right; }
 td b { font-weight: 600; }
 tr.chosen td { font-weight: 600; }
 #run td:last-child { white-space: normal; overflow-wrap: anywhere; min-width: 14rem; }
+.stacked table, .stacked tbody, .stacked tr, .stacked td { display: block; }
+.stacked thead { display: none; }
+.stacked table { min-width: 0; max-width: 32rem; }
+.stacked tr { padding: .7rem 0; border-bottom: 1px solid var(--rule); }
+.stacked td { display: flex; justify-content: space-between; gap: 1rem; padding: .12rem 0; border: 0;
+  text-align: right; white-space: normal; overflow-wrap: anywhere; }
+.stacked td::before { content: attr(data-label); flex: none; max-width: 55%; text-align: left; font-size: .8125rem;
+  font-weight: 400; color: var(--soft); }
+.stacked td:first-child, #run .stacked td { display: block; text-align: left; }
+.stacked td:first-child { padding-bottom: .3rem; font-weight: 600; }
+.stacked td:first-child::before, #run .stacked td::before, .stacked td:empty { display: none; }
+.stacked small { white-space: normal; }
 .badge { display: inline-block; padding: .05rem .5rem; border-radius: 1rem; font-size: .75rem; font-weight: 500;
   line-height: 1.5; }
 .badge.good { color: var(--good); background: var(--good-bg); }
@@ -73,6 +87,7 @@ tr.chosen td { font-weight: 600; }
 .key li { display: flex; align-items: center; }
 .key i { width: 1.5rem; margin-right: .5rem; border-top: 2px solid var(--c); }
 .key i.dash { border-top-style: dashed; }
+.key i.dots { border-top-style: dotted; }
 .key i.band { height: .75rem; border: 0; background: var(--c); border-radius: 2px; }
 .grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 19rem), 1fr)); gap: 1.2rem 1.8rem; }
 figure { margin: 0 0 1.6rem; min-width: 0; }
@@ -83,6 +98,19 @@ figcaption b { font-weight: 600; }
 .short .plot { height: 12rem; }
 .matrix { max-width: 30rem; }
 .matrix .plot { height: 17rem; }
+.small .plot { height: 13rem; }
+.motion { margin: 0 0 2rem; }
+.panels { display: grid; grid-template-columns: repeat(3, minmax(0, 1fr)); gap: .8rem; }
+.panel p { margin: 0 0 .3rem; padding-left: .6rem; border-left: 3px solid var(--truth); font-size: .875rem;
+  line-height: 1.3; }
+.panel.nominal p { border-color: var(--nominal); }
+.panel.designed p { border-color: var(--designed); }
+.panel canvas { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--surface); }
+.controls { display: flex; flex-wrap: wrap; align-items: center; gap: .6rem 1rem; margin-top: .8rem;
+  font-size: .8125rem; color: var(--soft); font-variant-numeric: tabular-nums; }
+.controls button { min-width: 4.6rem; padding: .35rem .8rem; border: 1px solid var(--edge); border-radius: 5px;
+  background: var(--surface); color: var(--text); font: inherit; cursor: pointer; }
+.controls input { flex: 1 1 10rem; min-width: 0; accent-color: var(--designed); }
 dl { display: flex; flex-wrap: wrap; gap: .8rem 2.8rem; margin: 0 0 1.5rem; }
 dt { font-size: .8125rem; color: var(--soft); }
 dd { margin: 0; font-size: 1.125rem; font-variant-numeric: tabular-nums; }
@@ -100,6 +128,7 @@ footer { margin: 3rem 0; padding-top: 1.2rem; border-top: 1px solid var(--rule);
   section { padding-top: 2rem; margin-top: 1.2rem; }
   th, td { padding-right: 1.2rem; }
   td:first-child { white-space: normal; }
+  .panels { gap: .4rem; }
 }
 @media print {
   nav { display: none; }

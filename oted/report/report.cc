@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
+#include "oted/base/base64.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/report/gather.h"
@@ -27,6 +28,16 @@ std::string PlotlyJs() {
   return ReadFile(path);
 }
 
+/// The page has the pictures inside; report.json names their files.
+nlohmann::json WithPictures(nlohmann::json report, const std::filesystem::path& run_dir) {
+  if (!report.contains("motion") || !report["motion"].contains("panels")) return report;
+  for (nlohmann::json& panel : report["motion"]["panels"]) {
+    const std::string bytes = ReadFile(run_dir / "motion" / panel.at("file").get<std::string>());
+    panel["data"] = "data:image/webp;base64," + Base64(bytes);
+  }
+  return report;
+}
+
 }  // namespace
 
 void WriteReport(const std::filesystem::path& run_dir) {
@@ -35,7 +46,7 @@ void WriteReport(const std::filesystem::path& run_dir) {
   std::string page;
   try {
     report["summary"] = Summarise(report);
-    page = HtmlPage(report, plotly_js);
+    page = HtmlPage(WithPictures(report, run_dir), plotly_js);
     WriteJson(run_dir / "report.json", report);
   } catch (const nlohmann::json::exception& error) {
     throw DataError(

@@ -40,11 +40,12 @@ class WriteReportTest : public testing::Test {
 // lead somewhere.
 constexpr const char* kCheckPage = R"(
 import html.parser, json
-VOID = {'meta', 'link', 'br'}
+VOID = {'meta', 'link', 'br', 'img', 'input'}
 class Page(html.parser.HTMLParser):
     def __init__(self):
         super().__init__()
         self.open, self.ids, self.hrefs, self.tags, self.figures = [], set(), [], set(), 0
+        self.pictures = []
         self.json = False
     def handle_starttag(self, tag, attributes):
         attributes = dict(attributes)
@@ -52,6 +53,10 @@ class Page(html.parser.HTMLParser):
         for name, value in attributes.items():
             assert not name.startswith('on'), (tag, name)
             if name in ('src', 'href', 'srcset', 'action', 'data', 'poster'):
+                if tag == 'img':
+                    assert name == 'src' and value.startswith('data:image/webp;base64,'), (tag, name, value)
+                    self.pictures.append(value.split(',')[1])
+                    continue
                 assert name == 'href' and value.startswith(('#', 'data:,')), (tag, name, value)
                 self.hrefs.append(value)
         if 'id' in attributes:
@@ -101,6 +106,35 @@ assert page.figures == 3 + 1 + 2 + 1 + 1 + 1 + 1 + 1, page.figures
   EXPECT_TRUE(Contains(page, "default-src 'none'"));
   EXPECT_TRUE(Contains(page, kStandIn));
   EXPECT_TRUE(Contains(page, "prefers-color-scheme: dark"));
+}
+
+TEST_F(WriteReportTest, TheMotionIsInThePageAsCurvesAndPictures) {
+  run_.WriteMotion();
+  WriteReport(folder_.path());
+  EXPECT_TRUE(RunPython(std::string(kCheckPage) + R"(
+import base64
+assert page.ids == {'top', 'replay'}, page.ids
+assert page.figures == 2 + 1, page.figures
+names = [base64.b64decode(picture) for picture in page.pictures]
+assert names == [b'frames of logged', b'frames of nominal', b'frames of designed'], names
+assert 'data-period="0.008"' in text and 'aria-label="Designed' in text
+)",
+                        folder_));
+  EXPECT_TRUE(Contains(Page(), "the stretch at step 24 of episode 1"));
+  // report.json names the files: no megabytes of pictures in it.
+  const json report = ReadJson(folder_ / "report.json");
+  EXPECT_EQ(report["motion"]["panels"][0], (json{{"name", "logged"}, {"file", "logged.webp"}}));
+}
+
+TEST_F(WriteReportTest, WithoutPicturesThePageSaysWhy) {
+  run_.WriteMotion();
+  WriteJson(folder_ / "motion/motion.json", {{"schema", "oted.motion/1"}, {"note", "no OpenGL <here>"}});
+  WriteReport(folder_.path());
+  EXPECT_TRUE(RunPython(std::string(kCheckPage) + "assert page.figures == 3 and not page.pictures\n", folder_));
+  EXPECT_TRUE(Contains(Page(), "No pictures of the motion: no OpenGL &lt;here&gt;."));
+  WriteJson(folder_ / "motion/replay.json", {{"schema", "oted.replay/1"}, {"note", "Nothing to replay."}});
+  WriteReport(folder_.path());
+  EXPECT_TRUE(Contains(Page(), "<p>Nothing to replay.</p>"));
 }
 
 TEST_F(WriteReportTest, IndependentParametersGetNoCorrelationPlot) {
@@ -178,7 +212,7 @@ TEST_F(WriteReportTest, NullAndMissingFieldsAreShownAsUnknown) {
   WriteJson(folder_ / "evaluation.json", {{"schema", "oted.evaluation/1"}, {"policies", {{{"name", "clone"}}}}});
   WriteReport(folder_.path());
   EXPECT_TRUE(RunPython(kCheckPage, folder_));
-  EXPECT_TRUE(Contains(Page(), "<td>clone</td><td class=\"num\">–</td><td class=\"num\">–</td>"));
+  EXPECT_TRUE(Contains(Page(), "<td data-label=\"Policy\">clone</td><td class=\"num\" data-label=\"Return\">–</td>"));
 }
 
 TEST_F(WriteReportTest, AMissingPlotlyIsAnErrorWithTheRemedyAndWritesNothing) {

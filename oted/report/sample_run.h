@@ -171,6 +171,38 @@ class SampleRun {
                                            policy("oted_sac", "OTED-SAC", 1731.5, 93.2, 53.8)}}});
   }
 
+  /// Two channels over three steps, and pictures that are no pictures.
+  void WriteMotion() const {
+    const auto growth = [](double end) {
+      return nlohmann::json{{"median", {0, end / 2, end}}, {"low", {0, 0, end / 2}}, {"high", {0, end, nullptr}}};
+    };
+    const auto channel = [](const char* name, double slope) {
+      return nlohmann::json{{"name", name},
+                            {"logged", {0, slope, 2 * slope}},
+                            {"nominal", {0, 2 * slope, 4 * slope}},
+                            {"designed", {0, slope, nullptr}}};
+    };
+    WriteJson(dir_ / "motion" / "replay.json", {{"schema", "oted.replay/1"},
+                                                {"n_steps", 2},
+                                                {"n_windows", 32},
+                                                {"control_period_s", 0.008},
+                                                {"window", {{"row", 24}, {"episode", 1}, {"step", 24}}},
+                                                {"error", {{"nominal", growth(2.5)}, {"designed", growth(0.25)}}},
+                                                {"channels", {channel("rootz_pos", 1), channel("foot_joint_vel", 2)}}});
+    nlohmann::json panels = nlohmann::json::array();
+    for (const std::string name : {"logged", "nominal", "designed"}) {
+      WriteFileAtomically(dir_ / "motion" / (name + ".webp"), "frames of " + name);
+      panels.push_back({{"name", name}, {"file", name + ".webp"}});
+    }
+    WriteJson(dir_ / "motion" / "motion.json", {{"schema", "oted.motion/1"},
+                                                {"panels", panels},
+                                                {"columns", 3},
+                                                {"n_frames", 3},
+                                                {"width", 256},
+                                                {"height", 256},
+                                                {"frame_period_s", 0.008}});
+  }
+
   void WriteAll() const {
     WriteRecord();
     WriteDataset();

@@ -9,6 +9,7 @@
 namespace oted {
 
 Section ParametersSection(const nlohmann::json& report);
+Section ReplaySection(const nlohmann::json& report);
 Section PoliciesSection(const nlohmann::json& report);
 Section DataSection(const nlohmann::json& report);
 Section CloneSection(const nlohmann::json& report);

@@ -16,7 +16,7 @@ const json& ReturnCurve(const json& agent) {
   return evaluations.empty() ? ListAt(agent["curves"], "rollout/ep_rew_mean") : evaluations;
 }
 
-std::string MatrixFigure(const json& selection) {
+std::string ReturnMatrix(const json& selection) {
   json agents = json::array();
   json simulators = json::array();
   json returns = json::array();
@@ -28,20 +28,9 @@ std::string MatrixFigure(const json& selection) {
     returns.push_back(ListAt(agent, "returns"));
   }
   if (agents.empty() || simulators.empty()) return "";
-  Figure figure("Return of every agent in every designed simulator");
-  figure.AddTrace({{"type", "heatmap"},
-                   {"x", simulators},
-                   {"y", agents},
-                   {"z", returns},
-                   {"colorscale", {{0, "var:--surface"}, {1, "var:--designed"}}},
-                   {"texttemplate", "%{z:,.0f}"},
-                   {"hoverinfo", "skip"},
-                   {"xgap", 3},
-                   {"ygap", 3},
-                   {"showscale", false}});
-  figure.layout() = {{"xaxis", {{"type", "category"}, {"showgrid", false}}},
-                     {"yaxis", {{"type", "category"}, {"autorange", "reversed"}, {"showgrid", false}}}};
-  return figure.Html("wide");
+  return MatrixFigure("Return of every agent in every designed simulator", simulators, agents, returns,
+                      {{0, "var:--surface"}, {1, "var:--heat"}}, "%{z:,.0f}")
+      .Html("wide");
 }
 
 }  // namespace
@@ -71,12 +60,11 @@ Section AgentsSection(const json& report) {
   };
   add(agents, "designed simulators", "var:--designed");
   add(undesigned, "original simulator", "var:--nominal");
-  figure.layout() = {{"xaxis", {{"title", {{"text", "step"}}}}}};
+  figure.SetXTitle("step");
   PlotKey key;
   if (!agents.empty()) key.Add("line", "--designed", "in the designed simulators");
   if (!undesigned.empty()) key.Add("line", "--nominal", "in the original simulator");
-  if (!figure.empty()) section.html += key.Html() + figure.Html("wide");
-  section.html += table.Html();
+  section.html += WithKey(key, figure.Html("wide")) + table.Html();
   return section;
 }
 
@@ -92,11 +80,9 @@ Section PolicySelectionSection(const json& report) {
   const std::string selected = TextAt(selection, "selected");
   for (const json& agent : ListAt(selection, "agents")) {
     const bool chosen = TextAt(agent, "agent") == selected;
-    table.Row({Escape(TextAt(agent, "agent")) + (chosen ? " <span class=\"badge good\">selected</span>" : ""),
-               FormatNumber(NumberAt(agent, "mean_return"))},
-              chosen);
+    table.Row({SelectedName(TextAt(agent, "agent"), chosen), FormatNumber(NumberAt(agent, "mean_return"))}, chosen);
   }
-  section.html += MatrixFigure(selection) + table.Html();
+  section.html += ReturnMatrix(selection) + table.Html();
   return section;
 }
 

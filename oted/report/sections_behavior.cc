@@ -13,15 +13,14 @@ Section DataSection(const json& report) {
   Section section{"data", "Logs", "The logs", ""};
   if (!report.contains("dataset")) return section;
   const json& data = report["dataset"];
-  section.html = "<p>All that is known about the target: what was observed and done there, step by step.</p>\n<dl>";
-  const auto fact = [&](const char* name, const std::string& html) {
-    if (!html.empty() && html != "–") section.html += fmt::format("<div><dt>{}</dt><dd>{}</dd></div>", name, html);
-  };
-  fact("Episodes", FormatCount(NumberAt(data, "n_episodes")));
-  fact("Steps", FormatCount(NumberAt(data, "n_transitions")));
-  fact("Observation", FormatCount(NumberAt(data, "obs_dim")) + " numbers");
-  fact("Action", FormatCount(NumberAt(data, "act_dim")) + " numbers");
-  section.html += "</dl>\n";
+  section.html =
+      std::string("<p>All that is known about the target: what was observed and done there, step by step.</p>\n") +
+      FactList()
+          .Add("Episodes", FormatCount(NumberAt(data, "n_episodes")))
+          .Add("Steps", FormatCount(NumberAt(data, "n_transitions")))
+          .Add("Observation", FormatCount(NumberAt(data, "obs_dim")) + " numbers")
+          .Add("Action", FormatCount(NumberAt(data, "act_dim")) + " numbers")
+          .Html();
   const json& returns = ListAt(data, "episode_returns");
   if (returns.empty()) return section;
   json episodes = json::array();
@@ -51,24 +50,20 @@ Section CloneSection(const json& report) {
       "logs held out from its training it shows when imitation turns into learning by heart. The policy is kept as it "
       "was where that loss is lowest.</p>\n";
   if (clone["result"].is_object()) {
-    section.html += "<dl>";
-    for (const auto& [key, name] :
-         {std::pair("held_out_loss", "Loss, held-out logs"), std::pair("train_loss", "Loss, training logs")}) {
-      section.html +=
-          fmt::format("<div><dt>{}</dt><dd>{}</dd></div>", name, FormatNumber(NumberAt(clone["result"], key)));
-    }
-    section.html += fmt::format("<div><dt>Training steps to there</dt><dd>{}</dd></div></dl>\n",
-                                FormatCount(NumberAt(clone["result"], "n_steps")));
+    const json& result = clone["result"];
+    section.html += FactList()
+                        .Add("Loss, held-out logs", FormatNumber(NumberAt(result, "held_out_loss")))
+                        .Add("Loss, training logs", FormatNumber(NumberAt(result, "train_loss")))
+                        .Add("Training steps to there", FormatCount(NumberAt(result, "n_steps")))
+                        .Html();
   }
   Figure figure("Loss over the training steps");
   figure.AddCurve(ListAt(clone["curves"], "clone/train_loss"), "training logs", {.color = "var:--muted"});
   figure.AddCurve(ListAt(clone["curves"], "clone/held_out_loss"), "held-out logs",
                   {.color = "var:--designed", .width = 2});
-  figure.layout() = {{"xaxis", {{"title", {{"text", "step"}}}}}};
-  if (!figure.empty()) {
-    section.html += PlotKey().Add("line", "--designed", "held-out logs").Add("line", "--muted", "training logs").Html();
-    section.html += figure.Html("wide");
-  }
+  figure.SetXTitle("step");
+  section.html += WithKey(PlotKey().Add("line", "--designed", "held-out logs").Add("line", "--muted", "training logs"),
+                          figure.Html("wide"));
   return section;
 }
 

@@ -48,6 +48,16 @@ LineStyle SeedStyle(bool emphasised) {
   return {.color = "var:--designed", .width = emphasised ? 2.4 : 1.2, .opacity = emphasised ? 1.0 : 0.55};
 }
 
+// One curve per seed, the best one on top of the others.
+void AddSeedCurves(const json& seeds, const std::string& key, const std::string& best, Figure* figure) {
+  for (const bool emphasised : {false, true}) {
+    for (const json& seed : seeds) {
+      if ((seed["name"] == best || seeds.size() == 1) != emphasised) continue;
+      figure->AddCurve(ListAt(seed["curves"], key.c_str()), "seed " + TextAt(seed, "name"), SeedStyle(emphasised));
+    }
+  }
+}
+
 std::string ParameterFigure(const json& report, size_t index, const std::string& name, const std::string& best) {
   const json& parameters = ListAt(report, "parameters");
   const json parameter = index < parameters.size() ? parameters[index] : json::object();
@@ -57,20 +67,14 @@ std::string ParameterFigure(const json& report, size_t index, const std::string&
     figure.AddBand(ListAt(seed["curves"], ("design/mode/" + name).c_str()),
                    ListAt(seed["curves"], ("design/std/" + name).c_str()), "var:--band");
   }
-  for (const bool emphasised : {false, true}) {  // the best seed on top
-    for (const json& seed : seeds) {
-      if ((seed["name"] == best || seeds.size() == 1) != emphasised) continue;
-      figure.AddCurve(ListAt(seed["curves"], ("design/mode/" + name).c_str()), "seed " + TextAt(seed, "name"),
-                      SeedStyle(emphasised));
-    }
-  }
+  AddSeedCurves(seeds, "design/mode/" + name, best, &figure);
   if (const auto nominal = NumberAt(parameter, "nominal")) {
     figure.AddLevel(*nominal, "original", {.color = "var:--nominal", .width = 1.6});
   }
   if (const auto truth = NumberAt(parameter, "truth")) {
     figure.AddLevel(*truth, "truth", {.color = "var:--truth", .width = 1.6, .dash = "dash"});
   }
-  figure.layout() = {{"xaxis", {{"title", {{"text", "iteration"}}}}}};
+  figure.SetXTitle("iteration");
   return figure.Html();
 }
 
@@ -83,22 +87,10 @@ std::string CorrelationFigure(const json& report) {
   }
   if (!any) return "";  // one parameter, or a distribution in which they are independent by construction
   json names = json::array();
-  for (const std::string& name : ParameterNames(report)) names.push_back(PlotText(name));
-  Figure figure("How the parameters trade off against each other");
-  figure.AddTrace({{"type", "heatmap"},
-                   {"x", names},
-                   {"y", names},
-                   {"z", correlation},
-                   {"zmin", -1},
-                   {"zmax", 1},
-                   {"colorscale", {{0, "var:--low"}, {0.5, "var:--surface"}, {1, "var:--designed"}}},
-                   {"texttemplate", "%{z:.2f}"},
-                   {"hoverinfo", "skip"},
-                   {"xgap", 3},
-                   {"ygap", 3},
-                   {"showscale", false}});
-  figure.layout() = {{"xaxis", {{"type", "category"}, {"showgrid", false}}},
-                     {"yaxis", {{"type", "category"}, {"autorange", "reversed"}, {"showgrid", false}}}};
+  for (const std::string& name : ParameterNames(report)) names.push_back(PlotLabel(name));
+  Figure figure = MatrixFigure("How the parameters trade off against each other", names, names, correlation,
+                               {{0, "var:--cold"}, {0.5, "var:--surface"}, {1, "var:--heat"}}, "%{z:.2f}");
+  figure.SetValueRange(-1, 1);
   return "<p>Correlation under the designed distribution. Near +1 or &minus;1, the logs fix a combination of two "
          "parameters better than each alone.</p>\n" +
          figure.Html("matrix");
@@ -136,7 +128,7 @@ Section DesignSection(const json& report) {
   key.Add("band", "--band", "spread (&plusmn; one standard deviation)");
   if (any_has("nominal")) key.Add("line", "--nominal", "original (nominal)");
   if (any_has("truth")) key.Add("dash", "--truth", "truth");
-  section.html += key.Html() + FigureGrid(figures) + CorrelationFigure(report);
+  section.html += WithKey(key, FigureGrid(figures)) + CorrelationFigure(report);
   return section;
 }
 
@@ -146,11 +138,9 @@ Section DiscriminatorSection(const json& report) {
   const std::string best = BestSeed(report);
   const auto plot = [&](const char* title, const char* key, double level, const char* level_name) {
     Figure figure(title);
-    for (const json& seed : report["design_seeds"]) {
-      figure.AddCurve(ListAt(seed["curves"], key), "seed " + TextAt(seed, "name"), SeedStyle(seed["name"] == best));
-    }
+    AddSeedCurves(report["design_seeds"], key, best, &figure);
     figure.AddLevel(level, level_name, {.color = "var:--truth", .width = 1.4, .dash = "dash"});
-    figure.layout() = {{"xaxis", {{"title", {{"text", "iteration"}}}}}};
+    figure.SetXTitle("iteration");
     return figure.Html();
   };
   const std::string figures = plot("Share it tells apart correctly", "design/discriminator_accuracy", 0.5, "guessing") +
@@ -162,7 +152,7 @@ Section DiscriminatorSection(const json& report) {
       "has "
       "a loss of 2&#8201;log&#8201;2.) It need not get there: it is measured on samples that it learns from, earlier "
       "iterations' among them.</p>\n" +
-      PlotKey().Add("line", "--designed", "each seed").Add("dash", "--truth", "guessing").Html() + FigureGrid(figures);
+      WithKey(PlotKey().Add("line", "--designed", "each seed").Add("dash", "--truth", "guessing"), FigureGrid(figures));
   return section;
 }
 

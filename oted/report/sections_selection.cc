@@ -25,7 +25,7 @@ std::string Chart(const json& design, double log2) {
   json common = json::array();
   for (const json& setting : ListAt(design, "settings")) {
     for (const json& seed : ListAt(setting, "seeds")) {
-      setting_names.push_back(PlotText(TextAt(setting, "name")));
+      setting_names.push_back(PlotLabel(TextAt(setting, "name")));
       seed_names.push_back("seed " + PlotText(TextAt(seed, "seed")));
       own.push_back(OrNull(Minus(NumberAt(seed, "c"), log2)));
       common.push_back(OrNull(Minus(NumberAt(seed, "common"), log2)));
@@ -77,12 +77,11 @@ Section SelectionSection(const json& report) {
   const std::string selected = TextAt(design, "selected");
   for (const json& setting : ListAt(design, "settings")) {
     const bool chosen = TextAt(setting, "name") == selected;
-    table.Row(
-        {Escape(TextAt(setting, "name")) + (chosen ? " <span class=\"badge good\">selected</span>" : ""),
-         Escape(TextAt(setting, "form")), FormatCount(ListAt(setting, "seeds").size()),
-         FormatScore(Minus(NumberAt(setting, "common"), log2)), FormatScore(Minus(NumberAt(setting, "c"), log2)),
-         FormatNumber(NumberAt(setting, "design_deviation")), FormatNumber(NumberAt(setting, "learning_progress"))},
-        chosen);
+    table.Row({SelectedName(TextAt(setting, "name"), chosen), Escape(TextAt(setting, "form")),
+               FormatCount(ListAt(setting, "seeds").size()), FormatScore(Minus(NumberAt(setting, "common"), log2)),
+               FormatScore(Minus(NumberAt(setting, "c"), log2)), FormatNumber(NumberAt(setting, "design_deviation")),
+               FormatNumber(NumberAt(setting, "learning_progress"))},
+              chosen);
   }
   if (const auto nominal = NumberAt(design, "nominal_common")) {
     table.Row({"<em>original simulator</em>", "", "", FormatScore(Minus(nominal, log2)), "–", "–", "–"});

@@ -103,18 +103,44 @@ void AddParameters(const json& report, json* found) {
     found->push_back(
         fmt::format("They say only roughly what {} {}.", Enumerate(weak), weak.size() == 1 ? "is" : "are"));
   }
+}
+
+void AddError(const json& report, json* trust) {
   double sum = 0;
   int known = 0;
-  for (const json& parameter : parameters) {
+  for (const json& parameter : ListAt(report, "parameters")) {
     const std::optional<double> error = NumberAt(parameter, "absolute_error");
     if (!error) continue;
     sum += *error;
     ++known;
   }
   if (known > 0) {
-    found->push_back(fmt::format("Against the truth, which the design did not see, the mean absolute error is {}.",
+    trust->push_back(fmt::format("Against the truth, which the design did not see, the mean absolute error is {}.",
                                  FormatNumber(sum / known)));
   }
+}
+
+// How far the replays are from the logs when they end.
+void AddReplay(const json& report, json* trust, json* unknown) {
+  if (!report.contains("replay") || !report["replay"].contains("error")) return;
+  const json& replay = report["replay"];
+  const auto last = [&](const char* side) {
+    const json& median = replay["error"].contains(side) ? ListAt(replay["error"][side], "median") : EmptyList();
+    return median.empty() ? std::nullopt : AsNumber(median.back());
+  };
+  if (last("designed").value_or(HUGE_VAL) >= last("nominal").value_or(HUGE_VAL)) {
+    unknown->push_back(
+        "Replayed, the designed simulator comes no nearer to the logs than the original one does: look at the motion "
+        "below before you rely on it.");
+  }
+  const auto distance = [](std::optional<double> error) {
+    return error ? fmt::format("{} standard deviations", FormatNumber(error)) : "nowhere: its physics broke down";
+  };
+  trust->push_back(fmt::format(
+      "{} logged actions taken again from a logged state leave the designed simulator {} from the logs, and the "
+      "original one {} (median of {} stretches).",
+      FormatCount(NumberAt(replay, "n_steps")), distance(last("designed")), distance(last("nominal")),
+      FormatCount(NumberAt(replay, "n_windows"))));
 }
 
 void AddPolicies(const json& report, json* found) {
@@ -134,10 +160,10 @@ void AddPolicies(const json& report, json* found) {
   found->push_back(text + ".");
 }
 
-void AddMatch(const json& report, json* found) {
+void AddMatch(const json& report, json* trust) {
   const Match match = MatchOf(report);
   if (!match.nominal || !match.designed) return;
-  found->push_back(
+  trust->push_back(
       fmt::format("A classifier that learns to tell simulated from logged samples scores the designed simulator {} and "
                   "the original one {}; at 0 it could not tell.",
                   FormatScore(match.designed), FormatScore(match.nominal)));
@@ -197,14 +223,16 @@ json Unknown(const json& report, const std::string& verdict) {
 json Summarise(const json& report) {
   const std::string verdict = report.contains("design") ? TextAt(report["design"], "verdict") : "";
   json found = json::array();
-  AddMatch(report, &found);
   AddParameters(report, &found);
   AddPolicies(report, &found);
-  return {{"verdict", verdict},
-          {"headline", Headline(report, verdict)},
-          {"asked", Asked(report)},
-          {"found", found},
-          {"unknown", Unknown(report, verdict)}};
+  json trust = json::array();
+  AddMatch(report, &trust);
+  json unknown = Unknown(report, verdict);
+  AddReplay(report, &trust, &unknown);
+  AddError(report, &trust);
+  return {{"verdict", verdict},     {"headline", Headline(report, verdict)},
+          {"asked", Asked(report)}, {"found", found},
+          {"trust", trust},         {"unknown", unknown}};
 }
 
 }  // namespace oted

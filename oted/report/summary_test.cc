@@ -57,7 +57,7 @@ TEST(SummariseTest, WithATruthItStatesTheMeanAbsoluteErrorInPlaceOfTheCaveat) {
   json other = parameter;
   other["absolute_error"] = 0.3;
   const json summary = Summarise({{"design", json::object()}, {"parameters", {parameter, other}}});
-  EXPECT_THAT(Text(summary["found"]), HasSubstr("mean absolute error is 0.200"));
+  EXPECT_THAT(Text(summary["trust"]), HasSubstr("mean absolute error is 0.200"));
   EXPECT_THAT(Text(summary["unknown"]), Not(HasSubstr("true values are not known")));
 }
 
@@ -70,7 +70,7 @@ TEST(SummariseTest, ScoresAreGivenRelativeToAPerfectMatch) {
       {"nominal_common", log2 - 0.25},
       {"settings", {{{"name", "a"}, {"common", log2 - 0.9}}, {{"name", "b"}, {"common", log2 - 0.03}}}}};
   const json summary = Summarise({{"design", design}});
-  EXPECT_THAT(Text(summary["found"]), HasSubstr("designed simulator \u22120.030 and the original one \u22120.250"));
+  EXPECT_THAT(Text(summary["trust"]), HasSubstr("designed simulator \u22120.030 and the original one \u22120.250"));
 }
 
 TEST(SummariseTest, TheHeadlineSaysHowMuchOfTheGapIsClosed) {
@@ -94,6 +94,20 @@ TEST(SummariseTest, AValueAtTheEdgeOfItsRangeIsNotTrusted) {
   inside["bounds"] = {0.2, 2.0};
   const json summary = Summarise({{"parameters", {at_the_edge, inside}}});
   EXPECT_THAT(Text(summary["unknown"]), HasSubstr("friction ended at the edge"));
+}
+
+TEST(SummariseTest, SaysHowFarTheReplaysEndFromTheLogs) {
+  json replay = {{"n_steps", 50},
+                 {"n_windows", 32},
+                 {"error", {{"nominal", {{"median", {0, 1, 2.5}}}}, {"designed", {{"median", {0, 0.1, 0.25}}}}}}};
+  EXPECT_THAT(Text(Summarise({{"replay", replay}})["trust"]),
+              testing::AllOf(HasSubstr("50 logged actions"), HasSubstr("designed simulator 0.250 standard deviations"),
+                             HasSubstr("original one 2.50 standard"), HasSubstr("median of 32")));
+  EXPECT_THAT(Text(Summarise({{"replay", replay}})["unknown"]), Not(HasSubstr("no nearer")));
+  replay["error"]["designed"]["median"][2] = 3;
+  EXPECT_THAT(Text(Summarise({{"replay", replay}})["unknown"]), HasSubstr("no nearer"));
+  replay["error"]["nominal"]["median"][2] = nullptr;
+  EXPECT_THAT(Text(Summarise({{"replay", replay}})["trust"]), HasSubstr("broke down"));
 }
 
 TEST(SummariseTest, ComparesThePoliciesByName) {

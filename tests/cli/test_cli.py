@@ -4,6 +4,7 @@
 """
 
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -31,7 +32,7 @@ TINY = [
     "design.discriminator_batch=32", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
     "selection.judge_steps=20", "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2",
     "sac.n_steps=200", "sac.learning_starts=100", "sac.batch_size=32", "sac.hidden=16", "sac.eval_interval=100",
-    "sac.eval_episodes=1",
+    "sac.eval_episodes=1", "report.motion=false",
 ]
 
 
@@ -106,6 +107,17 @@ class CliTest(unittest.TestCase):
     def assertRefused(self, result, code, *needles):
         self.assertOneLine(result, code, *needles)
         self.assertFalse(self.out.exists(), "something was left in --out")
+
+
+class TestMotion(CliTest):
+    def test_without_opengl_a_run_ends_well_and_the_page_says_why(self):
+        os.environ["MUJOCO_GL"] = "off"
+        self.addCleanup(os.environ.pop, "MUJOCO_GL")
+        result = self.design("--set", "report.motion=auto", "--set", "report.replay_steps=5")
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+        self.assertIn("No pictures of the motion: MUJOCO_GL=off", (self.out / "report.html").read_text())
+        shutil.rmtree(self.out)
+        self.assertRefused(self.design("--set", "report.motion=true"), USAGE, "report.motion", "MUJOCO_GL=off")
 
 
 class TestData(CliTest):

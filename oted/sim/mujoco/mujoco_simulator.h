@@ -64,6 +64,8 @@ class MujocoSimulator : public Simulator {
   std::span<const double> qpos(int lane) const;  ///< generalised positions (nq) [m, rad]
   std::span<const double> qvel(int lane) const;  ///< generalised velocities (nv) [m/s, rad/s]
   const TaskRules& rules() const { return *rules_; }
+  /// MuJoCo's own object, for what draws the lanes.
+  mjBatch_* batch() const { return batch_.get(); }
   int episode_steps(int lane) const { return lanes_[static_cast<size_t>(lane)].episode_steps; }
 
  private:

@@ -1,0 +1,22 @@
+#pragma once
+/// motion/replay.json (schema oted.replay/1, docs/file_formats.md): the logs beside their replay in the nominal and in
+/// the designed simulator.
+
+#include <nlohmann/json_fwd.hpp>
+#include <vector>
+
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// Replays up to 32 windows of the logs at both parameters. The record has the error over the steps of all windows, and
+/// every channel of one window: the one whose error in the designed simulator is the median, neither the best nor the
+/// worst. Channels stand in the order of their error in the nominal simulator over all windows, largest first.
+///
+/// Where nothing can be replayed (no settable state, no stretch of `n_steps` rows) it has a `note` that says why, and
+/// neither.
+nlohmann::json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, int n_steps,
+                                const std::vector<double>& nominal, const std::vector<double>& designed, int n_threads);
+
+}  // namespace oted

@@ -1,0 +1,144 @@
+// What people look at first: the logs beside what the original and the designed simulator make of the same actions.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "oted/report/figure.h"
+#include "oted/report/json_values.h"
+#include "oted/report/sections.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+constexpr size_t kMostChannels = 6;
+
+const LineStyle kLogged = {.color = "var:--truth", .width = 2, .dash = "dot"};
+const LineStyle kNominal = {.color = "var:--nominal", .width = 2};
+const LineStyle kDesigned = {.color = "var:--designed", .width = 2};
+
+// Values at 0, 1, 2, ... control steps as [seconds, value]; steps where there is no unit of time.
+json OverTime(const json& values, double period) {
+  json points = json::array();
+  for (size_t t = 0; t < values.size(); ++t) points.push_back({static_cast<double>(t) * period, values[t]});
+  return points;
+}
+
+std::string AxisTitle(const json& replay) {
+  return NumberAt(replay, "control_period_s").value_or(0) > 0 ? "time [s]" : "step";
+}
+
+double Period(const json& replay) {
+  const double period = NumberAt(replay, "control_period_s").value_or(0);
+  return period > 0 ? period : 1;
+}
+
+std::string ErrorFigure(const json& replay) {
+  if (!replay.contains("error")) return "";
+  const json& error = replay["error"];
+  Figure figure("Distance from the logs after so much time, in standard deviations of the logs");
+  for (const auto& [name, label, style] : {std::tuple("nominal", "original simulator", kNominal),
+                                           std::tuple("designed", "designed simulator", kDesigned)}) {
+    if (!error.contains(name)) continue;
+    const auto curve = [&](const char* quantile) { return OverTime(ListAt(error[name], quantile), Period(replay)); };
+    figure.AddCurve(curve("median"), label, style);
+    for (const char* quantile : {"low", "high"}) {
+      figure.AddCurve(curve(quantile), fmt::format("{}, a quarter of the stretches lies beyond", label),
+                      {.color = style.color, .width = 1.2, .dash = "dash", .opacity = 0.8});
+    }
+  }
+  figure.SetXTitle(AxisTitle(replay));
+  figure.layout()["yaxis"] = {{"rangemode", "tozero"}};
+  PlotKey key;
+  key.Add("line", "--nominal", "original simulator, median stretch")
+      .Add("line", "--designed", "designed simulator, median stretch")
+      .Add("dash", "--soft", "a quarter of the stretches lies below, a quarter above");
+  return WithKey(key, figure.Html("wide short"));
+}
+
+std::string ChannelFigures(const json& replay) {
+  std::string figures;
+  const json& channels = ListAt(replay, "channels");
+  for (size_t i = 0; i < std::min(channels.size(), kMostChannels); ++i) {
+    Figure figure("<b>" + Escape(TextAt(channels[i], "name")) + "</b>");
+    const auto add = [&](const char* key, const char* name, const LineStyle& style) {
+      figure.AddCurve(OverTime(ListAt(channels[i], key), Period(replay)), name, style);
+    };
+    add("nominal", "original simulator", kNominal);
+    add("designed", "designed simulator", kDesigned);
+    add("logged", "logged", kLogged);
+    figure.SetXTitle(AxisTitle(replay));
+    figures += figure.Html("small");
+  }
+  PlotKey key;
+  key.Add("dots", "--truth", "logged").Add("line", "--nominal", "original simulator");
+  key.Add("line", "--designed", "designed simulator");
+  return WithKey(key, FigureGrid(figures));
+}
+
+std::string Player(const json& motion) {
+  const json& panels = ListAt(motion, "panels");
+  if (panels.empty()) return "";
+  constexpr std::pair<const char*, const char*> kNames[] = {
+      {"logged", "Logged"}, {"nominal", "Original"}, {"designed", "Designed"}};
+  std::string html = fmt::format(
+      "<div class=\"motion\" data-columns=\"{}\" data-frames=\"{}\" data-period=\"{}\"><div class=\"panels\">",
+      FormatGiven(NumberAt(motion, "columns")), FormatGiven(NumberAt(motion, "n_frames")),
+      FormatGiven(NumberAt(motion, "frame_period_s")));
+  for (const json& panel : panels) {
+    std::string label = TextAt(panel, "name");
+    for (const auto& [name, words] : kNames) {
+      if (label == name) label = words;
+    }
+    html += fmt::format(
+        "<div class=\"panel {}\"><p>{}</p><canvas width=\"{}\" height=\"{}\" role=\"img\" aria-label=\"{}: the robot's "
+        "motion\"></canvas><img alt=\"\" hidden src=\"{}\"></div>",
+        Escape(TextAt(panel, "name")), Escape(label), FormatGiven(NumberAt(motion, "width")),
+        FormatGiven(NumberAt(motion, "height")), Escape(label), Escape(TextAt(panel, "data")));
+  }
+  return html +
+         "</div><div class=\"controls\"><button type=\"button\">Play</button><input type=\"range\" min=\"0\" "
+         "value=\"0\" aria-label=\"moment\"><output>0.00&#8201;s</output></div></div>\n";
+}
+
+std::string Explanation(const json& replay) {
+  const json window = replay.value("window", json::object());
+  return fmt::format(
+      "<p>The logged actions, taken again: each simulator is put into a logged state and gets the {} actions that were "
+      "taken from there, with no correction on the way. The sooner it parts from the logs, the worse it fits; small "
+      "errors grow, so that after a while every simulator does.</p>\n<p>Shown is the stretch at step {} of episode {}. "
+      "Of {} stretches spread over the logs it is the one where the designed simulator does middling: half of them "
+      "fit better, half worse. The design was made from these logs.</p>\n",
+      FormatCount(NumberAt(replay, "n_steps")), FormatCount(NumberAt(window, "step")),
+      FormatCount(NumberAt(window, "episode")), FormatCount(NumberAt(replay, "n_windows")));
+}
+
+}  // namespace
+
+Section ReplaySection(const json& report) {
+  Section section{"replay", "Motion", "The same actions again", ""};
+  if (!report.contains("replay")) return section;
+  const json& replay = report["replay"];
+  if (!replay.contains("window")) {
+    section.html = fmt::format("<p>{}</p>\n", Escape(TextAt(replay, "note")));
+    return section;
+  }
+  const json motion = report.value("motion", json::object());
+  section.html = Explanation(replay) + Player(motion);
+  if (const std::string note = TextAt(motion, "note"); !note.empty()) {
+    section.html += fmt::format("<p class=\"note\">No pictures of the motion: {}.</p>\n", Escape(note));
+  }
+  section.html += ChannelFigures(replay);
+  if (const size_t n = ListAt(replay, "channels").size(); n > kMostChannels) {
+    section.html += fmt::format(
+        "<p class=\"note\">The {} of {} observed channels in which the original simulator errs most; all of them are "
+        "in "
+        "motion/replay.json.</p>\n",
+        kMostChannels, n);
+  }
+  section.html += ErrorFigure(replay);
+  return section;
+}
+
+}  // namespace oted

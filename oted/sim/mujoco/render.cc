@@ -1,0 +1,171 @@
+#include "oted/sim/mujoco/render.h"
+
+#include <fmt/format.h>
+#include <mujoco/mjbatch.h>
+#include <webp/encode.h>
+
+#include <algorithm>
+#include <csetjmp>
+
+#include "oted/base/error.h"
+#include "oted/sim/mujoco/model.h"
+#include "oted/sim/mujoco/render_context.h"
+
+namespace oted {
+namespace {
+
+constexpr int kMostGeoms = 2000;
+
+// MuJoCo's renderer reports what it cannot do through mju_error, which by default ends the process. Its C code holds
+// nothing that needs destruction, so a jump out of it is allowed; an exception would not be.
+thread_local std::jmp_buf* t_escape = nullptr;
+thread_local char t_message[300];
+
+void OnError(const char* message) {
+  std::snprintf(t_message, sizeof t_message, "%s", message);
+  if (t_escape != nullptr) std::longjmp(*t_escape, 1);
+}
+
+/// Calls `function(argument)`, plain C in between. False when MuJoCo reported an error, which t_message then holds.
+bool Guarded(void (*function)(void*), void* argument) {
+  std::jmp_buf escape;
+  void (*const before)(const char*) = mju_user_error;
+  t_escape = &escape;
+  mju_user_error = &OnError;
+  const bool failed = setjmp(escape) != 0;
+  if (!failed) function(argument);
+  mju_user_error = before;
+  t_escape = nullptr;
+  return !failed;
+}
+
+// Whether the model's base travels: its first body moves by itself and does not only turn.
+bool HasMovingBase(const mjModel& model) {
+  for (int joint = 0; joint < model.njnt; ++joint) {
+    const int type = model.jnt_type[joint];
+    if (model.body_parentid[model.jnt_bodyid[joint]] == 0 && (type == mjJNT_FREE || type == mjJNT_SLIDE)) return true;
+  }
+  return false;
+}
+
+mjvCamera ChooseCamera(const mjModel& model) {
+  mjvCamera camera;
+  mjv_defaultFreeCamera(&model, &camera);
+  for (int i = 0; i < model.ncam; ++i) {
+    if (model.cam_mode[i] != mjCAMLIGHT_TRACK && model.cam_mode[i] != mjCAMLIGHT_TRACKCOM) continue;
+    camera.type = mjCAMERA_FIXED;
+    camera.fixedcamid = i;
+    return camera;
+  }
+  if (HasMovingBase(model)) {
+    camera.type = mjCAMERA_TRACKING;
+    camera.trackbodyid = model.jnt_bodyid[0];
+  }
+  return camera;
+}
+
+}  // namespace
+
+struct Renderer::Scene {
+  Scene(std::unique_ptr<RenderContext> gl_context, const MujocoSimulatorFactory& factory, int width_, int height_)
+      : gl(std::move(gl_context)),
+        simulator(factory.MakeMujoco(1, 1)),
+        model(mj_copyModel(nullptr, mjb_model(simulator->batch()))),
+        data(mj_makeData(model.get())),
+        width(width_),
+        height(height_),
+        bottom_up(3 * static_cast<size_t>(width_) * static_cast<size_t>(height_)),
+        picture(bottom_up.size()) {
+    OTED_CHECK(model != nullptr && data != nullptr);
+    model->vis.global.offwidth = width;
+    model->vis.global.offheight = height;
+    model->vis.quality.shadowsize = 1024;  // by default 4096, most of the time of a picture of this size
+    mjv_defaultScene(&scene);
+    mjv_defaultOption(&option);
+    mjr_defaultContext(&context);
+    mjv_makeScene(model.get(), &scene, kMostGeoms);
+    scene.flags[mjRND_REFLECTION] = 0;
+    camera = ChooseCamera(*model);
+  }
+  ~Scene() {
+    mjv_freeScene(&scene);
+    if (has_context) mjr_freeContext(&context);
+  }
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+  void MakeContext() {
+    mjr_makeContext(model.get(), &context, mjFONTSCALE_100);
+    has_context = true;
+    mjr_setBuffer(mjFB_OFFSCREEN, &context);
+  }
+  void DrawPose() {
+    mj_kinematics(model.get(), data.get());
+    mj_comPos(model.get(), data.get());
+    mj_camlight(model.get(), data.get());
+    mjv_updateScene(model.get(), data.get(), &option, nullptr, &camera, mjCAT_ALL, &scene);
+    const mjrRect viewport = {0, 0, width, height};
+    mjr_render(viewport, &scene, &context);
+    mjr_readPixels(bottom_up.data(), nullptr, viewport, &context);
+  }
+
+  std::unique_ptr<RenderContext> gl;  // outlives what MuJoCo keeps in it
+  std::unique_ptr<MujocoSimulator> simulator;
+  ModelPtr model;
+  DataPtr data;
+  int width, height;
+  mjvScene scene;
+  mjvOption option;
+  mjvCamera camera;
+  mjrContext context;
+  bool has_context = false;
+  std::vector<uint8_t> bottom_up, picture;
+};
+
+Renderer::Renderer(std::unique_ptr<Scene> scene) : scene_(std::move(scene)) {}
+Renderer::~Renderer() = default;
+int Renderer::width() const { return scene_->width; }
+int Renderer::height() const { return scene_->height; }
+const std::string& Renderer::description() const { return scene_->gl->description(); }
+
+std::unique_ptr<Renderer> Renderer::Make(const MujocoSimulatorFactory& factory, int width, int height,
+                                         std::string* why_not) {
+  OTED_CHECK(width > 0 && height > 0 && width % 4 == 0 && height % 4 == 0);
+  auto gl = RenderContext::Make(why_not);
+  if (gl == nullptr) return nullptr;
+  auto scene = std::make_unique<Scene>(std::move(gl), factory, width, height);
+  if (!Guarded([](void* s) { static_cast<Scene*>(s)->MakeContext(); }, scene.get())) {
+    *why_not = fmt::format("MuJoCo cannot draw with {}: {}", scene->gl->description(), t_message);
+    return nullptr;
+  }
+  return std::unique_ptr<Renderer>(new Renderer(std::move(scene)));
+}
+
+const std::vector<uint8_t>& Renderer::Draw(std::span<const double> z, std::span<const double> qpos) {
+  Scene& scene = *scene_;
+  OTED_CHECK(static_cast<int>(qpos.size()) == scene.model->nq);
+  scene.simulator->SetParameters(0, z);
+  mjb_getModel(scene.simulator->batch(), 0, scene.model.get());
+  std::copy(qpos.begin(), qpos.end(), scene.data->qpos);
+  if (!Guarded([](void* s) { static_cast<Scene*>(s)->DrawPose(); }, &scene)) {
+    throw DataError(fmt::format("MuJoCo cannot draw with {}: {}; set report.motion = false", description(), t_message));
+  }
+  const size_t row = 3 * static_cast<size_t>(scene.width);
+  for (size_t y = 0; y < static_cast<size_t>(scene.height); ++y) {
+    std::copy_n(scene.bottom_up.end() - static_cast<ptrdiff_t>((y + 1) * row), row,
+                scene.picture.begin() + static_cast<ptrdiff_t>(y * row));
+  }
+  return scene.picture;
+}
+
+std::string EncodeWebp(std::span<const uint8_t> rgb, int width, int height, double quality) {
+  OTED_CHECK(rgb.size() == 3 * static_cast<size_t>(width) * static_cast<size_t>(height));
+  uint8_t* bytes = nullptr;
+  const size_t size = WebPEncodeRGB(rgb.data(), width, height, 3 * width, static_cast<float>(quality), &bytes);
+  OTED_CHECK(size > 0);
+  const std::string file(reinterpret_cast<const char*>(bytes), size);
+  WebPFree(bytes);
+  return file;
+}
+
+}  // namespace oted
