@@ -62,6 +62,9 @@ Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
       model_sha256_(static_cast<const MujocoSimulatorFactory&>(*factory_).model_sha256()),
       dataset_(ReadEpisodes(config_.data)),
       directory_(CheckRequest(out)) {
+  // From here on every form is one that can be carried out in this simulator.
+  config_.design = config_.design.Resolved(factory_->spec());
+  for (auto& [name, setting] : config_.settings) setting = setting.Resolved(factory_->spec());
   CheckDirectory();
   WriteProvenance();
 }

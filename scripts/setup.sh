@@ -77,7 +77,7 @@ missing_packages() {
   # Libraries: only dpkg knows.
   command -v dpkg-query >/dev/null || return 0
   for package in ca-certificates python3-dev libhdf5-dev zlib1g-dev libcli11-dev libtomlplusplus-dev nlohmann-json3-dev \
-    libfmt-dev libgtest-dev libgmock-dev libbenchmark-dev libprotozero-dev libssl-dev; do
+    libfmt-dev libeigen3-dev libgtest-dev libgmock-dev libbenchmark-dev libprotozero-dev libssl-dev; do
     # shellcheck disable=SC2016  # dpkg-query's own placeholder
     status=$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) || status=
     [ "$status" = installed ] || echo "$package"

@@ -23,11 +23,29 @@ TEST(DesignConfig, ThePapersFormIsAlgorithm1FromTheInitialStates) {
   EXPECT_EQ(config.form, "paper");
 }
 
-TEST(DesignConfig, TheDefaultIsTheTransitionsForm) {
-  DesignConfig by_name = DesignConfig::ForForm("transitions"), by_default;
-  by_default.Check();
-  EXPECT_EQ(by_default.Fields().ToJson(), by_name.Fields().ToJson());
-  const EvidenceConfig evidence = by_default.Evidence();
+TEST(DesignConfig, TheDefaultMatchesTrajectoriesWhereStatesCanBeSetAndIsThePapersFormElsewhere) {
+  SimulatorSpec settable, other;
+  settable.can_set_state = true;
+  DesignConfig config;
+  config.Check();
+  EXPECT_EQ(config.form, "auto");
+  EXPECT_EQ(config.Resolved(settable).form, "trajectories");
+  DesignConfig paper = config.Resolved(other), by_name = DesignConfig::ForForm("paper");
+  EXPECT_EQ(paper.Fields().ToJson(), by_name.Fields().ToJson());
+}
+
+TEST(DesignConfig, WhatWasSetStaysWhenAutoIsSettled) {
+  DesignConfig config;
+  config.n_iterations = 7;
+  config.lambda = 0.5;
+  const DesignConfig paper = config.Resolved(SimulatorSpec{});
+  EXPECT_EQ(paper.n_iterations, 7);
+  EXPECT_EQ(paper.lambda, 0.5);
+  EXPECT_EQ(paper.horizon, DesignConfig::ForForm("paper").horizon);
+}
+
+TEST(DesignConfig, TheTransitionsFormReplaysLoggedActionsFromLoggedStates) {
+  const EvidenceConfig evidence = DesignConfig::ForForm("transitions").Evidence();
   EXPECT_TRUE(evidence.dataset_starts && evidence.replayed_actions && evidence.transitions);
 }
 
