@@ -26,7 +26,8 @@ struct Options {
 
 /// Of --task, for every verb.
 inline constexpr const char* kTaskHelp =
-    "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4 and -v2; or a TOML file whose [task] describes one";
+    "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4 and -v2; or a TOML file whose [task] describes "
+    "one";
 
 /// Adds the options that every stage takes.
 void AddRunOptions(CLI::App& app, Options& options);

@@ -10,6 +10,10 @@ find_package(HDF5 REQUIRED COMPONENTS C)
 find_package(CLI11 REQUIRED)
 find_package(muparser REQUIRED)
 find_package(yaml-cpp REQUIRED)
+find_package(Eigen3 REQUIRED)
+
+add_library(oted_eigen INTERFACE)
+target_include_directories(oted_eigen SYSTEM INTERFACE ${EIGEN3_INCLUDE_DIRS})
 
 add_library(oted_hdf5 INTERFACE)
 target_include_directories(oted_hdf5 SYSTEM INTERFACE ${HDF5_C_INCLUDE_DIRS})

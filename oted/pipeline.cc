@@ -59,8 +59,7 @@ Dataset ReadEpisodes(const DataConfig& config) {
 
 RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
   if (config.presets.empty() || config.task.name.empty()) return config;
-  ExpandedPresets expanded =
-      ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task, {}));
+  ExpandedPresets expanded = ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task, {}));
   if (expanded.parameters.empty()) {
     throw UsageError(
         fmt::format("the model of task '{}' has nothing that preset {} names; 'oted params list' shows what "

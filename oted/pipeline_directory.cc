@@ -43,9 +43,16 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
 }
 
 void Pipeline::AdaptDesign() {
-  if (factory_->spec().can_set_state) return;
-  bool adapted = config_.design.AdaptToFixedStarts();
-  for (auto& [name, setting] : config_.settings) adapted = setting.AdaptToFixedStarts() || adapted;
+  const SimulatorSpec& spec = factory_->spec();
+  bool adapted = false;
+  // From here on every form is one that can be carried out in this simulator.
+  const auto adapt = [&](DesignConfig& design) {
+    const bool left_open = design.form == "auto";
+    design = design.Resolved(factory_->parameters(), spec);
+    adapted = adapted || (!spec.can_set_state && (left_open || design.AdaptToFixedStarts()));
+  };
+  adapt(config_.design);
+  for (auto& [name, setting] : config_.settings) adapt(setting);
   if (!adapted) return;
   const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(&factory_->plant());
   context_.log->Warning(fmt::format(

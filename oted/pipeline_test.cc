@@ -154,9 +154,9 @@ class PipelineTest : public testing::Test {
 TEST_F(PipelineTest, LeavesTheDocumentedFilesAndNoOthers) {
   std::set<std::string> names;
   for (const auto& [name, bytes] : Bytes(Whole())) names.insert(name);
-  std::set<std::string> wanted = {"run.toml",        "dataset.json",          "clone/policy.npz", "clone/clone.json",
-                                  "policy.onnx",     "design.json",           "policy_selection.json",
-                                  "evaluation.json", "motion/replay.json"};
+  std::set<std::string> wanted = {"run.toml",          "dataset.json", "clone/policy.npz",      "clone/clone.json",
+                                  "policy.onnx",       "design.json",  "policy_selection.json", "evaluation.json",
+                                  "motion/replay.json"};
   for (const char* k : {"1", "2"}) {
     for (const char* file : {"q.json", "discriminator.npz"}) {
       wanted.insert(std::string("design/default/") + k + "/" + file);

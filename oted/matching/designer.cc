@@ -32,32 +32,65 @@ double NormalQuantile(double p) {
 
 }  // namespace
 
+std::vector<double> LogitToZ(const ParameterSpace& space, std::span<const double> x) {
+  std::vector<double> u(x.size());
+  std::transform(x.begin(), x.end(), u.begin(), Sigmoid);
+  return space.FromUnit(u);
+}
+
+std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double> z) {
+  std::vector<double> x = space.ToUnit(z);
+  for (double& value : x) value = std::clamp(std::log(value / (1.0 - value)), -kMeanMaxX, kMeanMaxX);
+  return x;
+}
+
 Designer::Designer(ParameterSpace space, double initial_std)
     : space_(std::move(space)),
       mean_(static_cast<size_t>(space_.size()), 0.0),
-      log_std_(static_cast<size_t>(space_.size()), std::log(initial_std)) {}
+      log_std_(static_cast<size_t>(space_.size()), std::log(initial_std)),
+      correlation_factor_(Eigen::MatrixXd::Identity(space_.size(), space_.size())) {}
 
-std::vector<double> Designer::ToZ(std::span<const double> x) const {
-  std::vector<double> u(x.size());
-  std::transform(x.begin(), x.end(), u.begin(), Sigmoid);
-  return space_.FromUnit(u);
+Designer::Designer(ParameterSpace space, const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance)
+    : Designer(std::move(space), 1.0) {
+  OTED_CHECK(mean.size() == space_.size() && covariance.rows() == space_.size() && covariance.cols() == space_.size());
+  mean_.assign(mean.begin(), mean.end());
+  const Eigen::VectorXd std = covariance.diagonal().cwiseSqrt();
+  for (int i = 0; i < space_.size(); ++i) log_std_[static_cast<size_t>(i)] = std::log(std[i]);
+  const Eigen::MatrixXd correlation = std.cwiseInverse().asDiagonal() * covariance * std.cwiseInverse().asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> cholesky(correlation);
+  OTED_CHECK(cholesky.info() == Eigen::Success && correlation.allFinite());
+  correlation_factor_ = cholesky.matrixL();
+}
+
+Eigen::MatrixXd Designer::Correlation() const { return correlation_factor_ * correlation_factor_.transpose(); }
+
+Eigen::MatrixXd Designer::Covariance() const {
+  Eigen::VectorXd std(size());
+  for (int i = 0; i < size(); ++i) std[i] = std::exp(log_std_[static_cast<size_t>(i)]);
+  return std.asDiagonal() * Correlation() * std.asDiagonal();
 }
 
 Designer::Sample Designer::Draw(Rng& rng) const {
+  Eigen::VectorXd independent(size());
+  for (double& noise : independent) noise = rng.Normal();
   Sample sample;
-  for (size_t i = 0; i < mean_.size(); ++i) sample.x.push_back(mean_[i] + std::exp(log_std_[i]) * rng.Normal());
-  sample.z = ToZ(sample.x);
+  for (int i = 0; i < size(); ++i) {
+    const double noise = correlation_factor_.row(i).head(i + 1).dot(independent.head(i + 1));
+    const size_t at = static_cast<size_t>(i);
+    sample.x.push_back(mean_[at] + std::exp(log_std_[at]) * noise);
+  }
+  sample.z = LogitToZ(space_, sample.x);
   return sample;
 }
 
 Designer::Sample Designer::Mirror(const Sample& sample) const {
   Sample mirrored;
   for (size_t i = 0; i < mean_.size(); ++i) mirrored.x.push_back(2.0 * mean_[i] - sample.x[i]);
-  mirrored.z = ToZ(mirrored.x);
+  mirrored.z = LogitToZ(space_, mirrored.x);
   return mirrored;
 }
 
-std::vector<double> Designer::Mode() const { return ToZ(mean_); }
+std::vector<double> Designer::Mode() const { return LogitToZ(space_, mean_); }
 
 std::vector<double> Designer::Std() const {
   std::vector<double> std(mean_.size());
@@ -66,7 +99,7 @@ std::vector<double> Designer::Std() const {
     std::vector<double> up = mean_, down = mean_;
     up[i] += 1e-4;
     down[i] -= 1e-4;
-    const double slope = (ToZ(up)[i] - ToZ(down)[i]) / 2e-4;
+    const double slope = (LogitToZ(space_, up)[i] - LogitToZ(space_, down)[i]) / 2e-4;
     const ParameterSpec& spec = space_[static_cast<int>(i)];
     std[i] = std::min(slope * std::exp(log_std_[i]), (spec.high - spec.low) / std::sqrt(12.0));
   }
@@ -80,7 +113,7 @@ std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
     low[i] -= quantile * std::exp(log_std_[i]);
     high[i] += quantile * std::exp(log_std_[i]);
   }
-  const std::vector<double> z_low = ToZ(low), z_high = ToZ(high);
+  const std::vector<double> z_low = LogitToZ(space_, low), z_high = LogitToZ(space_, high);
   std::vector<Interval> intervals;
   for (size_t i = 0; i < mean_.size(); ++i) intervals.push_back({z_low[i], z_high[i]});
   return intervals;
@@ -92,12 +125,14 @@ double Designer::KlToPrior() const {
     const double ratio = std::exp(log_std_[i]) / kPriorStd, shift = mean_[i] / kPriorStd;
     kl += 0.5 * (ratio * ratio + shift * shift - 1.0) - std::log(ratio);
   }
-  return kl;
+  // The prior is uncorrelated: correlation adds the logarithm of its determinant alone.
+  return kl - correlation_factor_.diagonal().array().log().sum();
 }
 
 void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda,
                       double step_mean, double step_log_std) {
   OTED_CHECK(draws.size() == advantages.size() && !draws.empty());
+  OTED_CHECK(correlation_factor_.isIdentity(0));
   const double n = static_cast<double>(draws.size());
   for (size_t i = 0; i < mean_.size(); ++i) {
     const double std = std::exp(log_std_[i]), variance_ratio = std * std / (kPriorStd * kPriorStd);
@@ -121,6 +156,7 @@ void Designer::Restore(std::vector<double> mean, std::vector<double> log_std) {
   OTED_CHECK(mean.size() == mean_.size() && log_std.size() == mean_.size());
   mean_ = std::move(mean);
   log_std_ = std::move(log_std);
+  correlation_factor_.setIdentity();
 }
 
 nlohmann::json Designer::ToJson(double lambda) const {
@@ -134,10 +170,10 @@ nlohmann::json Designer::ToJson(double lambda) const {
     q["scale"].push_back(spec.logarithmic ? "log" : "linear");
   }
   q["mean"] = mean_;
-  for (size_t i = 0; i < mean_.size(); ++i) {
-    std::vector<double> row(mean_.size(), 0.0);
-    row[i] = std::exp(2.0 * log_std_[i]);
-    q["cov"].push_back(row);
+  const Eigen::MatrixXd covariance = Covariance();
+  for (int i = 0; i < size(); ++i) {
+    const Eigen::VectorXd row = covariance.row(i);
+    q["cov"].push_back(std::vector<double>(row.begin(), row.end()));
   }
   q["prior"] = {{"kind", "gaussian"}, {"mean", 0.0}, {"std", kPriorStd}};
   q["lambda"] = lambda;
@@ -151,14 +187,13 @@ Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space
       throw DataError(
           fmt::format("'{}' is not a Gaussian q(z) of schema oted.q/1; make it again with 'oted design'", where));
     }
-    Designer designer(space, 1.0);
     const auto mean = q.at("mean").get<std::vector<double>>();
     const auto cov = q.at("cov").get<std::vector<std::vector<double>>>();
     if (mean.size() != static_cast<size_t>(space.size()) || cov.size() != mean.size()) {
       throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration",
                                   where, mean.size(), space.size()));
     }
-    std::vector<double> log_std;
+    Eigen::MatrixXd covariance(space.size(), space.size());
     for (size_t i = 0; i < mean.size(); ++i) {
       const ParameterSpec& spec = space[static_cast<int>(i)];
       if (q.at("parameters").at(i) != spec.name || q.at("bounds").at(i) != nlohmann::json{spec.low, spec.high}) {
@@ -169,10 +204,14 @@ Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space
         throw DataError(
             fmt::format("'{}' has no positive variance of '{}'; make it again with 'oted design'", where, spec.name));
       }
-      log_std.push_back(0.5 * std::log(cov[i][i]));
+      for (size_t j = 0; j < mean.size(); ++j) covariance(static_cast<int>(i), static_cast<int>(j)) = cov[i][j];
     }
-    designer.Restore(mean, log_std);
-    return designer;
+    if (!covariance.isApprox(covariance.transpose()) ||
+        Eigen::LLT<Eigen::MatrixXd>(covariance).info() != Eigen::Success) {
+      throw DataError(
+          fmt::format("the covariance in '{}' is not positive definite; make it again with 'oted design'", where));
+    }
+    return Designer(space, Eigen::Map<const Eigen::VectorXd>(mean.data(), space.size()), covariance);
   } catch (const nlohmann::json::exception& e) {
     throw DataError(
         fmt::format("'{}' is not a q(z) of schema oted.q/1 ({}); make it again with 'oted design'", where, e.what()));

@@ -1,6 +1,7 @@
 #pragma once
 /// q(z), the designer of the paper (Sec. 4.1): a distribution over simulator parameters, improved by policy gradient.
 
+#include <Eigen/Dense>
 #include <nlohmann/json_fwd.hpp>
 #include <span>
 #include <string>
@@ -11,9 +12,14 @@
 
 namespace oted {
 
-/// A Gaussian with diagonal covariance over x in R^d; u = 1 / (1 + exp(-x)) maps it into the unit cube and
-/// ParameterSpace into the bounds. The prior p is the Gaussian N(0, kPriorStd^2) over the same x: under it u is close
-/// to uniform over the bounds (its standard deviation is 0.29, that of the uniform distribution).
+/// The search coordinates of q: x in R^d; u = 1 / (1 + exp(-x)) lies in the unit cube, ParameterSpace maps it into the
+/// bounds. Beyond |x| = 6 (0.25 % of the range) ZToLogit stops: a value on its bound has no finite logit.
+std::vector<double> LogitToZ(const ParameterSpace& space, std::span<const double> x);
+std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double> z);
+
+/// A Gaussian over x, with diagonal covariance while it is learned by policy gradient. The prior p is the Gaussian N(0,
+/// kPriorStd^2) over the same x: under it u is close to uniform over the bounds (its standard deviation is 0.29, that
+/// of the uniform distribution).
 class Designer {
  public:
   static constexpr double kPriorStd = 1.7;
@@ -21,6 +27,8 @@ class Designer {
   Designer() = default;
   /// q starts at the prior, with `initial_std` in x.
   Designer(ParameterSpace space, double initial_std);
+  /// The Gaussian of that mean and covariance over x. @throws InternalError unless the covariance is positive definite.
+  Designer(ParameterSpace space, const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance);
 
   const ParameterSpace& space() const { return space_; }
   int size() const { return space_.size(); }
@@ -46,16 +54,21 @@ class Designer {
   /// D_KL(q || p) [nats], summed over parameters.
   double KlToPrior() const;
 
+  /// Covariance over x, and correlation (equal to that of z to first order).
+  Eigen::MatrixXd Covariance() const;
+  Eigen::MatrixXd Correlation() const;
+
   /// One ascent step on E_q[R] - lambda KL(q, p) (Eq. 3) from draws and their advantages.
   ///   d/d mean    = mean_k A_k (x_k - mean) / std^2      - lambda mean / prior_std^2
   ///   d/d log std = mean_k A_k ((x_k - mean)^2/std^2 - 1) - lambda (std^2 / prior_std^2 - 1)
   /// both multiplied by the inverse Fisher information (std^2 and 1/2): the natural gradient, so that the step does not
-  /// depend on the width of q (docs/deviations.md#natural-gradient).
+  /// depend on the width of q (docs/deviations.md#natural-gradient). Of an uncorrelated q only.
   void Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda, double step_mean,
               double step_log_std);
 
   const std::vector<double>& mean() const { return mean_; }
   const std::vector<double>& log_std() const { return log_std_; }
+  /// Sets an uncorrelated q.
   void Restore(std::vector<double> mean, std::vector<double> log_std);
 
   /// q.json (schema oted.q/1).
@@ -64,9 +77,9 @@ class Designer {
   static Designer FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where);
 
  private:
-  std::vector<double> ToZ(std::span<const double> x) const;
   ParameterSpace space_;
   std::vector<double> mean_, log_std_;
+  Eigen::MatrixXd correlation_factor_;  // lower triangular: of x over the standard deviations
 };
 
 }  // namespace oted

@@ -88,7 +88,6 @@ const std::set<std::string, std::less<>> kConstantsDependOn = {
     "site_quat",    "actuator_gear", "eq_data",      "actuator_armature", "tendon_armature", "actuator_cranklength",
     "body_gravcomp"};
 
-
 // The array that `field` means, among those with one of `prefixes`.
 const ModelArray& FindArray(const std::vector<ModelArray>& arrays, const std::vector<const char*>& prefixes,
                             const std::string& field, const std::string& path) {

@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "oted/base/error.h"
-#include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/model_offers.h"
+#include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 
 namespace oted {

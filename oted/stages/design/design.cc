@@ -2,161 +2,27 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <deque>
-#include <limits>
-#include <utility>
 
 #include "oted/base/error.h"
-#include "oted/base/statistics.h"
+#include "oted/stages/design/adversarial.h"
+#include "oted/stages/design/trajectory_matching.h"
 
 namespace oted {
 namespace {
 
-constexpr int kCheckpointInterval = 10;
+/// Iterations of Algorithm 1 without its line 3: enough for g to tell what there is to tell.
+constexpr int kDiscriminatorIterations = 10;
 
-/// Rows of simulator samples, by iteration and by z, that g is trained on.
-class SampleReplay {
- public:
-  explicit SampleReplay(int n_iterations) : capacity_(static_cast<size_t>(n_iterations)) {}
-
-  void Add(std::vector<Array2<double>> by_lane) {
-    std::erase_if(by_lane, [](const Array2<double>& rows) { return rows.rows() == 0; });
-    if (by_lane.empty()) return;
-    iterations_.push_back(std::move(by_lane));
-    if (iterations_.size() > capacity_) iterations_.pop_front();
+void LogFit(const ParameterSpace& space, int done, int total, const Eigen::VectorXd& x, const std::string& run_name,
+            LogSink& log) {
+  const std::vector<double> z = LogitToZ(space, {x.data(), static_cast<size_t>(x.size())});
+  std::string note;
+  for (int i = 0; i < space.size(); ++i) {
+    log.Scalar(run_name, "design/mode/" + space[i].name, done, z[static_cast<size_t>(i)]);
+    if (i < 4) note += fmt::format("{}{} {:.3f}", i > 0 ? "  " : "", space[i].name, z[static_cast<size_t>(i)]);
   }
-  bool empty() const { return iterations_.empty(); }
-  /// A sample balanced over z: first the z, then one of its rows.
-  std::span<const double> Draw(Rng& rng) const {
-    const auto& lanes = iterations_[rng.Below(iterations_.size())];
-    const Array2<double>& rows = lanes[rng.Below(lanes.size())];
-    return rows.row(static_cast<int>(rng.Below(static_cast<uint64_t>(rows.rows()))));
-  }
-  const std::deque<std::vector<Array2<double>>>& iterations() const { return iterations_; }
-
- private:
-  size_t capacity_;
-  std::deque<std::vector<Array2<double>>> iterations_;
-};
-
-double Reward(double logit, bool log_ratio) { return log_ratio ? logit : MinusLogOneMinusG(logit); }
-
-/// Lines 2: the mean reward of each z; diverged or empty ones get the lowest of the others.
-std::vector<double> Rewards(const std::vector<LaneExperience>& experience, Discriminator& g, bool log_ratio) {
-  std::vector<double> rewards(experience.size(), std::numeric_limits<double>::quiet_NaN());
-  double lowest = std::numeric_limits<double>::infinity();
-  for (size_t k = 0; k < experience.size(); ++k) {
-    if (experience[k].diverged || experience[k].features.rows() == 0) continue;
-    double sum = 0;
-    for (const double logit : g.Logits(experience[k].features)) sum += Reward(logit, log_ratio);
-    rewards[k] = sum / experience[k].features.rows();
-    lowest = std::min(lowest, rewards[k]);
-  }
-  if (std::isinf(lowest)) lowest = 0;
-  for (double& reward : rewards) {
-    if (std::isnan(reward)) reward = lowest;
-  }
-  return rewards;
-}
-
-/// (R - mean) / std: the policy gradient's baseline, and a scale that does not depend on how sure g is.
-std::vector<double> Standardize(const std::vector<double>& rewards) {
-  const double n = static_cast<double>(rewards.size());
-  double mean = 0, variance = 0;
-  for (const double r : rewards) mean += r / n;
-  for (const double r : rewards) variance += (r - mean) * (r - mean) / n;
-  // Equal rewards carry no information: rounding noise must not be blown up into some.
-  const double scale = std::max(std::sqrt(variance), 1e-6);
-  std::vector<double> advantages;
-  for (const double r : rewards) advantages.push_back((r - mean) / scale);
-  return advantages;
-}
-
-/// What Algorithm 1 carries from one iteration to the next.
-struct DesignState {
-  Designer q;
-  Discriminator g;
-  SampleReplay replay;
-  int iteration = 0;
-  double reward_sum = 0;
-
-  void Save(const std::filesystem::path& path) const {
-    NpzArrays arrays;
-    g.Save(arrays);
-    arrays["q/mean"] = NpyArray(q.mean());
-    arrays["q/log_std"] = NpyArray(q.log_std());
-    arrays["counters"] = NpyArray(std::vector<double>{static_cast<double>(iteration), reward_sum});
-    for (size_t i = 0; i < replay.iterations().size(); ++i) {
-      const auto& lanes = replay.iterations()[i];
-      for (size_t k = 0; k < lanes.size(); ++k) arrays[fmt::format("replay/{:03}/{:05}", i, k)] = NpyArray(lanes[k]);
-    }
-    WriteNpz(arrays, path);
-  }
-
-  void Restore(const std::filesystem::path& path) {
-    const NpzArrays arrays = ReadNpz(path);
-    g.Restore(arrays, path.string());
-    q.Restore(arrays.at("q/mean").ToDouble(), arrays.at("q/log_std").ToDouble());
-    iteration = static_cast<int>(arrays.at("counters").ToDouble().at(0));
-    reward_sum = arrays.at("counters").ToDouble().at(1);
-    // Names sort by iteration, then lane.
-    std::vector<Array2<double>> lanes;
-    std::string current;
-    for (const auto& [name, array] : arrays) {
-      if (!name.starts_with("replay/")) continue;
-      const std::string group = name.substr(0, 10);
-      if (group != current && !lanes.empty()) replay.Add(std::exchange(lanes, {}));
-      current = group;
-      Array2<double> rows(static_cast<int>(array.shape.at(0)), static_cast<int>(array.shape.at(1)));
-      const std::vector<double> values = array.ToDouble();
-      std::copy(values.begin(), values.end(), rows.data());
-      lanes.push_back(std::move(rows));
-    }
-    if (!lanes.empty()) replay.Add(std::move(lanes));
-  }
-};
-
-/// Line 4. Returns means over the steps.
-Discriminator::StepResult UpdateDiscriminator(const DesignConfig& config, const Array2<double>& dataset_features,
-                                              Rng& rng, DesignState& state) {
-  Discriminator::StepResult mean;
-  if (state.replay.empty()) return mean;
-  const int batch = config.discriminator_batch;
-  Array2<double> data_rows(batch, dataset_features.cols()), sim_rows(batch, dataset_features.cols());
-  for (int step = 0; step < config.discriminator_steps; ++step) {
-    for (int i = 0; i < batch; ++i) {
-      const auto data_row =
-          dataset_features.row(static_cast<int>(rng.Below(static_cast<uint64_t>(dataset_features.rows()))));
-      std::copy(data_row.begin(), data_row.end(), data_rows.row(i).begin());
-      const auto sim_row = state.replay.Draw(rng);
-      std::copy(sim_row.begin(), sim_row.end(), sim_rows.row(i).begin());
-    }
-    const Discriminator::StepResult result = state.g.Step(data_rows, sim_rows);
-    mean.loss += result.loss / config.discriminator_steps;
-    mean.accuracy += result.accuracy / config.discriminator_steps;
-  }
-  return mean;
-}
-
-void LogIteration(const DesignState& state, const std::vector<double>& rewards,
-                  const Discriminator::StepResult& discriminator, int n_iterations, const std::string& run_name,
-                  LogSink& log) {
-  const std::vector<double> mode = state.q.Mode(), std = state.q.Std();
-  log.Scalar(run_name, "design/reward", state.iteration, Mean(rewards));
-  log.Scalar(run_name, "design/discriminator_loss", state.iteration, discriminator.loss);
-  log.Scalar(run_name, "design/discriminator_accuracy", state.iteration, discriminator.accuracy);
-  log.Scalar(run_name, "design/kl", state.iteration, state.q.KlToPrior());
-  std::string note = fmt::format("R {:.3f}", Mean(rewards));
-  for (int i = 0; i < state.q.size(); ++i) {
-    const std::string& name = state.q.space()[i].name;
-    const size_t at = static_cast<size_t>(i);
-    log.Scalar(run_name, "design/mode/" + name, state.iteration, mode[at]);
-    log.Scalar(run_name, "design/std/" + name, state.iteration, std[at]);
-    if (i < 4) note += fmt::format("  {} {:.2f}+-{:.2f}", name, mode[at], std[at]);
-  }
-  log.Progress("design", run_name, state.iteration, n_iterations, note);
+  log.Progress("design", run_name, done, total, note);
 }
 
 }  // namespace
@@ -165,54 +31,24 @@ DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset
                          const DesignConfig& config, RngKey key, const std::filesystem::path& folder,
                          const std::string& run_name, const RunContext& context) {
   config.Check();
+  OTED_CHECK(config.form != "auto");
   dataset.CheckFits(factory.spec().task, factory.spec().obs_dim(), factory.spec().act_dim);
-  EvidenceConfig evidence = config.Evidence();
-  evidence.n_past_actions = factory.spec().n_past_actions;
-  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence.transitions, evidence.n_past_actions);
-  ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
-
-  Rng init = key.Stage("initialisation").MakeRng();
-  DesignState state{Designer(factory.parameters(), config.initial_std),
-                    Discriminator(dataset_features, config.Discriminator(), init),
-                    SampleReplay(config.replay_iterations)};
-  const std::filesystem::path checkpoint = folder / "checkpoint.npz";
-  if (std::filesystem::exists(checkpoint)) state.Restore(checkpoint);
-
-  while (state.iteration < config.n_iterations) {
-    const RngKey iteration_key = key.Stage("iteration").Index(static_cast<uint64_t>(state.iteration));
-    Rng rng = iteration_key.MakeRng();
-
-    // 1: gather experience E with z_k ~ q. Draws come in mirrored pairs about the mean: the same expectation with less
-    // noise.
-    std::vector<Designer::Sample> draws;
-    std::vector<std::vector<double>> z;
-    for (int k = 0; k < config.n_sims; ++k) {
-      draws.push_back(k % 2 == 0 ? state.q.Draw(rng) : state.q.Mirror(draws.back()));
-      z.push_back(draws.back().z);
-    }
-    std::vector<LaneExperience> experience = gatherer.Gather(z, iteration_key.Stage("rollouts"));
-
-    // 2: estimate the discriminator's output on it, before g is updated.
-    const std::vector<double> rewards = Rewards(experience, state.g, config.reward == "log_ratio");
-
-    // 3: update q. In the first iteration g is still blind and its rewards are noise.
-    if (state.iteration > 0) {
-      state.q.Ascend(draws, Standardize(rewards), config.lambda, config.step_mean, config.step_log_std);
-    }
-
-    // 4: update g on (E, D).
-    std::vector<Array2<double>> by_lane;
-    for (LaneExperience& lane : experience) by_lane.push_back(std::move(lane.features));
-    state.replay.Add(std::move(by_lane));
-    const Discriminator::StepResult discriminator = UpdateDiscriminator(config, dataset_features, rng, state);
-
-    ++state.iteration;
-    state.reward_sum += Mean(rewards);
-    LogIteration(state, rewards, discriminator, config.n_iterations, run_name, *context.log);
-    if (context.StopRequested() || state.iteration % kCheckpointInterval == 0) state.Save(checkpoint);
-    context.ThrowIfStopped();
+  const Designer prior(factory.parameters(), config.initial_std);
+  if (config.form != "trajectories") {
+    return LearnAdversarially(factory, dataset, clone, config, prior, true, key, folder, run_name, context);
   }
-  return {state.q, state.g, state.reward_sum / config.n_iterations};
+  const TrajectoryFit fit = MatchTrajectories(
+      factory, dataset, config.Trajectories(), key.Stage("trajectories"),
+      [&](int done, int total, const Eigen::VectorXd& x) {
+        LogFit(factory.parameters(), done, total + kDiscriminatorIterations, x, run_name, *context.log);
+      },
+      context);
+  const Designer q(factory.parameters(), fit.mean, fit.covariance);
+  DesignConfig against = config;
+  against.n_iterations = kDiscriminatorIterations;
+  DesignResult result = LearnAdversarially(factory, dataset, clone, against, q, false, key, folder, run_name, context);
+  result.noise_std = fit.noise_std;
+  return result;
 }
 
 }  // namespace oted

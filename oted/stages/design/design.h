@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
@@ -17,17 +18,18 @@ namespace oted {
 struct DesignResult {
   Designer q;
   Discriminator g;
-  double learning_progress = 0;  ///< mean reward over all iterations (Sec. 5.1's "learning progress")
+  double learning_progress = 0;   ///< mean reward over all iterations (Sec. 5.1's "learning progress")
+  std::vector<double> noise_std;  ///< (obs_dim) of the logged observations, where the form estimates it; else empty
 };
 
-/// Algorithm 1, for config.n_iterations:
-///   1  gather experience E: for k = 1..n_sims, z_k ~ q, run mu-hat (or the logged actions) in M(z_k)
-///   2  R_k = mean over E_k of -log(1 - g)
-///   3  update q by Eq. 3 with reward R
-///   4  update g by Eq. 2 on mini-batches of (a replay of E, D), balanced over z
-/// A z whose physics broke down gets the lowest reward of the batch.
+/// q(z) by the form that `config` names, and a discriminator g trained against it (the paper's score c(h) is g's):
+///   "trajectories"          MatchTrajectories, then lines 1, 2 and 4 of Algorithm 1 with that q
+///   "transitions", "paper"  Algorithm 1
+/// @param config  resolved: its form is not "auto"
 /// @param clone   may be null when config replays actions
-/// @param folder  checkpoint.npz appears there every ten iterations; a stopped run goes on from it with equal results
+/// @param folder  Algorithm 1 leaves checkpoint.npz there every ten iterations; a stopped run goes on from it with
+/// equal
+///                results. Trajectory matching, which takes seconds, begins anew
 /// @throws Interrupted when a stop was requested
 DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
                          const DesignConfig& config, RngKey key, const std::filesystem::path& folder,

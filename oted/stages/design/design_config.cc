@@ -1,6 +1,10 @@
 #include "oted/stages/design/design_config.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
 
@@ -8,13 +12,13 @@ namespace oted {
 
 DesignConfig DesignConfig::ForForm(const std::string& form) {
   DesignConfig config;
-  if (form == "transitions") return config;
-  if (form != "paper") {
-    const std::vector<std::string> forms = {"transitions", "paper"};
+  const std::vector<std::string> forms = {"auto", "trajectories", "transitions", "paper"};
+  if (std::find(forms.begin(), forms.end(), form) == forms.end()) {
     throw UsageError(
-        fmt::format("design.form is '{}', wanted one of transitions|paper{}", form, DidYouMean(form, forms)));
+        fmt::format("design.form is '{}', wanted one of {}{}", form, fmt::join(forms, "|"), DidYouMean(form, forms)));
   }
-  config.form = "paper";
+  config.form = form;
+  if (form != "paper") return config;
   config.starts = "initial";
   config.actions = "clone";
   config.discriminator = "sa";
@@ -22,6 +26,26 @@ DesignConfig DesignConfig::ForForm(const std::string& form) {
   config.n_steps = 300;
   config.n_iterations = 60;
   return config;
+}
+
+DesignConfig DesignConfig::Resolved(const ParameterSpace& space, const SimulatorSpec& spec) const {
+  if (form == "trajectories" && !spec.can_set_state) {
+    throw UsageError(fmt::format(
+        "design.form = \"trajectories\" sets logged states, which task '{}' does not take; use auto or paper",
+        spec.task));
+  }
+  if (form != "auto") return *this;
+  const bool of_sensors = std::ranges::any_of(
+      space.specs(), [](const ParameterSpec& parameter) { return parameter.field.starts_with("obs/"); });
+  DesignConfig given = *this, unset = ForForm("auto");
+  DesignConfig resolved = ForForm(!spec.can_set_state ? "paper" : of_sensors ? "transitions" : "trajectories");
+  nlohmann::json fields = resolved.Fields().ToJson();
+  const nlohmann::json before = unset.Fields().ToJson(), after = given.Fields().ToJson();
+  for (const auto& [name, value] : after.items()) {
+    if (name != "form" && value != before.at(name)) fields[name] = value;
+  }
+  resolved.Fields().FromJson(fields, "design");
+  return resolved;
 }
 
 bool DesignConfig::AdaptToFixedStarts() {
@@ -36,8 +60,10 @@ bool DesignConfig::AdaptToFixedStarts() {
 
 FieldList DesignConfig::Fields() {
   FieldList fields("design");
-  fields.AddChoice("form", &form, "sets the evidence as a whole: transitions (the default) or the paper's Algorithm 1",
-                   {"transitions", "paper"});
+  fields.AddChoice("form", &form,
+                   "how q is found: trajectory matching; Algorithm 1 on replayed transitions, or as in the paper; auto "
+                   "takes trajectories where states can be set, otherwise paper",
+                   {"auto", "trajectories", "transitions", "paper"});
   fields.AddChoice("starts", &starts, "where rollouts begin: logged states, or the initial distribution",
                    {"dataset", "initial"});
   fields.AddChoice("actions", &actions, "who acts: the logged actions again, or the clone", {"replayed", "clone"});
@@ -45,6 +71,13 @@ FieldList DesignConfig::Fields() {
   fields.Add("horizon", &horizon, "control steps per rollout", AtLeast(1));
   fields.Add("n_steps", &n_steps, "control steps per simulator and iteration, over its rollouts", AtLeast(1));
   fields.Add("clone_noise", &clone_noise, "multiplies the clone's action noise; 0 takes its mean action", AtLeast(0));
+  fields.Add("trajectory_window", &trajectory_window, "of trajectories: control steps of the longest windows",
+             AtLeast(2));
+  fields.Add("trajectory_rows", &trajectory_rows, "of trajectories: logged transitions matched per seed, at most",
+             AtLeast(2));
+  fields.Add("trajectory_starts", &trajectory_starts, "of trajectories: starting points that are refined", AtLeast(1));
+  fields.Add("trajectory_coarse", &trajectory_coarse, "of trajectories: draws of z among which they are chosen",
+             AtLeast(1));
   fields.Add("n_iterations", &n_iterations, "repetitions of Algorithm 1", AtLeast(1));
   fields.Add("n_sims", &n_sims, "simulators per iteration, each with its own z ~ q", AtLeast(2));
   fields.Add("step_mean", &step_mean, "natural-gradient step on the mean of q, in spreads of q", Above(0));
@@ -79,6 +112,13 @@ EvidenceConfig DesignConfig::Evidence() const {
           .horizon = horizon,
           .n_steps = n_steps,
           .clone_noise = clone_noise};
+}
+
+TrajectoryOptions DesignConfig::Trajectories() const {
+  return {.max_window = trajectory_window,
+          .n_rows = trajectory_rows,
+          .n_coarse = trajectory_coarse,
+          .n_starts = trajectory_starts};
 }
 
 DiscriminatorOptions DesignConfig::Discriminator() const {

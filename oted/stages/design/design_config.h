@@ -6,20 +6,31 @@
 #include "oted/base/fields.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
+#include "oted/stages/design/trajectory_matching.h"
 
 namespace oted {
 
-/// Which evidence, how much of it, and how q(z) and g move. Two forms set the evidence together:
-///   "transitions"  logged actions replayed from logged states, g(s, a, s'), short rollouts: the default
-///   "paper"        the clone rolled out from the initial states, g(s, a): Algorithm 1 to the letter
+/// How q(z) is found, from which evidence, how much of it, and how q(z) and g move. The form sets the rest together:
+///   "auto"          trajectories where the simulator's state can be set from an observation, otherwise paper; with
+///                   parameters of the sensors (obs/...) transitions: their noise cannot be fitted step by step
+///   "trajectories"  windows of the log replayed, their start states unknown too: least squares that weighs channels
+///   and
+///                   windows by what they tell
+///   "transitions"   Algorithm 1 with logged actions replayed from logged states, g(s, a, s'), short rollouts
+///   "paper"         Algorithm 1 to the letter: the clone rolled out from the initial states, g(s, a)
 struct DesignConfig {
-  std::string form = "transitions";
+  std::string form = "auto";
   std::string starts = "dataset";
   std::string actions = "replayed";
   std::string discriminator = "sas";
   int horizon = 10;
   int n_steps = 60;
   double clone_noise = 1.0;
+
+  int trajectory_window = 16;
+  int trajectory_rows = 960;
+  int trajectory_starts = 3;
+  int trajectory_coarse = 64;
 
   int n_iterations = 100;
   int n_sims = 32;
@@ -42,11 +53,15 @@ struct DesignConfig {
   /// horizon and a number of steps still at the form's defaults become the paper form's. @return whether anything
   /// changed
   bool AdaptToFixedStarts();
+  /// `auto` settled for a simulator and its parameters; what was set stays.
+  /// @throws UsageError for trajectories where states cannot be set
+  DesignConfig Resolved(const ParameterSpace& space, const SimulatorSpec& spec) const;
   FieldList Fields();
   /// @throws UsageError when settings contradict each other.
   void Check() const;
 
   EvidenceConfig Evidence() const;
+  TrajectoryOptions Trajectories() const;
   DiscriminatorOptions Discriminator() const;
 };
 

@@ -23,11 +23,36 @@ TEST(DesignConfig, ThePapersFormIsAlgorithm1FromTheInitialStates) {
   EXPECT_EQ(config.form, "paper");
 }
 
-TEST(DesignConfig, TheDefaultIsTheTransitionsForm) {
-  DesignConfig by_name = DesignConfig::ForForm("transitions"), by_default;
-  by_default.Check();
-  EXPECT_EQ(by_default.Fields().ToJson(), by_name.Fields().ToJson());
-  const EvidenceConfig evidence = by_default.Evidence();
+TEST(DesignConfig, TheDefaultMatchesTrajectoriesWhereStatesCanBeSetAndIsThePapersFormElsewhere) {
+  SimulatorSpec settable, other;
+  settable.can_set_state = true;
+  DesignConfig config;
+  config.Check();
+  EXPECT_EQ(config.form, "auto");
+  const ParameterSpace none, sensors({ParseParameterSpec("noise=obs/*/noise_std:0:0.1:absolute")});
+  EXPECT_EQ(config.Resolved(none, settable).form, "trajectories");
+  EXPECT_EQ(config.Resolved(sensors, settable).form, "transitions") << "noise cannot be fitted step by step";
+  DesignConfig paper = config.Resolved(none, other), by_name = DesignConfig::ForForm("paper");
+  EXPECT_EQ(paper.Fields().ToJson(), by_name.Fields().ToJson());
+}
+
+TEST(DesignConfig, TrajectoriesNeedStatesThatCanBeSet) {
+  const DesignConfig config = DesignConfig::ForForm("trajectories");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.Resolved({}, SimulatorSpec{}); }), HasSubstr("use auto or paper"));
+}
+
+TEST(DesignConfig, WhatWasSetStaysWhenAutoIsSettled) {
+  DesignConfig config;
+  config.n_iterations = 7;
+  config.lambda = 0.5;
+  const DesignConfig paper = config.Resolved({}, SimulatorSpec{});
+  EXPECT_EQ(paper.n_iterations, 7);
+  EXPECT_EQ(paper.lambda, 0.5);
+  EXPECT_EQ(paper.horizon, DesignConfig::ForForm("paper").horizon);
+}
+
+TEST(DesignConfig, TheTransitionsFormReplaysLoggedActionsFromLoggedStates) {
+  const EvidenceConfig evidence = DesignConfig::ForForm("transitions").Evidence();
   EXPECT_TRUE(evidence.dataset_starts && evidence.replayed_actions && evidence.transitions);
 }
 

@@ -18,7 +18,7 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
 
 DesignConfig SmallConfig() {
-  DesignConfig config;
+  DesignConfig config = DesignConfig::ForForm("transitions");
   config.n_sims = 24;
   config.n_steps = 40;
   config.n_iterations = 60;

@@ -1,0 +1,25 @@
+#pragma once
+/// Algorithm 1 of the paper (Sec. 4.1): q(z) by policy gradient against a discriminator g.
+
+#include <filesystem>
+#include <string>
+
+#include "oted/stages/design/design.h"
+
+namespace oted {
+
+/// Algorithm 1, for config.n_iterations:
+///   1  gather experience E: for k = 1..n_sims, z_k ~ q, run mu-hat (or the logged actions) in M(z_k)
+///   2  R_k = mean over E_k of -log(1 - g)
+///   3  update q by Eq. 3 with reward R
+///   4  update g by Eq. 2 on mini-batches of (a replay of E, D), balanced over z
+/// A z whose physics broke down gets the lowest reward of the batch.
+/// @param start     q of the first iteration
+/// @param learns_q  false leaves out line 3: g is trained against a q that is known already
+/// @param clone, folder, run_name, context  as LearnDesign
+DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& dataset,
+                                const TanhGaussianPolicy* clone, const DesignConfig& config, const Designer& start,
+                                bool learns_q, RngKey key, const std::filesystem::path& folder,
+                                const std::string& run_name, const RunContext& context);
+
+}  // namespace oted

@@ -1,0 +1,55 @@
+#pragma once
+/// Trajectory matching, the design for simulators whose state can be set: q(z) from windows of the log that the
+/// simulator replays, with the windows' start states unknown as well as z. Not in the paper; see
+/// docs/deviations.md#trajectory-matching.
+
+#include <Eigen/Dense>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "oted/base/log.h"
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+struct TrajectoryOptions {
+  int max_window = 16;  ///< control steps of the longest windows; levels 2, 4, ... up to it
+  int n_rows = 960;     ///< logged transitions that are matched, at most
+  int n_coarse = 64;    ///< parameters drawn from the prior to find where to start
+  int n_starts = 3;     ///< of them, refined at the first level
+};
+
+/// q as a Gaussian over the search coordinates x (logits of the range, oted/matching/designer.h), and what the logs say
+/// of their own noise.
+struct TrajectoryFit {
+  Eigen::VectorXd mean;
+  Eigen::MatrixXd covariance;
+  std::vector<double> noise_std;  ///< (obs_dim): of the logged observations, in their units
+  int window = 0;                 ///< control steps of the level that was kept
+  double kept = 0;                ///< share of windows that the simulator explains (the rest count less)
+};
+
+/// Called after each Gauss-Newton step: how many were made, of how many at most, and x.
+using TrajectoryProgress = std::function<void(int done, int total, const Eigen::VectorXd& x)>;
+
+/// Minimises over x and over the start state s_w of every window w
+///
+///   sum_w rho( sum_t,c (o_wtc - M_c(s_w, a_w, t; z(x)))^2 / sigma_c^2 ) + |x|^2 / (2 prior_std^2)
+///
+/// where rho is the negative log density of a scale mixture (Student's t over a window), so that windows which no
+/// parameters explain count less, and sigma_c, the noise of channel c, is estimated along with the rest. Gauss-Newton
+/// with the start states eliminated window by window; Levenberg damping of its own for x and for every s_w.
+///
+/// Windows of 2 control steps come first: their replays are almost linear in x and find the basin. They are joined to
+/// windows of 4, 8, ... as long as the longer ones are explained as well, that is, the noise estimate does not grow by
+/// more than a quarter: long windows tell more under noise, but contact makes them chaotic.
+///
+/// The covariance is the sandwich H^-1 M H^-1 over stretches of the log (H: Gauss-Newton Hessian, M: of the scores), so
+/// that it does not trust the noise model.
+TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset,
+                                const TrajectoryOptions& options, RngKey key, const TrajectoryProgress& progress,
+                                const RunContext& context);
+
+}  // namespace oted
