@@ -18,6 +18,7 @@ struct SimulatorSpec {
   std::string task;                            ///< "Hopper-v5"
   std::vector<int> observation_shape;          ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
+  std::vector<std::string> action_names;       ///< one per number, or empty: actions are matched by position
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones
   int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
   std::vector<double> action_low;
