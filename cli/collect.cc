@@ -34,7 +34,8 @@ void AddCollectVerb(Program& program) {
       ->capture_default_str();
   verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
-  verb->add_option("--out", options->output, "dataset to write, .hdf5 (D4RL layout) or .npz")->required();
+  verb->add_option("--out", options->output, "dataset to write: .hdf5 (D4RL layout), .npz, .csv, or NAME-v0 (Minari)")
+      ->required();
   verb->callback([options] {
     RunConfig config;
     for (const std::string& text : options->parameters) config.parameters.push_back(ParseParameterSpec(text));

@@ -70,7 +70,7 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
   app.add_option("--task", options.task, "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4");
-  app.add_option("--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz");
+  app.add_option("--data", options.data, "logged trajectories: .hdf5, .npz, .csv, or a Minari folder");
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   app.add_option("--param", options.parameters,
                  "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable")

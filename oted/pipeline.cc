@@ -26,10 +26,10 @@ namespace {
 
 constexpr int kEffectEpisodes = 3;
 
-Dataset ReadEpisodes(const DataConfig& config) {
+Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
   if (config.path.empty())
     throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
-  const Dataset all = ReadDataset(config.path);
+  const Dataset all = ReadDataset(config.path, DataOptionsFor(config, spec));
   if (config.episodes == "all") return all;
   std::vector<Episode> episodes = all.Episodes();
   const size_t wanted = std::stoul(config.episodes);
@@ -55,14 +55,26 @@ std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
   return std::make_unique<MujocoSimulatorFactory>(task, parameters);
 }
 
+DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec) {
+  DataOptions options = config.Options();
+  options.control_period_s = spec.control_period_s;
+  options.max_episode_steps = spec.max_episode_steps;
+  options.observation_names = spec.observation_names;
+  options.action_names = spec.action_names;
+  return options;
+}
+
 Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
     : config_((config.Check(), std::move(config))),
       context_(context),
       factory_(MakeSimulatorFactory(config_.task.name, config_.parameters)),
       model_sha256_(static_cast<const MujocoSimulatorFactory&>(*factory_).model_sha256()),
-      dataset_(ReadEpisodes(config_.data)),
+      dataset_(ReadEpisodes(config_.data, factory_->spec())),
       directory_(CheckRequest(out)) {
   CheckDirectory();
+  for (const std::string& remark : dataset_.remarks) {
+    context_.log->Warning(fmt::format("'{}': {}", config_.data.path, remark));
+  }
   WriteProvenance();
 }
 

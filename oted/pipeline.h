@@ -75,4 +75,7 @@ class Pipeline {
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const std::string& task,
                                                        const std::vector<ParameterSpec>& parameters);
 
+/// How the logs of a task are read: what the configuration says, and the task's control period, time limit and names.
+DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec);
+
 }  // namespace oted

@@ -74,8 +74,8 @@ std::string Range::ToString() const {
 }
 
 std::string Field::TypeName() const {
-  static constexpr const char* kNames[] = {"true|false",     "int", "int", "number", "text", "list of ints",
-                                           "list of numbers"};
+  static constexpr const char* kNames[] = {"true|false",      "int",          "int", "number", "text", "list of ints",
+                                           "list of numbers", "list of texts"};
   if (!choices.empty()) return fmt::format("{}", fmt::join(choices, "|"));
   return kNames[target.index()];
 }
@@ -116,7 +116,9 @@ void Field::FromJson(const json& value, std::string_view where) const {
 void Field::FromText(std::string_view text, std::string_view where) const {
   const bool is_text = std::holds_alternative<std::string*>(target);
   const bool is_list = target.index() >= 5;
+  const bool of_texts = std::holds_alternative<std::vector<std::string>*>(target);
   const auto parse = [&](const std::string& part) {
+    if (of_texts) return json(part);
     json value = json::parse(part, nullptr, false);
     return value.is_discarded() ? json(part) : value;
   };
@@ -129,7 +131,8 @@ void Field::FromText(std::string_view text, std::string_view where) const {
       for (const std::string& part : Split(text, ',')) value.push_back(parse(part));
     }
   } else {
-    value = parse(std::string(text));
+    value = json::parse(text, nullptr, false);
+    if (value.is_discarded()) value = std::string(text);
   }
   FromJson(value, where);
 }

@@ -37,7 +37,8 @@ inline Range AboveUpTo(double low, double high) { return {.low = low, .high = hi
 
 /// One setting, bound to the struct it was listed from.
 struct Field {
-  using Target = std::variant<bool*, int*, int64_t*, double*, std::string*, std::vector<int>*, std::vector<double>*>;
+  using Target = std::variant<bool*, int*, int64_t*, double*, std::string*, std::vector<int>*, std::vector<double>*,
+                              std::vector<std::string>*>;
   std::string name;
   Target target;
   std::string help;  ///< what it is, with its unit
@@ -50,7 +51,7 @@ struct Field {
   void FromJson(const nlohmann::json& value, std::string_view where) const;
   /// Takes the value from text as typed on a command line ("3", "0.1", "true", "1,2,3").
   void FromText(std::string_view text, std::string_view where) const;
-  /// "int", "number", "text", "true|false", "list of numbers".
+  /// "int", "number", "text", "true|false", "list of numbers", "list of texts".
   std::string TypeName() const;
 };
 

@@ -50,6 +50,7 @@ struct DataOptions {
 struct WriteOptions {
   std::string format = "auto";     ///< auto (by the path's ending), d4rl, minari, npz, csv
   std::string environment;         ///< Gymnasium id ("Hopper-v5") for env_spec; empty: none
+  std::string dataset_id;          ///< "NAMESPACE/NAME-v0"; empty: the last part of the path
   std::string algorithm = "oted";  ///< what chose the actions
   std::vector<double> action_low;  ///< of the action space; empty: unbounded
   std::vector<double> action_high;
