@@ -71,7 +71,15 @@ void AddCollectVerb(Program& program) {
             CollectDemonstrations(*factory, z, policy, n, key.Index(static_cast<uint64_t>(p)), context.n_threads));
       }
     }
-    WriteDataset(dataset, options->output);
+    const SimulatorSpec& spec = factory->spec();
+    dataset.period_s = spec.control_period_s;
+    dataset.observation_names = spec.observation_names;
+    dataset.action_names = spec.action_names;
+    WriteOptions write;
+    write.environment = options->task;
+    write.action_low = spec.action_low;
+    write.action_high = spec.action_high;
+    WriteDataset(dataset, options->output, write);
     double sum = 0;
     const std::vector<double> returns = dataset.EpisodeReturns();
     for (const double r : returns) sum += r;

@@ -71,7 +71,8 @@ TEST(ChildProcess, AChildThatHangsOrSpinsIsStopped) {
   limits.cpu_s = 1;
   EXPECT_THAT(Failure(
                   [](ChildOutput&) {
-                    for (volatile int i = 0;; i = i + 1) {
+                    volatile bool spin = true;
+                    while (spin) {
                     }
                   },
                   limits),

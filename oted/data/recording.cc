@@ -120,17 +120,18 @@ class Resampler {
   }
 
   /// The controller's clock need not begin with the log: of the rows within the first period, the one from which the
-  /// fewest periods see a change.
+  /// smallest share of the periods sees a change.
   int BestStart(const Recording::Run& run) const {
     int best = run.begin;
-    int fewest = std::numeric_limits<int>::max();
+    Changes fewest;
     for (int start = run.begin; start + 1 < run.end; ++start) {
       if (from_.times[start] - from_.times[run.begin] >= period_s_ - 1e-6 * from_.period_s) break;
       const int n = PeriodsFrom(run, start);
       if (n < 1) break;
-      const int n_changed = ChangesFrom(run, start, n).n_changed;
-      if (n_changed < fewest) {
-        fewest = n_changed;
+      const Changes changes = ChangesFrom(run, start, n);
+      const bool is_first = fewest.n_periods == 0;
+      if (is_first || int64_t{changes.n_changed} * fewest.n_periods < int64_t{fewest.n_changed} * changes.n_periods) {
+        fewest = changes;
         best = start;
       }
     }

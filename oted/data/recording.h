@@ -35,8 +35,8 @@ struct Recording {
 
 /// The recording at one row per `control_period_s` [s]: observations, qpos and qvel interpolated linearly between rows,
 /// the action that was in force at the start of each period, rewards summed over it. The grid of an episode starts at
-/// the row from which the fewest periods see their action change; how many do is a remark. What is left over at an
-/// episode's end is dropped, and a terminal state with it unless the grid meets it within half a row.
+/// the row from which the smallest share of the periods sees its action change; how many do is a remark. What is left
+/// over at an episode's end is dropped, and a terminal state with it unless the grid meets it within half a row.
 /// @throws DataError when the recording has fewer rows than one per period: what lies between them is not in it.
 Recording Resample(const Recording& recording, double control_period_s);
 
