@@ -70,7 +70,7 @@ TEST_F(CsvDataset, EpisodesEndAtNumbersFlagsAndJumpsOfTime) {
 }
 
 TEST_F(CsvDataset, ColumnsAreFoundByConventionListsAndTheTasksNames) {
-  const std::string text = "Time,q,observation.dq,Action[0],noise,Reward\n0,1,2,3,4,5\n1,6,7,8,9,10\n2,11,12,,14,\n";
+  const std::string text = "Time,q,observation.dq,Action[0],noise,Reward\n0,1,2,3,4,5\n1,6,7,8,9,10\n2,11,12,,14,0\n";
   const Dataset by_prefix = Read(text);
   EXPECT_THAT(by_prefix.observation_names, ElementsAre("dq"));
   EXPECT_THAT(by_prefix.action_names, ElementsAre("Action[0]"));
