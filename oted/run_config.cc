@@ -397,6 +397,12 @@ void RunConfig::Check() const {
     throw UsageError(
         fmt::format("data.path '{}' is not UTF-8 text, which run.toml cannot hold; rename the file", data.path));
   }
+  try {
+    DataConfig copy = data;
+    static_cast<void>(copy.Fields().ToJson().dump());
+  } catch (const json::exception&) {
+    throw UsageError("a column named in [data] is not UTF-8 text, which run.toml cannot hold; rename it in the file");
+  }
   if (data.episodes != "all") {
     int n = 0;
     const char *begin = data.episodes.data(), *end = begin + data.episodes.size();

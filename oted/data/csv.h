@@ -31,6 +31,9 @@ class CsvParser {
   int64_t record_line_ = 0;
 };
 
+/// Whether a text is UTF-8, as JSON and TOML want it.
+bool IsUtf8(const std::string& text);
+
 /// A field as it must stand in a file: in quotes where it has a comma, a quote or a line end.
 std::string CsvField(const std::string& text);
 

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <span>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -22,6 +23,7 @@ namespace {
 constexpr double kGap = 1.5;
 /// Share of the period that a row may be early or late before it is worth a remark.
 constexpr double kJitter = 0.2;
+constexpr size_t kShownColumns = 20;
 
 std::string_view Trimmed(std::string_view text) {
   const size_t begin = text.find_first_not_of(" \t");
@@ -43,12 +45,20 @@ class CsvReader {
     if (!parser.Next(header_)) {
       throw DataError(fmt::format("'{}' is empty, wanted a header and one row per control step", path_));
     }
-    for (std::string& name : header_) name = std::string(Trimmed(name));
+    for (std::string& name : header_) {
+      name = std::string(Trimmed(name));
+      if (!IsUtf8(name))
+        throw DataError(fmt::format("'{}' line 1: a column's name is not UTF-8; save it as UTF-8", path_));
+    }
     columns_ = FindColumns(header_, options_, path_);
     recording_.observation_names = columns_.observation_names;
     recording_.action_names = columns_.action_names;
     if (!columns_.unused.empty()) {
-      recording_.remarks.push_back(fmt::format("columns not used: {}", fmt::join(columns_.unused, ", ")));
+      const size_t n = std::min(columns_.unused.size(), kShownColumns);
+      const std::span<const std::string> shown(columns_.unused.data(), n);
+      recording_.remarks.push_back(
+          fmt::format("columns not used: {}{}", fmt::join(shown, ", "),
+                      n < columns_.unused.size() ? fmt::format(" and {} more", columns_.unused.size() - n) : ""));
     }
     std::vector<std::string> fields;
     while (parser.Next(fields)) AddRow(fields, parser.line());

@@ -111,6 +111,7 @@ TEST_F(CsvDataset, DefectsNameFileLineAndColumn) {
   EXPECT_THAT(Failure("obs0,act0\n0,1\n1\n"), HasSubstr("line 3: 1 fields, but the header has 2"));
   EXPECT_THAT(Failure("obs0,act0,act1\n0,1,2\n1,,2\n"), HasSubstr("line 3, column 'act0': ''"));
   EXPECT_THAT(Failure("obs0,act0,terminal\n0,1,2\n"), HasSubstr("column 'terminal': '2' is no flag"));
+  EXPECT_THAT(Failure("obs.\xFF,act0\n0,1\n1,2\n"), HasSubstr("not UTF-8"));
   EXPECT_THAT(Failure("obs0;act0\n0;1\n"), HasSubstr("semicolons"));
   EXPECT_THAT(Failure("q,act0\n0,1\n"), AllOf(HasSubstr("no column of observations"), HasSubstr("'q', 'act0'")));
   EXPECT_THAT(Failure("obs0,obs0,act0\n"), HasSubstr("stands there twice"));

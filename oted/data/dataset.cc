@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "oted/base/error.h"
+#include "oted/data/csv.h"
 
 namespace oted {
 namespace {
@@ -118,6 +119,9 @@ void Dataset::Check() const {
                                 where, next_observations.cols(), obs_dim()));
   }
   const auto check_names = [&](const char* name, const std::vector<std::string>& names, int cols) {
+    for (const std::string& text : names) {
+      if (!IsUtf8(text)) throw DataError(fmt::format("{}: a name of its {} is not UTF-8; rename it", where, name));
+    }
     if (names.empty() || static_cast<int>(names.size()) == cols) return;
     throw DataError(fmt::format("{}: {} names for {} {}; name every column or none", where, names.size(), cols, name));
   };
