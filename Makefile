@@ -4,11 +4,13 @@ CMAKE ?= cmake
 CTEST ?= ctest
 JOBS ?= $(shell nproc)
 OUT ?= runs/quickstart
+MINUTES ?= 60
+SEED ?= 1
 BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetitions=15 --benchmark_report_aggregates_only=true
 export CMAKE CTEST JOBS
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-long quickstart bench lint format clean
+.PHONY: help setup build test test-long quickstart bench fuzz lint format clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -34,6 +36,9 @@ quickstart: build  ## the whole pipeline on five Hopper demonstrations, into run
 bench: setup  ## build and run the benchmark programs (one core each, so give it a quiet machine)
 	@scripts/build.sh bench
 	@for program in build/bench/benchmarks/bench_*; do "$$program" $(BENCH_ARGS) || exit 1; done
+
+fuzz: setup  ## damaged files for every reader under the sanitizers: MINUTES=60 SEED=1
+	@scripts/fuzz.sh $(MINUTES) $(SEED)
 
 lint: setup  ## formatting and the rules on who may include whom
 	@scripts/check_format.sh

@@ -42,7 +42,8 @@ void AddCollectVerb(Program& program) {
       ->capture_default_str();
   verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
-  verb->add_option("--out", options->output, "dataset to write, .hdf5 (D4RL layout) or .npz")->required();
+  verb->add_option("--out", options->output, "dataset to write: .hdf5 (D4RL layout), .npz, .csv, or NAME-v0 (Minari)")
+      ->required();
   verb->callback([options] {
     // A file that describes the whole study says what its target is.
     RunConfig config = options->task.ends_with(".toml") ? RunConfig::FromTomlFile(options->task) : RunConfig();
@@ -85,7 +86,15 @@ void AddCollectVerb(Program& program) {
         dataset.Append(CollectDemonstrations(*factory, z, policy, n, policy_key, context.n_threads));
       }
     }
-    WriteDataset(dataset, options->output);
+    const SimulatorSpec& spec = factory->spec();
+    dataset.period_s = spec.control_period_s;
+    dataset.observation_names = spec.observation_names;
+    dataset.action_names = spec.action_names;
+    WriteOptions write;
+    write.environment = options->task;
+    write.action_low = spec.action_low;
+    write.action_high = spec.action_high;
+    WriteDataset(dataset, options->output, write);
     double sum = 0;
     const std::vector<double> returns = dataset.EpisodeReturns();
     for (const double r : returns) sum += r;

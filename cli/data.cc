@@ -15,38 +15,52 @@
 namespace oted::cli {
 namespace {
 
-/// The file's transitions, of the chosen episodes, whatever they hold.
-Dataset ReadChosen(const Options& options) {
-  const Dataset all = ReadDatasetUnchecked(options.data);
-  if (options.episodes.empty() || options.episodes == "all") return all;
-  return all.Select(ChooseEpisodes(all, options.episodes));
-}
-
-std::unique_ptr<SimulatorFactory> TaskOf(const Options& options) {
-  if (options.task.empty()) {
-    if (!options.parameters.empty()) {
-      throw UsageError("--param belongs to a task's simulator; name it with --task");
-    }
-    return nullptr;
+/// The study that the options name: a file that describes it (as PATH or with --task) says how its logs are read.
+RunConfig StudyOf(const Options& options) {
+  const bool path_is_study = options.data.ends_with(".toml");
+  const std::string file = path_is_study ? options.data : options.task;
+  RunConfig config = file.ends_with(".toml") ? RunConfig::FromTomlFile(file) : RunConfig();
+  if (!options.task.empty()) config.task = TaskConfig::FromArgument(options.task);
+  if (!path_is_study) config.data.path = options.data;
+  if (config.data.path.empty()) {
+    throw UsageError(fmt::format("'{}' names no data; add [data] path = \"...\" to it, or give the data's path", file));
   }
-  // A file that describes the whole study declares its parameters too.
-  const bool study = options.task.ends_with(".toml");
-  RunConfig config = study ? RunConfig::FromTomlFile(options.task) : RunConfig();
-  config.task = TaskConfig::FromArgument(options.task);
+  config.task.Resolve();
   if (!options.parameters.empty()) config.parameters.clear();
   for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
-  Array2<double> starts;
-  if (config.task.model.start == "logs") starts = ReadDatasetUnchecked(options.data).EpisodeStarts();
-  return MakeSimulatorFactory(config.task, config.parameters, starts);
+  if (config.task.name.empty() && !config.parameters.empty()) {
+    throw UsageError("--param belongs to a task's simulator; name it with --task");
+  }
+  return config;
+}
+
+/// Its transitions, of the chosen episodes, whatever they hold.
+Dataset ReadChosen(const RunConfig& config, const std::string& episodes) {
+  DataOptions how = config.task.name.empty() ? config.data.Options() : DataOptionsFor(config.data, SpecOf(config.task));
+  how.check = false;
+  const Dataset all = ReadDataset(config.data.path, how);
+  if (episodes.empty() || episodes == "all") return all;
+  return all.Select(ChooseEpisodes(all, episodes));
+}
+
+/// Null without a task.
+std::unique_ptr<SimulatorFactory> FactoryOf(const RunConfig& config, const Dataset& dataset) {
+  if (config.task.name.empty()) return nullptr;
+  return MakeSimulatorFactory(config.task, config.parameters, dataset.EpisodeStarts());
 }
 
 std::string FormatOf(const std::string& path) {
   const std::string ending = std::filesystem::path(path).extension().string();
-  return ending == ".npz" ? "npz, D4RL's names" : "HDF5, D4RL's layout";
+  if (ending == ".npz") return "npz, D4RL's names";
+  if (ending == ".csv" || ending == ".gz") return "CSV";
+  return ending == ".hdf5" || ending == ".h5" ? "HDF5" : "Minari";
 }
 
 void AddCommon(CLI::App& verb, Options& options) {
-  verb.add_option("PATH,--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz")->required();
+  verb.add_option("PATH,--data", options.data,
+                  "logged trajectories: .hdf5, .npz, .csv, a Minari folder, or a configuration file that names "
+                  "data and task")
+      ->required();
   verb.add_option("--task", options.task, "simulator: Hopper-v5, ...; names the channels and allows more checks");
   verb.add_option("--episodes", options.episodes, "which episodes: a number (the first so many), 3-7, or all");
   verb.add_flag("--json", options.json, "print the result as JSON");
@@ -57,17 +71,18 @@ void AddInfo(CLI::App& data) {
   auto options = std::make_shared<Options>();
   AddCommon(*verb, *options);
   verb->callback([options] {
-    const Dataset dataset = ReadChosen(*options);
-    const auto factory = TaskOf(*options);
+    const RunConfig config = StudyOf(*options);
+    const Dataset dataset = ReadChosen(config, options->episodes);
+    const auto factory = FactoryOf(config, dataset);
     const SimulatorSpec* spec = factory ? &factory->spec() : nullptr;
     if (spec != nullptr) dataset.CheckFits(spec->task, spec->obs_dim(), spec->act_dim);
     const DatasetSummary summary = Describe(dataset, spec != nullptr ? FactsOf(*spec) : TaskFacts{});
     if (options->json) {
       nlohmann::json record = DataInfoRecord(dataset, spec, summary);
-      record["format"] = FormatOf(options->data);
+      record["format"] = FormatOf(config.data.path);
       fmt::print("{}\n", record.dump(2));
     } else {
-      PrintDataInfo(dataset, FormatOf(options->data), spec, summary);
+      PrintDataInfo(dataset, FormatOf(config.data.path), spec, summary);
     }
   });
 }
@@ -86,8 +101,9 @@ void AddCheck(CLI::App& data, Program& program) {
   verb->footer(
       "Exit code: 0 without errors, 3 with errors (--strict: or warnings). docs/data_checks.md explains each.");
   verb->callback([&program, options] {
-    const auto factory = TaskOf(*options);
-    const Dataset dataset = ReadChosen(*options);
+    const RunConfig config = StudyOf(*options);
+    const Dataset dataset = ReadChosen(config, options->episodes);
+    const auto factory = FactoryOf(config, dataset);
     const SimulatorSpec* spec = factory ? &factory->spec() : nullptr;
     TerminalSink log(true);
     const DataCheck check =
@@ -117,13 +133,20 @@ void AddConvert(CLI::App& data) {
     if (std::filesystem::equivalent(options->data, options->out, error)) {
       throw UsageError(fmt::format("'{}' would be written over itself; name another file", options->data));
     }
-    const auto factory = TaskOf(*options);
-    const Dataset dataset = ReadChosen(*options);
+    const RunConfig config = StudyOf(*options);
+    const Dataset dataset = ReadChosen(config, options->episodes);
+    const auto factory = FactoryOf(config, dataset);
     dataset.Check();
     if (factory) {
       dataset.CheckFits(factory->spec().task, factory->spec().obs_dim(), factory->spec().act_dim);
     }
-    WriteDataset(dataset, options->out);
+    WriteOptions how;
+    if (factory) {
+      how.environment = factory->spec().task;
+      how.action_low = factory->spec().action_low;
+      how.action_high = factory->spec().action_high;
+    }
+    WriteDataset(dataset, options->out, how);
     // What was lost is what reading it back does not give.
     const Dataset back = ReadDataset(options->out);
     fmt::print("{}: {} transitions in {} episodes\n", options->out, back.size(), back.Episodes().size());

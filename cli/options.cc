@@ -88,7 +88,7 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
   app.add_option("--task", options.task, kTaskHelp);
-  app.add_option("--data", options.data, "logged trajectories, .hdf5 (D4RL layout) or .npz");
+  app.add_option("--data", options.data, "logged trajectories: .hdf5, .npz, .csv, or a Minari folder");
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   AddParameterOptions(app, options);
   app.add_option("--truth", options.truth,

@@ -228,7 +228,7 @@ int Check(const ParamsOptions& options) {
   config.Check();
   Dataset logs;
   const bool logged = !config.data.path.empty();
-  if (logged) logs = ReadEpisodes(config.data);
+  if (logged) logs = ReadEpisodes(config.data, SpecOf(config.task));
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());
   const ParameterCheck check =
       CheckParameters(*factory, logged ? &logs : nullptr,

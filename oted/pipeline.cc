@@ -42,10 +42,10 @@ RunContext ShareOf(const RunContext& context, size_t n_jobs) {
 
 }  // namespace
 
-Dataset ReadEpisodes(const DataConfig& config) {
+Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
   if (config.path.empty())
     throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
-  const Dataset all = ReadDataset(config.path);
+  const Dataset all = ReadDataset(config.path, DataOptionsFor(config, spec));
   if (config.episodes == "all") return all;
   std::vector<Episode> episodes = all.Episodes();
   const size_t wanted = std::stoul(config.episodes);
@@ -104,14 +104,32 @@ std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
   });
 }
 
+SimulatorSpec SpecOf(TaskConfig task) {
+  // Where episodes begin says nothing about what is observed; the logs that say where may not have been read yet.
+  task.model.start = "default";
+  return MakeSimulatorFactory(task, {})->spec();
+}
+
+DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec) {
+  DataOptions options = config.Options();
+  options.control_period_s = spec.control_period_s;
+  options.max_episode_steps = spec.max_episode_steps;
+  options.observation_names = spec.observation_names;
+  options.action_names = spec.action_names;
+  return options;
+}
+
 Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
     : config_(ExpandAndCheck(std::move(config), context)),
       context_(context),
-      dataset_(ReadEpisodes(config_.data)),
+      dataset_(ReadEpisodes(config_.data, SpecOf(config_.task))),
       factory_(MakeSimulatorFactory(config_.task, config_.parameters, dataset_.EpisodeStarts())),
       model_sha256_(factory_->model_sha256()),
       directory_(CheckRequest(out)) {
   CheckDirectory();
+  for (const std::string& remark : dataset_.remarks) {
+    context_.log->Warning(fmt::format("'{}': {}", config_.data.path, remark));
+  }
   WriteProvenance();
 }
 

@@ -84,8 +84,14 @@ class Pipeline {
   RunDirectory directory_;
 };
 
-/// The logged episodes that a configuration names. @throws UsageError, DataError
-Dataset ReadEpisodes(const DataConfig& config);
+/// What a task observes and does, without its parameters. @throws UsageError, DataError
+SimulatorSpec SpecOf(TaskConfig task);
+
+/// How the logs of a task are read: what the configuration says, and the task's control period, time limit and names.
+DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec);
+
+/// The logged episodes that a configuration names, for a task. @throws UsageError, DataError
+Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec);
 
 /// `config` with its presets replaced by the parameters that they stand for in its task's model; `notes`, when given,
 /// gets a line for each entry that the model does not have. @throws UsageError, DataError

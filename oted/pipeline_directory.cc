@@ -118,13 +118,20 @@ void Pipeline::WriteProvenance() const {
                                                  {"n_episodes", episodes.size()},
                                                  {"episode_returns", dataset_.EpisodeReturns()},
                                                  {"obs_dim", dataset_.obs_dim()},
-                                                 {"act_dim", dataset_.act_dim()}});
+                                                 {"act_dim", dataset_.act_dim()},
+                                                 {"observation_names", dataset_.observation_names},
+                                                 {"action_names", dataset_.action_names},
+                                                 {"period_s", dataset_.period_s},
+                                                 {"remarks", dataset_.remarks}});
 }
 
 std::string Pipeline::CloneFingerprint() const {
   RunConfig copy = config_;
-  return Fingerprint({"clone", TaskIdentity(), model_sha256_, dataset_.sha256, config_.data.episodes, config_.run.seed,
-                      copy.clone.Fields().ToJson()});
+  // The file counts by its content, not by its place.
+  json data = copy.data.Fields().ToJson();
+  data.erase("path");
+  return Fingerprint(
+      {"clone", TaskIdentity(), model_sha256_, dataset_.sha256, data, config_.run.seed, copy.clone.Fields().ToJson()});
 }
 
 std::string Pipeline::DesignFingerprint(const std::string& setting) const {

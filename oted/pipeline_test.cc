@@ -273,6 +273,7 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   refuse("selection.judge_steps=21");
   refuse("sac.gamma=0.98");
   refuse("data.episodes=7");
+  refuse("data.action_delay=1");
   refuse("agents.selection_episodes=3");
   RunConfig config = TinyConfig();
   config.parameters[0].high = 1.9;
@@ -328,6 +329,26 @@ TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
   const auto whole = Bytes(Whole()), stopped = Bytes(out);
   ASSERT_EQ(stopped.size(), whole.size());
   for (const auto& [name, bytes] : whole) EXPECT_EQ(stopped.at(name), bytes) << name;
+}
+
+TEST_F(PipelineTest, ACsvWithTheTasksNamesInAnotherOrderIsTheSameData) {
+  const auto factory = MakeSimulatorFactory("Hopper-v5", {});
+  const Dataset demos = ReadDataset(Demos());
+  Dataset named = demos;
+  named.observation_names = factory->spec().observation_names;
+  std::reverse(named.observation_names.begin(), named.observation_names.end());
+  for (Array2<double>* m : {&named.observations, &named.next_observations}) {
+    for (int i = 0; i < m->rows(); ++i) std::reverse(m->row(i).begin(), m->row(i).end());
+  }
+  named.period_s = factory->spec().control_period_s;
+  const TestFolder folder;
+  WriteDataset(named, folder / "demos.csv.gz");
+  const Dataset read = ReadDataset(folder / "demos.csv.gz", DataOptionsFor(DataConfig{}, factory->spec()));
+  EXPECT_EQ(read.observations, demos.observations);
+  EXPECT_EQ(read.next_observations, demos.next_observations);
+  EXPECT_EQ(read.actions, demos.actions);
+  EXPECT_EQ(read.terminals, demos.terminals);
+  EXPECT_THAT(read.remarks, testing::ElementsAre(HasSubstr("put into the task's order")));
 }
 
 TEST_F(PipelineTest, AWrongRequestIsRefusedBeforeAnythingIsWritten) {

@@ -25,9 +25,27 @@ using nlohmann::json;
 
 FieldList DataConfig::Fields() {
   FieldList fields("data");
-  fields.Add("path", &path, "logged trajectories: .hdf5 (D4RL layout) or .npz");
+  fields.Add("path", &path, "logged trajectories: .hdf5 (D4RL or Minari), a Minari folder, .npz, .csv or .csv.gz");
   fields.Add("episodes", &episodes, "how many of them to use, from the first: a number, or all");
+  fields.AddChoice("format", &format, "the file's format; auto goes by its path and content",
+                   {"auto", "d4rl", "minari", "npz", "csv"});
+  fields.Add("observations", &columns.observations, "columns of a CSV that are observations; none: by prefix, obs");
+  fields.Add("actions", &columns.actions, "columns of a CSV that are actions; none: by prefix, act");
+  fields.Add("episode", &columns.episode, "column of a CSV with the episode's number; empty: by its usual names");
+  fields.Add("time", &columns.time, "column of a CSV with the time [s]; empty: by its usual names");
+  fields.Add("reward", &columns.reward, "column of a CSV with the reward; empty: by its usual names");
+  fields.Add("terminal", &columns.terminal, "column of a CSV, 1 where the task ended; empty: by its usual names");
+  fields.Add("timeout", &columns.timeout, "column of a CSV, 1 where the episode was cut; empty: by its usual names");
+  fields.Add("action_delay", &action_delay, "control steps from a logged action to its effect", Between(0, 1000));
   return fields;
+}
+
+DataOptions DataConfig::Options() const {
+  DataOptions options;
+  options.format = format;
+  options.columns = columns;
+  options.action_delay = action_delay;
+  return options;
 }
 
 FieldList RunSettings::Fields() {
@@ -462,6 +480,12 @@ void RunConfig::Check() const {
   } catch (const json::exception&) {
     throw UsageError(
         fmt::format("data.path '{}' is not UTF-8 text, which run.toml cannot hold; rename the file", data.path));
+  }
+  try {
+    DataConfig copy = data;
+    static_cast<void>(copy.Fields().ToJson().dump());
+  } catch (const json::exception&) {
+    throw UsageError("a column named in [data] is not UTF-8 text, which run.toml cannot hold; rename it in the file");
   }
   if (data.episodes != "all") {
     int n = 0;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/data/data_options.h"
 #include "oted/rl/sac.h"
 #include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/parameter_space.h"
@@ -37,7 +38,12 @@ struct TaskConfig {
 struct DataConfig {
   std::string path;
   std::string episodes = "all";
+  std::string format = "auto";
+  CsvLayout columns;
+  int action_delay = 0;
   FieldList Fields();
+  /// What the reader is told; the task's own numbers and names are the pipeline's to add (DataOptionsFor).
+  DataOptions Options() const;
 };
 
 struct RunSettings {

@@ -244,12 +244,24 @@ TEST(RunConfig, SetTakesAnySetting) {
   config.Set("sac.n_steps=1e5");
   config.Set("data.path=a=b.hdf5");
   config.Set("data.episodes=5");
+  config.Set("data.format=csv");
+  config.Set("data.observations=joint/hip/qpos,obs_1");
+  config.Set("data.actions=[\"a,b\"]");
+  config.Set("data.time=t");
+  config.Set("data.action_delay=2");
   config.Set("run.strict=true");
   EXPECT_EQ(config.design.n_iterations, 5);
   EXPECT_THAT(config.clone.hidden, ElementsAre(32, 16));
   EXPECT_EQ(config.sac.n_steps, 100'000);
   EXPECT_EQ(config.data.path, "a=b.hdf5") << "the first '=' ends the key";
   EXPECT_EQ(config.data.episodes, "5");
+  const DataOptions options = config.data.Options();
+  EXPECT_EQ(options.format, "csv");
+  EXPECT_THAT(options.columns.observations, ElementsAre("joint/hip/qpos", "obs_1"));
+  EXPECT_THAT(options.columns.actions, ElementsAre("a,b"));
+  EXPECT_EQ(options.columns.time, "t");
+  EXPECT_EQ(options.action_delay, 2);
+  EXPECT_EQ(RunConfig::FromToml(config.ToToml(), "run.toml").ToJson(), config.ToJson());
   EXPECT_TRUE(config.run.strict);
 }
 

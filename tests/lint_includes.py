@@ -40,6 +40,9 @@ MAY_INCLUDE = {
 }
 PIPELINE_MAY_INCLUDE = FOUNDATIONS | SIMULATORS | {"baselines"} | {f"stages/{stage}" for stage in STAGES}
 
+# The one place that may end a process: a child of its own making, whose exit handlers are not its own.
+ENDS_CHILDREN = {"oted/data/child_process.cc"}
+
 TORCH = re.compile(r"(torch|ATen|c10|caffe2)/")
 MUJOCO = re.compile(r"(mujoco/|mujoco\.h$|mjbatch\.h$)")
 STAGE_RESULT = re.compile(r"oted/stages/\w+/(\w+_)?result\.h$")
@@ -136,6 +139,8 @@ def check_file(path, text):
         return
     code = NOT_CODE.sub(blank, text)
     for pattern, rule in ((PRINTS, "the library never prints"), (EXITS, "the library never exits: throw")):
+        if pattern is EXITS and path in ENDS_CHILDREN:
+            continue
         for match in pattern.finditer(code):
             yield code.count("\n", 0, match.start()) + 1, f"{match.group().strip(' (')}: {rule}"
 

@@ -84,6 +84,8 @@ FORBIDDEN = [
     ("oted/base/a.cc", "void F() { exit(1); }\n"),
     ("oted/base/a.cc", "void F() { std::exit(1); }\n"),
     ("oted/base/a.cc", "void F() { ::abort(); }\n"),
+    ("oted/data/a.cc", "void F() { ::_exit(0); }\n"),
+    ("oted/data/child_process.cc", 'void F() { std::printf("x"); }\n'),
     ("oted/base/a.cc", "int n = 1'000'000; void F() { std::terminate(); }\n"),
 ]
 
@@ -106,6 +108,7 @@ ALLOWED = [
     ("oted/base/a.cc", '// printf(), exit() and std::cout\n/* #include "oted/sim/simulator.h" */\n'),
     ("oted/base/a.cc", 'auto text = "std::cout << exit(1)"; auto raw = R"(abort() "quoted" printf(x))";\n'),
     ("oted/base/a.cc", "int n = snprintf(buffer, 8, format); loop.exit(); guard->abort(); Clean::exit(1); on_exit();\n"),
+    ("oted/data/child_process.cc", "void F() { ::_exit(0); }\n"),
     ("oted/base/a_test.cc", 'TEST(A, B) { EXPECT_EXIT(exit(1), X, ""); }\n'),
     ("oted/base/a.h", "/// A header.\n#pragma once\n"),
 ]

@@ -130,7 +130,8 @@ void Field::FromText(std::string_view text, std::string_view where) const {
       for (const std::string& part : Split(text, ',')) value.push_back(is_text_list ? json(part) : parse(part));
     }
   } else {
-    value = parse(std::string(text));
+    value = json::parse(text, nullptr, false);
+    if (value.is_discarded()) value = std::string(text);
   }
   FromJson(value, where);
 }

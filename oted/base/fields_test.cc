@@ -26,6 +26,7 @@ struct Config {
   std::string label;
   std::vector<int> hidden = {256, 256};
   std::vector<double> lambdas;
+  std::vector<std::string> columns;
   FieldList Fields() {
     FieldList fields("clone");
     fields.Add("noisy", &noisy, "adds noise");
@@ -36,6 +37,7 @@ struct Config {
     fields.Add("label", &label, "free text");
     fields.Add("hidden", &hidden, "units per layer", AtLeast(1));
     fields.Add("lambdas", &lambdas, "weights", Between(0, 10));
+    fields.Add("columns", &columns, "names of columns");
     return fields;
   }
 };
@@ -63,6 +65,21 @@ TEST(Fields, NearestNameTakesTheSmallestEditDistance) {
   EXPECT_EQ(NearestName("gravity", names), "gravity");
   EXPECT_EQ(NearestName("temperature", names), "");
   EXPECT_EQ(NearestName("x", {}), "");
+}
+
+TEST(Fields, ListsOfTextsKeepWhatLooksLikeANumber) {
+  Config config;
+  const FieldList fields = config.Fields();
+  fields.Find("columns", "--set").FromText("q,1,true", "--set");
+  EXPECT_EQ(config.columns, (std::vector<std::string>{"q", "1", "true"}));
+  fields.Find("columns", "--set").FromText(R"(["a,b"])", "--set");
+  EXPECT_EQ(config.columns, std::vector<std::string>{"a,b"});
+  fields.Find("columns", "--set").FromText("", "--set");
+  EXPECT_TRUE(config.columns.empty());
+  EXPECT_THAT(MessageOf<UsageError>([&] {
+                fields.FromJson({{"columns", {1}}}, "x.toml");
+              }),
+              HasSubstr("wanted list of texts"));
 }
 
 TEST(Fields, TextAsTypedIsTakenByEveryType) {

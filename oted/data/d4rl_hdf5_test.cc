@@ -86,6 +86,14 @@ write('v0.hdf5', {k: a[k] for k in ['observations', 'actions', 'rewards', 'termi
     }
   }
   EXPECT_FALSE(read.has_states());
+  EXPECT_THAT(read.remarks, testing::ElementsAre(HasSubstr("cut after 1000 rows"), HasSubstr("of the 5 episodes")));
+
+  // A task with another time limit says so.
+  DataOptions options;
+  options.max_episode_steps = 500;
+  const Dataset shorter = ReadDataset(folder / "v0.hdf5", options);
+  EXPECT_EQ(shorter.Episodes().size(), 6u);
+  EXPECT_EQ(shorter.Episodes()[1].size(), 499);
 }
 
 TEST(D4rlHdf5, AcceptsColumnVectorsAndFlagsOfAnyType) {

@@ -73,12 +73,12 @@ class Reader {
   int64_t n_ = 0;
 };
 
-std::vector<uint8_t> InferTimeouts(const std::vector<uint8_t>& terminals) {
+std::vector<uint8_t> InferTimeouts(const std::vector<uint8_t>& terminals, int time_limit) {
   std::vector<uint8_t> timeouts(terminals.size(), 0);
   int steps = 0;
   for (size_t i = 0; i < terminals.size(); ++i) {
     ++steps;
-    timeouts[i] = !terminals[i] && steps == kD4rlTimeLimit;
+    timeouts[i] = !terminals[i] && steps == time_limit;
     if (terminals[i] || timeouts[i]) steps = 0;
   }
   return timeouts;
@@ -99,10 +99,12 @@ void InferNextObservations(Dataset& dataset) {
   dataset.next_observations = Array2<double>(n, dataset.obs_dim());
   int kept = 0;
   int kept_of_episode = 0;
+  int n_episodes = 0;
   for (int i = 0; i < n; ++i) {
     if (dataset.terminals[i] || dataset.timeouts[i] || i + 1 == n) {
       if (kept_of_episode > 0) dataset.timeouts[kept - 1] = 1;
       kept_of_episode = 0;
+      ++n_episodes;
       continue;
     }
     std::ranges::copy(dataset.observations.row(i + 1), dataset.next_observations.row(kept).begin());
@@ -116,11 +118,16 @@ void InferNextObservations(Dataset& dataset) {
   if (!dataset.rewards.empty()) dataset.rewards.resize(static_cast<size_t>(kept));
   dataset.terminals.resize(static_cast<size_t>(kept));
   dataset.timeouts.resize(static_cast<size_t>(kept));
+  dataset.remarks.push_back(
+      fmt::format("no next_observations: s' is the next row of the same episode, and the last row of each of the {} "
+                  "episodes, whose "
+                  "successor is not in the file, was dropped",
+                  n_episodes));
 }
 
 }  // namespace
 
-Dataset ReadD4rlArrays(const ArraySource& source, const std::string& file) {
+Dataset ReadD4rlArrays(const ArraySource& source, const std::string& file, int max_episode_steps) {
   for (const char* name : {"observations", "actions", "terminals"}) {
     if (source.Has(name)) continue;
     throw DataError(
@@ -141,7 +148,13 @@ Dataset ReadD4rlArrays(const ArraySource& source, const std::string& file) {
     dataset.qpos = reader.Matrix("infos/qpos");
     dataset.qvel = reader.Matrix("infos/qvel");
   }
-  dataset.timeouts = source.Has("timeouts") ? reader.Flags("timeouts") : InferTimeouts(dataset.terminals);
+  if (source.Has("timeouts")) {
+    dataset.timeouts = reader.Flags("timeouts");
+  } else {
+    const int time_limit = max_episode_steps > 0 ? max_episode_steps : kD4rlTimeLimit;
+    dataset.timeouts = InferTimeouts(dataset.terminals, time_limit);
+    dataset.remarks.push_back(fmt::format("no timeouts: episodes were cut after {} rows", time_limit));
+  }
   if (source.Has("next_observations")) {
     dataset.next_observations = reader.Matrix("next_observations");
     if (dataset.next_observations.cols() != dataset.obs_dim()) {

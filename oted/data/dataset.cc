@@ -2,14 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <numeric>
 
 #include "oted/base/error.h"
-#include "oted/base/files.h"
-#include "oted/data/d4rl_hdf5.h"
-#include "oted/data/npz.h"
+#include "oted/data/csv.h"
 
 namespace oted {
 namespace {
@@ -74,6 +72,10 @@ Dataset Dataset::Select(const std::vector<Episode>& episodes) const {
     // An episode that the file's end cut off stays an episode of its own.
     if (!selected.terminals.back()) selected.timeouts.back() = 1;
   }
+  selected.period_s = period_s;
+  selected.observation_names = observation_names;
+  selected.action_names = action_names;
+  selected.remarks = remarks;
   selected.path = path;
   selected.sha256 = sha256;
   return selected;
@@ -92,6 +94,12 @@ void Dataset::Append(const Dataset& other) {
   // An episode that this dataset's end cut off must not go on in the other's first.
   if (!terminals.back()) timeouts.back() = 1;
   AppendRange(*this, other, 0, other.size());
+  if (period_s != other.period_s) period_s = 0;
+  if (observation_names != other.observation_names) observation_names.clear();
+  if (action_names != other.action_names) action_names.clear();
+  for (const std::string& remark : other.remarks) {
+    if (std::ranges::find(remarks, remark) == remarks.end()) remarks.push_back(remark);
+  }
   if (sha256 != other.sha256 || path != other.path) {
     path.clear();
     sha256.clear();
@@ -116,6 +124,15 @@ void Dataset::Check() const {
     throw DataError(fmt::format("{}: next_observations has {} columns but observations has {}; write the file again",
                                 where, next_observations.cols(), obs_dim()));
   }
+  const auto check_names = [&](const char* name, const std::vector<std::string>& names, int cols) {
+    for (const std::string& text : names) {
+      if (!IsUtf8(text)) throw DataError(fmt::format("{}: a name of its {} is not UTF-8; rename it", where, name));
+    }
+    if (names.empty() || static_cast<int>(names.size()) == cols) return;
+    throw DataError(fmt::format("{}: {} names for {} {}; name every column or none", where, names.size(), cols, name));
+  };
+  check_names("observations", observation_names, obs_dim());
+  check_names("actions", action_names, act_dim());
   if (qpos.empty() != qvel.empty()) {
     throw DataError(where + " has only one of infos/qpos and infos/qvel; give both or neither");
   }
@@ -152,47 +169,6 @@ void Dataset::CheckFits(const std::string& task, int task_obs_dim, int task_act_
       fmt::format("dataset '{}' has observations of {} and actions of {} numbers, but task '{}' has {} and {}; "
                   "name the task that the data were logged from",
                   path, obs_dim(), act_dim(), task, task_obs_dim, task_act_dim));
-}
-
-namespace {
-
-enum class Layout { kHdf5, kNpz };
-
-Layout LayoutOf(const std::string& path) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  if (ending == ".hdf5" || ending == ".h5") return Layout::kHdf5;
-  if (ending == ".npz") return Layout::kNpz;
-  throw DataError(
-      fmt::format("'{}': no dataset format ends in '{}'; use .hdf5 or .h5 (D4RL layout) or .npz", path, ending));
-}
-
-}  // namespace
-
-Dataset ReadDatasetUnchecked(const std::string& path) {
-  const Layout layout = LayoutOf(path);
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) {
-    throw DataError(
-        fmt::format("dataset '{}' is not a file; check the path (it is relative to where oted runs)", path));
-  }
-  Dataset dataset = layout == Layout::kHdf5 ? ReadD4rlHdf5(path) : ReadDatasetNpz(path);
-  dataset.path = path;
-  dataset.sha256 = Sha256OfFile(path);
-  return dataset;
-}
-
-Dataset ReadDataset(const std::string& path) {
-  Dataset dataset = ReadDatasetUnchecked(path);
-  dataset.Check();
-  return dataset;
-}
-
-void WriteDataset(const Dataset& dataset, const std::string& path) {
-  if (LayoutOf(path) == Layout::kHdf5) {
-    WriteD4rlHdf5(dataset, path);
-  } else {
-    WriteDatasetNpz(dataset, path);
-  }
 }
 
 }  // namespace oted

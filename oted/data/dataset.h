@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "oted/base/array2.h"
+#include "oted/data/data_options.h"
 
 namespace oted {
 
@@ -29,8 +30,14 @@ struct Dataset {
   Array2<double> qpos;               ///< (N, nq) state before action i, or empty
   Array2<double> qvel;               ///< (N, nv) state before action i, or empty
 
+  double period_s = 0;                         ///< time between two rows [s]; 0 where the file does not say
+  std::vector<std::string> observation_names;  ///< one per column, or empty where the file has none
+  std::vector<std::string> action_names;       ///< the same for actions
+  /// What the reader left out, inferred or changed, one sentence each, for the user to see.
+  std::vector<std::string> remarks;
+
   std::string path;    ///< where it was read from; empty when made in memory
-  std::string sha256;  ///< of that file
+  std::string sha256;  ///< of that file; of main_data.hdf5 when it is a Minari dataset
 
   int size() const { return observations.rows(); }
   int obs_dim() const { return observations.cols(); }
@@ -55,12 +62,23 @@ struct Dataset {
   void CheckFits(const std::string& task, int obs_dim, int act_dim) const;
 };
 
-/// Reads a dataset by its file's ending: .hdf5 | .h5 (D4RL layout) or .npz. @throws DataError
+/// Reads a dataset by its path: .hdf5 | .h5 (D4RL or Minari, whichever it holds), .npz, .csv | .csv.gz, or the folder
+/// of a Minari dataset. @throws DataError
 Dataset ReadDataset(const std::string& path);
-/// The same without Dataset::Check: what a file holds, NaN included, for the checks that are to name it.
-/// @throws DataError
-Dataset ReadDatasetUnchecked(const std::string& path);
-/// Writes by ending as above, atomically. @throws DataError
+/// The same with a format, columns, delay and what the task says: named columns come in the task's order, a log with
+/// times is resampled to the task's control period, actions are delayed; `remarks` tells. @throws DataError, UsageError
+Dataset ReadDataset(const std::string& path, const DataOptions& options);
+/// Writes by path, atomically: .hdf5 | .h5 (D4RL layout), .npz, .csv | .csv.gz, or, where the last part of the path is
+/// a Minari name (NAME-v0), that folder. @throws DataError
 void WriteDataset(const Dataset& dataset, const std::string& path);
+void WriteDataset(const Dataset& dataset, const std::string& path, const WriteOptions& options);
+
+/// Puts the columns of a dataset that has names into the order of the task's names. Columns whose names are all foreign
+/// to the task stay in the file's order; so does a dataset without names. @throws DataError when only some match.
+void MatchNames(Dataset& dataset, const std::vector<std::string>& observation_names,
+                const std::vector<std::string>& action_names);
+/// Gives row i the action of row i - `delay` of its episode; each episode loses its first `delay` rows.
+/// @throws DataError when nothing is left.
+void DelayActions(Dataset& dataset, int delay);
 
 }  // namespace oted

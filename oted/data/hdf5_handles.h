@@ -29,26 +29,33 @@ class Hdf5Handle {
   Close close_;
 };
 
-/// Holds the process-wide lock of libhdf5, which is not thread-safe, and keeps it from printing its error stack.
-/// Destroy after every handle.
-class Hdf5Session {
+/// libhdf5 is not thread-safe: this process uses it, and forks, under this lock.
+inline std::mutex& Hdf5Mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+/// Keeps libhdf5 from printing its error stack. Destroy after every handle.
+class Hdf5Quiet {
  public:
-  Hdf5Session() : lock_(Mutex()) {
+  Hdf5Quiet() {
     H5Eget_auto2(H5E_DEFAULT, &print_, &print_data_);
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   }
-  ~Hdf5Session() { H5Eset_auto2(H5E_DEFAULT, print_, print_data_); }
-  Hdf5Session(const Hdf5Session&) = delete;
-  Hdf5Session& operator=(const Hdf5Session&) = delete;
+  ~Hdf5Quiet() { H5Eset_auto2(H5E_DEFAULT, print_, print_data_); }
+  Hdf5Quiet(const Hdf5Quiet&) = delete;
+  Hdf5Quiet& operator=(const Hdf5Quiet&) = delete;
 
  private:
-  static std::mutex& Mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
-  std::lock_guard<std::mutex> lock_;
   H5E_auto2_t print_ = nullptr;
   void* print_data_ = nullptr;
+};
+
+/// Both: what a writer holds. A reader runs in a child process, whose forking thread holds the lock already.
+class Hdf5Session {
+ private:
+  std::lock_guard<std::mutex> lock_{Hdf5Mutex()};
+  Hdf5Quiet quiet_;
 };
 
 }  // namespace oted

@@ -84,9 +84,9 @@ void WriteNpz(const NpzArrays& arrays, const std::filesystem::path& path) {
   WriteFileAtomically(path, NpzBytes(arrays));
 }
 
-Dataset ReadDatasetNpz(const std::string& path) {
+Dataset ReadDatasetNpz(const std::string& path, const DataOptions& options) {
   const NpzArrays arrays = ReadNpz(path);
-  return ReadD4rlArrays(NpzSource(arrays), path);
+  return ReadD4rlArrays(NpzSource(arrays), path, options.max_episode_steps);
 }
 
 void WriteDatasetNpz(const Dataset& dataset, const std::string& path) {

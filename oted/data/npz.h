@@ -47,7 +47,7 @@ std::string NpzBytes(const NpzArrays& arrays);
 NpzArrays ParseNpz(const std::string& bytes, const std::string& name_in_errors);
 
 /// A dataset with the array names of D4RL ("observations", "infos/qpos", ...).
-Dataset ReadDatasetNpz(const std::string& path);
+Dataset ReadDatasetNpz(const std::string& path, const DataOptions& options = {});
 void WriteDatasetNpz(const Dataset& dataset, const std::string& path);
 
 }  // namespace oted

@@ -1,0 +1,321 @@
+#include "oted/data/csv_dataset.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <span>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/data/csv.h"
+#include "oted/data/csv_columns.h"
+#include "oted/data/gzip.h"
+
+namespace oted {
+namespace {
+
+/// Periods between two rows that are more than a delay.
+constexpr double kGap = 1.5;
+/// Share of the period that a row may be early or late before it is worth a remark.
+constexpr double kJitter = 0.2;
+constexpr size_t kShownColumns = 20;
+
+std::string_view Trimmed(std::string_view text) {
+  const size_t begin = text.find_first_not_of(" \t");
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
+}
+
+/// The rows of a file and what cuts them into episodes.
+class CsvReader {
+ public:
+  CsvReader(const std::string& path, const DataOptions& options) : path_(path), options_(options) {
+    recording_.file = path;
+  }
+
+  Recording Read() {
+    std::string text = ReadFile(path_);
+    if (IsGzip(text)) text = Gunzip(text, path_);
+    CsvParser parser(text, path_);
+    if (!parser.Next(header_)) {
+      throw DataError(fmt::format("'{}' is empty, wanted a header and one row per control step", path_));
+    }
+    for (std::string& name : header_) {
+      name = std::string(Trimmed(name));
+      if (!IsUtf8(name))
+        throw DataError(fmt::format("'{}' line 1: a column's name is not UTF-8; save it as UTF-8", path_));
+    }
+    columns_ = FindColumns(header_, options_, path_);
+    recording_.observation_names = columns_.observation_names;
+    recording_.action_names = columns_.action_names;
+    if (!columns_.unused.empty()) {
+      const size_t n = std::min(columns_.unused.size(), kShownColumns);
+      const std::span<const std::string> shown(columns_.unused.data(), n);
+      recording_.remarks.push_back(
+          fmt::format("columns not used: {}{}", fmt::join(shown, ", "),
+                      n < columns_.unused.size() ? fmt::format(" and {} more", columns_.unused.size() - n) : ""));
+    }
+    std::vector<std::string> fields;
+    while (parser.Next(fields)) AddRow(fields, parser.line());
+    MeasurePeriod();
+    CutEpisodes();
+    return std::move(recording_);
+  }
+
+ private:
+  int rows() const { return recording_.observations.rows(); }
+
+  [[noreturn]] void Fail(int row, const std::string& what, const char* remedy) const {
+    throw DataError(fmt::format("'{}' line {}: {}; {}", path_, lines_[static_cast<size_t>(row)], what, remedy));
+  }
+
+  double Number(const std::vector<std::string>& fields, int column) const {
+    std::string_view text = Trimmed(fields[static_cast<size_t>(column)]);
+    if (text.starts_with('+')) text.remove_prefix(1);
+    double value = 0;
+    const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (text.empty() || error != std::errc{} || rest != text.data() + text.size() || !std::isfinite(value)) {
+      throw DataError(fmt::format("'{}' line {}, column '{}': '{}' is no finite number; repair or remove the row",
+                                  path_, lines_.back(), header_[static_cast<size_t>(column)],
+                                  fields[static_cast<size_t>(column)].substr(0, 40)));
+    }
+    return value;
+  }
+
+  bool Flag(const std::vector<std::string>& fields, int column) const {
+    const std::string_view text = Trimmed(fields[static_cast<size_t>(column)]);
+    for (const char* no : {"", "0", "0.0", "false", "False", "FALSE"}) {
+      if (text == no) return false;
+    }
+    for (const char* yes : {"1", "1.0", "true", "True", "TRUE"}) {
+      if (text == yes) return true;
+    }
+    throw DataError(fmt::format("'{}' line {}, column '{}': '{}' is no flag, wanted 0, 1, true or false; repair it",
+                                path_, lines_.back(), header_[static_cast<size_t>(column)], text.substr(0, 40)));
+  }
+
+  void AddRow(const std::vector<std::string>& fields, int64_t line) {
+    lines_.push_back(line);
+    if (fields.size() != header_.size()) {
+      throw DataError(fmt::format("'{}' line {}: {} fields, but the header has {}; repair or remove the row", path_,
+                                  line, fields.size(), header_.size()));
+    }
+    if (rows() == std::numeric_limits<int>::max()) throw DataError(fmt::format("'{}' has too many rows", path_));
+    const auto is_empty = [&](int column) { return Trimmed(fields[static_cast<size_t>(column)]).empty(); };
+    const auto append = [&](const std::vector<int>& columns, Array2<double>& to) {
+      if (columns.empty()) return;
+      row_.clear();
+      for (const int column : columns) row_.push_back(Number(fields, column));
+      to.AppendRow(row_);
+    };
+    append(columns_.observations, recording_.observations);
+    const bool has_action = !std::ranges::all_of(columns_.actions, is_empty);
+    has_action_.push_back(has_action);
+    if (has_action) {
+      append(columns_.actions, recording_.actions);
+    } else {
+      recording_.actions.AppendRow(std::vector<double>(columns_.actions.size(), 0.0));
+    }
+    const auto append_state = [&](const std::vector<int>& columns, Array2<double>& to) {
+      if (has_action || !std::ranges::all_of(columns, is_empty)) {
+        append(columns, to);
+      } else if (!columns.empty()) {
+        to.AppendRow(std::vector<double>(columns.size(), 0.0));
+      }
+    };
+    append_state(columns_.qpos, recording_.qpos);
+    append_state(columns_.qvel, recording_.qvel);
+    if (columns_.time >= 0) recording_.times.push_back(Number(fields, columns_.time));
+    if (columns_.reward >= 0) {
+      recording_.rewards.push_back(!has_action && is_empty(columns_.reward) ? 0 : Number(fields, columns_.reward));
+    }
+    terminals_.push_back(columns_.terminal >= 0 && Flag(fields, columns_.terminal));
+    timeouts_.push_back(columns_.timeout >= 0 && Flag(fields, columns_.timeout));
+    if (columns_.episode >= 0) episodes_.push_back(fields[static_cast<size_t>(columns_.episode)]);
+  }
+
+  bool SameEpisodeNumber(int row) const {
+    return columns_.episode < 0 || episodes_[static_cast<size_t>(row)] == episodes_[static_cast<size_t>(row) - 1];
+  }
+
+  /// The median time between two rows; what runs backwards or lies in another episode does not count.
+  void MeasurePeriod() {
+    const std::vector<double>& times = recording_.times;
+    std::vector<double> steps;
+    for (int i = 1; i < static_cast<int>(times.size()); ++i) {
+      const double step = times[i] - times[i - 1];
+      if (step > 0 && SameEpisodeNumber(i)) steps.push_back(step);
+    }
+    if (steps.empty()) return;
+    const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
+    std::nth_element(steps.begin(), middle, steps.end());
+    recording_.period_s = *middle;
+    double jitter = 0;
+    for (const double step : steps) {
+      if (step <= kGap * recording_.period_s) jitter = std::max(jitter, std::abs(step / recording_.period_s - 1));
+    }
+    if (jitter > kJitter) {
+      recording_.remarks.push_back(fmt::format("the time between two rows is {:.6g} s, and up to {:.0f} % off that",
+                                               recording_.period_s, 100 * jitter));
+    }
+  }
+
+  /// Whether row i begins a new episode after row i - 1.
+  bool Begins(int i) {
+    if (!SameEpisodeNumber(i)) return true;
+    const bool ended = terminals_[i - 1] || timeouts_[i - 1];
+    // The row after the last action may hold the final observation.
+    const bool is_final = !has_action_[i] && has_action_[i - 1];
+    const bool ends = !has_action_[i - 1] || (ended && !is_final);
+    if (ends && columns_.episode >= 0) {
+      Fail(i,
+           fmt::format("episode {} goes on after {}", episodes_[i],
+                       has_action_[i - 1] ? "its terminal or timeout" : "a row without actions"),
+           "give what follows another episode number");
+    }
+    if (ends) return true;
+    if (recording_.times.empty()) return false;
+    const double step = recording_.times[i] - recording_.times[i - 1];
+    if (step > 0 && step <= kGap * recording_.period_s) return false;
+    if (step == 0) Fail(i, fmt::format("time {} stands there twice", recording_.times[i]), "remove one of the rows");
+    if (columns_.episode >= 0) {
+      Fail(i,
+           fmt::format("time goes from {} to {} s within episode {}, where rows lie {:.6g} s apart",
+                       recording_.times[i - 1], recording_.times[i], episodes_[i], recording_.period_s),
+           "give what follows another episode number");
+    }
+    ++n_gaps_;
+    return true;
+  }
+
+  void CutEpisodes() {
+    int begin = 0;
+    std::set<std::string> seen;
+    for (int i = 1; i <= rows(); ++i) {
+      if (i < rows() && !Begins(i)) continue;
+      if (columns_.episode >= 0 && !seen.insert(episodes_[begin]).second) {
+        Fail(begin, fmt::format("episode {} begins a second time", episodes_[begin]),
+             "sort the rows by episode, or number the episodes anew");
+      }
+      AddRun(begin, i);
+      begin = i;
+    }
+    if (n_gaps_ > 0) {
+      recording_.remarks.push_back(fmt::format("{} episodes begin where time jumps or starts again", n_gaps_));
+    }
+    if (n_dropped_ > 0) {
+      recording_.remarks.push_back(fmt::format(
+          "the last row of {} episodes was dropped with its action: no next row tells where it led", n_dropped_));
+    }
+    if (n_single_ > 0) recording_.remarks.push_back(fmt::format("{} episodes of one row left out", n_single_));
+    if (n_lost_ends_ > 0) {
+      recording_.remarks.push_back(
+          fmt::format("{} of them were terminal: their episodes count as cut; to keep a terminal state, log it in one "
+                      "more row without actions",
+                      n_lost_ends_));
+    }
+  }
+
+  void AddRun(int begin, int end) {
+    const int last = end - 1;
+    bool terminated = false;
+    if (has_action_[last]) {
+      ++n_dropped_;
+      n_lost_ends_ += terminals_[last];
+    } else {
+      // The flag stands with the action that ended the episode, or with the state that it led to.
+      terminated = terminals_[last] || (last > begin && terminals_[last - 1]);
+    }
+    n_single_ += end - begin == 1;
+    if (end - begin > 1) recording_.runs.push_back({begin, end, terminated});
+  }
+
+  const std::string& path_;
+  const DataOptions& options_;
+  std::vector<std::string> header_;
+  CsvColumns columns_;
+  Recording recording_;
+  std::vector<int64_t> lines_;
+  std::vector<std::string> episodes_;
+  std::vector<uint8_t> terminals_;
+  std::vector<uint8_t> timeouts_;
+  std::vector<uint8_t> has_action_;
+  std::vector<double> row_;
+  int n_gaps_ = 0;
+  int n_dropped_ = 0;
+  int n_lost_ends_ = 0;
+  int n_single_ = 0;
+};
+
+std::vector<std::string> ColumnNames(const std::string& prefix, const std::vector<std::string>& names, int n) {
+  std::vector<std::string> columns;
+  for (int j = 0; j < n; ++j) {
+    // Names that are still whole columns ("obs_0") need no second prefix.
+    const std::string name = names.empty() ? std::to_string(j) : names[static_cast<size_t>(j)];
+    columns.push_back(CsvField(name.starts_with(prefix) ? name : prefix + "." + name));
+  }
+  return columns;
+}
+
+}  // namespace
+
+Recording ReadCsv(const std::string& path, const DataOptions& options) { return CsvReader(path, options).Read(); }
+
+void WriteCsv(const Dataset& dataset, const std::string& path) {
+  dataset.Check();
+  std::string text = "episode";
+  const bool has_rewards = !dataset.rewards.empty();
+  if (dataset.period_s > 0) text += ",time";
+  const auto header = [&](const std::vector<std::string>& names) {
+    for (const std::string& name : names) text += "," + name;
+  };
+  header(ColumnNames("obs", dataset.observation_names, dataset.obs_dim()));
+  header(ColumnNames("act", dataset.action_names, dataset.act_dim()));
+  if (has_rewards) text += ",reward";
+  text += ",terminal,timeout";
+  if (dataset.has_states()) {
+    header(ColumnNames("infos/qpos", {}, dataset.qpos.cols()));
+    header(ColumnNames("infos/qvel", {}, dataset.qvel.cols()));
+  }
+  text += '\n';
+  const auto numbers = [&](std::span<const double> values) {
+    for (const double value : values) fmt::format_to(std::back_inserter(text), ",{}", value);
+  };
+  const auto none = [&](int n) { text.append(static_cast<size_t>(n), ','); };
+  const std::vector<Episode> episodes = dataset.Episodes();
+  for (size_t e = 0; e < episodes.size(); ++e) {
+    const auto [begin, end, terminated] = episodes[e];
+    for (int i = begin; i < end; ++i) {
+      if (i + 1 < end && !std::ranges::equal(dataset.next_observations.row(i), dataset.observations.row(i + 1))) {
+        throw DataError(
+            fmt::format("'{}': next_observations[{}] is not observations[{}] of the same episode, and a CSV "
+                        "holds each state once; write .hdf5 or .npz, or mark a timeout there",
+                        path, i, i + 1));
+      }
+      text += std::to_string(e);
+      if (dataset.period_s > 0) numbers(std::vector<double>{(i - begin) * dataset.period_s});
+      numbers(dataset.observations.row(i));
+      numbers(dataset.actions.row(i));
+      if (has_rewards) numbers({&dataset.rewards[static_cast<size_t>(i)], 1});
+      text += fmt::format(",{:d},{:d}", dataset.terminals[i] != 0, i + 1 == end && !terminated);
+      if (dataset.has_states()) {
+        numbers(dataset.qpos.row(i));
+        numbers(dataset.qvel.row(i));
+      }
+      text += '\n';
+    }
+    text += std::to_string(e);
+    if (dataset.period_s > 0) numbers(std::vector<double>{(end - begin) * dataset.period_s});
+    numbers(dataset.next_observations.row(end - 1));
+    none(dataset.act_dim() + has_rewards + 2 + dataset.qpos.cols() + dataset.qvel.cols());
+    text += '\n';
+  }
+  WriteFileAtomically(path, path.ends_with(".gz") ? Gzip(text) : text);
+}
+
+}  // namespace oted

@@ -1,0 +1,21 @@
+#pragma once
+/// Logs as CSV with a header, one row per control step (docs/file_formats.md).
+
+#include <string>
+
+#include "oted/data/dataset.h"
+#include "oted/data/recording.h"
+
+namespace oted {
+
+/// Reads .csv or .csv.gz. An episode ends where its number changes, after a terminal or a timeout, where time runs
+/// backwards, and, without episode numbers, at a gap of more than 1.5 periods. A last row without actions gives the
+/// final observation; a last row with actions is dropped with them, as no next row tells where they led.
+/// @throws DataError naming file, line and column.
+Recording ReadCsv(const std::string& path, const DataOptions& options);
+
+/// Writes what ReadCsv gives back to the last bit: one row per transition and one for each final observation, names as
+/// "obs.NAME" and "act.NAME". .csv.gz is compressed. @throws DataError, also when s' is not the next row's s.
+void WriteCsv(const Dataset& dataset, const std::string& path);
+
+}  // namespace oted

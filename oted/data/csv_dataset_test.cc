@@ -1,0 +1,185 @@
+#include "oted/data/csv_dataset.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/data/testing.h"
+
+namespace oted {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class CsvDataset : public testing::Test {
+ protected:
+  Dataset Read(const std::string& text, const DataOptions& options = {}) {
+    WriteFileAtomically(folder_ / "log.csv", text);
+    return ReadDataset(folder_ / "log.csv", options);
+  }
+  std::string Failure(const std::string& text, const DataOptions& options = {}) {
+    return MessageOf<DataError>([&] { Read(text, options); });
+  }
+  TestFolder folder_;
+};
+
+TEST_F(CsvDataset, NextObservationsAreTheNextRowsAndTheLastRowIsDropped) {
+  const Dataset d = Read("obs_x,obs_y,act_u\n0,10,0.5\n1,11,0.25\n2,12,9\n");
+  ASSERT_EQ(d.size(), 2);
+  EXPECT_THAT(d.observations.values(), ElementsAre(0, 10, 1, 11));
+  EXPECT_THAT(d.next_observations.values(), ElementsAre(1, 11, 2, 12));
+  EXPECT_THAT(d.actions.values(), ElementsAre(0.5, 0.25));
+  EXPECT_THAT(d.timeouts, ElementsAre(0, 1));
+  EXPECT_THAT(d.terminals, ElementsAre(0, 0));
+  EXPECT_TRUE(d.rewards.empty());
+  EXPECT_EQ(d.period_s, 0);
+  EXPECT_THAT(d.remarks, Contains(HasSubstr("the last row of 1 episodes was dropped with its action")));
+}
+
+TEST_F(CsvDataset, ALastRowWithoutActionsKeepsTheTerminalState) {
+  // The flag may stand with the action that ended the episode or with the state that it led to.
+  for (const char* rows : {"0,1,0\n1,2,1\n2,,\n", "0,1,0\n1,2,0\n2,,1\n"}) {
+    const Dataset d = Read(std::string("obs0,act0,terminal\n") + rows);
+    EXPECT_THAT(d.terminals, ElementsAre(0, 1)) << rows;
+    EXPECT_THAT(d.timeouts, ElementsAre(0, 0)) << rows;
+    EXPECT_THAT(d.next_observations.values(), ElementsAre(1, 2)) << rows;
+    EXPECT_TRUE(d.remarks.empty()) << rows;
+  }
+  const Dataset lost = Read("obs0,act0,terminal\n0,1,0\n1,2,0\n2,3,1\n");
+  EXPECT_THAT(lost.timeouts, ElementsAre(0, 1));
+  EXPECT_THAT(lost.remarks, Contains(HasSubstr("to keep a terminal state")));
+}
+
+TEST_F(CsvDataset, EpisodesEndAtNumbersFlagsAndJumpsOfTime) {
+  const auto sizes = [](const Dataset& d) {
+    std::vector<int> s;
+    for (const Episode& e : d.Episodes()) s.push_back(e.size());
+    return s;
+  };
+  EXPECT_THAT(sizes(Read("episode,obs0,act0\na,0,0\na,1,0\nb,2,0\nb,3,0\nb,4,0\n")), ElementsAre(1, 2));
+  EXPECT_THAT(sizes(Read("obs0,act0,timeout\n0,0,0\n1,0,1\n2,0,0\n3,0,0\n4,0,False\n")), ElementsAre(1, 2));
+  EXPECT_THAT(sizes(Read("t,obs0,act0\n0,0,0\n0.1,1,0\n0.2,2,0\n0,3,0\n0.1,4,0\n")), ElementsAre(2, 1));
+  const Dataset gap = Read("t,obs0,act0\n0,0,0\n0.1,1,0\n0.2,2,0\n0.7,3,0\n0.8,4,0\n");
+  EXPECT_THAT(sizes(gap), ElementsAre(2, 1));
+  EXPECT_NEAR(gap.period_s, 0.1, 1e-12);
+  EXPECT_THAT(gap.remarks, Contains(HasSubstr("1 episodes begin where time jumps")));
+}
+
+TEST_F(CsvDataset, ColumnsAreFoundByConventionListsAndTheTasksNames) {
+  const std::string text = "Time,q,observation.dq,Action[0],noise,Reward\n0,1,2,3,4,5\n1,6,7,8,9,10\n2,11,12,,14,0\n";
+  const Dataset by_prefix = Read(text);
+  EXPECT_THAT(by_prefix.observation_names, ElementsAre("dq"));
+  EXPECT_THAT(by_prefix.action_names, ElementsAre("Action[0]"));
+  EXPECT_THAT(by_prefix.rewards, ElementsAre(5, 10));
+  EXPECT_EQ(by_prefix.period_s, 1);
+  EXPECT_THAT(by_prefix.remarks, Contains("columns not used: q, noise"));
+  DataOptions lists;
+  lists.columns.observations = {"noise", "q"};
+  lists.columns.actions = {"observation.dq"};
+  const Dataset listed = Read(text, lists);
+  EXPECT_THAT(listed.observations.row(0), ElementsAre(4, 1));
+  EXPECT_THAT(listed.actions.values(), ElementsAre(2, 7));
+  DataOptions task;
+  task.observation_names = {"q", "noise"};
+  EXPECT_THAT(Read(text, task).observations.row(0), ElementsAre(1, 4));
+}
+
+TEST_F(CsvDataset, NamedColumnsComeInTheTasksOrderOrAreAnError) {
+  DataOptions task;
+  task.observation_names = {"joint/a/qpos", "joint/b/qpos"};
+  task.action_names = {"m1", "m2"};
+  const std::string header = "obs.joint/b/qpos,obs.joint/a/qpos,obs.extra,act.m2,act.m1\n";
+  const Dataset d = Read(header + "1,2,3,4,5\n6,7,8,9,10\n", task);
+  EXPECT_THAT(d.observations.values(), ElementsAre(2, 1));
+  EXPECT_THAT(d.next_observations.values(), ElementsAre(7, 6));
+  EXPECT_THAT(d.actions.values(), ElementsAre(5, 4));
+  EXPECT_EQ(d.observation_names, task.observation_names);
+  EXPECT_THAT(Failure("obs.joint/b/qpos,obs.other,act.m2,act.m1\n1,2,3,4\n5,6,7,8\n", task),
+              AllOf(HasSubstr("log.csv"), HasSubstr("joint/a/qpos"), HasSubstr("other")));
+  // Names that mean nothing to the task are places.
+  EXPECT_THAT(Read("obs_0,obs_1,act_0,act_1\n1,2,3,4\n5,6,7,8\n", task).observations.values(), ElementsAre(1, 2));
+}
+
+TEST_F(CsvDataset, DefectsNameFileLineAndColumn) {
+  EXPECT_THAT(Failure("obs0,act0\n0,1\nx,2\n3,4\n"), AllOf(HasSubstr("log.csv' line 3, column 'obs0': 'x'")));
+  EXPECT_THAT(Failure("obs0,act0\n0,1\nnan,2\n"), HasSubstr("no finite number"));
+  EXPECT_THAT(Failure("obs0,act0\n0,1\n1e999,2\n"), HasSubstr("no finite number"));
+  EXPECT_THAT(Failure("obs0,act0\n0,1\n1\n"), HasSubstr("line 3: 1 fields, but the header has 2"));
+  EXPECT_THAT(Failure("obs0,act0,act1\n0,1,2\n1,,2\n"), HasSubstr("line 3, column 'act0': ''"));
+  EXPECT_THAT(Failure("obs0,act0,terminal\n0,1,2\n"), HasSubstr("column 'terminal': '2' is no flag"));
+  EXPECT_THAT(Failure("obs.\xFF,act0\n0,1\n1,2\n"), HasSubstr("not UTF-8"));
+  EXPECT_THAT(Failure("obs0;act0\n0;1\n"), HasSubstr("semicolons"));
+  EXPECT_THAT(Failure("q,act0\n0,1\n"), AllOf(HasSubstr("no column of observations"), HasSubstr("'q', 'act0'")));
+  EXPECT_THAT(Failure("obs0,obs0,act0\n"), HasSubstr("stands there twice"));
+  EXPECT_THAT(Failure(""), HasSubstr("is empty"));
+  EXPECT_THAT(Failure("obs0,act0\n0,1\n"), HasSubstr("holds no transition"));
+  EXPECT_THAT(Failure("episode,obs0,act0\n1,0,0\n1,1,0\n2,0,0\n2,1,0\n1,2,0\n"),
+              HasSubstr("line 6: episode 1 begins a second"));
+  EXPECT_THAT(Failure("episode,t,obs0,act0\n1,0,0,0\n1,1,1,0\n1,2,2,0\n1,9,3,0\n"),
+              AllOf(HasSubstr("line 5: time goes from 2 to 9 s within episode 1"), HasSubstr("1 s apart")));
+  EXPECT_THAT(Failure("t,obs0,act0\n0,0,0\n1,1,0\n1,2,0\n"), HasSubstr("line 4: time 1 stands there twice"));
+  EXPECT_THAT(Failure("episode,obs0,act0,terminal\n1,0,0,1\n1,1,0,0\n"), HasSubstr("line 3: episode 1 goes on after"));
+  DataOptions options;
+  options.columns.actions = {"act1"};
+  EXPECT_THAT(Failure("obs0,act0\n0,1\n", options), AllOf(HasSubstr("data.actions"), HasSubstr("did you mean 'act0'")));
+}
+
+TEST_F(CsvDataset, GivesBackWhatWasWritten) {
+  for (const char* name : {"a.csv", "a.csv.gz"}) {
+    for (const bool all : {true, false}) {
+      Dataset dataset = MakeTestDataset(45, 10, all, all);
+      dataset.timeouts.back() = 1;
+      dataset.observations(0, 0) = 1e-300;
+      if (all) dataset.observation_names = {"a,b", "\"c\"", "joint/d"};
+      if (all) dataset.action_names = {"u", "v"};
+      if (all) dataset.period_s = 0.008;
+      WriteDataset(dataset, folder_ / name);
+      const Dataset read = ReadDataset(folder_ / name);
+      EXPECT_TRUE(SameTransitions(read, dataset)) << name;
+      EXPECT_NEAR(read.period_s, dataset.period_s, 1e-12);
+      EXPECT_EQ(all ? read.observation_names : dataset.observation_names, dataset.observation_names);
+      EXPECT_TRUE(read.remarks.empty()) << read.remarks[0];
+    }
+  }
+  Dataset broken = MakeTestDataset(20, 10);
+  broken.next_observations(3, 0) += 1;
+  EXPECT_THAT(MessageOf<DataError>([&] { WriteDataset(broken, folder_ / "b.csv"); }),
+              AllOf(HasSubstr("b.csv"), HasSubstr("next_observations[3]")));
+}
+
+TEST_F(CsvDataset, PythonReadsWhatWeWriteAndWritesWhatWeRead) {
+  WriteDataset(MakeTestDataset(20, 10), folder_ / "ours.csv.gz");
+  ASSERT_TRUE(RunPython(R"(
+import csv, gzip
+rows = list(csv.DictReader(gzip.open('ours.csv.gz', 'rt')))
+assert len(rows) == 22 and float(rows[3]['obs.1']) == 0.1 * 3 + 1, rows[3]
+assert rows[10]['act.0'] == '' and float(rows[10]['obs.0']) == 0.1 * 10
+with open('theirs.csv', 'w', newline='') as f:
+    w = csv.DictWriter(f, rows[0].keys(), quoting=csv.QUOTE_ALL)
+    w.writeheader()
+    w.writerows(rows)
+)",
+                        folder_));
+  EXPECT_TRUE(SameTransitions(ReadDataset(folder_ / "theirs.csv"), MakeTestDataset(20, 10)));
+}
+
+TEST_F(CsvDataset, DelayedActionsMoveWithinTheirEpisode) {
+  const std::string text =
+      "episode,obs0,act0\n1,0,10\n1,1,11\n1,2,12\n1,3,\n2,4,14\n2,5,15\n2,6,16\n2,7,\n3,8,18\n3,9,\n";
+  DataOptions options;
+  options.action_delay = 1;
+  const Dataset d = Read(text, options);
+  EXPECT_THAT(d.observations.values(), ElementsAre(1, 2, 5, 6));
+  EXPECT_THAT(d.actions.values(), ElementsAre(10, 11, 14, 15));
+  EXPECT_THAT(d.timeouts, ElementsAre(0, 1, 0, 1));
+  EXPECT_THAT(d.remarks, Contains(HasSubstr("1 shorter ones are gone")));
+  options.action_delay = 3;
+  EXPECT_THAT(Failure(text, options), HasSubstr("data.action_delay (3 control steps)"));
+}
+
+}  // namespace
+}  // namespace oted

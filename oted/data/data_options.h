@@ -1,0 +1,60 @@
+#pragma once
+/// How a dataset's file is to be read and written, beyond what its name says.
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace oted {
+
+/// Which columns of a CSV hold what. An empty entry is found by convention (docs/file_formats.md): observations and
+/// actions by their prefixes ("obs.hip", "action_0"), the others by their usual names ("episode", "time", "reward",
+/// "terminal", "timeout").
+struct CsvLayout {
+  std::vector<std::string> observations;
+  std::vector<std::string> actions;
+  std::string episode;
+  std::string time;  ///< [s]
+  std::string reward;
+  std::string terminal;
+  std::string timeout;
+};
+
+/// What the child process that reads an HDF5 file may use. The defaults grow with the file: LimitsFor.
+struct ChildLimits {
+  uint64_t memory_bytes = uint64_t{1} << 30;  ///< beyond what the process uses already
+  int cpu_s = 10;
+  int wall_s = 60;
+};
+
+/// The limits for a file of this size: the defaults, and for each MiB of it 32 MiB of memory, a second of processor
+/// time and three of wall time.
+ChildLimits LimitsFor(uint64_t file_bytes, const ChildLimits& base = {});
+
+struct DataOptions {
+  std::string format = "auto";  ///< auto (by path and content), d4rl, minari, npz, csv
+  CsvLayout columns;            ///< of a CSV
+  /// The logged action acts this many control steps later: row i gets the action of row i - action_delay.
+  int action_delay = 0;
+
+  // What the task says; 0 or empty where it is not known.
+  double control_period_s = 0;                 ///< a log with a time column and shorter rows is resampled to it
+  int max_episode_steps = 0;                   ///< time limit of D4RL files without timeouts; 0: 1,000
+  std::vector<std::string> observation_names;  ///< named columns are put into this order
+  std::vector<std::string> action_names;       ///< the same for actions
+
+  ChildLimits hdf5_limits;
+  bool check = true;  ///< Dataset::Check; without it, what the file holds, NaN included, for the checks that name it
+};
+
+/// How a dataset is written; all but the format concern Minari's metadata.
+struct WriteOptions {
+  std::string format = "auto";     ///< auto (by the path's ending), d4rl, minari, npz, csv
+  std::string environment;         ///< Gymnasium id ("Hopper-v5") for env_spec; empty: none
+  std::string dataset_id;          ///< "NAMESPACE/NAME-v0"; empty: the last part of the path
+  std::string algorithm = "oted";  ///< what chose the actions
+  std::vector<double> action_low;  ///< of the action space; empty: unbounded
+  std::vector<double> action_high;
+};
+
+}  // namespace oted

@@ -1,0 +1,198 @@
+// Datasets from and to files, by format.
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <string_view>
+
+#include "oted/base/error.h"
+#include "oted/base/fields.h"
+#include "oted/base/files.h"
+#include "oted/data/csv_dataset.h"
+#include "oted/data/d4rl_hdf5.h"
+#include "oted/data/dataset.h"
+#include "oted/data/minari.h"
+#include "oted/data/npz.h"
+
+namespace oted {
+namespace {
+
+enum class Format { kD4rl, kMinari, kNpz, kCsv };
+
+/// @return false for "auto". @throws UsageError
+bool NamedFormat(const std::string& name, Format& format) {
+  static const std::vector<std::string> kNames = {"auto", "d4rl", "minari", "npz", "csv"};
+  for (size_t i = 0; i < kNames.size(); ++i) {
+    if (name != kNames[i]) continue;
+    if (i > 0) format = static_cast<Format>(i - 1);
+    return i > 0;
+  }
+  throw UsageError(
+      fmt::format("data format '{}'{}, wanted {}", name, DidYouMean(name, kNames), fmt::join(kNames, ", ")));
+}
+
+/// The format that a file's ending stands for. @return false when it stands for none
+bool FormatOfEnding(const std::string& path, Format& format) {
+  struct Ending {
+    std::string_view ending;
+    Format format;
+  };
+  static constexpr std::array<Ending, 5> kEndings = {{{".hdf5", Format::kD4rl},
+                                                      {".h5", Format::kD4rl},
+                                                      {".npz", Format::kNpz},
+                                                      {".csv", Format::kCsv},
+                                                      {".csv.gz", Format::kCsv}}};
+  for (const Ending& e : kEndings) {
+    if (!path.ends_with(e.ending)) continue;
+    format = e.format;
+    return true;
+  }
+  return false;
+}
+
+[[noreturn]] void FailEnding(const std::string& path) {
+  throw DataError(
+      fmt::format("'{}': no dataset format ends in '{}'; use .hdf5 or .h5 (D4RL layout), .npz, .csv or .csv.gz, or the "
+                  "folder of a Minari dataset (NAME-v0)",
+                  path, std::filesystem::path(path).extension().string()));
+}
+
+Format FormatToRead(const std::string& path, const DataOptions& options) {
+  Format format = Format::kD4rl;
+  if (NamedFormat(options.format, format)) return format;
+  if (std::filesystem::path(path).filename() == "main_data.hdf5") return Format::kMinari;
+  if (FormatOfEnding(path, format)) return format;
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) return Format::kMinari;
+  if (IsMinariName(path)) return Format::kMinari;  // which is missing: its reader says so
+  FailEnding(path);
+}
+
+/// Puts columns into the order of the wanted names. @return remarks
+void Reorder(const std::string& path, const char* what, const char* setting, const std::vector<std::string>& wanted,
+             std::vector<std::string>& names, std::vector<Array2<double>*> arrays, std::vector<std::string>& remarks) {
+  if (names.empty() || wanted.empty() || names == wanted) return;
+  std::vector<int> columns;
+  std::vector<std::string> missing;
+  for (const std::string& name : wanted) {
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end()) {
+      missing.push_back(name);
+    } else {
+      columns.push_back(static_cast<int>(found - names.begin()));
+    }
+  }
+  // Names that mean nothing to the task ("obs_0") are places.
+  if (columns.empty()) return;
+  if (!missing.empty()) {
+    throw DataError(
+        fmt::format("'{}': of the task's {} {} are not among the columns ({}); the columns have {}. Rename them, or "
+                    "list all columns "
+                    "in the task's order under names that the task does not use (data.{})",
+                    path, what, fmt::join(missing, ", "), missing.size(), fmt::join(names, ", "), setting));
+  }
+  if (wanted.size() < names.size()) {
+    remarks.push_back(
+        fmt::format("{} of {} {} are the task's; the others are not used", wanted.size(), names.size(), what));
+  } else {
+    remarks.push_back(fmt::format("{} put into the task's order by name", what));
+  }
+  for (Array2<double>* array : arrays) {
+    Array2<double> ordered(array->rows(), static_cast<int>(columns.size()));
+    for (int i = 0; i < array->rows(); ++i) {
+      for (size_t j = 0; j < columns.size(); ++j) ordered(i, static_cast<int>(j)) = (*array)(i, columns[j]);
+    }
+    *array = std::move(ordered);
+  }
+  names = wanted;
+}
+
+}  // namespace
+
+void MatchNames(Dataset& dataset, const std::vector<std::string>& observation_names,
+                const std::vector<std::string>& action_names) {
+  Reorder(dataset.path, "observations", "observations", observation_names, dataset.observation_names,
+          {&dataset.observations, &dataset.next_observations}, dataset.remarks);
+  Reorder(dataset.path, "actions", "actions", action_names, dataset.action_names, {&dataset.actions}, dataset.remarks);
+}
+
+void DelayActions(Dataset& dataset, int delay) {
+  if (delay == 0) return;
+  OTED_CHECK(delay > 0);
+  std::vector<Episode> kept;
+  int n_lost = 0;
+  for (const Episode& episode : dataset.Episodes()) {
+    // From the end, so that each row still finds the action that it gets.
+    for (int i = episode.end - 1; i >= episode.begin + delay; --i) {
+      std::ranges::copy(dataset.actions.row(i - delay), dataset.actions.row(i).begin());
+    }
+    n_lost += episode.size() <= delay;
+    if (episode.size() > delay) kept.push_back({episode.begin + delay, episode.end, episode.terminated});
+  }
+  if (kept.empty()) {
+    throw DataError(fmt::format("'{}': no episode is longer than data.action_delay ({} control steps); lower it",
+                                dataset.path, delay));
+  }
+  dataset = dataset.Select(kept);
+  dataset.remarks.push_back(
+      fmt::format("actions act {} control steps after they were logged: each episode lost its first {} rows{}", delay,
+                  delay, n_lost > 0 ? fmt::format(", and {} shorter ones are gone", n_lost) : ""));
+}
+
+Dataset ReadDataset(const std::string& path) { return ReadDataset(path, DataOptions{}); }
+
+Dataset ReadDataset(const std::string& path, const DataOptions& options) {
+  if (options.action_delay < 0) {
+    throw UsageError(fmt::format("data.action_delay is {}, wanted 0 or more control steps", options.action_delay));
+  }
+  const Format format = FormatToRead(path, options);
+  std::error_code error;
+  if (format != Format::kMinari && !std::filesystem::is_regular_file(path, error)) {
+    throw DataError(
+        fmt::format("dataset '{}' is not a file; check the path (it is relative to where oted runs)", path));
+  }
+  Dataset dataset;
+  std::string file = path;
+  if (format == Format::kMinari) {
+    dataset = ReadMinari(path, options);
+    file = FindMinari(path).data;
+  } else if (format == Format::kD4rl) {
+    dataset = ReadHdf5(path, options);
+  } else if (format == Format::kNpz) {
+    dataset = ReadDatasetNpz(path, options);
+  } else {
+    Recording recording = ReadCsv(path, options);
+    if (options.control_period_s > 0) recording = Resample(recording, options.control_period_s);
+    dataset = ToDataset(recording);
+  }
+  dataset.path = path;
+  dataset.sha256 = Sha256OfFile(file);
+  if (options.check) dataset.Check();
+  MatchNames(dataset, options.observation_names, options.action_names);
+  DelayActions(dataset, options.action_delay);
+  return dataset;
+}
+
+void WriteDataset(const Dataset& dataset, const std::string& path) { WriteDataset(dataset, path, WriteOptions{}); }
+
+void WriteDataset(const Dataset& dataset, const std::string& path, const WriteOptions& options) {
+  Format format = Format::kD4rl;
+  if (!NamedFormat(options.format, format) && !FormatOfEnding(path, format)) {
+    if (!IsMinariName(path)) FailEnding(path);
+    format = Format::kMinari;
+  }
+  if (format == Format::kD4rl) {
+    WriteD4rlHdf5(dataset, path);
+  } else if (format == Format::kMinari) {
+    WriteMinari(dataset, path, options);
+  } else if (format == Format::kNpz) {
+    WriteDatasetNpz(dataset, path);
+  } else {
+    WriteCsv(dataset, path);
+  }
+}
+
+}  // namespace oted

@@ -1,0 +1,89 @@
+#include "oted/data/gzip.h"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+constexpr int kGzipWindow = 15 + 16;  // zlib's way to ask for gzip's header
+constexpr uint64_t kMaxInflated = uint64_t{1} << 32;
+constexpr size_t kStep = size_t{1} << 20;
+
+}  // namespace
+
+bool IsGzip(const std::string& bytes) {
+  return bytes.size() >= 2 && static_cast<unsigned char>(bytes[0]) == 0x1f &&
+         static_cast<unsigned char>(bytes[1]) == 0x8b;
+}
+
+std::string Gunzip(const std::string& bytes, const std::string& file) {
+  const auto fail = [&](const char* what) {
+    throw DataError(fmt::format("'{}' {}; write it again, or unpack it with gunzip", file, what));
+  };
+  std::string out;
+  std::vector<unsigned char> block(kStep);
+  size_t at = 0;
+  while (at < bytes.size()) {
+    z_stream stream{};
+    OTED_CHECK(inflateInit2(&stream, kGzipWindow) == Z_OK);
+    struct End {
+      z_stream* stream;
+      ~End() { inflateEnd(stream); }
+    } const end{&stream};
+    int status = Z_OK;
+    while (status != Z_STREAM_END) {
+      if (stream.avail_in == 0 && at < bytes.size()) {
+        const size_t n = std::min(kStep, bytes.size() - at);
+        // zlib's interface wants a pointer to mutable bytes and does not change them.
+        stream.next_in = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data() + at));
+        stream.avail_in = static_cast<unsigned>(n);
+        at += n;
+      }
+      stream.next_out = block.data();
+      stream.avail_out = static_cast<unsigned>(block.size());
+      status = inflate(&stream, Z_NO_FLUSH);
+      if (status != Z_OK && status != Z_STREAM_END) fail("is a truncated or damaged gzip file");
+      const size_t n = block.size() - stream.avail_out;
+      if (out.size() + n > kMaxInflated) fail("unpacks to more than 4 GiB");
+      out.append(reinterpret_cast<const char*>(block.data()), n);
+    }
+    at -= stream.avail_in;
+  }
+  return out;
+}
+
+std::string Gzip(const std::string& bytes) {
+  z_stream stream{};
+  OTED_CHECK(deflateInit2(&stream, 6, Z_DEFLATED, kGzipWindow, 8, Z_DEFAULT_STRATEGY) == Z_OK);
+  struct End {
+    z_stream* stream;
+    ~End() { deflateEnd(stream); }
+  } const end{&stream};
+  std::string out;
+  std::vector<unsigned char> block(kStep);
+  size_t at = 0;
+  int status = Z_OK;
+  while (status != Z_STREAM_END) {
+    if (stream.avail_in == 0 && at < bytes.size()) {
+      const size_t n = std::min(kStep, bytes.size() - at);
+      stream.next_in = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data() + at));
+      stream.avail_in = static_cast<unsigned>(n);
+      at += n;
+    }
+    stream.next_out = block.data();
+    stream.avail_out = static_cast<unsigned>(block.size());
+    status = deflate(&stream, at == bytes.size() ? Z_FINISH : Z_NO_FLUSH);
+    OTED_CHECK(status == Z_OK || status == Z_STREAM_END);
+    out.append(reinterpret_cast<const char*>(block.data()), block.size() - stream.avail_out);
+  }
+  return out;
+}
+
+}  // namespace oted

@@ -1,0 +1,39 @@
+#pragma once
+/// Writes the arrays of one new HDF5 file. Include from .cc files only; hold an Hdf5Session while it lives.
+
+#include <cstdint>
+#include <initializer_list>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "oted/base/array2.h"
+#include "oted/data/hdf5_handles.h"
+
+namespace oted {
+
+/// Whether float32 holds every value exactly.
+bool FitsFloat32(std::initializer_list<std::span<const double>> arrays);
+
+/// Every failure is a DataError that names the file that the user asked for. Equal calls give equal bytes.
+class Hdf5Writer {
+ public:
+  Hdf5Writer(const std::string& temporary_path, const std::string& path);
+  void Group(const std::string& name);
+  /// An attribute of a group.
+  void Attribute(const std::string& group, const char* name, int64_t value);
+  void Numbers(const std::string& name, const Array2<double>& m, bool as_float32);
+  void Numbers(const std::string& name, std::span<const double> v, bool as_float32);
+  /// h5py's bool: an enumeration of FALSE and TRUE over one byte.
+  void Flags(const std::string& name, std::span<const uint8_t> flags);
+  void Close();
+
+ private:
+  [[noreturn]] void Fail(const std::string& what, const char* remedy) const;
+  void Write(const std::string& name, hid_t file_type, hid_t memory_type, std::span<const hsize_t> dims,
+             const void* values);
+  std::string path_;
+  Hdf5Handle file_;
+};
+
+}  // namespace oted

@@ -1,0 +1,229 @@
+#include "oted/data/recording.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+/// Shares of the control period: a grid point may lie this far behind the last row.
+constexpr double kSlack = 0.01;
+/// A log this much slower than the control period is still taken as being at it.
+constexpr double kSameRate = 0.01;
+constexpr double kMaxPeriods = std::numeric_limits<int>::max() / 2;
+
+/// How often and how far the action leaves, within a period, the value that is held over it.
+struct Changes {
+  int n_periods = 0;
+  int n_changed = 0;
+  double largest = 0;
+  int column = 0;
+};
+
+class Resampler {
+ public:
+  Resampler(const Recording& from, double period_s) : from_(from), period_s_(period_s) {
+    to_.file = from.file;
+    to_.period_s = period_s;
+    to_.observation_names = from.observation_names;
+    to_.action_names = from.action_names;
+    to_.remarks = from.remarks;
+  }
+
+  Recording Run() {
+    Changes all;
+    int n_short = 0;
+    int n_lost_ends = 0;
+    for (const Recording::Run& run : from_.runs) {
+      const int start = BestStart(run);
+      const int n = PeriodsFrom(run, start);
+      if (n < 1) {
+        ++n_short;
+        continue;
+      }
+      const Changes changes = ChangesFrom(run, start, n);
+      all.n_periods += changes.n_periods;
+      all.n_changed += changes.n_changed;
+      if (changes.largest > all.largest) {
+        all.largest = changes.largest;
+        all.column = changes.column;
+      }
+      const bool meets_end = from_.times[run.end - 1] - TimeOf(start, n) < 0.5 * from_.period_s;
+      n_lost_ends += run.terminated && !meets_end;
+      const int begin = to_.observations.rows();
+      Append(run, start, n);
+      to_.runs.push_back({begin, begin + n + 1, run.terminated && meets_end});
+    }
+    to_.remarks.push_back(
+        fmt::format("resampled from one row per {:.6g} s to the control period of {:.6g} s: observations interpolated, "
+                    "actions held",
+                    from_.period_s, period_s_));
+    if (all.n_changed > 0) {
+      to_.remarks.push_back(fmt::format(
+          "the action changed within {} of {} control periods, at most by {:.4g} (action {}): only the first value of "
+          "each period is used",
+          all.n_changed, all.n_periods, all.largest, ActionName(all.column)));
+    }
+    if (n_short > 0) to_.remarks.push_back(fmt::format("{} episodes shorter than a control period left out", n_short));
+    if (n_lost_ends > 0) {
+      to_.remarks.push_back(fmt::format(
+          "{} terminal states lie between two control periods and were dropped: their episodes count as cut",
+          n_lost_ends));
+    }
+    return std::move(to_);
+  }
+
+ private:
+  double TimeOf(int start, int k) const { return from_.times[start] + k * period_s_; }
+
+  /// Whole control periods from row `start` to the episode's end.
+  int PeriodsFrom(const Recording::Run& run, int start) const {
+    const double periods = (from_.times[run.end - 1] - from_.times[start]) / period_s_ + kSlack;
+    return periods < kMaxPeriods ? static_cast<int>(std::floor(periods)) : std::numeric_limits<int>::max() / 2;
+  }
+
+  /// The last row at or before the time, from `row` on; a hair's breadth counts as "at".
+  int RowAt(const Recording::Run& run, int row, double time) const {
+    const double slack = 1e-6 * from_.period_s;
+    while (row + 1 < run.end && from_.times[row + 1] <= time + slack) ++row;
+    return row;
+  }
+
+  Changes ChangesFrom(const Recording::Run& run, int start, int n) const {
+    Changes changes;
+    changes.n_periods = n;
+    int row = start;
+    for (int k = 0; k < n; ++k) {
+      row = RowAt(run, row, TimeOf(start, k));
+      const std::span<const double> held = from_.actions.row(row);
+      bool changed = false;
+      const double end = TimeOf(start, k + 1) - 1e-6 * from_.period_s;
+      for (int i = row + 1; i + 1 < run.end && from_.times[i] < end; ++i) {
+        for (int j = 0; j < from_.actions.cols(); ++j) {
+          const double change = std::abs(from_.actions(i, j) - held[static_cast<size_t>(j)]);
+          if (change == 0) continue;
+          changed = true;
+          if (change > changes.largest) {
+            changes.largest = change;
+            changes.column = j;
+          }
+        }
+      }
+      changes.n_changed += changed;
+    }
+    return changes;
+  }
+
+  /// The controller's clock need not begin with the log: of the rows within the first period, the one from which the
+  /// smallest share of the periods sees a change.
+  int BestStart(const Recording::Run& run) const {
+    int best = run.begin;
+    Changes fewest;
+    for (int start = run.begin; start + 1 < run.end; ++start) {
+      if (from_.times[start] - from_.times[run.begin] >= period_s_ - 1e-6 * from_.period_s) break;
+      const int n = PeriodsFrom(run, start);
+      if (n < 1) break;
+      const Changes changes = ChangesFrom(run, start, n);
+      const bool is_first = fewest.n_periods == 0;
+      if (is_first || int64_t{changes.n_changed} * fewest.n_periods < int64_t{fewest.n_changed} * changes.n_periods) {
+        fewest = changes;
+        best = start;
+      }
+    }
+    return best;
+  }
+
+  void AppendBetween(const Array2<double>& from, int row, double share, Array2<double>& to) {
+    if (from.empty()) return;
+    std::vector<double> values(from.row(row).begin(), from.row(row).end());
+    if (share > 0) {
+      for (size_t j = 0; j < values.size(); ++j) values[j] += share * (from(row + 1, static_cast<int>(j)) - values[j]);
+    }
+    to.AppendRow(values);
+  }
+
+  void Append(const Recording::Run& run, int start, int n) {
+    int row = start;
+    int summed = start;
+    for (int k = 0; k <= n; ++k) {
+      const double time = TimeOf(start, k);
+      row = RowAt(run, row, time);
+      double share = 0;
+      if (row + 1 < run.end) {
+        share = (time - from_.times[row]) / (from_.times[row + 1] - from_.times[row]);
+        share = std::abs(share) < 1e-6 ? 0 : std::clamp(share, 0.0, 1.0);
+      }
+      AppendBetween(from_.observations, row, share, to_.observations);
+      AppendBetween(from_.qpos, row, share, to_.qpos);
+      AppendBetween(from_.qvel, row, share, to_.qvel);
+      // The last row of an episode has no action of its own.
+      to_.actions.AppendRow(from_.actions.row(std::min(row, run.end - 2)));
+      to_.times.push_back(time);
+      if (from_.rewards.empty()) continue;
+      const double end = TimeOf(start, k + 1) - 1e-6 * from_.period_s;
+      double sum = 0;
+      for (; summed + 1 < run.end && from_.times[summed] < end; ++summed) sum += from_.rewards[summed];
+      to_.rewards.push_back(sum);
+    }
+  }
+
+  std::string ActionName(int column) const {
+    return from_.action_names.empty() ? fmt::format("{}", column) : fmt::format("'{}'", from_.action_names[column]);
+  }
+
+  const Recording& from_;
+  double period_s_;
+  Recording to_;
+};
+
+}  // namespace
+
+Recording Resample(const Recording& recording, double control_period_s) {
+  OTED_CHECK(control_period_s > 0);
+  if (recording.times.empty() || recording.period_s <= 0) return recording;
+  const double ratio = recording.period_s / control_period_s;
+  if (ratio > 1 + kSameRate) {
+    throw DataError(fmt::format(
+        "'{}' has one row per {:.6g} s, but the task's control period is {:.6g} s, and what lies between the "
+        "rows is not in the log; log faster, set the task's control period, or check that its times are "
+        "seconds",
+        recording.file, recording.period_s, control_period_s));
+  }
+  if (ratio >= 1 - kSameRate) return recording;
+  return Resampler(recording, control_period_s).Run();
+}
+
+Dataset ToDataset(const Recording& recording) {
+  Dataset dataset;
+  dataset.period_s = recording.period_s;
+  dataset.observation_names = recording.observation_names;
+  dataset.action_names = recording.action_names;
+  dataset.remarks = recording.remarks;
+  for (const Recording::Run& run : recording.runs) {
+    for (int i = run.begin; i + 1 < run.end; ++i) {
+      const bool last = i + 2 == run.end;
+      dataset.observations.AppendRow(recording.observations.row(i));
+      dataset.next_observations.AppendRow(recording.observations.row(i + 1));
+      dataset.actions.AppendRow(recording.actions.row(i));
+      if (!recording.rewards.empty()) dataset.rewards.push_back(recording.rewards[i]);
+      if (!recording.qpos.empty()) dataset.qpos.AppendRow(recording.qpos.row(i));
+      if (!recording.qvel.empty()) dataset.qvel.AppendRow(recording.qvel.row(i));
+      dataset.terminals.push_back(last && run.terminated);
+      dataset.timeouts.push_back(last && !run.terminated);
+    }
+  }
+  if (dataset.size() == 0) {
+    throw DataError(fmt::format(
+        "'{}' holds no transition: no episode has two rows (one per control step, the next row is s'); record longer "
+        "episodes",
+        recording.file));
+  }
+  return dataset;
+}
+
+}  // namespace oted

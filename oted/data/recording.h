@@ -1,0 +1,46 @@
+#pragma once
+/// A log as it was recorded: rows with times, before it is cut into transitions.
+
+#include <string>
+#include <vector>
+
+#include "oted/data/dataset.h"
+
+namespace oted {
+
+/// Row k holds the observation s_k and the action a_k that was commanded at that moment and held until the next row
+/// (zero-order hold).
+struct Recording {
+  /// Rows [begin, end) of one episode: end - begin - 1 transitions. The last row gives the final observation alone.
+  struct Run {
+    int begin = 0;
+    int end = 0;
+    bool terminated = false;  ///< the last transition ends in a terminal state
+    int n_transitions() const { return end - begin - 1; }
+  };
+
+  std::string file;
+  Array2<double> observations;  ///< (rows, obs_dim)
+  Array2<double> actions;       ///< (rows, act_dim); not read in an episode's last row
+  std::vector<double> times;    ///< [s], or empty
+  std::vector<double> rewards;  ///< of the row's action, or empty
+  Array2<double> qpos;          ///< or empty
+  Array2<double> qvel;          ///< or empty
+  std::vector<Run> runs;
+  double period_s = 0;  ///< median time between two rows of an episode; 0 without times
+  std::vector<std::string> observation_names;
+  std::vector<std::string> action_names;
+  std::vector<std::string> remarks;
+};
+
+/// The recording at one row per `control_period_s` [s]: observations, qpos and qvel interpolated linearly between rows,
+/// the action that was in force at the start of each period, rewards summed over it. The grid of an episode starts at
+/// the row from which the smallest share of the periods sees its action change; how many do is a remark. What is left
+/// over at an episode's end is dropped, and a terminal state with it unless the grid meets it within half a row.
+/// @throws DataError when the recording has fewer rows than one per period: what lies between them is not in it.
+Recording Resample(const Recording& recording, double control_period_s);
+
+/// The transitions of a recording. @throws DataError when there is none
+Dataset ToDataset(const Recording& recording);
+
+}  // namespace oted
