@@ -72,8 +72,8 @@ Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
       dataset_(ReadEpisodes(config_.data, factory_->spec())),
       directory_(CheckRequest(out)) {
   CheckDirectory();
-  for (const std::string& remark : dataset_.remarks) {
-    context_.log->Warning(fmt::format("'{}': {}", config_.data.path, remark));
+  for (const std::string& warning : dataset_.warnings) {
+    context_.log->Warning(fmt::format("'{}': {}", config_.data.path, warning));
   }
   WriteProvenance();
 }

@@ -160,8 +160,8 @@ class CsvReader {
       if (step <= kGap * recording_.period_s) jitter = std::max(jitter, std::abs(step / recording_.period_s - 1));
     }
     if (jitter > kJitter) {
-      recording_.remarks.push_back(fmt::format("the time between two rows is {:.6g} s, and up to {:.0f} % off that",
-                                               recording_.period_s, 100 * jitter));
+      recording_.warnings.push_back(fmt::format("the time between two rows is {:.6g} s, and up to {:.0f} % off that",
+                                                recording_.period_s, 100 * jitter));
     }
   }
 
@@ -206,7 +206,7 @@ class CsvReader {
       begin = i;
     }
     if (n_gaps_ > 0) {
-      recording_.remarks.push_back(fmt::format("{} episodes begin where time jumps or starts again", n_gaps_));
+      recording_.warnings.push_back(fmt::format("{} episodes begin where time jumps or starts again", n_gaps_));
     }
     if (n_dropped_ > 0) {
       recording_.remarks.push_back(fmt::format(
@@ -214,10 +214,10 @@ class CsvReader {
     }
     if (n_single_ > 0) recording_.remarks.push_back(fmt::format("{} episodes of one row left out", n_single_));
     if (n_lost_ends_ > 0) {
-      recording_.remarks.push_back(
-          fmt::format("{} of them were terminal: their episodes count as cut; to keep a terminal state, log it in one "
-                      "more row without actions",
-                      n_lost_ends_));
+      recording_.warnings.push_back(fmt::format(
+          "{} dropped rows were terminal: their episodes count as cut; to keep a terminal state, log it in one "
+          "more row without actions",
+          n_lost_ends_));
     }
   }
 
