@@ -127,8 +127,8 @@ Pipeline::Pipeline(RunConfig config, const fs::path& out, RunContext context)
       model_sha256_(factory_->model_sha256()),
       directory_(CheckRequest(out)) {
   CheckDirectory();
-  for (const std::string& remark : dataset_.remarks) {
-    context_.log->Warning(fmt::format("'{}': {}", config_.data.path, remark));
+  for (const std::string& warning : dataset_.warnings) {
+    context_.log->Warning(fmt::format("'{}': {}", config_.data.path, warning));
   }
   WriteProvenance();
 }

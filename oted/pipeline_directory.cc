@@ -122,7 +122,8 @@ void Pipeline::WriteProvenance() const {
                                                  {"observation_names", dataset_.observation_names},
                                                  {"action_names", dataset_.action_names},
                                                  {"period_s", dataset_.period_s},
-                                                 {"remarks", dataset_.remarks}});
+                                                 {"remarks", dataset_.remarks},
+                                                 {"warnings", dataset_.warnings}});
 }
 
 std::string Pipeline::CloneFingerprint() const {

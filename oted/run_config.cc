@@ -1,8 +1,6 @@
 #include "oted/run_config.h"
 
 #include <fmt/format.h>
-#define TOML_EXCEPTIONS 1
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <cctype>
@@ -15,6 +13,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/base/toml.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
 #include "oted/toml_writer.h"

@@ -265,6 +265,12 @@ TEST(RunConfig, SetTakesAnySetting) {
   EXPECT_TRUE(config.run.strict);
 }
 
+TEST(RunConfig, AMalformedInlineTableIsAnErrorWithItsLine) {
+  for (const char* text : {"a = {\n}", "a = { b = 1,\n }", "a = {", "a = { .b = 1 }", "a.\n= 1"}) {
+    EXPECT_THAT(MessageOf<UsageError>([&] { Parse(text); }), HasSubstr("here.toml:")) << text;
+  }
+}
+
 TEST(RunConfig, SetRefusesWhatItDoesNotKnow) {
   RunConfig config = Parse(kMinimal);
   const auto refusal = [&](const std::string& text) { return MessageOf<UsageError>([&] { config.Set(text); }); };

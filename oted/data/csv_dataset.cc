@@ -160,8 +160,8 @@ class CsvReader {
       if (step <= kGap * recording_.period_s) jitter = std::max(jitter, std::abs(step / recording_.period_s - 1));
     }
     if (jitter > kJitter) {
-      recording_.remarks.push_back(fmt::format("the time between two rows is {:.6g} s, and up to {:.0f} % off that",
-                                               recording_.period_s, 100 * jitter));
+      recording_.warnings.push_back(fmt::format("the time between two rows is {:.6g} s, and up to {:.0f} % off that",
+                                                recording_.period_s, 100 * jitter));
     }
   }
 
@@ -206,7 +206,7 @@ class CsvReader {
       begin = i;
     }
     if (n_gaps_ > 0) {
-      recording_.remarks.push_back(fmt::format("{} episodes begin where time jumps or starts again", n_gaps_));
+      recording_.warnings.push_back(fmt::format("{} episodes begin where time jumps or starts again", n_gaps_));
     }
     if (n_dropped_ > 0) {
       recording_.remarks.push_back(fmt::format(
@@ -214,10 +214,10 @@ class CsvReader {
     }
     if (n_single_ > 0) recording_.remarks.push_back(fmt::format("{} episodes of one row left out", n_single_));
     if (n_lost_ends_ > 0) {
-      recording_.remarks.push_back(
-          fmt::format("{} of them were terminal: their episodes count as cut; to keep a terminal state, log it in one "
-                      "more row without actions",
-                      n_lost_ends_));
+      recording_.warnings.push_back(fmt::format(
+          "{} dropped rows were terminal: their episodes count as cut; to keep a terminal state, log it in one "
+          "more row without actions",
+          n_lost_ends_));
     }
   }
 
@@ -252,70 +252,8 @@ class CsvReader {
   int n_single_ = 0;
 };
 
-std::vector<std::string> ColumnNames(const std::string& prefix, const std::vector<std::string>& names, int n) {
-  std::vector<std::string> columns;
-  for (int j = 0; j < n; ++j) {
-    // Names that are still whole columns ("obs_0") need no second prefix.
-    const std::string name = names.empty() ? std::to_string(j) : names[static_cast<size_t>(j)];
-    columns.push_back(CsvField(name.starts_with(prefix) ? name : prefix + "." + name));
-  }
-  return columns;
-}
-
 }  // namespace
 
 Recording ReadCsv(const std::string& path, const DataOptions& options) { return CsvReader(path, options).Read(); }
-
-void WriteCsv(const Dataset& dataset, const std::string& path) {
-  dataset.Check();
-  std::string text = "episode";
-  const bool has_rewards = !dataset.rewards.empty();
-  if (dataset.period_s > 0) text += ",time";
-  const auto header = [&](const std::vector<std::string>& names) {
-    for (const std::string& name : names) text += "," + name;
-  };
-  header(ColumnNames("obs", dataset.observation_names, dataset.obs_dim()));
-  header(ColumnNames("act", dataset.action_names, dataset.act_dim()));
-  if (has_rewards) text += ",reward";
-  text += ",terminal,timeout";
-  if (dataset.has_states()) {
-    header(ColumnNames("infos/qpos", {}, dataset.qpos.cols()));
-    header(ColumnNames("infos/qvel", {}, dataset.qvel.cols()));
-  }
-  text += '\n';
-  const auto numbers = [&](std::span<const double> values) {
-    for (const double value : values) fmt::format_to(std::back_inserter(text), ",{}", value);
-  };
-  const auto none = [&](int n) { text.append(static_cast<size_t>(n), ','); };
-  const std::vector<Episode> episodes = dataset.Episodes();
-  for (size_t e = 0; e < episodes.size(); ++e) {
-    const auto [begin, end, terminated] = episodes[e];
-    for (int i = begin; i < end; ++i) {
-      if (i + 1 < end && !std::ranges::equal(dataset.next_observations.row(i), dataset.observations.row(i + 1))) {
-        throw DataError(
-            fmt::format("'{}': next_observations[{}] is not observations[{}] of the same episode, and a CSV "
-                        "holds each state once; write .hdf5 or .npz, or mark a timeout there",
-                        path, i, i + 1));
-      }
-      text += std::to_string(e);
-      if (dataset.period_s > 0) numbers(std::vector<double>{(i - begin) * dataset.period_s});
-      numbers(dataset.observations.row(i));
-      numbers(dataset.actions.row(i));
-      if (has_rewards) numbers({&dataset.rewards[static_cast<size_t>(i)], 1});
-      text += fmt::format(",{:d},{:d}", dataset.terminals[i] != 0, i + 1 == end && !terminated);
-      if (dataset.has_states()) {
-        numbers(dataset.qpos.row(i));
-        numbers(dataset.qvel.row(i));
-      }
-      text += '\n';
-    }
-    text += std::to_string(e);
-    if (dataset.period_s > 0) numbers(std::vector<double>{(end - begin) * dataset.period_s});
-    numbers(dataset.next_observations.row(end - 1));
-    none(dataset.act_dim() + has_rewards + 2 + dataset.qpos.cols() + dataset.qvel.cols());
-    text += '\n';
-  }
-  WriteFileAtomically(path, path.ends_with(".gz") ? Gzip(text) : text);
-}
 
 }  // namespace oted

@@ -51,7 +51,7 @@ TEST_F(CsvDataset, ALastRowWithoutActionsKeepsTheTerminalState) {
   }
   const Dataset lost = Read("obs0,act0,terminal\n0,1,0\n1,2,0\n2,3,1\n");
   EXPECT_THAT(lost.timeouts, ElementsAre(0, 1));
-  EXPECT_THAT(lost.remarks, Contains(HasSubstr("to keep a terminal state")));
+  EXPECT_THAT(lost.warnings, Contains(HasSubstr("to keep a terminal state")));
 }
 
 TEST_F(CsvDataset, EpisodesEndAtNumbersFlagsAndJumpsOfTime) {
@@ -66,7 +66,7 @@ TEST_F(CsvDataset, EpisodesEndAtNumbersFlagsAndJumpsOfTime) {
   const Dataset gap = Read("t,obs0,act0\n0,0,0\n0.1,1,0\n0.2,2,0\n0.7,3,0\n0.8,4,0\n");
   EXPECT_THAT(sizes(gap), ElementsAre(2, 1));
   EXPECT_NEAR(gap.period_s, 0.1, 1e-12);
-  EXPECT_THAT(gap.remarks, Contains(HasSubstr("1 episodes begin where time jumps")));
+  EXPECT_THAT(gap.warnings, Contains(HasSubstr("1 episodes begin where time jumps")));
 }
 
 TEST_F(CsvDataset, ColumnsAreFoundByConventionListsAndTheTasksNames) {

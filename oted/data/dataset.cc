@@ -76,6 +76,7 @@ Dataset Dataset::Select(const std::vector<Episode>& episodes) const {
   selected.observation_names = observation_names;
   selected.action_names = action_names;
   selected.remarks = remarks;
+  selected.warnings = warnings;
   selected.path = path;
   selected.sha256 = sha256;
   return selected;
@@ -97,9 +98,13 @@ void Dataset::Append(const Dataset& other) {
   if (period_s != other.period_s) period_s = 0;
   if (observation_names != other.observation_names) observation_names.clear();
   if (action_names != other.action_names) action_names.clear();
-  for (const std::string& remark : other.remarks) {
-    if (std::ranges::find(remarks, remark) == remarks.end()) remarks.push_back(remark);
-  }
+  const auto add_new = [](std::vector<std::string>& to, const std::vector<std::string>& from) {
+    for (const std::string& text : from) {
+      if (std::ranges::find(to, text) == to.end()) to.push_back(text);
+    }
+  };
+  add_new(remarks, other.remarks);
+  add_new(warnings, other.warnings);
   if (sha256 != other.sha256 || path != other.path) {
     path.clear();
     sha256.clear();

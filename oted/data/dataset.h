@@ -33,8 +33,10 @@ struct Dataset {
   double period_s = 0;                         ///< time between two rows [s]; 0 where the file does not say
   std::vector<std::string> observation_names;  ///< one per column, or empty where the file has none
   std::vector<std::string> action_names;       ///< the same for actions
-  /// What the reader left out, inferred or changed, one sentence each, for the user to see.
+  /// What the reader left out, inferred or changed by its documented rules, one sentence each.
   std::vector<std::string> remarks;
+  /// What it had to change that may make the data worse: the user should look.
+  std::vector<std::string> warnings;
 
   std::string path;    ///< where it was read from; empty when made in memory
   std::string sha256;  ///< of that file; of main_data.hdf5 when it is a Minari dataset

@@ -29,6 +29,7 @@ void EachPart(Pipe& pipe, D& dataset) {
   pipe.Texts(dataset.observation_names);
   pipe.Texts(dataset.action_names);
   pipe.Texts(dataset.remarks);
+  pipe.Texts(dataset.warnings);
 }
 
 class Sender {

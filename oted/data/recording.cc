@@ -33,6 +33,7 @@ class Resampler {
     to_.observation_names = from.observation_names;
     to_.action_names = from.action_names;
     to_.remarks = from.remarks;
+    to_.warnings = from.warnings;
   }
 
   Recording Run() {
@@ -64,14 +65,14 @@ class Resampler {
                     "actions held",
                     from_.period_s, period_s_));
     if (all.n_changed > 0) {
-      to_.remarks.push_back(fmt::format(
+      to_.warnings.push_back(fmt::format(
           "the action changed within {} of {} control periods, at most by {:.4g} (action {}): only the first value of "
           "each period is used",
           all.n_changed, all.n_periods, all.largest, ActionName(all.column)));
     }
     if (n_short > 0) to_.remarks.push_back(fmt::format("{} episodes shorter than a control period left out", n_short));
     if (n_lost_ends > 0) {
-      to_.remarks.push_back(fmt::format(
+      to_.warnings.push_back(fmt::format(
           "{} terminal states lie between two control periods and were dropped: their episodes count as cut",
           n_lost_ends));
     }
@@ -204,6 +205,7 @@ Dataset ToDataset(const Recording& recording) {
   dataset.observation_names = recording.observation_names;
   dataset.action_names = recording.action_names;
   dataset.remarks = recording.remarks;
+  dataset.warnings = recording.warnings;
   for (const Recording::Run& run : recording.runs) {
     for (int i = run.begin; i + 1 < run.end; ++i) {
       const bool last = i + 2 == run.end;

@@ -30,12 +30,13 @@ struct Recording {
   double period_s = 0;  ///< median time between two rows of an episode; 0 without times
   std::vector<std::string> observation_names;
   std::vector<std::string> action_names;
-  std::vector<std::string> remarks;
+  std::vector<std::string> remarks;   ///< as a Dataset's
+  std::vector<std::string> warnings;  ///< the same
 };
 
 /// The recording at one row per `control_period_s` [s]: observations, qpos and qvel interpolated linearly between rows,
 /// the action that was in force at the start of each period, rewards summed over it. The grid of an episode starts at
-/// the row from which the smallest share of the periods sees its action change; how many do is a remark. What is left
+/// the row from which the smallest share of the periods sees its action change; how many do is a warning. What is left
 /// over at an episode's end is dropped, and a terminal state with it unless the grid meets it within half a row.
 /// @throws DataError when the recording has fewer rows than one per period: what lies between them is not in it.
 Recording Resample(const Recording& recording, double control_period_s);

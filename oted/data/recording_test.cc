@@ -58,7 +58,7 @@ TEST(Recording, ObservationsBetweenRowsAreInterpolated) {
 
 TEST(Recording, ActionsThatChangeWithinAPeriodAreReported) {
   const Recording r = Resample(MakeRecording(101, 5, 0), 0.010);
-  EXPECT_THAT(r.remarks, Contains(AllOf(HasSubstr("within 10 of 10 control periods"), HasSubstr("at most by 1"))));
+  EXPECT_THAT(r.warnings, Contains(AllOf(HasSubstr("within 10 of 10 control periods"), HasSubstr("at most by 1"))));
 }
 
 TEST(Recording, ATerminalStateSurvivesWhereTheGridMeetsIt) {
@@ -68,7 +68,7 @@ TEST(Recording, ATerminalStateSurvivesWhereTheGridMeetsIt) {
   const Dataset lost = ToDataset(Resample(misses, 0.008));
   EXPECT_EQ(lost.terminals.back(), 0);
   EXPECT_EQ(lost.timeouts.back(), 1);
-  EXPECT_THAT(lost.remarks, Contains(HasSubstr("1 terminal states")));
+  EXPECT_THAT(lost.warnings, Contains(HasSubstr("1 terminal states")));
 }
 
 TEST(Recording, ALogAtTheControlPeriodStaysAsItIsAndASlowerOneIsRefused) {

@@ -130,9 +130,14 @@ class TestData(CliTest):
         self.assertRefused(self.design(data=self.folder / "folder.hdf5"), DATA_OR_MODEL, "folder.hdf5")
 
     def test_unknown_ending(self):
-        path = self.folder / "demos.csv"
+        path = self.folder / "demos.mat"
         path.write_text("1,2,3\n")
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "demos.csv", ".hdf5")
+        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "demos.mat", ".hdf5")
+
+    def test_csv_without_the_columns(self):
+        path = self.folder / "demos.csv"
+        path.write_text("q,act0\n2,3\n")
+        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "demos.csv", "data.observations", "'q', 'act0'")
 
     def test_truncated_hdf5(self):
         whole = self.demos.read_bytes()
