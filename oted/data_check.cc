@@ -202,7 +202,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     AddOneStep(*check.one_step, spec, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states
     try {
-      check.gap = JudgeGap(*factory, halves, kGapSteps, kJudgeSteps, key.Stage("gap"));
+      check.gap = JudgeReplays(*factory, halves, {factory->parameters().Nominal()}, kGapSteps, kJudgeSteps, key.Stage("gap"));
     } catch (const DataError&) {
       return check;  // one half alone has no state that can be set: clipped_observations tells
     }

@@ -24,7 +24,9 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
     mixture_json.push_back({{"seed", candidate.seed}, {"mode", candidate.q.Mode()}, {"std", candidate.q.Std()}});
   }
   const auto summaries = SummarizeParameters(mixture, best, has_effect);
-  const DesignVerdict verdict = JudgeDesign(result.nominal_common, selected.common);
+  DesignVerdict verdict = JudgeDesign(result.nominal_common, selected.common);
+  // The judge may be blind to a gap that the parameters show.
+  if (verdict == DesignVerdict::kNoGap && HasMoved(space, summaries)) verdict = DesignVerdict::kGapClosed;
 
   json design;
   design["schema"] = "oted.design/1";
@@ -46,9 +48,8 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
       design["warnings"].push_back(
           fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
     }
-    std::vector<double> row(static_cast<size_t>(space.size()), 0.0);
-    row[static_cast<size_t>(i)] = 1.0;
-    design["correlation"].push_back(row);
+    const Eigen::VectorXd row = mixture[static_cast<size_t>(best)].Correlation().row(i);
+    design["correlation"].push_back(std::vector<double>(row.begin(), row.end()));
   }
   design["selected"] = selected.setting;
   design["mixture"] = mixture_json;

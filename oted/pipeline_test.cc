@@ -332,7 +332,7 @@ TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
 }
 
 TEST_F(PipelineTest, ACsvWithTheTasksNamesInAnotherOrderIsTheSameData) {
-  const auto factory = MakeSimulatorFactory("Hopper-v5", {});
+  const auto factory = MakeSimulatorFactory(TaskConfig::FromArgument("Hopper-v5"), {});
   const Dataset demos = ReadDataset(Demos());
   Dataset named = demos;
   named.observation_names = factory->spec().observation_names;

@@ -154,6 +154,39 @@ TEST(Designer, QJsonRoundTrips) {
   EXPECT_EQ(read.Mode(), designer.Mode());
 }
 
+Designer Correlated() {
+  const Eigen::Vector2d mean(0.3, -0.4);
+  Eigen::Matrix2d covariance;
+  covariance << 0.09, -0.048, -0.048, 0.04;  // standard deviations 0.3 and 0.2, correlation -0.8
+  return Designer(Space(), mean, covariance);
+}
+
+TEST(Designer, DrawsOfACorrelatedQHaveItsCovariance) {
+  const Designer designer = Correlated();
+  EXPECT_NEAR(designer.Correlation()(0, 1), -0.8, 1e-12);
+  Rng rng(8);
+  constexpr int kN = 40000;
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  for (int k = 0; k < kN; ++k) {
+    const auto x = designer.Draw(rng).x;
+    const Eigen::Vector2d noise(x[0] - 0.3, x[1] + 0.4);
+    second += noise * noise.transpose() / kN;
+  }
+  EXPECT_TRUE(second.isApprox(designer.Covariance(), 0.03)) << second;
+}
+
+TEST(Designer, KlOfACorrelatedQIsTheGaussiansClosedForm) {
+  // (tr S + |m|^2) / p^2 - d - ln det(S / p^2), halved, with det S = 0.09 * 0.04 * (1 - 0.8^2).
+  const double p2 = Designer::kPriorStd * Designer::kPriorStd;
+  const double determinant = 0.09 * 0.04 * 0.36 / (p2 * p2);
+  EXPECT_NEAR(Correlated().KlToPrior(), 0.5 * ((0.13 + 0.25) / p2 - 2 - std::log(determinant)), 1e-12);
+}
+
+TEST(Designer, QJsonKeepsCorrelations) {
+  const nlohmann::json q = nlohmann::json::parse(Correlated().ToJson(0).dump());
+  EXPECT_TRUE(Designer::FromJson(q, Space(), "q.json").Covariance().isApprox(Correlated().Covariance(), 1e-14));
+}
+
 TEST(Designer, AForeignQIsADataErrorThatNamesTheFile) {
   const nlohmann::json q = At({1, 2}, {0, 0}).ToJson(0.1);
   const auto error_with = [&](const std::function<void(nlohmann::json&)>& change) {
@@ -171,6 +204,8 @@ TEST(Designer, AForeignQIsADataErrorThatNamesTheFile) {
   error_with([](auto& j) { j["mean"] = {1.0}; });
   error_with([](auto& j) { j["cov"] = {{1.0}, {0.0}}; });
   error_with([](auto& j) { j["cov"] = {{1.0, 0.0}, {0.0, -1.0}}; });
+  error_with([](auto& j) { j["cov"] = {{1.0, 2.0}, {2.0, 1.0}}; });
+  error_with([](auto& j) { j["cov"] = {{1.0, 0.5}, {0.0, 1.0}}; });
   error_with([](auto& j) { j["mean"][0] = nullptr; });
   error_with([](auto& j) { j["parameters"][1] = "gravity"; });
   error_with([](auto& j) { j["bounds"][0][1] = 3.0; });

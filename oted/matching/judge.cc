@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/matching/discriminator.h"
+#include "oted/matching/windows.h"
 
 namespace oted {
 namespace {
@@ -138,22 +139,25 @@ JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& ha
   return JudgeSamples(data, simulated, judge_steps, key);
 }
 
-JudgeScore JudgeGap(const SimulatorFactory& factory, const JudgeHalves& halves, int n_steps, int judge_steps,
-                    RngKey key) {
+JudgeScore JudgeReplays(const SimulatorFactory& factory, const JudgeHalves& halves,
+                        const std::vector<std::vector<double>>& z, int n_rows, int judge_steps, RngKey key) {
   constexpr int kHorizon = 10;  // as EvidenceConfig's
+  OTED_CHECK(!z.empty());
   Array2<double> logged[2], simulated[2];
   const auto simulator = factory.Make(1, 1);
-  simulator->SetParameters(0, factory.parameters().Nominal());
   const std::vector<int> lane = {0};
   for (size_t h = 0; h < 2; ++h) {
     const Dataset& d = halves.part[h];
     const Array2<double> features = DatasetFeatures(d, true);
-    std::vector<std::pair<int, int>> windows;
+    const auto start = [&](const LogWindow& w) {
+      return simulator->SetStateFromLog(0, d.observations.row(w.begin), HistoryBefore(d, w));
+    };
+    simulator->SetParameters(0, factory.parameters().Nominal());
+    std::vector<LogWindow> windows;
     for (const Episode& e : d.Episodes()) {
       for (int i = e.begin; i < e.end; ++i) {
-        if (simulator->SetStateFromObservation(0, d.observations.row(i))) {
-          windows.emplace_back(i, std::min(i + kHorizon, e.end));
-        }
+        const LogWindow window{i, std::min(kHorizon, e.end - i), e.begin};
+        if (start(window)) windows.push_back(window);
       }
     }
     if (windows.empty()) {
@@ -164,10 +168,11 @@ JudgeScore JudgeGap(const SimulatorFactory& factory, const JudgeHalves& halves, 
     }
     Rng rng = key.Stage("windows").Index(h).MakeRng();
     // What diverges at once would be drawn for ever.
-    for (int drawn = 0; logged[h].rows() < n_steps && drawn < n_steps; ++drawn) {
-      const auto [begin, end] = windows[rng.Below(windows.size())];
-      OTED_CHECK(simulator->SetStateFromObservation(0, d.observations.row(begin)));
-      for (int i = begin; i < end; ++i) {
+    for (int drawn = 0; logged[h].rows() < n_rows && drawn < n_rows; ++drawn) {
+      const LogWindow& window = windows[rng.Below(windows.size())];
+      simulator->SetParameters(0, z[static_cast<size_t>(drawn) % z.size()]);
+      OTED_CHECK(start(window));
+      for (int i = window.begin; i < window.begin + window.n_steps; ++i) {
         const auto s = simulator->observation(0), a = d.actions.row(i);
         std::vector<double> row(s.begin(), s.end());
         row.insert(row.end(), a.begin(), a.end());

@@ -44,12 +44,13 @@ JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& ha
 JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&simulated)[2], int judge_steps,
                         RngKey key);
 
-/// Is there a gap at all? Windows of the logs whose first state can be set are replayed in the un-designed simulator,
-/// and its transitions judged against the logged ones of the same windows, row by row the same number: where the
-/// simulator is the logs' own, nothing tells them apart, whatever states cannot be set.
+/// Windows of the logs whose first state can be set are replayed with parameters z, one after the other from the list,
+/// and the transitions judged against the logged ones of the same windows, row by row the same number: where the
+/// simulator is the logs' own, nothing tells them apart, whatever states cannot be set. With the nominal parameters: is
+/// there a gap at all?
 /// Needs spec().can_set_state. @throws DataError when no state of a half can be set
-JudgeScore JudgeGap(const SimulatorFactory& factory, const JudgeHalves& halves, int n_steps, int judge_steps,
-                    RngKey key);
+JudgeScore JudgeReplays(const SimulatorFactory& factory, const JudgeHalves& halves,
+                        const std::vector<std::vector<double>>& z, int n_rows, int judge_steps, RngKey key);
 
 /// Area under the ROC curve: the chance that a draw from `positive` exceeds one from `negative`, ties counting half.
 /// Both non-empty.

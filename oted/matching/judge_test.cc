@@ -15,7 +15,8 @@ namespace {
 
 JudgeScore Gap(const std::vector<double>& truth, const PointMassOptions& options = {}) {
   const Dataset logs = PointMassLogs(truth, 40, options);
-  return JudgeGap(PointMassFactory(options), SplitForJudge(logs), 1000, 200, RngKey(1));
+  const PointMassFactory factory(options);
+  return JudgeReplays(factory, SplitForJudge(logs), {factory.parameters().Nominal()}, 1000, 200, RngKey(1));
 }
 
 TEST(AreaUnderCurve, IsTheShareOfPairsInOrder) {
@@ -25,7 +26,7 @@ TEST(AreaUnderCurve, IsTheShareOfPairsInOrder) {
   EXPECT_EQ(AreaUnderCurve({1, 1}, {1}), 0.5);
 }
 
-TEST(JudgeGap, SeesNothingInDataOfTheNominalSimulator) {
+TEST(JudgeReplays, SeesNothingInDataOfTheNominalSimulator) {
   const JudgeScore score = Gap({1, 1, 0.5});
   EXPECT_NEAR(score.auc, 0.5, 0.01);
   EXPECT_NEAR(score.accuracy, 0.5, 0.02);
@@ -34,20 +35,20 @@ TEST(JudgeGap, SeesNothingInDataOfTheNominalSimulator) {
   EXPECT_EQ(score.n_data, score.n_simulated);
 }
 
-TEST(JudgeGap, SeesNothingWhereHalfOfTheStatesCannotBeSet) {
+TEST(JudgeReplays, SeesNothingWhereHalfOfTheStatesCannotBeSet) {
   PointMassOptions clipped;
   clipped.velocity_clip = 0.5;
   EXPECT_NEAR(Gap({1, 1, 0.5}, clipped).auc, 0.5, 0.01);
 }
 
-TEST(JudgeGap, TellsAFarTargetNearlyAlways) {
+TEST(JudgeReplays, TellsAFarTargetNearlyAlways) {
   const JudgeScore score = Gap({2, 0.2, 0.5});
   EXPECT_GT(score.auc, 0.9);
   EXPECT_GT(score.accuracy, 0.8);
   EXPECT_LT(score.common, 0.45);
 }
 
-TEST(JudgeGap, IsAnErrorWhereNoStateCanBeSet) {
+TEST(JudgeReplays, IsAnErrorWhereNoStateCanBeSet) {
   PointMassOptions clipped;
   clipped.velocity_clip = 0;
   EXPECT_NE(MessageOf<DataError>([&] { Gap({1, 1, 0.5}, clipped); }).find("can be set"), std::string::npos);

@@ -14,6 +14,7 @@ constexpr double kWeakBelow = 0.6;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
 constexpr double kMatchMargin = 0.35;
+constexpr double kMovedAbove = 0.05;  // of the range
 
 double Sigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }
 
@@ -100,6 +101,18 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
   if (nominal_gap < kNoGapMargin && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
   if (designed_gap < kMatchMargin || designed_gap < 0.5 * nominal_gap) return DesignVerdict::kGapClosed;
   return DesignVerdict::kOutsideFamily;
+}
+
+bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries) {
+  for (int i = 0; i < space.size(); ++i) {
+    const ParameterSummary& s = summaries[static_cast<size_t>(i)];
+    const double distance = std::abs(s.mode - space[i].nominal);
+    if (s.verdict == ParameterVerdict::kIdentified && distance > 3 * s.std &&
+        distance > kMovedAbove * (space[i].high - space[i].low)) {
+      return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace oted

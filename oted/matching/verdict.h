@@ -36,4 +36,8 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
 /// the designed simulator is within 0.35 nats of log 2, or has closed at least half of the gap.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
+/// Whether an identified parameter lies off its nominal value: by more than three of its spreads, and by more than a
+/// twentieth of its range, which the seeds' errors may reach.
+bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries);
+
 }  // namespace oted

@@ -94,5 +94,16 @@ TEST(Verdicts, HaveTheNamesOfDesignJson) {
   EXPECT_EQ(ToString(DesignVerdict::kOutsideFamily), "outside_family");
 }
 
+TEST(HasMoved, OnlyAnIdentifiedParameterWellOffItsNominalValue) {
+  const ParameterSpace space({{.name = "gain", .field = "env/gain", .low = 0.2, .high = 2.2}});
+  const auto moved = [&](double mode, double std, ParameterVerdict verdict) {
+    return HasMoved(space, {{.mode = mode, .std = std, .verdict = verdict}});
+  };
+  EXPECT_TRUE(moved(1.3, 0.01, ParameterVerdict::kIdentified));
+  EXPECT_FALSE(moved(1.3, 0.2, ParameterVerdict::kIdentified)) << "within three spreads";
+  EXPECT_FALSE(moved(1.05, 0.001, ParameterVerdict::kIdentified)) << "less than a twentieth of the range";
+  EXPECT_FALSE(moved(1.3, 0.01, ParameterVerdict::kWeak));
+}
+
 }  // namespace
 }  // namespace oted

@@ -9,6 +9,15 @@ namespace oted {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+LoggedHistory HistoryBefore(const Dataset& dataset, const LogWindow& window) {
+  const auto before = [&](const Array2<double>& rows) {
+    const size_t width = static_cast<size_t>(rows.cols());
+    return rows.values().subspan(static_cast<size_t>(window.episode_begin) * width,
+                                 static_cast<size_t>(window.begin - window.episode_begin) * width);
+  };
+  return {before(dataset.observations), before(dataset.actions)};
+}
+
 WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset)
     : simulator_(std::move(simulator)),
       dataset_(dataset),
@@ -29,14 +38,8 @@ bool WindowReplayer::CanStart(const LogWindow& window) {
 
 bool WindowReplayer::SetLane(int lane, const std::vector<double>& z, const LogWindow& window, const VectorXd& start) {
   simulator_->SetParameters(lane, z);
-  const auto before = [&](const Array2<double>& rows) {
-    const size_t width = static_cast<size_t>(rows.cols());
-    return rows.values().subspan(static_cast<size_t>(window.episode_begin) * width,
-                                 static_cast<size_t>(window.begin - window.episode_begin) * width);
-  };
-  const LoggedHistory history{before(dataset_.observations), before(dataset_.actions)};
-  return start.allFinite() &&
-         simulator_->SetStateFromLog(lane, {start.data(), static_cast<size_t>(start.size())}, history);
+  return start.allFinite() && simulator_->SetStateFromLog(lane, {start.data(), static_cast<size_t>(start.size())},
+                                                          HistoryBefore(dataset_, window));
 }
 
 void WindowReplayer::StepLanes(const std::vector<int>& lanes, const std::vector<int>& rows) {

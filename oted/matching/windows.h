@@ -18,6 +18,9 @@ struct LogWindow {
   int episode_begin = 0;  ///< first row of the episode: a simulator with delays reaches back to it
 };
 
+/// What was logged in the window's episode before it.
+LoggedHistory HistoryBefore(const Dataset& dataset, const LogWindow& window);
+
 /// Replays windows in a simulator whose state can be set. Not thread-safe; the simulator uses its own threads.
 class WindowReplayer {
  public:

@@ -103,7 +103,10 @@ SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& 
     context.ThrowIfStopped();
     const auto common = [&](const std::vector<std::vector<double>>& z) {
       // One key for all: every candidate is judged on the same windows by a judge with the same initial weights.
-      return JudgeSimulator(factory, halves, clone, z, common_evidence, config.judge_steps, key.Stage("common")).common;
+      const RngKey judge = key.Stage("common");
+      return factory.spec().can_set_state
+                 ? JudgeReplays(factory, halves, z, config.n_sims * config.n_steps, config.judge_steps, judge).common
+                 : JudgeSimulator(factory, halves, clone, z, common_evidence, config.judge_steps, judge).common;
     };
     if (i == n) {
       const std::vector<std::vector<double>> nominal(static_cast<size_t>(config.n_sims),
