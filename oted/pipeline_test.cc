@@ -79,6 +79,10 @@ RunConfig TinyConfig() {
     discriminator_hidden = [16]
     discriminator_steps = 5
     discriminator_batch = 32
+    trajectory_rows = 32
+    trajectory_window = 4
+    trajectory_starts = 1
+    trajectory_coarse = 4
     [selection]
     n_seeds = 2
     n_sims = 2
@@ -197,7 +201,9 @@ TEST_F(PipelineTest, ItsResultsHaveTheDocumentedFields) {
   EXPECT_EQ(dataset.at("n_episodes"), 8);
   EXPECT_EQ(dataset.at("sha256"), Sha256OfFile(Demos()));
   const RunConfig resolved = RunConfig::FromTomlFile((Whole() / "run.toml").string());
-  EXPECT_EQ(resolved.ToJson(), TinyConfig().ToJson());
+  RunConfig settled = TinyConfig();
+  settled.design.form = "trajectories";  // what auto stands for in Hopper
+  EXPECT_EQ(resolved.ToJson(), settled.ToJson());
 }
 
 TEST_F(PipelineTest, RunningAgainDoesNothing) {
@@ -313,20 +319,24 @@ TEST_F(PipelineTest, EveryAgentLeavesAnOnnxFileThatActsAsItDoesAndTheSelectedOne
 }
 
 TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
-  const fs::path out = Fresh("stopped");
+  // Algorithm 1 keeps checkpoints; trajectory matching, which takes seconds, begins anew.
+  RunConfig tiny = TinyConfig();
+  tiny.design.form = "transitions";
+  const fs::path out = Fresh("stopped"), undisturbed = Fresh("undisturbed");
+  RunPipeline(tiny, undisturbed);
   for (const auto& [stage, at] : {std::pair{"design", 2}, std::pair{"train", 150}}) {
     Watch watch;
     watch.stop_stage = stage;
     watch.stop_at = at;
-    EXPECT_THROW(RunPipeline(TinyConfig(), out, watch), Interrupted) << stage;
+    EXPECT_THROW(RunPipeline(tiny, out, watch), Interrupted) << stage;
     EXPECT_FALSE(fs::exists(out / "evaluation.json"));
-    RunConfig other = TinyConfig();
+    RunConfig other = tiny;
     other.Set("design.lambda=0.02");
     other.Set("sac.gamma=0.98");
     EXPECT_THROW(RunPipeline(other, out), UsageError) << "work of other settings would be gone on with: " << stage;
   }
-  RunPipeline(TinyConfig(), out);
-  const auto whole = Bytes(Whole()), stopped = Bytes(out);
+  RunPipeline(tiny, out);
+  const auto whole = Bytes(undisturbed), stopped = Bytes(out);
   ASSERT_EQ(stopped.size(), whole.size());
   for (const auto& [name, bytes] : whole) EXPECT_EQ(stopped.at(name), bytes) << name;
 }

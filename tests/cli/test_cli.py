@@ -29,7 +29,8 @@ FLOOR = "floor=geom/floor/friction[0]:0.2:1.0"
 TINY = [
     "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.n_iterations=3", "design.n_sims=4",
     "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
-    "design.discriminator_batch=32", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
+    "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
+    "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
     "selection.judge_steps=20", "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2",
     "sac.n_steps=200", "sac.learning_starts=100", "sac.batch_size=32", "sac.hidden=16", "sac.eval_interval=100",
     "sac.eval_episodes=1", "report.motion=false",
@@ -455,7 +456,8 @@ class TestResult(CliTest):
 
 
 class TestStopping(CliTest):
-    LONG = [s for s in TINY if not s.startswith(("design.n_iterations", "design.n_sims"))] + [
+    LONG = ["design.form=transitions"] + [
+        s for s in TINY if not s.startswith(("design.n_iterations", "design.n_sims"))] + [
         "design.n_iterations=120", "design.n_sims=16"]
 
     def test_ctrl_c_and_the_same_command_again(self):

@@ -23,7 +23,8 @@ DELAY = "delay=action/delay:0:4:absolute"
 TINY = [
     "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.n_iterations=3", "design.n_sims=4",
     "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
-    "design.discriminator_batch=32", "selection.n_seeds=1", "selection.n_sims=2", "selection.n_steps=20",
+    "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
+    "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=1", "selection.n_sims=2", "selection.n_steps=20",
     "selection.judge_steps=20",
 ]
 

@@ -25,7 +25,8 @@ USAGE, DATA_OR_MODEL = 2, 3
 TINY = [
     "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.n_iterations=3", "design.n_sims=4",
     "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
-    "design.discriminator_batch=32", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
+    "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
+    "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
     "selection.judge_steps=20", "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2",
     "sac.n_steps=120", "sac.learning_starts=60", "sac.batch_size=16", "sac.hidden=16", "sac.eval_interval=60",
     "sac.eval_episodes=1",

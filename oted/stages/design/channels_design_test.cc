@@ -15,7 +15,7 @@ namespace {
 constexpr size_t kGain = 0, kDamping = 1, kChannel = 3;
 
 DesignConfig SmallConfig() {
-  DesignConfig config;
+  DesignConfig config = DesignConfig::ForForm("transitions");
   config.n_sims = 24;
   config.n_steps = 40;
   config.n_iterations = 150;
