@@ -30,7 +30,7 @@ N_SEEDS = 5
 def cells():
     for task in TASKS:
         for target in TARGETS:
-            for form in ("transitions", "paper"):
+            for form in ("trajectories", "transitions", "paper"):
                 yield {"task": task, "target": target, "data": "medium", "form": form}
 
 

@@ -117,6 +117,32 @@ class TaskFiles(unittest.TestCase):
     def test_an_arm_from_nothing_to_the_report(self):
         self.run_example("arm", episodes=2)
 
+    def test_a_csv_and_a_model_never_seen_before_give_the_truth(self):
+        # As docs/your_own_robot.md has it: one short file, two checks, one command, one export.
+        task = self.cart()
+        self.assertEqual(oted("collect", "--task", task, "--policy", "sine", "--episodes", 3, "--threads", 1, "--out",
+                              self.folder / "logs.csv").returncode, 0)
+        header = (self.folder / "logs.csv").read_text().splitlines()[0]
+        self.assertIn("joint/slide/qpos", header)
+        robot = self.folder / "robot.toml"
+        robot.write_text(task.read_text().split("[truth]")[0] + '[data]\npath = "logs.csv"\n')
+        self.assertLess(len(robot.read_text().splitlines()), 30)
+
+        check = oted("data", "check", robot, "--json")
+        self.assertEqual(check.returncode, 0, check.stderr)
+        self.assertNotEqual(json.loads(check.stdout)["gap"]["verdict"], "none")
+        effects = oted("params", "check", robot, "--json")
+        self.assertEqual(effects.returncode, 0, effects.stderr)
+        result = oted("design", robot, "--out", self.out, "--threads", 1, "--quiet", *sets(
+            [s for s in TINY if not s.startswith("design.trajectory")]))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        design = json.loads((self.out / "design.json").read_text())
+        self.assertAlmostEqual(design["parameters"][0]["mode"], 2.5, delta=0.01)
+        self.assertEqual(design["parameters"][0]["verdict"], "identified")
+        self.assertEqual(design["verdict"], "gap_closed")
+        self.assertIn("2.5", (self.out / "export/designed.xml").read_text())
+        self.assertTrue((self.out / "report.html").exists())
+
     # --- where things are found, and what is kept
 
     def test_the_model_is_found_beside_its_task_file_and_the_run_goes_on_from_elsewhere(self):
