@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "oted/base/error.h"
+#include "oted/engine_check.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
 #include "oted/stages/design/effects.h"
 
@@ -159,6 +160,24 @@ GapVerdict VerdictOf(const JudgeScore& gap) {
   return gap.auc < kSmallAuc ? GapVerdict::kNone : gap.auc < kClearAuc ? GapVerdict::kSmall : GapVerdict::kClear;
 }
 
+namespace {
+
+void AddEngine(const EngineMatch& better, const OneStepError& here, const SimulatorSpec& spec,
+               std::vector<Finding>& findings) {
+  findings.push_back(
+      {.check = "other_engine",
+       .severity = Severity::kWarning,
+       .what =
+           fmt::format("the logged steps repeat in {} with a median error of {:.2g} of the change, in {} with {:.2g}",
+                       better.task, better.ratio, spec.task, here.median_ratio),
+       .count = here.n_rows,
+       .meaning = "the logs were recorded with another version of the task; in this one that looks like a gap in the "
+                  "parameters",
+       .remedy = fmt::format("use --task {} (docs/legacy_engine.md)", better.task)});
+}
+
+}  // namespace
+
 TaskFacts FactsOf(const SimulatorSpec& spec) {
   TaskFacts facts;
   facts.observation_names = spec.observation_names;
@@ -200,9 +219,12 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     CheckTerminals(*factory, dataset, check.findings);
     check.one_step = MeasureOneStep(*factory, dataset, kOneStepRows, context.n_threads);
     AddOneStep(*check.one_step, spec, check.findings);
+    const auto better = FindBetterEngine(spec.task, *check.one_step, dataset, kOneStepRows, context.n_threads);
+    if (better) AddEngine(*better, *check.one_step, spec, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states
     try {
-      check.gap = JudgeReplays(*factory, halves, {factory->parameters().Nominal()}, kGapSteps, kJudgeSteps, key.Stage("gap"));
+      check.gap =
+          JudgeReplays(*factory, halves, {factory->parameters().Nominal()}, kGapSteps, kJudgeSteps, key.Stage("gap"));
     } catch (const DataError&) {
       return check;  // one half alone has no state that can be set: clipped_observations tells
     }
