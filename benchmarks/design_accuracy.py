@@ -68,6 +68,10 @@ def run(cell, oted, file):
     file.write_text(json.dumps(record, indent=1) + "\n")
 
 
+def number(error):
+    return f"{error:.3f}" if error >= 0.001 else f"{error:.0e}"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
@@ -90,8 +94,8 @@ def main():
         r = json.loads(file.read_text())
         by_parameter = [statistics.mean(s["errors"][i] for s in r["seeds"]) for i in range(3)]
         print(f"| {TASKS[r['task']]} | {r['target']} | {r['data']} | {r['n_transitions']} | {r['form']} | "
-              + " | ".join(f"{e:.3f}" for e in by_parameter)
-              + f" | **{r['mean_error']:.3f}** | {r['worst_error']:.3f} "
+              + " | ".join(number(e) for e in by_parameter)
+              + f" | **{number(r['mean_error'])}** | {number(r['worst_error'])} "
               + f"| {r['seconds_per_design_two_cores']:.0f} |")
 
 
