@@ -16,6 +16,16 @@ constexpr int kGzipWindow = 15 + 16;  // zlib's way to ask for gzip's header
 constexpr uint64_t kMaxInflated = uint64_t{1} << 32;
 constexpr size_t kStep = size_t{1} << 20;
 
+/// Gives a stream that has used up its input the next bytes, from `at` on.
+void Feed(const std::string& bytes, size_t& at, z_stream& stream) {
+  if (stream.avail_in > 0 || at >= bytes.size()) return;
+  const size_t n = std::min(kStep, bytes.size() - at);
+  // zlib's interface wants a pointer to mutable bytes and does not change them.
+  stream.next_in = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data() + at));
+  stream.avail_in = static_cast<unsigned>(n);
+  at += n;
+}
+
 }  // namespace
 
 bool IsGzip(const std::string& bytes) {
@@ -39,13 +49,7 @@ std::string Gunzip(const std::string& bytes, const std::string& file) {
     } const end{&stream};
     int status = Z_OK;
     while (status != Z_STREAM_END) {
-      if (stream.avail_in == 0 && at < bytes.size()) {
-        const size_t n = std::min(kStep, bytes.size() - at);
-        // zlib's interface wants a pointer to mutable bytes and does not change them.
-        stream.next_in = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data() + at));
-        stream.avail_in = static_cast<unsigned>(n);
-        at += n;
-      }
+      Feed(bytes, at, stream);
       stream.next_out = block.data();
       stream.avail_out = static_cast<unsigned>(block.size());
       status = inflate(&stream, Z_NO_FLUSH);
@@ -71,12 +75,7 @@ std::string Gzip(const std::string& bytes) {
   size_t at = 0;
   int status = Z_OK;
   while (status != Z_STREAM_END) {
-    if (stream.avail_in == 0 && at < bytes.size()) {
-      const size_t n = std::min(kStep, bytes.size() - at);
-      stream.next_in = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data() + at));
-      stream.avail_in = static_cast<unsigned>(n);
-      at += n;
-    }
+    Feed(bytes, at, stream);
     stream.next_out = block.data();
     stream.avail_out = static_cast<unsigned>(block.size());
     status = deflate(&stream, at == bytes.size() ? Z_FINISH : Z_NO_FLUSH);

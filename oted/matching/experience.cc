@@ -69,11 +69,10 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   simulator_->SetParameters(0, nominal);
   for (const Episode& episode : dataset.Episodes()) {
     for (int i = episode.begin; i < episode.end; ++i) {
-      const int end = std::min(i + config.horizon, episode.end);
+      const LogWindow window{i, std::min(config.horizon, episode.end - i), episode.begin};
       // A short remainder only where the episode itself is shorter than the horizon.
-      if (end - i < config.horizon && i > episode.begin) break;
-      if (simulator_->SetStateFromObservation(0, dataset.observations.row(i)))
-        windows_.push_back({i, end, episode.begin});
+      if (window.n_steps < config.horizon && i > episode.begin) break;
+      if (simulator_->SetStateFromObservation(0, dataset.observations.row(i))) windows_.push_back(window);
     }
   }
   if (windows_.empty()) {
@@ -84,7 +83,7 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   }
 }
 
-ExperienceGatherer::Window ExperienceGatherer::window(int n_started, RngKey key) const {
+LogWindow ExperienceGatherer::window(int n_started, RngKey key) const {
   Rng rng = key.Stage("window").Index(static_cast<uint64_t>(n_started)).MakeRng();
   return windows_[rng.Below(windows_.size())];
 }
@@ -93,14 +92,8 @@ void ExperienceGatherer::StartRollout(int lane, int n_started, RngKey key) {
   PastActions& before = past_actions_[static_cast<size_t>(lane)];
   before.Clear();
   if (config_.dataset_starts) {
-    const Window w = window(n_started, key);
-    const auto logged = [&](const Array2<double>& rows) {
-      const size_t width = static_cast<size_t>(rows.cols());
-      return rows.values().subspan(static_cast<size_t>(w.episode_begin) * width,
-                                   static_cast<size_t>(w.begin - w.episode_begin) * width);
-    };
-    const LoggedHistory history{logged(dataset_.observations), logged(dataset_.actions)};
-    OTED_CHECK(simulator_->SetStateFromLog(lane, dataset_.observations.row(w.begin), history));
+    const LogWindow w = window(n_started, key);
+    OTED_CHECK(simulator_->SetStateFromLog(lane, dataset_.observations.row(w.begin), HistoryBefore(dataset_, w)));
     for (int i = std::max(w.episode_begin, w.begin - config_.n_past_actions); i < w.begin; ++i) {
       before.Push(dataset_.actions.row(i));
     }
@@ -154,9 +147,7 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       }
       past_actions_[k].Push(action);
       ++step_in_rollout[k];
-      const int length = config_.replayed_actions
-                             ? [&] { const Window w = window(n_started[k] - 1, key); return w.end - w.begin; }()
-                             : config_.horizon;
+      const int length = config_.replayed_actions ? window(n_started[k] - 1, key).n_steps : config_.horizon;
       const bool ended = status == LaneStatus::kDiverged || step_in_rollout[k] >= length ||
                          (!config_.replayed_actions && status != LaneStatus::kRunning);
       if (ended) {

@@ -9,6 +9,7 @@
 
 #include "oted/base/array2.h"
 #include "oted/data/dataset.h"
+#include "oted/matching/log_window.h"
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/simulator.h"
 
@@ -67,18 +68,14 @@ class ExperienceGatherer {
   std::vector<LaneExperience> Gather(const std::vector<std::vector<double>>& z, RngKey key);
 
  private:
-  struct Window {
-    int begin, end;     // dataset rows
-    int episode_begin;  // of the episode that they lie in
-  };
   void StartRollout(int lane, int n_started, RngKey key);
-  Window window(int n_started, RngKey key) const;
+  LogWindow window(int n_started, RngKey key) const;
 
   std::unique_ptr<Simulator> simulator_;
   const Dataset& dataset_;
   const TanhGaussianPolicy* clone_;
   EvidenceConfig config_;
-  std::vector<Window> windows_;            // those whose first state the simulator can be set to
+  std::vector<LogWindow> windows_;         // those whose first state the simulator can be set to
   std::vector<PastActions> past_actions_;  // of each lane
 };
 

@@ -16,8 +16,6 @@ constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the
 constexpr double kMatchMargin = 0.35;
 constexpr double kMovedAbove = 0.05;  // of the range
 
-double Sigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }
-
 /// x at which the mixture of Gaussians of parameter i has the given cumulative probability; by bisection.
 double MixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
   double low = -20, high = 20;
@@ -34,9 +32,9 @@ double MixtureQuantile(const std::vector<Designer>& designs, size_t i, double pr
 }
 
 double ZOf(const Designer& q, size_t i, double x) {
-  std::vector<double> u(static_cast<size_t>(q.size()), 0.5);
-  u[i] = Sigmoid(x);
-  return q.space().FromUnit(u)[i];
+  std::vector<double> all(static_cast<size_t>(q.size()), 0.0);
+  all[i] = x;
+  return LogitToZ(q.space(), all)[i];
 }
 
 }  // namespace

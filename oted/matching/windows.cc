@@ -9,15 +9,6 @@ namespace oted {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-LoggedHistory HistoryBefore(const Dataset& dataset, const LogWindow& window) {
-  const auto before = [&](const Array2<double>& rows) {
-    const size_t width = static_cast<size_t>(rows.cols());
-    return rows.values().subspan(static_cast<size_t>(window.episode_begin) * width,
-                                 static_cast<size_t>(window.begin - window.episode_begin) * width);
-  };
-  return {before(dataset.observations), before(dataset.actions)};
-}
-
 WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset)
     : simulator_(std::move(simulator)),
       dataset_(dataset),
