@@ -259,6 +259,10 @@ TEST(D4rlHdf5, AFailedWriteLeavesNothingBehind) {
 }
 
 TEST(D4rlHdf5, ThreadsMayReadAndWriteAtOnce) {
+#if defined(__SANITIZE_ADDRESS__)
+  // glibc hands a forked child a usable allocator; GCC 12's sanitizer does not when another thread was inside its own.
+  GTEST_SKIP() << "the address sanitizer's allocator does not survive a fork beside busy threads";
+#endif
   const TestFolder folder;
   const Dataset dataset = MakeTestDataset(500, 50);
   std::vector<int> same(4, 0);
