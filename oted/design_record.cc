@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -11,8 +12,26 @@ namespace oted {
 
 using nlohmann::json;
 
+namespace {
+
+json FitRecord(const FitEvidence& fit, const std::vector<std::string>& names) {
+  json record = {{"window", fit.window}, {"explained", fit.explained}, {"channels", json::array()}};
+  const std::vector<int> disagreeing = DisagreeingChannels(fit);
+  for (size_t c = 0; c < fit.noise_std.size(); ++c) {
+    record["channels"].push_back(
+        {{"name", c < names.size() ? names[c] : fmt::format("obs[{}]", c)},
+         {"noise_std", fit.noise_std[c]},
+         {"short_noise_std", fit.short_noise_std[c]},
+         {"long_noise_std", fit.long_noise_std[c]},
+         {"disagrees", std::ranges::find(disagreeing, static_cast<int>(c)) != disagreeing.end()}});
+  }
+  return record;
+}
+
+}  // namespace
+
 json DesignRecord(const RunConfig& config, const ParameterSpace& space, const std::vector<Candidate>& candidates,
-                  const SelectionResult& result, const std::vector<bool>& has_effect) {
+                  const SelectionResult& result, const std::vector<bool>& has_effect, const std::vector<std::string>& channels) {
   const SettingScore& selected = result.settings[static_cast<size_t>(result.selected_setting)];
   std::vector<Designer> mixture;
   int best = 0;
@@ -24,9 +43,11 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
     mixture_json.push_back({{"seed", candidate.seed}, {"mode", candidate.q.Mode()}, {"std", candidate.q.Std()}});
   }
   const auto summaries = SummarizeParameters(mixture, best, has_effect);
-  DesignVerdict verdict = JudgeDesign(result.nominal_common, selected.common);
+  const std::optional<FitEvidence>& fit = candidates[static_cast<size_t>(result.best_candidate)].fit;
+  DesignVerdict verdict =
+      fit ? JudgeFit(mixture[static_cast<size_t>(best)], *fit) : JudgeDesign(result.nominal_common, selected.common);
   // The judge may be blind to a gap that the parameters show.
-  if (verdict == DesignVerdict::kNoGap && HasMoved(space, summaries)) verdict = DesignVerdict::kGapClosed;
+  if (!fit && verdict == DesignVerdict::kNoGap && HasMoved(space, summaries)) verdict = DesignVerdict::kGapClosed;
 
   json design;
   design["schema"] = "oted.design/1";
@@ -56,6 +77,7 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
   design["score"] = config.selection.score == "paper" ? selected.c : selected.common;
   design["score_name"] = config.selection.score;
   design["verdict"] = ToString(verdict);
+  if (fit) design["fit"] = FitRecord(*fit, channels);
   design["log2"] = std::numbers::ln2;
   design["nominal_common"] = result.nominal_common;
   for (const SettingScore& setting : result.settings) {

@@ -33,15 +33,16 @@ void PastActions::Push(std::span<const double> action) {
   std::copy(action.begin(), action.end(), values_.begin());
 }
 
-Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions, int n_past_actions) {
+Array2<double> DatasetFeatures(const Dataset& dataset, const EvidenceConfig& config) {
   Array2<double> features;
   std::vector<double> row;
-  PastActions before(n_past_actions, dataset.act_dim());
+  PastActions before(config.n_past_actions, dataset.act_dim());
   for (const Episode& episode : dataset.Episodes()) {
     before.Clear();
-    for (int i = episode.begin; i < episode.end; ++i) {
-      AppendFeatures(dataset.observations.row(i), dataset.actions.row(i), dataset.next_observations.row(i), transitions,
-                     before, row);
+    const int end = config.dataset_starts ? episode.end : std::min(episode.end, episode.begin + config.horizon);
+    for (int i = episode.begin; i < end; ++i) {
+      AppendFeatures(dataset.observations.row(i), dataset.actions.row(i), dataset.next_observations.row(i),
+                     config.transitions, before, row);
       features.AppendRow(row);
       before.Push(dataset.actions.row(i));
     }

@@ -28,9 +28,11 @@ struct EvidenceConfig {
   int n_past_actions = 0;
 };
 
-/// (s, a) or (s, a, s' - s) of every dataset row; the latter with the `n_past_actions` actions before a, latest first,
-/// 0 before the episode's first.
-Array2<double> DatasetFeatures(const Dataset& dataset, bool transitions, int n_past_actions = 0);
+/// (s, a) or (s, a, s' - s) of the dataset's rows; the latter with the `n_past_actions` actions before a, latest first,
+/// 0 before the episode's first. Where rollouts begin at the initial distribution, of the first `horizon` rows of each
+/// episode: what comes later in the log no rollout reaches, and the design would bend parameters to imitate it
+/// (docs/deviations.md#same-horizon).
+Array2<double> DatasetFeatures(const Dataset& dataset, const EvidenceConfig& config);
 
 /// The latest actions of one rollout.
 class PastActions {

@@ -51,7 +51,7 @@ int RowOf(const Dataset& dataset, std::span<const double> features) {
 
 TEST(DatasetFeatures, AreStateActionAndChange) {
   const Dataset dataset = MakeDataset();
-  const Array2<double> with = DatasetFeatures(dataset, true), without = DatasetFeatures(dataset, false);
+  const Array2<double> with = DatasetFeatures(dataset, {}), without = DatasetFeatures(dataset, {.transitions = false});
   ASSERT_EQ(with.rows(), 80);
   ASSERT_EQ(with.cols(), 5);
   ASSERT_EQ(without.cols(), 3);
@@ -66,7 +66,7 @@ TEST(DatasetFeatures, AreStateActionAndChange) {
 
 TEST(ExperienceGatherer, ReplayAtTheTrueParametersGivesTheDatasetsTransitionsExactly) {
   const Dataset dataset = MakeDataset();
-  const Array2<double> logged = DatasetFeatures(dataset, true);
+  const Array2<double> logged = DatasetFeatures(dataset, {});
   // The second lane has another gain, the third differs in a parameter without effect.
   const auto lanes = Gather(dataset, {.horizon = 6, .n_steps = 50}, {kTruth, {1.2, 0.6, 0.5}, {1.3, 0.6, 0.9}});
   ASSERT_EQ(lanes.size(), 3u);
@@ -91,7 +91,7 @@ TEST(ExperienceGatherer, ReplayAtTheTrueParametersGivesTheDatasetsTransitionsExa
 
 TEST(DatasetFeatures, ShowPastActionsOfTheSameEpisodeLatestFirst) {
   const Dataset dataset = MakeDataset();
-  const Array2<double> features = DatasetFeatures(dataset, true, 2);
+  const Array2<double> features = DatasetFeatures(dataset, {.n_past_actions = 2});
   ASSERT_EQ(features.cols(), 7);
   for (const Episode& episode : dataset.Episodes()) {
     for (int i = episode.begin; i < episode.end; ++i) {
@@ -99,7 +99,22 @@ TEST(DatasetFeatures, ShowPastActionsOfTheSameEpisodeLatestFirst) {
       EXPECT_EQ(features(i, 6), i > episode.begin + 1 ? dataset.actions(i - 2, 0) : 0.0);
     }
   }
-  EXPECT_EQ(DatasetFeatures(dataset, false, 2).cols(), 3) << "the paper's g(s, a) sees no more";
+  EXPECT_EQ(DatasetFeatures(dataset, {.transitions = false, .n_past_actions = 2}).cols(), 3) << "the paper's g(s, a) sees no more";
+}
+
+TEST(DatasetFeatures, ReachAsFarAsRolloutsFromTheInitialStates) {
+  const Dataset dataset = MakeDataset();
+  const EvidenceConfig config{
+      .dataset_starts = false, .replayed_actions = false, .transitions = false, .horizon = 7, .n_steps = 100};
+  const Array2<double> features = DatasetFeatures(dataset, config);
+  ASSERT_EQ(features.rows(), 4 * 7);
+  int row = 0;
+  for (const Episode& episode : dataset.Episodes()) {
+    for (int i = episode.begin; i < episode.begin + 7; ++i, ++row) {
+      EXPECT_EQ(features(row, 0), dataset.observations(i, 0));
+    }
+  }
+  EXPECT_EQ(DatasetFeatures(dataset, {.dataset_starts = false, .horizon = 50}).rows(), 80) << "episodes of 20 steps";
 }
 
 TEST(ExperienceGatherer, ReplayAtTheTrueDelayGivesTheDatasetsTransitionsAndPastActions) {
@@ -107,7 +122,7 @@ TEST(ExperienceGatherer, ReplayAtTheTrueDelayGivesTheDatasetsTransitionsAndPastA
   const std::vector<double> truth = {1.3, 0.6, 0.5, 2};
   const Dataset dataset = RandomLogs(*factory->Make(4, 1), truth);
   ASSERT_EQ(factory->spec().n_past_actions, 3);
-  const Array2<double> logged = DatasetFeatures(dataset, true, 3);
+  const Array2<double> logged = DatasetFeatures(dataset, {.n_past_actions = 3});
   const EvidenceConfig config{.horizon = 3, .n_steps = 60, .n_past_actions = 3};
   ExperienceGatherer gatherer(factory->Make(2, 1), dataset, nullptr, config);
   const auto lanes = gatherer.Gather({truth, {1.3, 0.6, 0.5, 1}}, RngKey(2));

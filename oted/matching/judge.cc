@@ -131,7 +131,7 @@ JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& ha
                           RngKey key) {
   Array2<double> data[2], simulated[2];
   for (int h = 0; h < 2; ++h) {
-    data[h] = DatasetFeatures(halves.part[h], evidence.transitions, evidence.n_past_actions);
+    data[h] = DatasetFeatures(halves.part[h], evidence);
     ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), halves.part[h], clone, evidence);
     simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
     if (simulated[h].rows() == 0) return {};
@@ -148,7 +148,7 @@ JudgeScore JudgeReplays(const SimulatorFactory& factory, const JudgeHalves& halv
   const std::vector<int> lane = {0};
   for (size_t h = 0; h < 2; ++h) {
     const Dataset& d = halves.part[h];
-    const Array2<double> features = DatasetFeatures(d, true);
+    const Array2<double> features = DatasetFeatures(d, EvidenceConfig{});
     const auto start = [&](const LogWindow& w) {
       return simulator->SetStateFromLog(0, d.observations.row(w.begin), HistoryBefore(d, w));
     };

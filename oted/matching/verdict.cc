@@ -14,6 +14,8 @@ constexpr double kWeakBelow = 0.6;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
 constexpr double kMatchMargin = 0.35;
+constexpr double kDriftAbove = 2.0;     // times the noise of short windows
+constexpr double kNoticeable = 0.04;    // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;  // of the range
 
 /// x at which the mixture of Gaussians of parameter i has the given cumulative probability; by bisection.
@@ -99,6 +101,30 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
   if (nominal_gap < kNoGapMargin && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
   if (designed_gap < kMatchMargin || designed_gap < 0.5 * nominal_gap) return DesignVerdict::kGapClosed;
   return DesignVerdict::kOutsideFamily;
+}
+
+std::vector<int> DisagreeingChannels(const FitEvidence& fit) {
+  std::vector<int> channels;
+  for (size_t c = 0; c < fit.long_noise_std.size(); ++c) {
+    if (fit.long_noise_std[c] > kDriftAbove * fit.short_noise_std[c]) channels.push_back(static_cast<int>(c));
+  }
+  return channels;
+}
+
+DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit) {
+  if (!DisagreeingChannels(fit).empty()) return DesignVerdict::kOutsideFamily;
+  const std::vector<double> nominal = ZToLogit(q.space(), q.space().Nominal());
+  Eigen::MatrixXd covariance = q.Covariance();
+  Eigen::VectorXd difference(q.size());
+  for (int i = 0; i < q.size(); ++i) {
+    difference[i] = nominal[static_cast<size_t>(i)] - q.mean()[static_cast<size_t>(i)];
+    covariance(i, i) += kNoticeable * kNoticeable;
+  }
+  const double distance = difference.dot(covariance.ldlt().solve(difference));
+  // The 99 % quantile of chi-squared, by Wilson and Hilferty (1931).
+  const double n = q.size(), third = 2.0 / (9.0 * n);
+  const double quantile = n * std::pow(1.0 - third + 2.3263 * std::sqrt(third), 3);
+  return distance <= quantile ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
 }
 
 bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "oted/matching/designer.h"
+#include "oted/matching/fit_evidence.h"
 
 namespace oted {
 
@@ -35,6 +36,15 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
 /// gap: the un-designed simulator is within 0.1 nats of log 2 and the design wins less than 0.005 over it. Gap closed:
 /// the designed simulator is within 0.35 nats of log 2, or has closed at least half of the gap.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
+
+/// The channels in which windows of the log, replayed at the fitted parameters and start states, drift off by more than
+/// the noise of short windows explains: the simulator lacks something that acts there.
+std::vector<int> DisagreeingChannels(const FitEvidence& fit);
+
+/// From a fit that replays windows. Outside the family: some channel disagrees. Otherwise the fitted simulator is as
+/// good as the logs can tell; no gap: the nominal parameters lie in the 99 % region of q, widened by a hundredth of each
+/// range, which nobody would call a gap.
+DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit);
 
 /// Whether an identified parameter lies off its nominal value: by more than three of its spreads, and by more than a
 /// twentieth of its range, which the seeds' errors may reach.

@@ -85,6 +85,42 @@ TEST(JudgeDesign, OutsideTheFamilyWhenLogsAndDesignStayApart) {
   EXPECT_EQ(JudgeDesign(kLog2 - 0.5, kLog2 - 0.6), DesignVerdict::kOutsideFamily) << "worse than no design";
 }
 
+FitEvidence Noise(std::vector<double> short_windows, std::vector<double> long_windows) {
+  return {.window = 16,
+          .explained = 1,
+          .noise_std = short_windows,
+          .short_noise_std = short_windows,
+          .long_noise_std = std::move(long_windows)};
+}
+
+TEST(JudgeFit, DriftInOneChannelIsOutsideTheFamilyAndNamesIt) {
+  const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  EXPECT_EQ(JudgeFit(q, Noise({0.1, 1e-8}, {0.11, 1.1e-8})), DesignVerdict::kGapClosed);
+  const FitEvidence drift = Noise({0.1, 1e-3}, {0.1, 8e-3});
+  EXPECT_EQ(JudgeFit(q, drift), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(DisagreeingChannels(drift), std::vector<int>{1});
+}
+
+TEST(JudgeFit, NoGapWhereTheNominalParametersCannotBeTold) {
+  const FitEvidence fit = Noise({0.1}, {0.1});
+  // The 99 % region of two parameters reaches to 3.03 standard deviations.
+  EXPECT_EQ(JudgeFit(MakeDesigner({2.9, 0}, {1, 1}), fit), DesignVerdict::kNoGap);
+  EXPECT_EQ(JudgeFit(MakeDesigner({3.2, 0}, {1, 1}), fit), DesignVerdict::kGapClosed);
+  EXPECT_EQ(JudgeFit(MakeDesigner({2.9, 2.9}, {1, 1}), fit), DesignVerdict::kGapClosed) << "each alone would pass";
+  EXPECT_EQ(JudgeFit(MakeDesigner({0.02, 0}, {1e-6, 1e-6}), fit), DesignVerdict::kNoGap) << "half a hundredth";
+}
+
+TEST(JudgeFit, ATradeOffDoesNotHideAGap) {
+  // Only a + b is known, and it is off: each alone is wide enough to hold its nominal value.
+  Eigen::MatrixXd covariance(2, 2);
+  covariance << 1, -0.9999, -0.9999, 1;
+  const ParameterSpace space = MakeDesigner({0, 0}, {1, 1}).space();
+  EXPECT_EQ(JudgeFit(Designer(space, Eigen::Vector2d(0.5, 0.5), covariance), Noise({0.1}, {0.1})),
+            DesignVerdict::kGapClosed);
+  EXPECT_EQ(JudgeFit(Designer(space, Eigen::Vector2d(0.5, -0.5), covariance), Noise({0.1}, {0.1})),
+            DesignVerdict::kNoGap);
+}
+
 TEST(Verdicts, HaveTheNamesOfDesignJson) {
   EXPECT_EQ(ToString(ParameterVerdict::kIdentified), "identified");
   EXPECT_EQ(ToString(ParameterVerdict::kWeak), "weak");

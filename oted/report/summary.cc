@@ -169,6 +169,32 @@ void AddMatch(const json& report, json* trust) {
                   FormatScore(match.designed), FormatScore(match.nominal)));
 }
 
+// What the fit of replayed windows says of the sensors, or of what the simulator lacks.
+void AddFit(const json& report, json* found, json* trust) {
+  if (!report.contains("design") || !report["design"].contains("fit")) return;
+  const json& fit = report["design"]["fit"];
+  std::vector<std::string> disagreeing;
+  std::optional<double> lowest, highest;
+  for (const json& channel : ListAt(fit, "channels")) {
+    if (channel.value("disagrees", false)) disagreeing.push_back(TextAt(channel, "name"));
+    const std::optional<double> noise = NumberAt(channel, "noise_std");
+    if (!noise) continue;
+    lowest = std::min(lowest.value_or(*noise), *noise);
+    highest = std::max(highest.value_or(*noise), *noise);
+  }
+  if (!disagreeing.empty()) {
+    found->push_back(fmt::format(
+        "Replayed with the best parameters, {} drift{} away from the log by more than the sensors' noise explains: look "
+        "there for what the simulator lacks.",
+        Enumerate(disagreeing), disagreeing.size() == 1 ? "s" : ""));
+  } else if (lowest) {
+    trust->push_back(fmt::format(
+        "{:.0f}% of the logged windows are explained up to noise that does not grow over a window: standard deviations "
+        "from {} to {}, by channel.",
+        100 * NumberAt(fit, "explained").value_or(0), FormatNumber(lowest), FormatNumber(highest)));
+  }
+}
+
 // The parameters whose value ended within a hundredth of the search range from its edge.
 std::vector<std::string> AtTheEdge(const json& parameters) {
   std::vector<std::string> names;
@@ -226,6 +252,7 @@ json Summarise(const json& report) {
   AddParameters(report, &found);
   AddPolicies(report, &found);
   json trust = json::array();
+  AddFit(report, &found, &trust);
   AddMatch(report, &trust);
   json unknown = Unknown(report, verdict);
   AddReplay(report, &trust, &unknown);

@@ -87,6 +87,18 @@ TEST(SummariseTest, TheHeadlineSaysHowMuchOfTheGapIsClosed) {
   EXPECT_THAT(headline(-0.25, 0.01), HasSubstr("closes 100% of the gap"));
 }
 
+TEST(SummariseTest, AFitTellsTheNoiseOrTheChannelsThatDisagree) {
+  const auto summary = [](bool drifts) {
+    const json channels = {{{"name", "height"}, {"noise_std", 0.01}, {"disagrees", false}},
+                           {{"name", "speed"}, {"noise_std", 0.2}, {"disagrees", drifts}}};
+    return Summarise({{"design", {{"fit", {{"explained", 0.95}, {"channels", channels}}}}}});
+  };
+  EXPECT_THAT(Text(summary(false)["trust"]), HasSubstr("95% of the logged windows are explained"));
+  EXPECT_THAT(Text(summary(false)["trust"]), HasSubstr("from 0.0100 to 0.200"));
+  EXPECT_THAT(Text(summary(true)["found"]), HasSubstr("speed drifts away from the log"));
+  EXPECT_THAT(Text(summary(true)["trust"]), Not(HasSubstr("explained")));
+}
+
 TEST(SummariseTest, AValueAtTheEdgeOfItsRangeIsNotTrusted) {
   json at_the_edge = Parameter("friction", 1.99, "identified");
   at_the_edge["bounds"] = {0.2, 2.0};

@@ -167,7 +167,7 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
                                 const std::string& run_name, const RunContext& context) {
   EvidenceConfig evidence = config.Evidence();
   evidence.n_past_actions = factory.spec().n_past_actions;
-  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence.transitions, evidence.n_past_actions);
+  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 
   Rng init = key.Stage("initialisation").MakeRng();
@@ -210,7 +210,7 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     if (learns_q && (context.StopRequested() || state.iteration % kCheckpointInterval == 0)) state.Save(checkpoint);
     context.ThrowIfStopped();
   }
-  return {.q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations, .noise_std = {}};
+  return {.q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations, .fit = {}};
 }
 
 }  // namespace oted

@@ -47,7 +47,7 @@ DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset
   DesignConfig against = config;
   against.n_iterations = kDiscriminatorIterations;
   DesignResult result = LearnAdversarially(factory, dataset, clone, against, q, false, key, folder, run_name, context);
-  result.noise_std = fit.noise_std;
+  result.fit = fit.evidence;
   return result;
 }
 

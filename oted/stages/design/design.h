@@ -2,6 +2,7 @@
 /// Stage 2 (paper, Sec. 4.1, Algorithm 1): learn q(z) and g by distribution matching.
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "oted/data/dataset.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
+#include "oted/matching/fit_evidence.h"
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/design_config.h"
@@ -18,8 +20,8 @@ namespace oted {
 struct DesignResult {
   Designer q;
   Discriminator g;
-  double learning_progress = 0;   ///< mean reward over all iterations (Sec. 5.1's "learning progress")
-  std::vector<double> noise_std;  ///< (obs_dim) of the logged observations, where the form estimates it; else empty
+  double learning_progress = 0;    ///< mean reward over all iterations (Sec. 5.1's "learning progress")
+  std::optional<FitEvidence> fit;  ///< what is left unexplained; only of forms that replay windows
 };
 
 /// q(z) by the form that `config` names, and a discriminator g trained against it (the paper's score c(h) is g's):

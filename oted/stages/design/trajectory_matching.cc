@@ -388,7 +388,7 @@ TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& 
 
   // Longer and longer windows, while they are explained as well as the short ones.
   TrajectoryFit result;
-  VectorXd first_noise;
+  VectorXd first_noise, last_noise;
   Level level = first;
   while (!level.windows.empty()) {
     LevelFit fit(replayer, space, scale, level, x);
@@ -398,13 +398,22 @@ TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& 
     }
     fit.FinalCost();
     const VectorXd noise = fit.noise_variance().cwiseSqrt();
+    last_noise = noise;
     if (first_noise.size() == 0) first_noise = noise;
     const double growth = std::exp((noise.array() / first_noise.array()).log().mean());
     if (growth > kTolerableGrowth) break;
     x = fit.x();
-    result = {x, fit.Covariance(), {noise.begin(), noise.end()}, level.windows.front().n_steps, fit.ShareExplained()};
+    result = {.mean = x,
+              .covariance = fit.Covariance(),
+              .evidence = {.window = level.windows.front().n_steps,
+                           .explained = fit.ShareExplained(),
+                           .noise_std = {noise.begin(), noise.end()},
+                           .short_noise_std = {},
+                           .long_noise_std = {}}};
     level = fit.Joined();
   }
+  result.evidence.short_noise_std.assign(first_noise.begin(), first_noise.end());
+  result.evidence.long_noise_std.assign(last_noise.begin(), last_noise.end());
   progress(n_total, n_total, x);
   return result;
 }

@@ -10,6 +10,7 @@
 
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
+#include "oted/matching/fit_evidence.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
@@ -26,9 +27,7 @@ struct TrajectoryOptions {
 struct TrajectoryFit {
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;
-  std::vector<double> noise_std;  ///< (obs_dim): of the logged observations, in their units
-  int window = 0;                 ///< control steps of the level that was kept
-  double kept = 0;                ///< share of windows that the simulator explains (the rest count less)
+  FitEvidence evidence;
 };
 
 /// Called after each Gauss-Newton step: how many were made, of how many at most, and x.

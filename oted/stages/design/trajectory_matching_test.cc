@@ -54,7 +54,7 @@ TEST(MatchTrajectories, FindsParametersAndNoiseWhereTheNoiseIsUnknown) {
   const TrajectoryFit fit = Match(logs);
   EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.03);
   EXPECT_NEAR(Z(fit)[kDamping], 0.6, 0.03);
-  for (const double std : fit.noise_std) EXPECT_NEAR(std, 0.05, 0.01);
+  for (const double std : fit.evidence.noise_std) EXPECT_NEAR(std, 0.05, 0.01);
 }
 
 TEST(MatchTrajectories, WhatHasNoEffectStaysAtThePrior) {

@@ -1,6 +1,7 @@
 #pragma once
 /// Stage 3 (paper, Sec. 4.2, "Simulator selection"): which hyperparameter setting h designed the best simulators?
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "oted/data/dataset.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
+#include "oted/matching/fit_evidence.h"
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/simulator.h"
 
@@ -32,6 +34,7 @@ struct Candidate {
   Discriminator g;
   EvidenceConfig evidence;       ///< that g was trained on
   double learning_progress = 0;  ///< mean reward during training
+  std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of forms that replay windows
 };
 
 struct CandidateScore {

@@ -26,7 +26,7 @@ Candidate CertainOf(const std::string& setting, int seed, const std::vector<doub
   candidate.q = Designer(space, 1.0);
   candidate.q.Restore(mean, std::vector<double>(mean.size(), -5.0));
   Rng rng(static_cast<uint64_t>(seed));
-  candidate.g = Discriminator(DatasetFeatures(logs, candidate.evidence.transitions), {}, rng);
+  candidate.g = Discriminator(DatasetFeatures(logs, candidate.evidence), {}, rng);
   return candidate;
 }
 

@@ -1,0 +1,180 @@
+#!/usr/bin/env python3
+"""Whether the design's intervals hold the truth and its verdicts are right: random targets, fresh demonstrations each.
+
+  benchmarks/trust.py [--task hopper] [--noise 0 0.02] [--classes identified ...] [--cases 20] [--jobs 2]
+  benchmarks/trust.py --table
+
+Every case draws a target, lets the shipped medium policy demonstrate five episodes in it, designs from these with one
+seed and leaves one JSON file; a case whose file exists is not run again. The classes and what is right in each:
+
+  identified      friction, gain, gravity anywhere in [0.4, 1.7] (bounds 0.2, 2.0): each identified, the gap closed
+  no_gap          the target is the nominal simulator: no gap
+  no_effect       beside them a parameter that touches nothing: it is not identified, the others are
+  product         gain and gear, of which only the product acts: neither is identified, their correlation is below -0.8
+  out_of_bounds   one of the three lies beyond its bounds, which end at 1.2 or begin at 0.8: outside the family
+  out_of_family   a dynamics parameter that is not searched is off (joint damping, armature, a mass): outside the family
+"""
+
+import argparse
+import concurrent.futures
+import json
+import math
+import pathlib
+import random
+import statistics
+import subprocess
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+TASKS = {"hopper": "Hopper-v5", "halfcheetah": "HalfCheetah-v5", "walker2d": "Walker2d-v5"}
+FIELDS = {"friction": "geom/*/friction[0]", "gain": "actuator/*/gainprm[0]", "gravity": "opt/gravity[2]",
+          "gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
+          "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
+THREE = ("friction", "gain", "gravity")
+CLASSES = ("identified", "no_gap", "no_effect", "product", "out_of_bounds", "out_of_family")
+
+
+def draw_case(kind, rng):
+    """(truth of the target: name -> value, searched: name -> (low, high, scale))"""
+    searched = {name: (0.2, 2.0, "") for name in THREE}
+    truth = {name: round(rng.uniform(0.4, 1.7), 4) for name in THREE}
+    if kind == "no_gap":
+        truth = dict.fromkeys(THREE, 1.0)
+    elif kind == "no_effect":
+        searched[rng.choice(["wind", "magnetic"])] = (-1, 1, ":absolute")
+    elif kind == "product":
+        searched["gear"] = (0.2, 2.0, "")
+        truth["gear"] = round(rng.uniform(0.6, 1.5), 4)
+        truth["gain"] = round(rng.uniform(0.6, 1.5), 4)
+    elif kind == "out_of_bounds":
+        name = rng.choice(THREE)
+        beyond = rng.choice([(0.2, 1.2, rng.uniform(1.5, 1.9)), (0.8, 2.0, rng.uniform(0.4, 0.6))])
+        searched[name], truth[name] = (*beyond[:2], ""), round(beyond[2], 4)
+    elif kind == "out_of_family":
+        truth[rng.choice(["damping", "armature", "torso"])] = round(rng.choice([0.4, 0.6, 1.6, 2.5]), 4)
+    return truth, searched
+
+
+def parameter(name, low, high, scale):
+    return ["--param", f"{name}={FIELDS[name]}:{low}:{high}{scale}"]
+
+
+def run_case(task, noise, kind, case, oted, file, extra):
+    rng = random.Random(f"{task}-{kind}-{case}")
+    truth, searched = draw_case(kind, rng)
+    with tempfile.TemporaryDirectory(prefix="oted-trust-") as folder:
+        data, out = f"{folder}/demos.npz", f"{folder}/run"
+        collect = [str(oted), "collect", "--task", TASKS[task], "--policy", f"examples/policies/{task}/medium.npz",
+                   "--seed", str(1000 + case), "--threads", "1", "--out", data]
+        for name, value in truth.items():
+            collect += parameter(name, 0.2, 3.0, "") + ["--truth", f"{name}={value}"]
+        if noise > 0:
+            collect += ["--param", "noise=obs/*/noise_std:0:1:absolute", "--truth", f"noise={noise}"]
+        subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
+        design = [str(oted), "design", "--task", TASKS[task], "--data", data, "--seed", str(case), "--seeds", "1",
+                  "--threads", "1", "--out", out, "--quiet", "--json"] + extra
+        for name, bounds in searched.items():
+            design += parameter(name, *bounds)
+        start = time.monotonic()
+        result = subprocess.run(design, cwd=ROOT, capture_output=True, text=True, check=False)
+        if result.returncode not in (0, 4):
+            raise SystemExit(f"{' '.join(design)}\n{result.stderr}")
+        seconds = time.monotonic() - start
+        answer = json.loads(result.stdout)["design"]
+        q = json.loads(pathlib.Path(f"{out}/design/default/1/q.json").read_text())
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps({
+        "task": task, "noise": noise, "class": kind, "case": case, "truth": truth, "seconds": round(seconds, 1),
+        "parameters": [{key: p[key] for key in ("name", "mode", "std", "interval90", "verdict")}
+                       for p in answer["parameters"]],
+        "correlation": answer["correlation"], "verdict": answer["verdict"], "nominal_common": answer["nominal_common"],
+        "common": answer["settings"][0]["common"], "fit": q.get("fit"),
+        "n_transitions": answer["dataset"]["n_transitions"]}) + "\n")
+
+
+def is_right(record):
+    verdicts = {p["name"]: p["verdict"] for p in record["parameters"]}
+    names = list(verdicts)
+    whole, kind = record["verdict"], record["class"]
+    if kind in ("out_of_bounds", "out_of_family"):
+        return whole == "outside_family"
+    if whole == "outside_family":
+        return False
+    if kind == "no_gap":
+        return whole == "no_gap"
+    if kind == "product":
+        i, j = names.index("gain"), names.index("gear")
+        return "identified" not in (verdicts["gain"], verdicts["gear"]) and record["correlation"][i][j] < -0.8
+    if kind == "no_effect":
+        return all((verdict == "not_identified") == (name not in THREE) for name, verdict in verdicts.items())
+    return whole == "gap_closed" and set(verdicts.values()) == {"identified"}
+
+
+def binomial_interval(k, n):
+    """Wilson's 95 % interval of a share."""
+    centre = (k + 1.92) / (n + 3.84)
+    half = 1.96 * math.sqrt(k * (n - k) / n + 0.96) / (n + 3.84)
+    return f"{100 * k / n:.0f} % ({100 * (centre - half):.0f}-{100 * (centre + half):.0f})"
+
+
+def print_tables(records):
+    print("| task, noise | class | cases | right | outside_family | gap_closed | no_gap |\n|---|---|---|---|---|---|---|")
+    groups = sorted({(r["task"], r["noise"]) for r in records})
+    for task, noise in groups:
+        for kind in CLASSES:
+            of = [r for r in records if (r["task"], r["noise"], r["class"]) == (task, noise, kind)]
+            if not of:
+                continue
+            count = [sum(r["verdict"] == v for r in of) for v in ("outside_family", "gap_closed", "no_gap")]
+            print(f"| {task}, {noise:g} | {kind} | {len(of)} | {binomial_interval(sum(map(is_right, of)), len(of))} | "
+                  f"{' | '.join(map(str, count))} |")
+    print("\n| task, noise | parameter | cases | 90 % interval holds the truth | median error | median half-width |")
+    print("|---|---|---|---|---|---|")
+    for task, noise in groups:
+        for name in THREE:
+            held, errors, widths = 0, [], []
+            for r in records:
+                if (r["task"], r["noise"]) != (task, noise) or r["class"] not in ("identified", "no_effect", "no_gap"):
+                    continue
+                for p in r["parameters"]:
+                    if p["name"] == name:
+                        low, high = p["interval90"]
+                        held += low <= r["truth"][name] <= high
+                        errors.append(abs(p["mode"] - r["truth"][name]))
+                        widths.append((high - low) / 2)
+            if errors:
+                print(f"| {task}, {noise:g} | {name} | {len(errors)} | {binomial_interval(held, len(errors))} | "
+                      f"{statistics.median(errors):.2g} | {statistics.median(widths):.2g} |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
+    parser.add_argument("--out", default=ROOT / "benchmarks/results/trust", type=pathlib.Path)
+    parser.add_argument("--task", default="hopper", choices=TASKS)
+    parser.add_argument("--noise", default=[0.0, 0.02], type=float, nargs="+")
+    parser.add_argument("--classes", default=list(CLASSES), choices=CLASSES, nargs="+")
+    parser.add_argument("--cases", default=20, type=int)
+    parser.add_argument("--jobs", default=2, type=int)
+    parser.add_argument("--set", default=[], action="append", help="passed on to oted design")
+    parser.add_argument("--table", action="store_true", help="print the tables of what is there; run nothing")
+    arguments = parser.parse_args()
+    if not arguments.table:
+        extra = [word for setting in arguments.set for word in ("--set", setting)]
+        with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
+            jobs = []
+            for case in range(1, arguments.cases + 1):
+                for kind in arguments.classes:
+                    for noise in arguments.noise:
+                        file = arguments.out / f"{arguments.task}-{noise:g}-{kind}-{case}.json"
+                        if not file.exists():
+                            jobs.append(pool.submit(run_case, arguments.task, noise, kind, case,
+                                                    arguments.oted.resolve(), file, extra))
+            for job in jobs:
+                job.result()
+    print_tables([json.loads(file.read_text()) for file in sorted(arguments.out.glob("*.json"))])
+
+
+if __name__ == "__main__":
+    main()

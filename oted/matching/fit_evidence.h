@@ -1,0 +1,24 @@
+#pragma once
+/// What a fit of the logs leaves unexplained.
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+namespace oted {
+
+/// Residuals of replayed windows at the fitted parameters and start states, per observation channel in its own unit.
+struct FitEvidence {
+  int window = 0;                 ///< control steps of the longest windows that the estimate rests on
+  double explained = 0;           ///< share of those windows that the simulator explains; the others count less
+  std::vector<double> noise_std;  ///< (obs_dim): of the logged observations
+  /// (obs_dim): what the shortest windows leave as noise, and the longest that were tried. In the logs' own simulator
+  /// the two are equal up to chance; what a simulator has wrong adds up over a window.
+  std::vector<double> short_noise_std, long_noise_std;
+};
+
+nlohmann::json ToJson(const FitEvidence& evidence);
+/// @throws nlohmann::json::exception when a member is missing
+FitEvidence FitEvidenceFromJson(const nlohmann::json& json);
+
+}  // namespace oted
