@@ -32,6 +32,9 @@ FIELDS = {"friction": "geom/*/friction[0]", "gain": "actuator/*/gainprm[0]", "gr
           "gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
           "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
 THREE = ("friction", "gain", "gravity")
+# Neither the clone nor the classifiers have a say in q, its intervals or its verdicts: they are kept short.
+SHORT = ("clone.max_steps=100", "design.discriminator_steps=1", "selection.judge_steps=20", "selection.n_sims=2",
+         "selection.n_steps=20")
 CLASSES = ("identified", "no_gap", "no_effect", "product", "out_of_bounds", "out_of_family")
 
 
@@ -161,7 +164,7 @@ def main():
     parser.add_argument("--table", action="store_true", help="print the tables of what is there; run nothing")
     arguments = parser.parse_args()
     if not arguments.table:
-        extra = [word for setting in arguments.set for word in ("--set", setting)]
+        extra = [word for setting in (*SHORT, *arguments.set) for word in ("--set", setting)]
         with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
             jobs = []
             for case in range(1, arguments.cases + 1):

@@ -48,6 +48,7 @@ int oted::cli::Main(int argc, char** argv) {
   cli::AddReportVerb(program);
   cli::AddDataVerb(program);
   cli::AddExportVerb(program);
+  cli::AddReproduceVerb(program);
   cli::InstallStopHandler();
   try {
     if (argc > 1) CheckVerb(program.app, argv[1]);

@@ -21,5 +21,6 @@ void AddParamsVerb(Program& program);
 void AddReportVerb(Program& program);
 void AddDataVerb(Program& program);
 void AddExportVerb(Program& program);
+void AddReproduceVerb(Program& program);
 
 }  // namespace oted::cli

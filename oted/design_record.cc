@@ -31,7 +31,8 @@ json FitRecord(const FitEvidence& fit, const std::vector<std::string>& names) {
 }  // namespace
 
 json DesignRecord(const RunConfig& config, const ParameterSpace& space, const std::vector<Candidate>& candidates,
-                  const SelectionResult& result, const std::vector<bool>& has_effect, const std::vector<std::string>& channels) {
+                  const SelectionResult& result, const std::vector<bool>& has_effect,
+                  const std::vector<std::string>& channels) {
   const SettingScore& selected = result.settings[static_cast<size_t>(result.selected_setting)];
   std::vector<Designer> mixture;
   int best = 0;

@@ -255,8 +255,7 @@ void Pipeline::SelectSimulator() {
       candidate.evidence = design.Evidence();
       candidate.evidence.n_past_actions = factory_->spec().n_past_actions;
       Rng unused(0);
-      candidate.g =
-          Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused);
+      candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused);
       candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
       candidate.learning_progress = q.value("learning_progress", 0.0);
       if (q.contains("fit")) candidate.fit = FitEvidenceFromJson(q.at("fit"));
@@ -266,8 +265,8 @@ void Pipeline::SelectSimulator() {
   const SelectionResult result =
       ::oted::SelectSimulator(*factory_, dataset_, &clone, candidates, config_.selection,
                               RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("simulator selection"), context_);
-  json design = DesignRecord(config_, factory_->parameters(), candidates, result, has_effect,
-                             factory_->spec().observation_names);
+  json design =
+      DesignRecord(config_, factory_->parameters(), candidates, result, has_effect, factory_->spec().observation_names);
   design["dataset"] = {{"path", config_.data.path}, {"sha256", dataset_.sha256}, {"n_transitions", dataset_.size()}};
   design["model"] = {{"task", config_.task.name}, {"sha256", model_sha256_}};
   design["versions"] = {{"oted", OTED_VERSION}, {"mujoco", "4.0.0"}};

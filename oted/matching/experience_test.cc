@@ -99,7 +99,8 @@ TEST(DatasetFeatures, ShowPastActionsOfTheSameEpisodeLatestFirst) {
       EXPECT_EQ(features(i, 6), i > episode.begin + 1 ? dataset.actions(i - 2, 0) : 0.0);
     }
   }
-  EXPECT_EQ(DatasetFeatures(dataset, {.transitions = false, .n_past_actions = 2}).cols(), 3) << "the paper's g(s, a) sees no more";
+  EXPECT_EQ(DatasetFeatures(dataset, {.transitions = false, .n_past_actions = 2}).cols(), 3)
+      << "the paper's g(s, a) sees no more";
 }
 
 TEST(DatasetFeatures, ReachAsFarAsRolloutsFromTheInitialStates) {

@@ -14,8 +14,8 @@ constexpr double kWeakBelow = 0.6;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
 constexpr double kMatchMargin = 0.35;
-constexpr double kDriftAbove = 2.0;     // times the noise of short windows
-constexpr double kNoticeable = 0.04;    // in x: a hundredth of the range at its middle
+constexpr double kDriftAbove = 2.0;   // times the noise of short windows
+constexpr double kNoticeable = 0.04;  // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;  // of the range
 
 /// x at which the mixture of Gaussians of parameter i has the given cumulative probability; by bisection.

@@ -42,8 +42,8 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 std::vector<int> DisagreeingChannels(const FitEvidence& fit);
 
 /// From a fit that replays windows. Outside the family: some channel disagrees. Otherwise the fitted simulator is as
-/// good as the logs can tell; no gap: the nominal parameters lie in the 99 % region of q, widened by a hundredth of each
-/// range, which nobody would call a gap.
+/// good as the logs can tell; no gap: the nominal parameters lie in the 99 % region of q, widened by a hundredth of
+/// each range, which nobody would call a gap.
 DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit);
 
 /// Whether an identified parameter lies off its nominal value: by more than three of its spreads, and by more than a

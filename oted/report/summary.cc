@@ -183,10 +183,11 @@ void AddFit(const json& report, json* found, json* trust) {
     highest = std::max(highest.value_or(*noise), *noise);
   }
   if (!disagreeing.empty()) {
-    found->push_back(fmt::format(
-        "Replayed with the best parameters, {} drift{} away from the log by more than the sensors' noise explains: look "
-        "there for what the simulator lacks.",
-        Enumerate(disagreeing), disagreeing.size() == 1 ? "s" : ""));
+    found->push_back(
+        fmt::format("Replayed with the best parameters, {} drift{} away from the log by more than the sensors' noise "
+                    "explains: look "
+                    "there for what the simulator lacks.",
+                    Enumerate(disagreeing), disagreeing.size() == 1 ? "s" : ""));
   } else if (lowest) {
     trust->push_back(fmt::format(
         "{:.0f}% of the logged windows are explained up to noise that does not grow over a window: standard deviations "

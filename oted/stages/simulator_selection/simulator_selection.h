@@ -32,8 +32,8 @@ struct Candidate {
   int seed = 0;
   Designer q;
   Discriminator g;
-  EvidenceConfig evidence;       ///< that g was trained on
-  double learning_progress = 0;  ///< mean reward during training
+  EvidenceConfig evidence;         ///< that g was trained on
+  double learning_progress = 0;    ///< mean reward during training
   std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of forms that replay windows
 };
 

@@ -1,0 +1,73 @@
+"""oted reproduce: the paper's studies, cell by cell.
+
+    test_reproduce.py PATH/TO/oted [TestClass.test_name ...]
+"""
+
+import json
+import pathlib
+import shutil
+import sys
+import unittest
+
+import test_cli as cli
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+
+
+def finished_cell(error):
+    pick = {"setting": "h", "error": error, "error_std": 0.01, "regret": 0.0}
+    return {"schema": "oted.cell/1", "task": "hopper", "dataset": "medium", "parameters": "all", "counts": True,
+            "names": ["friction", "gain", "gravity"], "best_error": error, "worst_error": 4 * error,
+            "settings": [{"name": "h", "modes": [[1 + error, 1, 1]]}],
+            "picks": {key: pick for key in ("random", "design_deviation", "learning_progress", "c", "common")}}
+
+
+class ReproduceTest(cli.CliTest):
+    def test_a_finished_cell_is_not_run_again_and_its_table_is_printed(self):
+        out = self.folder / "table2"
+        out.mkdir()
+        (out / "hopper-medium-all.json").write_text(json.dumps(finished_cell(0.123)))
+        result = cli.oted("reproduce", "table2", "--task", "hopper", "--dataset", "medium", "--out", out, "--quiet")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("| hopper-medium | 0.123, 0.492 |", result.stdout)
+        self.assertIn("0.235 (0.034)", result.stdout, "the paper's own figure stands beside it")
+        self.assertEqual([file.name for file in out.iterdir()], ["hopper-medium-all.json"])
+
+    def test_a_cell_runs_from_the_demonstrations_of_its_name_to_a_file(self):
+        # The nominal simulator's logs: with trajectories, one seed and 1 parameter a design takes seconds.
+        data = self.folder / "data"
+        data.mkdir()
+        shutil.copyfile(ROOT / "examples/data/hopper-medium.hdf5", data / "hopper-expert.hdf5")
+        out = self.folder / "figure2"
+        result = cli.oted("reproduce", "figure2", "--task", "hopper", "--dataset", "expert", "--parameters", "gain",
+                          "--seeds", "1", "--form", "trajectories", "--data", data, "--out", out, "--quiet",
+                          *cli.sets([s for s in cli.TINY if "design." not in s and "n_seeds" not in s]),
+                          *cli.sets(["design.discriminator_steps=1", "design.trajectory_rows=128", "design.trajectory_coarse=8",
+                                      "design.trajectory_starts=1"]))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        record = json.loads((out / "hopper-expert-gain.json").read_text())
+        self.assertLess(record["settings"][0]["error"], 1e-5)
+        self.assertEqual(record["names"], ["gain"])
+        self.assertIn("reproduce figure2", record["command"])
+        self.assertIn("| hopper-expert |  | 0.000 (0.000) |", result.stdout)
+        self.assertTrue((out / "runs/hopper-expert-gain/report.html").exists())
+
+    def test_unknown_names_are_usage_errors(self):
+        for words, named in ((["table7"], "table2|figure2"), (["table2", "--task", "hoper"], "'hopper'"),
+                             (["table2", "--dataset", "poor"], "medium-expert"),
+                             (["figure2", "--parameters", "mass"], "gravity")):
+            result = cli.oted("reproduce", *words, "--out", self.folder / "none", "--quiet")
+            self.assertOneLine(result, cli.USAGE, named)
+        self.assertFalse((self.folder / "none").exists())
+
+    def test_missing_demonstrations_are_a_data_error(self):
+        result = cli.oted("reproduce", "table2", "--task", "hopper", "--dataset", "medium", "--data", self.folder,
+                          "--out", self.folder / "t", "--quiet")
+        self.assertOneLine(result, cli.DATA_OR_MODEL, "hopper-medium.hdf5")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    cli.OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    unittest.main()
