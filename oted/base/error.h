@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace oted {
 
@@ -17,10 +18,15 @@ enum class ExitCode : int {
   kInterrupted = 130,
 };
 
-/// Base of every error that this library throws.
+/// `text` as one line of valid UTF-8: a line break becomes a space, any other control character and what is no UTF-8
+/// a '?', and what is beyond 4,000 bytes is cut off. What a damaged file holds reaches messages.
+std::string Printable(std::string_view text);
+
+/// Base of every error that this library throws. Its message is printable.
 class Error : public std::runtime_error {
  public:
-  Error(ExitCode exit_code, const std::string& message) : std::runtime_error(message), exit_code_(exit_code) {}
+  Error(ExitCode exit_code, const std::string& message)
+      : std::runtime_error(Printable(message)), exit_code_(exit_code) {}
   ExitCode exit_code() const { return exit_code_; }
 
  private:

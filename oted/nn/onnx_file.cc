@@ -218,18 +218,12 @@ class Reader {
 
 }  // namespace
 
-std::string Printable(std::string_view text) {
-  std::string printable(text.substr(0, 1000));
-  for (char& c : printable) c = c >= ' ' && c <= '~' ? c : '?';
-  return printable;
-}
-
 OnnxFile ReadOnnx(const std::filesystem::path& path) {
   Reader reader(path);
   try {
     return reader.Read();
   } catch (const DataError& e) {
-    throw DataError(fmt::format("ONNX model '{}' {}; export it again", path.string(), Printable(e.what())));
+    throw DataError(fmt::format("ONNX model '{}' {}; export it again", path.string(), e.what()));
   } catch (const protozero::exception& e) {
     throw DataError(
         fmt::format("'{}' is no ONNX model, or a damaged one ({}); export it again", path.string(), e.what()));

@@ -54,7 +54,4 @@ struct OnnxFile {
 /// @throws DataError naming the file and what is wrong with it.
 OnnxFile ReadOnnx(const std::filesystem::path& path);
 
-/// A name out of a file as an error may show it: without line ends and bytes that are no ASCII.
-std::string Printable(std::string_view text);
-
 }  // namespace oted

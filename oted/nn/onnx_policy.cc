@@ -120,7 +120,7 @@ void OnnxPolicy::FoldConstants() {
 }
 
 void OnnxPolicy::Fail(const std::string& what) const {
-  throw DataError(fmt::format("ONNX model '{}' {}", path_, Printable(what)));
+  throw DataError(fmt::format("ONNX model '{}' {}", path_, what));
 }
 
 OnnxValue OnnxPolicy::Evaluate(std::span<const double> observations, int n) const {
