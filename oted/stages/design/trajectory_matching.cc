@@ -1,15 +1,10 @@
 #include "oted/stages/design/trajectory_matching.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "oted/base/error.h"
-#include "oted/data/normalizer.h"
 #include "oted/matching/designer.h"
-#include "oted/matching/windows.h"
 
 namespace oted {
 namespace {
@@ -19,20 +14,13 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kPriorPrecision = 1.0 / (Designer::kPriorStd * Designer::kPriorStd);
-constexpr double kMaxX = 6.0;              // as the designer's
-constexpr double kEdge = 3.0;              // a start nearer to a bound would hardly move
 constexpr double kParameterStep = 1e-4;    // of forward differences, in x
 constexpr double kStartStep = 1e-5;        // of forward differences, in standard deviations of the channel
-constexpr double kSmallestNoise = 3e-8;    // of a channel: the rounding of logs in single precision
 constexpr double kHeaviness = 0.5;         // degrees of freedom of rho, per number of a window
 constexpr double kTolerableGrowth = 1.25;  // of the noise estimate from the first level to a longer one
 constexpr int kFirstWindow = 2;
 constexpr int kStartIterations = 5, kLevelIterations = 5, kFinalIterations = 3;
 constexpr int kLanes = 256;
-
-std::vector<double> ToZ(const ParameterSpace& space, const VectorXd& x) {
-  return LogitToZ(space, {x.data(), static_cast<size_t>(x.size())});
-}
 
 struct Level {
   std::vector<LogWindow> windows;
@@ -270,18 +258,9 @@ class LevelFit {
 /// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into the first level's
 /// windows.
 Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_rows, Rng& rng) {
-  std::vector<LogWindow> stretches;
-  for (const Episode& episode : dataset.Episodes()) {
-    // What an episode has beyond whole stretches falls on either end, by chance.
-    const int spare = episode.size() % length;
-    const int begin = episode.begin + (spare > 0 ? static_cast<int>(rng.Below(static_cast<uint64_t>(spare))) : 0);
-    for (int i = begin; i + length <= episode.end; i += length) stretches.push_back({i, length, episode.begin});
-  }
   Level level;
   int n_stretches = 0;
-  for (const int k : RandomPermutation(static_cast<int>(stretches.size()), rng)) {
-    if (n_stretches * length >= n_rows) break;
-    const LogWindow& stretch = stretches[static_cast<size_t>(k)];
+  for (const LogWindow& stretch : DrawStretches(dataset, length, n_rows, rng)) {
     for (int i = stretch.begin; i + kFirstWindow <= stretch.begin + length; i += kFirstWindow) {
       const LogWindow window{i, kFirstWindow, stretch.episode_begin};
       if (!replayer.CanStart(window)) continue;
@@ -328,26 +307,19 @@ Level Leading(const Level& level, size_t n) {
 }  // namespace
 
 TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset,
-                                const TrajectoryOptions& options, RngKey key, const TrajectoryProgress& progress,
+                                const TrajectoryOptions& options, RngKey key, const FitProgress& progress,
                                 const RunContext& context) {
   const ParameterSpace& space = factory.parameters();
   const int n_parameters = space.size(), per_window = 1 + n_parameters + factory.spec().obs_dim();
   WindowReplayer replayer(factory.Make(std::max(1, kLanes / per_window) * per_window, context.n_threads), dataset);
-  const std::vector<double> channel_scale = Normalizer::Fit(dataset.observations).scale;
-  const VectorXd scale =
-      Eigen::Map<const VectorXd>(channel_scale.data(), static_cast<Eigen::Index>(channel_scale.size()));
+  const VectorXd scale = ChannelScales(dataset);
   int longest = kFirstWindow;
   for (const Episode& episode : dataset.Episodes()) {
     while (longest * 2 <= std::min(options.max_window, episode.size())) longest *= 2;
   }
   Rng rng = key.MakeRng();
   const Level first = FirstLevel(replayer, dataset, longest, options.n_rows, rng);
-  if (first.windows.empty()) {
-    throw DataError(fmt::format(
-        "no state of dataset '{}' can be set in task '{}' (velocities at the observation's clip, or episodes under {} "
-        "transitions?); use --set design.form=paper",
-        dataset.path, factory.spec().task, kFirstWindow));
-  }
+  if (first.windows.empty()) ThrowNothingStartable(dataset, factory.spec(), kFirstWindow);
   int n_levels = 1;
   for (int length = kFirstWindow; length < longest; length *= 2) ++n_levels;
   const int n_total = options.n_starts * kStartIterations + n_levels * kLevelIterations + kFinalIterations;
@@ -360,9 +332,7 @@ TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& 
   // Where to start: the prior's draws that explain single steps best, and the nominal parameters.
   const Level few = Leading(first, 40), third = Leading(first, std::max<size_t>(40, first.windows.size() / 3));
   std::vector<std::pair<double, VectorXd>> candidates;
-  const std::vector<double> nominal_logit = ZToLogit(space, space.Nominal());
-  const VectorXd nominal =
-      Eigen::Map<const VectorXd>(nominal_logit.data(), n_parameters).cwiseMax(-kEdge).cwiseMin(kEdge);
+  const VectorXd nominal = NominalStart(space);
   for (int k = 0; k < options.n_coarse; ++k) {
     VectorXd x = nominal;
     if (k > 0) {
@@ -402,7 +372,7 @@ TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& 
     const double growth = std::exp((noise.array() / first_noise.array()).log().mean());
     if (growth > kTolerableGrowth) break;
     x = fit.x();
-    result = {x, fit.Covariance(), {noise.begin(), noise.end()}, level.windows.front().n_steps, fit.ShareExplained()};
+    result = {{x, fit.Covariance(), {noise.begin(), noise.end()}}, level.windows.front().n_steps, fit.ShareExplained()};
     level = fit.Joined();
   }
   progress(n_total, n_total, x);

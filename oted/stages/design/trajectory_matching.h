@@ -3,14 +3,10 @@
 /// simulator replays, with the windows' start states unknown as well as z. Not in the paper; see
 /// docs/deviations.md#trajectory-matching.
 
-#include <Eigen/Dense>
-#include <functional>
-#include <string>
-#include <vector>
-
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
 #include "oted/sim/simulator.h"
+#include "oted/stages/design/replay_fit.h"
 
 namespace oted {
 
@@ -21,18 +17,10 @@ struct TrajectoryOptions {
   int n_starts = 3;     ///< of them, refined at the first level
 };
 
-/// q as a Gaussian over the search coordinates x (logits of the range, oted/matching/designer.h), and what the logs say
-/// of their own noise.
-struct TrajectoryFit {
-  Eigen::VectorXd mean;
-  Eigen::MatrixXd covariance;
-  std::vector<double> noise_std;  ///< (obs_dim): of the logged observations, in their units
-  int window = 0;                 ///< control steps of the level that was kept
-  double kept = 0;                ///< share of windows that the simulator explains (the rest count less)
+struct TrajectoryFit : ReplayFit {
+  int window = 0;   ///< control steps of the level that was kept
+  double kept = 0;  ///< share of windows that the simulator explains (the rest count less)
 };
-
-/// Called after each Gauss-Newton step: how many were made, of how many at most, and x.
-using TrajectoryProgress = std::function<void(int done, int total, const Eigen::VectorXd& x)>;
 
 /// Minimises over x and over the start state s_w of every window w
 ///
@@ -49,7 +37,7 @@ using TrajectoryProgress = std::function<void(int done, int total, const Eigen::
 /// The covariance is the sandwich H^-1 M H^-1 over stretches of the log (H: Gauss-Newton Hessian, M: of the scores), so
 /// that it does not trust the noise model.
 TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset,
-                                const TrajectoryOptions& options, RngKey key, const TrajectoryProgress& progress,
+                                const TrajectoryOptions& options, RngKey key, const FitProgress& progress,
                                 const RunContext& context);
 
 }  // namespace oted
