@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "oted/matching/designer.h"
+#include "oted/stages/design/noise_estimate.h"
 
 namespace oted {
 namespace {
@@ -16,10 +17,13 @@ using Eigen::VectorXd;
 constexpr double kPriorPrecision = 1.0 / (Designer::kPriorStd * Designer::kPriorStd);
 constexpr double kParameterStep = 1e-4;    // of forward differences, in x
 constexpr double kStartStep = 1e-5;        // of forward differences, in standard deviations of the channel
+constexpr double kNoiseGuess = 0.01;       // of a channel's standard deviation, before anything is known
 constexpr double kHeaviness = 0.5;         // degrees of freedom of rho, per number of a window
 constexpr double kTolerableGrowth = 1.25;  // of the noise estimate from the first level to a longer one
 constexpr int kFirstWindow = 2;
-constexpr int kStartIterations = 5, kLevelIterations = 5, kFinalIterations = 3;
+constexpr int kStartIterations = 5, kLevelIterations = 5;
+// The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
+constexpr int kFirstLevelIterations = 9;
 constexpr int kLanes = 256;
 
 struct Level {
@@ -197,27 +201,20 @@ class LevelFit {
     EstimateNoise();
   }
 
-  /// The channels' variances and the windows' weights, each from the other. A start state takes one observation's worth
-  /// of freedom from each channel of each window.
+  /// The channels' variances, and from them the windows' weights.
   void EstimateNoise() {
-    constexpr int kRounds = 6;
-    weights_.assign(residuals_.size(), 1.0);
-    for (int round = 0; round < kRounds; ++round) {
-      variance_ = VectorXd::Zero(scale_.size());
-      double n = 0;
-      for (size_t w = 0; w < residuals_.size(); ++w) {
-        if (residuals_[w].size() == 0) continue;
-        n += n_steps();
-        for (int t = 0; t <= n_steps(); ++t) {
-          variance_ += weights_[w] * residuals_[w].segment(t * scale_.size(), scale_.size()).cwiseAbs2();
-        }
-      }
-      variance_ = (variance_ / std::max(n, 1.0)).cwiseMax((kSmallestNoise * scale_.cwiseMax(1.0)).cwiseAbs2());
-      for (size_t w = 0; w < residuals_.size(); ++w) {
-        const double numbers = static_cast<double>(scale_.size()) * n_steps();
-        weights_[w] =
-            residuals_[w].size() == 0 ? 0 : (kHeaviness + 1) / (kHeaviness + SquaredError(residuals_[w]) / numbers);
-      }
+    const VectorXd smallest = (kSmallestNoise * scale_.cwiseMax(1.0)).cwiseAbs2();
+    std::vector<FittedWindow> fitted(linear_.size());
+    for (size_t w = 0; w < linear_.size(); ++w) {
+      if (linear_[w].valid) fitted[w] = {linear_[w].residual, linear_[w].d_start};
+    }
+    if (variance_.size() == 0) variance_ = (kNoiseGuess * scale_).cwiseAbs2();
+    variance_ = NoiseVariance(fitted, variance_, smallest);
+    const double numbers = static_cast<double>(scale_.size()) * n_steps();
+    weights_.assign(residuals_.size(), 0.0);
+    for (size_t w = 0; w < residuals_.size(); ++w) {
+      if (residuals_[w].size() == 0) continue;
+      weights_[w] = (kHeaviness + 1) / (kHeaviness + SquaredError(residuals_[w]) / numbers);
     }
   }
 
@@ -322,7 +319,7 @@ TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& 
   if (first.windows.empty()) ThrowNothingStartable(dataset, factory.spec(), kFirstWindow);
   int n_levels = 1;
   for (int length = kFirstWindow; length < longest; length *= 2) ++n_levels;
-  const int n_total = options.n_starts * kStartIterations + n_levels * kLevelIterations + kFinalIterations;
+  const int n_total = options.n_starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations;
   int n_done = 0;
   const auto tell = [&](const VectorXd& x) {
     progress(++n_done, n_total, x);
@@ -362,7 +359,8 @@ TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& 
   Level level = first;
   while (!level.windows.empty()) {
     LevelFit fit(replayer, space, scale, level, x);
-    for (int i = 0; i < kLevelIterations; ++i) {
+    const int n_iterations = first_noise.size() == 0 ? kFirstLevelIterations : kLevelIterations;
+    for (int i = 0; i < n_iterations; ++i) {
       fit.Step();
       tell(fit.x());
     }
