@@ -35,8 +35,8 @@ struct DesignConfig {
   int trajectory_starts = 3;
   int trajectory_coarse = 64;
 
-  int least_squares_horizon = 5;
-  int least_squares_rows = 2000;
+  int least_squares_horizon = 2;
+  int least_squares_rows = 1000;
   int least_squares_starts = 5;
 
   int dropo_horizon = 1;

@@ -10,8 +10,8 @@
 namespace oted {
 
 struct LeastSquaresOptions {
-  int horizon = 5;    ///< control steps that are predicted from each logged state
-  int n_rows = 2000;  ///< logged transitions that are predicted, at most
+  int horizon = 2;    ///< control steps that are predicted from each logged state
+  int n_rows = 1000;  ///< logged transitions that are predicted, at most
   int n_starts = 5;   ///< of the parameters: the nominal ones, then uniform draws
 };
 

@@ -27,8 +27,9 @@ struct TrajectoryFit : ReplayFit {
 ///   sum_w rho( sum_t,c (o_wtc - M_c(s_w, a_w, t; z(x)))^2 / sigma_c^2 ) + |x|^2 / (2 prior_std^2)
 ///
 /// where rho is the negative log density of a scale mixture (Student's t over a window), so that windows which no
-/// parameters explain count less, and sigma_c, the noise of channel c, is estimated along with the rest. Gauss-Newton
-/// with the start states eliminated window by window; Levenberg damping of its own for x and for every s_w.
+/// parameters explain count less, and sigma_c, the noise of channel c, is estimated along with the rest
+/// (noise_estimate.h). Gauss-Newton with the start states eliminated window by window; Levenberg damping of its own for
+/// x and for every s_w.
 ///
 /// Windows of 2 control steps come first: their replays are almost linear in x and find the basin. They are joined to
 /// windows of 4, 8, ... as long as the longer ones are explained as well, that is, the noise estimate does not grow by
