@@ -21,6 +21,7 @@ void AddCollectVerb(Program& program) {
     std::vector<std::string> policies;
     std::string output;
     int n_episodes = 5;
+    double noise = 0;
   };
   CLI::App* verb =
       program.app.add_subcommand("collect", "log demonstrations of a policy in a simulator that stands for the target");
@@ -40,6 +41,11 @@ void AddCollectVerb(Program& program) {
   verb->add_option("--episodes", options->n_episodes, "episodes to log")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  verb->add_option(
+          "--noise", options->noise,
+          "standard deviation of the sensors' noise, the same on every observation and in its unit; the policy "
+          "sees it too [default: none]")
+      ->check(CLI::PositiveNumber);
   verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
   verb->add_option("--out", options->output, "dataset to write: .hdf5 (D4RL layout), .npz, .csv, or NAME-v0 (Minari)")
@@ -52,6 +58,16 @@ void AddCollectVerb(Program& program) {
     for (const std::string& text : options->parameters) config.parameters.push_back(ParseParameterSpec(text));
     if (!options->truth.empty() || !options->parameters.empty()) config.truth.clear();
     for (const std::string& text : options->truth) config.SetTruth(text);
+    if (options->noise > 0) {
+      // A name that no parameter of the user's can have.
+      const std::string name = "--noise";
+      config.parameters.push_back({.name = name,
+                                   .field = "obs/*/noise_std",
+                                   .low = 0,
+                                   .high = options->noise,
+                                   .scale = ParameterScale::kAbsolute});
+      config.truth[name] = options->noise;
+    }
     const auto factory = MakeSimulatorFactory(config.task, config.parameters);
     const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
     NullSink log;

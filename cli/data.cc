@@ -10,6 +10,7 @@
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
+#include "oted/data/sensor_noise.h"
 #include "oted/data_check.h"
 
 namespace oted::cli {
@@ -123,20 +124,34 @@ void AddCheck(CLI::App& data, Program& program) {
 void AddConvert(CLI::App& data) {
   CLI::App* verb =
       data.add_subcommand("convert", "the same transitions in another format, by the endings of the paths");
-  auto options = std::make_shared<Options>();
+  struct ConvertOptions : Options {
+    double noise = 0;
+  };
+  auto options = std::make_shared<ConvertOptions>();
   verb->add_option("IN,--data", options->data, "file to read")->required();
   verb->add_option("OUT,--out", options->out, "file to write")->required();
   verb->add_option("--task", options->task, "the task that the data must fit");
   verb->add_option("--episodes", options->episodes, "which episodes: a number (the first so many), 3-7, or all");
+  verb->add_option(
+          "--noise", options->noise,
+          "for studies: add sensor noise of this standard deviation to every observation, in its own unit, one "
+          "reading for each state, and leave out full states (infos/qpos, infos/qvel)")
+      ->check(CLI::PositiveNumber);
+  verb->add_option("--seed", options->seed, "of --noise [default: 1]")->check(CLI::NonNegativeNumber);
   verb->callback([options] {
     std::error_code error;
     if (std::filesystem::equivalent(options->data, options->out, error)) {
       throw UsageError(fmt::format("'{}' would be written over itself; name another file", options->data));
     }
     const RunConfig config = StudyOf(*options);
-    const Dataset dataset = ReadChosen(config, options->episodes);
+    Dataset dataset = ReadChosen(config, options->episodes);
     const auto factory = FactoryOf(config, dataset);
     dataset.Check();
+    const bool drops_states = options->noise > 0 && dataset.has_states();
+    if (options->noise > 0) {
+      const uint64_t seed = options->seed < 0 ? 1 : static_cast<uint64_t>(options->seed);
+      dataset = WithSensorNoise(dataset, options->noise, RngKey(seed).Stage("sensor noise"));
+    }
     if (factory) {
       dataset.CheckFits(factory->spec().task, factory->spec().obs_dim(), factory->spec().act_dim);
     }
@@ -150,7 +165,8 @@ void AddConvert(CLI::App& data) {
     // What was lost is what reading it back does not give.
     const Dataset back = ReadDataset(options->out);
     fmt::print("{}: {} transitions in {} episodes\n", options->out, back.size(), back.Episodes().size());
-    const std::vector<std::string> losses = Losses(dataset, back);
+    std::vector<std::string> losses = Losses(dataset, back);
+    if (drops_states) losses.push_back("infos/qpos and infos/qvel, which would give the noise away");
     for (const std::string& loss : losses) fmt::print("lost: {}\n", loss);
     if (losses.empty()) fmt::print("nothing was lost: every number and flag reads back as it was\n");
   });

@@ -6,6 +6,8 @@
 
 #include "oted/base/error.h"
 #include "oted/stages/design/adversarial.h"
+#include "oted/stages/design/dropo.h"
+#include "oted/stages/design/least_squares.h"
 #include "oted/stages/design/trajectory_matching.h"
 
 namespace oted {
@@ -34,15 +36,18 @@ DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset
   OTED_CHECK(config.form != "auto");
   dataset.CheckFits(factory.spec().task, factory.spec().obs_dim(), factory.spec().act_dim);
   const Designer prior(factory.parameters(), config.initial_std);
-  if (config.form != "trajectories") {
+  if (!config.FitsByReplay()) {
     return LearnAdversarially(factory, dataset, clone, config, prior, true, key, folder, run_name, context);
   }
-  const TrajectoryFit fit = MatchTrajectories(
-      factory, dataset, config.Trajectories(), key.Stage("trajectories"),
-      [&](int done, int total, const Eigen::VectorXd& x) {
-        LogFit(factory.parameters(), done, total + kDiscriminatorIterations, x, run_name, *context.log);
-      },
-      context);
+  const FitProgress progress = [&](int done, int total, const Eigen::VectorXd& x) {
+    LogFit(factory.parameters(), done, total + kDiscriminatorIterations, x, run_name, *context.log);
+  };
+  const RngKey of_form = key.Stage(config.form);
+  const ReplayFit fit = config.form == "least-squares"
+                            ? FitLeastSquares(factory, dataset, config.LeastSquares(), of_form, progress, context)
+                        : config.form == "dropo"
+                            ? FitDropo(factory, dataset, config.Dropo(), of_form, progress, context)
+                            : MatchTrajectories(factory, dataset, config.Trajectories(), of_form, progress, context);
   const Designer q(factory.parameters(), fit.mean, fit.covariance);
   DesignConfig against = config;
   against.n_iterations = kDiscriminatorIterations;

@@ -26,12 +26,13 @@ struct DesignResult {
 
 /// q(z) by the form that `config` names, and a discriminator g trained against it (the paper's score c(h) is g's):
 ///   "trajectories"          MatchTrajectories, then lines 1, 2 and 4 of Algorithm 1 with that q
+///   "least-squares"         FitLeastSquares, then the same
+///   "dropo"                 FitDropo, then the same
 ///   "transitions", "paper"  Algorithm 1
 /// @param config  resolved: its form is not "auto"
 /// @param clone   may be null when config replays actions
 /// @param folder  Algorithm 1 leaves checkpoint.npz there every ten iterations; a stopped run goes on from it with
-/// equal
-///                results. Trajectory matching, which takes seconds, begins anew
+///                equal results. The other forms, which take seconds, begin anew
 /// @throws Interrupted when a stop was requested
 DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
                          const DesignConfig& config, RngKey key, const std::filesystem::path& folder,

@@ -9,13 +9,21 @@
 #include "oted/base/error.h"
 
 namespace oted {
+namespace {
+
+const std::vector<std::string>& Forms() {
+  static const std::vector<std::string> forms = {"auto",  "trajectories",  "transitions",
+                                                 "paper", "least-squares", "dropo"};
+  return forms;
+}
+
+}  // namespace
 
 DesignConfig DesignConfig::ForForm(const std::string& form) {
   DesignConfig config;
-  const std::vector<std::string> forms = {"auto", "trajectories", "transitions", "paper"};
-  if (std::find(forms.begin(), forms.end(), form) == forms.end()) {
-    throw UsageError(
-        fmt::format("design.form is '{}', wanted one of {}{}", form, fmt::join(forms, "|"), DidYouMean(form, forms)));
+  if (std::ranges::find(Forms(), form) == Forms().end()) {
+    throw UsageError(fmt::format("design.form is '{}', wanted one of {}{}", form, fmt::join(Forms(), "|"),
+                                 DidYouMean(form, Forms())));
   }
   config.form = form;
   if (form != "paper") return config;
@@ -29,10 +37,9 @@ DesignConfig DesignConfig::ForForm(const std::string& form) {
 }
 
 DesignConfig DesignConfig::Resolved(const ParameterSpace& space, const SimulatorSpec& spec) const {
-  if (form == "trajectories" && !spec.can_set_state) {
+  if (FitsByReplay() && !spec.can_set_state) {
     throw UsageError(fmt::format(
-        "design.form = \"trajectories\" sets logged states, which task '{}' does not take; use auto or paper",
-        spec.task));
+        "design.form = \"{}\" sets logged states, which task '{}' does not take; use auto or paper", form, spec.task));
   }
   if (form != "auto") return *this;
   const bool of_sensors = std::ranges::any_of(
@@ -61,9 +68,10 @@ bool DesignConfig::AdaptToFixedStarts() {
 FieldList DesignConfig::Fields() {
   FieldList fields("design");
   fields.AddChoice("form", &form,
-                   "how q is found: trajectory matching; Algorithm 1 on replayed transitions, or as in the paper; auto "
-                   "takes trajectories where states can be set, otherwise paper",
-                   {"auto", "trajectories", "transitions", "paper"});
+                   "how q is found: trajectory matching; Algorithm 1 on replayed transitions, or as in the paper; "
+                   "least squares on predictions; DROPO; auto takes trajectories where states can be set, otherwise "
+                   "paper",
+                   Forms());
   fields.AddChoice("starts", &starts, "where rollouts begin: logged states, or the initial distribution",
                    {"dataset", "initial"});
   fields.AddChoice("actions", &actions, "who acts: the logged actions again, or the clone", {"replayed", "clone"});
@@ -78,6 +86,22 @@ FieldList DesignConfig::Fields() {
   fields.Add("trajectory_starts", &trajectory_starts, "of trajectories: starting points that are refined", AtLeast(1));
   fields.Add("trajectory_coarse", &trajectory_coarse, "of trajectories: draws of z among which they are chosen",
              AtLeast(1));
+  fields.Add("least_squares_horizon", &least_squares_horizon,
+             "of least-squares: control steps predicted from each state", AtLeast(1));
+  fields.Add("least_squares_rows", &least_squares_rows, "of least-squares: logged transitions predicted, at most",
+             AtLeast(1));
+  fields.Add("least_squares_starts", &least_squares_starts,
+             "of least-squares: starting points, the nominal parameters first", AtLeast(1));
+  fields.Add("dropo_horizon", &dropo_horizon, "of dropo: lambda, control steps up to the state that is predicted",
+             AtLeast(1));
+  fields.Add("dropo_transitions", &dropo_transitions, "of dropo: logged states predicted, at most", AtLeast(1));
+  fields.Add("dropo_samples", &dropo_samples, "of dropo: draws of z for each prediction", AtLeast(2));
+  fields.Add("dropo_budget", &dropo_budget, "of dropo: distributions that CMA-ES tries", AtLeast(1));
+  fields.Add("dropo_epsilon", &dropo_epsilon,
+             "of dropo: added to each predicted variance, in units of the channel's variance in the logs; with sensor "
+             "noise twice the noise's",
+             Above(0));
+  fields.Add("dropo_learn_epsilon", &dropo_learn_epsilon, "of dropo: CMA-ES finds epsilon, from dropo_epsilon on");
   fields.Add("n_iterations", &n_iterations, "repetitions of Algorithm 1", AtLeast(1));
   fields.Add("n_sims", &n_sims, "simulators per iteration, each with its own z ~ q", AtLeast(2));
   fields.Add("step_mean", &step_mean, "natural-gradient step on the mean of q, in spreads of q", Above(0));
@@ -105,6 +129,8 @@ void DesignConfig::Check() const {
   }
 }
 
+bool DesignConfig::FitsByReplay() const { return form == "trajectories" || form == "least-squares" || form == "dropo"; }
+
 EvidenceConfig DesignConfig::Evidence() const {
   return {.dataset_starts = starts == "dataset",
           .replayed_actions = actions == "replayed",
@@ -119,6 +145,19 @@ TrajectoryOptions DesignConfig::Trajectories() const {
           .n_rows = trajectory_rows,
           .n_coarse = trajectory_coarse,
           .n_starts = trajectory_starts};
+}
+
+LeastSquaresOptions DesignConfig::LeastSquares() const {
+  return {.horizon = least_squares_horizon, .n_rows = least_squares_rows, .n_starts = least_squares_starts};
+}
+
+DropoOptions DesignConfig::Dropo() const {
+  return {.horizon = dropo_horizon,
+          .n_transitions = dropo_transitions,
+          .n_samples = dropo_samples,
+          .budget = dropo_budget,
+          .epsilon = dropo_epsilon,
+          .learns_epsilon = dropo_learn_epsilon};
 }
 
 DiscriminatorOptions DesignConfig::Discriminator() const {

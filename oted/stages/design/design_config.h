@@ -6,6 +6,8 @@
 #include "oted/base/fields.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
+#include "oted/stages/design/dropo.h"
+#include "oted/stages/design/least_squares.h"
 #include "oted/stages/design/trajectory_matching.h"
 
 namespace oted {
@@ -14,10 +16,11 @@ namespace oted {
 ///   "auto"          trajectories where the simulator's state can be set from an observation, otherwise paper; with
 ///                   parameters of the sensors (obs/...) transitions: their noise cannot be fitted step by step
 ///   "trajectories"  windows of the log replayed, their start states unknown too: least squares that weighs channels
-///   and
-///                   windows by what they tell
+///                   and windows by what they tell
 ///   "transitions"   Algorithm 1 with logged actions replayed from logged states, g(s, a, s'), short rollouts
 ///   "paper"         Algorithm 1 to the letter: the clone rolled out from the initial states, g(s, a)
+///   "least-squares" predictions from logged states taken as exact: what identification tools do
+///   "dropo"         Tiboni et al.'s likelihood of the logged next states
 struct DesignConfig {
   std::string form = "auto";
   std::string starts = "dataset";
@@ -31,6 +34,17 @@ struct DesignConfig {
   int trajectory_rows = 960;
   int trajectory_starts = 3;
   int trajectory_coarse = 64;
+
+  int least_squares_horizon = 2;
+  int least_squares_rows = 1000;
+  int least_squares_starts = 5;
+
+  int dropo_horizon = 1;
+  int dropo_transitions = 100;
+  int dropo_samples = 20;
+  int dropo_budget = 800;
+  double dropo_epsilon = 1e-5;
+  bool dropo_learn_epsilon = false;
 
   int n_iterations = 100;
   int n_sims = 32;
@@ -54,14 +68,19 @@ struct DesignConfig {
   /// changed
   bool AdaptToFixedStarts();
   /// `auto` settled for a simulator and its parameters; what was set stays.
-  /// @throws UsageError for trajectories where states cannot be set
+  /// @throws UsageError for a form that sets states where they cannot be set
   DesignConfig Resolved(const ParameterSpace& space, const SimulatorSpec& spec) const;
   FieldList Fields();
   /// @throws UsageError when settings contradict each other.
   void Check() const;
 
+  /// Whether the form finds q by replays of the log, without a discriminator.
+  bool FitsByReplay() const;
+
   EvidenceConfig Evidence() const;
   TrajectoryOptions Trajectories() const;
+  LeastSquaresOptions LeastSquares() const;
+  DropoOptions Dropo() const;
   DiscriminatorOptions Discriminator() const;
 };
 

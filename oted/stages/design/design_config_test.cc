@@ -36,9 +36,12 @@ TEST(DesignConfig, TheDefaultMatchesTrajectoriesWhereStatesCanBeSetAndIsThePaper
   EXPECT_EQ(paper.Fields().ToJson(), by_name.Fields().ToJson());
 }
 
-TEST(DesignConfig, TrajectoriesNeedStatesThatCanBeSet) {
-  const DesignConfig config = DesignConfig::ForForm("trajectories");
-  EXPECT_THAT(MessageOf<UsageError>([&] { config.Resolved({}, SimulatorSpec{}); }), HasSubstr("use auto or paper"));
+TEST(DesignConfig, FormsThatReplayTheLogNeedStatesThatCanBeSet) {
+  for (const std::string form : {"trajectories", "least-squares", "dropo"}) {
+    const DesignConfig config = DesignConfig::ForForm(form);
+    EXPECT_THAT(MessageOf<UsageError>([&] { config.Resolved({}, SimulatorSpec{}); }),
+                testing::AllOf(HasSubstr(form), HasSubstr("use auto or paper")));
+  }
 }
 
 TEST(DesignConfig, WhatWasSetStaysWhenAutoIsSettled) {

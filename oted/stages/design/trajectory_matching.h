@@ -3,15 +3,10 @@
 /// simulator replays, with the windows' start states unknown as well as z. Not in the paper; see
 /// docs/deviations.md#trajectory-matching.
 
-#include <Eigen/Dense>
-#include <functional>
-#include <string>
-#include <vector>
-
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
-#include "oted/matching/fit_evidence.h"
 #include "oted/sim/simulator.h"
+#include "oted/stages/design/replay_fit.h"
 
 namespace oted {
 
@@ -22,24 +17,14 @@ struct TrajectoryOptions {
   int n_starts = 3;     ///< of them, refined at the first level
 };
 
-/// q as a Gaussian over the search coordinates x (logits of the range, oted/matching/designer.h), and what the logs say
-/// of their own noise.
-struct TrajectoryFit {
-  Eigen::VectorXd mean;
-  Eigen::MatrixXd covariance;
-  FitEvidence evidence;
-};
-
-/// Called after each Gauss-Newton step: how many were made, of how many at most, and x.
-using TrajectoryProgress = std::function<void(int done, int total, const Eigen::VectorXd& x)>;
-
 /// Minimises over x and over the start state s_w of every window w
 ///
 ///   sum_w rho( sum_t,c (o_wtc - M_c(s_w, a_w, t; z(x)))^2 / sigma_c^2 ) + |x|^2 / (2 prior_std^2)
 ///
 /// where rho is the negative log density of a scale mixture (Student's t over a window), so that windows which no
-/// parameters explain count less, and sigma_c, the noise of channel c, is estimated along with the rest. Gauss-Newton
-/// with the start states eliminated window by window; Levenberg damping of its own for x and for every s_w.
+/// parameters explain count less, and sigma_c, the noise of channel c, is estimated along with the rest
+/// (noise_estimate.h). Gauss-Newton with the start states eliminated window by window; Levenberg damping of its own for
+/// x and for every s_w.
 ///
 /// Windows of 2 control steps come first: their replays are almost linear in x and find the basin. They are joined to
 /// windows of 4, 8, ... as long as the longer ones are explained as well, that is, the noise estimate does not grow by
@@ -47,8 +32,7 @@ using TrajectoryProgress = std::function<void(int done, int total, const Eigen::
 ///
 /// The covariance is the sandwich H^-1 M H^-1 over stretches of the log (H: Gauss-Newton Hessian, M: of the scores), so
 /// that it does not trust the noise model.
-TrajectoryFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset,
-                                const TrajectoryOptions& options, RngKey key, const TrajectoryProgress& progress,
-                                const RunContext& context);
+ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
+                            RngKey key, const FitProgress& progress, const RunContext& context);
 
 }  // namespace oted

@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/sensor_noise.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
@@ -17,29 +18,14 @@ namespace {
 constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
-/// The same reading stands for s' of one row and s of the next, as a sensor's would.
-Dataset WithNoise(Dataset logs, double std, uint64_t seed) {
-  Rng rng(seed);
-  for (const Episode& episode : logs.Episodes()) {
-    for (int i = episode.begin; i < episode.end; ++i) {
-      for (int j = 0; j < logs.obs_dim(); ++j) {
-        logs.observations(i, j) =
-            i == episode.begin ? logs.observations(i, j) + std * rng.Normal() : logs.next_observations(i - 1, j);
-        logs.next_observations(i, j) += std * rng.Normal();
-      }
-    }
-  }
-  return logs;
-}
-
-TrajectoryFit Match(const Dataset& logs, uint64_t seed = 1, int n_threads = 1, const PointMassOptions& options = {}) {
+ReplayFit Match(const Dataset& logs, uint64_t seed = 1, int n_threads = 1, const PointMassOptions& options = {}) {
   NullSink log;
   return MatchTrajectories(PointMassFactory(options), logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2},
                            RngKey(seed), [](int, int, const Eigen::VectorXd&) {},
                            {.log = &log, .n_threads = n_threads});
 }
 
-std::vector<double> Z(const TrajectoryFit& fit) {
+std::vector<double> Z(const ReplayFit& fit) {
   return LogitToZ(PointMass::MakeParameters(), {fit.mean.data(), static_cast<size_t>(fit.mean.size())});
 }
 
@@ -50,15 +36,15 @@ TEST(MatchTrajectories, IsExactOnCleanLogs) {
 }
 
 TEST(MatchTrajectories, FindsParametersAndNoiseWhereTheNoiseIsUnknown) {
-  const Dataset logs = WithNoise(PointMassLogs(kTruth, 20), 0.05, 3);
-  const TrajectoryFit fit = Match(logs);
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), 0.05, RngKey(3));
+  const ReplayFit fit = Match(logs);
   EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.03);
   EXPECT_NEAR(Z(fit)[kDamping], 0.6, 0.03);
-  for (const double std : fit.evidence.noise_std) EXPECT_NEAR(std, 0.05, 0.01);
+  for (const double std : fit.evidence->noise_std) EXPECT_NEAR(std, 0.05, 0.01);
 }
 
 TEST(MatchTrajectories, WhatHasNoEffectStaysAtThePrior) {
-  const TrajectoryFit fit = Match(WithNoise(PointMassLogs(kTruth, 8), 0.02, 4));
+  const ReplayFit fit = Match(WithSensorNoise(PointMassLogs(kTruth, 8), 0.02, RngKey(4)));
   EXPECT_NEAR(fit.mean[kIdle], 0, 0.05);
   EXPECT_NEAR(std::sqrt(fit.covariance(kIdle, kIdle)), Designer::kPriorStd, 0.05);
 }
@@ -69,8 +55,8 @@ TEST(MatchTrajectories, NinetyPercentIntervalsHoldTheTruthInNineCasesOfTen) {
   for (int k = 0; k < kCases; ++k) {
     Rng rng = RngKey(11).Index(static_cast<uint64_t>(k)).MakeRng();
     const std::vector<double> truth = {rng.Uniform(0.5, 1.7), rng.Uniform(0.3, 0.9), 0.5};
-    const TrajectoryFit fit =
-        Match(WithNoise(PointMassLogs(truth, 20), 0.05, 100 + static_cast<uint64_t>(k)), static_cast<uint64_t>(k));
+    const ReplayFit fit = Match(WithSensorNoise(PointMassLogs(truth, 20), 0.05, RngKey(100 + static_cast<uint64_t>(k))),
+                                static_cast<uint64_t>(k));
     const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
     const auto intervals = q.CentralInterval(0.9);
     for (size_t i : {kGain, kDamping}) held[i] += intervals[i].low <= truth[i] && truth[i] <= intervals[i].high;
@@ -82,8 +68,8 @@ TEST(MatchTrajectories, NinetyPercentIntervalsHoldTheTruthInNineCasesOfTen) {
 }
 
 TEST(MatchTrajectories, GivesTheSameBytesAtAnyThreadCount) {
-  const Dataset logs = WithNoise(PointMassLogs(kTruth, 5), 0.02, 5);
-  const TrajectoryFit one = Match(logs, 2, 1), two = Match(logs, 2, 2);
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 5), 0.02, RngKey(5));
+  const ReplayFit one = Match(logs, 2, 1), two = Match(logs, 2, 2);
   EXPECT_EQ(one.mean, two.mean);
   EXPECT_EQ(one.covariance, two.covariance);
 }

@@ -1,0 +1,57 @@
+"""Targets and logs of the accuracy studies: shipped ones, noisy copies and drawn targets, each made by one `oted` command.
+
+Used by design_accuracy.py and rival_sysid.py, so that both read the same bytes.
+"""
+
+import pathlib
+import random
+import subprocess
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PARAMETERS = {
+    "friction": "geom/*/friction[0]",
+    "gain": "actuator/*/gainprm[0]",
+    "gravity": "opt/gravity[2]",
+}
+LOW, HIGH = 0.2, 2.0
+TASKS = {"hopper": "Hopper-v5", "halfcheetah": "HalfCheetah-v5", "walker2d": "Walker2d-v5"}
+DATA = ("medium", "medium-noisy")  # noisy: standard deviation NOISE on every observation, no full states
+NOISE = 0.02
+
+
+def drawn(task):
+    """A target of its own for each task, anywhere in the middle nine tenths of the range."""
+    generator = random.Random(f"target of {task}")
+    return tuple(round(generator.uniform(LOW + 0.09, HIGH - 0.09), 2) for _ in PARAMETERS)
+
+
+def truth(task, target):
+    return {"nominal": (1.0, 1.0, 1.0), "shifted": (0.6, 1.3, 1.2)}.get(target) or drawn(task)
+
+
+def logs(task, target, data, oted, folder):
+    """The dataset's path; what is not shipped is written into `folder`."""
+    noisy = data.endswith("-noisy")
+    shipped = f"examples/data/{task}-medium{'-shifted' if target == 'shifted' else ''}.hdf5"
+    made = pathlib.Path(folder) / f"{task}-{target}-{data}.hdf5"
+    if target == "drawn":
+        command = ["collect", "--task", TASKS[task], "--policy", f"examples/policies/{task}/medium.npz", "--episodes", "5",
+                   "--seed", "1", "--out", made]
+        for (name, field), value in zip(PARAMETERS.items(), drawn(task)):
+            command += ["--param", f"{name}={field}:{LOW}:{HIGH}", "--truth", f"{name}={value}"]
+        command += ["--noise", NOISE] if noisy else []
+    elif noisy:
+        command = ["data", "convert", shipped, made, "--noise", NOISE, "--seed", "1"]
+    else:
+        return shipped
+    subprocess.run([str(oted), *map(str, command)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    return str(made)
+
+
+def commit():
+    return subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True,
+                          check=False).stdout.strip()
+
+
+def number(error):
+    return f"{error:.3f}" if error >= 0.001 else f"{error:.0e}"

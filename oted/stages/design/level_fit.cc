@@ -1,0 +1,206 @@
+#include "oted/stages/design/level_fit.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/matching/designer.h"
+#include "oted/stages/design/noise_estimate.h"
+
+namespace oted {
+namespace {
+
+using Eigen::LDLT;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kPriorPrecision = 1.0 / (Designer::kPriorStd * Designer::kPriorStd);
+constexpr double kParameterStep = 1e-4;  // of forward differences, in x
+constexpr double kStartStep = 1e-5;      // of forward differences, in standard deviations of the channel
+constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
+constexpr double kHeaviness = 0.5;       // degrees of freedom of rho, per number of a window
+constexpr int kAttempts = 5;
+
+}  // namespace
+
+LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const VectorXd& scale, Level level,
+                   VectorXd x)
+    : replayer_(replayer),
+      space_(space),
+      scale_(scale),
+      level_(std::move(level)),
+      x_(std::move(x)),
+      damping_of_start_(level_.windows.size(), 1e-2) {}
+
+void LevelFit::Step() {
+  Linearize();
+  const std::vector<NormalEquations> equations = Equations();
+  const double cost = Cost(residuals_, x_);
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    // Where no step of x helps, the starts move alone.
+    const bool starts_alone = attempt == kAttempts - 1;
+    std::vector<LDLT<MatrixXd>> factors(equations.size());
+    MatrixXd hessian = MatrixXd::Identity(x_.size(), x_.size()) * kPriorPrecision;
+    VectorXd gradient = -kPriorPrecision * x_;
+    for (size_t w = 0; w < equations.size(); ++w) {
+      const NormalEquations& e = equations[w];
+      if (!e.valid) continue;
+      MatrixXd damped = e.start_start;
+      damped.diagonal() *= 1 + damping_of_start_[w];
+      factors[w].compute(damped);
+      hessian += e.x_x - e.start_x.transpose() * factors[w].solve(e.start_x);
+      gradient += e.x - e.start_x.transpose() * factors[w].solve(e.start);
+    }
+    hessian.diagonal() *= 1 + damping_;
+    VectorXd step = hessian.ldlt().solve(gradient);
+    if (starts_alone || !step.allFinite()) step.setZero();
+    step /= std::max(1.0, step.cwiseAbs().maxCoeff());
+    const VectorXd x = (x_ + step).cwiseMax(-kMaxX).cwiseMin(kMaxX);
+    std::vector<VectorXd> starts = level_.starts;
+    for (size_t w = 0; w < equations.size(); ++w) {
+      if (equations[w].valid) starts[w] += factors[w].solve(equations[w].start - equations[w].start_x * (x - x_));
+    }
+    // Each window keeps the better of its two starts: one whose contact flips does not hold up the others.
+    std::vector<VectorXd> moved = replayer_.Residuals(level_.windows, starts, ToZ(space_, x));
+    const std::vector<VectorXd> stayed = replayer_.Residuals(level_.windows, level_.starts, ToZ(space_, x));
+    std::vector<char> better(moved.size());
+    for (size_t w = 0; w < moved.size(); ++w) {
+      better[w] = WindowCost(moved[w]) < WindowCost(stayed[w]);
+      if (!better[w]) moved[w] = stayed[w];
+    }
+    if (!starts_alone && !(Cost(moved, x) < cost)) {
+      damping_ *= 8;
+      continue;
+    }
+    x_ = x;
+    for (size_t w = 0; w < moved.size(); ++w) {
+      if (better[w]) level_.starts[w] = starts[w];
+      damping_of_start_[w] =
+          better[w] ? std::max(1e-6, damping_of_start_[w] * 0.2) : std::min(1e4, damping_of_start_[w] * 6);
+    }
+    damping_ = std::max(1e-7, damping_ * 0.2);
+    return;
+  }
+}
+
+double LevelFit::FinalCost() {
+  Linearize();
+  double cost = Cost(residuals_, x_);
+  for (const VectorXd& r : residuals_) cost += r.size() > 0 ? 0.5 * variance_.array().log().sum() * n_steps() : 0;
+  return cost;
+}
+
+MatrixXd LevelFit::Covariance() const {
+  const std::vector<NormalEquations> equations = Equations();
+  MatrixXd hessian = MatrixXd::Identity(x_.size(), x_.size()) * kPriorPrecision;
+  MatrixXd of_scores = hessian;
+  VectorXd score = VectorXd::Zero(x_.size());
+  for (size_t w = 0; w < equations.size(); ++w) {
+    const NormalEquations& e = equations[w];
+    if (e.valid) {
+      const LDLT<MatrixXd> factor(e.start_start);
+      hessian += e.x_x - e.start_x.transpose() * factor.solve(e.start_x);
+      score += e.x - e.start_x.transpose() * factor.solve(e.start);
+    }
+    // Neighbouring windows err together: their scores are summed before they are squared.
+    if (w + 1 == equations.size() || level_.stretch[w + 1] != level_.stretch[w]) {
+      of_scores += score * score.transpose();
+      score.setZero();
+    }
+  }
+  const MatrixXd inverse = hessian.inverse();
+  return inverse * of_scores * inverse;
+}
+
+double LevelFit::ShareExplained() const {
+  double explained = 0;
+  for (const double weight : weights_) explained += weight > 0.3;
+  return explained / static_cast<double>(weights_.size());
+}
+
+Level LevelFit::Joined() const {
+  Level joined;
+  for (size_t w = 0; w + 1 < level_.windows.size(); ++w) {
+    const LogWindow &a = level_.windows[w], &b = level_.windows[w + 1];
+    if (level_.stretch[w] != level_.stretch[w + 1] || a.begin + a.n_steps != b.begin) continue;
+    joined.windows.push_back({a.begin, a.n_steps + b.n_steps, a.episode_begin});
+    joined.starts.push_back(level_.starts[w]);
+    joined.stretch.push_back(level_.stretch[w]);
+    ++w;
+  }
+  return joined;
+}
+
+double LevelFit::SquaredError(const VectorXd& residual) const {
+  double error = 0;
+  for (int t = 0; t <= n_steps(); ++t) {
+    error += (residual.segment(t * variance_.size(), variance_.size()).array().square() / variance_.array()).sum();
+  }
+  return error;
+}
+
+double LevelFit::WindowCost(const VectorXd& residual) const {
+  const double n = static_cast<double>(variance_.size()) * n_steps(), nu = kHeaviness * n;
+  const double error = residual.size() == 0 ? 1e8 : SquaredError(residual);
+  return 0.5 * (nu + n) * std::log1p(error / nu);
+}
+
+double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x) const {
+  double cost = 0.5 * kPriorPrecision * x.squaredNorm();
+  for (const VectorXd& residual : residuals) cost += WindowCost(residual);
+  return cost;
+}
+
+void LevelFit::Linearize() {
+  std::vector<std::vector<double>> perturbed;
+  for (int i = 0; i < x_.size(); ++i) {
+    VectorXd moved = x_;
+    moved[i] += kParameterStep;
+    perturbed.push_back(ToZ(space_, moved));
+  }
+  linear_ = replayer_.Linearize(level_.windows, level_.starts, ToZ(space_, x_), perturbed, kParameterStep,
+                                kStartStep * scale_);
+  residuals_.assign(linear_.size(), {});
+  for (size_t w = 0; w < linear_.size(); ++w) {
+    if (linear_[w].valid) residuals_[w] = linear_[w].residual;
+  }
+  EstimateNoise();
+}
+
+void LevelFit::EstimateNoise() {
+  const VectorXd smallest = (kSmallestNoise * scale_.cwiseMax(1.0)).cwiseAbs2();
+  std::vector<FittedWindow> fitted(linear_.size());
+  for (size_t w = 0; w < linear_.size(); ++w) {
+    if (linear_[w].valid) fitted[w] = {linear_[w].residual, linear_[w].d_start};
+  }
+  if (variance_.size() == 0) variance_ = (kNoiseGuess * scale_).cwiseAbs2();
+  variance_ = NoiseVariance(fitted, variance_, smallest);
+  const double numbers = static_cast<double>(scale_.size()) * n_steps();
+  weights_.assign(residuals_.size(), 0.0);
+  for (size_t w = 0; w < residuals_.size(); ++w) {
+    if (residuals_[w].size() == 0) continue;
+    weights_[w] = (kHeaviness + 1) / (kHeaviness + SquaredError(residuals_[w]) / numbers);
+  }
+}
+
+std::vector<LevelFit::NormalEquations> LevelFit::Equations() const {
+  VectorXd precision((n_steps() + 1) * variance_.size());
+  for (int t = 0; t <= n_steps(); ++t)
+    precision.segment(t * variance_.size(), variance_.size()) = variance_.cwiseInverse();
+  std::vector<NormalEquations> equations(linear_.size());
+  for (size_t w = 0; w < linear_.size(); ++w) {
+    const WindowReplayer::Linearization& l = linear_[w];
+    if (!l.valid) continue;
+    const VectorXd p = weights_[w] * precision;
+    NormalEquations& e = equations[w];
+    e.valid = true;
+    const MatrixXd weighted_start = p.asDiagonal() * l.d_start;
+    e.start_start = l.d_start.transpose() * weighted_start;
+    e.start_x = weighted_start.transpose() * l.d_parameters;
+    e.x_x = l.d_parameters.transpose() * (p.asDiagonal() * l.d_parameters);
+    e.start = weighted_start.transpose() * l.residual;
+    e.x = l.d_parameters.transpose() * p.cwiseProduct(l.residual);
+  }
+  return equations;
+}
+
+}  // namespace oted
