@@ -22,10 +22,12 @@ import time
 from study_data import DATA, HIGH, LOW, PARAMETERS, ROOT, TASKS, commit, logs, number, truth
 
 N_SEEDS = 5
-# Beside its form, what a user of DROPO under noise would have to know: that epsilon must be learned.
+# Two rivals in two ways each, as their users would have to know: that long predictions through contact have local minima, and
+# that under noise epsilon must be learned.
 FORMS = {
     "trajectories": ["design.form=trajectories"],
     "least-squares": ["design.form=least-squares"],
+    "least-squares-5-steps": ["design.form=least-squares", "design.least_squares_horizon=5"],
     "dropo": ["design.form=dropo"],
     "dropo-learned-epsilon": ["design.form=dropo", "design.dropo_learn_epsilon=true"],
     "transitions": ["design.form=transitions"],

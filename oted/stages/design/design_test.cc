@@ -117,6 +117,27 @@ TEST(LearnDesign, AStoppedDesignGoesOnAsIfItHadNot) {
   ExpectSameBits(Learn(config, stopped_folder.path()), whole);
 }
 
+TEST(LearnDesign, FormsThatReplayTheLogFindTheTruthAndBeginAnewWhenStopped) {
+  for (const std::string form : {"trajectories", "least-squares", "dropo"}) {
+    SCOPED_TRACE(form);
+    const TestFolder whole_folder, stopped_folder;
+    DesignConfig config = SmallConfig();
+    config.form = form;
+    config.discriminator_steps = 5;
+    config.trajectory_coarse = 8;
+    config.dropo_budget = 300;
+    const DesignResult whole = Learn(config, whole_folder.path());
+    EXPECT_NEAR(whole.q.Mode()[kGain], kTruth[kGain], 0.1);
+    EXPECT_NEAR(whole.q.Mode()[kDamping], kTruth[kDamping], 0.1);
+    StopAt log(2);
+    const RunContext context{.log = &log, .stop = &log.stop};
+    EXPECT_THROW(LearnDesign(PointMassFactory(), PointMassLogs(kTruth, 8), nullptr, config, RngKey(1),
+                             stopped_folder.path(), "design/test/1", context),
+                 Interrupted);
+    ExpectSameBits(Learn(config, stopped_folder.path()), whole);
+  }
+}
+
 /// A point mass whose third parameter does nothing, but breaks the physics above (or below) 0.5.
 class Breaking : public PointMass {
  public:
