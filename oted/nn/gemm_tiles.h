@@ -85,6 +85,13 @@ __attribute__((noinline)) void Tile(const float* a, ptrdiff_t lda, const float* 
 #pragma GCC unroll 8
     for (int j = 0; j < kVectors; ++j) sums[i][j] = Vector{};
   }
+  // What the end of the tile will touch, on its way while the sums are made.
+#pragma GCC unroll 8
+  for (int i = 0; i < kRows; ++i) {
+    float* c = store.c + static_cast<ptrdiff_t>(row + i) * store.ldc + column;
+#pragma GCC unroll 8
+    for (int j = 0; j < kVectors; ++j) __builtin_prefetch(c + j * kWidth, 1);
+  }
   for (ptrdiff_t p = 0; p < k; ++p, b += ldb) {
     Vector b_row[kVectors];
 #pragma GCC unroll 8
