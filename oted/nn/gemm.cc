@@ -89,7 +89,7 @@ void GemmWith(GemmKernel kernel, Op op_a, Op op_b, int m, int n, int k, const fl
   if (kernel == GemmKernel::kBlas) return GemmBlas(op_a, op_b, m, n, k, a, lda, b, ldb, beta, c, ldc, epilogue);
 #if defined(__x86_64__)
   constexpr int kDepth = 256;
-  const int depth = epilogue.mask != nullptr ? k : std::min(k, kDepth);
+  const int depth = std::max(1, epilogue.mask != nullptr ? k : std::min(k, kDepth));
   thread_local AlignedVector<float> scratch;
   scratch.resize(std::max(scratch.size(), static_cast<size_t>(depth) * kGemmMaxPanel));
   (kernel == GemmKernel::kAvx512 ? GemmAvx512 : GemmAvx2)(

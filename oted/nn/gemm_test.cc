@@ -42,8 +42,9 @@ INSTANTIATE_TEST_SUITE_P(Kernels, EachGemm, testing::ValuesIn(GemmKernels()),
 
 // Tiles of all heights, panels of all widths, packed and in place, one block of k and several.
 TEST_P(EachGemm, EqualsTheDoubleLoopForAllOperandsAndOddSizes) {
-  for (const auto [m, n, k] : {Sizes{1, 1, 1}, Sizes{3, 5, 7}, Sizes{33, 17, 65}, Sizes{1, 256, 23}, Sizes{255, 1, 31},
-                               Sizes{13, 64, 16}, Sizes{22, 43, 258}, Sizes{9, 33, 515}, Sizes{5, 32, 40}}) {
+  for (const auto [m, n, k] :
+       {Sizes{1, 1, 1}, Sizes{3, 5, 7}, Sizes{33, 17, 65}, Sizes{1, 256, 23}, Sizes{255, 1, 31}, Sizes{13, 64, 16},
+        Sizes{22, 43, 258}, Sizes{9, 33, 515}, Sizes{5, 32, 40}, Sizes{3, 5, 0}}) {
     for (const Op op_a : {Op::kNone, Op::kTranspose}) {
       for (const Op op_b : {Op::kNone, Op::kTranspose}) {
         for (const float beta : {0.0f, 1.0f, -0.5f}) {

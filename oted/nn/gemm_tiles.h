@@ -1,7 +1,7 @@
 #pragma once
 /// The matrix product for one instruction set, after Goto and van de Geijn (2008). gemm_avx2.cc and gemm_avx512.cc
-/// alone include this, and each is compiled for its instruction set: whatever is defined or included here must stay
-/// inside the including file, or the linker could hand its code to a processor that cannot run it.
+/// alone define OTED_GEMM_WIDTH, and each is compiled for its instruction set: no inline function from elsewhere may be
+/// called here, or the linker could give this file's copy of it to a processor that cannot run it.
 
 #include <cstddef>
 #include <utility>
