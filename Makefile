@@ -10,7 +10,7 @@ BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetition
 export CMAKE CTEST JOBS
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-long quickstart bench fuzz lint format clean
+.PHONY: help setup build test test-long quickstart bench bench-peers fuzz lint format clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -36,6 +36,11 @@ quickstart: build  ## the whole pipeline on five Hopper demonstrations, into run
 bench: setup  ## build and run the benchmark programs (one core each, so give it a quiet machine)
 	@scripts/build.sh bench
 	@for program in build/bench/benchmarks/bench_*; do "$$program" $(BENCH_ARGS) || exit 1; done
+	@$(MAKE) --no-print-directory bench-peers
+
+bench-peers: setup  ## the part of it beside Stable-Baselines3, sbx, RLtools, EnvPool; installs 340 MB into build/bench-peers
+	@scripts/build.sh bench
+	@.venv/bin/python benchmarks/sac_peers.py
 
 fuzz: setup  ## damaged files for every reader under the sanitizers: MINUTES=60 SEED=1
 	@scripts/fuzz.sh $(MINUTES) $(SEED)

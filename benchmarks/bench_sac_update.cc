@@ -1,114 +1,63 @@
 // What a whole gradient step of SAC costs beside its matrix products alone: the rest is what a faster Step could save.
-// Run: bench_sac_update --benchmark_enable_random_interleaving=true --benchmark_repetitions=15
-// items_per_second counts updates; one thread.
+// The products come from the linked BLAS (libtorch's MKL), the floor that docs/speed.md speaks of, and from our own
+// code.
+//
+// Each iteration makes one update, one set of products by BLAS and one by our own code, one after the other and each
+// timed by the thread's CPU time, so that what else the machine does falls on all three alike. Counters: medians of the
+// rates per second, and the median and the quartiles of update time / products time within an iteration.
 
 #include <benchmark/benchmark.h>
+#include <time.h>
 
 #include <algorithm>
+#include <functional>
 #include <vector>
 
-#include "oted/nn/gemm.h"
-#include "oted/nn/mlp.h"
-#include "oted/nn/tanh_gaussian.h"
-#include "oted/rl/replay_buffer.h"
-#include "oted/rl/sac_update.h"
+#include "benchmarks/sac_workload.h"
 
 namespace oted {
 namespace {
 
-constexpr int kBatch = 256;
-constexpr int kRows = 10'000;  // of the replay buffer
-const std::vector<int> kHidden = {256, 256};
+double CpuSeconds(const std::function<void()>& work) {
+  const auto now = [] {
+    timespec time;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+  };
+  const double begin = now();
+  work();
+  return now() - begin;
+}
+
+double Quantile(std::vector<double> values, double q) {
+  std::sort(values.begin(), values.end());
+  return values[static_cast<size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
+}
 
 void Update(benchmark::State& state, int obs_dim, int act_dim) {
-  Rng rng(1);
-  ReplayBuffer buffer(obs_dim, act_dim, kRows);
-  std::vector<double> s(static_cast<size_t>(obs_dim)), a(static_cast<size_t>(act_dim)), s2(s.size());
-  for (int row = 0; row < kRows; ++row) {
-    for (std::vector<double>* values : {&s, &s2}) {
-      for (double& value : *values) value = rng.Normal();
-    }
-    for (double& value : a) value = rng.Uniform(-1, 1);
-    buffer.Add(s, a, rng.Normal(), s2, row % 100 == 99);
-  }
-  TanhGaussianPolicy actor(Normalizer{std::vector<double>(s.size(), 0.0), std::vector<double>(s.size(), 1.0)}, kHidden,
-                           std::vector<double>(a.size(), -1.0), std::vector<double>(a.size(), 1.0));
-  actor.net().Initialize(rng);
-  SacUpdate update(actor, kHidden, {.target_entropy = -static_cast<double>(act_dim)}, rng);
-  SacBatch batch;
+  Learner learner(obs_dim, act_dim);
+  Products blas_actor(GemmKernel::kBlas, obs_dim, 2 * act_dim), blas_critic(GemmKernel::kBlas, obs_dim + act_dim, 1);
+  const GemmKernel ours = GemmKernels().front();
+  Products our_actor(ours, obs_dim, 2 * act_dim), our_critic(ours, obs_dim + act_dim, 1);
+  std::vector<double> update, blas, own, over_blas, over_own;
   for (auto _ : state) {
-    buffer.Sample(kBatch, rng, batch);
-    benchmark::DoNotOptimize(update.Step(batch));
+    update.push_back(CpuSeconds([&] { learner.Step(); }));
+    blas.push_back(CpuSeconds([&] { MultiplyAll(blas_actor, blas_critic, act_dim); }));
+    own.push_back(CpuSeconds([&] { MultiplyAll(our_actor, our_critic, act_dim); }));
+    over_blas.push_back(update.back() / blas.back());
+    over_own.push_back(update.back() / own.back());
   }
-  state.SetItemsProcessed(state.iterations());
+  state.counters["updates"] = 1 / Quantile(update, 0.5);
+  state.counters["blas_products"] = 1 / Quantile(blas, 0.5);
+  state.counters["own_products"] = 1 / Quantile(own, 0.5);
+  state.counters["over_blas"] = Quantile(over_blas, 0.5);
+  state.counters["over_blas_q1"] = Quantile(over_blas, 0.25);
+  state.counters["over_blas_q3"] = Quantile(over_blas, 0.75);
+  state.counters["over_own"] = Quantile(over_own, 0.5);
 }
 
-// The products of one network on arrays of the sizes that the update has.
-class Products {
- public:
-  Products(int in, int out) {
-    for (const int width : {kHidden[0], kHidden[1], out}) {
-      layers_.push_back({in, width});
-      in = width;
-    }
-    Rng rng(1);
-    for (AlignedVector<float>* values : {&x_, &weight_, &y_}) {
-      values->resize(2 * kBatch * 256);
-      for (float& value : *values) value = static_cast<float>(0.1 * rng.Normal());
-    }
-  }
-
-  void Forward(int batch) {
-    for (const auto& [in, out] : layers_) {
-      Gemm(Op::kNone, Op::kNone, batch, out, in, x_.data(), in, weight_.data(), out, 0.0f, y_.data(), out);
-    }
-  }
-
-  // `dx`: how many columns of the input's gradient are wanted.
-  void Backward(bool parameter_gradient, int dx) {
-    for (size_t l = layers_.size(); l-- > 0;) {
-      const auto& [in, out] = layers_[l];
-      if (parameter_gradient) {
-        Gemm(Op::kTranspose, Op::kNone, in, out, kBatch, x_.data(), in, weight_.data(), out, 0.0f, y_.data(), out);
-      }
-      const int columns = l == 0 ? dx : in;
-      if (columns == 0) continue;
-      Gemm(Op::kNone, Op::kTranspose, kBatch, columns, out, x_.data(), out, weight_.data(), out, 0.0f, y_.data(),
-           columns);
-    }
-  }
-
- private:
-  struct Size {
-    int in, out;
-  };
-  std::vector<Size> layers_;
-  AlignedVector<float> x_, weight_, y_;
-};
-
-// SacUpdate::Step's calls of Gemm, in its order.
-void MatrixProducts(benchmark::State& state, int obs_dim, int act_dim) {
-  Products actor(obs_dim, 2 * act_dim);
-  Products critic(obs_dim + act_dim, 1);
-  for (auto _ : state) {
-    actor.Forward(2 * kBatch);                           // a, a'
-    for (int i = 0; i < 2; ++i) critic.Forward(kBatch);  // Q'_i(s', a')
-    for (int i = 0; i < 2; ++i) {                        // the critics' step
-      critic.Forward(kBatch);
-      critic.Backward(true, 0);
-    }
-    for (int i = 0; i < 2; ++i) critic.Forward(kBatch);  // the actor's step
-    for (int i = 0; i < 2; ++i) critic.Backward(false, act_dim);
-    actor.Backward(true, 0);
-    benchmark::ClobberMemory();
-  }
-  state.SetItemsProcessed(state.iterations());
-}
-
-BENCHMARK_CAPTURE(Update, Hopper, 11, 3);
-BENCHMARK_CAPTURE(MatrixProducts, Hopper, 11, 3);
-BENCHMARK_CAPTURE(Update, HalfCheetah, 17, 6);
-BENCHMARK_CAPTURE(MatrixProducts, HalfCheetah, 17, 6);
+BENCHMARK_CAPTURE(Update, Hopper, 11, 3)->Iterations(100);
+BENCHMARK_CAPTURE(Update, HalfCheetah, 17, 6)->Iterations(100);
 
 }  // namespace
 }  // namespace oted

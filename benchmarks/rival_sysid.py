@@ -3,7 +3,7 @@
 
   .venv-bench/bin/python benchmarks/rival_sysid.py [--oted build/release/oted] [--only SUBSTRING] [--table]
 
-The environment is that of requirements-bench.txt. Two ways of calling it:
+The environment is that of requirements-sysid.txt. Two ways of calling it:
 
   documented  windows of 20 control steps, its default residual: position and velocity sensors of the joints, each
               scaled by its own size in the window

@@ -1,10 +1,13 @@
-"""What the documentation names exists: every test in docs/faq.md, every file that a relative link leads to.
+"""What the documentation names exists: every test in docs/faq.md, every file that a relative link leads to, every figure of
+docs/speed.md.
 
     docs_test.py
 """
 
 import pathlib
 import re
+import subprocess
+import sys
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -47,6 +50,15 @@ class TestDocs(unittest.TestCase):
         for page in pages:
             for target in LINK.findall(CODE.sub("", page.read_text())):
                 self.assertTrue((page.parent / target).exists(), f"{page.relative_to(ROOT)}: {target}")
+
+    def test_the_speed_pages_tables_are_those_of_the_committed_results(self):
+        tables = subprocess.run([sys.executable, ROOT / "benchmarks/sac_peers.py", "--table"], check=True,
+                                capture_output=True, text=True).stdout
+        rows = [line for line in tables.splitlines() if line.startswith("| ")]
+        self.assertGreater(len(rows), 15)
+        page = (ROOT / "docs/speed.md").read_text()
+        for row in rows:
+            self.assertIn(row, page)
 
 
 if __name__ == "__main__":

@@ -87,9 +87,7 @@ const float* ConvPass::Forward(const ConvNet& net, const float* images, const fl
     float* y = Room(outputs_[l], Size(rows, layer.out));
     const float* parameters = net.parameters().data();
     Gemm(Op::kNone, Op::kNone, rows, layer.out, layer.in, inputs_[l].data(), layer.in, parameters + layer.weight,
-         layer.out, 0.0f, y, layer.out);
-    const bool last = l + 1 == layers.size();
-    (last ? kernels::AddBias : kernels::AddBiasRelu)(y, parameters + layer.bias, rows, layer.out);
+         layer.out, 0.0f, y, layer.out, {.bias = parameters + layer.bias, .rectify = l + 1 < layers.size()});
     return y;
   };
 

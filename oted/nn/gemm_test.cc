@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -23,9 +24,27 @@ struct Sizes {
   int m, n, k;
 };
 
-TEST(Gemm, EqualsTheDoubleLoopForAllOperandsAndOddSizes) {
+std::string Name(GemmKernel kernel) {
+  return kernel == GemmKernel::kAvx512 ? "avx512" : kernel == GemmKernel::kAvx2 ? "avx2" : "blas";
+}
+
+/// Each kernel that this processor can run.
+class EachGemm : public testing::TestWithParam<GemmKernel> {
+ protected:
+  void Multiply(Op op_a, Op op_b, const Sizes& s, const AlignedVector<float>& a, int lda, const AlignedVector<float>& b,
+                int ldb, float beta, AlignedVector<float>& c, int ldc, const GemmEpilogue& epilogue = {}) {
+    GemmWith(GetParam(), op_a, op_b, s.m, s.n, s.k, a.data(), lda, b.data(), ldb, beta, c.data(), ldc, epilogue);
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Kernels, EachGemm, testing::ValuesIn(GemmKernels()),
+                         [](const auto& kernel) { return Name(kernel.param); });
+
+// Tiles of all heights, panels of all widths, packed and in place, one block of k and several.
+TEST_P(EachGemm, EqualsTheDoubleLoopForAllOperandsAndOddSizes) {
   for (const auto [m, n, k] :
-       {Sizes{1, 1, 1}, Sizes{3, 5, 7}, Sizes{33, 17, 65}, Sizes{1, 256, 23}, Sizes{255, 1, 31}}) {
+       {Sizes{1, 1, 1}, Sizes{3, 5, 7}, Sizes{33, 17, 65}, Sizes{1, 256, 23}, Sizes{255, 1, 31}, Sizes{13, 64, 16},
+        Sizes{22, 43, 258}, Sizes{9, 33, 515}, Sizes{5, 32, 40}, Sizes{3, 5, 0}}) {
     for (const Op op_a : {Op::kNone, Op::kTranspose}) {
       for (const Op op_b : {Op::kNone, Op::kTranspose}) {
         for (const float beta : {0.0f, 1.0f, -0.5f}) {
@@ -38,7 +57,7 @@ TEST(Gemm, EqualsTheDoubleLoopForAllOperandsAndOddSizes) {
           if (beta == 0.0f) {
             for (int i = 0; i < m; ++i) std::fill_n(c.begin() + i * ldc, n, NAN);  // overwritten, not multiplied
           }
-          Gemm(op_a, op_b, m, n, k, a.data(), lda, b.data(), ldb, beta, c.data(), ldc);
+          Multiply(op_a, op_b, {m, n, k}, a, lda, b, ldb, beta, c, ldc);
           for (int i = 0; i < m; ++i) {
             for (int j = 0; j < n; ++j) {
               const size_t at = static_cast<size_t>(i * ldc + j);
@@ -56,6 +75,50 @@ TEST(Gemm, EqualsTheDoubleLoopForAllOperandsAndOddSizes) {
           }
         }
       }
+    }
+  }
+}
+
+TEST_P(EachGemm, TheEpilogueIsItsPartsInOrder) {
+  for (const auto [m, n, k] : {Sizes{19, 70, 30}, Sizes{16, 64, 300}}) {
+    const auto a = Normals(m * k, 1), b = Normals(k * n, 2), bias = Normals(n, 3), mask = Normals(2 * m * n, 4);
+    std::vector<int> rows(static_cast<size_t>(m));
+    for (int i = 0; i < m; ++i) rows[static_cast<size_t>(i)] = i + i / 2;
+    AlignedVector<float> product(static_cast<size_t>(m * n)), c = mask;
+    Multiply(Op::kNone, Op::kNone, {m, n, k}, a, k, b, n, 0.0f, product, n);
+    AlignedVector<float> sums(static_cast<size_t>(n), NAN);
+    // In place: the mask is what C held before.
+    Multiply(Op::kNone, Op::kNone, {m, n, k}, a, k, b, n, 0.0f, c, n,
+             {.bias = bias.data(),
+              .rectify = true,
+              .mask = c.data(),
+              .ld_mask = n,
+              .mask_rows = rows.data(),
+              .column_sums = sums.data()});
+    for (int j = 0; j < n; ++j) {
+      double sum = 0;
+      for (int i = 0; i < m; ++i) {
+        const float linear = product[static_cast<size_t>(i * n + j)] + bias[static_cast<size_t>(j)];
+        const bool kept = linear > 0 && mask[static_cast<size_t>(rows[static_cast<size_t>(i)] * n + j)] > 0;
+        ASSERT_NEAR(c[static_cast<size_t>(i * n + j)], kept ? linear : 0.0f, 1e-4) << i << " " << j;
+        sum += c[static_cast<size_t>(i * n + j)];
+      }
+      ASSERT_NEAR(sums[static_cast<size_t>(j)], sum, 1e-4) << j;
+    }
+  }
+}
+
+TEST(Gemm, AnElementsBitsDependOnItsRowAndColumnAlone) {
+  if (GemmKernels().front() == GemmKernel::kBlas) GTEST_SKIP() << "a BLAS promises no such thing";
+  const int m = 40, n = 70, k = 300;
+  const auto a = Normals(m * k, 1), b = Normals(k * n, 2);
+  AlignedVector<float> whole(static_cast<size_t>(m * n));
+  Gemm(Op::kNone, Op::kNone, m, n, k, a.data(), k, b.data(), n, 0.0f, whole.data(), n);
+  for (int i = 0; i < m; i += 3) {
+    for (int j = 0; j < n; j += 3) {
+      float alone;
+      Gemm(Op::kNone, Op::kNone, 1, 1, k, a.data() + i * k, k, b.data() + j, n, 0.0f, &alone, 1);
+      ASSERT_EQ(alone, whole[static_cast<size_t>(i * n + j)]) << i << " " << j;
     }
   }
 }

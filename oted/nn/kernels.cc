@@ -5,16 +5,10 @@
 #endif
 
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 
-// One version per instruction set; the loader picks. Sanitizers cannot run before the choice is made.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-#define OTED_VECTORISED __attribute__((target_clones("avx512f", "avx2", "default")))
-#else
-#define OTED_VECTORISED
-#endif
+#include "oted/nn/vectorised.h"
 
 namespace oted::kernels {
 namespace {
@@ -37,36 +31,9 @@ FlushDenormals::FlushDenormals() = default;
 FlushDenormals::~FlushDenormals() = default;
 #endif
 
-OTED_VECTORISED void AddBiasRelu(float* __restrict y, const float* __restrict bias, int rows, int cols) {
-  for (int i = 0; i < rows; ++i, y += cols) {
-    for (int j = 0; j < cols; ++j) {
-      const float v = y[j] + bias[j];
-      y[j] = v > 0.0f ? v : 0.0f;
-    }
-  }
-}
-
-OTED_VECTORISED void AddBias(float* __restrict y, const float* __restrict bias, int rows, int cols) {
-  for (int i = 0; i < rows; ++i, y += cols) {
-    for (int j = 0; j < cols; ++j) y[j] += bias[j];
-  }
-}
-
 OTED_VECTORISED void MaskByRelu(float* __restrict dy, const float* __restrict h, int rows, int cols) {
   const size_t n = static_cast<size_t>(rows) * static_cast<size_t>(cols);
   for (size_t i = 0; i < n; ++i) dy[i] = KeepWherePositive(dy[i], h[i]);
-}
-
-OTED_VECTORISED void MaskByReluSumColumns(float* __restrict dy, const float* __restrict h,
-                                          float* __restrict bias_gradient, int rows, int cols) {
-  std::memset(bias_gradient, 0, static_cast<size_t>(cols) * sizeof(float));
-  for (int i = 0; i < rows; ++i, dy += cols, h += cols) {
-    for (int j = 0; j < cols; ++j) {
-      const float v = KeepWherePositive(dy[j], h[j]);
-      dy[j] = v;
-      bias_gradient[j] += v;
-    }
-  }
 }
 
 OTED_VECTORISED void SumColumns(const float* __restrict x, float* __restrict sums, int rows, int cols) {
@@ -76,20 +43,48 @@ OTED_VECTORISED void SumColumns(const float* __restrict x, float* __restrict sum
   }
 }
 
-OTED_VECTORISED void Polyak(float* __restrict target, const float* __restrict source, float tau, size_t n) {
-  for (size_t i = 0; i < n; ++i) target[i] += tau * (source[i] - target[i]);
+OTED_VECTORISED void RowProducts(const float* __restrict x, const float* __restrict w, float bias, float* __restrict y,
+                                 int rows, int cols) {
+  // As many sums at once as a vector register has lanes: a single one would be added to in order, one at a time.
+  constexpr int kLanes = 16;
+  const int whole = cols - cols % kLanes;
+  for (int i = 0; i < rows; ++i, x += cols) {
+    float sums[kLanes] = {};
+    for (int j = 0; j < whole; j += kLanes) {
+      for (int lane = 0; lane < kLanes; ++lane) sums[lane] += x[j + lane] * w[j + lane];
+    }
+    for (int j = whole; j < cols; ++j) sums[j - whole] += x[j] * w[j];
+    for (int half = kLanes / 2; half > 0; half /= 2) {
+      for (int lane = 0; lane < half; ++lane) sums[lane] += sums[lane + half];
+    }
+    y[i] = sums[0] + bias;
+  }
 }
 
-OTED_VECTORISED void Adam(float* __restrict parameters, const float* __restrict gradient, float* __restrict m,
-                          float* __restrict v, size_t n, const AdamArguments& arguments) {
-  const AdamArguments a = arguments;
-  for (size_t i = 0; i < n; ++i) {
-    const float g = gradient[i] + a.weight_decay * parameters[i];
-    const float mi = m[i] + (1.0f - a.beta1) * (g - m[i]);
-    const float vi = a.beta2 * v[i] + (1.0f - a.beta2) * g * g;
-    m[i] = mi;
-    v[i] = vi;
-    parameters[i] -= a.step_size * mi / (std::sqrt(vi) * a.inverse_sqrt_correction + a.epsilon);
+OTED_VECTORISED void RowProductsInputGradient(const float* __restrict dy, const float* __restrict w, float* x,
+                                              const int* __restrict x_rows, int rows, int cols) {
+  float* dx = x;
+  for (int i = 0; i < rows; ++i, dx += cols) {
+    // At or below row i, whose former content is no longer needed.
+    const float* from = x + static_cast<ptrdiff_t>(x_rows != nullptr ? x_rows[i] : i) * cols;
+    const float factor = dy[i];
+#pragma GCC ivdep
+    for (int j = 0; j < cols; ++j) dx[j] = KeepWherePositive(factor * w[j], from[j]);
+  }
+}
+
+OTED_VECTORISED void RowProductsGradients(const float* __restrict dy, const float* __restrict w, float* __restrict x,
+                                          float* __restrict dw, float* __restrict column_sums, int rows, int cols) {
+  std::memset(dw, 0, static_cast<size_t>(cols) * sizeof(float));
+  std::memset(column_sums, 0, static_cast<size_t>(cols) * sizeof(float));
+  for (int i = 0; i < rows; ++i, x += cols) {
+    const float factor = dy[i];
+    for (int j = 0; j < cols; ++j) {
+      const float v = KeepWherePositive(factor * w[j], x[j]);
+      dw[j] += factor * x[j];
+      column_sums[j] += v;
+      x[j] = v;
+    }
   }
 }
 

@@ -19,18 +19,26 @@ class FlushDenormals {
   unsigned int former_mode_ = 0;
 };
 
-/// y[i, j] = max(y[i, j] + bias[j], 0).
-void AddBiasRelu(float* y, const float* bias, int rows, int cols);
-/// y[i, j] += bias[j].
-void AddBias(float* y, const float* bias, int rows, int cols);
 /// dy[i, j] = 0 where h[i, j] <= 0, the derivative of the rectifier.
 void MaskByRelu(float* dy, const float* h, int rows, int cols);
-/// The same, and bias_gradient[j] = sum_i dy[i, j].
-void MaskByReluSumColumns(float* dy, const float* h, float* bias_gradient, int rows, int cols);
 /// sums[j] = sum_i x[i, j].
 void SumColumns(const float* x, float* sums, int rows, int cols);
-/// target += tau (source - target).
-void Polyak(float* target, const float* source, float tau, size_t n);
+
+/// y[i] = sum_j x[i, j] w[j] + bias: a linear layer of one output.
+void RowProducts(const float* x, const float* w, float bias, float* y, int rows, int cols);
+/// Back through that layer where its input x is that of a rectifier: dx[i, j] = dy[i] w[j] where x[r, j] > 0, else 0,
+/// with r = x_rows[i] (ascending), or i where `x_rows` is null. dx takes the place of x.
+void RowProductsInputGradient(const float* dy, const float* w, float* x, const int* x_rows, int rows, int cols);
+/// The same for r = i, and dw[j] = sum_i dy[i] x[i, j], column_sums[j] = sum_i dx[i, j].
+void RowProductsGradients(const float* dy, const float* w, float* x, float* dw, float* column_sums, int rows, int cols);
+
+/// y[i] = exp(x[i]), log(x[i]), tanh(x[i]) to a few units in the last place, or 1e-7 where tanh is near zero.
+/// y may be x.
+void Exp(const float* x, float* y, size_t n);
+void Log(const float* x, float* y, size_t n);
+void Tanh(const float* x, float* y, size_t n);
+/// 2n standard normals of 2n uniforms (Box and Muller 1958), the first n in (0, 1], the others in [0, 1).
+void NormalsFromUniforms(const float* uniforms, float* normals, size_t n);
 
 /// One Adam step (Kingma and Ba 2015) on n parameters; `step_size` and `inverse_sqrt_correction` carry the bias
 /// corrections: p -= step_size * m / (sqrt(v) * inverse_sqrt_correction + epsilon).
@@ -38,5 +46,8 @@ struct AdamArguments {
   float beta1, beta2, step_size, inverse_sqrt_correction, epsilon, weight_decay;
 };
 void Adam(float* parameters, const float* gradient, float* m, float* v, size_t n, const AdamArguments& arguments);
+/// The same, and then target += tau (parameters - target).
+void AdamPolyak(float* parameters, const float* gradient, float* m, float* v, float* target, float tau, size_t n,
+                const AdamArguments& arguments);
 
 }  // namespace oted::kernels

@@ -36,20 +36,27 @@ std::vector<int> Mlp::hidden() const {
   return widths;
 }
 
+namespace {
+
+/// Whether a layer is a row product, which no matrix product is fast at: one output, and rectified inputs.
+bool IsRowProduct(const Mlp& mlp, size_t l) { return l > 0 && mlp.layers()[l].out == 1; }
+
+}  // namespace
+
 const float* MlpPass::Forward(const Mlp& mlp, const float* x, int batch) {
   const kernels::FlushDenormals flush;
+  const float* parameters = mlp.parameters().data();
   activations_.resize(mlp.layers().size());
   for (size_t l = 0; l < mlp.layers().size(); ++l) {
     const Mlp::Layer& layer = mlp.layers()[l];
     AlignedVector<float>& y = activations_[l];
     y.resize(std::max(y.size(), static_cast<size_t>(batch) * static_cast<size_t>(layer.out)));
-    const float* parameters = mlp.parameters().data();
-    Gemm(Op::kNone, Op::kNone, batch, layer.out, layer.in, x, layer.in, parameters + layer.weight, layer.out, 0.0f,
-         y.data(), layer.out);
-    if (l + 1 < mlp.layers().size()) {
-      kernels::AddBiasRelu(y.data(), parameters + layer.bias, batch, layer.out);
+    const bool hidden = l + 1 < mlp.layers().size();
+    if (!hidden && IsRowProduct(mlp, l)) {
+      kernels::RowProducts(x, parameters + layer.weight, parameters[layer.bias], y.data(), batch, layer.in);
     } else {
-      kernels::AddBias(y.data(), parameters + layer.bias, batch, layer.out);
+      Gemm(Op::kNone, Op::kNone, batch, layer.out, layer.in, x, layer.in, parameters + layer.weight, layer.out, 0.0f,
+           y.data(), layer.out, {.bias = parameters + layer.bias, .rectify = hidden});
     }
     x = y.data();
   }
@@ -58,54 +65,81 @@ const float* MlpPass::Forward(const Mlp& mlp, const float* x, int batch) {
 
 void MlpPass::Backward(const Mlp& mlp, const float* x, const float* dy, int batch, float* parameter_gradient, float* dx,
                        InputColumns columns) {
+  Backward(mlp, x, dy, batch, nullptr, parameter_gradient, dx, columns);
+}
+
+void MlpPass::BackwardRows(const Mlp& mlp, std::span<const int> rows, const float* dy, float* dx,
+                           InputColumns columns) {
+  Backward(mlp, nullptr, dy, static_cast<int>(rows.size()), rows.data(), nullptr, dx, columns);
+}
+
+void MlpPass::Backward(const Mlp& mlp, const float* x, const float* dy, int batch, const int* rows,
+                       float* parameter_gradient, float* dx, InputColumns columns) {
   const kernels::FlushDenormals flush;
   const auto& layers = mlp.layers();
   const float* parameters = mlp.parameters().data();
+  if (parameter_gradient != nullptr) {
+    kernels::SumColumns(dy, parameter_gradient + layers.back().bias, batch, layers.back().out);
+  }
   for (size_t l = layers.size(); l-- > 0;) {
     const Mlp::Layer& layer = layers[l];
-    // dy is the gradient at this layer's linear output.
-    if (parameter_gradient != nullptr) {
-      const float* input = l == 0 ? x : activations_[l - 1].data();
-      Gemm(Op::kTranspose, Op::kNone, layer.in, layer.out, batch, input, layer.in, dy, layer.out, 0.0f,
-           parameter_gradient + layer.weight, layer.out);
-      if (l + 1 == layers.size()) kernels::SumColumns(dy, parameter_gradient + layer.bias, batch, layer.out);
+    const float* weight = parameters + layer.weight;
+    // dy is the gradient at this layer's linear output, h the layer's input.
+    const float* h = l == 0 ? x : activations_[l - 1].data();
+    float* weight_gradient = parameter_gradient != nullptr ? parameter_gradient + layer.weight : nullptr;
+    const bool row_product = IsRowProduct(mlp, l);
+    if (weight_gradient != nullptr && !row_product) {
+      Gemm(Op::kTranspose, Op::kNone, layer.in, layer.out, batch, h, layer.in, dy, layer.out, 0.0f, weight_gradient,
+           layer.out);
     }
     if (l == 0) {
       if (dx == nullptr) return;
       const int width = columns.end - columns.begin;
       Gemm(Op::kNone, Op::kTranspose, batch, width, layer.out, dy, layer.out,
-           parameters + layer.weight + static_cast<size_t>(columns.begin) * static_cast<size_t>(layer.out), layer.out,
-           0.0f, dx, width);
+           weight + static_cast<size_t>(columns.begin) * static_cast<size_t>(layer.out), layer.out, 0.0f, dx, width);
       return;
     }
-    next_gradient_.resize(std::max(next_gradient_.size(), static_cast<size_t>(batch) * static_cast<size_t>(layer.in)));
-    Gemm(Op::kNone, Op::kTranspose, batch, layer.in, layer.out, dy, layer.out, parameters + layer.weight, layer.out,
-         0.0f, next_gradient_.data(), layer.in);
-    const float* h = activations_[l - 1].data();
-    if (parameter_gradient != nullptr) {
-      kernels::MaskByReluSumColumns(next_gradient_.data(), h, parameter_gradient + layers[l - 1].bias, batch, layer.in);
+    // The gradient takes the place of h: an element of h is last read where the gradient's is written, and with `rows`
+    // ascending, a row moves up only.
+    float* dh = activations_[l - 1].data();
+    // At the linear output of the layer below, whose bias gradient is the sum over rows.
+    float* bias_gradient = parameter_gradient != nullptr ? parameter_gradient + layers[l - 1].bias : nullptr;
+    if (!row_product) {
+      Gemm(Op::kNone, Op::kTranspose, batch, layer.in, layer.out, dy, layer.out, weight, layer.out, 0.0f, dh, layer.in,
+           {.mask = h, .ld_mask = layer.in, .mask_rows = rows, .column_sums = bias_gradient});
+    } else if (weight_gradient != nullptr) {
+      kernels::RowProductsGradients(dy, weight, dh, weight_gradient, bias_gradient, batch, layer.in);
     } else {
-      kernels::MaskByRelu(next_gradient_.data(), h, batch, layer.in);
+      kernels::RowProductsInputGradient(dy, weight, dh, rows, batch, layer.in);
     }
-    gradient_.swap(next_gradient_);
-    dy = gradient_.data();
+    dy = dh;
   }
+}
+
+kernels::AdamArguments Adam::NextStep() {
+  ++n_steps_;
+  const double t = static_cast<double>(n_steps_);
+  const double correction1 = 1.0 - std::pow(static_cast<double>(options_.beta1), t);
+  const double correction2 = 1.0 - std::pow(static_cast<double>(options_.beta2), t);
+  return {.beta1 = options_.beta1,
+          .beta2 = options_.beta2,
+          .step_size = static_cast<float>(options_.learning_rate / correction1),
+          .inverse_sqrt_correction = static_cast<float>(1.0 / std::sqrt(correction2)),
+          .epsilon = options_.epsilon,
+          .weight_decay = options_.weight_decay};
 }
 
 void Adam::Step(std::span<float> parameters, std::span<const float> gradient) {
   const kernels::FlushDenormals flush;
   OTED_CHECK(parameters.size() == m_.size() && gradient.size() == m_.size());
-  ++n_steps_;
-  const double t = static_cast<double>(n_steps_);
-  const double correction1 = 1.0 - std::pow(static_cast<double>(options_.beta1), t);
-  const double correction2 = 1.0 - std::pow(static_cast<double>(options_.beta2), t);
-  kernels::Adam(parameters.data(), gradient.data(), m_.data(), v_.data(), m_.size(),
-                {.beta1 = options_.beta1,
-                 .beta2 = options_.beta2,
-                 .step_size = static_cast<float>(options_.learning_rate / correction1),
-                 .inverse_sqrt_correction = static_cast<float>(1.0 / std::sqrt(correction2)),
-                 .epsilon = options_.epsilon,
-                 .weight_decay = options_.weight_decay});
+  kernels::Adam(parameters.data(), gradient.data(), m_.data(), v_.data(), m_.size(), NextStep());
+}
+
+void Adam::Step(std::span<float> parameters, std::span<const float> gradient, std::span<float> target, float tau) {
+  const kernels::FlushDenormals flush;
+  OTED_CHECK(parameters.size() == m_.size() && gradient.size() == m_.size() && target.size() == m_.size());
+  kernels::AdamPolyak(parameters.data(), gradient.data(), m_.data(), v_.data(), target.data(), tau, m_.size(),
+                      NextStep());
 }
 
 }  // namespace oted

@@ -7,6 +7,7 @@
 
 #include "oted/base/array2.h"
 #include "oted/base/rng.h"
+#include "oted/nn/kernels.h"
 
 namespace oted {
 
@@ -42,23 +43,33 @@ struct InputColumns {
   int begin = 0, end = 0;
 };
 
-/// The activations of one network on one batch, kept from Forward for Backward. Reuses its memory from call to call.
+/// The activations of one network on one batch, kept from Forward for one Backward, which writes its gradients over
+/// them: what an update touches should fit the processor's cache. Reuses its memory from call to call.
 class MlpPass {
  public:
   /// @param x (batch, in). @return (batch, out), owned by this object and valid until its next Forward.
   const float* Forward(const Mlp& mlp, const float* x, int batch);
 
-  /// Back-propagates dy = d loss / d output of the last Forward, on its leading `batch` rows.
-  /// @param x                   the input of that Forward
+  /// Back-propagates dy = d loss / d output of the last Forward, on its leading `batch` rows. Once per Forward.
+  /// @param x                   the input of that Forward; not read without `parameter_gradient`
   /// @param dy                  (batch, out)
   /// @param parameter_gradient  n_parameters, overwritten; null when not wanted
   /// @param dx                  (batch, columns.end - columns.begin), overwritten; null when not wanted
   void Backward(const Mlp& mlp, const float* x, const float* dy, int batch, float* parameter_gradient, float* dx,
                 InputColumns columns = {});
 
+  /// d loss / d input alone, on some rows of the last Forward: row i of dy and dx belongs to its row rows[i]. In place
+  /// of Backward.
+  /// @param rows  ascending
+  /// @param dy  (rows.size(), out)
+  /// @param dx  (rows.size(), columns.end - columns.begin), overwritten
+  void BackwardRows(const Mlp& mlp, std::span<const int> rows, const float* dy, float* dx, InputColumns columns);
+
  private:
+  void Backward(const Mlp& mlp, const float* x, const float* dy, int batch, const int* rows, float* parameter_gradient,
+                float* dx, InputColumns columns);
+
   std::vector<AlignedVector<float>> activations_;  // per layer: (batch, out)
-  AlignedVector<float> gradient_, next_gradient_;
 };
 
 /// Adam's moments of one parameter vector.
@@ -74,12 +85,16 @@ class Adam {
   Adam() = default;
   Adam(size_t n_parameters, const Options& options) : options_(options), m_(n_parameters), v_(n_parameters) {}
   void Step(std::span<float> parameters, std::span<const float> gradient);
+  /// The same, after which `target` moves towards the parameters: target += tau (parameters - target).
+  void Step(std::span<float> parameters, std::span<const float> gradient, std::span<float> target, float tau);
 
   AlignedVector<float>& m() { return m_; }
   AlignedVector<float>& v() { return v_; }
   int64_t& n_steps() { return n_steps_; }
 
  private:
+  kernels::AdamArguments NextStep();
+
   Options options_;
   AlignedVector<float> m_, v_;
   int64_t n_steps_ = 0;

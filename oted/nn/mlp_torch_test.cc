@@ -28,8 +28,8 @@ struct Shape {
 constexpr double kRelative = 1e-5;
 
 TEST(MlpAgainstAutograd, OutputParameterGradientAndInputGradientAgree) {
-  for (const Shape& s :
-       {Shape{5, {}, 3, 7}, Shape{11, {64}, 6, 33}, Shape{17, {256, 256}, 12, 256}, Shape{3, {9, 31, 5}, 1, 1}}) {
+  for (const Shape& s : {Shape{5, {}, 3, 7}, Shape{11, {64}, 6, 33}, Shape{17, {256, 256}, 12, 256},
+                         Shape{3, {9, 31, 5}, 1, 1}, Shape{14, {256, 300}, 1, 50}}) {
     SCOPED_TRACE(testing::Message() << s.in << " -> " << s.hidden.size() << " hidden -> " << s.out);
     Mlp mlp(s.in, s.hidden, s.out);
     Rng rng(1);
@@ -59,10 +59,36 @@ TEST(MlpAgainstAutograd, OutputParameterGradientAndInputGradientAgree) {
     pass.Backward(mlp, x.data(), dy.data(), s.batch, gradient.data(), dx.data(), columns);
     EXPECT_LT(MaxDifference(gradient, expected_gradient), kRelative * Largest(expected_gradient));
     expect_dx();
-    // Without the parameters' gradient another pass over the rectifier is used.
+    // Without the parameters' gradient other passes are used.
     dx.assign(dx.size(), NAN);
+    pass.Forward(mlp, x.data(), s.batch);
     pass.Backward(mlp, x.data(), dy.data(), s.batch, nullptr, dx.data(), columns);
     expect_dx();
+  }
+}
+
+TEST(MlpAgainstAutograd, BackwardOnSomeRowsIsTheGradientAtThoseRows) {
+  const int in = 14, batch = 40;
+  for (const Shape& s : {Shape{in, {256, 256}, 1, batch}, Shape{in, {300, 33}, 2, batch}}) {
+    Mlp mlp(in, s.hidden, s.out);
+    Rng rng(7);
+    mlp.Initialize(rng);
+    const auto x = Normals(batch * in, 8);
+    std::vector<int> rows;
+    for (int row = 2; row < batch; row += row % 3 + 1) rows.push_back(row);
+    const int n = static_cast<int>(rows.size());
+    const auto dy = Normals(static_cast<size_t>(n * s.out), 9);
+    TorchMlp reference(mlp);
+    const torch::Tensor tx = ToTensor(x, batch, in).requires_grad_();
+    const torch::Tensor index = torch::tensor(std::vector<int64_t>(rows.begin(), rows.end()));
+    (reference.Forward(tx).index_select(0, index) * ToTensor(dy, n, s.out)).sum().backward();
+    const torch::Tensor expected = tx.grad().index_select(0, index).slice(1, 11, 14);
+    MlpPass pass;
+    pass.Forward(mlp, x.data(), batch);
+    AlignedVector<float> dx(static_cast<size_t>(n * 3), NAN);
+    pass.BackwardRows(mlp, rows, dy.data(), dx.data(), {11, 14});
+    const double error = (ToTensor(dx, n, 3) - expected).abs().max().item<double>();
+    EXPECT_LT(error, kRelative * expected.abs().max().item<double>());
   }
 }
 

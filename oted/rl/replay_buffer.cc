@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "oted/base/error.h"
+#include "oted/nn/kernels.h"
 
 namespace oted {
 
@@ -49,7 +50,16 @@ void ReplayBuffer::Sample(int batch_size, Rng& rng, SacBatch& batch) const {
     batch.rewards[i] = next_observation[obs_dim_];
     batch.terminated[i] = next_observation[obs_dim_ + 1];
   }
-  rng.FillNormal({batch.noise.data(), batch.noise.size()});
+  // Both uniforms of a pair of normals from one draw, 24 bits each: all that single precision holds.
+  const size_t half = (batch.noise.size() + 1) / 2;
+  batch.noise.resize(2 * half);
+  batch.uniforms.resize(2 * half);
+  for (size_t i = 0; i < half; ++i) {
+    const uint64_t bits = rng.Next();
+    batch.uniforms[i] = static_cast<float>((bits >> 40) + 1) * 0x1p-24f;
+    batch.uniforms[half + i] = static_cast<float>((bits >> 16) & 0xFFFFFF) * 0x1p-24f;
+  }
+  kernels::NormalsFromUniforms(batch.uniforms.data(), batch.noise.data(), half);
 }
 
 void ReplayBuffer::Restore(std::span<const float> rows, int64_t next) {

@@ -16,6 +16,7 @@ struct SacBatch {
   AlignedVector<float> rewards;       ///< (B)
   AlignedVector<float> terminated;    ///< (B), 1 where s' has no value; 0 also for time limits
   AlignedVector<float> noise;         ///< (2B, act_dim) standard normals for the actions at s and at s'
+  AlignedVector<float> uniforms;      ///< what `noise` was made of
 };
 
 /// Keeps the last `capacity` transitions.

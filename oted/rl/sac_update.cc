@@ -47,10 +47,6 @@ SacLosses SacUpdate::Step(const SacBatch& batch) {
   losses.actor_loss = StepActor(batch, alpha) + alpha * mean_log_prob;
   losses.alpha = alpha;
   losses.alpha_loss = alpha_loss;
-  for (int i = 0; i < 2; ++i) {
-    kernels::Polyak(target_critics_[i].parameters().data(), critics_[i].parameters().data(),
-                    static_cast<float>(options_.tau), critics_[i].n_parameters());
-  }
   return losses;
 }
 
@@ -58,23 +54,30 @@ SacLosses SacUpdate::Step(const SacBatch& batch) {
 void SacUpdate::ForwardActor(const SacBatch& batch) {
   const int obs_dim = actor_.obs_dim(), act_dim = actor_.act_dim(), rows = 2 * batch.size;
   actor_out_ = actor_pass_.Forward(actor_.net(), batch.observations.data(), rows);
-  actions_.resize(static_cast<size_t>(rows * act_dim));
-  std_.resize(actions_.size());
+  const size_t width = static_cast<size_t>(act_dim), n = static_cast<size_t>(rows) * width;
+  for (AlignedVector<float>* values : {&actions_, &log_std_, &std_, &log_slope_}) values->resize(n);
   log_prob_.resize(static_cast<size_t>(rows));
   joint_pi_.resize(batch.joint.size());
   joint_next_.resize(batch.joint.size());
+  // Element-wise functions on whole arrays: the vector versions take eight or sixteen elements at a time.
+  for (size_t b = 0; b < static_cast<size_t>(rows); ++b) {
+    const float* log_std = actor_out_ + 2 * b * width + width;
+    for (size_t j = 0; j < width; ++j) log_std_[b * width + j] = std::clamp(log_std[j], kLogStdMin, kLogStdMax);
+  }
+  kernels::Exp(log_std_.data(), std_.data(), n);
+  for (size_t b = 0; b < static_cast<size_t>(rows); ++b) {
+    const float* mean = actor_out_ + 2 * b * width;
+    for (size_t j = 0, at = b * width; j < width; ++j, ++at) actions_[at] = mean[j] + std_[at] * batch.noise[at];
+  }
+  kernels::Tanh(actions_.data(), actions_.data(), n);
+  for (size_t i = 0; i < n; ++i) log_slope_[i] = 1.0f - actions_[i] * actions_[i] + kSquashEpsilon;
+  kernels::Log(log_slope_.data(), log_slope_.data(), n);
   for (int b = 0; b < rows; ++b) {
+    const size_t offset = static_cast<size_t>(b) * width;
     float log_prob = 0;
-    const float* mean = actor_out_ + static_cast<ptrdiff_t>(b) * 2 * act_dim;
-    const size_t offset = static_cast<size_t>(b * act_dim);
-    for (int j = 0; j < act_dim; ++j) {
-      const float log_std = std::clamp(mean[act_dim + j], kLogStdMin, kLogStdMax);
-      const float std = std::exp(log_std);
-      const float noise = batch.noise[offset + static_cast<size_t>(j)];
-      const float action = std::tanh(mean[j] + std * noise);
-      std_[offset + static_cast<size_t>(j)] = std;
-      actions_[offset + static_cast<size_t>(j)] = action;
-      log_prob += -0.5f * noise * noise - log_std - kHalfLog2Pi - std::log(1.0f - action * action + kSquashEpsilon);
+    for (size_t at = offset; at < offset + width; ++at) {
+      const float noise = batch.noise[at];
+      log_prob += -0.5f * noise * noise - log_std_[at] - kHalfLog2Pi - log_slope_[at];
     }
     log_prob_[static_cast<size_t>(b)] = log_prob;
     float* joint = b < batch.size ? joint_pi_.data() + static_cast<ptrdiff_t>(b) * (obs_dim + act_dim)
@@ -91,7 +94,7 @@ SacLosses SacUpdate::StepCritics(const SacBatch& batch, float alpha) {
 
   // y = r + gamma (1 - terminated) (min_i Q'_i(s', a') - alpha log pi(a'|s'))
   for (int i = 0; i < 2; ++i) {
-    const float* q = target_pass_.Forward(target_critics_[i], joint_next_.data(), batch.size);
+    const float* q = critic_pass_[0].Forward(target_critics_[i], joint_next_.data(), batch.size);
     for (size_t b = 0; b < n; ++b) target_[b] = i == 0 ? q[b] : std::min(target_[b], q[b]);
   }
   const float gamma = static_cast<float>(options_.gamma);
@@ -101,16 +104,17 @@ SacLosses SacUpdate::StepCritics(const SacBatch& batch, float alpha) {
 
   SacLosses losses;
   for (int i = 0; i < 2; ++i) {
-    const float* q = critic_pass_[i].Forward(critics_[i], batch.joint.data(), batch.size);
+    const float* q = critic_pass_[0].Forward(critics_[i], batch.joint.data(), batch.size);
     for (size_t b = 0; b < n; ++b) {
       const float error = q[b] - target_[b];
       losses.critic_loss += 0.5 * error * error / static_cast<double>(n);
       losses.mean_q += 0.5 * q[b] / static_cast<double>(n);
       dq_[b] = error / static_cast<float>(n);
     }
-    critic_pass_[i].Backward(critics_[i], batch.joint.data(), dq_.data(), batch.size, critic_gradient_.data(), nullptr);
-    critic_adam_[i].Step({critics_[i].parameters().data(), critics_[i].n_parameters()},
-                         {critic_gradient_.data(), critic_gradient_.size()});
+    critic_pass_[0].Backward(critics_[i], batch.joint.data(), dq_.data(), batch.size, critic_gradient_.data(), nullptr);
+    // The targets follow at once: nothing below reads them in this step, and the critics are in the cache.
+    critic_adam_[i].Step(critics_[i].parameters(), critic_gradient_, target_critics_[i].parameters(),
+                         static_cast<float>(options_.tau));
   }
   return losses;
 }
@@ -122,17 +126,25 @@ double SacUpdate::StepActor(const SacBatch& batch, float alpha) {
   const float* q[2];
   for (int i = 0; i < 2; ++i) q[i] = critic_pass_[i].Forward(critics_[i], joint_pi_.data(), batch.size);
 
-  // The gradient runs through the smaller critic of each row; no critic needs its own weights' gradient here.
+  // The gradient runs through the smaller critic of each row, so only its rows go back through a critic; no critic
+  // needs its own weights' gradient here.
   double loss = 0;
-  for (size_t b = 0; b < n; ++b) loss -= std::min(q[0][b], q[1][b]) / static_cast<double>(n);
-  const float scale = -1.0f / static_cast<float>(n);
-  std::vector<bool> first(n);
-  for (size_t b = 0; b < n; ++b) first[b] = q[0][b] <= q[1][b];
+  for (std::vector<int>& rows : smaller_) rows.clear();
+  for (size_t b = 0; b < n; ++b) {
+    loss -= std::min(q[0][b], q[1][b]) / static_cast<double>(n);
+    smaller_[q[0][b] <= q[1][b] ? 0 : 1].push_back(static_cast<int>(b));
+  }
+  dq_.assign(n, -1.0f / static_cast<float>(n));
+  dq_da_.resize(n * width);
+  dq_da_rows_.resize(n * width);
   for (int i = 0; i < 2; ++i) {
-    for (size_t b = 0; b < n; ++b) dq_[b] = first[b] == (i == 0) ? scale : 0.0f;
-    dq_da_[i].resize(n * width);
-    critic_pass_[i].Backward(critics_[i], joint_pi_.data(), dq_.data(), batch.size, nullptr, dq_da_[i].data(),
-                             {obs_dim, obs_dim + act_dim});
+    critic_pass_[i].BackwardRows(critics_[i], smaller_[i], dq_.data(), dq_da_rows_.data(),
+                                 {obs_dim, obs_dim + act_dim});
+    const float* from = dq_da_rows_.data();
+    for (const int row : smaller_[i]) {
+      std::copy_n(from, width, dq_da_.data() + static_cast<size_t>(row) * width);
+      from += width;
+    }
   }
 
   // The actor's activations at s are still those of ForwardActor: its parameters have not moved since.
@@ -143,8 +155,7 @@ double SacUpdate::StepActor(const SacBatch& batch, float alpha) {
       const size_t at = b * width + j;
       const float action = actions_[at], one_minus = 1.0f - action * action;
       // d/du of alpha log pi: only the squashing term depends on u once the noise is fixed.
-      const float du = (dq_da_[0][at] + dq_da_[1][at]) * one_minus +
-                       alpha_over_n * 2.0f * action * one_minus / (one_minus + kSquashEpsilon);
+      const float du = dq_da_[at] * one_minus + alpha_over_n * 2.0f * action * one_minus / (one_minus + kSquashEpsilon);
       const float log_std = actor_out_[b * 2 * width + width + j];
       const bool inside = log_std >= kLogStdMin && log_std <= kLogStdMax;
       actor_dout_[b * 2 * width + j] = du;
@@ -153,8 +164,7 @@ double SacUpdate::StepActor(const SacBatch& batch, float alpha) {
   }
   actor_pass_.Backward(actor_.net(), batch.observations.data(), actor_dout_.data(), batch.size, actor_gradient_.data(),
                        nullptr);
-  actor_adam_.Step({actor_.net().parameters().data(), actor_gradient_.size()},
-                   {actor_gradient_.data(), actor_gradient_.size()});
+  actor_adam_.Step(actor_.net().parameters(), actor_gradient_);
   return loss;
 }
 

@@ -62,11 +62,14 @@ class SacUpdate {
   AlignedVector<float> log_alpha_ = AlignedVector<float>(1);
   Adam actor_adam_, critic_adam_[2], alpha_adam_;
 
-  MlpPass actor_pass_, critic_pass_[2], target_pass_;
+  MlpPass actor_pass_, critic_pass_[2];                       // few, so that they stay in the cache
   const float* actor_out_ = nullptr;                          // (2B, 2 act_dim), owned by actor_pass_
-  AlignedVector<float> actions_, std_, log_prob_;             // at s, then at s': (2B, act_dim), (2B, act_dim), (2B)
+  AlignedVector<float> actions_, log_std_, std_, log_slope_;  // at s, then at s': (2B, act_dim)
+  AlignedVector<float> log_prob_;                             // (2B)
   AlignedVector<float> joint_pi_, joint_next_;                // (B, obs_dim + act_dim): [s, a~pi], [s', a'~pi]
-  AlignedVector<float> target_, dq_, dq_da_[2], actor_dout_;  // gradients at the networks' outputs
+  AlignedVector<float> target_, dq_, dq_da_, actor_dout_;     // gradients at the networks' outputs and actions
+  std::vector<int> smaller_[2];                               // rows of the batch whose smaller critic it is
+  AlignedVector<float> dq_da_rows_;                           // dq_da_ of those rows
   AlignedVector<float> actor_gradient_, critic_gradient_;
 };
 

@@ -1,0 +1,103 @@
+// Our side of sac_peers.py: SAC on one thread, a slice at a time.
+//   sac_worker updates OBS_DIM ACT_DIM     whole updates on noise, drawing the batch included
+//   sac_worker products OBS_DIM ACT_DIM    an update's matrix products by the linked BLAS
+//   sac_worker training TASK FOLDER        TrainSac, one update per environment step; a slice is 256 steps
+// A line "SECONDS" on stdin asks for a slice of that much CPU time; the answer is "COUNT CPU_SECONDS WALL_SECONDS".
+
+#include <time.h>
+
+#include <cstdlib>
+#include <functional>
+#include <iostream>
+#include <string>
+
+#include "benchmarks/sac_workload.h"
+#include "oted/rl/sac.h"
+#include "oted/sim/mujoco/mujoco_simulator.h"
+
+namespace oted {
+namespace {
+
+double Now(clockid_t clock) {
+  timespec time;
+  clock_gettime(clock, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+class Slice {
+ public:
+  double cpu() const { return Now(CLOCK_PROCESS_CPUTIME_ID) - cpu_; }
+  void Answer(int64_t count) const {
+    std::cout << count << " " << cpu() << " " << Now(CLOCK_MONOTONIC) - wall_ << std::endl;
+  }
+
+ private:
+  double wall_ = Now(CLOCK_MONOTONIC), cpu_ = Now(CLOCK_PROCESS_CPUTIME_ID);
+};
+
+void Serve(const std::function<void()>& work) {
+  for (int i = 0; i < 20; ++i) work();
+  std::cout << "ready" << std::endl;
+  double seconds;
+  while (std::cin >> seconds) {
+    const Slice slice;
+    int64_t count = 0;
+    for (; slice.cpu() < seconds; ++count) work();
+    slice.Answer(count);
+  }
+}
+
+// Training reports its progress every 256 updates: there a slice ends, and the next one waits to be asked for.
+class SliceSink : public NullSink {
+ public:
+  void Progress(std::string_view, std::string_view, int64_t done, int64_t, std::string_view) override {
+    if (begin_ > 0) {
+      slice_.Answer(done - begin_);
+    } else {
+      std::cout << "ready" << std::endl;
+    }
+    double seconds;
+    if (!(std::cin >> seconds)) std::exit(0);
+    begin_ = done;
+    slice_ = Slice();
+  }
+
+ private:
+  int64_t begin_ = 0;
+  Slice slice_;
+};
+
+void Train(const std::string& task, const std::string& folder) {
+  const MujocoSimulatorFactory factory(task, {});
+  SacConfig config;
+  config.n_steps = config.eval_interval = 100'000'000;  // one segment, no evaluation
+  config.buffer_size = 1'000'000;
+  SliceSink sink;
+  RunContext context;
+  context.log = &sink;
+  TrainSac(
+      factory, [](Rng&) { return std::vector<double>{}; }, {{}}, config, RngKey(1), folder, "agent", context);
+}
+
+int Main(int argc, char** argv) {
+  if (argc != 4) return 2;
+  const std::string mode = argv[1];
+  if (mode == "training") {
+    Train(argv[2], argv[3]);
+    return 0;
+  }
+  const int obs_dim = std::atoi(argv[2]), act_dim = std::atoi(argv[3]);
+  if (mode == "updates") {
+    Learner learner(obs_dim, act_dim);
+    Serve([&] { learner.Step(); });
+    return 0;
+  }
+  Products actor(GemmKernel::kBlas, obs_dim, 2 * act_dim), critic(GemmKernel::kBlas, obs_dim + act_dim, 1);
+  Serve([&] { MultiplyAll(actor, critic, act_dim); });
+  return 0;
+}
+
+}  // namespace
+}  // namespace oted
+
+int main(int argc, char** argv) { return oted::Main(argc, argv); }
