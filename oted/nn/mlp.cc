@@ -47,6 +47,7 @@ const float* MlpPass::Forward(const Mlp& mlp, const float* x, int batch) {
   const kernels::FlushDenormals flush;
   const float* parameters = mlp.parameters().data();
   activations_.resize(mlp.layers().size());
+  fresh_ = true;
   for (size_t l = 0; l < mlp.layers().size(); ++l) {
     const Mlp::Layer& layer = mlp.layers()[l];
     AlignedVector<float>& y = activations_[l];
@@ -76,6 +77,8 @@ void MlpPass::BackwardRows(const Mlp& mlp, std::span<const int> rows, const floa
 void MlpPass::Backward(const Mlp& mlp, const float* x, const float* dy, int batch, const int* rows,
                        float* parameter_gradient, float* dx, InputColumns columns) {
   const kernels::FlushDenormals flush;
+  OTED_CHECK(fresh_);
+  fresh_ = false;
   const auto& layers = mlp.layers();
   const float* parameters = mlp.parameters().data();
   if (parameter_gradient != nullptr) {

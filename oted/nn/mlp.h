@@ -70,6 +70,7 @@ class MlpPass {
                 float* dx, InputColumns columns);
 
   std::vector<AlignedVector<float>> activations_;  // per layer: (batch, out)
+  bool fresh_ = false;                             // no Backward has written over them yet
 };
 
 /// Adam's moments of one parameter vector.
