@@ -16,6 +16,7 @@
 #include "oted/base/toml.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
+#include "oted/toml_text.h"
 #include "oted/toml_writer.h"
 
 namespace oted {
@@ -259,6 +260,7 @@ std::vector<FieldList> AllFields(RunConfig& config) {
 
 RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,
                               const std::string& parameter_file) {
+  CheckTomlCharacters(text, file_name);
   toml::table document;
   try {
     document = toml::parse(text, file_name);
