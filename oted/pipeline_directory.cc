@@ -28,12 +28,6 @@ json ParametersJson(const ParameterSpace& space) {
 
 const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   context_.n_threads = config_.Threads();
-  if (factory_->spec().n_discrete_actions > 0) {
-    throw UsageError(
-        fmt::format("task '{}' has discrete actions, which the learning stages do not take yet; its simulator "
-                    "is there as a library (docs/minigrid.md)",
-                    config_.task.name));
-  }
   AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());

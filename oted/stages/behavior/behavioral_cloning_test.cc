@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/nn/tanh_gaussian.h"
 
 namespace oted {
 namespace {
@@ -68,6 +69,10 @@ CloneResult Clone(const Dataset& dataset, const CloneConfig& config, LogSink* lo
   return CloneBehavior(dataset, Spec(), config, RngKey(4), "clone", {log != nullptr ? log : &nothing, nullptr, 1});
 }
 
+const TanhGaussianPolicy& PolicyOf(const CloneResult& clone) {
+  return dynamic_cast<const TanhGaussianPolicy&>(*clone.policy);
+}
+
 /// Mean and std of u at a state, (2 act_dim), as the policy's network gives them.
 std::vector<double> HeadAt(const TanhGaussianPolicy& policy, std::span<const double> s) {
   std::vector<float> x(3);
@@ -84,7 +89,7 @@ TEST(CloneBehavior, RecoversTheMeanAndSpreadOfAKnownPolicy) {
   constexpr int kProbes = 300;
   for (int i = 0; i < kProbes; ++i) {
     const std::vector<double> s = {rng.Normal(), rng.Normal(), rng.Normal()};
-    const std::vector<double> head = HeadAt(clone.policy, s);
+    const std::vector<double> head = HeadAt(PolicyOf(clone), s);
     for (int j = 0; j < 2; ++j) {
       const size_t k = static_cast<size_t>(j);
       mean_error[j] += std::abs(head[k] - TrueMean(s, j)) / kProbes;
@@ -123,7 +128,7 @@ TEST(CloneBehavior, KeepsThePolicyOfTheBestHeldOutCheck) {
   EXPECT_LT(clone.n_steps, 1000);
   // The kept policy is the one of that step: a run that ends there gives the same bytes.
   config.max_steps = clone.n_steps;
-  EXPECT_EQ(Clone(dataset, config).policy.net().parameters(), clone.policy.net().parameters());
+  EXPECT_EQ(PolicyOf(Clone(dataset, config)).net().parameters(), PolicyOf(clone).net().parameters());
 }
 
 TEST(CloneBehavior, ASingleBlockOfTransitionsIsEnough) {
@@ -142,7 +147,7 @@ TEST(CloneBehavior, ActionsAtTheBoundsGiveFiniteLosses) {
   config.max_steps = 200;
   const CloneResult clone = Clone(dataset, config);
   EXPECT_TRUE(std::isfinite(clone.held_out_loss));
-  for (const float p : clone.policy.net().parameters()) ASSERT_TRUE(std::isfinite(p));
+  for (const float p : PolicyOf(clone).net().parameters()) ASSERT_TRUE(std::isfinite(p));
 }
 
 TEST(CloneBehavior, WrongDimensionsAreADataError) {
@@ -171,9 +176,8 @@ TEST(CloneBehavior, SameSeedSameBytesAndAnotherSeedOthers) {
   NullSink log;
   const Dataset dataset = MakeDataset(500, 7);
   const auto bytes = [&](uint64_t seed, int n_threads) {
-    return CloneBehavior(dataset, Spec(), config, RngKey(seed), "clone", {&log, nullptr, n_threads})
-        .policy.net()
-        .parameters();
+    const CloneResult clone = CloneBehavior(dataset, Spec(), config, RngKey(seed), "clone", {&log, nullptr, n_threads});
+    return PolicyOf(clone).net().parameters();
   };
   EXPECT_EQ(bytes(1, 1), bytes(1, 2));
   EXPECT_NE(bytes(1, 1), bytes(2, 1));

@@ -9,7 +9,7 @@
 #include "oted/data/dataset.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
-#include "oted/nn/tanh_gaussian.h"
+#include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/design_config.h"
 
@@ -31,7 +31,7 @@ struct DesignResult {
 /// equal
 ///                results. Trajectory matching, which takes seconds, begins anew
 /// @throws Interrupted when a stop was requested
-DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
+DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
                          const DesignConfig& config, RngKey key, const std::filesystem::path& folder,
                          const std::string& run_name, const RunContext& context);
 

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "oted/base/fields.h"
+#include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
 #include "oted/stages/design/trajectory_matching.h"
@@ -18,6 +19,8 @@ namespace oted {
 ///                   windows by what they tell
 ///   "transitions"   Algorithm 1 with logged actions replayed from logged states, g(s, a, s'), short rollouts
 ///   "paper"         Algorithm 1 to the letter: the clone rolled out from the initial states, g(s, a)
+///   "images"        the same on the first steps of each episode alone, with a small convolutional g; what auto is
+///                   where observations are images
 struct DesignConfig {
   std::string form = "auto";
   std::string starts = "dataset";
@@ -26,6 +29,8 @@ struct DesignConfig {
   int horizon = 10;
   int n_steps = 60;
   double clone_noise = 1.0;
+  std::string rows = "all";
+  int stack = 1;
 
   int trajectory_window = 16;
   int trajectory_rows = 960;
@@ -38,9 +43,17 @@ struct DesignConfig {
   double step_log_std = 0.25;
   double lambda = 0.01;
   double initial_std = 1.2;
+  double reward_floor = 1e-6;
+  std::string designer = "gaussian";
+  double grid_step = 0.05;
+  double average = 0.0;
   std::string reward = "paper";
 
+  std::string features = "logs";
+  int statistic_sims = 384;
+  int statistic_steps = 600;
   std::vector<int> discriminator_hidden = {256, 256};
+  std::vector<int> discriminator_filters = {16};
   double discriminator_learning_rate = 3e-4;
   double discriminator_weight_decay = 1e-4;
   int discriminator_steps = 60;
@@ -63,6 +76,8 @@ struct DesignConfig {
   EvidenceConfig Evidence() const;
   TrajectoryOptions Trajectories() const;
   DiscriminatorOptions Discriminator() const;
+  /// q before the first iteration. @throws UsageError where a categorical one has no two values of a parameter
+  Designer Start(const ParameterSpace& space) const;
 };
 
 }  // namespace oted
