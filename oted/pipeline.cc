@@ -142,6 +142,13 @@ void Pipeline::Run() {
   Design();
   SelectSimulator();
   ReplayLogs();
+  if (factory_->spec().n_discrete_actions > 0) {
+    context_.log->Warning(fmt::format(
+        "task '{}' has discrete actions: the simulator is designed and no agent is trained, since SAC here takes "
+        "continuous actions alone; train one in the designed simulator with another program",
+        config_.task.name));
+    return;
+  }
   if (!factory_->spec().has_reward) {
     context_.log->Warning(fmt::format(
         "task '{}' has no reward: the simulator is designed and no agent is trained; add task.reward to train one",
@@ -292,6 +299,12 @@ struct Pipeline::AgentJob {
 };
 
 void Pipeline::TrainAgents() {
+  if (factory_->spec().n_discrete_actions > 0) {
+    throw UsageError(
+        fmt::format("task '{}' has discrete actions, and agents (SAC) take continuous ones alone; stop after the "
+                    "design: oted design",
+                    config_.task.name));
+  }
   if (!factory_->spec().has_reward) {
     throw UsageError(
         fmt::format("task '{}' has no reward to train agents with; add task.reward = \"...\"", config_.task.name));

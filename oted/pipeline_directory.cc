@@ -47,7 +47,8 @@ void Pipeline::AdaptDesign() {
   };
   adapt(config_.design);
   for (auto& [name, setting] : config_.settings) adapt(setting);
-  if (!adapted) return;
+  // Of images auto has a form of its own: nothing was given up.
+  if (!adapted || (!spec.image_shape.empty() && config_.design.form == "images")) return;
   const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(&factory_->plant());
   context_.log->Warning(fmt::format(
       "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "

@@ -170,6 +170,72 @@ TEST(CloneBehavior, AStopIsAnInterruption) {
                Interrupted);
 }
 
+/// Images of 3x3 cells, kind 0 or 1, and a direction; the action is 1 with probability 0.9 where the middle cell is 1,
+/// otherwise the direction's.
+Dataset GridLogs(int n) {
+  Rng rng(11);
+  Dataset dataset;
+  for (int i = 0; i < n; ++i) {
+    std::vector<double> s;
+    for (int j = 0; j < 9; ++j) s.push_back(static_cast<double>(rng.Below(2)));
+    s.push_back(static_cast<double>(rng.Below(3)));
+    const bool obeys = rng.Uniform() < 0.9;
+    dataset.observations.AppendRow(s);
+    dataset.next_observations.AppendRow(s);
+    dataset.actions.AppendRow(std::vector<double>{s[4] == 1 && obeys ? 1 : s[9]});
+    dataset.terminals.push_back(0);
+    dataset.timeouts.push_back(i % 50 == 49);
+  }
+  return dataset;
+}
+
+SimulatorSpec GridSpec() {
+  SimulatorSpec spec;
+  spec.task = "Cells";
+  spec.observation_shape = {10};
+  spec.image_shape = {3, 3, 1};
+  spec.observation_levels = {2, 2, 2, 2, 2, 2, 2, 2, 2, 3};
+  spec.act_dim = 1;
+  spec.n_discrete_actions = 3;
+  return spec;
+}
+
+TEST(CloneBehavior, OfImagesAndDiscreteActionsRecoversTheProbabilities) {
+  CloneConfig config = SmallConfig();
+  config.filters = {8};
+  config.hidden = {16};
+  config.max_steps = 1500;
+  NullSink log;
+  const CloneResult clone = CloneBehavior(GridLogs(3000), GridSpec(), config, RngKey(1), "clone", {&log, nullptr, 1});
+  // 0.5 x H(direction known) + 0.5 x entropy of 0.9 and 0.1, less where direction 1 makes both the same: a third.
+  const double floor = 0.5 * (2.0 / 3) * (-0.9 * std::log(0.9) - 0.1 * std::log(0.1));
+  EXPECT_LT(clone.held_out_loss, floor + 0.05);
+  EXPECT_GT(clone.held_out_loss, floor - 0.05);
+  const auto actor = clone.policy->MakeActor(ActionNoise::kSampled);
+  std::vector<double> s = {0, 1, 0, 1, 1, 1, 0, 0, 1, 2};
+  Rng rng(2);
+  int ones = 0;
+  for (int i = 0; i < 2000; ++i) {
+    double action = -1;
+    actor->Act(s, 1, rng, {&action, 1});
+    ones += action == 1;
+  }
+  EXPECT_NEAR(ones / 2000.0, 0.9, 0.05);
+  double likely = -1;
+  clone.policy->MakeActor(ActionNoise::kMean)->Act(s, 1, rng, {&likely, 1});
+  EXPECT_EQ(likely, 1);
+}
+
+TEST(CloneBehavior, AnActionThatIsNoIndexIsADataError) {
+  Dataset dataset = GridLogs(100);
+  dataset.actions(7, 0) = 3;
+  NullSink log;
+  const std::string message = MessageOf<DataError>([&] {
+    CloneBehavior(dataset, GridSpec(), {}, RngKey(1), "clone", {&log, nullptr, 1});
+  });
+  EXPECT_NE(message.find("[7]"), std::string::npos) << message;
+}
+
 TEST(CloneBehavior, SameSeedSameBytesAndAnotherSeedOthers) {
   CloneConfig config = SmallConfig();
   config.max_steps = 100;

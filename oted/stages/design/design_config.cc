@@ -31,13 +31,14 @@ DesignConfig DesignConfig::ForForm(const std::string& form) {
   config.stack = 8;
   config.n_steps = 120;
   config.n_iterations = 120;
-  config.statistic_sims = 1024;
-  config.statistic_steps = 2000;
+  config.statistic_sims = 1536;
+  config.statistic_steps = 3000;
+  config.initial_std = 0.8;
   config.step_log_std = 0.5;
   config.lambda = 0.002;
   config.average = 0.5;
   config.features = "simulated";
-  config.reward_floor = 0.05;
+  config.reward_floor = 0.3;
   config.replay_iterations = 4;
   config.discriminator_hidden = {16};
   config.discriminator_learning_rate = 3e-3;
