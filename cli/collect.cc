@@ -110,6 +110,12 @@ void AddCollectVerb(Program& program) {
     write.environment = options->task;
     write.action_low = spec.action_low;
     write.action_high = spec.action_high;
+    write.n_discrete_actions = spec.n_discrete_actions;
+    if (minigrid != nullptr) {
+      write.image_shape = spec.image_shape;
+      write.index_name = "direction";
+      write.n_index = 4;
+    }
     WriteDataset(dataset, options->output, write);
     double sum = 0;
     const std::vector<double> returns = dataset.EpisodeReturns();

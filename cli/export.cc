@@ -44,8 +44,9 @@ void AddExportVerb(Program& program) {
 
 void WriteExports(const std::filesystem::path& run_directory) {
   if (!std::filesystem::exists(run_directory / "design.json")) return;
-  const ExportRequest request = DefaultExports(run_directory);
+  ExportRequest request;
   try {
+    request = DefaultExports(run_directory);
     Export(run_directory, request);
   } catch (const Error& e) {
     // The design is done and on disk: a model that MuJoCo cannot write does not make it a failure. An earlier design's

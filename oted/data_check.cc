@@ -184,7 +184,8 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
   facts.action_low = spec.action_low;
   facts.action_high = spec.action_high;
   facts.max_episode_steps = spec.max_episode_steps;
-  facts.flat_observations = spec.observation_shape.size() == 1;
+  facts.flat_observations =
+      spec.observation_shape.size() == 1 && spec.image_shape.empty() && spec.observation_levels.empty();
   facts.continuous_actions = spec.n_discrete_actions == 0;
   return facts;
 }
@@ -230,7 +231,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     }
   } else {
     const CloneResult clone = CloneBehavior(dataset, spec, {}, key.Stage("clone"), "check", context);
-    check.gap = JudgeSimulator(*factory, halves, &clone.policy, {factory->parameters().Nominal()},
+    check.gap = JudgeSimulator(*factory, halves, clone.policy.get(), {factory->parameters().Nominal()},
                                CommonEvidence(spec, kGapSteps), kJudgeSteps, key.Stage("gap"));
   }
   AddGap(*check.gap, spec, dataset.size(), check.findings);

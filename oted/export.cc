@@ -160,6 +160,10 @@ std::vector<double> ModelPart(const RunConfig& config, const std::vector<double>
 
 std::vector<ExportedFile> ExportModels(const Design& design, const ExportRequest& request) {
   const std::vector<Member> members = SelectMembers(design, request.member);
+  if (design.config.task.is_grid()) {
+    throw UsageError(
+        fmt::format("task '{}' is a grid world and has no MJCF; write its q(z) with --q", design.config.task.name));
+  }
   const MujocoSimulatorFactory factory = ModelFactory(design.config);
   if (design.record.at("model").at("sha256") != factory.model_sha256()) {
     throw DataError(
@@ -230,6 +234,11 @@ std::string Sysid(const Design& design) {
 
 ExportRequest DefaultExports(const fs::path& run_directory) {
   const fs::path folder = run_directory / "export";
+  const fs::path config = run_directory / "run.toml";
+  // A grid world has no model that another tool could load.
+  if (fs::exists(config) && RunConfig::FromTomlFile(config.string()).task.is_grid()) {
+    return {.mjcf = {}, .q = folder / "q.json", .sysid = {}};
+  }
   return {.mjcf = folder / "designed.xml", .q = folder / "q.json", .sysid = folder / "parameters.yaml"};
 }
 

@@ -98,7 +98,9 @@ std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
                                                        const Array2<double>& logged_starts) {
   return WithChannels(parameters, [&](std::vector<ParameterSpec> own) -> std::unique_ptr<SimulatorFactory> {
     if (task.has_model()) return std::make_unique<MujocoSimulatorFactory>(task.model, std::move(own), logged_starts);
-    if (IsMinigridTask(task.name)) return std::make_unique<MinigridSimulatorFactory>(task.name, std::move(own));
+    if (task.is_grid()) {
+      return std::make_unique<MinigridSimulatorFactory>(task.grid.ApplyTo(FindMinigridTask(task.name)), std::move(own));
+    }
     if (auto registered = MakeRegisteredTask(task.name, own)) return registered;
     return std::make_unique<MujocoSimulatorFactory>(task.name, std::move(own));
   });
@@ -140,6 +142,13 @@ void Pipeline::Run() {
   Design();
   SelectSimulator();
   ReplayLogs();
+  if (factory_->spec().n_discrete_actions > 0) {
+    context_.log->Warning(fmt::format(
+        "task '{}' has discrete actions: the simulator is designed and no agent is trained, since SAC here takes "
+        "continuous actions alone; train one in the designed simulator with another program",
+        config_.task.name));
+    return;
+  }
   if (!factory_->spec().has_reward) {
     context_.log->Warning(fmt::format(
         "task '{}' has no reward: the simulator is designed and no agent is trained; add task.reward to train one",
@@ -160,7 +169,7 @@ void Pipeline::CloneBehavior() {
   const CloneResult clone = ::oted::CloneBehavior(dataset_, factory_->spec(), config_.clone,
                                                   RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("clone"),
                                                   directory_.NameOf(folder), context_);
-  clone.policy.Save(folder / "policy.npz");
+  clone.policy->Save(folder / "policy.npz");
   directory_.Complete(folder / "clone.json",
                       {{"schema", "oted.clone/1"},
                        {"train_loss", clone.train_loss},
@@ -173,7 +182,7 @@ void Pipeline::CloneBehavior() {
 
 void Pipeline::Design() {
   CloneBehavior();
-  const TanhGaussianPolicy clone = TanhGaussianPolicy::Load(directory_.clone() / "policy.npz");
+  const std::unique_ptr<const Policy> clone = LoadPolicy(directory_.clone() / "policy.npz");
   struct Job {
     std::string setting;
     DesignConfig config;
@@ -204,7 +213,7 @@ void Pipeline::Design() {
                            .Index(static_cast<uint64_t>(job.seed));
     directory_.Begin(folder, DesignFingerprint(job.setting));
     const DesignResult design =
-        LearnDesign(*factory_, dataset_, &clone, job.config, key, folder, directory_.NameOf(folder), share);
+        LearnDesign(*factory_, dataset_, clone.get(), job.config, key, folder, directory_.NameOf(folder), share);
     NpzArrays arrays;
     design.g.Save(arrays);
     WriteNpz(arrays, folder / "discriminator.npz");
@@ -240,7 +249,7 @@ void Pipeline::SelectSimulator() {
   Design();
   const fs::path file = directory_.root() / "design.json";
   if (directory_.IsComplete(file, SelectionFingerprint())) return;
-  const TanhGaussianPolicy clone = TanhGaussianPolicy::Load(directory_.clone() / "policy.npz");
+  const std::unique_ptr<const Policy> clone = LoadPolicy(directory_.clone() / "policy.npz");
   const std::vector<bool>& has_effect = ParametersWithEffect();
 
   std::vector<Candidate> candidates;
@@ -254,8 +263,10 @@ void Pipeline::SelectSimulator() {
       candidate.q = Designer::FromJson(q, factory_->parameters(), (folder / "q.json").string());
       candidate.evidence = design.Evidence();
       candidate.evidence.n_past_actions = factory_->spec().n_past_actions;
+      candidate.evidence.image = factory_->spec().image_shape;
       Rng unused(0);
-      candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused);
+      candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused,
+                                  FeatureShape(factory_->spec(), candidate.evidence));
       candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
       candidate.learning_progress = q.value("learning_progress", 0.0);
       if (q.contains("fit")) candidate.fit = FitEvidenceFromJson(q.at("fit"));
@@ -263,7 +274,7 @@ void Pipeline::SelectSimulator() {
     }
   }
   const SelectionResult result =
-      ::oted::SelectSimulator(*factory_, dataset_, &clone, candidates, config_.selection,
+      ::oted::SelectSimulator(*factory_, dataset_, clone.get(), candidates, config_.selection,
                               RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("simulator selection"), context_);
   json design =
       DesignRecord(config_, factory_->parameters(), candidates, result, has_effect, factory_->spec().observation_names);
@@ -291,6 +302,12 @@ struct Pipeline::AgentJob {
 };
 
 void Pipeline::TrainAgents() {
+  if (factory_->spec().n_discrete_actions > 0) {
+    throw UsageError(
+        fmt::format("task '{}' has discrete actions, and agents (SAC) take continuous ones alone; stop after the "
+                    "design: oted design",
+                    config_.task.name));
+  }
   if (!factory_->spec().has_reward) {
     throw UsageError(
         fmt::format("task '{}' has no reward to train agents with; add task.reward = \"...\"", config_.task.name));

@@ -41,7 +41,7 @@ class Pipeline {
   void TrainAgents();
   void SelectPolicy();
   void EvaluateInTarget();
-  /// All of the above; up to SelectSimulator for a task without a reward, with a warning.
+  /// All of the above; up to ReplayLogs for a task without a reward or with discrete actions, with a warning.
   void Run();
 
   const RunConfig& config() const { return config_; }

@@ -28,12 +28,6 @@ json ParametersJson(const ParameterSpace& space) {
 
 const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   context_.n_threads = config_.Threads();
-  if (factory_->spec().n_discrete_actions > 0) {
-    throw UsageError(
-        fmt::format("task '{}' has discrete actions, which the learning stages do not take yet; its simulator "
-                    "is there as a library (docs/minigrid.md)",
-                    config_.task.name));
-  }
   AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
@@ -53,7 +47,8 @@ void Pipeline::AdaptDesign() {
   };
   adapt(config_.design);
   for (auto& [name, setting] : config_.settings) adapt(setting);
-  if (!adapted) return;
+  // Of images auto has a form of its own: nothing was given up.
+  if (!adapted || (!spec.image_shape.empty() && config_.design.form == "images")) return;
   const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(&factory_->plant());
   context_.log->Warning(fmt::format(
       "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "

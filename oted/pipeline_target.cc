@@ -39,8 +39,8 @@ void Pipeline::EvaluateInTarget() {
   };
   const auto judge_policy = [&](const std::string& name, const std::string& label, const fs::path& path,
                                 ActionNoise noise) {
-    const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(path);
-    judge(name, label, AsBatchPolicy(policy, noise, key.Stage(name).MakeRng()));
+    const std::unique_ptr<const Policy> policy = LoadPolicy(path);
+    judge(name, label, AsBatchPolicy(*policy, noise, key.Stage(name).MakeRng()));
   };
 
   Rng random = key.Stage("random").MakeRng();

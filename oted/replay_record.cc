@@ -81,6 +81,35 @@ json Window(const Dataset& dataset, int begin) {
   return {{"row", begin}, {"episode", e + 1}, {"step", begin - episodes[e].begin}};
 }
 
+constexpr int kPictures = 8;
+
+/// The first channel of an image of kinds: what each cell is, in the image's own order.
+json Cells(std::span<const double> observation, const SimulatorSpec& spec) {
+  json cells = json::array();
+  const int n = spec.image_shape[0] * spec.image_shape[1], stride = spec.image_shape[2];
+  for (int i = 0; i < n; ++i) cells.push_back(static_cast<int>(observation[static_cast<size_t>(i * stride)]));
+  return cells;
+}
+
+/// How episodes begin in the logs and in the two simulators: pictures to look at.
+json FirstImages(const SimulatorFactory& factory, const Dataset& dataset, const std::vector<double>& nominal,
+                 const std::vector<double>& designed) {
+  const SimulatorSpec& spec = factory.spec();
+  json images = {{"columns", spec.image_shape[0]}, {"rows", spec.image_shape[1]}};
+  const Array2<double> starts = dataset.EpisodeStarts();
+  for (int i = 0; i < std::min(kPictures, starts.rows()); ++i) images["logged"].push_back(Cells(starts.row(i), spec));
+  const auto simulator = factory.Make(1, 1);
+  for (const auto& [name, z] : {std::pair("nominal", &nominal), std::pair("designed", &designed)}) {
+    simulator->SetParameters(0, *z);
+    for (uint64_t i = 0; i < kPictures; ++i) {
+      Rng rng = RngKey(1).Stage("pictures").Index(i).MakeRng();
+      simulator->Reset(0, rng);
+      images[name].push_back(Cells(simulator->observation(0), spec));
+    }
+  }
+  return images;
+}
+
 }  // namespace
 
 json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, int n_steps,
@@ -90,6 +119,9 @@ json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, i
                  {"n_steps", n_steps},        {"control_period_s", spec.control_period_s},
                  {"nominal", nominal},        {"designed", designed}};
   if (!spec.can_set_state) {
+    if (!spec.image_shape.empty() && !spec.observation_levels.empty()) {
+      record["images"] = FirstImages(factory, dataset, nominal, designed);
+    }
     record["note"] = fmt::format("{} cannot be put into a logged state, so its logs cannot be replayed.", spec.task);
     return record;
   }

@@ -253,9 +253,9 @@ void CheckName(const std::string& what, const std::string& name) {
 }  // namespace
 
 std::vector<FieldList> AllFields(RunConfig& config) {
-  return {config.task.Fields(),   config.data.Fields(),     config.run.Fields(),
-          config.clone.Fields(),  config.design.Fields(),   config.selection.Fields(),
-          config.agents.Fields(), config.sac.Fields("sac"), config.report.Fields()};
+  return {config.task.Fields(),     config.task.grid.Fields(), config.data.Fields(),      config.run.Fields(),
+          config.clone.Fields(),    config.design.Fields(),    config.selection.Fields(), config.agents.Fields(),
+          config.sac.Fields("sac"), config.report.Fields()};
 }
 
 RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,
@@ -359,6 +359,7 @@ json RunConfig::ToJson() const {
   json object;
   for (const FieldList& section : AllFields(copy)) object[section.section()] = section.ToJson();
   object["task"] = task.ToJson();
+  if (!task.is_grid()) object.erase("grid");
   for (auto& [name, setting] : copy.settings) object["design"]["settings"][name] = setting.Fields().ToJson();
   object["parameters"] = json::object();
   if (!presets.empty()) object["parameters"]["preset"] = presets;
@@ -372,6 +373,7 @@ std::string RunConfig::ToToml() const {
   std::ostringstream out;
   out << "# The resolved configuration of this run: every setting, defaults included.\n";
   for (const FieldList& section : AllFields(copy)) {
+    if (section.section() == "grid") continue;  // with the task
     if (section.section() == "task") {
       out << "\n" << task.ToToml();
       continue;

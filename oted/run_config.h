@@ -9,6 +9,7 @@
 
 #include "oted/data/data_options.h"
 #include "oted/rl/sac.h"
+#include "oted/sim/minigrid/task.h"
 #include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/parameter_space.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
@@ -19,16 +20,18 @@ namespace oted {
 
 /// What is simulated: one of the built-in tasks by its name, or a model (docs/task_files.md).
 struct TaskConfig {
-  std::string name;  ///< with a model, what reports call the task
-  ModelTask model;   ///< unused while model.model is empty
+  std::string name;   ///< with a model, what reports call the task
+  ModelTask model;    ///< unused while model.model is empty
+  GridSettings grid;  ///< [grid]; unused by all but the grid worlds
   FieldList Fields();
 
   bool has_model() const { return !model.model.empty(); }
+  bool is_grid() const { return !has_model() && IsMinigridTask(name); }
   /// Fills in the name. @throws UsageError for a setting that makes no sense without a model.
   void Resolve();
   /// What --task takes: a built-in task's name, or the path of a TOML file whose [task] is read.
   static TaskConfig FromArgument(const std::string& name_or_file);
-  /// [task] and [task.quantities], every setting written out.
+  /// [task], [task.quantities] and [grid], every setting written out.
   std::string ToToml() const;
   nlohmann::json ToJson() const;
   /// What results depend on, beside the model itself: the name of a built-in task, the settings of a model's.

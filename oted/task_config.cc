@@ -44,6 +44,10 @@ void TaskConfig::Resolve() {
     return;
   }
   TaskConfig defaults;
+  if (!is_grid() && grid != defaults.grid) {
+    throw UsageError(
+        fmt::format("[grid] is of grid worlds, and the task is '{}'; leave it out, or name a MiniGrid task", name));
+  }
   const FieldList own = Fields(), plain = defaults.Fields();
   for (size_t i = 0; i < own.fields().size(); ++i) {
     const Field& field = own.fields()[i];
@@ -71,7 +75,7 @@ TaskConfig TaskConfig::FromArgument(const std::string& name_or_file) {
 
 json TaskConfig::ToJson() const {
   TaskConfig copy = *this;
-  if (!has_model()) return {{"name", name}};
+  if (!has_model()) return {{"name", name}};  // [grid] is a section of its own
   json object = copy.Fields().ToJson();
   if (!model.quantities.empty()) object["quantities"] = model.quantities;
   return object;
@@ -88,6 +92,15 @@ std::string TaskConfig::ToToml() const {
     WriteTomlValue(out, field.ToJson());
     out << "  # " << field.help << "\n";
   }
+  if (is_grid()) {
+    out << "\n[grid]\n";
+    const FieldList settings = copy.grid.Fields();
+    for (const Field& field : settings.fields()) {
+      out << field.name << " = ";
+      WriteTomlValue(out, field.ToJson());
+      out << "  # " << field.help << "\n";
+    }
+  }
   if (!model.quantities.empty()) out << "\n[task.quantities]\n";
   for (const auto& [quantity, path] : model.quantities) {
     out << quantity << " = ";
@@ -98,6 +111,10 @@ std::string TaskConfig::ToToml() const {
 }
 
 json TaskConfig::Identity() const {
+  if (is_grid()) {
+    GridSettings settings = grid;
+    return {name, settings.Fields().ToJson()};
+  }
   if (!has_model()) return name;
   json object = ToJson();
   object.erase("name");

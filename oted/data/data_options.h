@@ -55,6 +55,12 @@ struct WriteOptions {
   std::string algorithm = "oted";  ///< what chose the actions
   std::vector<double> action_low;  ///< of the action space; empty: unbounded
   std::vector<double> action_high;
+
+  // Of a Minari dataset alone: observations that begin with an image become {image, INDEX} as in Farama's grid worlds.
+  std::vector<int> image_shape;  ///< (height, width, channels), whole numbers below 256; empty: flat observations
+  std::string index_name;        ///< what the one number behind the image is ("direction"), an index below n_index
+  int n_index = 0;
+  int n_discrete_actions = 0;  ///< actions are indices below it; 0: continuous
 };
 
 }  // namespace oted

@@ -56,6 +56,12 @@ void Hdf5Writer::Numbers(const std::string& name, std::span<const double> v, boo
   Write(name, as_float32 ? H5T_IEEE_F32LE : H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, dims, v.data());
 }
 
+void Hdf5Writer::Integers(const std::string& name, std::span<const double> v, const std::vector<int64_t>& shape,
+                          bool as_bytes) {
+  const std::vector<hsize_t> dims(shape.begin(), shape.end());
+  Write(name, as_bytes ? H5T_STD_U8LE : H5T_STD_I64LE, H5T_NATIVE_DOUBLE, dims, v.data());
+}
+
 void Hdf5Writer::Flags(const std::string& name, std::span<const uint8_t> flags) {
   const Hdf5Handle type(H5Tenum_create(H5T_STD_I8LE), H5Tclose);
   const int8_t no = 0;
@@ -77,9 +83,11 @@ void Hdf5Writer::Write(const std::string& name, hid_t file_type, hid_t memory_ty
   const Hdf5Handle space(H5Screate_simple(rank, dims.data(), nullptr), H5Sclose);
   const Hdf5Handle create(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
   // Chunks of about 64,000 numbers: small enough for libhdf5's chunk cache, large enough to compress well.
-  const hsize_t width = dims.size() == 2 ? dims[1] : 1;
-  const hsize_t chunk[2] = {std::clamp<hsize_t>(64000 / width, 1, dims[0]), width};
-  const bool prepared = H5Pset_chunk(create.id(), rank, chunk) >= 0 && H5Pset_shuffle(create.id()) >= 0 &&
+  hsize_t width = 1;
+  for (const hsize_t size : dims.subspan(1)) width *= size;
+  std::vector<hsize_t> chunk(dims.begin(), dims.end());
+  chunk[0] = std::clamp<hsize_t>(64000 / width, 1, dims[0]);
+  const bool prepared = H5Pset_chunk(create.id(), rank, chunk.data()) >= 0 && H5Pset_shuffle(create.id()) >= 0 &&
                         H5Pset_deflate(create.id(), 4) >= 0 && H5Pset_obj_track_times(create.id(), false) >= 0;
   if (!prepared) Fail(name, kFull);
   Hdf5Handle field(H5Dcreate2(file_.id(), name.c_str(), file_type, space.id(), H5P_DEFAULT, create.id(), H5P_DEFAULT),

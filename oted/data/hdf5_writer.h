@@ -24,6 +24,8 @@ class Hdf5Writer {
   void Attribute(const std::string& group, const char* name, int64_t value);
   void Numbers(const std::string& name, const Array2<double>& m, bool as_float32);
   void Numbers(const std::string& name, std::span<const double> v, bool as_float32);
+  /// Whole numbers of any shape, as bytes or as 64-bit integers.
+  void Integers(const std::string& name, std::span<const double> v, const std::vector<int64_t>& shape, bool as_bytes);
   /// h5py's bool: an enumeration of FALSE and TRUE over one byte.
   void Flags(const std::string& name, std::span<const uint8_t> flags);
   void Close();

@@ -119,6 +119,33 @@ std::string BoxSpace(bool is_float32, int size, const std::vector<double>& low, 
                      is_float32 ? "float32" : "float64", size, list(low, "-Infinity"), list(high, "Infinity"));
 }
 
+/// The spaces of an image with one index behind it, as Minari writes Farama's grid worlds'.
+json ImageSpace(const WriteOptions& options) {
+  const auto filled = [&](int value) {
+    json rows = json::array();
+    for (int y = 0; y < options.image_shape[0]; ++y) {
+      json row = json::array();
+      for (int x = 0; x < options.image_shape[1]; ++x) row.push_back(std::vector<int>(options.image_shape[2], value));
+      rows.push_back(row);
+    }
+    return rows;
+  };
+  json space = {{"type", "Dict"}};
+  space["subspaces"][options.index_name] = {
+      {"type", "Discrete"}, {"dtype", "int64"}, {"start", 0}, {"n", options.n_index}};
+  space["subspaces"]["image"] = {
+      {"type", "Box"}, {"dtype", "uint8"}, {"shape", options.image_shape}, {"low", filled(0)}, {"high", filled(255)}};
+  return space;
+}
+
+void CheckWhole(const Array2<double>& m, double below, const char* what, const std::string& path) {
+  for (const double value : m.values()) {
+    if (value >= 0 && value < below && value == std::floor(value)) continue;
+    throw DataError(fmt::format("'{}': {} hold {:g}, wanted whole numbers below {:g}; write .hdf5 or .npz", path, what,
+                                value, below));
+  }
+}
+
 /// Gymnasium's EnvSpec of the tasks that this program knows; empty for others, whose entry point it cannot say.
 std::string EnvSpec(const std::string& id) {
   static const std::regex kPattern("(Hopper|HalfCheetah|Walker2d)-(v[45])");
@@ -151,8 +178,25 @@ void CheckChained(const Dataset& dataset, const std::string& path) {
   }
 }
 
+/// Observations of one episode, T + 1 rows, as image and index.
+void WriteImages(Hdf5Writer& writer, const std::string& group, const Array2<double>& observations,
+                 const WriteOptions& options) {
+  std::vector<int64_t> shape = {observations.rows()};
+  shape.insert(shape.end(), options.image_shape.begin(), options.image_shape.end());
+  const size_t n_image = static_cast<size_t>(observations.cols()) - 1;
+  std::vector<double> images, indices;
+  for (int i = 0; i < observations.rows(); ++i) {
+    const auto row = observations.row(i);
+    images.insert(images.end(), row.begin(), row.begin() + static_cast<ptrdiff_t>(n_image));
+    indices.push_back(row[n_image]);
+  }
+  writer.Group(group);
+  writer.Integers(group + "/image", images, shape, true);
+  writer.Integers(group + "/" + options.index_name, indices, {observations.rows()}, false);
+}
+
 void WriteEpisodes(const Dataset& dataset, const std::string& temporary_path, const std::string& path, bool obs_fit,
-                   bool act_fit) {
+                   bool act_fit, const WriteOptions& options) {
   const Hdf5Session session;
   Hdf5Writer writer(temporary_path, path);
   const bool rewards_fit = FitsFloat32({dataset.rewards});
@@ -172,8 +216,17 @@ void WriteEpisodes(const Dataset& dataset, const std::string& temporary_path, co
     writer.Attribute(group, "total_steps", episode.size());
     Array2<double> observations = rows(dataset.observations, episode);
     observations.AppendRow(dataset.next_observations.row(episode.end - 1));
-    writer.Numbers(group + "/observations", observations, obs_fit);
-    writer.Numbers(group + "/actions", rows(dataset.actions, episode), act_fit);
+    if (options.image_shape.empty()) {
+      writer.Numbers(group + "/observations", observations, obs_fit);
+    } else {
+      WriteImages(writer, group + "/observations", observations, options);
+    }
+    const Array2<double> actions = rows(dataset.actions, episode);
+    if (options.n_discrete_actions > 0) {
+      writer.Integers(group + "/actions", actions.values(), {episode.size()}, false);
+    } else {
+      writer.Numbers(group + "/actions", actions, act_fit);
+    }
     if (dataset.rewards.empty()) {
       const std::vector<double> none(size, std::numeric_limits<double>::quiet_NaN());
       writer.Numbers(group + "/rewards", none, false);
@@ -246,6 +299,13 @@ void WriteMinari(const Dataset& dataset, const std::string& path, const WriteOpt
         fmt::format("'{}' exists already; remove it, or write the next version (-v1, -v2, ...)", target.string()));
   }
   CheckChained(dataset, path);
+  if (!options.image_shape.empty()) {
+    const int n_image = options.image_shape[0] * options.image_shape[1] * options.image_shape[2];
+    OTED_CHECK(dataset.obs_dim() == n_image + 1 && options.n_index > 0);
+    CheckWhole(dataset.observations, 256, "observations", path);
+    CheckWhole(dataset.next_observations, 256, "next_observations", path);
+  }
+  if (options.n_discrete_actions > 0) CheckWhole(dataset.actions, options.n_discrete_actions, "actions", path);
   for (const auto* bounds : {&options.action_low, &options.action_high}) {
     OTED_CHECK(bounds->empty() || static_cast<int>(bounds->size()) == dataset.act_dim());
   }
@@ -264,20 +324,25 @@ void WriteMinari(const Dataset& dataset, const std::string& path, const WriteOpt
   if (error) throw DataError(fmt::format("'{}': cannot make the folder ({}); is it writable?", path, error.message()));
   const bool obs_fit = FitsFloat32({dataset.observations.values(), dataset.next_observations.values()});
   const bool act_fit = FitsFloat32({dataset.actions.values()});
-  WriteEpisodes(dataset, (data / kDataFile).string(), path, obs_fit, act_fit);
-  json metadata = {{"total_episodes", dataset.Episodes().size()},
-                   {"total_steps", dataset.size()},
-                   {"data_format", "hdf5"},
-                   {"jpeg_encoding", false},
-                   {"observation_space", BoxSpace(obs_fit, dataset.obs_dim(), {}, {})},
-                   {"action_space", BoxSpace(act_fit, dataset.act_dim(), options.action_low, options.action_high)},
-                   {"dataset_id", options.dataset_id.empty() ? target.filename().string() : options.dataset_id},
-                   {"algorithm_name", options.algorithm},
-                   {"author", json::array()},
-                   {"author_email", json::array()},
-                   {"code_permalink", ""},
-                   {"requirements", json::array()},
-                   {"minari_version", kMinariVersion}};
+  WriteEpisodes(dataset, (data / kDataFile).string(), path, obs_fit, act_fit, options);
+  json metadata = {
+      {"total_episodes", dataset.Episodes().size()},
+      {"total_steps", dataset.size()},
+      {"data_format", "hdf5"},
+      {"jpeg_encoding", false},
+      {"observation_space",
+       options.image_shape.empty() ? BoxSpace(obs_fit, dataset.obs_dim(), {}, {}) : ImageSpace(options).dump()},
+      {"action_space",
+       options.n_discrete_actions > 0
+           ? json({{"type", "Discrete"}, {"dtype", "int64"}, {"start", 0}, {"n", options.n_discrete_actions}}).dump()
+           : BoxSpace(act_fit, dataset.act_dim(), options.action_low, options.action_high)},
+      {"dataset_id", options.dataset_id.empty() ? target.filename().string() : options.dataset_id},
+      {"algorithm_name", options.algorithm},
+      {"author", json::array()},
+      {"author_email", json::array()},
+      {"code_permalink", ""},
+      {"requirements", json::array()},
+      {"minari_version", kMinariVersion}};
   if (const std::string spec = EnvSpec(options.environment); !spec.empty()) metadata["env_spec"] = spec;
   if (!dataset.observation_names.empty()) metadata["observation_names"] = dataset.observation_names;
   if (!dataset.action_names.empty()) metadata["action_names"] = dataset.action_names;

@@ -62,6 +62,13 @@ Designer::Designer(ParameterSpace space, const Eigen::VectorXd& mean, const Eige
   correlation_factor_ = cholesky.matrixL();
 }
 
+Designer Designer::OnGrid(ParameterSpace space, double step) {
+  Designer designer(std::move(space), 1.0);
+  designer.grid_ = GridDistribution(designer.space_, step);
+  designer.grid_step_ = step;
+  return designer;
+}
+
 Eigen::MatrixXd Designer::Correlation() const { return correlation_factor_ * correlation_factor_.transpose(); }
 
 Eigen::MatrixXd Designer::Covariance() const {
@@ -70,7 +77,21 @@ Eigen::MatrixXd Designer::Covariance() const {
   return std.asDiagonal() * Correlation() * std.asDiagonal();
 }
 
+std::vector<Designer::Sample> Designer::DrawBatch(int n, Rng& rng) const {
+  std::vector<Sample> draws;
+  if (grid_) {
+    for (std::vector<double>& x : grid_->DrawEvenly(n, rng)) draws.push_back({x, grid_->ValuesAt(x)});
+    return draws;
+  }
+  for (int k = 0; k < n; ++k) draws.push_back(k % 2 == 0 ? Draw(rng) : Mirror(draws.back()));
+  return draws;
+}
+
 Designer::Sample Designer::Draw(Rng& rng) const {
+  if (grid_) {
+    const std::vector<double> x = grid_->Draw(rng);
+    return {x, grid_->ValuesAt(x)};
+  }
   Eigen::VectorXd independent(size());
   for (double& noise : independent) noise = rng.Normal();
   Sample sample;
@@ -90,9 +111,10 @@ Designer::Sample Designer::Mirror(const Sample& sample) const {
   return mirrored;
 }
 
-std::vector<double> Designer::Mode() const { return LogitToZ(space_, mean_); }
+std::vector<double> Designer::Mode() const { return grid_ ? grid_->Mode() : LogitToZ(space_, mean_); }
 
 std::vector<double> Designer::Std() const {
+  if (grid_) return grid_->Std();
   std::vector<double> std(mean_.size());
   for (size_t i = 0; i < mean_.size(); ++i) {
     // dz/dx by central difference through the transform and the parameter's own scale.
@@ -106,7 +128,31 @@ std::vector<double> Designer::Std() const {
   return std;
 }
 
+double Designer::Cumulative(int i, double x) const {
+  if (grid_) return grid_->Cumulative(i, x);
+  std::vector<double> z = Mode();
+  const size_t at = static_cast<size_t>(i);
+  z[at] = x;
+  const double noise = (ZToLogit(space_, z)[at] - mean_[at]) / std::exp(log_std_[at]);
+  return 0.5 * std::erfc(-noise / std::sqrt(2.0));
+}
+
 std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
+  if (grid_) {
+    std::vector<Interval> intervals;
+    for (int i = 0; i < size(); ++i) {
+      const auto quantile = [&](double p) {
+        double low = space_[i].low, high = space_[i].high;
+        for (int step = 0; step < 60; ++step) {
+          const double middle = 0.5 * (low + high);
+          (grid_->Cumulative(i, middle) < p ? low : high) = middle;
+        }
+        return 0.5 * (low + high);
+      };
+      intervals.push_back({quantile(0.5 - 0.5 * mass), quantile(0.5 + 0.5 * mass)});
+    }
+    return intervals;
+  }
   const double quantile = NormalQuantile(0.5 + 0.5 * mass);
   std::vector<double> low = mean_, high = mean_;
   for (size_t i = 0; i < mean_.size(); ++i) {
@@ -120,6 +166,7 @@ std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
 }
 
 double Designer::KlToPrior() const {
+  if (grid_) return grid_->KlToPrior();
   double kl = 0;
   for (size_t i = 0; i < mean_.size(); ++i) {
     const double ratio = std::exp(log_std_[i]) / kPriorStd, shift = mean_[i] / kPriorStd;
@@ -132,6 +179,12 @@ double Designer::KlToPrior() const {
 void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda,
                       double step_mean, double step_log_std) {
   OTED_CHECK(draws.size() == advantages.size() && !draws.empty());
+  if (grid_) {
+    std::vector<std::vector<double>> indices;
+    for (const Sample& draw : draws) indices.push_back(draw.x);
+    grid_->Ascend(indices, advantages, lambda, step_mean);
+    return;
+  }
   OTED_CHECK(correlation_factor_.isIdentity(0));
   const double n = static_cast<double>(draws.size());
   for (size_t i = 0; i < mean_.size(); ++i) {
@@ -152,6 +205,23 @@ void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> 
   }
 }
 
+std::vector<double> Designer::State() const {
+  if (grid_) return grid_->State();
+  std::vector<double> state = mean_;
+  state.insert(state.end(), log_std_.begin(), log_std_.end());
+  return state;
+}
+
+void Designer::SetState(const std::vector<double>& state) {
+  if (grid_) {
+    grid_->SetState(state);
+    return;
+  }
+  OTED_CHECK(state.size() == 2 * mean_.size());
+  const auto middle = state.begin() + static_cast<ptrdiff_t>(mean_.size());
+  Restore({state.begin(), middle}, {middle, state.end()});
+}
+
 void Designer::Restore(std::vector<double> mean, std::vector<double> log_std) {
   OTED_CHECK(mean.size() == mean_.size() && log_std.size() == mean_.size());
   mean_ = std::move(mean);
@@ -162,12 +232,23 @@ void Designer::Restore(std::vector<double> mean, std::vector<double> log_std) {
 nlohmann::json Designer::ToJson(double lambda) const {
   nlohmann::json q;
   q["schema"] = "oted.q/1";
-  q["kind"] = "gaussian";
-  q["transform"] = "logistic";
+  q["kind"] = grid_ ? "categorical" : "gaussian";
+  if (!grid_) q["transform"] = "logistic";
   for (const ParameterSpec& spec : space_.specs()) {
     q["parameters"].push_back(spec.name);
     q["bounds"].push_back({spec.low, spec.high});
     q["scale"].push_back(spec.logarithmic ? "log" : "linear");
+  }
+  q["lambda"] = lambda;
+  q["mode"] = Mode();
+  if (grid_) {
+    q["grid_step"] = grid_step_;
+    for (int i = 0; i < size(); ++i) {
+      q["values"].push_back(grid_->values(i));
+      q["probabilities"].push_back(grid_->probabilities(i));
+    }
+    q["prior"] = {{"kind", "uniform"}};
+    return q;
   }
   q["mean"] = mean_;
   const Eigen::MatrixXd covariance = Covariance();
@@ -176,17 +257,52 @@ nlohmann::json Designer::ToJson(double lambda) const {
     q["cov"].push_back(std::vector<double>(row.begin(), row.end()));
   }
   q["prior"] = {{"kind", "gaussian"}, {"mean", 0.0}, {"std", kPriorStd}};
-  q["lambda"] = lambda;
-  q["mode"] = Mode();
   return q;
+}
+
+namespace {
+
+void CheckParameter(const nlohmann::json& q, const ParameterSpace& space, size_t i, const std::string& where) {
+  const ParameterSpec& spec = space[static_cast<int>(i)];
+  if (q.at("parameters").at(i) == spec.name && q.at("bounds").at(i) == nlohmann::json{spec.low, spec.high}) return;
+  throw DataError(fmt::format("parameter {} of '{}' is not '{}' in [{:g}, {:g}]; use the run's own configuration",
+                              i + 1, where, spec.name, spec.low, spec.high));
+}
+
+}  // namespace
+
+Designer Designer::CategoricalFromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
+  const double step = q.at("grid_step").get<double>();
+  if (!(step > 0))
+    throw DataError(fmt::format("'{}' has no positive grid_step; make it again with 'oted design'", where));
+  Designer designer = OnGrid(space, step);
+  const auto probabilities = q.at("probabilities").get<std::vector<std::vector<double>>>();
+  if (probabilities.size() != static_cast<size_t>(space.size())) {
+    throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration", where,
+                                probabilities.size(), space.size()));
+  }
+  for (size_t i = 0; i < probabilities.size(); ++i) {
+    CheckParameter(q, space, i, where);
+    const int parameter = static_cast<int>(i);
+    if (probabilities[i].size() != designer.grid_->values(parameter).size() ||
+        !std::ranges::all_of(probabilities[i], [](double p) { return p > 0 && p <= 1; })) {
+      throw DataError(
+          fmt::format("'{}' has no probability in (0, 1] for each value of '{}'; make it again with "
+                      "'oted design'",
+                      where, space[parameter].name));
+    }
+    designer.grid_->SetProbabilities(parameter, probabilities[i]);
+  }
+  return designer;
 }
 
 Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
   try {
-    if (q.at("schema") != "oted.q/1" || q.at("kind") != "gaussian") {
-      throw DataError(
-          fmt::format("'{}' is not a Gaussian q(z) of schema oted.q/1; make it again with 'oted design'", where));
+    if (q.at("schema") != "oted.q/1" || (q.at("kind") != "gaussian" && q.at("kind") != "categorical")) {
+      throw DataError(fmt::format(
+          "'{}' is not a Gaussian or categorical q(z) of schema oted.q/1; make it again with 'oted design'", where));
     }
+    if (q.at("kind") == "categorical") return CategoricalFromJson(q, space, where);
     const auto mean = q.at("mean").get<std::vector<double>>();
     const auto cov = q.at("cov").get<std::vector<std::vector<double>>>();
     if (mean.size() != static_cast<size_t>(space.size()) || cov.size() != mean.size()) {
@@ -196,10 +312,7 @@ Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space
     Eigen::MatrixXd covariance(space.size(), space.size());
     for (size_t i = 0; i < mean.size(); ++i) {
       const ParameterSpec& spec = space[static_cast<int>(i)];
-      if (q.at("parameters").at(i) != spec.name || q.at("bounds").at(i) != nlohmann::json{spec.low, spec.high}) {
-        throw DataError(fmt::format("parameter {} of '{}' is not '{}' in [{:g}, {:g}]; use the run's own configuration",
-                                    i + 1, where, spec.name, spec.low, spec.high));
-      }
+      CheckParameter(q, space, i, where);
       if (cov[i].size() != mean.size() || !(cov[i][i] > 0)) {
         throw DataError(
             fmt::format("'{}' has no positive variance of '{}'; make it again with 'oted design'", where, spec.name));

@@ -3,11 +3,13 @@
 
 #include <Eigen/Dense>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "oted/base/rng.h"
+#include "oted/matching/grid_distribution.h"
 #include "oted/sim/parameter_space.h"
 
 namespace oted {
@@ -17,9 +19,10 @@ namespace oted {
 std::vector<double> LogitToZ(const ParameterSpace& space, std::span<const double> x);
 std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double> z);
 
-/// A Gaussian over x, with diagonal covariance while it is learned by policy gradient. The prior p is the Gaussian N(0,
-/// kPriorStd^2) over the same x: under it u is close to uniform over the bounds (its standard deviation is 0.29, that
-/// of the uniform distribution).
+/// Of two kinds. A categorical one holds probabilities of grid values (grid_distribution.h); its x are their indices.
+/// Otherwise it is a Gaussian over x, with diagonal covariance while it is learned by policy gradient. The prior p is
+/// the Gaussian N(0, kPriorStd^2) over the same x: under it u is close to uniform over the bounds (its standard
+/// deviation is 0.29, that of the uniform distribution).
 class Designer {
  public:
   static constexpr double kPriorStd = 1.7;
@@ -30,6 +33,11 @@ class Designer {
   /// The Gaussian of that mean and covariance over x. @throws InternalError unless the covariance is positive definite.
   Designer(ParameterSpace space, const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance);
 
+  /// Uniform over the multiples of `step` within each parameter's bounds. @throws UsageError where there are too few
+  static Designer OnGrid(ParameterSpace space, double step);
+  /// Null for a Gaussian.
+  const GridDistribution* grid() const { return grid_ ? &*grid_ : nullptr; }
+
   const ParameterSpace& space() const { return space_; }
   int size() const { return space_.size(); }
 
@@ -39,10 +47,12 @@ class Designer {
     std::vector<double> z;
   };
   Sample Draw(Rng& rng) const;
-  /// The draw on the other side of the mean.
+  /// `n` draws with less noise in their mean: of a Gaussian in mirrored pairs, of a grid shared out evenly.
+  std::vector<Sample> DrawBatch(int n, Rng& rng) const;
+  /// The draw on the other side of the mean; of a Gaussian only, as all that speaks of x, mean and log_std.
   Sample Mirror(const Sample& sample) const;
 
-  /// The paper's mode of q: z at the mean of x.
+  /// The paper's mode of q: z at the mean of x, or the most probable grid value.
   std::vector<double> Mode() const;
   /// Standard deviation of z in its own units, to first order in x at the mode, at most that of the uniform prior.
   std::vector<double> Std() const;
@@ -51,6 +61,8 @@ class Designer {
     double low, high;
   };
   std::vector<Interval> CentralInterval(double mass) const;
+  /// P(z_i <= x).
+  double Cumulative(int i, double x) const;
   /// D_KL(q || p) [nats], summed over parameters.
   double KlToPrior() const;
 
@@ -68,17 +80,23 @@ class Designer {
 
   const std::vector<double>& mean() const { return mean_; }
   const std::vector<double>& log_std() const { return log_std_; }
+  /// What learning changes: mean and log_std of an uncorrelated Gaussian, or all probabilities.
+  std::vector<double> State() const;
+  void SetState(const std::vector<double>& state);
   /// Sets an uncorrelated q.
   void Restore(std::vector<double> mean, std::vector<double> log_std);
 
   /// q.json (schema oted.q/1).
   nlohmann::json ToJson(double lambda) const;
-  /// @throws DataError when `q` is not a Gaussian over `space`.
+  /// @throws DataError when `q` is no such distribution over `space`.
   static Designer FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where);
 
  private:
+  static Designer CategoricalFromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where);
   ParameterSpace space_;
   std::vector<double> mean_, log_std_;
+  std::optional<GridDistribution> grid_;
+  double grid_step_ = 0;
   Eigen::MatrixXd correlation_factor_;  // lower triangular: of x over the standard deviations
 };
 

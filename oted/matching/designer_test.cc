@@ -187,6 +187,39 @@ TEST(Designer, QJsonKeepsCorrelations) {
   EXPECT_TRUE(Designer::FromJson(q, Space(), "q.json").Covariance().isApprox(Correlated().Covariance(), 1e-14));
 }
 
+TEST(Designer, OnAGridItsModeSpreadAndFileAreThoseOfTheProbabilities) {
+  const ParameterSpace space({{.name = "density", .field = "env/density", .low = 0, .high = 0.6}});
+  Designer designer = Designer::OnGrid(space, 0.3);
+  designer.SetState({0.2, 0.7, 0.1});
+  EXPECT_NEAR(designer.Mode()[0], 0.3, 1e-12);
+  // Variance of the values, and of an even distribution over one step.
+  EXPECT_NEAR(designer.Std()[0], std::sqrt(0.2 * 0.27 * 0.27 + 0.7 * 0.03 * 0.03 + 0.1 * 0.33 * 0.33 + 0.09 / 12),
+              1e-12);
+  const Designer::Interval interval = designer.CentralInterval(0.6);
+  EXPECT_NEAR(designer.Cumulative(0, interval.low), 0.2, 1e-9);
+  EXPECT_NEAR(designer.Cumulative(0, interval.high), 0.8, 1e-9);
+  Rng rng(3);
+  for (const Designer::Sample& draw : designer.DrawBatch(20, rng)) {
+    EXPECT_NEAR(draw.z[0], 0.3 * draw.x[0], 1e-12) << "x is the value's index";
+  }
+  const nlohmann::json q = nlohmann::json::parse(designer.ToJson(0.1).dump());
+  EXPECT_EQ(q["kind"], "categorical");
+  const Designer read = Designer::FromJson(q, space, "q.json");
+  ASSERT_NE(read.grid(), nullptr);
+  EXPECT_EQ(read.grid()->probabilities(0), designer.grid()->probabilities(0));
+  nlohmann::json damaged = q;
+  damaged["probabilities"][0][1] = 0.0;
+  EXPECT_THROW(Designer::FromJson(damaged, space, "q.json"), DataError);
+}
+
+TEST(Designer, OfAGaussianTheCumulativeIsHalfAtTheMode) {
+  const Designer designer = At({0.7, -1.1}, {-0.9, 0.3});
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_NEAR(designer.Cumulative(i, designer.Mode()[static_cast<size_t>(i)]), 0.5, 1e-9);
+    EXPECT_NEAR(designer.Cumulative(i, designer.CentralInterval(0.9)[static_cast<size_t>(i)].high), 0.95, 1e-9);
+  }
+}
+
 TEST(Designer, AForeignQIsADataErrorThatNamesTheFile) {
   const nlohmann::json q = At({1, 2}, {0, 0}).ToJson(0.1);
   const auto error_with = [&](const std::function<void(nlohmann::json&)>& change) {

@@ -9,33 +9,40 @@ namespace oted {
 
 double MinusLogOneMinusG(double logit) { return std::max(logit, 0.0) + std::log1p(std::exp(-std::abs(logit))); }
 
-Discriminator::Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng)
-    : options_(options),
-      normalizer_(Normalizer::Fit(dataset_features)),
-      net_(dataset_features.cols(), options.hidden, 1) {
+namespace {
+
+// A simulator that runs away shows values that no network was trained for: bounded, they still look wrong.
+constexpr float kBound = 10.0f;
+
+}  // namespace
+
+Discriminator::Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng,
+                             const InputShape& shape)
+    : net_(dataset_features, shape, {options.hidden, options.filters, true}, 1, kBound) {
   net_.Initialize(rng);
   adam_ = Adam(net_.n_parameters(), {.learning_rate = static_cast<float>(options.learning_rate),
                                      .weight_decay = static_cast<float>(options.weight_decay)});
   gradient_.resize(net_.n_parameters());
 }
 
-void Discriminator::Normalize(const Array2<double>& rows, size_t at) {
-  const size_t width = static_cast<size_t>(net_.in());
-  for (int i = 0; i < rows.rows(); ++i) {
-    const std::span<float> out(input_.data() + (at + static_cast<size_t>(i)) * width, width);
-    normalizer_.Apply(rows.row(i), out);
-    // A simulator that runs away shows values that no network was trained for: bounded, they still look wrong.
-    for (float& v : out) v = std::clamp(v, -10.0f, 10.0f);
-  }
+Discriminator::Discriminator(SimulatedStatistic statistic, const Array2<double>& dataset_features,
+                             const DiscriminatorOptions& options, Rng& rng)
+    : Discriminator(statistic.Of(dataset_features), options, rng) {
+  statistic_ = std::move(statistic);
+}
+
+Array2<double> Discriminator::Summarize(Array2<double> features) {
+  if (!statistic_ || features.rows() == 0) return features;
+  return statistic_->Of(features);
 }
 
 Discriminator::StepResult Discriminator::Step(const Array2<double>& dataset_rows,
                                               const Array2<double>& simulator_rows) {
   const int n_data = dataset_rows.rows(), n_sim = simulator_rows.rows(), n = n_data + n_sim;
-  input_.resize(static_cast<size_t>(n) * static_cast<size_t>(net_.in()));
-  Normalize(dataset_rows, 0);
-  Normalize(simulator_rows, static_cast<size_t>(n_data));
-  const float* logits = pass_.Forward(net_, input_.data(), n);
+  pass_.Reserve(net_, n);
+  pass_.Encode(net_, dataset_rows, 0);
+  pass_.Encode(net_, simulator_rows, n_data);
+  const float* logits = pass_.Forward(net_);
   dout_.resize(static_cast<size_t>(n));
   StepResult result;
   for (int i = 0; i < n; ++i) {
@@ -47,15 +54,16 @@ Discriminator::StepResult Discriminator::Step(const Array2<double>& dataset_rows
     if ((logits[i] > 0) == is_data) result.accuracy += 0.5 * scale;
     dout_[static_cast<size_t>(i)] = static_cast<float>(scale * (g - (is_data ? 1.0 : 0.0)));
   }
-  pass_.Backward(net_, input_.data(), dout_.data(), n, gradient_.data(), nullptr);
+  pass_.Backward(net_, dout_.data(), gradient_.data());
   adam_.Step({net_.parameters().data(), gradient_.size()}, {gradient_.data(), gradient_.size()});
   return result;
 }
 
 std::vector<double> Discriminator::Logits(const Array2<double>& features) {
-  input_.resize(static_cast<size_t>(features.rows()) * static_cast<size_t>(net_.in()));
-  Normalize(features, 0);
-  const float* logits = pass_.Forward(net_, input_.data(), features.rows());
+  if (features.rows() == 0) return {};
+  pass_.Reserve(net_, features.rows());
+  pass_.Encode(net_, features, 0);
+  const float* logits = pass_.Forward(net_);
   return {logits, logits + features.rows()};
 }
 
@@ -68,11 +76,18 @@ void Discriminator::Save(NpzArrays& arrays) const {
   save("discriminator/m", adam.m());
   save("discriminator/v", adam.v());
   arrays["discriminator/n_steps"] = NpyArray(std::vector<int64_t>{adam.n_steps()});
-  arrays["discriminator/mean"] = NpyArray(normalizer_.mean);
-  arrays["discriminator/scale"] = NpyArray(normalizer_.scale);
+  net_.encoder().Save("discriminator", arrays);
+  if (statistic_) statistic_->Save(arrays);
 }
 
 void Discriminator::Restore(const NpzArrays& arrays, const std::string& where) {
+  if (SimulatedStatistic::IsIn(arrays)) {
+    // What was made on features has another input than what looks at a statistic of them.
+    statistic_ = SimulatedStatistic::Load(arrays, where);
+    net_ = FeatureNet(Encoder::Load("discriminator", arrays, where), {net_.size().hidden, {}, false}, 1, kBound);
+    adam_ = adam_.Resized(net_.n_parameters());
+    gradient_.resize(net_.n_parameters());
+  }
   const auto restore = [&](const char* name, auto& values) {
     const auto found = arrays.find(name);
     if (found == arrays.end() || found->second.size() != static_cast<int64_t>(values.size())) {
@@ -88,8 +103,7 @@ void Discriminator::Restore(const NpzArrays& arrays, const std::string& where) {
   std::vector<double> n_steps(1);
   restore("discriminator/n_steps", n_steps);
   adam_.n_steps() = static_cast<int64_t>(n_steps[0]);
-  restore("discriminator/mean", normalizer_.mean);
-  restore("discriminator/scale", normalizer_.scale);
+  net_.RestoreEncoder(Encoder::Load("discriminator", arrays, where), where);
 }
 
 }  // namespace oted

@@ -2,30 +2,41 @@
 /// The discriminator g of the paper (Eq. 2): tells transitions of the dataset D from the simulator's.
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "oted/base/rng.h"
-#include "oted/data/normalizer.h"
 #include "oted/data/npz.h"
 #include "oted/matching/experience.h"
-#include "oted/nn/mlp.h"
+#include "oted/matching/simulated_statistic.h"
+#include "oted/nn/feature_net.h"
 
 namespace oted {
 
 struct DiscriminatorOptions {
   std::vector<int> hidden = {256, 256};
+  std::vector<int> filters = {16};  ///< of each 3x3 convolution where the features hold an image, means over its places
   double learning_rate = 3e-4;
   double weight_decay = 1e-4;
   int batch_size = 256;  ///< of each kind
 };
 
-/// g(x) = sigmoid(f(x)) on normalised features x of Experience: (s, a) or (s, a, s' - s).
+/// g(x) = sigmoid(f(x)) on features x of Experience: (s, a) or (s, a, s' - s), normalised, or with convolutions where s
+/// is an image.
 class Discriminator {
  public:
   Discriminator() = default;
   /// The normaliser is fitted on the dataset's features.
-  Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng);
+  /// @param shape  what the features are (FeatureShape); by default: quantities
+  Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng,
+                const InputShape& shape = {});
+
+  /// On a statistic of the features, which then takes their place everywhere below: Summarize them first.
+  Discriminator(SimulatedStatistic statistic, const Array2<double>& dataset_features,
+                const DiscriminatorOptions& options, Rng& rng);
+  /// The statistic of features; the features themselves without one.
+  Array2<double> Summarize(Array2<double> features);
 
   /// One step on Eq. 2: E_sim[-log(1 - g)] + E_D[-log g], on mini-batches drawn by the caller: rows of raw features.
   struct StepResult {
@@ -41,13 +52,11 @@ class Discriminator {
   void Restore(const NpzArrays& arrays, const std::string& where);
 
  private:
-  void Normalize(const Array2<double>& rows, size_t at);
-  DiscriminatorOptions options_;
-  Normalizer normalizer_;
-  Mlp net_;
+  std::optional<SimulatedStatistic> statistic_;
+  FeatureNet net_;
   Adam adam_;
-  MlpPass pass_;
-  AlignedVector<float> input_, dout_, gradient_;
+  FeaturePass pass_;
+  AlignedVector<float> dout_, gradient_;
 };
 
 /// The reward of Algorithm 1, line 2: -log(1 - g), from g's logit. log 2 at a perfect match with an optimal g.

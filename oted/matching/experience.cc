@@ -11,11 +11,12 @@ namespace oted {
 namespace {
 
 void AppendFeatures(std::span<const double> s, std::span<const double> a, std::span<const double> s_next,
-                    bool transitions, const PastActions& before, std::vector<double>& row) {
+                    const EvidenceConfig& evidence, const PastActions& before, std::vector<double>& row) {
   row.assign(s.begin(), s.end());
+  if (!evidence.actions) return;
   row.insert(row.end(), a.begin(), a.end());
   // The change, not s': over one control period s' is almost s, and the little that differs is the dynamics.
-  if (!transitions) return;
+  if (!evidence.transitions) return;
   std::transform(s_next.begin(), s_next.end(), s.begin(), std::back_inserter(row), std::minus<>());
   row.insert(row.end(), before.values().begin(), before.values().end());
 }
@@ -33,29 +34,91 @@ void PastActions::Push(std::span<const double> action) {
   std::copy(action.begin(), action.end(), values_.begin());
 }
 
-Array2<double> DatasetFeatures(const Dataset& dataset, const EvidenceConfig& config) {
+void StepStack::Push(std::span<const double> step, Array2<double>& samples) {
+  if (stack_ == 1) {
+    samples.AppendRow(step);
+    return;
+  }
+  steps_.emplace_back(step.begin(), step.end());
+  if (static_cast<int>(steps_.size()) < stack_) return;
+  std::vector<double> sample;
+  size_t n_image = 0;
+  if (!image_.empty()) {
+    const size_t n_channels = static_cast<size_t>(image_[2]);
+    n_image = n_channels * static_cast<size_t>(image_[0] * image_[1]);
+    for (size_t p = 0; p < n_image; p += n_channels) {
+      for (const auto& one : steps_) {
+        sample.insert(sample.end(), one.begin() + static_cast<ptrdiff_t>(p),
+                      one.begin() + static_cast<ptrdiff_t>(p + n_channels));
+      }
+    }
+  }
+  for (const auto& one : steps_) sample.insert(sample.end(), one.begin() + static_cast<ptrdiff_t>(n_image), one.end());
+  samples.AppendRow(sample);
+  steps_.clear();
+}
+
+Array2<double> DatasetFeatures(const Dataset& dataset, const EvidenceConfig& evidence) {
   Array2<double> features;
   std::vector<double> row;
-  PastActions before(config.n_past_actions, dataset.act_dim());
+  PastActions before(evidence.n_past_actions, dataset.act_dim());
+  StepStack stack(evidence);
   for (const Episode& episode : dataset.Episodes()) {
     before.Clear();
-    const int end = config.dataset_starts ? episode.end : std::min(episode.end, episode.begin + config.horizon);
+    stack.Clear();
+    const int end = evidence.first_rows ? std::min(episode.end, episode.begin + evidence.horizon) : episode.end;
     for (int i = episode.begin; i < end; ++i) {
-      AppendFeatures(dataset.observations.row(i), dataset.actions.row(i), dataset.next_observations.row(i),
-                     config.transitions, before, row);
-      features.AppendRow(row);
+      AppendFeatures(dataset.observations.row(i), dataset.actions.row(i), dataset.next_observations.row(i), evidence,
+                     before, row);
+      stack.Push(row, features);
       before.Push(dataset.actions.row(i));
     }
   }
   return features;
 }
 
+InputShape ObservationShape(const SimulatorSpec& spec) {
+  return {.image = spec.image_shape, .levels = spec.observation_levels};
+}
+
+InputShape FeatureShape(const SimulatorSpec& spec, const EvidenceConfig& evidence) {
+  const InputShape shape = ObservationShape(spec);
+  const bool has_indices = !shape.levels.empty() || !shape.image.empty() || spec.n_discrete_actions > 0;
+  if (!has_indices) return {};
+  if (evidence.transitions) {
+    throw UsageError(fmt::format(
+        "design.discriminator = \"sas\" takes differences of observations, which mean nothing for the images and "
+        "indices of task '{}'; use design.discriminator = \"sa\"",
+        spec.task));
+  }
+  InputShape step = shape;
+  if (evidence.actions) {
+    step = shape.With(spec.obs_dim(), std::vector<int>(static_cast<size_t>(spec.act_dim), spec.n_discrete_actions));
+  }
+  if (evidence.stack == 1) return step;
+  InputShape sample;
+  const int n_image = step.image_size();
+  step.levels.resize(static_cast<size_t>(spec.obs_dim() + (evidence.actions ? spec.act_dim : 0)), 0);
+  const auto add = [&](int begin, int end) {
+    sample.levels.insert(sample.levels.end(), step.levels.begin() + begin, step.levels.begin() + end);
+  };
+  if (n_image > 0) {
+    sample.image = {step.image[0], step.image[1], step.image[2] * evidence.stack};
+    for (int p = 0; p < n_image; p += step.image[2]) {
+      for (int k = 0; k < evidence.stack; ++k) add(p, p + step.image[2]);
+    }
+  }
+  for (int k = 0; k < evidence.stack; ++k) add(n_image, static_cast<int>(step.levels.size()));
+  return sample;
+}
+
 ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, const Dataset& dataset,
-                                       const TanhGaussianPolicy* clone, const EvidenceConfig& config)
+                                       const Policy* clone, const EvidenceConfig& config)
     : simulator_(std::move(simulator)), dataset_(dataset), clone_(clone), config_(config) {
   const SimulatorSpec& spec = simulator_->spec();
   OTED_CHECK(config.replayed_actions || clone != nullptr);
   past_actions_.assign(static_cast<size_t>(simulator_->n_lanes()), PastActions(config.n_past_actions, spec.act_dim));
+  stacks_.assign(static_cast<size_t>(simulator_->n_lanes()), StepStack(config));
   if (!config.dataset_starts) {
     OTED_CHECK(!config.replayed_actions);  // replaying from another state than the logged one would prove nothing
     return;
@@ -92,6 +155,7 @@ LogWindow ExperienceGatherer::window(int n_started, RngKey key) const {
 void ExperienceGatherer::StartRollout(int lane, int n_started, RngKey key) {
   PastActions& before = past_actions_[static_cast<size_t>(lane)];
   before.Clear();
+  stacks_[static_cast<size_t>(lane)].Clear();
   if (config_.dataset_starts) {
     const LogWindow w = window(n_started, key);
     OTED_CHECK(simulator_->SetStateFromLog(lane, dataset_.observations.row(w.begin), HistoryBefore(dataset_, w)));
@@ -113,9 +177,8 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
   std::vector<int> lanes(n_lanes), n_started(n_lanes, 0), step_in_rollout(n_lanes, 0);
   std::iota(lanes.begin(), lanes.end(), 0);
   std::vector<double> observations(n_lanes * obs_dim), actions(n_lanes * act_dim), row;
-  std::unique_ptr<PolicyRunner> runner;
-  if (!config_.replayed_actions)
-    runner = std::make_unique<PolicyRunner>(*clone_, ActionNoise::kSampled, config_.clone_noise);
+  std::unique_ptr<PolicyActor> actor;
+  if (!config_.replayed_actions) actor = clone_->MakeActor(ActionNoise::kSampled, config_.clone_noise);
   Rng noise = key.Stage("clone").MakeRng();
 
   for (const int lane : lanes) {
@@ -127,8 +190,8 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       const auto observation = simulator_->observation(lanes[k]);
       std::copy(observation.begin(), observation.end(), observations.begin() + static_cast<ptrdiff_t>(k * obs_dim));
     }
-    if (runner) {
-      runner->Act(observations, static_cast<int>(n_lanes), noise, actions);
+    if (actor) {
+      actor->Act(observations, static_cast<int>(n_lanes), noise, actions);
     } else {
       for (size_t k = 0; k < n_lanes; ++k) {
         const auto action = dataset_.actions.row(window(n_started[k] - 1, key).begin + step_in_rollout[k]);
@@ -142,9 +205,9 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       if (status == LaneStatus::kDiverged) {
         experience[k].diverged = true;
       } else {
-        AppendFeatures({observations.data() + k * obs_dim, obs_dim}, action, simulator_->observation(lanes[k]),
-                       config_.transitions, past_actions_[k], row);
-        experience[k].features.AppendRow(row);
+        AppendFeatures({observations.data() + k * obs_dim, obs_dim}, action, simulator_->observation(lanes[k]), config_,
+                       past_actions_[k], row);
+        stacks_[k].Push(row, experience[k].features);
       }
       past_actions_[k].Push(action);
       ++step_in_rollout[k];

@@ -10,7 +10,8 @@
 #include "oted/base/array2.h"
 #include "oted/data/dataset.h"
 #include "oted/matching/log_window.h"
-#include "oted/nn/tanh_gaussian.h"
+#include "oted/nn/encoder.h"
+#include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
@@ -20,19 +21,30 @@ struct EvidenceConfig {
   bool dataset_starts = true;    ///< rollouts begin at logged states; otherwise at the initial distribution
   bool replayed_actions = true;  ///< the logged actions are replayed from there; otherwise the clone acts
   bool transitions = true;       ///< features (s, a, s' - s); otherwise (s, a)
-  int horizon = 10;              ///< control steps per rollout, before the next start
-  int n_steps = 60;              ///< control steps per z and batch
-  double clone_noise = 1.0;      ///< multiplies the clone's standard deviation
+  bool actions = true;       ///< false: features s alone; the first thing that a poor clone gets wrong is its actions
+  int horizon = 10;          ///< control steps per rollout, before the next start
+  int n_steps = 60;          ///< control steps per z and batch
+  double clone_noise = 1.0;  ///< multiplies the clone's standard deviation
   /// Earlier actions that transition features show too, SimulatorSpec::n_past_actions: after a delay, s' - s is the
   /// work of actions before a, and without them g could not tell one delay from another.
   int n_past_actions = 0;
+  /// The logged rows are the first `horizon` of each episode, as the rollouts are. Without settable states that is what
+  /// compares like with like: the later a step, the more of what the clone does wrong has come together.
+  bool first_rows = false;
+  /// Samples are this many steps of a rollout, or of an episode from its start, side by side; what is left over at its
+  /// end is no sample. The channels of their images lie side by side in one image.
+  int stack = 1;
+  std::vector<int> image = {};  ///< SimulatorSpec::image_shape, of one step
 };
 
-/// (s, a) or (s, a, s' - s) of the dataset's rows; the latter with the `n_past_actions` actions before a, latest first,
-/// 0 before the episode's first. Where rollouts begin at the initial distribution, of the first `horizon` rows of each
-/// episode: what comes later in the log no rollout reaches, and the design would bend parameters to imitate it
-/// (docs/deviations.md#same-horizon).
-Array2<double> DatasetFeatures(const Dataset& dataset, const EvidenceConfig& config);
+/// The dataset's rows that are compared with experience of that kind: (s, a) or (s, a, s' - s), the latter with the
+/// `n_past_actions` actions before a, latest first, 0 before the episode's first.
+Array2<double> DatasetFeatures(const Dataset& dataset, const EvidenceConfig& evidence);
+
+/// What the numbers of an observation are.
+InputShape ObservationShape(const SimulatorSpec& spec);
+/// The same of features. @throws UsageError for transitions of images or indices, whose differences mean nothing
+InputShape FeatureShape(const SimulatorSpec& spec, const EvidenceConfig& evidence);
 
 /// The latest actions of one rollout.
 class PastActions {
@@ -48,6 +60,21 @@ class PastActions {
   std::vector<double> values_;
 };
 
+/// Joins steps into samples (EvidenceConfig::stack).
+class StepStack {
+ public:
+  explicit StepStack(const EvidenceConfig& evidence) : stack_(evidence.stack), image_(evidence.image) {}
+  /// A rollout or an episode begins.
+  void Clear() { steps_.clear(); }
+  /// Adds one step's features; appends a sample to `samples` where it is the last one.
+  void Push(std::span<const double> step, Array2<double>& samples);
+
+ private:
+  int stack_;
+  std::vector<int> image_;
+  std::vector<std::vector<double>> steps_;
+};
+
 /// Samples of one z.
 struct LaneExperience {
   Array2<double> features;  ///< (up to n_steps, feature_dim): all valid steps
@@ -59,7 +86,7 @@ class ExperienceGatherer {
  public:
   /// @param dataset, clone  must outlive this object; `clone` may be null when actions are replayed.
   /// @throws DataError when the evidence needs settable states and the simulator or the data have none.
-  ExperienceGatherer(std::unique_ptr<Simulator> simulator, const Dataset& dataset, const TanhGaussianPolicy* clone,
+  ExperienceGatherer(std::unique_ptr<Simulator> simulator, const Dataset& dataset, const Policy* clone,
                      const EvidenceConfig& config);
 
   int n_lanes() const { return simulator_->n_lanes(); }
@@ -75,10 +102,11 @@ class ExperienceGatherer {
 
   std::unique_ptr<Simulator> simulator_;
   const Dataset& dataset_;
-  const TanhGaussianPolicy* clone_;
+  const Policy* clone_;
   EvidenceConfig config_;
   std::vector<LogWindow> windows_;         // those whose first state the simulator can be set to
   std::vector<PastActions> past_actions_;  // of each lane
+  std::vector<StepStack> stacks_;          // of each lane
 };
 
 }  // namespace oted

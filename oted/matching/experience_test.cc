@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -103,21 +104,6 @@ TEST(DatasetFeatures, ShowPastActionsOfTheSameEpisodeLatestFirst) {
       << "the paper's g(s, a) sees no more";
 }
 
-TEST(DatasetFeatures, ReachAsFarAsRolloutsFromTheInitialStates) {
-  const Dataset dataset = MakeDataset();
-  const EvidenceConfig config{
-      .dataset_starts = false, .replayed_actions = false, .transitions = false, .horizon = 7, .n_steps = 100};
-  const Array2<double> features = DatasetFeatures(dataset, config);
-  ASSERT_EQ(features.rows(), 4 * 7);
-  int row = 0;
-  for (const Episode& episode : dataset.Episodes()) {
-    for (int i = episode.begin; i < episode.begin + 7; ++i, ++row) {
-      EXPECT_EQ(features(row, 0), dataset.observations(i, 0));
-    }
-  }
-  EXPECT_EQ(DatasetFeatures(dataset, {.dataset_starts = false, .horizon = 50}).rows(), 80) << "episodes of 20 steps";
-}
-
 TEST(ExperienceGatherer, ReplayAtTheTrueDelayGivesTheDatasetsTransitionsAndPastActions) {
   const auto factory = PointMassBehind("action/delay", 0, 3);
   const std::vector<double> truth = {1.3, 0.6, 0.5, 2};
@@ -179,6 +165,66 @@ TEST(ExperienceGatherer, TheClonesRolloutsRestartAtTheHorizonAndAfterTermination
     EXPECT_GT(short_ones, 2);
   }
   EXPECT_EQ(lanes[0].features(0, 0), lanes[1].features(0, 0));
+}
+
+TEST(DatasetFeatures, FirstRowsAreThoseOfEachEpisodeThatARolloutReaches) {
+  const Dataset dataset = MakeDataset();
+  EvidenceConfig evidence{.transitions = false, .horizon = 3, .first_rows = true};
+  const Array2<double> first = DatasetFeatures(dataset, evidence);
+  int row = 0;
+  for (const Episode& episode : dataset.Episodes()) {
+    for (int i = episode.begin; i < std::min(episode.end, episode.begin + 3); ++i, ++row) {
+      for (int j = 0; j < dataset.obs_dim(); ++j) EXPECT_EQ(first(row, j), dataset.observations(i, j));
+    }
+  }
+  EXPECT_EQ(first.rows(), row);
+  evidence.actions = false;
+  EXPECT_EQ(DatasetFeatures(dataset, evidence).cols(), dataset.obs_dim()) << "s alone";
+}
+
+TEST(DatasetFeatures, AStackJoinsStepsOfOneEpisodeAndDropsWhatIsLeftOver) {
+  const Dataset dataset = MakeDataset();
+  const EvidenceConfig one{.transitions = false};
+  EvidenceConfig stacked = one;
+  stacked.stack = 3;
+  const Array2<double> steps = DatasetFeatures(dataset, one), samples = DatasetFeatures(dataset, stacked);
+  int row = 0;
+  for (const Episode& episode : dataset.Episodes()) {
+    for (int i = episode.begin; i + 3 <= episode.end; i += 3, ++row) {
+      for (int k = 0; k < 3; ++k) {
+        for (int j = 0; j < steps.cols(); ++j) EXPECT_EQ(samples(row, k * steps.cols() + j), steps(i + k, j));
+      }
+    }
+  }
+  EXPECT_EQ(samples.rows(), row);
+  EXPECT_EQ(samples.cols(), 3 * steps.cols());
+}
+
+TEST(StepStack, PutsTheChannelsOfItsImagesSideBySide) {
+  StepStack stack({.stack = 2, .image = {1, 2, 2}});  // two places of two channels, one number more
+  Array2<double> samples;
+  stack.Push(std::vector<double>{1, 2, 3, 4, 5}, samples);
+  stack.Clear();  // another rollout
+  stack.Push(std::vector<double>{11, 12, 13, 14, 15}, samples);
+  EXPECT_EQ(samples.rows(), 0);
+  stack.Push(std::vector<double>{21, 22, 23, 24, 25}, samples);
+  ASSERT_EQ(samples.rows(), 1);
+  const std::vector<double> wanted = {11, 12, 21, 22, 13, 14, 23, 24, 15, 25};
+  EXPECT_TRUE(std::ranges::equal(samples.row(0), wanted));
+}
+
+TEST(FeatureShape, OfAStackFollowsItsRows) {
+  SimulatorSpec spec;
+  spec.observation_shape = {5};
+  spec.image_shape = {1, 2, 2};
+  spec.observation_levels = {11, 6, 11, 6, 4};
+  spec.act_dim = 1;
+  spec.n_discrete_actions = 3;
+  const EvidenceConfig evidence{.transitions = false, .stack = 2, .image = spec.image_shape};
+  const InputShape shape = FeatureShape(spec, evidence);
+  EXPECT_EQ(shape.image, (std::vector<int>{1, 2, 4}));
+  EXPECT_EQ(shape.levels, (std::vector<int>{11, 6, 11, 6, 11, 6, 11, 6, 4, 3, 4, 3}));
+  EXPECT_THROW(FeatureShape(spec, EvidenceConfig{}), UsageError) << "differences of kinds mean nothing";
 }
 
 TEST(ExperienceGatherer, ClonesNoiseIsScaled) {

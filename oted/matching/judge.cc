@@ -13,6 +13,8 @@
 namespace oted {
 namespace {
 
+const DiscriminatorOptions kImageJudge = {.hidden = {32}, .filters = {16}, .learning_rate = 1e-3};
+
 Array2<double> DrawRows(const Array2<double>& from, int n, Rng& rng) {
   Array2<double> rows(n, from.cols());
   for (int i = 0; i < n; ++i) {
@@ -72,7 +74,13 @@ EvidenceConfig CommonEvidence(const SimulatorSpec& spec, int n_steps) {
   evidence.n_past_actions = spec.n_past_actions;
   if (!spec.can_set_state) {
     evidence.dataset_starts = evidence.replayed_actions = evidence.transitions = false;
+    evidence.first_rows = true;
     evidence.horizon = n_steps;
+  }
+  if (!spec.image_shape.empty()) {
+    evidence.transitions = false;
+    evidence.horizon = kFirstSteps;
+    evidence.image = spec.image_shape;
   }
   return evidence;
 }
@@ -98,20 +106,23 @@ double AreaUnderCurve(const std::vector<double>& positive, const std::vector<dou
 }
 
 JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&simulated)[2], int judge_steps,
-                        RngKey key) {
+                        RngKey key, const InputShape& shape) {
   constexpr int kCheckInterval = 20;
+  // Images are slow to look at, and few logged ones teach nothing finer.
+  const int batch = shape.image.empty() ? 256 : 64;
+  const DiscriminatorOptions options = shape.image.empty() ? DiscriminatorOptions() : kImageJudge;
   JudgeScore score;
   score.auc = 0;
   for (int h = 0; h < 2; ++h) {
     score.n_data += data[h].rows();
     score.n_simulated += simulated[h].rows();
     Rng rng = key.Stage("judge").Index(static_cast<uint64_t>(h)).MakeRng();
-    Discriminator judge(data[h], {}, rng);
+    Discriminator judge(data[h], options, rng, shape);
     double lowest = std::numeric_limits<double>::infinity();
     Verdicts best;
     for (int step = 1; step <= judge_steps; ++step) {
-      const Array2<double> data_rows = DrawRows(data[h], 256, rng);
-      judge.Step(data_rows, DrawRows(simulated[h], 256, rng));
+      const Array2<double> data_rows = DrawRows(data[h], batch, rng);
+      judge.Step(data_rows, DrawRows(simulated[h], batch, rng));
       if (step % kCheckInterval != 0) continue;
       Verdicts logits = {judge.Logits(data[1 - h]), judge.Logits(simulated[1 - h])};
       const double loss = HalfLoss(logits);
@@ -126,7 +137,7 @@ JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&
   return score;
 }
 
-JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const TanhGaussianPolicy* clone,
+JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const Policy* clone,
                           const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence, int judge_steps,
                           RngKey key) {
   Array2<double> data[2], simulated[2];
@@ -136,7 +147,7 @@ JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& ha
     simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
     if (simulated[h].rows() == 0) return {};
   }
-  return JudgeSamples(data, simulated, judge_steps, key);
+  return JudgeSamples(data, simulated, judge_steps, key, FeatureShape(factory.spec(), evidence));
 }
 
 JudgeScore JudgeReplays(const SimulatorFactory& factory, const JudgeHalves& halves,

@@ -7,7 +7,7 @@
 #include "oted/base/rng.h"
 #include "oted/data/dataset.h"
 #include "oted/matching/experience.h"
-#include "oted/nn/tanh_gaussian.h"
+#include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
@@ -19,7 +19,9 @@ struct JudgeHalves {
 };
 JudgeHalves SplitForJudge(const Dataset& dataset);
 
-/// The strongest evidence that the simulator allows, the same for everything that is to be compared.
+/// The strongest evidence that the simulator allows, the same for everything that is to be compared. Of images: how
+/// episodes begin (kFirstSteps).
+inline constexpr int kFirstSteps = 4;
 EvidenceConfig CommonEvidence(const SimulatorSpec& spec, int n_steps);
 
 /// Means over the two halves, each on rows that its judge was not trained on.
@@ -36,13 +38,14 @@ struct JudgeScore {
 /// which it tells most counts, a blind start included.
 /// @param clone  may be null when `evidence` replays actions
 /// @throws DataError when the evidence needs settable states and the simulator or the data have none
-JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const TanhGaussianPolicy* clone,
+JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const Policy* clone,
                           const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence, int judge_steps,
                           RngKey key);
 
 /// The judges alone: each trained on `data[h]` and `simulated[h]` (rows of features, none empty), tested on the other.
+/// @param shape  what the rows are; by default: quantities
 JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&simulated)[2], int judge_steps,
-                        RngKey key);
+                        RngKey key, const InputShape& shape = {});
 
 /// Windows of the logs whose first state can be set are replayed with parameters z, one after the other from the list,
 /// and the transitions judged against the logged ones of the same windows, row by row the same number: where the

@@ -18,6 +18,21 @@ constexpr double kDriftAbove = 2.0;   // times the noise of short windows
 constexpr double kNoticeable = 0.04;  // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;  // of the range
 
+/// z at which the mixture of distributions on a grid has the given cumulative probability for parameter i.
+double GridMixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
+  const ParameterSpec& spec = designs[0].space()[static_cast<int>(i)];
+  double low = spec.low, high = spec.high;
+  for (int step = 0; step < 60; ++step) {
+    const double middle = 0.5 * (low + high);
+    double mass = 0;
+    for (const Designer& q : designs) {
+      mass += q.Cumulative(static_cast<int>(i), middle) / static_cast<double>(designs.size());
+    }
+    (mass < probability ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
 /// x at which the mixture of Gaussians of parameter i has the given cumulative probability; by bisection.
 double MixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
   double low = -20, high = 20;
@@ -82,8 +97,13 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
     }
     summary.mode = designs[static_cast<size_t>(best)].Mode()[i];
     summary.std = std::sqrt(within + between);
-    summary.interval90_low = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.05));
-    summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
+    if (designs[0].grid() != nullptr) {
+      summary.interval90_low = GridMixtureQuantile(designs, i, 0.05);
+      summary.interval90_high = GridMixtureQuantile(designs, i, 0.95);
+    } else {
+      summary.interval90_low = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.05));
+      summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
+    }
     const double uniform_std = (space[p].high - space[p].low) / std::sqrt(12.0);
     if (!has_effect[i] || summary.std >= kWeakBelow * uniform_std) {
       summary.verdict = ParameterVerdict::kNotIdentified;

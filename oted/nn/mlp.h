@@ -85,10 +85,13 @@ class Adam {
   };
   Adam() = default;
   Adam(size_t n_parameters, const Options& options) : options_(options), m_(n_parameters), v_(n_parameters) {}
+  /// A fresh one with the same options.
+  Adam Resized(size_t n_parameters) const { return Adam(n_parameters, options_); }
   void Step(std::span<float> parameters, std::span<const float> gradient);
   /// The same, after which `target` moves towards the parameters: target += tau (parameters - target).
   void Step(std::span<float> parameters, std::span<const float> gradient, std::span<float> target, float tau);
 
+  void set_learning_rate(float learning_rate) { options_.learning_rate = learning_rate; }
   AlignedVector<float>& m() { return m_; }
   AlignedVector<float>& v() { return v_; }
   int64_t& n_steps() { return n_steps_; }

@@ -99,6 +99,10 @@ TanhGaussianPolicy TanhGaussianPolicy::Load(const std::filesystem::path& path) {
   return policy;
 }
 
+std::unique_ptr<PolicyActor> TanhGaussianPolicy::MakeActor(ActionNoise noise, double noise_scale) const {
+  return std::make_unique<PolicyRunner>(*this, noise, noise_scale);
+}
+
 void PolicyRunner::Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) {
   const int act_dim = policy_->act_dim();
   OTED_CHECK(actions.size() == static_cast<size_t>(n) * static_cast<size_t>(act_dim));

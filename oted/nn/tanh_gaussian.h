@@ -8,6 +8,7 @@
 
 #include "oted/data/normalizer.h"
 #include "oted/nn/mlp.h"
+#include "oted/nn/policy.h"
 
 namespace oted {
 
@@ -15,17 +16,16 @@ namespace oted {
 inline constexpr float kLogStdMin = -20.0f;
 inline constexpr float kLogStdMax = 2.0f;
 
-enum class ActionNoise { kSampled, kMean };
-
 /// A policy with its observation normaliser and action scaling inside: raw observations in, raw actions out.
-class TanhGaussianPolicy {
+class TanhGaussianPolicy : public Policy {
  public:
   TanhGaussianPolicy() = default;
   TanhGaussianPolicy(Normalizer normalizer, const std::vector<int>& hidden, std::vector<double> action_low,
                      std::vector<double> action_high);
 
-  int obs_dim() const { return net_.in(); }
-  int act_dim() const { return net_.out() / 2; }
+  int obs_dim() const override { return net_.in(); }
+  int act_dim() const override { return net_.out() / 2; }
+  std::unique_ptr<PolicyActor> MakeActor(ActionNoise noise, double noise_scale = 1.0) const override;
   /// obs (normalised) -> [mean | log_std] of u, (2 act_dim).
   Mlp& net() { return net_; }
   const Mlp& net() const { return net_; }
@@ -39,8 +39,7 @@ class TanhGaussianPolicy {
   double SquashAction(double u, int dim) const;
   double UnsquashAction(double a, int dim) const;
 
-  /// Writes the policy as .npz. @throws DataError
-  void Save(const std::filesystem::path& path) const;
+  void Save(const std::filesystem::path& path) const override;
   static TanhGaussianPolicy Load(const std::filesystem::path& path);
 
  private:
@@ -50,13 +49,13 @@ class TanhGaussianPolicy {
 };
 
 /// Evaluates a policy on batches of lanes; owns the scratch memory. One per thread.
-class PolicyRunner {
+class PolicyRunner : public PolicyActor {
  public:
   /// @param noise_scale multiplies the standard deviation when sampling: 1 is the policy itself.
   explicit PolicyRunner(const TanhGaussianPolicy& policy, ActionNoise noise, double noise_scale = 1.0)
       : policy_(&policy), noise_(noise), noise_scale_(noise_scale) {}
   /// observations (n, obs_dim) -> actions (n, act_dim).
-  void Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions);
+  void Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) override;
 
  private:
   const TanhGaussianPolicy* policy_;

@@ -102,6 +102,40 @@ std::string Player(const json& motion) {
          "value=\"0\" aria-label=\"moment\"><output>0.00&#8201;s</output></div></div>\n";
 }
 
+// Minigrid's kinds: unseen, empty, wall, floor, door, key, ball, box, goal, lava, agent.
+constexpr const char* kCellColours[] = {"#3d3d46", "#eceae4", "#8a8478", "#d8d4ca", "#b08d57", "#d9b310",
+                                        "#3b6ea5", "#9a6fb0", "#4f9d5d", "#d9642c", "#c23b3b"};
+
+std::string Picture(const json& cells, size_t columns, size_t rows) {
+  std::string svg = fmt::format(
+      "<svg class=\"cells\" viewBox=\"0 0 {} {}\" width=\"{}\" height=\"{}\" shape-rendering=\"crispEdges\" "
+      "role=\"img\">",
+      columns, rows, 12 * columns, 12 * rows);
+  for (size_t i = 0; i < std::min(cells.size(), columns * rows); ++i) {
+    const size_t kind = cells[i].is_number_unsigned() ? cells[i].get<size_t>() : 0;
+    // Columns come one after the other.
+    svg += fmt::format("<rect x=\"{}\" y=\"{}\" width=\"1\" height=\"1\" fill=\"{}\"/>", i / rows, i % rows,
+                       kCellColours[std::min(kind, std::size(kCellColours) - 1)]);
+  }
+  return svg + "</svg>\n";
+}
+
+std::string Pictures(const json& images) {
+  const auto columns = static_cast<size_t>(NumberAt(images, "columns").value_or(0));
+  const auto rows = static_cast<size_t>(NumberAt(images, "rows").value_or(0));
+  if (columns == 0 || rows == 0) return "";
+  std::string html =
+      "<p>How episodes begin, as the agent sees it: walls are brown, free cells light, what is hidden dark, the goal "
+      "green. The simulators' grids are draws; only how full they are can be compared.</p>\n";
+  for (const auto& [name, label] : {std::pair("logged", "Logged"), std::pair("designed", "Designed simulator"),
+                                    std::pair("nominal", "Original simulator")}) {
+    html += fmt::format("<p>{}</p>\n<p>", label);
+    for (const json& cells : ListAt(images, name)) html += Picture(cells, columns, rows);
+    html += "</p>\n";
+  }
+  return html;
+}
+
 std::string Explanation(const json& replay) {
   const json window = replay.value("window", json::object());
   return fmt::format(
@@ -122,6 +156,7 @@ Section ReplaySection(const json& report) {
   const json& replay = report["replay"];
   if (!replay.contains("window")) {
     section.html = fmt::format("<p>{}</p>\n", Escape(TextAt(replay, "note")));
+    if (replay.contains("images")) section.html += Pictures(replay["images"]);
     return section;
   }
   const json motion = report.value("motion", json::object());

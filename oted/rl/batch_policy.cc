@@ -12,21 +12,19 @@
 
 namespace oted {
 
-BatchPolicy AsBatchPolicy(const TanhGaussianPolicy& policy, ActionNoise noise, Rng rng) {
+BatchPolicy AsBatchPolicy(const Policy& policy, ActionNoise noise, Rng rng) {
   struct State {
-    PolicyRunner runner;
+    std::unique_ptr<PolicyActor> actor;
     Rng rng;
   };
   // A std::function is copied; the stream must not be.
-  const auto state = std::make_shared<State>(PolicyRunner(policy, noise), rng);
+  const auto state = std::make_shared<State>(policy.MakeActor(noise), rng);
   return [state](std::span<const double> observations, int n, std::span<double> actions) {
-    state->runner.Act(observations, n, state->rng, actions);
+    state->actor->Act(observations, n, state->rng, actions);
   };
 }
 
-BatchPolicy MeanActionPolicy(const TanhGaussianPolicy& policy) {
-  return AsBatchPolicy(policy, ActionNoise::kMean, Rng(0));
-}
+BatchPolicy MeanActionPolicy(const Policy& policy) { return AsBatchPolicy(policy, ActionNoise::kMean, Rng(0)); }
 
 namespace {
 
@@ -38,7 +36,7 @@ void CheckFits(const std::filesystem::path& path, int obs_dim, int act_dim, cons
 }
 
 BatchPolicy LoadNpz(const std::filesystem::path& path, const SimulatorSpec& spec) {
-  const auto policy = std::make_shared<TanhGaussianPolicy>(TanhGaussianPolicy::Load(path));
+  const std::shared_ptr<const Policy> policy = LoadPolicy(path);
   CheckFits(path, policy->obs_dim(), policy->act_dim(), spec);
   return [policy, act = MeanActionPolicy(*policy)](std::span<const double> observations, int n,
                                                    std::span<double> actions) { act(observations, n, actions); };

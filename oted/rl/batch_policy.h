@@ -12,9 +12,9 @@ namespace oted {
 
 /// `policy` with sampled or mean actions; copies share one stream, `rng`, and scratch memory, so use it from one
 /// thread. `policy` must outlive it.
-BatchPolicy AsBatchPolicy(const TanhGaussianPolicy& policy, ActionNoise noise, Rng rng);
+BatchPolicy AsBatchPolicy(const Policy& policy, ActionNoise noise, Rng rng);
 /// The mean action, which draws nothing.
-BatchPolicy MeanActionPolicy(const TanhGaussianPolicy& policy);
+BatchPolicy MeanActionPolicy(const Policy& policy);
 
 /// The deterministic action of a policy file, by its ending: .npz, ours, or .onnx (nn/onnx_policy.h). The policy is
 /// held by what is returned. An action that is not finite is a DataError that names the file.

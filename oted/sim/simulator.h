@@ -17,9 +17,12 @@ namespace oted {
 
 /// Shapes and units of a simulator, the same for all its lanes.
 struct SimulatorSpec {
-  std::string task;                            ///< "Hopper-v5"
-  std::vector<int> observation_shape;          ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
-  std::vector<int> image_shape;                ///< {7, 7, 3}: the observation's leading part is an image; else empty
+  std::string task;                    ///< "Hopper-v5"
+  std::vector<int> observation_shape;  ///< {11}, or {7, 7, 3} for an image; lanes hold it flattened, row-major
+  std::vector<int> image_shape;        ///< {7, 7, 3}: the observation's leading part is an image; else empty
+  /// Per number of the observation: n where it is an index 0, ..., n - 1 (the kind of a cell), 0 where it is a
+  /// quantity. Empty: quantities all.
+  std::vector<int> observation_levels;
   std::vector<std::string> observation_names;  ///< one per number for flat observations; may be empty for images
   std::vector<std::string> observation_units;  ///< parallel to the names; empty where unknown
   int act_dim = 0;                             ///< length of a continuous action; 1 for discrete ones

@@ -1,15 +1,18 @@
-"""oted collect in the grid worlds, and what the verbs say that do not take them yet.
+"""Demonstrations and designs in the grid worlds, and what the verbs say that do not take them yet.
 
     test_minigrid.py PATH/TO/oted [TestMinigrid.test_name ...]
 """
 
+import json
 import pathlib
 import subprocess
 import sys
 import tempfile
 import unittest
 
+import gymnasium
 import h5py
+import minari
 import numpy as np
 
 OTED = None  # the program's path, from the command line
@@ -53,6 +56,35 @@ class TestMinigrid(unittest.TestCase):
         low, high = self.share_of_walls(0.05), self.share_of_walls(0.4)
         self.assertLess(low + 0.1, high)
 
+    def test_minari_reads_images_directions_and_discrete_actions(self):
+        """Minari is the oracle of its own format; what it reads is what the D4RL layout holds."""
+        result = self.collect("--policy", "medium", "--episodes", "4")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        folder = self.folder / "grid-medium-v0"
+        result = self.oted("collect", "--task", TASK, "--param", DENSITY, "--policy", "medium", "--episodes", "4",
+                           "--out", folder)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        data = minari.MinariDataset(folder / "data")
+        self.assertEqual(data.action_space, gymnasium.spaces.Discrete(3))
+        self.assertEqual(data.observation_space["image"].shape, (7, 7, 3))
+        self.assertEqual(data.observation_space["direction"], gymnasium.spaces.Discrete(4))
+        flat = []
+        for episode in data.iterate_episodes():
+            image = np.asarray(episode.observations["image"])
+            self.assertEqual(image.dtype, np.uint8)
+            self.assertTrue(data.observation_space["image"].contains(image[0]))
+            self.assertEqual(len(image), len(episode.actions) + 1)
+            flat.append(np.column_stack([image[:-1].reshape(len(episode.actions), -1),
+                                         episode.observations["direction"][:-1], episode.actions]))
+        with h5py.File(self.demos) as logs:
+            np.testing.assert_array_equal(np.concatenate(flat), np.column_stack([logs["observations"], logs["actions"]]))
+        info = self.oted("data", "info", folder)
+        self.assertEqual(info.returncode, 0, info.stderr)
+        back = self.folder / "back.npz"
+        self.assertEqual(self.oted("data", "convert", folder, back).returncode, 0)
+        with h5py.File(self.demos) as logs:
+            np.testing.assert_array_equal(np.load(back)["observations"], logs["observations"])
+
     def test_refusals(self):
         self.assertOneLine(self.collect("--policy", "exprt"), "exprt", "did you mean 'expert'")
         self.assertOneLine(self.collect("--policy", "expert", "--truth", "density=0.7"), "density", "0.6")
@@ -60,9 +92,64 @@ class TestMinigrid(unittest.TestCase):
         out = self.folder / "out"
         self.assertOneLine(self.oted("behavior", "--task", TASK, "--out", out), "oted collect")
         self.assertEqual(self.collect("--policy", "expert").returncode, 0)
-        self.assertOneLine(self.oted("design", "--task", TASK, "--param", DENSITY, "--data", self.demos, "--out", out),
-                           "discrete actions", "docs/minigrid.md")
-        self.assertFalse(out.exists())
+        words = ("--task", TASK, "--param", DENSITY, "--data", self.demos, "--out", out)
+        self.assertOneLine(self.oted("train", *words), "discrete actions", "oted design")
+        self.assertOneLine(self.oted("design", *words, "--set", "design.discriminator=sas"), "images", "sa")
+
+    def config(self, *lines):
+        file = self.folder / "m.toml"
+        file.write_text("\n".join([
+            "[task]", f'name = "{TASK}"', "[data]", f'path = "{self.demos}"', "[parameters]",
+            'density = { field = "env/density", range = [0.0, 0.6], scale = "absolute" }',
+            "[truth]", "density = 0.4", "[selection]", "n_seeds = 2", "n_sims = 4", "judge_steps = 20",
+            "[clone]", "max_steps = 200", "[design]", "n_iterations = 25", "n_sims = 16",
+            "statistic_sims = 256", "statistic_steps = 300", *lines]))
+        return file
+
+    def run_small(self, *lines):
+        result = self.collect("--policy", "expert", "--episodes", "30", "--truth", "density=0.4")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        out = self.folder / "run"
+        result = self.oted("run", self.config(*lines), "--out", out, "--quiet")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return out, result
+
+    def test_a_run_designs_the_density_from_images_and_says_that_it_trains_no_agent(self):
+        out, result = self.run_small()
+        self.assertIn("no agent is trained", result.stderr)
+        self.assertNotIn("constant_channels", result.stderr)
+        design = json.loads((out / "design.json").read_text())
+        # Far from the un-designed 0.2, with settings so small.
+        self.assertLess(abs(design["parameters"][0]["mode"] - 0.4), 0.12)
+        self.assertTrue((out / "export" / "q.json").exists())
+        self.assertFalse((out / "export" / "designed.xml").exists())
+        page = (out / "report.html").read_text()
+        self.assertEqual(page.count('<svg class="cells"'), 24, "eight of the logs and of either simulator")
+        images = json.loads((out / "motion" / "replay.json").read_text())["images"]
+        with h5py.File(self.demos) as logs:
+            first = logs["observations"][0, :147:3].astype(int).tolist()
+        self.assertEqual(images["logged"][0], first)
+        share = {name: np.mean(np.array(images[name]) == 2) for name in ("nominal", "designed")}
+        self.assertGreater(share["designed"], share["nominal"])
+
+    def test_the_categorical_designer_answers_with_a_grid_value(self):
+        out, _ = self.run_small('designer = "categorical"')
+        q = json.loads((out / "design" / "default" / "1" / "q.json").read_text())
+        self.assertEqual(q["kind"], "categorical")
+        self.assertAlmostEqual(sum(q["probabilities"][0]), 1)
+        self.assertAlmostEqual(q["mode"][0] / 0.05, round(q["mode"][0] / 0.05))
+        self.assertLess(abs(q["mode"][0] - 0.4), 0.16)
+
+    def test_grid_settings_are_of_grid_worlds_and_change_what_is_drawn(self):
+        file = self.config("[grid]", 'obstacle = "lava"', 'observation = "grid"')
+        result = self.oted("collect", "--task", file, "--policy", "expert", "--out", self.demos)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        with h5py.File(self.demos) as logs:
+            self.assertEqual(logs["observations"].shape[1], 301)
+            self.assertIn(9, logs["observations"][:, :300:3], "lava")
+        file.write_text('[task]\nname = "Hopper-v5"\n[grid]\nobstacle = "lava"\n')
+        self.assertOneLine(self.oted("collect", "--task", file, "--policy", "random", "--out", self.demos), "[grid]",
+                           "Hopper-v5")
 
 
 if __name__ == "__main__":

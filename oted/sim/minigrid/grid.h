@@ -18,6 +18,8 @@ enum class Colour : uint8_t { kRed, kGreen, kBlue, kPurple, kYellow, kGrey };
 inline constexpr int kColours = 6;
 /// The third channel, of doors; 0 for everything else.
 enum DoorState { kOpen = 0, kClosed = 1, kLocked = 2 };
+/// What the third channel can hold: a door's state, or the agent's direction where the whole grid is shown.
+inline constexpr int kStates = 4;
 
 /// One cell of the grid: nothing (kEmpty), or an object. A box may contain an object that is no door and no box.
 class Cell {

@@ -22,6 +22,11 @@ SimulatorSpec MakeSpec(const MinigridTask& task) {
   const int side = task.observation == "grid" ? task.size : minigrid::kView;
   spec.image_shape = {side, side, 3};
   spec.observation_shape = {side * side * 3 + 1};
+  for (int i = 0; i < side * side; ++i) {
+    spec.observation_levels.insert(spec.observation_levels.end(),
+                                   {minigrid::kKinds, minigrid::kColours, minigrid::kStates});
+  }
+  spec.observation_levels.push_back(static_cast<int>(minigrid::kDirections.size()));
   spec.act_dim = 1;
   spec.n_discrete_actions = task.n_actions;
   spec.action_low = {0};

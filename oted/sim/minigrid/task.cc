@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
 
@@ -111,6 +112,51 @@ FieldList MinigridTask::Fields() {
                    {"bernoulli", "count"});
   fields.Add("solvable", &solvable, "draw again until start and goal are connected; density is before that");
   return fields;
+}
+
+FieldList GridSettings::Fields() {
+  FieldList fields("grid");
+  fields.AddChoice("observation", &observation, "view: 7x7x3 around the agent; grid: the whole grid with the agent",
+                   {"view", "grid"});
+  fields.AddChoice("obstacle", &obstacle, "of MiniGrid-Obstacles: wall, lava, or balls that move one cell a step",
+                   {"wall", "lava", "ball"});
+  fields.AddChoice("placement", &placement,
+                   "of MiniGrid-Obstacles: each free cell with probability density, or round(density x free cells)",
+                   {"bernoulli", "count"});
+  fields.Add("solvable", &solvable,
+             "of MiniGrid-Obstacles: draw again until start and goal are connected; density is before that");
+  fields.AddChoice("collision", &collision,
+                   "block: walls and balls block, lava ends the episode with reward 0; terminate: forward into "
+                   "anything but an empty cell or the goal ends it with reward -1; task: as the task has it",
+                   {"task", "block", "terminate"});
+  fields.AddChoice("see_through_walls", &see_through_walls,
+                   "no cell of the view is hidden behind a wall; task: as the task has it", {"task", "true", "false"});
+  fields.Add("max_steps", &max_steps, "time limit [steps]; 0: Minigrid's own, 4 size^2 (FourRooms: 100)", AtLeast(0));
+  fields.Add("density", &density, "of the un-designed MiniGrid-Obstacles: probability of an obstacle in a free cell",
+             {.low = 0, .high = 1, .high_open = true});
+  return fields;
+}
+
+MinigridTask GridSettings::ApplyTo(MinigridTask task) const {
+  if (task.layout != MinigridLayout::kObstacles) {
+    GridSettings defaults, given = *this;
+    const FieldList own = given.Fields(), plain = defaults.Fields();
+    for (const char* name : {"obstacle", "placement", "solvable", "density"}) {
+      if (own.Find(name, "grid").ToJson() == plain.Find(name, "grid").ToJson()) continue;
+      throw UsageError(fmt::format("grid.{} is of MiniGrid-Obstacles-NxN alone, and the task is '{}'; leave it out",
+                                   name, task.name));
+    }
+  } else {
+    task.obstacle = obstacle;
+    task.placement = placement;
+    task.solvable = solvable;
+    task.density = density;
+  }
+  task.observation = observation;
+  if (collision != "task") task.collision = collision;
+  if (see_through_walls != "task") task.see_through_walls = see_through_walls == "true";
+  task.max_steps = max_steps;
+  return task;
 }
 
 void MinigridTask::Check() const {

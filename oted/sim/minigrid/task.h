@@ -49,6 +49,23 @@ struct MinigridTask {
   int n_free_cells() const { return (size - 2) * (size - 2) - 2; }
 };
 
+/// What a user may change of a grid world by [grid]. Settings that a task's layout does not read must stay as they are.
+struct GridSettings {
+  std::string observation = "view";
+  std::string obstacle = "wall";
+  std::string placement = "bernoulli";
+  bool solvable = true;
+  std::string collision = "task";
+  std::string see_through_walls = "task";
+  int max_steps = 0;
+  double density = 0.2;
+
+  FieldList Fields();
+  bool operator==(const GridSettings&) const = default;
+  /// The task with these settings. @throws UsageError for one that its layout does not read
+  MinigridTask ApplyTo(MinigridTask task) const;
+};
+
 /// Whether `name` names a task of this folder, known or not: it starts with "MiniGrid-".
 bool IsMinigridTask(const std::string& name);
 

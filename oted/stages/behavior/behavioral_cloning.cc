@@ -6,12 +6,17 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/matching/experience.h"
+#include "oted/nn/categorical.h"
+#include "oted/nn/categorical_policy.h"
+#include "oted/nn/tanh_gaussian.h"
 
 namespace oted {
 
 FieldList CloneConfig::Fields() {
   FieldList fields("clone");
   fields.Add("hidden", &hidden, "widths of the policy's hidden layers", AtLeast(1));
+  fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; of images alone", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
   fields.Add("weight_decay", &weight_decay, "L2 penalty added to the gradient", AtLeast(0));
   fields.Add("batch_size", &batch_size, "transitions per gradient step", AtLeast(1));
@@ -65,13 +70,118 @@ double NegativeLogLikelihood(const float* out, const float* u, int n, int act_di
   return loss / n;
 }
 
+/// What is fitted: its parameters, and its loss on rows of the data.
+class Learner {
+ public:
+  virtual ~Learner() = default;
+  virtual AlignedVector<float>& parameters() = 0;
+  virtual int n_train() const = 0;
+  /// Mean loss of the training rows `picks` (positions among them), and its gradient.
+  virtual double Gradient(const std::vector<size_t>& picks, float* gradient) = 0;
+  virtual double HeldOutLoss() = 0;
+  virtual std::unique_ptr<Policy> Copy() const = 0;
+};
+
+class TanhGaussianLearner : public Learner {
+ public:
+  TanhGaussianLearner(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, Rng& rng,
+                      const std::vector<int>& train, const std::vector<int>& held_out)
+      : policy_(Normalizer::Fit(dataset.observations), config.hidden, spec.action_low, spec.action_high) {
+    policy_.net().Initialize(rng);
+    train_ = GatherRows(dataset, policy_, train);
+    held_out_ = GatherRows(dataset, policy_, held_out);
+  }
+  AlignedVector<float>& parameters() override { return policy_.net().parameters(); }
+  int n_train() const override { return train_.n; }
+
+  double Gradient(const std::vector<size_t>& picks, float* gradient) override {
+    const size_t obs_dim = static_cast<size_t>(policy_.obs_dim()), width = static_cast<size_t>(policy_.act_dim());
+    const int batch = static_cast<int>(picks.size());
+    x_.resize(picks.size() * obs_dim);
+    u_.resize(picks.size() * width);
+    dout_.resize(picks.size() * 2 * width);
+    for (size_t i = 0; i < picks.size(); ++i) {
+      std::copy_n(train_.observations.data() + picks[i] * obs_dim, obs_dim, x_.data() + i * obs_dim);
+      std::copy_n(train_.u.data() + picks[i] * width, width, u_.data() + i * width);
+    }
+    const float* out = pass_.Forward(policy_.net(), x_.data(), batch);
+    const double loss = NegativeLogLikelihood(out, u_.data(), batch, policy_.act_dim(), dout_.data());
+    pass_.Backward(policy_.net(), x_.data(), dout_.data(), batch, gradient, nullptr);
+    return loss;
+  }
+
+  double HeldOutLoss() override {
+    const float* out = check_pass_.Forward(policy_.net(), held_out_.observations.data(), held_out_.n);
+    return NegativeLogLikelihood(out, held_out_.u.data(), held_out_.n, policy_.act_dim(), nullptr);
+  }
+  std::unique_ptr<Policy> Copy() const override { return std::make_unique<TanhGaussianPolicy>(policy_); }
+
+ private:
+  TanhGaussianPolicy policy_;
+  CloneRows train_, held_out_;
+  MlpPass pass_, check_pass_;
+  AlignedVector<float> x_, u_, dout_;
+};
+
+class CategoricalLearner : public Learner {
+ public:
+  CategoricalLearner(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, Rng& rng,
+                     std::vector<int> train, std::vector<int> held_out)
+      : dataset_(dataset),
+        policy_(dataset.observations, ObservationShape(spec), {config.hidden, config.filters, false},
+                spec.n_discrete_actions),
+        train_(std::move(train)),
+        held_out_(std::move(held_out)) {
+    for (int i = 0; i < dataset.size(); ++i) {
+      const double action = dataset.actions(i, 0);
+      if (action >= 0 && action < spec.n_discrete_actions && action == std::floor(action)) continue;
+      throw DataError(
+          fmt::format("dataset '{}': action [{}] is {:g}, wanted an index below {}, as task '{}' takes; name the task "
+                      "that the data were logged from",
+                      dataset.path, i, action, spec.n_discrete_actions, spec.task));
+    }
+    policy_.net().Initialize(rng);
+  }
+  AlignedVector<float>& parameters() override { return policy_.net().parameters(); }
+  int n_train() const override { return static_cast<int>(train_.size()); }
+
+  double Gradient(const std::vector<size_t>& picks, float* gradient) override {
+    rows_.clear();
+    for (const size_t pick : picks) rows_.push_back(train_[pick]);
+    dout_.resize(rows_.size() * static_cast<size_t>(policy_.n_actions()));
+    const double loss = Loss(rows_, {dout_.data(), dout_.size()});
+    pass_.Backward(policy_.net(), dout_.data(), gradient);
+    return loss;
+  }
+  double HeldOutLoss() override { return Loss(held_out_, {}); }
+  std::unique_ptr<Policy> Copy() const override { return std::make_unique<CategoricalPolicy>(policy_); }
+
+ private:
+  double Loss(const std::vector<int>& rows, std::span<float> gradient) {
+    pass_.Reserve(policy_.net(), static_cast<int>(rows.size()));
+    std::vector<int> actions;
+    for (size_t i = 0; i < rows.size(); ++i) {
+      pass_.Encode(policy_.net(), dataset_.observations.row(rows[i]), static_cast<int>(i));
+      actions.push_back(static_cast<int>(dataset_.actions(rows[i], 0)));
+    }
+    const float* logits = pass_.Forward(policy_.net());
+    const auto n = static_cast<size_t>(policy_.n_actions());
+    return CategoricalLoss({logits, rows.size() * n}, policy_.n_actions(), actions, gradient);
+  }
+
+  const Dataset& dataset_;
+  CategoricalPolicy policy_;
+  std::vector<int> train_, held_out_, rows_;
+  FeaturePass pass_;
+  AlignedVector<float> dout_;
+};
+
 }  // namespace
 
 CloneResult CloneBehavior(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
                           const std::string& run_name, const RunContext& context) {
   dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   Rng rng = key.MakeRng();
-  const int act_dim = spec.act_dim;
 
   std::vector<int> train_rows, held_out_rows;
   const int n_blocks = (dataset.size() + kBlock - 1) / kBlock;
@@ -87,41 +197,33 @@ CloneResult CloneBehavior(const Dataset& dataset, const SimulatorSpec& spec, con
     }
   }
 
-  TanhGaussianPolicy policy(Normalizer::Fit(dataset.observations), config.hidden, spec.action_low, spec.action_high);
-  policy.net().Initialize(rng);
-  const CloneRows train = GatherRows(dataset, policy, train_rows),
-                  held_out = GatherRows(dataset, policy, held_out_rows);
-
-  ::oted::Adam adam(policy.net().n_parameters(), {.learning_rate = static_cast<float>(config.learning_rate),
-                                                  .weight_decay = static_cast<float>(config.weight_decay)});
-  const size_t obs_dim = static_cast<size_t>(spec.obs_dim()), width = static_cast<size_t>(act_dim);
-  const size_t batch = static_cast<size_t>(std::min(config.batch_size, train.n));
-  AlignedVector<float> x(batch * obs_dim), u(batch * width), dout(batch * 2 * width),
-      gradient(policy.net().n_parameters());
-  MlpPass pass, check_pass;
-  CloneResult best{policy, 0, INFINITY, 0};
+  std::unique_ptr<Learner> learner;
+  if (spec.n_discrete_actions > 0) {
+    learner = std::make_unique<CategoricalLearner>(dataset, spec, config, rng, train_rows, held_out_rows);
+  } else {
+    learner = std::make_unique<TanhGaussianLearner>(dataset, spec, config, rng, train_rows, held_out_rows);
+  }
+  const size_t n_parameters = learner->parameters().size();
+  ::oted::Adam adam(n_parameters, {.learning_rate = static_cast<float>(config.learning_rate),
+                                   .weight_decay = static_cast<float>(config.weight_decay)});
+  std::vector<size_t> picks(static_cast<size_t>(std::min(config.batch_size, learner->n_train())));
+  AlignedVector<float> gradient(n_parameters);
+  CloneResult best{learner->Copy(), 0, INFINITY, 0};
   double train_loss = 0;
   for (int step = 1, stale = 0; step <= config.max_steps && stale < config.patience; ++step) {
-    for (size_t i = 0; i < batch; ++i) {
-      const size_t row = rng.Below(static_cast<uint64_t>(train.n));
-      std::copy_n(train.observations.data() + row * obs_dim, obs_dim, x.data() + i * obs_dim);
-      std::copy_n(train.u.data() + row * width, width, u.data() + i * width);
-    }
-    const float* out = pass.Forward(policy.net(), x.data(), static_cast<int>(batch));
-    const double loss = NegativeLogLikelihood(out, u.data(), static_cast<int>(batch), act_dim, dout.data());
+    for (size_t& pick : picks) pick = rng.Below(static_cast<uint64_t>(learner->n_train()));
+    const double loss = learner->Gradient(picks, gradient.data());
     train_loss = step == 1 ? loss : 0.98 * train_loss + 0.02 * loss;
-    pass.Backward(policy.net(), x.data(), dout.data(), static_cast<int>(batch), gradient.data(), nullptr);
-    adam.Step({policy.net().parameters().data(), gradient.size()}, {gradient.data(), gradient.size()});
+    adam.Step({learner->parameters().data(), n_parameters}, {gradient.data(), n_parameters});
 
     if (step % config.check_interval != 0 && step != config.max_steps) continue;
-    const float* check = check_pass.Forward(policy.net(), held_out.observations.data(), held_out.n);
-    const double held_out_loss = NegativeLogLikelihood(check, held_out.u.data(), held_out.n, act_dim, nullptr);
+    const double held_out_loss = learner->HeldOutLoss();
     context.log->Scalar(run_name, "clone/train_loss", step, train_loss);
     context.log->Scalar(run_name, "clone/held_out_loss", step, held_out_loss);
     context.log->Progress("clone", run_name, step, config.max_steps,
                           fmt::format("held-out loss {:.3f}", held_out_loss));
     if (held_out_loss < best.held_out_loss) {
-      best = {policy, train_loss, held_out_loss, step};
+      best = {learner->Copy(), train_loss, held_out_loss, step};
       stale = 0;
     } else {
       ++stale;

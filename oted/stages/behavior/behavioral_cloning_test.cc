@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/nn/tanh_gaussian.h"
 
 namespace oted {
 namespace {
@@ -68,6 +69,10 @@ CloneResult Clone(const Dataset& dataset, const CloneConfig& config, LogSink* lo
   return CloneBehavior(dataset, Spec(), config, RngKey(4), "clone", {log != nullptr ? log : &nothing, nullptr, 1});
 }
 
+const TanhGaussianPolicy& PolicyOf(const CloneResult& clone) {
+  return dynamic_cast<const TanhGaussianPolicy&>(*clone.policy);
+}
+
 /// Mean and std of u at a state, (2 act_dim), as the policy's network gives them.
 std::vector<double> HeadAt(const TanhGaussianPolicy& policy, std::span<const double> s) {
   std::vector<float> x(3);
@@ -84,7 +89,7 @@ TEST(CloneBehavior, RecoversTheMeanAndSpreadOfAKnownPolicy) {
   constexpr int kProbes = 300;
   for (int i = 0; i < kProbes; ++i) {
     const std::vector<double> s = {rng.Normal(), rng.Normal(), rng.Normal()};
-    const std::vector<double> head = HeadAt(clone.policy, s);
+    const std::vector<double> head = HeadAt(PolicyOf(clone), s);
     for (int j = 0; j < 2; ++j) {
       const size_t k = static_cast<size_t>(j);
       mean_error[j] += std::abs(head[k] - TrueMean(s, j)) / kProbes;
@@ -123,7 +128,7 @@ TEST(CloneBehavior, KeepsThePolicyOfTheBestHeldOutCheck) {
   EXPECT_LT(clone.n_steps, 1000);
   // The kept policy is the one of that step: a run that ends there gives the same bytes.
   config.max_steps = clone.n_steps;
-  EXPECT_EQ(Clone(dataset, config).policy.net().parameters(), clone.policy.net().parameters());
+  EXPECT_EQ(PolicyOf(Clone(dataset, config)).net().parameters(), PolicyOf(clone).net().parameters());
 }
 
 TEST(CloneBehavior, ASingleBlockOfTransitionsIsEnough) {
@@ -142,7 +147,7 @@ TEST(CloneBehavior, ActionsAtTheBoundsGiveFiniteLosses) {
   config.max_steps = 200;
   const CloneResult clone = Clone(dataset, config);
   EXPECT_TRUE(std::isfinite(clone.held_out_loss));
-  for (const float p : clone.policy.net().parameters()) ASSERT_TRUE(std::isfinite(p));
+  for (const float p : PolicyOf(clone).net().parameters()) ASSERT_TRUE(std::isfinite(p));
 }
 
 TEST(CloneBehavior, WrongDimensionsAreADataError) {
@@ -165,15 +170,80 @@ TEST(CloneBehavior, AStopIsAnInterruption) {
                Interrupted);
 }
 
+/// Images of 3x3 cells, kind 0 or 1, and a direction; the action is 1 with probability 0.9 where the middle cell is 1,
+/// otherwise the direction's.
+Dataset GridLogs(int n) {
+  Rng rng(11);
+  Dataset dataset;
+  for (int i = 0; i < n; ++i) {
+    std::vector<double> s;
+    for (int j = 0; j < 9; ++j) s.push_back(static_cast<double>(rng.Below(2)));
+    s.push_back(static_cast<double>(rng.Below(3)));
+    const bool obeys = rng.Uniform() < 0.9;
+    dataset.observations.AppendRow(s);
+    dataset.next_observations.AppendRow(s);
+    dataset.actions.AppendRow(std::vector<double>{s[4] == 1 && obeys ? 1 : s[9]});
+    dataset.terminals.push_back(0);
+    dataset.timeouts.push_back(i % 50 == 49);
+  }
+  return dataset;
+}
+
+SimulatorSpec GridSpec() {
+  SimulatorSpec spec;
+  spec.task = "Cells";
+  spec.observation_shape = {10};
+  spec.image_shape = {3, 3, 1};
+  spec.observation_levels = {2, 2, 2, 2, 2, 2, 2, 2, 2, 3};
+  spec.act_dim = 1;
+  spec.n_discrete_actions = 3;
+  return spec;
+}
+
+TEST(CloneBehavior, OfImagesAndDiscreteActionsRecoversTheProbabilities) {
+  CloneConfig config = SmallConfig();
+  config.filters = {8};
+  config.hidden = {16};
+  config.max_steps = 1500;
+  NullSink log;
+  const CloneResult clone = CloneBehavior(GridLogs(3000), GridSpec(), config, RngKey(1), "clone", {&log, nullptr, 1});
+  // 0.5 x H(direction known) + 0.5 x entropy of 0.9 and 0.1, less where direction 1 makes both the same: a third.
+  const double floor = 0.5 * (2.0 / 3) * (-0.9 * std::log(0.9) - 0.1 * std::log(0.1));
+  EXPECT_LT(clone.held_out_loss, floor + 0.05);
+  EXPECT_GT(clone.held_out_loss, floor - 0.05);
+  const auto actor = clone.policy->MakeActor(ActionNoise::kSampled);
+  std::vector<double> s = {0, 1, 0, 1, 1, 1, 0, 0, 1, 2};
+  Rng rng(2);
+  int ones = 0;
+  for (int i = 0; i < 2000; ++i) {
+    double action = -1;
+    actor->Act(s, 1, rng, {&action, 1});
+    ones += action == 1;
+  }
+  EXPECT_NEAR(ones / 2000.0, 0.9, 0.05);
+  double likely = -1;
+  clone.policy->MakeActor(ActionNoise::kMean)->Act(s, 1, rng, {&likely, 1});
+  EXPECT_EQ(likely, 1);
+}
+
+TEST(CloneBehavior, AnActionThatIsNoIndexIsADataError) {
+  Dataset dataset = GridLogs(100);
+  dataset.actions(7, 0) = 3;
+  NullSink log;
+  const std::string message = MessageOf<DataError>([&] {
+    CloneBehavior(dataset, GridSpec(), {}, RngKey(1), "clone", {&log, nullptr, 1});
+  });
+  EXPECT_NE(message.find("[7]"), std::string::npos) << message;
+}
+
 TEST(CloneBehavior, SameSeedSameBytesAndAnotherSeedOthers) {
   CloneConfig config = SmallConfig();
   config.max_steps = 100;
   NullSink log;
   const Dataset dataset = MakeDataset(500, 7);
   const auto bytes = [&](uint64_t seed, int n_threads) {
-    return CloneBehavior(dataset, Spec(), config, RngKey(seed), "clone", {&log, nullptr, n_threads})
-        .policy.net()
-        .parameters();
+    const CloneResult clone = CloneBehavior(dataset, Spec(), config, RngKey(seed), "clone", {&log, nullptr, n_threads});
+    return PolicyOf(clone).net().parameters();
   };
   EXPECT_EQ(bytes(1, 1), bytes(1, 2));
   EXPECT_NE(bytes(1, 1), bytes(2, 1));

@@ -62,13 +62,13 @@ std::vector<double> Rewards(const std::vector<LaneExperience>& experience, Discr
 }
 
 /// (R - mean) / std: the policy gradient's baseline, and a scale that does not depend on how sure g is.
-std::vector<double> Standardize(const std::vector<double>& rewards) {
+std::vector<double> Standardize(const std::vector<double>& rewards, double floor) {
   const double n = static_cast<double>(rewards.size());
   double mean = 0, variance = 0;
   for (const double r : rewards) mean += r / n;
   for (const double r : rewards) variance += (r - mean) * (r - mean) / n;
   // Equal rewards carry no information: rounding noise must not be blown up into some.
-  const double scale = std::max(std::sqrt(variance), 1e-6);
+  const double scale = std::max(std::sqrt(variance), floor);
   std::vector<double> advantages;
   for (const double r : rewards) advantages.push_back((r - mean) / scale);
   return advantages;
@@ -81,13 +81,29 @@ struct DesignState {
   SampleReplay replay;
   int iteration = 0;
   double reward_sum = 0;
+  std::vector<double> state_sum;  // of q.State() over the iterations that are averaged; empty before them
+  int n_averaged = 0;
+
+  void AddToAverage() {
+    const std::vector<double> now = q.State();
+    state_sum.resize(now.size(), 0.0);
+    for (size_t i = 0; i < now.size(); ++i) state_sum[i] += now[i];
+    ++n_averaged;
+  }
+  /// To the mean of the iterations' states.
+  void Average() {
+    std::vector<double> mean;
+    for (const double sum : state_sum) mean.push_back(sum / n_averaged);
+    q.SetState(mean);
+  }
 
   void Save(const std::filesystem::path& path) const {
     NpzArrays arrays;
     g.Save(arrays);
-    arrays["q/mean"] = NpyArray(q.mean());
-    arrays["q/log_std"] = NpyArray(q.log_std());
-    arrays["counters"] = NpyArray(std::vector<double>{static_cast<double>(iteration), reward_sum});
+    arrays["q/state"] = NpyArray(q.State());
+    arrays["q/state_sum"] = NpyArray(state_sum);
+    arrays["counters"] =
+        NpyArray(std::vector<double>{static_cast<double>(iteration), reward_sum, static_cast<double>(n_averaged)});
     for (size_t i = 0; i < replay.iterations().size(); ++i) {
       const auto& lanes = replay.iterations()[i];
       for (size_t k = 0; k < lanes.size(); ++k) arrays[fmt::format("replay/{:03}/{:05}", i, k)] = NpyArray(lanes[k]);
@@ -98,9 +114,11 @@ struct DesignState {
   void Restore(const std::filesystem::path& path) {
     const NpzArrays arrays = ReadNpz(path);
     g.Restore(arrays, path.string());
-    q.Restore(arrays.at("q/mean").ToDouble(), arrays.at("q/log_std").ToDouble());
+    q.SetState(arrays.at("q/state").ToDouble());
+    state_sum = arrays.at("q/state_sum").ToDouble();
     iteration = static_cast<int>(arrays.at("counters").ToDouble().at(0));
     reward_sum = arrays.at("counters").ToDouble().at(1);
+    n_averaged = static_cast<int>(arrays.at("counters").ToDouble().at(2));
     // Names sort by iteration, then lane.
     std::vector<Array2<double>> lanes;
     std::string current;
@@ -117,6 +135,46 @@ struct DesignState {
     if (!lanes.empty()) replay.Add(std::move(lanes));
   }
 };
+
+/// h(s, a), learned from the clone's rollouts with z uniform over the bounds.
+SimulatedStatistic LearnStatistic(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
+                                  const DesignConfig& config, const EvidenceConfig& evidence, RngKey key,
+                                  const RunContext& context) {
+  const ParameterSpace& space = factory.parameters();
+  Rng rng = key.Stage("z").MakeRng();
+  ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
+  std::vector<Array2<double>> samples;
+  Array2<double> targets;
+  // A simulator in which nothing but divergence is seen has nothing to say; there may be many of them.
+  for (uint64_t batch = 0; targets.rows() < config.statistic_sims; ++batch) {
+    if (batch * static_cast<uint64_t>(config.n_sims) > 10 * static_cast<uint64_t>(config.statistic_sims)) {
+      throw DataError("the physics broke down in nearly all simulators of the range; narrow the parameters' ranges");
+    }
+    context.ThrowIfStopped();
+    std::vector<std::vector<double>> z;
+    for (int k = 0; k < config.n_sims; ++k) z.push_back(space.SampleUniform(rng));
+    std::vector<LaneExperience> experience = gatherer.Gather(z, key.Stage("rollouts").Index(batch));
+    for (size_t k = 0; k < z.size(); ++k) {
+      if (experience[k].features.rows() == 0) continue;
+      samples.push_back(std::move(experience[k].features));
+      targets.AppendRow(space.ToUnit(z[k]));
+    }
+  }
+  StatisticOptions options;
+  options.size = {.hidden = {32}, .filters = config.discriminator_filters, .mean_pool = false};
+  options.n_steps = config.statistic_steps;
+  return SimulatedStatistic(samples, targets, FeatureShape(factory.spec(), evidence), options, key.Stage("fit"));
+}
+
+Discriminator MakeDiscriminator(const SimulatorFactory& factory, const Dataset& dataset,
+                                const Array2<double>& dataset_features, const Policy* clone, const DesignConfig& config,
+                                const EvidenceConfig& evidence, RngKey key, Rng& init, const RunContext& context) {
+  if (config.features == "logs") {
+    return Discriminator(dataset_features, config.Discriminator(), init, FeatureShape(factory.spec(), evidence));
+  }
+  return Discriminator(LearnStatistic(factory, dataset, clone, config, evidence, key.Stage("statistic"), context),
+                       dataset_features, config.Discriminator(), init);
+}
 
 /// Line 4. Returns means over the steps.
 Discriminator::StepResult UpdateDiscriminator(const DesignConfig& config, const Array2<double>& dataset_features,
@@ -161,18 +219,25 @@ void LogIteration(const DesignState& state, const std::vector<double>& rewards,
 
 }  // namespace
 
-DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& dataset,
-                                const TanhGaussianPolicy* clone, const DesignConfig& config, const Designer& start,
-                                bool learns_q, RngKey key, const std::filesystem::path& folder,
-                                const std::string& run_name, const RunContext& context) {
+DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
+                                const DesignConfig& config, const Designer& start, bool learns_q, RngKey key,
+                                const std::filesystem::path& folder, const std::string& run_name,
+                                const RunContext& context) {
   EvidenceConfig evidence = config.Evidence();
   evidence.n_past_actions = factory.spec().n_past_actions;
-  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
+  evidence.image = factory.spec().image_shape;
+  Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 
   Rng init = key.Stage("initialisation").MakeRng();
-  DesignState state{start, Discriminator(dataset_features, config.Discriminator(), init),
-                    SampleReplay(config.replay_iterations)};
+  DesignState state{start,
+                    MakeDiscriminator(factory, dataset, dataset_features, clone, config, evidence, key, init, context),
+                    SampleReplay(config.replay_iterations),
+                    0,
+                    0,
+                    {},
+                    0};
+  dataset_features = state.g.Summarize(std::move(dataset_features));
   const std::filesystem::path checkpoint = folder / "checkpoint.npz";
   if (learns_q && std::filesystem::exists(checkpoint)) state.Restore(checkpoint);
 
@@ -180,22 +245,20 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     const RngKey iteration_key = key.Stage("iteration").Index(static_cast<uint64_t>(state.iteration));
     Rng rng = iteration_key.MakeRng();
 
-    // 1: gather experience E with z_k ~ q. Draws come in mirrored pairs about the mean: the same expectation with less
-    // noise.
-    std::vector<Designer::Sample> draws;
+    // 1: gather experience E with z_k ~ q.
+    const std::vector<Designer::Sample> draws = state.q.DrawBatch(config.n_sims, rng);
     std::vector<std::vector<double>> z;
-    for (int k = 0; k < config.n_sims; ++k) {
-      draws.push_back(k % 2 == 0 ? state.q.Draw(rng) : state.q.Mirror(draws.back()));
-      z.push_back(draws.back().z);
-    }
+    for (const Designer::Sample& draw : draws) z.push_back(draw.z);
     std::vector<LaneExperience> experience = gatherer.Gather(z, iteration_key.Stage("rollouts"));
+    for (LaneExperience& lane : experience) lane.features = state.g.Summarize(std::move(lane.features));
 
     // 2: estimate the discriminator's output on it, before g is updated.
     const std::vector<double> rewards = Rewards(experience, state.g, config.reward == "log_ratio");
 
     // 3: update q. In the first iteration g is still blind and its rewards are noise.
     if (learns_q && state.iteration > 0) {
-      state.q.Ascend(draws, Standardize(rewards), config.lambda, config.step_mean, config.step_log_std);
+      state.q.Ascend(draws, Standardize(rewards, config.reward_floor), config.lambda, config.step_mean,
+                     config.step_log_std);
     }
 
     // 4: update g on (E, D).
@@ -205,11 +268,13 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     const Discriminator::StepResult discriminator = UpdateDiscriminator(config, dataset_features, rng, state);
 
     ++state.iteration;
+    if (learns_q && state.iteration > (1 - config.average) * config.n_iterations) state.AddToAverage();
     state.reward_sum += Mean(rewards);
     LogIteration(state, rewards, discriminator, config.n_iterations, run_name, *context.log);
     if (learns_q && (context.StopRequested() || state.iteration % kCheckpointInterval == 0)) state.Save(checkpoint);
     context.ThrowIfStopped();
   }
+  if (state.n_averaged > 0) state.Average();
   return {.q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations, .fit = {}};
 }
 

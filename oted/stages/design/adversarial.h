@@ -17,9 +17,9 @@ namespace oted {
 /// @param start     q of the first iteration
 /// @param learns_q  false leaves out line 3: g is trained against a q that is known already
 /// @param clone, folder, run_name, context  as LearnDesign
-DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& dataset,
-                                const TanhGaussianPolicy* clone, const DesignConfig& config, const Designer& start,
-                                bool learns_q, RngKey key, const std::filesystem::path& folder,
-                                const std::string& run_name, const RunContext& context);
+DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
+                                const DesignConfig& config, const Designer& start, bool learns_q, RngKey key,
+                                const std::filesystem::path& folder, const std::string& run_name,
+                                const RunContext& context);
 
 }  // namespace oted

@@ -29,13 +29,13 @@ void LogFit(const ParameterSpace& space, int done, int total, const Eigen::Vecto
 
 }  // namespace
 
-DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
+DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
                          const DesignConfig& config, RngKey key, const std::filesystem::path& folder,
                          const std::string& run_name, const RunContext& context) {
   config.Check();
   OTED_CHECK(config.form != "auto");
   dataset.CheckFits(factory.spec().task, factory.spec().obs_dim(), factory.spec().act_dim);
-  const Designer prior(factory.parameters(), config.initial_std);
+  const Designer prior = config.Start(factory.parameters());
   if (!config.FitsByReplay()) {
     return LearnAdversarially(factory, dataset, clone, config, prior, true, key, folder, run_name, context);
   }

@@ -11,7 +11,7 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/fit_evidence.h"
-#include "oted/nn/tanh_gaussian.h"
+#include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/design_config.h"
 
@@ -34,7 +34,7 @@ struct DesignResult {
 /// @param folder  Algorithm 1 leaves checkpoint.npz there every ten iterations; a stopped run goes on from it with
 ///                equal results. The other forms, which take seconds, begin anew
 /// @throws Interrupted when a stop was requested
-DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
+DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
                          const DesignConfig& config, RngKey key, const std::filesystem::path& folder,
                          const std::string& run_name, const RunContext& context);
 

@@ -12,8 +12,8 @@ namespace oted {
 namespace {
 
 const std::vector<std::string>& Forms() {
-  static const std::vector<std::string> forms = {"auto",  "trajectories",  "transitions",
-                                                 "paper", "least-squares", "dropo"};
+  static const std::vector<std::string> forms = {"auto",          "trajectories", "transitions", "paper",
+                                                 "least-squares", "dropo",        "images"};
   return forms;
 }
 
@@ -26,13 +26,31 @@ DesignConfig DesignConfig::ForForm(const std::string& form) {
                                  DidYouMean(form, Forms())));
   }
   config.form = form;
-  if (form != "paper") return config;
+  if (form != "paper" && form != "images") return config;
   config.starts = "initial";
   config.actions = "clone";
   config.discriminator = "sa";
   config.horizon = 300;
   config.n_steps = 300;
   config.n_iterations = 60;
+  config.rows = "first";
+  if (form == "paper") return config;
+  config.horizon = 8;
+  config.stack = 8;
+  config.n_steps = 120;
+  config.n_iterations = 120;
+  config.statistic_sims = 1536;
+  config.statistic_steps = 3000;
+  config.initial_std = 0.8;
+  config.step_log_std = 0.5;
+  config.lambda = 0.002;
+  config.average = 0.5;
+  config.features = "simulated";
+  config.reward_floor = 0.3;
+  config.replay_iterations = 4;
+  config.discriminator_hidden = {16};
+  config.discriminator_learning_rate = 3e-3;
+  config.discriminator_steps = 30;
   return config;
 }
 
@@ -45,7 +63,10 @@ DesignConfig DesignConfig::Resolved(const ParameterSpace& space, const Simulator
   const bool of_sensors = std::ranges::any_of(
       space.specs(), [](const ParameterSpec& parameter) { return parameter.field.starts_with("obs/"); });
   DesignConfig given = *this, unset = ForForm("auto");
-  DesignConfig resolved = ForForm(!spec.can_set_state ? "paper" : of_sensors ? "transitions" : "trajectories");
+  DesignConfig resolved = ForForm(!spec.image_shape.empty() ? "images"
+                                  : !spec.can_set_state     ? "paper"
+                                  : of_sensors              ? "transitions"
+                                                            : "trajectories");
   nlohmann::json fields = resolved.Fields().ToJson();
   const nlohmann::json before = unset.Fields().ToJson(), after = given.Fields().ToJson();
   for (const auto& [name, value] : after.items()) {
@@ -60,6 +81,7 @@ bool DesignConfig::AdaptToFixedStarts() {
   const DesignConfig defaults = ForForm(form), paper = ForForm("paper");
   starts = paper.starts;
   actions = paper.actions;
+  rows = paper.rows;
   if (horizon == defaults.horizon) horizon = paper.horizon;
   if (n_steps == defaults.n_steps) n_steps = paper.n_steps;
   return true;
@@ -69,16 +91,20 @@ FieldList DesignConfig::Fields() {
   FieldList fields("design");
   fields.AddChoice("form", &form,
                    "how q is found: trajectory matching; Algorithm 1 on replayed transitions, or as in the paper; "
-                   "least squares on predictions; DROPO; auto takes trajectories where states can be set, otherwise "
-                   "paper",
+                   "least squares on predictions; DROPO; auto takes trajectories where states can be set, images where "
+                   "there are some, otherwise paper",
                    Forms());
   fields.AddChoice("starts", &starts, "where rollouts begin: logged states, or the initial distribution",
                    {"dataset", "initial"});
   fields.AddChoice("actions", &actions, "who acts: the logged actions again, or the clone", {"replayed", "clone"});
-  fields.AddChoice("discriminator", &discriminator, "what g sees: (s, a), or (s, a, s' - s)", {"sa", "sas"});
+  fields.AddChoice("discriminator", &discriminator, "what g sees: (s, a), or (s, a, s' - s), or s alone",
+                   {"sa", "sas", "s"});
   fields.Add("horizon", &horizon, "control steps per rollout", AtLeast(1));
   fields.Add("n_steps", &n_steps, "control steps per simulator and iteration, over its rollouts", AtLeast(1));
   fields.Add("clone_noise", &clone_noise, "multiplies the clone's action noise; 0 takes its mean action", AtLeast(0));
+  fields.AddChoice("rows", &rows, "logged rows that g sees: all, or the first horizon of each episode",
+                   {"all", "first"});
+  fields.Add("stack", &stack, "steps that g sees as one sample; with images, at most the horizon", AtLeast(1));
   fields.Add("trajectory_window", &trajectory_window, "of trajectories: control steps of the longest windows",
              AtLeast(2));
   fields.Add("trajectory_rows", &trajectory_rows, "of trajectories: logged transitions matched per seed, at most",
@@ -109,9 +135,28 @@ FieldList DesignConfig::Fields() {
   fields.Add("lambda", &lambda, "weight of KL(q, prior), in standard deviations of the reward (Eq. 3)", AtLeast(0));
   fields.Add("initial_std", &initial_std, "spread of q at the start, in logits of the range (the prior has 1.7)",
              Above(0));
+  fields.Add("reward_floor", &reward_floor,
+             "rewards are divided by their standard deviation, or by this [nats] where that is smaller: near the match "
+             "q then slows down in place of following noise",
+             Above(0));
+  fields.AddChoice("designer", &designer, "q: a Gaussian in logits of the range, or probabilities of grid values",
+                   {"gaussian", "categorical"});
+  fields.Add("grid_step", &grid_step, "of the categorical designer: its values are the multiples of this in the range",
+             Above(0));
+  fields.Add("average", &average, "share of the iterations, the last ones, over which q is averaged; 0: the last q",
+             Between(0, 1));
   fields.AddChoice("reward", &reward, "-log(1 - g) as in the paper, or the whole log ratio log g - log(1 - g)",
                    {"paper", "log_ratio"});
+  fields.AddChoice("features", &features,
+                   "what g looks at is learned by telling logs and simulator apart, as in the paper, or before that by "
+                   "telling simulators apart, so that few logs cannot be remembered",
+                   {"logs", "simulated"});
+  fields.Add("statistic_sims", &statistic_sims, "of simulated features: simulators that they are learned from",
+             AtLeast(2));
+  fields.Add("statistic_steps", &statistic_steps, "of simulated features: gradient steps", AtLeast(1));
   fields.Add("discriminator_hidden", &discriminator_hidden, "widths of g's hidden layers", AtLeast(1));
+  fields.Add("discriminator_filters", &discriminator_filters, "filters of g's 3x3 convolutions; of images alone",
+             AtLeast(1));
   fields.Add("discriminator_learning_rate", &discriminator_learning_rate, "Adam's step size for g", Above(0));
   fields.Add("discriminator_weight_decay", &discriminator_weight_decay, "L2 penalty on g", AtLeast(0));
   fields.Add("discriminator_steps", &discriminator_steps, "gradient steps on g per iteration", AtLeast(1));
@@ -127,6 +172,23 @@ void DesignConfig::Check() const {
         "states; "
         "set design.actions = \"clone\"");
   }
+  if (rows == "first" && starts == "dataset") {
+    throw UsageError(
+        "design.rows = \"first\" matches how episodes begin, which rollouts from logged states do not show; set "
+        "design.starts = \"initial\" and design.actions = \"clone\"");
+  }
+  if (stack > horizon) {
+    throw UsageError(fmt::format(
+        "design.stack = {} steps do not fit into rollouts of design.horizon = {}; lower the one or raise the other",
+        stack, horizon));
+  }
+  if (FitsByReplay() && designer == "categorical") {
+    throw UsageError(
+        fmt::format("design.form = \"{}\" finds a Gaussian; for design.designer = \"categorical\" set design.form to "
+                    "transitions or "
+                    "paper",
+                    form));
+  }
 }
 
 bool DesignConfig::FitsByReplay() const { return form == "trajectories" || form == "least-squares" || form == "dropo"; }
@@ -135,9 +197,12 @@ EvidenceConfig DesignConfig::Evidence() const {
   return {.dataset_starts = starts == "dataset",
           .replayed_actions = actions == "replayed",
           .transitions = discriminator == "sas",
+          .actions = discriminator != "s",
           .horizon = horizon,
           .n_steps = n_steps,
-          .clone_noise = clone_noise};
+          .clone_noise = clone_noise,
+          .first_rows = rows == "first",
+          .stack = stack};
 }
 
 TrajectoryOptions DesignConfig::Trajectories() const {
@@ -160,8 +225,13 @@ DropoOptions DesignConfig::Dropo() const {
           .learns_epsilon = dropo_learn_epsilon};
 }
 
+Designer DesignConfig::Start(const ParameterSpace& space) const {
+  return designer == "categorical" ? Designer::OnGrid(space, grid_step) : Designer(space, initial_std);
+}
+
 DiscriminatorOptions DesignConfig::Discriminator() const {
   return {.hidden = discriminator_hidden,
+          .filters = discriminator_filters,
           .learning_rate = discriminator_learning_rate,
           .weight_decay = discriminator_weight_decay,
           .batch_size = discriminator_batch};

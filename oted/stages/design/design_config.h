@@ -4,6 +4,7 @@
 #include <string>
 
 #include "oted/base/fields.h"
+#include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
 #include "oted/stages/design/dropo.h"
@@ -21,6 +22,8 @@ namespace oted {
 ///   "paper"         Algorithm 1 to the letter: the clone rolled out from the initial states, g(s, a)
 ///   "least-squares" predictions from logged states taken as exact: what identification tools do
 ///   "dropo"         Tiboni et al.'s likelihood of the logged next states
+///   "images"        the same on the first steps of each episode alone, with a small convolutional g; what auto is
+///                   where observations are images
 struct DesignConfig {
   std::string form = "auto";
   std::string starts = "dataset";
@@ -29,6 +32,8 @@ struct DesignConfig {
   int horizon = 10;
   int n_steps = 60;
   double clone_noise = 1.0;
+  std::string rows = "all";
+  int stack = 1;
 
   int trajectory_window = 16;
   int trajectory_rows = 960;
@@ -52,9 +57,17 @@ struct DesignConfig {
   double step_log_std = 0.25;
   double lambda = 0.01;
   double initial_std = 1.2;
+  double reward_floor = 1e-6;
+  std::string designer = "gaussian";
+  double grid_step = 0.05;
+  double average = 0.0;
   std::string reward = "paper";
 
+  std::string features = "logs";
+  int statistic_sims = 384;
+  int statistic_steps = 600;
   std::vector<int> discriminator_hidden = {256, 256};
+  std::vector<int> discriminator_filters = {16};
   double discriminator_learning_rate = 3e-4;
   double discriminator_weight_decay = 1e-4;
   int discriminator_steps = 60;
@@ -82,6 +95,8 @@ struct DesignConfig {
   LeastSquaresOptions LeastSquares() const;
   DropoOptions Dropo() const;
   DiscriminatorOptions Discriminator() const;
+  /// q before the first iteration. @throws UsageError where a categorical one has no two values of a parameter
+  Designer Start(const ParameterSpace& space) const;
 };
 
 }  // namespace oted

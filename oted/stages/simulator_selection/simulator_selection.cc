@@ -36,8 +36,8 @@ std::vector<std::vector<double>> DrawParameters(const Designer& q, int n, RngKey
 }
 
 /// Steps 2 and 3 of the paper's procedure: c(h_i) = mean over E of -log(1 - g(.|h_i)), z ~ q(.|h_i).
-double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const TanhGaussianPolicy* clone,
-                  Candidate& candidate, const SelectionConfig& config, RngKey key) {
+double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone, Candidate& candidate,
+                  const SelectionConfig& config, RngKey key) {
   EvidenceConfig evidence = candidate.evidence;
   evidence.n_steps = config.n_steps;
   ExperienceGatherer gatherer(factory.Make(config.n_sims, 1), dataset, clone, evidence);
@@ -45,7 +45,7 @@ double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const
   const Array2<double> pooled = Pool(gatherer.Gather(z, key.Stage("rollouts")));
   if (pooled.rows() == 0) return 0;
   double sum = 0;
-  for (const double logit : candidate.g.Logits(pooled)) sum += MinusLogOneMinusG(logit);
+  for (const double logit : candidate.g.Logits(candidate.g.Summarize(pooled))) sum += MinusLogOneMinusG(logit);
   return sum / pooled.rows();
 }
 
@@ -89,9 +89,9 @@ double RankingScore(const SettingScore& setting, const std::string& score) {
 
 }  // namespace
 
-SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset,
-                                const TanhGaussianPolicy* clone, std::vector<Candidate>& candidates,
-                                const SelectionConfig& config, RngKey key, const RunContext& context) {
+SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
+                                std::vector<Candidate>& candidates, const SelectionConfig& config, RngKey key,
+                                const RunContext& context) {
   OTED_CHECK(!candidates.empty());
   const JudgeHalves halves = SplitForJudge(dataset);
   const EvidenceConfig common_evidence = CommonEvidence(factory.spec(), config.n_steps);

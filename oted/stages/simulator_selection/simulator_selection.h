@@ -11,7 +11,7 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/fit_evidence.h"
-#include "oted/nn/tanh_gaussian.h"
+#include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
@@ -64,8 +64,8 @@ struct SelectionResult {
 /// the paper's c every candidate is judged by one common protocol: a fresh discriminator, trained on one half of the
 /// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score).
 /// @param clone  may be null when every candidate's evidence replays actions
-SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset,
-                                const TanhGaussianPolicy* clone, std::vector<Candidate>& candidates,
-                                const SelectionConfig& config, RngKey key, const RunContext& context);
+SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
+                                std::vector<Candidate>& candidates, const SelectionConfig& config, RngKey key,
+                                const RunContext& context);
 
 }  // namespace oted

@@ -1,0 +1,16 @@
+#include "oted/nn/policy.h"
+
+#include "oted/data/npz.h"
+#include "oted/nn/categorical_policy.h"
+#include "oted/nn/tanh_gaussian.h"
+
+namespace oted {
+
+std::unique_ptr<Policy> LoadPolicy(const std::filesystem::path& path) {
+  if (ReadNpz(path).contains(CategoricalPolicy::kMark)) {
+    return std::make_unique<CategoricalPolicy>(CategoricalPolicy::Load(path));
+  }
+  return std::make_unique<TanhGaussianPolicy>(TanhGaussianPolicy::Load(path));
+}
+
+}  // namespace oted

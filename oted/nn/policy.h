@@ -1,0 +1,39 @@
+#pragma once
+/// What clones and agents have in common: observations in, actions out.
+
+#include <filesystem>
+#include <memory>
+#include <span>
+
+#include "oted/base/rng.h"
+
+namespace oted {
+
+/// Whether actions are drawn from a policy's distribution, or are its most likely ones.
+enum class ActionNoise { kSampled, kMean };
+
+/// Evaluates one policy on batches of lanes; owns the scratch memory. One per thread.
+class PolicyActor {
+ public:
+  virtual ~PolicyActor() = default;
+  /// observations (n, obs_dim), raw -> actions (n, act_dim).
+  virtual void Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) = 0;
+};
+
+/// A distribution over actions for every observation: TanhGaussianPolicy for continuous actions, CategoricalPolicy for
+/// discrete ones.
+class Policy {
+ public:
+  virtual ~Policy() = default;
+  virtual int obs_dim() const = 0;
+  virtual int act_dim() const = 0;
+  /// @param noise_scale multiplies the spread when sampling: 1 is the policy itself. The policy must outlive the actor.
+  virtual std::unique_ptr<PolicyActor> MakeActor(ActionNoise noise, double noise_scale = 1.0) const = 0;
+  /// Writes the policy as .npz. @throws DataError
+  virtual void Save(const std::filesystem::path& path) const = 0;
+};
+
+/// Whichever policy of this program lies at `path`. @throws DataError
+std::unique_ptr<Policy> LoadPolicy(const std::filesystem::path& path);
+
+}  // namespace oted
