@@ -195,7 +195,7 @@ TEST(Designer, OnAGridItsModeSpreadAndFileAreThoseOfTheProbabilities) {
   // Variance of the values, and of an even distribution over one step.
   EXPECT_NEAR(designer.Std()[0], std::sqrt(0.2 * 0.27 * 0.27 + 0.7 * 0.03 * 0.03 + 0.1 * 0.33 * 0.33 + 0.09 / 12),
               1e-12);
-  const Designer::Interval interval = designer.CentralInterval(0.6);
+  const Designer::Interval interval = designer.CentralInterval(0.6)[0];
   EXPECT_NEAR(designer.Cumulative(0, interval.low), 0.2, 1e-9);
   EXPECT_NEAR(designer.Cumulative(0, interval.high), 0.8, 1e-9);
   Rng rng(3);

@@ -9,6 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/matching/testing.h"
+#include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/episode_recorder.h"
 #include "oted/sim/rollout.h"
 #include "oted/sim/testing.h"

@@ -230,8 +230,10 @@ TEST(CloneBehavior, AnActionThatIsNoIndexIsADataError) {
   Dataset dataset = GridLogs(100);
   dataset.actions(7, 0) = 3;
   NullSink log;
+  CloneConfig config = SmallConfig();
+  config.filters = {8};
   const std::string message = MessageOf<DataError>([&] {
-    CloneBehavior(dataset, GridSpec(), {}, RngKey(1), "clone", {&log, nullptr, 1});
+    CloneBehavior(dataset, GridSpec(), config, RngKey(1), "clone", {&log, nullptr, 1});
   });
   EXPECT_NE(message.find("[7]"), std::string::npos) << message;
 }
