@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/files.h"
+#include "oted/matching/experience.h"
 #include "oted/pipeline.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 
@@ -31,6 +32,7 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
+  for (const auto& [name, design] : config_.DesignSettings()) FeatureShape(factory_->spec(), design.Evidence());
   CheckCanDraw();
   if (config_.run.strict) ParametersWithEffect();
   return out;

@@ -184,7 +184,10 @@ Encoder Encoder::Load(const std::string& prefix, const NpzArrays& arrays, const 
       if (p == c) n_levels += levels[c];
     }
     if (static_cast<double>(occurs.size()) != n_levels) fail("occurs");
-    for (const double flag : occurs) encoder.occurs_.push_back(flag != 0);
+    for (const double flag : occurs) {
+      if (flag != 0 && flag != 1) fail("occurs");
+      encoder.occurs_.push_back(flag == 1);
+    }
   }
   encoder.Finish();
   return encoder;

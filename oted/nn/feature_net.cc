@@ -86,7 +86,8 @@ FeatureNet FeatureNet::FromArrays(const std::string& prefix, const NpzArrays& ar
   const std::vector<int> out = widths("out");
   if (out.size() != 1) fail("out");
   const std::vector<double> mean_pool = get("mean_pool"), parameters = get("parameters");
-  const NetSize size{widths("hidden"), widths("filters"), mean_pool.size() == 1 && mean_pool[0] != 0};
+  if (mean_pool.size() != 1 || (mean_pool[0] != 0 && mean_pool[0] != 1)) fail("mean_pool");
+  const NetSize size{widths("hidden"), widths("filters"), mean_pool[0] == 1};
   Encoder encoder = Encoder::Load(prefix + "/input", arrays, where);
   double count = 0, in = encoder.n_extra();
   if (encoder.has_image()) {

@@ -122,7 +122,9 @@ class TestCheck(DataTest):
 
     def test_every_shipped_dataset_is_sound(self):
         for path in sorted(EXAMPLES.glob("*.hdf5")):
-            record, findings = self.check(path, "--strict")
+            # Without its task nothing tells a picture's kinds from a sensor's readings.
+            task = ("--task", "MiniGrid-Obstacles-10x10") if path.name.startswith("minigrid") else ()
+            record, findings = self.check(path, "--strict", *task)
             self.assertEqual(record["warnings"], 0, (path, findings))
 
     def test_nan_is_reported_with_its_row_and_is_exit_code_3(self):
