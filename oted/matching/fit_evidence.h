@@ -12,6 +12,7 @@ struct FitEvidence {
   int window = 0;                 ///< control steps of the longest windows that the estimate rests on
   double explained = 0;           ///< share of those windows that the simulator explains; the others count less
   std::vector<double> noise_std;  ///< (obs_dim): of the logged observations
+  std::vector<double> scale;      ///< (obs_dim): how far the channel spreads over the logs
   /// (obs_dim): what the shortest windows leave as noise, and the longest that were tried. In the logs' own simulator
   /// the two are equal up to chance; what a simulator has wrong adds up over a window.
   std::vector<double> short_noise_std, long_noise_std;

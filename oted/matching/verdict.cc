@@ -15,6 +15,7 @@ constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
 constexpr double kMatchMargin = 0.35;
 constexpr double kDriftAbove = 2.0;   // times the noise of short windows
+constexpr double kVisible = 1e-4;     // of a channel's spread: below is rounding, which contact magnifies
 constexpr double kNoticeable = 0.04;  // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;  // of the range
 
@@ -126,7 +127,8 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
 std::vector<int> DisagreeingChannels(const FitEvidence& fit) {
   std::vector<int> channels;
   for (size_t c = 0; c < fit.long_noise_std.size(); ++c) {
-    if (fit.long_noise_std[c] > kDriftAbove * fit.short_noise_std[c]) channels.push_back(static_cast<int>(c));
+    const bool drifts = fit.long_noise_std[c] > kDriftAbove * fit.short_noise_std[c];
+    if (drifts && fit.long_noise_std[c] > kVisible * fit.scale[c]) channels.push_back(static_cast<int>(c));
   }
   return channels;
 }

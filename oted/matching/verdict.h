@@ -38,7 +38,8 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
 /// The channels in which windows of the log, replayed at the fitted parameters and start states, drift off by more than
-/// the noise of short windows explains: the simulator lacks something that acts there.
+/// the noise of short windows explains, and by more than a ten-thousandth of its spread: the simulator lacks something
+/// that acts there.
 std::vector<int> DisagreeingChannels(const FitEvidence& fit);
 
 /// From a fit that replays windows. Outside the family: some channel disagrees. Otherwise the fitted simulator is as

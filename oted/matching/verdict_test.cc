@@ -89,6 +89,7 @@ FitEvidence Noise(std::vector<double> short_windows, std::vector<double> long_wi
   return {.window = 16,
           .explained = 1,
           .noise_std = short_windows,
+          .scale = std::vector<double>(short_windows.size(), 1.0),
           .short_noise_std = short_windows,
           .long_noise_std = std::move(long_windows)};
 }
@@ -99,6 +100,7 @@ TEST(JudgeFit, DriftInOneChannelIsOutsideTheFamilyAndNamesIt) {
   const FitEvidence drift = Noise({0.1, 1e-3}, {0.1, 8e-3});
   EXPECT_EQ(JudgeFit(q, drift), DesignVerdict::kOutsideFamily);
   EXPECT_EQ(DisagreeingChannels(drift), std::vector<int>{1});
+  EXPECT_EQ(JudgeFit(q, Noise({3e-8, 3e-8}, {3e-8, 5e-6})), DesignVerdict::kGapClosed) << "rounding, not drift";
 }
 
 TEST(JudgeFit, NoGapWhereTheNominalParametersCannotBeTold) {

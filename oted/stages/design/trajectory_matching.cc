@@ -142,6 +142,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
               .evidence = FitEvidence{.window = level.windows.front().n_steps,
                                       .explained = fit.ShareExplained(),
                                       .noise_std = {noise.begin(), noise.end()},
+                                      .scale = {scale.begin(), scale.end()},
                                       .short_noise_std = {},
                                       .long_noise_std = {}}};
     level = fit.Joined();
