@@ -20,9 +20,8 @@ import subprocess
 import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
-TASKS = {"hopper": "Hopper-v5", "halfcheetah": "HalfCheetah-v5", "walker2d": "Walker2d-v5"}
-PARAMETERS = {"friction": "geom/*/friction[0]", "gain": "actuator/*/gainprm[0]", "gravity": "opt/gravity[2]"}
+from study_data import PARAMETERS, ROOT, TASKS, commit, write_record
+
 TRUTH = {"friction": 0.5, "gain": 0.7, "gravity": 1.3}
 # Two-sided 95 % quantiles of Student's t by degrees of freedom, for the paired interval.
 T95 = {1: 12.71, 2: 4.303, 3: 3.182, 4: 2.776, 5: 2.571, 6: 2.447, 7: 2.365, 8: 2.306, 9: 2.262}
@@ -56,11 +55,9 @@ def run(study, seed, oted, file, steps):
               "errors": {p["name"]: p["absolute_error"] for p in evaluation["parameters"]},
               "selected": design["selected"], "verdict": design["verdict"],
               "command": " ".join(command).replace(out, "OUT").replace(str(oted), "oted"),
-              "commit": subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True,
-                                       check=False).stdout.strip()}
+              "commit": commit()}
     shutil.rmtree(out, ignore_errors=True)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(record, indent=1) + "\n")
+    write_record(file, record)
     return record
 
 

@@ -19,7 +19,8 @@ import subprocess
 import tempfile
 import time
 
-from study_data import DATA, HIGH, LOW, PARAMETERS, ROOT, TASKS, commit, logs, number, truth
+from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, number, records, run_missing, truth,
+                        write_record)
 
 N_SEEDS = 5
 # Two rivals in two ways each, as their users would have to know: that long predictions through contact have local minima, and
@@ -36,16 +37,9 @@ FORMS = {
 
 
 def cells():
-    for task in TASKS:
-        for target in ("nominal", "shifted", "drawn"):
-            for data in DATA:
-                for form in FORMS:
-                    if form != "paper" or (data == "medium" and target != "drawn"):
-                        yield {"task": task, "target": target, "data": data, "form": form}
-
-
-def name_of(cell):
-    return "-".join(cell.values())
+    for cell in cells_of(FORMS):
+        if cell["form"] != "paper" or (cell["data"] == "medium" and cell["target"] != "drawn"):
+            yield cell
 
 
 def run(cell, oted, file, n_seeds):
@@ -77,8 +71,7 @@ def run(cell, oted, file, n_seeds):
                   seconds_per_design_two_cores=seconds / n_seeds, cpu_seconds_per_design=cpu / n_seeds,
                   n_transitions=design["dataset"]["n_transitions"],
                   command=" ".join(command).replace(out, "OUT").replace(str(oted), "oted"), commit=commit())
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(record, indent=1) + "\n")
+    write_record(file, record)
 
 
 def cpu_seconds():
@@ -95,19 +88,15 @@ def main():
     parser.add_argument("--seeds", default=N_SEEDS, type=int, help="of each cell")
     parser.add_argument("--table", action="store_true", help="print the table of what is there; run nothing")
     arguments = parser.parse_args()
-    for cell in cells():
-        file = arguments.out / f"{name_of(cell)}.json"
-        if not arguments.table and not file.exists() and arguments.only in name_of(cell):
-            run(cell, arguments.oted.resolve(), file, arguments.seeds)
-            print(f"{name_of(cell)}: {json.loads(file.read_text())['mean_error']:.3f}", flush=True)
+    if not arguments.table:
+        oted = arguments.oted.resolve()
+        for name, record in run_missing(cells(), arguments.out, arguments.only,
+                                        lambda cell, file: run(cell, oted, file, arguments.seeds)):
+            print(f"{name}: {record['mean_error']:.3f}", flush=True)
     print("| task | target | data | transitions | form | friction | gain | gravity | mean error | worst seed "
           "| s per design | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
-    for cell in cells():
-        file = arguments.out / f"{name_of(cell)}.json"
-        if not file.exists():
-            continue
-        r = json.loads(file.read_text())
+    for r in records(cells(), arguments.out):
         cpu = f"{r['cpu_seconds_per_design']:.0f}" if "cpu_seconds_per_design" in r else "-"
         by_parameter = [statistics.mean(s["errors"][i] for s in r["seeds"]) for i in range(3)]
         print(f"| {TASKS[r['task']]} | {r['target']} | {r['data']} | {r['n_transitions']} | {r['form']} | "

@@ -1,7 +1,8 @@
 // How near the design from images comes to a known density, beside the maximum-likelihood yardstick, on fresh
 // demonstrations for every seed. One JSON file per cell; what is there is not made again.
 //
-//   minigrid_design OUT [--seeds N] [--demos 5,50] [--targets 0.10,0.26,0.40] [--set design.KEY=VALUE ...] [--table]
+//   minigrid_design OUT [--seeds N] [--first-seed N] [--demos 5,50] [--targets 0.10,0.26,0.40]
+//                   [--set design.KEY=VALUE ...] [--table]
 
 #include <fmt/format.h>
 
@@ -91,7 +92,7 @@ void PrintTable(const std::vector<json>& cells, const std::vector<int>& demos, c
 
 int main(int argc, char** argv) {
   std::string out;
-  int n_seeds = 40;
+  int n_seeds = 40, first_seed = 1;
   std::vector<int> demos = {5, 50};
   std::vector<double> targets = {0.10, 0.26, 0.40};
   std::vector<std::string> settings;
@@ -99,6 +100,7 @@ int main(int argc, char** argv) {
   CLI::App app("design error of MiniGrid's density beside the maximum-likelihood yardstick");
   app.add_option("out", out, "folder of the cells' JSON files")->required();
   app.add_option("--seeds", n_seeds, "fresh datasets per cell");
+  app.add_option("--first-seed", first_seed, "the lowest seed");
   app.add_option("--demos", demos, "demonstrations")->delimiter(',');
   app.add_option("--targets", targets, "true densities")->delimiter(',');
   app.add_option("--set", settings, "section.key=value")->allow_extra_args(false);
@@ -108,7 +110,7 @@ int main(int argc, char** argv) {
     RunConfig config;
     for (const std::string& assignment : settings) config.Set(assignment);
     std::vector<json> cells;
-    for (int seed = 1; seed <= n_seeds; ++seed) {
+    for (int seed = first_seed; seed < first_seed + n_seeds; ++seed) {
       for (const int n : demos) {
         for (const double target : targets) {
           const fs::path file = fs::path(out) / fmt::format("{}-{}-{}-{:.2f}-{}.json", config.design.designer,

@@ -18,7 +18,6 @@ observation of a window is its exact state, root x zero. Errors in multiples of 
 import argparse
 import contextlib
 import io
-import json
 import os
 import pathlib
 import random
@@ -35,7 +34,8 @@ import mujoco
 import numpy as np
 from mujoco import sysid
 
-from study_data import DATA, HIGH, LOW, PARAMETERS, ROOT, TASKS, commit, logs, number, truth
+from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, name_of, number, records, run_missing,
+                        truth, write_record)
 
 MODELS = {"hopper": ("hopper.xml", 4, 10.0), "halfcheetah": ("half_cheetah.xml", 5, np.inf),
           "walker2d": ("walker2d_v5.xml", 4, 10.0)}  # file, physics steps per control step, clip of observed velocities
@@ -45,15 +45,7 @@ N_STARTS = 3
 
 
 def cells():
-    for task in TASKS:
-        for target in ("nominal", "shifted", "drawn"):
-            for data in DATA:
-                for way in WAYS:
-                    yield {"task": task, "target": target, "data": data, "form": f"sysid-{way}"}
-
-
-def name_of(cell):
-    return "-".join(cell.values())
+    return cells_of([f"sysid-{way}" for way in WAYS])
 
 
 def model_spec(task):
@@ -182,8 +174,7 @@ def run(cell, oted, file):
         errors = [abs(float(x) - value) for x, value in zip(best[1].x, true)]
         record |= {"x": [float(v) for v in best[1].x], "half_width_90": [float(v) for v in half_width], "errors": errors,
                    "mean_error": statistics.mean(errors)}
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(record, indent=1) + "\n")
+    write_record(file, record)
 
 
 def main():
@@ -193,18 +184,13 @@ def main():
     parser.add_argument("--only", default="", help="cells whose name contains this")
     parser.add_argument("--table", action="store_true", help="print the table of what is there; run nothing")
     arguments = parser.parse_args()
-    for cell in cells():
-        file = arguments.out / f"{name_of(cell)}.json"
-        if not arguments.table and not file.exists() and arguments.only in name_of(cell):
-            run(cell, arguments.oted.resolve(), file)
-            print(f"{name_of(cell)}: {json.loads(file.read_text()).get('mean_error')}", flush=True)
+    if not arguments.table:
+        oted = arguments.oted.resolve()
+        for name, record in run_missing(cells(), arguments.out, arguments.only, lambda cell, file: run(cell, oted, file)):
+            print(f"{name}: {record.get('mean_error')}", flush=True)
     print("| task | target | data | form | friction | gain | gravity | mean error | 90 % half-widths | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|---|")
-    for cell in cells():
-        file = arguments.out / f"{name_of(cell)}.json"
-        if not file.exists():
-            continue
-        r = json.loads(file.read_text())
+    for r in records(cells(), arguments.out):
         found = "mean_error" in r
         print(f"| {TASKS[r['task']]} | {r['target']} | {r['data']} | {r['form']} | "
               + (" | ".join(number(e) for e in r["errors"]) if found else "- | - | -")

@@ -1,8 +1,8 @@
-"""Targets and logs of the accuracy studies: shipped ones, noisy copies and drawn targets, each made by one `oted` command.
-
-Used by design_accuracy.py and rival_sysid.py, so that both read the same bytes.
+"""What the studies share: tasks, parameters, targets and logs (shipped ones, noisy copies and drawn targets, each made by one
+`oted` command, so that all read the same bytes), and cells that each leave one JSON file.
 """
 
+import json
 import pathlib
 import random
 import subprocess
@@ -46,6 +46,39 @@ def logs(task, target, data, oted, folder):
         return shipped
     subprocess.run([str(oted), *map(str, command)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     return str(made)
+
+
+def cells_of(forms):
+    for task in TASKS:
+        for target in ("nominal", "shifted", "drawn"):
+            for data in DATA:
+                for form in forms:
+                    yield {"task": task, "target": target, "data": data, "form": form}
+
+
+def name_of(cell):
+    return "-".join(cell.values())
+
+
+def run_missing(cells, out, only, run):
+    """run(cell, file) for each cell without a file whose name contains `only`; yields its name and what it left."""
+    for cell in cells:
+        file = out / f"{name_of(cell)}.json"
+        if not file.exists() and only in name_of(cell):
+            run(cell, file)
+            yield name_of(cell), json.loads(file.read_text())
+
+
+def records(cells, out):
+    for cell in cells:
+        file = out / f"{name_of(cell)}.json"
+        if file.exists():
+            yield json.loads(file.read_text())
+
+
+def write_record(file, record):
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(record, indent=1) + "\n")
 
 
 def commit():

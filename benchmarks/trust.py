@@ -26,12 +26,11 @@ import subprocess
 import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
-TASKS = {"hopper": "Hopper-v5", "halfcheetah": "HalfCheetah-v5", "walker2d": "Walker2d-v5"}
-FIELDS = {"friction": "geom/*/friction[0]", "gain": "actuator/*/gainprm[0]", "gravity": "opt/gravity[2]",
-          "gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
-          "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
-THREE = ("friction", "gain", "gravity")
+from study_data import HIGH, LOW, PARAMETERS, ROOT, TASKS, write_record
+
+FIELDS = PARAMETERS | {"gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
+                       "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
+THREE = tuple(PARAMETERS)
 # Neither the clone nor the classifiers have a say in q, its intervals or its verdicts: they are kept short.
 SHORT = ("clone.max_steps=100", "design.discriminator_steps=1", "selection.judge_steps=20", "selection.n_sims=2",
          "selection.n_steps=20")
@@ -40,14 +39,14 @@ CLASSES = ("identified", "no_gap", "no_effect", "product", "out_of_bounds", "out
 
 def draw_case(kind, rng):
     """(truth of the target: name -> value, searched: name -> (low, high, scale))"""
-    searched = {name: (0.2, 2.0, "") for name in THREE}
+    searched = {name: (LOW, HIGH, "") for name in THREE}
     truth = {name: round(rng.uniform(0.4, 1.7), 4) for name in THREE}
     if kind == "no_gap":
         truth = dict.fromkeys(THREE, 1.0)
     elif kind == "no_effect":
         searched[rng.choice(["wind", "magnetic"])] = (-1, 1, ":absolute")
     elif kind == "product":
-        searched["gear"] = (0.2, 2.0, "")
+        searched["gear"] = (LOW, HIGH, "")
         truth["gear"] = round(rng.uniform(0.6, 1.5), 4)
         truth["gain"] = round(rng.uniform(0.6, 1.5), 4)
     elif kind == "out_of_bounds":
@@ -73,7 +72,7 @@ def run_case(task, noise, kind, case, oted, file, extra):
         for name, value in truth.items():
             collect += parameter(name, 0.2, 3.0, "") + ["--truth", f"{name}={value}"]
         if noise > 0:
-            collect += ["--param", "noise=obs/*/noise_std:0:1:absolute", "--truth", f"noise={noise}"]
+            collect += ["--noise", str(noise)]
         subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
         design = [str(oted), "design", "--task", TASKS[task], "--data", data, "--seed", str(case), "--seeds", "1",
                   "--threads", "1", "--out", out, "--quiet", "--json"] + extra
@@ -86,14 +85,13 @@ def run_case(task, noise, kind, case, oted, file, extra):
         seconds = time.monotonic() - start
         answer = json.loads(result.stdout)["design"]
         q = json.loads(pathlib.Path(f"{out}/design/default/1/q.json").read_text())
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps({
+    write_record(file, {
         "task": task, "noise": noise, "class": kind, "case": case, "truth": truth, "seconds": round(seconds, 1),
         "parameters": [{key: p[key] for key in ("name", "mode", "std", "interval90", "verdict")}
                        for p in answer["parameters"]],
         "correlation": answer["correlation"], "verdict": answer["verdict"], "nominal_common": answer["nominal_common"],
         "common": answer["settings"][0]["common"], "fit": q.get("fit"),
-        "n_transitions": answer["dataset"]["n_transitions"]}) + "\n")
+        "n_transitions": answer["dataset"]["n_transitions"]})
 
 
 def is_right(record):

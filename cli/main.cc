@@ -16,11 +16,6 @@
 
 namespace {
 
-std::string OneLine(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
-
 /// CLI11 would only say that a subcommand is missing.
 void CheckVerb(const CLI::App& app, const std::string& word) {
   std::vector<std::string> verbs;
@@ -58,7 +53,7 @@ int oted::cli::Main(int argc, char** argv) {
     // --help and --version arrive as "errors" with code 0.
     if (e.get_exit_code() == 0) return program.app.exit(e);
     fmt::print(stderr, "oted: {}; 'oted --help' lists the verbs, 'oted VERB --help' what each takes\n",
-               OneLine(e.what()));
+               oted::Printable(e.what()));
     return static_cast<int>(ExitCode::kUsage);
   } catch (const Error& e) {
     fmt::print(stderr, "oted: {}\n", e.what());

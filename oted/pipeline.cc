@@ -261,9 +261,7 @@ void Pipeline::SelectSimulator() {
       candidate.setting = setting;
       candidate.seed = seed;
       candidate.q = Designer::FromJson(q, factory_->parameters(), (folder / "q.json").string());
-      candidate.evidence = design.Evidence();
-      candidate.evidence.n_past_actions = factory_->spec().n_past_actions;
-      candidate.evidence.image = factory_->spec().image_shape;
+      candidate.evidence = design.Evidence(factory_->spec());
       Rng unused(0);
       candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused,
                                   FeatureShape(factory_->spec(), candidate.evidence));

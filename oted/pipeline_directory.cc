@@ -32,7 +32,8 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
-  for (const auto& [name, design] : config_.DesignSettings()) FeatureShape(factory_->spec(), design.Evidence());
+  for (const auto& [name, design] : config_.DesignSettings())
+    FeatureShape(factory_->spec(), design.Evidence(factory_->spec()));
   CheckCanDraw();
   if (config_.run.strict) ParametersWithEffect();
   return out;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "oted/base/bisection.h"
 #include "oted/base/error.h"
 
 namespace oted {
@@ -22,12 +23,7 @@ double Sigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }
 
 /// Quantile of the standard normal by bisection on erfc; only for reports.
 double NormalQuantile(double p) {
-  double low = -10, high = 10;
-  for (int i = 0; i < 80; ++i) {
-    const double middle = 0.5 * (low + high);
-    (0.5 * std::erfc(-middle / std::sqrt(2.0)) < p ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
+  return Bisect(-10, 10, 80, [&](double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)) < p; });
 }
 
 }  // namespace
@@ -142,12 +138,7 @@ std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
     std::vector<Interval> intervals;
     for (int i = 0; i < size(); ++i) {
       const auto quantile = [&](double p) {
-        double low = space_[i].low, high = space_[i].high;
-        for (int step = 0; step < 60; ++step) {
-          const double middle = 0.5 * (low + high);
-          (grid_->Cumulative(i, middle) < p ? low : high) = middle;
-        }
-        return 0.5 * (low + high);
+        return Bisect(space_[i].low, space_[i].high, 60, [&](double z) { return grid_->Cumulative(i, z) < p; });
       };
       intervals.push_back({quantile(0.5 - 0.5 * mass), quantile(0.5 + 0.5 * mass)});
     }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "oted/base/bisection.h"
 #include "oted/base/error.h"
 
 namespace oted {
@@ -22,31 +23,25 @@ constexpr double kMovedAbove = 0.05;  // of the range
 /// z at which the mixture of distributions on a grid has the given cumulative probability for parameter i.
 double GridMixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
   const ParameterSpec& spec = designs[0].space()[static_cast<int>(i)];
-  double low = spec.low, high = spec.high;
-  for (int step = 0; step < 60; ++step) {
-    const double middle = 0.5 * (low + high);
+  return Bisect(spec.low, spec.high, 60, [&](double z) {
     double mass = 0;
     for (const Designer& q : designs) {
-      mass += q.Cumulative(static_cast<int>(i), middle) / static_cast<double>(designs.size());
+      mass += q.Cumulative(static_cast<int>(i), z) / static_cast<double>(designs.size());
     }
-    (mass < probability ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
+    return mass < probability;
+  });
 }
 
 /// x at which the mixture of Gaussians of parameter i has the given cumulative probability; by bisection.
 double MixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
-  double low = -20, high = 20;
-  for (int step = 0; step < 60; ++step) {
-    const double middle = 0.5 * (low + high);
+  return Bisect(-20, 20, 60, [&](double x) {
     double mass = 0;
     for (const Designer& q : designs) {
-      const double noise = (middle - q.mean()[i]) / std::exp(q.log_std()[i]);
+      const double noise = (x - q.mean()[i]) / std::exp(q.log_std()[i]);
       mass += 0.5 * std::erfc(-noise / std::numbers::sqrt2) / static_cast<double>(designs.size());
     }
-    (mass < probability ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
+    return mass < probability;
+  });
 }
 
 double ZOf(const Designer& q, size_t i, double x) {

@@ -54,9 +54,11 @@ void CategoricalPolicy::Save(const std::filesystem::path& path) const {
   WriteNpz(arrays, path);
 }
 
-CategoricalPolicy CategoricalPolicy::Load(const std::filesystem::path& path) {
+CategoricalPolicy CategoricalPolicy::Load(const std::filesystem::path& path) { return FromArrays(ReadNpz(path), path); }
+
+CategoricalPolicy CategoricalPolicy::FromArrays(const NpzArrays& arrays, const std::filesystem::path& path) {
   CategoricalPolicy policy;
-  policy.net_ = FeatureNet::FromArrays(kPrefix, ReadNpz(path), path.string());
+  policy.net_ = FeatureNet::FromArrays(kPrefix, arrays, path.string());
   return policy;
 }
 

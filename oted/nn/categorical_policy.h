@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "oted/data/npz.h"
 #include "oted/nn/feature_net.h"
 #include "oted/nn/policy.h"
 
@@ -32,6 +33,8 @@ class CategoricalPolicy : public Policy {
 
   void Save(const std::filesystem::path& path) const override;
   static CategoricalPolicy Load(const std::filesystem::path& path);
+  /// What was read from `path`. @throws DataError
+  static CategoricalPolicy FromArrays(const NpzArrays& arrays, const std::filesystem::path& path);
 
  private:
   FeatureNet net_;

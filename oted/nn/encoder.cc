@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/nn/npz_fields.h"
 
 namespace oted {
 namespace {
@@ -143,49 +144,42 @@ void Encoder::Save(const std::string& prefix, NpzArrays& arrays) const {
 }
 
 Encoder Encoder::Load(const std::string& prefix, const NpzArrays& arrays, const std::string& where) {
-  const auto fail = [&](const std::string& what) {
-    throw DataError(fmt::format("'{}': array '{}/{}' is missing or does not fit; the file is damaged, make it again",
-                                where, prefix, what));
-  };
-  const auto get = [&](const std::string& name, bool required) {
-    const auto found = arrays.find(prefix + "/" + name);
-    if (found == arrays.end() && required) fail(name);
-    return found == arrays.end() ? std::vector<double>() : found->second.ToDouble();
-  };
+  const NpzFields fields{prefix, arrays, where};
   Encoder encoder;
-  encoder.normalizer_ = {get("mean", true), get("scale", true)};
+  encoder.normalizer_ = {fields.Get("mean"), fields.Get("scale")};
   const std::vector<double>& mean = encoder.normalizer_.mean;
   const std::vector<double>& scale = encoder.normalizer_.scale;
   const auto sound = [](double v) { return std::isfinite(v); };
-  if (mean.empty() || !std::ranges::all_of(mean, sound)) fail("mean");
+  if (mean.empty() || !std::ranges::all_of(mean, sound)) fields.Fail("mean");
   if (scale.size() != mean.size() || !std::ranges::all_of(scale, [](double v) { return std::isfinite(v) && v > 0; })) {
-    fail("scale");
+    fields.Fail("scale");
   }
   encoder.in_ = static_cast<int>(mean.size());
-  const std::vector<double> levels = get("levels", false);
+  const NpyArray* saved_levels = fields.Find("levels");
+  const std::vector<double> levels = saved_levels != nullptr ? saved_levels->ToDouble() : std::vector<double>();
   if (!levels.empty()) {
-    if (levels.size() != mean.size()) fail("levels");
+    if (levels.size() != mean.size()) fields.Fail("levels");
     for (const double n : levels) {
-      if (!(n >= 0 && n <= kMostLevels && n == std::floor(n))) fail("levels");
+      if (!(n >= 0 && n <= kMostLevels && n == std::floor(n))) fields.Fail("levels");
     }
     encoder.shape_.levels.assign(levels.begin(), levels.end());
-    const std::vector<double> image = get("image", true), occurs = get("occurs", true);
+    const std::vector<double> image = fields.Get("image"), occurs = fields.Get("occurs");
     double size = image.empty() ? 0 : 1;
     for (const double n : image) {
-      if (!(n >= 1 && n <= encoder.in_ && n == std::floor(n))) fail("image");
+      if (!(n >= 1 && n <= encoder.in_ && n == std::floor(n))) fields.Fail("image");
       size *= n;
     }
-    if ((!image.empty() && image.size() != 3) || size > encoder.in_) fail("image");
+    if ((!image.empty() && image.size() != 3) || size > encoder.in_) fields.Fail("image");
     encoder.shape_.image.assign(image.begin(), image.end());
     double n_levels = 0;
     for (size_t p = 0; p < static_cast<size_t>(size); ++p) {
       const auto c = p % static_cast<size_t>(image[2]);
-      if (levels[p] != levels[c]) fail("levels");
+      if (levels[p] != levels[c]) fields.Fail("levels");
       if (p == c) n_levels += levels[c];
     }
-    if (static_cast<double>(occurs.size()) != n_levels) fail("occurs");
+    if (static_cast<double>(occurs.size()) != n_levels) fields.Fail("occurs");
     for (const double flag : occurs) {
-      if (flag != 0 && flag != 1) fail("occurs");
+      if (flag != 0 && flag != 1) fields.Fail("occurs");
       encoder.occurs_.push_back(flag == 1);
     }
   }

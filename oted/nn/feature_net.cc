@@ -1,11 +1,10 @@
 #include "oted/nn/feature_net.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/nn/npz_fields.h"
 
 namespace oted {
 
@@ -66,27 +65,19 @@ void FeatureNet::Save(const std::string& prefix, NpzArrays& arrays) const {
 }
 
 FeatureNet FeatureNet::FromArrays(const std::string& prefix, const NpzArrays& arrays, const std::string& where) {
-  const auto fail = [&](const std::string& what) {
-    throw DataError(fmt::format("'{}': array '{}/{}' is missing or does not fit; the file is damaged, make it again",
-                                where, prefix, what));
-  };
-  const auto get = [&](const std::string& name) {
-    const auto found = arrays.find(prefix + "/" + name);
-    if (found == arrays.end()) fail(name);
-    return found->second.ToDouble();
-  };
+  const NpzFields fields{prefix, arrays, where};
   const auto widths = [&](const std::string& name) {
     std::vector<int> list;
-    for (const double width : get(name)) {
-      if (!(width >= 1 && width <= 65536 && width == std::floor(width)) || list.size() == 32) fail(name);
+    for (const double width : fields.Get(name)) {
+      if (!(width >= 1 && width <= 65536 && width == std::floor(width)) || list.size() == 32) fields.Fail(name);
       list.push_back(static_cast<int>(width));
     }
     return list;
   };
   const std::vector<int> out = widths("out");
-  if (out.size() != 1) fail("out");
-  const std::vector<double> mean_pool = get("mean_pool"), parameters = get("parameters");
-  if (mean_pool.size() != 1 || (mean_pool[0] != 0 && mean_pool[0] != 1)) fail("mean_pool");
+  if (out.size() != 1) fields.Fail("out");
+  const std::vector<double> mean_pool = fields.Get("mean_pool"), parameters = fields.Get("parameters");
+  if (mean_pool.size() != 1 || (mean_pool[0] != 0 && mean_pool[0] != 1)) fields.Fail("mean_pool");
   const NetSize size{widths("hidden"), widths("filters"), mean_pool[0] == 1};
   Encoder encoder = Encoder::Load(prefix + "/input", arrays, where);
   double count = 0, in = encoder.n_extra();
@@ -98,7 +89,7 @@ FeatureNet FeatureNet::FromArrays(const std::string& prefix, const NpzArrays& ar
     }
     const double shrunk = 2.0 * static_cast<double>(size.filters.size());
     const double height = encoder.height() - shrunk, width = encoder.width() - shrunk;
-    if (height < 1 || width < 1) fail("filters");
+    if (height < 1 || width < 1) fields.Fail("filters");
     in += channels * (size.mean_pool ? 1 : height * width);
   }
   for (const int width : size.hidden) {
@@ -108,7 +99,7 @@ FeatureNet FeatureNet::FromArrays(const std::string& prefix, const NpzArrays& ar
   count += (in + 1) * out[0];
   if (count != static_cast<double>(parameters.size()) ||
       !std::ranges::all_of(parameters, [](double v) { return std::isfinite(v); })) {
-    fail("parameters");
+    fields.Fail("parameters");
   }
   FeatureNet net(std::move(encoder), size, out[0]);
   std::ranges::transform(parameters, net.parameters().begin(), [](double v) { return static_cast<float>(v); });

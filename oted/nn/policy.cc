@@ -7,10 +7,11 @@
 namespace oted {
 
 std::unique_ptr<Policy> LoadPolicy(const std::filesystem::path& path) {
-  if (ReadNpz(path).contains(CategoricalPolicy::kMark)) {
-    return std::make_unique<CategoricalPolicy>(CategoricalPolicy::Load(path));
+  const NpzArrays arrays = ReadNpz(path);
+  if (arrays.contains(CategoricalPolicy::kMark)) {
+    return std::make_unique<CategoricalPolicy>(CategoricalPolicy::FromArrays(arrays, path));
   }
-  return std::make_unique<TanhGaussianPolicy>(TanhGaussianPolicy::Load(path));
+  return std::make_unique<TanhGaussianPolicy>(TanhGaussianPolicy::FromArrays(arrays, path));
 }
 
 }  // namespace oted

@@ -77,7 +77,10 @@ void TanhGaussianPolicy::Save(const std::filesystem::path& path) const {
 }
 
 TanhGaussianPolicy TanhGaussianPolicy::Load(const std::filesystem::path& path) {
-  const NpzArrays arrays = ReadNpz(path);
+  return FromArrays(ReadNpz(path), path);
+}
+
+TanhGaussianPolicy TanhGaussianPolicy::FromArrays(const NpzArrays& arrays, const std::filesystem::path& path) {
   const auto get = [&](const char* name) {
     const auto found = arrays.find(name);
     if (found == arrays.end()) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "oted/data/normalizer.h"
+#include "oted/data/npz.h"
 #include "oted/nn/mlp.h"
 #include "oted/nn/policy.h"
 
@@ -41,6 +42,8 @@ class TanhGaussianPolicy : public Policy {
 
   void Save(const std::filesystem::path& path) const override;
   static TanhGaussianPolicy Load(const std::filesystem::path& path);
+  /// What was read from `path`. @throws DataError
+  static TanhGaussianPolicy FromArrays(const NpzArrays& arrays, const std::filesystem::path& path);
 
  private:
   Normalizer normalizer_;

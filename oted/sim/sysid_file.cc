@@ -147,9 +147,7 @@ std::vector<SysidParameter> ReadSysidFile(const std::filesystem::path& path) {
       parameters.push_back(ReadEntry({fmt::format("'{}': parameter '{}'", path.string(), name), item.second}, name));
     }
   } catch (const YAML::Exception& e) {
-    std::string reason = e.what();
-    std::replace(reason.begin(), reason.end(), '\n', ' ');
-    throw DataError(fmt::format("'{}' is not YAML: {}; correct it or write it again", path.string(), reason));
+    throw DataError(fmt::format("'{}' is not YAML: {}; correct it or write it again", path.string(), e.what()));
   }
   return parameters;
 }

@@ -22,11 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string OneLine(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
-
 // A step that MuJoCo refused, and why.
 struct Refused {
   std::string reason;
@@ -174,7 +169,7 @@ std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const 
   throw DataError(fmt::format(
       "MuJoCo {} cannot write the designed values of '{}' into an MJCF file that gives them back: {}; write "
       "the parameters with --sysid or --q instead",
-      mj_versionString(), factory.model_path(), OneLine(problem)));
+      mj_versionString(), factory.model_path(), problem));
 }
 
 }  // namespace oted

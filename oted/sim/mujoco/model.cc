@@ -23,8 +23,7 @@ void SilenceWarnings() {
   });
 }
 
-[[noreturn]] void FailToLoad(const std::filesystem::path& path, std::string reason) {
-  std::replace(reason.begin(), reason.end(), '\n', ' ');
+[[noreturn]] void FailToLoad(const std::filesystem::path& path, const std::string& reason) {
   throw DataError(fmt::format("MuJoCo {} cannot load '{}': {}", mj_versionString(), path.string(), reason));
 }
 

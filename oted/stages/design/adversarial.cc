@@ -223,9 +223,7 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
                                 const DesignConfig& config, const Designer& start, bool learns_q, RngKey key,
                                 const std::filesystem::path& folder, const std::string& run_name,
                                 const RunContext& context) {
-  EvidenceConfig evidence = config.Evidence();
-  evidence.n_past_actions = factory.spec().n_past_actions;
-  evidence.image = factory.spec().image_shape;
+  const EvidenceConfig evidence = config.Evidence(factory.spec());
   Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 

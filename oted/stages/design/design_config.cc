@@ -185,15 +185,14 @@ void DesignConfig::Check() const {
   if (FitsByReplay() && designer == "categorical") {
     throw UsageError(
         fmt::format("design.form = \"{}\" finds a Gaussian; for design.designer = \"categorical\" set design.form to "
-                    "transitions or "
-                    "paper",
+                    "transitions or paper",
                     form));
   }
 }
 
 bool DesignConfig::FitsByReplay() const { return form == "trajectories" || form == "least-squares" || form == "dropo"; }
 
-EvidenceConfig DesignConfig::Evidence() const {
+EvidenceConfig DesignConfig::Evidence(const SimulatorSpec& spec) const {
   return {.dataset_starts = starts == "dataset",
           .replayed_actions = actions == "replayed",
           .transitions = discriminator == "sas",
@@ -201,8 +200,10 @@ EvidenceConfig DesignConfig::Evidence() const {
           .horizon = horizon,
           .n_steps = n_steps,
           .clone_noise = clone_noise,
+          .n_past_actions = spec.n_past_actions,
           .first_rows = rows == "first",
-          .stack = stack};
+          .stack = stack,
+          .image = spec.image_shape};
 }
 
 TrajectoryOptions DesignConfig::Trajectories() const {

@@ -90,7 +90,8 @@ struct DesignConfig {
   /// Whether the form finds q by replays of the log, without a discriminator.
   bool FitsByReplay() const;
 
-  EvidenceConfig Evidence() const;
+  /// Complete with what the simulator adds: past actions and the image's shape.
+  EvidenceConfig Evidence(const SimulatorSpec& spec) const;
   TrajectoryOptions Trajectories() const;
   LeastSquaresOptions LeastSquares() const;
   DropoOptions Dropo() const;

@@ -16,7 +16,7 @@ using testing::HasSubstr;
 TEST(DesignConfig, ThePapersFormIsAlgorithm1FromTheInitialStates) {
   const DesignConfig config = DesignConfig::ForForm("paper");
   config.Check();
-  const EvidenceConfig evidence = config.Evidence();
+  const EvidenceConfig evidence = config.Evidence({});
   EXPECT_FALSE(evidence.dataset_starts);
   EXPECT_FALSE(evidence.replayed_actions);
   EXPECT_FALSE(evidence.transitions) << "g(s, a)";
@@ -55,7 +55,7 @@ TEST(DesignConfig, WhatWasSetStaysWhenAutoIsSettled) {
 }
 
 TEST(DesignConfig, TheTransitionsFormReplaysLoggedActionsFromLoggedStates) {
-  const EvidenceConfig evidence = DesignConfig::ForForm("transitions").Evidence();
+  const EvidenceConfig evidence = DesignConfig::ForForm("transitions").Evidence({});
   EXPECT_TRUE(evidence.dataset_starts && evidence.replayed_actions && evidence.transitions);
 }
 
