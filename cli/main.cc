@@ -4,8 +4,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <exception>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,14 +17,19 @@
 namespace {
 
 /// CLI11 would only say that a subcommand is missing.
-void CheckVerb(const CLI::App& app, const std::string& word) {
+void CheckVerbs(const CLI::App& app, std::span<char*> words) {
+  const auto known = app.get_subcommands([](const CLI::App*) { return true; });
+  if (known.empty() || words.empty() || words[0][0] == '-') return;
+  const std::string word = words[0];
   std::vector<std::string> verbs;
-  for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
+  for (const CLI::App* verb : known) {
+    if (verb->get_name() == word) return CheckVerbs(*verb, words.subspan(1));
     verbs.push_back(verb->get_name());
   }
-  if (word.starts_with('-') || std::find(verbs.begin(), verbs.end(), word) != verbs.end()) return;
-  throw oted::UsageError(fmt::format("'{}' is not a verb{}; the verbs are {}; 'oted --help' explains them", word,
-                                     oted::DidYouMean(word, verbs), fmt::join(verbs, ", ")));
+  const std::string of = app.get_parent() == nullptr ? "" : " of '" + app.get_name() + "'";
+  throw oted::UsageError(fmt::format("'{}' is not a verb{}{}; the verbs are {}; 'oted{} --help' explains them", word,
+                                     of, oted::DidYouMean(word, verbs), fmt::join(verbs, ", "),
+                                     app.get_parent() == nullptr ? "" : " " + app.get_name()));
 }
 
 }  // namespace
@@ -46,7 +51,7 @@ int oted::cli::Main(int argc, char** argv) {
   cli::AddReproduceVerb(program);
   cli::InstallStopHandler();
   try {
-    if (argc > 1) CheckVerb(program.app, argv[1]);
+    CheckVerbs(program.app, std::span(argv, static_cast<size_t>(argc)).subspan(1));
     program.app.parse(argc, argv);
     return program.exit_code;
   } catch (const CLI::ParseError& e) {

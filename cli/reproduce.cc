@@ -1,4 +1,4 @@
-// oted reproduce table2 | figure2: the paper's studies of the design, one cell after the other, each left as a file.
+// oted reproduce table2 | figure2 | figure3: the paper's studies, one cell after the other, each left as a file.
 
 #include <fmt/format.h>
 
@@ -11,38 +11,35 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/density_study.h"
 #include "oted/design_study.h"
 #include "oted/report/file_sink.h"
 #include "oted/report/report.h"
+#include "oted/report/study_page.h"
 
 namespace oted::cli {
 namespace {
 
-struct ReproduceOptions {
-  std::string what, out, data_folder, form;
-  std::vector<std::string> tasks, datasets, parameters, assignments;
-  int n_seeds = 0, threads = 0;
-  int64_t seed = 1;
+struct StudyOptions {
+  std::filesystem::path out;
+  std::vector<std::string> assignments;
+  int threads = 0;
   bool quiet = false;
+
+  std::filesystem::path File(const std::string& cell) const { return out / (cell + ".json"); }
 };
 
-DesignStudy StudyOf(const ReproduceOptions& options) {
-  DesignStudy study = DesignStudy::Named(options.what);
-  if (!options.tasks.empty()) study.tasks = options.tasks;
-  if (!options.datasets.empty()) study.datasets = options.datasets;
-  if (!options.parameters.empty()) study.parameters = options.parameters;
-  if (!options.data_folder.empty()) study.data_folder = options.data_folder;
-  if (!options.form.empty()) study.form = options.form;
-  if (options.n_seeds > 0) study.n_seeds = options.n_seeds;
-  study.assignments = options.assignments;
-  study.seed = options.seed;
-  study.threads = options.threads;
-  return study;
-}
+struct DesignStudyOptions : StudyOptions {
+  DesignStudy study;
+};
 
-void RunCell(const DesignStudy& study, const StudyCell& cell, const ReproduceOptions& options,
+struct DensityStudyOptions : StudyOptions {
+  DensityStudy study;
+};
+
+void RunCell(const DesignStudy& study, const StudyCell& cell, const StudyOptions& options,
              const std::string& command_line, const std::filesystem::path& file) {
-  const std::filesystem::path folder = std::filesystem::path(options.out) / "runs" / cell.Name();
+  const std::filesystem::path folder = options.out / "runs" / cell.Name();
   const auto start = std::chrono::steady_clock::now();
   {
     TerminalSink terminal(options.quiet);
@@ -59,38 +56,82 @@ void RunCell(const DesignStudy& study, const StudyCell& cell, const ReproduceOpt
   WriteJson(file, record);
 }
 
-}  // namespace
-
-void AddReproduceVerb(Program& program) {
-  CLI::App* verb = program.app.add_subcommand(
-      "reproduce", "the paper's studies of the design, cell by cell: table2 (selection), figure2 (errors)");
-  auto options = std::make_shared<ReproduceOptions>();
-  verb->add_option("STUDY", options->what, "table2 or figure2")->required();
-  verb->add_option("--out", options->out, "folder: one JSON per cell, its run below runs/; finished cells are kept")
+/// What every study takes.
+void AddStudyOptions(CLI::App& verb, StudyOptions& options) {
+  verb.add_option("--out", options.out, "folder: one JSON per cell; what is finished there is not run again")
       ->required();
-  verb->add_option("--task", options->tasks, "halfcheetah, hopper, walker2d [default: all]");
-  verb->add_option("--dataset", options->datasets, "medium, medium-expert, expert [default: all]");
-  verb->add_option("--parameters", options->parameters,
-                   "friction, gain, gravity, all [default: all for table2, each of them for figure2]");
-  verb->add_option("--form", options->form, "design.form of every cell [default: paper]");
-  verb->add_option("--seeds", options->n_seeds, "designs per setting [default: 3 for table2, 5 for figure2]")
-      ->check(CLI::PositiveNumber);
-  verb->add_option("--data", options->data_folder, "folder with TASK-DATASET.hdf5 [default: examples/data]");
-  verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
-  verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
-  verb->add_option("--set", options->assignments, "section.key=value, any setting, for every cell; repeatable")
+  verb.add_option("--threads", options.threads, "threads at most [default: all processors]");
+  verb.add_option("--set", options.assignments, "section.key=value, any setting, for every cell; repeatable")
       ->allow_extra_args(false);
-  verb->add_flag("--quiet", options->quiet, "no progress on stderr");
-  verb->callback([&program, options] {
-    const DesignStudy study = StudyOf(*options);
+  verb.add_flag("--quiet", options.quiet, "no progress on stderr");
+}
+
+void AddDesignStudy(Program& program, CLI::App& reproduce, const std::string& name, const char* help) {
+  CLI::App* verb = reproduce.add_subcommand(name, help);
+  auto options = std::make_shared<DesignStudyOptions>();
+  options->study = DesignStudy::Named(name);
+  DesignStudy& study = options->study;
+  AddStudyOptions(*verb, *options);
+  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")->capture_default_str();
+  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
+  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
+  verb->add_option("--form", study.form, "design.form of every cell")->capture_default_str();
+  verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(CLI::PositiveNumber)->capture_default_str();
+  verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
+  verb->add_option("--seed", study.seed, "names every random stream")->capture_default_str();
+  verb->callback([&program, &study, options, name] {
+    study.assignments = options->assignments;
+    study.threads = options->threads;
     std::vector<nlohmann::json> records;
     for (const StudyCell& cell : study.Cells()) {
-      const std::filesystem::path file = std::filesystem::path(options->out) / (cell.Name() + ".json");
+      const std::filesystem::path file = options->File(cell.Name());
       if (!std::filesystem::exists(file)) RunCell(study, cell, *options, program.command_line, file);
       records.push_back(ReadJson(file));
     }
-    fmt::print("{}", options->what == "table2" ? Table2(records) : Figure2(records));
+    fmt::print("{}", name == "table2" ? Table2(records) : Figure2(records));
   });
+}
+
+void AddDensityStudy(Program& program, CLI::App& reproduce) {
+  CLI::App* verb = reproduce.add_subcommand(
+      "figure3", "MiniGrid: error of the density designed from images, beside maximum likelihood; writes figure3.html");
+  auto options = std::make_shared<DensityStudyOptions>();
+  DensityStudy& study = options->study;
+  AddStudyOptions(*verb, *options);
+  verb->add_option("--density", study.targets, "true densities")->capture_default_str();
+  verb->add_option("--demonstrations", study.demonstrations, "demonstrated episodes")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  verb->add_option("--designer", study.designers, "gaussian, categorical")->capture_default_str();
+  verb->add_option("--policy", study.policy, "who demonstrates: expert or medium")->capture_default_str();
+  verb->add_option("--seeds", study.n_seeds, "seeds, each with fresh demonstrations")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  verb->add_option("--seed", study.first_seed, "the first of them")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  verb->callback([&program, &study, options] {
+    study.assignments = options->assignments;
+    TerminalSink terminal(options->quiet);
+    std::vector<nlohmann::json> records;
+    for (const DensityCell& cell : study.Cells()) {
+      records.push_back(RunDensityCell(study, cell, options->File(cell.Name()), program.command_line,
+                                       MakeContext(terminal, options->threads)));
+    }
+    WriteStudyPage(Figure3Page(records), options->out / "figure3.html");
+    fmt::print("{}", Figure3(records));
+  });
+}
+
+}  // namespace
+
+void AddReproduceVerb(Program& program) {
+  CLI::App* verb =
+      program.app.add_subcommand("reproduce", "the paper's studies, cell by cell: table2, figure2, figure3");
+  verb->require_subcommand(1);
+  AddDesignStudy(program, *verb, "table2", "simulator selection: design error and regret of every way of selecting");
+  AddDesignStudy(program, *verb, "figure2", "design errors by parameter, each alone and all jointly");
+  AddDensityStudy(program, *verb);
 }
 
 }  // namespace oted::cli

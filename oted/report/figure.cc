@@ -61,19 +61,29 @@ void Figure::AddCurve(const json& points, const std::string& name, const LineSty
 
 void Figure::AddBand(const json& mean, const json& spread, const std::string& color) {
   if (mean.empty() || mean.size() != spread.size()) return;
-  json x = json::array();
-  json y = json::array();
-  const auto add = [&](size_t i, double sign) {
-    if (!mean[i].at(1).is_number() || !spread[i].at(1).is_number()) return;
-    x.push_back(mean[i].at(0));
-    y.push_back(mean[i].at(1).get<double>() + sign * spread[i].at(1).get<double>());
-  };
-  for (size_t i = 0; i < mean.size(); ++i) add(i, 1);
-  for (size_t i = mean.size(); i-- > 0;) add(i, -1);
+  json steps = json::array(), low = json::array(), high = json::array();
+  for (size_t i = 0; i < mean.size(); ++i) {
+    if (!mean[i].at(1).is_number() || !spread[i].at(1).is_number()) continue;
+    const double center = mean[i].at(1), half = spread[i].at(1);
+    steps.push_back(mean[i].at(0));
+    low.push_back(center - half);
+    high.push_back(center + half);
+  }
+  AddRange(steps, low, high, color);
+}
+
+void Figure::AddRange(const json& steps, const json& low, const json& high, const std::string& color, double opacity) {
+  // Along one curve and back along the other.
+  json x = steps, y = high;
+  for (size_t i = steps.size(); i-- > 0;) {
+    x.push_back(steps[i]);
+    y.push_back(low[i]);
+  }
   traces_.push_back({{"type", "scatter"},
                      {"mode", "lines"},
                      {"fill", "toself"},
                      {"fillcolor", color},
+                     {"opacity", opacity},
                      {"line", {{"width", 0}, {"color", color}}},
                      {"hoverinfo", "skip"},
                      {"x", std::move(x)},

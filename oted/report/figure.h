@@ -26,6 +26,9 @@ class Figure {
   void AddCurve(const nlohmann::json& points, const std::string& name, const LineStyle& style);
   /// The area of mean +- spread, from two curves with the same steps.
   void AddBand(const nlohmann::json& mean, const nlohmann::json& spread, const std::string& color);
+  /// The area between two curves over the same steps.
+  void AddRange(const nlohmann::json& steps, const nlohmann::json& low, const nlohmann::json& high,
+                const std::string& color, double opacity = 1);
   /// A horizontal line over the curves' whole width. Call after the curves.
   void AddLevel(double y, const std::string& name, const LineStyle& style);
   /// A plotly.js trace as it is; texts in it must have been escaped with PlotText.

@@ -2,9 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <cstdlib>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "oted/base/error.h"
+#include "oted/base/files.h"
 #include "oted/report/json_values.h"
 #include "oted/report/sections.h"
 
@@ -36,33 +40,31 @@ std::string Header(const json& report) {
 
 }  // namespace
 
-std::string HtmlPage(const json& report, std::string_view plotly_js) {
-  const std::vector<Section> sections = {
-      ParametersSection(report),      ReplaySection(report),        PoliciesSection(report),  WarningsSection(report),
-      DesignSection(report),          DiscriminatorSection(report), SelectionSection(report), AgentsSection(report),
-      PolicySelectionSection(report), DataSection(report),          CloneSection(report),     RunSection(report)};
-  std::string contents;
-  std::string body;
-  for (const Section& section : sections) {
-    if (section.html.empty()) continue;
-    contents += fmt::format("<a href=\"#{}\">{}</a>", section.id, section.label);
-    body += fmt::format("<section id=\"{}\"><h2>{}</h2>\n{}</section>\n", section.id, section.title, section.html);
+std::string PlotlyJs() {
+  const char* const chosen = std::getenv("OTED_PLOTLY_JS");
+  const std::filesystem::path path = chosen != nullptr && *chosen != '\0' ? chosen : OTED_PLOTLY_JS;
+  std::error_code failed;
+  if (!std::filesystem::is_regular_file(path, failed)) {
+    throw DataError(
+        fmt::format("the report needs plotly.min.js, and '{}' is no file; run 'make setup', or set "
+                    "OTED_PLOTLY_JS to a copy of plotly.min.js",
+                    path.string()));
   }
-  const std::string title = Escape(TextAt(report, "title"));
+  return ReadFile(path);
+}
+
+std::string HtmlDocument(std::string_view title, std::string_view navigation, std::string_view body,
+                         std::string_view footer, std::string_view plotly_js) {
   std::string page = fmt::format(
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n"
       "<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n"
-      "<link rel=\"icon\" href=\"data:,\">\n<title>{} – simulator design</title>\n<style>{}</style>\n</head>\n<body>\n",
+      "<link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n",
       kPolicy, title, PageStyle());
-  page +=
-      fmt::format("<nav aria-label=\"Contents\"><div><a class=\"home\" href=\"#top\">{}</a>{}</div></nav>\n<main>\n",
-                  title, contents);
-  page += Header(report);
-  page += "<noscript><p class=\"note\">The plots need JavaScript; the tables do not.</p></noscript>\n";
+  page += fmt::format("<nav aria-label=\"Contents\"><div>{}</div></nav>\n<main>\n", navigation);
   page += body;
-  page += "<footer>Made by oted from the files of this run; report.json has the same as data.</footer>\n</main>\n";
+  page += fmt::format("<footer>{}</footer>\n</main>\n", footer);
   page += "<script>";
   page += plotly_js;
   page += "</script>\n<script>";
@@ -70,6 +72,24 @@ std::string HtmlPage(const json& report, std::string_view plotly_js) {
   page += PlayerScript();
   page += "</script>\n</body>\n</html>\n";
   return page;
+}
+
+std::string HtmlPage(const json& report, std::string_view plotly_js) {
+  const std::vector<Section> sections = {
+      ParametersSection(report),      ReplaySection(report),        PoliciesSection(report),  WarningsSection(report),
+      DesignSection(report),          DiscriminatorSection(report), SelectionSection(report), AgentsSection(report),
+      PolicySelectionSection(report), DataSection(report),          CloneSection(report),     RunSection(report)};
+  const std::string title = Escape(TextAt(report, "title"));
+  std::string contents = fmt::format("<a class=\"home\" href=\"#top\">{}</a>", title);
+  std::string body =
+      Header(report) + "<noscript><p class=\"note\">The plots need JavaScript; the tables do not.</p></noscript>\n";
+  for (const Section& section : sections) {
+    if (section.html.empty()) continue;
+    contents += fmt::format("<a href=\"#{}\">{}</a>", section.id, section.label);
+    body += fmt::format("<section id=\"{}\"><h2>{}</h2>\n{}</section>\n", section.id, section.title, section.html);
+  }
+  return HtmlDocument(fmt::format("{} – simulator design", title), contents, body,
+                      "Made by oted from the files of this run; report.json has the same as data.", plotly_js);
 }
 
 }  // namespace oted

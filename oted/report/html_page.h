@@ -7,9 +7,19 @@
 
 namespace oted {
 
+/// A whole document. All but `plotly_js` is HTML.
+/// @param navigation  links to the body's sections
+std::string HtmlDocument(std::string_view title, std::string_view navigation, std::string_view body,
+                         std::string_view footer, std::string_view plotly_js);
+
+/// The page of a run.
 /// @param report  the content of report.json
 /// @param plotly_js  the text of plotly.min.js
 std::string HtmlPage(const nlohmann::json& report, std::string_view plotly_js);
+
+/// The text of plotly.min.js: of the file that the environment variable OTED_PLOTLY_JS names, else of the one found
+/// when the program was built. @throws DataError when there is none
+std::string PlotlyJs();
 
 /// The page's style sheet and scripts (page_style.cc, page_script.cc, page_player.cc).
 std::string_view PageStyle();

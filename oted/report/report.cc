@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "oted/base/base64.h"
@@ -14,19 +13,6 @@
 
 namespace oted {
 namespace {
-
-std::string PlotlyJs() {
-  const char* const chosen = std::getenv("OTED_PLOTLY_JS");
-  const std::filesystem::path path = chosen != nullptr && *chosen != '\0' ? chosen : OTED_PLOTLY_JS;
-  std::error_code failed;
-  if (!std::filesystem::is_regular_file(path, failed)) {
-    throw DataError(
-        fmt::format("the report needs plotly.min.js, and '{}' is no file; run 'make setup', or set "
-                    "OTED_PLOTLY_JS to a copy of plotly.min.js",
-                    path.string()));
-  }
-  return ReadFile(path);
-}
 
 /// The page has the pictures inside; report.json names their files.
 nlohmann::json WithPictures(nlohmann::json report, const std::filesystem::path& run_dir) {
