@@ -99,8 +99,8 @@ TEST(DensityStudy, SeedsThatAreThereAreNotRunAgainAndOthersSettingsAreRefused) {
   DensityStudy study;
   study.n_seeds = 2;
   // As small as a design can be: what is under test is the bookkeeping.
-  study.assignments = {"clone.max_steps=1",        "design.n_iterations=2", "design.statistic_sims=64",
-                       "design.statistic_steps=1", "design.n_steps=8",      "design.discriminator_steps=1"};
+  study.assignments = {"clone.max_steps=1", "design.n_iterations=2", "design.n_sims=4", "design.n_steps=8",
+                       "design.discriminator_steps=1"};
   NullSink log;
   const RunContext one{&log, nullptr, 1}, two{&log, nullptr, 2};
   const DensityCell cell{2, 0.2, "gaussian"};

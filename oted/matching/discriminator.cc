@@ -25,17 +25,6 @@ Discriminator::Discriminator(const Array2<double>& dataset_features, const Discr
   gradient_.resize(net_.n_parameters());
 }
 
-Discriminator::Discriminator(SimulatedStatistic statistic, const Array2<double>& dataset_features,
-                             const DiscriminatorOptions& options, Rng& rng)
-    : Discriminator(statistic.Of(dataset_features), options, rng) {
-  statistic_ = std::move(statistic);
-}
-
-Array2<double> Discriminator::Summarize(Array2<double> features) {
-  if (!statistic_ || features.rows() == 0) return features;
-  return statistic_->Of(features);
-}
-
 Discriminator::StepResult Discriminator::Step(const Array2<double>& dataset_rows,
                                               const Array2<double>& simulator_rows) {
   const int n_data = dataset_rows.rows(), n_sim = simulator_rows.rows(), n = n_data + n_sim;
@@ -77,17 +66,9 @@ void Discriminator::Save(NpzArrays& arrays) const {
   save("discriminator/v", adam.v());
   arrays["discriminator/n_steps"] = NpyArray(std::vector<int64_t>{adam.n_steps()});
   net_.encoder().Save("discriminator", arrays);
-  if (statistic_) statistic_->Save(arrays);
 }
 
 void Discriminator::Restore(const NpzArrays& arrays, const std::string& where) {
-  if (SimulatedStatistic::IsIn(arrays)) {
-    // What was made on features has another input than what looks at a statistic of them.
-    statistic_ = SimulatedStatistic::Load(arrays, where);
-    net_ = FeatureNet(Encoder::Load("discriminator", arrays, where), {net_.size().hidden, {}, false}, 1, kBound);
-    adam_ = adam_.Resized(net_.n_parameters());
-    gradient_.resize(net_.n_parameters());
-  }
   const auto restore = [&](const char* name, auto& values) {
     const auto found = arrays.find(name);
     if (found == arrays.end() || found->second.size() != static_cast<int64_t>(values.size())) {

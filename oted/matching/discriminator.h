@@ -2,14 +2,12 @@
 /// The discriminator g of the paper (Eq. 2): tells transitions of the dataset D from the simulator's.
 
 #include <filesystem>
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "oted/base/rng.h"
 #include "oted/data/npz.h"
 #include "oted/matching/experience.h"
-#include "oted/matching/simulated_statistic.h"
 #include "oted/nn/feature_net.h"
 
 namespace oted {
@@ -32,12 +30,6 @@ class Discriminator {
   Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng,
                 const InputShape& shape = {});
 
-  /// On a statistic of the features, which then takes their place everywhere below: Summarize them first.
-  Discriminator(SimulatedStatistic statistic, const Array2<double>& dataset_features,
-                const DiscriminatorOptions& options, Rng& rng);
-  /// The statistic of features; the features themselves without one.
-  Array2<double> Summarize(Array2<double> features);
-
   /// One step on Eq. 2: E_sim[-log(1 - g)] + E_D[-log g], on mini-batches drawn by the caller: rows of raw features.
   struct StepResult {
     double loss = 0;      ///< Eq. 2 before the step: 2 log 2 when g is blind
@@ -52,7 +44,6 @@ class Discriminator {
   void Restore(const NpzArrays& arrays, const std::string& where);
 
  private:
-  std::optional<SimulatedStatistic> statistic_;
   FeatureNet net_;
   Adam adam_;
   FeaturePass pass_;

@@ -147,8 +147,12 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   }
 }
 
-LogWindow ExperienceGatherer::window(int n_started, RngKey key) const {
-  Rng rng = key.Stage("window").Index(static_cast<uint64_t>(n_started)).MakeRng();
+RngKey ExperienceGatherer::StartKey(int lane, RngKey key) const {
+  return config_.common_starts ? key : key.Stage("lane").Index(static_cast<uint64_t>(lane));
+}
+
+LogWindow ExperienceGatherer::window(int lane, int n_started, RngKey key) const {
+  Rng rng = StartKey(lane, key).Stage("window").Index(static_cast<uint64_t>(n_started)).MakeRng();
   return windows_[rng.Below(windows_.size())];
 }
 
@@ -157,13 +161,13 @@ void ExperienceGatherer::StartRollout(int lane, int n_started, RngKey key) {
   before.Clear();
   stacks_[static_cast<size_t>(lane)].Clear();
   if (config_.dataset_starts) {
-    const LogWindow w = window(n_started, key);
+    const LogWindow w = window(lane, n_started, key);
     OTED_CHECK(simulator_->SetStateFromLog(lane, dataset_.observations.row(w.begin), HistoryBefore(dataset_, w)));
     for (int i = std::max(w.episode_begin, w.begin - config_.n_past_actions); i < w.begin; ++i) {
       before.Push(dataset_.actions.row(i));
     }
   } else {
-    Rng rng = key.Stage("reset").Index(static_cast<uint64_t>(n_started)).MakeRng();
+    Rng rng = StartKey(lane, key).Stage("reset").Index(static_cast<uint64_t>(n_started)).MakeRng();
     simulator_->Reset(lane, rng);
   }
 }
@@ -194,7 +198,7 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       actor->Act(observations, static_cast<int>(n_lanes), noise, actions);
     } else {
       for (size_t k = 0; k < n_lanes; ++k) {
-        const auto action = dataset_.actions.row(window(n_started[k] - 1, key).begin + step_in_rollout[k]);
+        const auto action = dataset_.actions.row(window(lanes[k], n_started[k] - 1, key).begin + step_in_rollout[k]);
         std::copy(action.begin(), action.end(), actions.begin() + static_cast<ptrdiff_t>(k * act_dim));
       }
     }
@@ -211,7 +215,7 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       }
       past_actions_[k].Push(action);
       ++step_in_rollout[k];
-      const int length = config_.replayed_actions ? window(n_started[k] - 1, key).n_steps : config_.horizon;
+      const int length = config_.replayed_actions ? window(lanes[k], n_started[k] - 1, key).n_steps : config_.horizon;
       const bool ended = status == LaneStatus::kDiverged || step_in_rollout[k] >= length ||
                          (!config_.replayed_actions && status != LaneStatus::kRunning);
       if (ended) {

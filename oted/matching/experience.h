@@ -34,6 +34,9 @@ struct EvidenceConfig {
   /// Samples are this many steps of a rollout, or of an episode from its start, side by side; what is left over at its
   /// end is no sample. The channels of their images lie side by side in one image.
   int stack = 1;
+  /// Every lane of a batch gets the same starts, so that lanes differ in z alone and their rewards can be compared;
+  /// otherwise each has its own, as what learns from all of them wants.
+  bool common_starts = true;
   std::vector<int> image = {};  ///< SimulatorSpec::image_shape, of one step
 };
 
@@ -92,13 +95,13 @@ class ExperienceGatherer {
   int n_lanes() const { return simulator_->n_lanes(); }
 
   /// `n_steps` control steps for each z[k], k < n_lanes. A rollout ends at its horizon, at termination (replayed
-  /// actions go on: the log did) or divergence, and the next begins. Every lane gets the same starts: the lanes differ
-  /// in z alone.
+  /// actions go on: the log did) or divergence, and the next begins.
   std::vector<LaneExperience> Gather(const std::vector<std::vector<double>>& z, RngKey key);
 
  private:
   void StartRollout(int lane, int n_started, RngKey key);
-  LogWindow window(int n_started, RngKey key) const;
+  RngKey StartKey(int lane, RngKey key) const;
+  LogWindow window(int lane, int n_started, RngKey key) const;
 
   std::unique_ptr<Simulator> simulator_;
   const Dataset& dataset_;

@@ -102,8 +102,7 @@ class TestMinigrid(unittest.TestCase):
             "[task]", f'name = "{TASK}"', "[data]", f'path = "{self.demos}"', "[parameters]",
             'density = { field = "env/density", range = [0.0, 0.6], scale = "absolute" }',
             "[truth]", "density = 0.4", "[selection]", "n_seeds = 2", "n_sims = 4", "judge_steps = 20",
-            "[clone]", "max_steps = 200", "[design]", "n_iterations = 25", "n_sims = 16",
-            "statistic_sims = 256", "statistic_steps = 300", *lines]))
+            "[clone]", "max_steps = 200", "[design]", "n_iterations = 25", "n_sims = 64", *lines]))
         return file
 
     def run_small(self, *lines):

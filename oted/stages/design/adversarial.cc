@@ -136,46 +136,6 @@ struct DesignState {
   }
 };
 
-/// h(s, a), learned from the clone's rollouts with z uniform over the bounds.
-SimulatedStatistic LearnStatistic(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                                  const DesignConfig& config, const EvidenceConfig& evidence, RngKey key,
-                                  const RunContext& context) {
-  const ParameterSpace& space = factory.parameters();
-  Rng rng = key.Stage("z").MakeRng();
-  ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
-  std::vector<Array2<double>> samples;
-  Array2<double> targets;
-  // A simulator in which nothing but divergence is seen has nothing to say; there may be many of them.
-  for (uint64_t batch = 0; targets.rows() < config.statistic_sims; ++batch) {
-    if (batch * static_cast<uint64_t>(config.n_sims) > 10 * static_cast<uint64_t>(config.statistic_sims)) {
-      throw DataError("the physics broke down in nearly all simulators of the range; narrow the parameters' ranges");
-    }
-    context.ThrowIfStopped();
-    std::vector<std::vector<double>> z;
-    for (int k = 0; k < config.n_sims; ++k) z.push_back(space.SampleUniform(rng));
-    std::vector<LaneExperience> experience = gatherer.Gather(z, key.Stage("rollouts").Index(batch));
-    for (size_t k = 0; k < z.size(); ++k) {
-      if (experience[k].features.rows() == 0) continue;
-      samples.push_back(std::move(experience[k].features));
-      targets.AppendRow(space.ToUnit(z[k]));
-    }
-  }
-  StatisticOptions options;
-  options.size = {.hidden = {32}, .filters = config.discriminator_filters, .mean_pool = false};
-  options.n_steps = config.statistic_steps;
-  return SimulatedStatistic(samples, targets, FeatureShape(factory.spec(), evidence), options, key.Stage("fit"));
-}
-
-Discriminator MakeDiscriminator(const SimulatorFactory& factory, const Dataset& dataset,
-                                const Array2<double>& dataset_features, const Policy* clone, const DesignConfig& config,
-                                const EvidenceConfig& evidence, RngKey key, Rng& init, const RunContext& context) {
-  if (config.features == "logs") {
-    return Discriminator(dataset_features, config.Discriminator(), init, FeatureShape(factory.spec(), evidence));
-  }
-  return Discriminator(LearnStatistic(factory, dataset, clone, config, evidence, key.Stage("statistic"), context),
-                       dataset_features, config.Discriminator(), init);
-}
-
 /// Line 4. Returns means over the steps.
 Discriminator::StepResult UpdateDiscriminator(const DesignConfig& config, const Array2<double>& dataset_features,
                                               Rng& rng, DesignState& state) {
@@ -224,18 +184,18 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
                                 const std::filesystem::path& folder, const std::string& run_name,
                                 const RunContext& context) {
   const EvidenceConfig evidence = config.Evidence(factory.spec());
-  Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
+  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 
   Rng init = key.Stage("initialisation").MakeRng();
-  DesignState state{start,
-                    MakeDiscriminator(factory, dataset, dataset_features, clone, config, evidence, key, init, context),
-                    SampleReplay(config.replay_iterations),
-                    0,
-                    0,
-                    {},
-                    0};
-  dataset_features = state.g.Summarize(std::move(dataset_features));
+  DesignState state{
+      start,
+      Discriminator(dataset_features, config.Discriminator(), init, FeatureShape(factory.spec(), evidence)),
+      SampleReplay(config.replay_iterations),
+      0,
+      0,
+      {},
+      0};
   const std::filesystem::path checkpoint = folder / "checkpoint.npz";
   if (learns_q && std::filesystem::exists(checkpoint)) state.Restore(checkpoint);
 
@@ -248,7 +208,6 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     std::vector<std::vector<double>> z;
     for (const Designer::Sample& draw : draws) z.push_back(draw.z);
     std::vector<LaneExperience> experience = gatherer.Gather(z, iteration_key.Stage("rollouts"));
-    for (LaneExperience& lane : experience) lane.features = state.g.Summarize(std::move(lane.features));
 
     // 2: estimate the discriminator's output on it, before g is updated.
     const std::vector<double> rewards = Rewards(experience, state.g, config.reward == "log_ratio");

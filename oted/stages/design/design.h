@@ -28,6 +28,7 @@ struct DesignResult {
 ///   "trajectories"          MatchTrajectories, then lines 1, 2 and 4 of Algorithm 1 with that q
 ///   "least-squares"         FitLeastSquares, then the same
 ///   "dropo"                 FitDropo, then the same
+///   "images"                MatchRatios, then the same
 ///   "transitions", "paper"  Algorithm 1
 /// @param config  resolved: its form is not "auto"
 /// @param clone   may be null when config replays actions

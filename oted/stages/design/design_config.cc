@@ -37,20 +37,13 @@ DesignConfig DesignConfig::ForForm(const std::string& form) {
   if (form == "paper") return config;
   config.horizon = 8;
   config.stack = 8;
-  config.n_steps = 120;
-  config.n_iterations = 120;
-  config.statistic_sims = 1536;
-  config.statistic_steps = 3000;
-  config.initial_std = 0.8;
-  config.step_log_std = 0.5;
-  config.lambda = 0.002;
-  config.average = 0.5;
-  config.features = "simulated";
-  config.reward_floor = 0.3;
-  config.replay_iterations = 4;
-  config.discriminator_hidden = {16};
-  config.discriminator_learning_rate = 3e-3;
+  config.n_steps = 24;
+  config.n_iterations = 80;
+  config.n_sims = 128;
+  config.discriminator_hidden = {64};
+  config.discriminator_learning_rate = 2e-3;
   config.discriminator_steps = 30;
+  config.discriminator_batch = 128;
   return config;
 }
 
@@ -147,13 +140,6 @@ FieldList DesignConfig::Fields() {
              Between(0, 1));
   fields.AddChoice("reward", &reward, "-log(1 - g) as in the paper, or the whole log ratio log g - log(1 - g)",
                    {"paper", "log_ratio"});
-  fields.AddChoice("features", &features,
-                   "what g looks at is learned by telling logs and simulator apart, as in the paper, or before that by "
-                   "telling simulators apart, so that few logs cannot be remembered",
-                   {"logs", "simulated"});
-  fields.Add("statistic_sims", &statistic_sims, "of simulated features: simulators that they are learned from",
-             AtLeast(2));
-  fields.Add("statistic_steps", &statistic_steps, "of simulated features: gradient steps", AtLeast(1));
   fields.Add("discriminator_hidden", &discriminator_hidden, "widths of g's hidden layers", AtLeast(1));
   fields.Add("discriminator_filters", &discriminator_filters, "filters of g's 3x3 convolutions; of images alone",
              AtLeast(1));
@@ -204,6 +190,20 @@ EvidenceConfig DesignConfig::Evidence(const SimulatorSpec& spec) const {
           .first_rows = rows == "first",
           .stack = stack,
           .image = spec.image_shape};
+}
+
+RatioMatchingOptions DesignConfig::Ratios(const SimulatorSpec& spec) const {
+  EvidenceConfig evidence = Evidence(spec);
+  evidence.common_starts = false;
+  return {.evidence = evidence,
+          .estimator = {.size = {.hidden = discriminator_hidden, .filters = discriminator_filters, .mean_pool = false},
+                        .learning_rate = discriminator_learning_rate,
+                        .n_steps = n_iterations * discriminator_steps},
+          .n_iterations = n_iterations,
+          .n_sims = n_sims,
+          .steps_per_iteration = discriminator_steps,
+          .batch = discriminator_batch,
+          .replay_iterations = replay_iterations};
 }
 
 TrajectoryOptions DesignConfig::Trajectories() const {

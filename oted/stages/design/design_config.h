@@ -9,6 +9,7 @@
 #include "oted/matching/experience.h"
 #include "oted/stages/design/dropo.h"
 #include "oted/stages/design/least_squares.h"
+#include "oted/stages/design/ratio_matching.h"
 #include "oted/stages/design/trajectory_matching.h"
 
 namespace oted {
@@ -22,8 +23,8 @@ namespace oted {
 ///   "paper"         Algorithm 1 to the letter: the clone rolled out from the initial states, g(s, a)
 ///   "least-squares" predictions from logged states taken as exact: what identification tools do
 ///   "dropo"         Tiboni et al.'s likelihood of the logged next states
-///   "images"        the same on the first steps of each episode alone, with a small convolutional g; what auto is
-///                   where observations are images
+///   "images"        a convolutional g that is told z, trained in simulators alone; q is its posterior given the
+///                   first steps of each episode. What auto is where observations are images
 struct DesignConfig {
   std::string form = "auto";
   std::string starts = "dataset";
@@ -63,9 +64,6 @@ struct DesignConfig {
   double average = 0.0;
   std::string reward = "paper";
 
-  std::string features = "logs";
-  int statistic_sims = 384;
-  int statistic_steps = 600;
   std::vector<int> discriminator_hidden = {256, 256};
   std::vector<int> discriminator_filters = {16};
   double discriminator_learning_rate = 3e-4;
@@ -92,6 +90,7 @@ struct DesignConfig {
 
   /// Complete with what the simulator adds: past actions and the image's shape.
   EvidenceConfig Evidence(const SimulatorSpec& spec) const;
+  RatioMatchingOptions Ratios(const SimulatorSpec& spec) const;
   TrajectoryOptions Trajectories() const;
   LeastSquaresOptions LeastSquares() const;
   DropoOptions Dropo() const;

@@ -45,7 +45,7 @@ double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const
   const Array2<double> pooled = Pool(gatherer.Gather(z, key.Stage("rollouts")));
   if (pooled.rows() == 0) return 0;
   double sum = 0;
-  for (const double logit : candidate.g.Logits(candidate.g.Summarize(pooled))) sum += MinusLogOneMinusG(logit);
+  for (const double logit : candidate.g.Logits(pooled)) sum += MinusLogOneMinusG(logit);
   return sum / pooled.rows();
 }
 
