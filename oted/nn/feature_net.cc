@@ -36,6 +36,10 @@ int FeatureNet::out() const {
   return conv != nullptr ? conv->shape().out : std::get<Mlp>(net_).out();
 }
 
+const std::vector<Mlp::Layer>& FeatureNet::layers() const {
+  return std::visit([](const auto& net) -> const std::vector<Mlp::Layer>& { return net.layers(); }, net_);
+}
+
 AlignedVector<float>& FeatureNet::parameters() {
   return std::visit([](auto& net) -> AlignedVector<float>& { return net.parameters(); }, net_);
 }

@@ -31,6 +31,8 @@ class FeatureNet {
   float bound() const { return bound_; }
   int in() const { return encoder_.in(); }
   int out() const;
+  /// Of the flat vector, in its order: the convolutions' (ConvNet), then the linear ones.
+  const std::vector<Mlp::Layer>& layers() const;
   AlignedVector<float>& parameters();
   const AlignedVector<float>& parameters() const;
   size_t n_parameters() const { return parameters().size(); }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "oted/base/error.h"
 #include "oted/nn/gemm.h"
@@ -230,10 +231,18 @@ OnnxValue Transpose(const Call& call) {
   return y;
 }
 
-/// Rows are observations and stay so: the only new shape that is read is the old one.
+/// Rows are observations and stay so: what is read is the old shape, and rows as images.
 OnnxValue Reshape(const Call& call) {
   const OnnxValue& x = call.Batch(0);
   const std::vector<int64_t>& shape = call.Integers(1);
+  if (shape.size() == 4 && shape[0] <= 0) {
+    int64_t size = 1;
+    for (size_t d = 1; d < 4; ++d) size = shape[d] >= 1 && shape[d] <= x.cols ? size * shape[d] : -1;
+    if (size != x.cols) Fail("to images of another size is not read");
+    OnnxValue y = x;
+    y.image = {static_cast<int>(shape[1]), static_cast<int>(shape[2]), static_cast<int>(shape[3])};
+    return y;
+  }
   const bool keeps = shape.size() == 2 && (shape[1] == x.cols || (shape[1] == -1 && shape[0] != -1));
   if (!keeps) Fail("to another number of columns is not read");
   return x;
@@ -241,7 +250,122 @@ OnnxValue Reshape(const Call& call) {
 
 OnnxValue Flatten(const Call& call) {
   if (call.Integer("axis", 1) != 1) Fail("at an axis other than 1 is not read");
+  OnnxValue y = call.Batch(0);
+  y.image.clear();
+  return y;
+}
+
+OnnxValue Gather(const Call& call) {
+  const OnnxValue& x = call.Batch(0);
+  CheckColumns(call.Integer("axis", 0));
+  const std::vector<int64_t>& columns = call.Integers(1);
+  OnnxValue y = Shaped(true, x.rows, static_cast<int>(std::min<size_t>(columns.size(), kMaxWidth + 1)));
+  float* out = y.data.data();
+  for (int i = 0; i < x.rows; ++i) {
+    for (const int64_t at : columns) {
+      const int64_t column = at < 0 ? at + x.cols : at;
+      if (column < 0 || column >= x.cols) Fail(fmt::format("takes column {} of {}", at, x.cols));
+      *out++ = x.data[static_cast<size_t>(i) * static_cast<size_t>(x.cols) + static_cast<size_t>(column)];
+    }
+  }
+  return y;
+}
+
+/// The index of the largest number of each row, as a number.
+OnnxValue ArgMax(const Call& call) {
+  const OnnxValue& x = call.Batch(0);
+  CheckColumns(call.Integer("axis", 0));
+  if (call.Integer("select_last_index", 0) != 0) Fail("with select_last_index is not read");
+  OnnxValue y = Shaped(true, x.rows, 1);
+  for (size_t i = 0; i < y.data.size(); ++i) {
+    const float* row = x.data.data() + i * static_cast<size_t>(x.cols);
+    y.data[i] = static_cast<float>(std::max_element(row, row + x.cols) - row);
+  }
+  return y;
+}
+
+const OnnxValue& Image(const Call& call) {
+  if (call.Batch(0).image.empty()) Fail("takes images as input 1");
   return call.Batch(0);
+}
+
+/// The mean of each channel.
+OnnxValue GlobalAveragePool(const Call& call) {
+  const OnnxValue& x = Image(call);
+  const int channels = x.image[0], places = x.cols / channels;
+  OnnxValue y = Shaped(true, x.rows, channels);
+  y.image = {channels, 1, 1};
+  for (size_t i = 0; i < y.data.size(); ++i) {
+    float sum = 0;
+    for (int p = 0; p < places; ++p) sum += x.data[i * static_cast<size_t>(places) + static_cast<size_t>(p)];
+    y.data[i] = sum / static_cast<float>(places);
+  }
+  return y;
+}
+
+/// How a convolution moves over one axis.
+struct Sweep {
+  int in, kernel, stride, before, out;
+};
+
+Sweep SweepOf(const Call& call, int in, int kernel, size_t axis) {
+  const auto at = [&](const char* name, size_t k, size_t size, int64_t otherwise, int64_t low) {
+    const auto found = call.node.attributes.find(name);
+    if (found == call.node.attributes.end()) return otherwise;
+    const std::vector<int64_t>& values = found->second.integers;
+    if (values.size() != size || values[k] < low || values[k] > kMaxWidth) Fail(fmt::format("has {} of no use", name));
+    return values[k];
+  };
+  if (at("dilations", axis, 2, 1, 1) != 1) Fail("with dilations is not read");
+  const int64_t stride = at("strides", axis, 2, 1, 1), before = at("pads", axis, 4, 0, 0),
+                after = at("pads", axis + 2, 4, 0, 0);
+  const int64_t room = in + before + after - kernel;
+  if (room < 0) Fail(fmt::format("with a kernel of {} over {} places", kernel, in + before + after));
+  return {in, kernel, static_cast<int>(stride), static_cast<int>(before), static_cast<int>(room / stride + 1)};
+}
+
+/// Two-dimensional, of all channels: each observation's patches times the filters.
+OnnxValue Conv(const Call& call) {
+  const OnnxValue &x = Image(call), &w = call.Constant(1);
+  if (w.image.empty() || w.image[0] != x.image[0] || call.Integer("group", 1) != 1) {
+    Fail("is read with one group and a weight of four dimensions alone, for as many channels as its image has");
+  }
+  if (call.HasAttribute("auto_pad")) Fail("with auto_pad is not read");
+  const Sweep down = SweepOf(call, x.image[1], w.image[1], 0), right = SweepOf(call, x.image[2], w.image[2], 1);
+  const int channels = x.image[0], filters = w.rows;
+  const int64_t n_places = int64_t{down.out} * right.out;
+  if (n_places * w.cols > kMaxConstant || n_places * filters > kMaxWidth) Fail("makes an image too large for a policy");
+  const int places = static_cast<int>(n_places);
+  OnnxValue y = Shaped(true, x.rows, filters * places);
+  y.image = {filters, down.out, right.out};
+  AlignedVector<float> patches(static_cast<size_t>(places) * static_cast<size_t>(w.cols));
+  for (int i = 0; i < x.rows; ++i) {
+    const float* image = x.data.data() + static_cast<size_t>(i) * static_cast<size_t>(x.cols);
+    float* to = patches.data();
+    for (int p = 0; p < places; ++p) {
+      const int top = p / right.out * down.stride - down.before, left = p % right.out * right.stride - right.before;
+      for (int c = 0; c < channels; ++c) {
+        for (int dy = 0; dy < down.kernel; ++dy) {
+          for (int dx = 0; dx < right.kernel; ++dx) {
+            const int row = top + dy, col = left + dx;
+            const bool inside = row >= 0 && row < down.in && col >= 0 && col < right.in;
+            *to++ = inside ? image[(c * down.in + row) * right.in + col] : 0.0f;
+          }
+        }
+      }
+    }
+    float* out = y.data.data() + static_cast<size_t>(i) * static_cast<size_t>(y.cols);
+    Gemm(Op::kNone, Op::kTranspose, filters, places, w.cols, w.data.data(), w.cols, patches.data(), w.cols, 0, out,
+         places);
+  }
+  if (!call.Has(2)) return y;
+  const OnnxValue& bias = call.Constant(2);
+  if (bias.cols != filters || bias.rows != 1 || !bias.image.empty())
+    Fail(fmt::format("takes {} numbers as bias", filters));
+  for (size_t i = 0; i < y.data.size(); ++i) {
+    y.data[i] += bias.data[i / static_cast<size_t>(places) % static_cast<size_t>(filters)];
+  }
+  return y;
 }
 
 OnnxValue Cast(const Call& call) {
@@ -293,19 +417,28 @@ const std::map<std::string, Operator, std::less<>>& Table() {
   static const std::map<std::string, Operator, std::less<>> table = {
       {"Abs", [](const Call& c) -> V { return {Unary(c, [](float v) { return std::abs(v); })}; }},
       {"Add", [](const Call& c) -> V { return {Binary(c.Number(0), c.Number(1), std::plus<float>())}; }},
+      {"ArgMax", One<ArgMax>},
       {"Cast", One<Cast>},
       {"Clip", One<Clip>},
       {"Concat", One<Concat>},
       {"Constant", One<ConstantNode>},
+      {"Conv", One<Conv>},
       {"Div", [](const Call& c) -> V { return {Binary(c.Number(0), c.Number(1), std::divides<float>())}; }},
       {"Elu",
        [](const Call& c) -> V {
          const float alpha = c.Float("alpha", 1);
          return {Unary(c, [alpha](float v) { return v < 0 ? alpha * std::expm1(v) : v; })};
        }},
+      {"Equal",
+       [](const Call& c) -> V {
+         return {Binary(c.Number(0), c.Number(1), [](float a, float b) { return a == b ? 1.0f : 0.0f; })};
+       }},
       {"Exp", [](const Call& c) -> V { return {Unary(c, [](float v) { return std::exp(v); })}; }},
       {"Flatten", One<Flatten>},
+      {"Floor", [](const Call& c) -> V { return {Unary(c, [](float v) { return std::floor(v); })}; }},
+      {"Gather", One<Gather>},
       {"Gemm", One<GemmNode>},
+      {"GlobalAveragePool", One<GlobalAveragePool>},
       {"Identity", [](const Call& c) -> V { return {c.Any(0)}; }},
       {"LeakyRelu",
        [](const Call& c) -> V {
@@ -337,8 +470,22 @@ const std::map<std::string, Operator, std::less<>>& Table() {
 
 OnnxValue ConstantValue(const OnnxTensor& tensor) {
   const size_t rank = tensor.shape.size(), size = tensor.is_integer ? tensor.integers.size() : tensor.floats.size();
-  if (rank > 2 || size == 0) Fail(fmt::format("has a constant of {} dimensions and {} numbers", rank, size));
+  const bool is_filter = rank == 4 && !tensor.is_integer;
+  if ((rank > 2 && !is_filter) || size == 0) {
+    Fail(fmt::format("has a constant of {} dimensions and {} numbers", rank, size));
+  }
   OnnxValue value;
+  if (is_filter) {
+    for (const int64_t n : tensor.shape) {
+      if (n < 1 || n > kMaxWidth) Fail(fmt::format("has a constant whose dimension is {}", n));
+    }
+    if (static_cast<int64_t>(size) > kMaxConstant) Fail(fmt::format("has a constant of {} numbers", size));
+    value.rows = static_cast<int>(tensor.shape[0]);
+    value.cols = static_cast<int>(size / static_cast<size_t>(value.rows));
+    for (size_t d = 1; d < 4; ++d) value.image.push_back(static_cast<int>(tensor.shape[d]));
+    value.data.assign(tensor.floats.begin(), tensor.floats.end());
+    return value;
+  }
   const int64_t rows = rank == 2 ? tensor.shape[0] : 1, cols = rank == 0 ? 1 : tensor.shape[rank - 1];
   if (rows > kMaxWidth || cols > kMaxWidth) Fail(fmt::format("has a constant of ({}, {}) numbers", rows, cols));
   value.rows = static_cast<int>(rows);
@@ -358,6 +505,13 @@ std::vector<std::string> OnnxOperators() {
 std::vector<OnnxValue> ApplyOnnx(const OnnxNode& node, std::span<const OnnxValue* const> inputs) {
   const auto found = Table().find(node.op);
   OTED_CHECK(found != Table().end());
+  static const std::set<std::string> takes_images = {
+      "Abs",      "Clip",      "Conv", "Elu", "Exp",  "Flatten", "Floor",    "GlobalAveragePool",
+      "Identity", "LeakyRelu", "Log",  "Neg", "Relu", "Sigmoid", "Softplus", "Softsign",
+      "Sqrt",     "Tanh"};
+  const bool has_image =
+      std::ranges::any_of(inputs, [](const OnnxValue* x) { return x != nullptr && !x->image.empty(); });
+  if (has_image && !takes_images.contains(node.op)) Fail("is not read on images; flatten them before it");
   return found->second({node, inputs});
 }
 

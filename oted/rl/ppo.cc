@@ -35,6 +35,9 @@ FieldList PpoConfig::Fields() {
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
   fields.AddChoice("keep", &keep, "policy that training returns: the best evaluated one, or the last",
                    {"best", "last"});
+  fields.AddChoice("evaluate", &evaluate,
+                   "how a policy over discrete actions acts where it is judged: by a draw, or the most probable action",
+                   {"sampled", "most_probable"});
   return fields;
 }
 
@@ -273,8 +276,9 @@ PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& epi
   };
   PpoResult result;
   static_cast<LearningCurve&>(result) = TrainInSegments(
-      training, factory, eval_parameters, {config.n_steps, config.eval_interval, config.eval_episodes, config.keep},
-      key, folder, run_name, context, observe);
+      training, factory, eval_parameters,
+      {config.n_steps, config.eval_interval, config.eval_episodes, config.keep, config.EvaluationNoise()}, key, folder,
+      run_name, context, observe);
   result.policy = training.policy();
   std::ranges::copy(result.kept, result.policy.net().parameters().begin());
   return result;

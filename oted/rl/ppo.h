@@ -35,7 +35,10 @@ struct PpoConfig {
   int64_t eval_interval = 50'000;
   int eval_episodes = 20;
   std::string keep = "best";
+  std::string evaluate = "sampled";
 
+  /// How a policy over discrete actions acts where it is judged.
+  ActionNoise EvaluationNoise() const { return evaluate == "sampled" ? ActionNoise::kSampled : ActionNoise::kMean; }
   FieldList Fields();
 };
 

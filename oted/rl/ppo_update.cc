@@ -16,12 +16,10 @@ constexpr float kAdamEpsilon = 1e-5f;  // Stable-Baselines3's for PPO
 
 std::string PrefixOf(bool is_actor) { return is_actor ? "ppo/actor/" : "ppo/critic/"; }
 
-/// The head's weight, (width, n_actions), and its bias are the end of the flat vector.
-void ScaleHead(FeatureNet& net, const Encoder& encoder, const NetSize& size, float factor) {
-  // One output more is one column and one bias more.
-  const size_t per_output = FeatureNet(encoder, size, net.out() + 1).n_parameters() - net.n_parameters();
-  const auto n_head = static_cast<ptrdiff_t>(per_output * static_cast<size_t>(net.out()));
-  for (auto p = net.parameters().end() - n_head; p != net.parameters().end(); ++p) *p *= factor;
+/// Makes the last layer small: its weight and bias are the end of the flat vector.
+void ScaleHead(FeatureNet& net, float factor) {
+  const auto first = net.parameters().begin() + static_cast<ptrdiff_t>(net.layers().back().weight);
+  std::for_each(first, net.parameters().end(), [&](float& p) { p *= factor; });
 }
 
 }  // namespace
@@ -35,7 +33,7 @@ PpoUpdate::PpoUpdate(const Encoder& encoder, const NetSize& size, int n_actions,
       critic_part_(MakePart(critic_)) {
   actor().Initialize(rng);
   critic().Initialize(rng);
-  ScaleHead(actor(), encoder, size, kHeadScale);
+  ScaleHead(actor(), kHeadScale);
 }
 
 PpoUpdate::Part PpoUpdate::MakePart(FeatureNet& net) const {

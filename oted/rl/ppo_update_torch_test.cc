@@ -46,29 +46,12 @@ Array2<double> RandomRows(const Task& task, int n, Rng& rng) {
 class TorchNet {
  public:
   explicit TorchNet(const FeatureNet& net) : net_(net) {
-    const Encoder& encoder = net.encoder();
     const float* p = net.parameters().data();
-    const auto add = [&](int64_t in, int64_t out) {
-      parameters.push_back(ToTensor({p, static_cast<size_t>(in * out)}, in, out).requires_grad_());
-      p += in * out;
-      parameters.push_back(ToTensor({p, static_cast<size_t>(out)}, 1, out).requires_grad_());
-      p += out;
-    };
-    int64_t in = encoder.n_extra();
-    if (encoder.has_image()) {
-      int64_t channels = encoder.channels();
-      for (const int filters : net.size().filters) {
-        add(9 * channels, filters);
-        channels = filters;
-      }
-      const int64_t lost = 2 * static_cast<int64_t>(net.size().filters.size());
-      in += channels * (encoder.height() - lost) * (encoder.width() - lost);
+    for (const Mlp::Layer& layer : net.layers()) {
+      const size_t in = static_cast<size_t>(layer.in), out = static_cast<size_t>(layer.out);
+      parameters.push_back(ToTensor({p + layer.weight, in * out}, layer.in, layer.out).requires_grad_());
+      parameters.push_back(ToTensor({p + layer.bias, out}, 1, layer.out).requires_grad_());
     }
-    for (const int width : net.size().hidden) {
-      add(in, width);
-      in = width;
-    }
-    add(in, net.out());
   }
 
   torch::Tensor Forward(const Array2<double>& rows) const {

@@ -42,17 +42,17 @@ void RestoreRng(const NpzArrays& arrays, const char* name, Rng& rng) {
 
 std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
                                      const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
-                                     RngKey key) {
+                                     RngKey key, ActionNoise noise) {
   OTED_CHECK(!z.empty());
   const auto simulator = factory.Make(n_episodes, n_threads);
   std::vector<std::vector<double>> lane_z;
   for (int k = 0; k < n_episodes; ++k) lane_z.push_back(z[static_cast<size_t>(k) % z.size()]);
-  return RunEpisodes(*simulator, lane_z, MeanActionPolicy(policy), key);
+  return RunEpisodes(*simulator, lane_z, AsBatchPolicy(policy, noise, key.Stage("actions").MakeRng()), key);
 }
 
 double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
-                      int n_episodes, int n_threads, RngKey key) {
-  return MeanReturn(RunPolicy(factory, policy, z, n_episodes, n_threads, key));
+                      int n_episodes, int n_threads, RngKey key, ActionNoise noise) {
+  return MeanReturn(RunPolicy(factory, policy, z, n_episodes, n_threads, key, noise));
 }
 
 namespace {
@@ -106,8 +106,9 @@ LearningCurve TrainInSegments(Learner& learner, const SimulatorFactory& factory,
                             curve.eval_returns.empty() ? "" : ReturnNote(curve.eval_returns.back()));
     };
     learner.RunSegment(end, progress);
-    const std::vector<EpisodeResult> episodes = RunPolicy(
-        factory, learner.policy(), eval_parameters, schedule.eval_episodes, context.n_threads, key.Stage("evaluation"));
+    const std::vector<EpisodeResult> episodes =
+        RunPolicy(factory, learner.policy(), eval_parameters, schedule.eval_episodes, context.n_threads,
+                  key.Stage("evaluation"), schedule.noise);
     const double eval_return = MeanReturn(episodes);
     const int n_diverged = CountDiverged(episodes);
     const auto failed = [&](int n) { return n == schedule.eval_episodes; };

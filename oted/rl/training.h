@@ -28,7 +28,8 @@ struct TrainingSchedule {
   int64_t n_steps = 0;        ///< control steps over all lanes
   int64_t eval_interval = 0;  ///< of a segment, in control steps
   int eval_episodes = 0;
-  std::string keep;  ///< "best" or "last"
+  std::string keep;                        ///< "best" or "last"
+  ActionNoise noise = ActionNoise::kMean;  ///< how the policy acts where it is evaluated
 };
 
 /// What training gave, beside the policy itself.
@@ -36,7 +37,7 @@ struct LearningCurve {
   double eval_return = 0;            ///< mean return of the kept policy in the simulators it was evaluated in
   int n_diverged = 0;                ///< of that evaluation's episodes
   std::vector<int64_t> eval_steps;   ///< environment steps ...
-  std::vector<double> eval_returns;  ///< ... and the mean return of the deterministic policy
+  std::vector<double> eval_returns;  ///< ... and the mean return there
   std::vector<float> kept;           ///< the kept policy's parameters
 };
 
@@ -80,7 +81,7 @@ class Learner {
 using EvaluationObserver = std::function<void(int64_t step, double eval_return)>;
 
 /// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes, ends with
-/// an evaluation of the deterministic policy (episode k in `eval_parameters[k mod size]`) and a checkpoint in `folder`,
+/// an evaluation of the policy (episode k in `eval_parameters[k mod size]`) and a checkpoint in `folder`,
 /// so that a stopped run that goes on gives the same bytes as one that was not stopped. The kept policy is that of the
 /// highest mean return (or the last); an evaluation in which every episode diverged is below any other.
 /// @param folder  of this agent: checkpoint.npz while it trains. Its learning curve goes to the log under `run_name`.
@@ -103,12 +104,12 @@ const std::vector<T>& CheckpointValues(const NpzArrays& arrays, const std::strin
 NpyArray RngArray(const Rng& rng);
 void RestoreRng(const NpzArrays& arrays, const char* name, Rng& rng);
 
-/// `n_episodes` episodes of the deterministic action; episode k runs in `z[k mod z.size()]`.
+/// `n_episodes` episodes of the policy, by default of its deterministic action; episode k runs in `z[k mod z.size()]`.
 std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
                                      const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
-                                     RngKey key);
+                                     RngKey key, ActionNoise noise = ActionNoise::kMean);
 /// Their mean return; a diverged episode counts as the lowest of them (ComparableReturns).
 double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
-                      int n_episodes, int n_threads, RngKey key);
+                      int n_episodes, int n_threads, RngKey key, ActionNoise noise = ActionNoise::kMean);
 
 }  // namespace oted
