@@ -8,66 +8,15 @@
 #include <map>
 #include <set>
 
-#include "oted/base/error.h"
 #include "oted/nn/gemm.h"
+#include "oted/nn/onnx_call.h"
+#include "oted/nn/onnx_image_operators.h"
 
 namespace oted {
+
+using onnx::Call, onnx::Fail, onnx::Shaped, onnx::kMaxConstant, onnx::kMaxWidth;
+
 namespace {
-
-// Far beyond any policy: what a damaged file may make us allocate.
-constexpr int kMaxWidth = 1 << 16;
-constexpr int64_t kMaxConstant = int64_t{1} << 26;
-
-[[noreturn]] void Fail(const std::string& what) { throw DataError(what); }
-
-/// A node with its inputs, and what operators ask of them.
-struct Call {
-  const OnnxNode& node;
-  std::span<const OnnxValue* const> inputs;
-
-  bool Has(size_t k) const { return k < inputs.size() && inputs[k] != nullptr; }
-  const OnnxValue& Any(size_t k) const {
-    if (!Has(k)) Fail(fmt::format("has no input {}", k + 1));
-    return *inputs[k];
-  }
-  /// A value of floating-point numbers.
-  const OnnxValue& Number(size_t k) const {
-    if (Any(k).data.empty()) Fail(fmt::format("takes floating-point numbers as input {}", k + 1));
-    return *inputs[k];
-  }
-  const OnnxValue& Batch(size_t k) const {
-    if (!Number(k).is_batch) Fail(fmt::format("takes values that depend on the observation as input {}", k + 1));
-    return *inputs[k];
-  }
-  const OnnxValue& Constant(size_t k) const {
-    if (Number(k).is_batch) Fail(fmt::format("takes a constant as input {}", k + 1));
-    return *inputs[k];
-  }
-  const std::vector<int64_t>& Integers(size_t k) const {
-    if (Any(k).integers.empty()) Fail(fmt::format("takes constant integers as input {}", k + 1));
-    return inputs[k]->integers;
-  }
-  bool HasAttribute(const char* name) const { return node.attributes.contains(name); }
-  float Float(const char* name, float otherwise) const {
-    const auto found = node.attributes.find(name);
-    return found == node.attributes.end() ? otherwise : found->second.f;
-  }
-  int64_t Integer(const char* name, int64_t otherwise) const {
-    const auto found = node.attributes.find(name);
-    return found == node.attributes.end() ? otherwise : found->second.i;
-  }
-};
-
-OnnxValue Shaped(bool is_batch, int rows, int cols) {
-  if (cols > kMaxWidth) Fail(fmt::format("makes {} columns, more than {}", cols, kMaxWidth));
-  if (!is_batch && int64_t{rows} * cols > kMaxConstant) Fail(fmt::format("makes a constant of ({}, {})", rows, cols));
-  OnnxValue value;
-  value.is_batch = is_batch;
-  value.rows = rows;
-  value.cols = cols;
-  value.data.resize(static_cast<size_t>(rows) * static_cast<size_t>(cols));
-  return value;
-}
 
 template <class F>
 OnnxValue Unary(const Call& call, F f) {
@@ -284,90 +233,6 @@ OnnxValue ArgMax(const Call& call) {
   return y;
 }
 
-const OnnxValue& Image(const Call& call) {
-  if (call.Batch(0).image.empty()) Fail("takes images as input 1");
-  return call.Batch(0);
-}
-
-/// The mean of each channel.
-OnnxValue GlobalAveragePool(const Call& call) {
-  const OnnxValue& x = Image(call);
-  const int channels = x.image[0], places = x.cols / channels;
-  OnnxValue y = Shaped(true, x.rows, channels);
-  y.image = {channels, 1, 1};
-  for (size_t i = 0; i < y.data.size(); ++i) {
-    float sum = 0;
-    for (int p = 0; p < places; ++p) sum += x.data[i * static_cast<size_t>(places) + static_cast<size_t>(p)];
-    y.data[i] = sum / static_cast<float>(places);
-  }
-  return y;
-}
-
-/// How a convolution moves over one axis.
-struct Sweep {
-  int in, kernel, stride, before, out;
-};
-
-Sweep SweepOf(const Call& call, int in, int kernel, size_t axis) {
-  const auto at = [&](const char* name, size_t k, size_t size, int64_t otherwise, int64_t low) {
-    const auto found = call.node.attributes.find(name);
-    if (found == call.node.attributes.end()) return otherwise;
-    const std::vector<int64_t>& values = found->second.integers;
-    if (values.size() != size || values[k] < low || values[k] > kMaxWidth) Fail(fmt::format("has {} of no use", name));
-    return values[k];
-  };
-  if (at("dilations", axis, 2, 1, 1) != 1) Fail("with dilations is not read");
-  const int64_t stride = at("strides", axis, 2, 1, 1), before = at("pads", axis, 4, 0, 0),
-                after = at("pads", axis + 2, 4, 0, 0);
-  const int64_t room = in + before + after - kernel;
-  if (room < 0) Fail(fmt::format("with a kernel of {} over {} places", kernel, in + before + after));
-  return {in, kernel, static_cast<int>(stride), static_cast<int>(before), static_cast<int>(room / stride + 1)};
-}
-
-/// Two-dimensional, of all channels: each observation's patches times the filters.
-OnnxValue Conv(const Call& call) {
-  const OnnxValue &x = Image(call), &w = call.Constant(1);
-  if (w.image.empty() || w.image[0] != x.image[0] || call.Integer("group", 1) != 1) {
-    Fail("is read with one group and a weight of four dimensions alone, for as many channels as its image has");
-  }
-  if (call.HasAttribute("auto_pad")) Fail("with auto_pad is not read");
-  const Sweep down = SweepOf(call, x.image[1], w.image[1], 0), right = SweepOf(call, x.image[2], w.image[2], 1);
-  const int channels = x.image[0], filters = w.rows;
-  const int64_t n_places = int64_t{down.out} * right.out;
-  if (n_places * w.cols > kMaxConstant || n_places * filters > kMaxWidth) Fail("makes an image too large for a policy");
-  const int places = static_cast<int>(n_places);
-  OnnxValue y = Shaped(true, x.rows, filters * places);
-  y.image = {filters, down.out, right.out};
-  AlignedVector<float> patches(static_cast<size_t>(places) * static_cast<size_t>(w.cols));
-  for (int i = 0; i < x.rows; ++i) {
-    const float* image = x.data.data() + static_cast<size_t>(i) * static_cast<size_t>(x.cols);
-    float* to = patches.data();
-    for (int p = 0; p < places; ++p) {
-      const int top = p / right.out * down.stride - down.before, left = p % right.out * right.stride - right.before;
-      for (int c = 0; c < channels; ++c) {
-        for (int dy = 0; dy < down.kernel; ++dy) {
-          for (int dx = 0; dx < right.kernel; ++dx) {
-            const int row = top + dy, col = left + dx;
-            const bool inside = row >= 0 && row < down.in && col >= 0 && col < right.in;
-            *to++ = inside ? image[(c * down.in + row) * right.in + col] : 0.0f;
-          }
-        }
-      }
-    }
-    float* out = y.data.data() + static_cast<size_t>(i) * static_cast<size_t>(y.cols);
-    Gemm(Op::kNone, Op::kTranspose, filters, places, w.cols, w.data.data(), w.cols, patches.data(), w.cols, 0, out,
-         places);
-  }
-  if (!call.Has(2)) return y;
-  const OnnxValue& bias = call.Constant(2);
-  if (bias.cols != filters || bias.rows != 1 || !bias.image.empty())
-    Fail(fmt::format("takes {} numbers as bias", filters));
-  for (size_t i = 0; i < y.data.size(); ++i) {
-    y.data[i] += bias.data[i / static_cast<size_t>(places) % static_cast<size_t>(filters)];
-  }
-  return y;
-}
-
 OnnxValue Cast(const Call& call) {
   const int64_t to = call.Integer("to", 0);
   if (to != 1 && to != 11) Fail("to another type than float32 or float64 is not read");
@@ -422,7 +287,7 @@ const std::map<std::string, Operator, std::less<>>& Table() {
       {"Clip", One<Clip>},
       {"Concat", One<Concat>},
       {"Constant", One<ConstantNode>},
-      {"Conv", One<Conv>},
+      {"Conv", One<OnnxConv>},
       {"Div", [](const Call& c) -> V { return {Binary(c.Number(0), c.Number(1), std::divides<float>())}; }},
       {"Elu",
        [](const Call& c) -> V {
@@ -438,7 +303,7 @@ const std::map<std::string, Operator, std::less<>>& Table() {
       {"Floor", [](const Call& c) -> V { return {Unary(c, [](float v) { return std::floor(v); })}; }},
       {"Gather", One<Gather>},
       {"Gemm", One<GemmNode>},
-      {"GlobalAveragePool", One<GlobalAveragePool>},
+      {"GlobalAveragePool", One<OnnxGlobalAveragePool>},
       {"Identity", [](const Call& c) -> V { return {c.Any(0)}; }},
       {"LeakyRelu",
        [](const Call& c) -> V {
