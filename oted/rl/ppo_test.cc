@@ -304,6 +304,10 @@ TEST(TrainPpo, DivergedStepsLeaveNoTrace) {
   Training run{folder.path(), {.diverge_share = 0.1}};
   const PpoResult result = run();
   for (const float p : result.policy.net().parameters()) ASSERT_TRUE(std::isfinite(p));
+  const NpzArrays arrays = ReadNpz(folder / "checkpoint.npz");
+  for (const float p : std::get<std::vector<float>>(arrays.at("ppo/critic/parameters").values)) {
+    ASSERT_TRUE(std::isfinite(p));
+  }
 }
 
 TEST(TrainPpo, EachEpisodeRunsWithParametersDrawnAnew) {
