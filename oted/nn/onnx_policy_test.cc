@@ -249,9 +249,8 @@ TEST(OnnxPolicy, FiveHundredDamagedFilesAreReadOrRefusedAndNeverCrash) {
   Rng init(1);
   own.net().Initialize(init);
   std::vector<std::string> sources = {OnnxBytes(own, {{"task", "Mine-v0"}})};
-  for (const char* name :
-       {"GemmTransposed", "Slice", "SplitSizes", "CastInteger", "ClipHigh", "External", "Constant", "Conv", "ConvPads",
-        "GlobalAveragePool", "ArgMax", "Equal"}) {
+  for (const char* name : {"GemmTransposed", "Slice", "SplitSizes", "CastInteger", "ClipHigh", "External", "Constant",
+                           "Conv", "ConvPads", "GlobalAveragePool", "ArgMax", "Equal"}) {
     sources.push_back(ReadFile(models.folder / (std::string(name) + ".onnx")));
   }
   // Beside External.data, so that its offsets are followed.
