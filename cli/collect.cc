@@ -120,8 +120,7 @@ void AddCollectVerb(Program& program) {
     double sum = 0;
     const std::vector<double> returns = dataset.EpisodeReturns();
     for (const double r : returns) sum += r;
-    // A grid world's returns lie between -1 and 1.
-    const int decimals = minigrid != nullptr ? 3 : 1;
+    const int decimals = ReturnDecimals(returns, 1);
     fmt::print("{}: {} transitions in {} episodes{}\n", options->output, dataset.size(), dataset.Episodes().size(),
                returns.empty()
                    ? ""

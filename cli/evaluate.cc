@@ -72,9 +72,10 @@ void EvaluateFile(const EvaluateOptions& options) {
   const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
   factory->parameters().CheckInside(z);
   const int n_episodes = Episodes(options.episodes);
-  const BatchPolicy policy = LoadBatchPolicy(options.policy, factory->spec());
   NullSink log;
   const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("evaluate");
+  const BatchPolicy policy =
+      LoadBatchPolicy(options.policy, factory->spec(), config.ppo.EvaluationNoise(), key.Stage("actions").MakeRng());
   const PolicyEvaluation result =
       EvaluateBatchPolicy(*factory, policy, z, n_episodes, MakeContext(log, config.run.threads).n_threads, key);
   const SimulatorSpec& spec = factory->spec();
@@ -105,8 +106,9 @@ void EvaluateFile(const EvaluateOptions& options) {
     return;
   }
   fmt::print("{} in {}, {} episodes\n", options.policy, task.name, n_episodes);
-  fmt::print("return   {:.1f} +- {:.1f}, from {:.1f} to {:.1f}\n", result.mean_return, result.std_return,
-             result.min_return, result.max_return);
+  const int decimals = ReturnDecimals({result.min_return, result.max_return}, 1);
+  fmt::print("return   {:.{}f} +- {:.{}f}, from {:.{}f} to {:.{}f}\n", result.mean_return, decimals, result.std_return,
+             decimals, result.min_return, decimals, result.max_return, decimals);
   if (!score.is_null()) fmt::print("score    {:.1f}\n", score.get<double>());
   fmt::print("length   {:.1f} control steps; {} terminated, {} at the time limit, {} diverged\n", result.mean_length,
              result.n_terminated, result.n_truncated, result.n_diverged);
@@ -123,9 +125,10 @@ void AddEvaluateVerb(Program& program) {
   verb->get_option("--episodes")
       ->description("of the data to use, as in every stage; with --policy: how many to run [default: 20]");
   verb->add_option("--policy", options->policy,
-                   "policy.npz, or policy.onnx of this or another program: runs its deterministic action at nominal "
-                   "parameters, or at those of --param and --truth; needs neither --data nor --out");
-  verb->footer(SettingsHelp({"agents"}));
+                   "policy.npz, or policy.onnx of this or another program: runs its deterministic action, or as "
+                   "ppo.evaluate says where actions are discrete, at nominal parameters, or at those of --param and "
+                   "--truth; needs neither --data nor --out");
+  verb->footer(SettingsHelp({"agents", "ppo"}));
   verb->callback([&program, options] {
     if (options->policy.empty()) {
       EvaluateRun(program, *options);

@@ -69,6 +69,9 @@ std::string CommandLine(int argc, char** argv);
 /// Writes RUN_DIR/export/ when there is a design; what cannot be exported is a warning on stderr.
 void WriteExports(const std::filesystem::path& run_directory);
 
+/// Decimals with which returns are printed: three where all of them are small, as a grid world's are.
+int ReturnDecimals(const std::vector<double>& returns, int otherwise);
+
 /// Prints the final tables of a run directory (or its JSON), and returns the exit code that its verdict stands for.
 int PrintResult(const std::filesystem::path& run_directory, const Options& options);
 

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -39,10 +41,15 @@ void PrintParameters(const json& design, const json& evaluation) {
 void PrintPolicies(const json& evaluation) {
   fmt::print("\n{:<34} {:>20} {:>10}\n",
              fmt::format("policy in the target ({} episodes)", evaluation["episodes"].get<int>()), "return", "score");
+  std::vector<double> returns;
+  for (const json& p : evaluation.at("policies")) returns.push_back(p["mean_return"].get<double>());
+  const int decimals = ReturnDecimals(returns, 0);
   for (const json& p : evaluation.at("policies")) {
     const std::string score = p["score"].is_null() ? "-" : fmt::format("{:.1f}", p["score"].get<double>());
     fmt::print("{:<34} {:>20} {:>10}\n", p["label"].get<std::string>(),
-               fmt::format("{:.0f} +- {:.0f}", p["mean_return"].get<double>(), p["std_return"].get<double>()), score);
+               fmt::format("{:.{}f} +- {:.{}f}", p["mean_return"].get<double>(), decimals,
+                           p["std_return"].get<double>(), decimals),
+               score);
   }
 }
 
@@ -54,6 +61,10 @@ std::string VerdictSentence(const std::string& verdict) {
 }
 
 }  // namespace
+
+int ReturnDecimals(const std::vector<double>& returns, int otherwise) {
+  return std::ranges::all_of(returns, [](double r) { return std::abs(r) < 10; }) ? 3 : otherwise;
+}
 
 int PrintResult(const std::filesystem::path& run_directory, const Options& options) {
   const auto read = [&](const char* name) {

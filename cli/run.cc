@@ -14,7 +14,7 @@ void AddRunVerb(Program& program) {
   auto options = std::make_shared<Options>();
   AddRunOptions(*verb, *options);
   verb->footer(
-      SettingsHelp({"task", "grid", "data", "run", "clone", "design", "selection", "agents", "sac", "report"}));
+      SettingsHelp({"task", "grid", "data", "run", "clone", "design", "selection", "agents", "sac", "ppo", "report"}));
   verb->callback([&program, options] {
     {
       Session session(*options, program.command_line);

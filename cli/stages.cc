@@ -50,7 +50,7 @@ void AddStageVerbs(Program& program) {
                          &Pipeline::ReplayLogs});
   AddStageVerb(
       program,
-      {"train", "stage 4: train agents in the designed simulators", {"agents", "sac"}, &Pipeline::TrainAgents});
+      {"train", "stage 4: train agents in the designed simulators", {"agents", "sac", "ppo"}, &Pipeline::TrainAgents});
   AddStageVerb(
       program,
       {"select-policy", "stage 5: rank the agents in every designed simulator", {"agents"}, &Pipeline::SelectPolicy});

@@ -142,13 +142,6 @@ void Pipeline::Run() {
   Design();
   SelectSimulator();
   ReplayLogs();
-  if (factory_->spec().n_discrete_actions > 0) {
-    context_.log->Warning(fmt::format(
-        "task '{}' has discrete actions: the simulator is designed and no agent is trained, since SAC here takes "
-        "continuous actions alone; train one in the designed simulator with another program",
-        config_.task.name));
-    return;
-  }
   if (!factory_->spec().has_reward) {
     context_.log->Warning(fmt::format(
         "task '{}' has no reward: the simulator is designed and no agent is trained; add task.reward to train one",
@@ -300,12 +293,6 @@ struct Pipeline::AgentJob {
 };
 
 void Pipeline::TrainAgents() {
-  if (factory_->spec().n_discrete_actions > 0) {
-    throw UsageError(
-        fmt::format("task '{}' has discrete actions, and agents (SAC) take continuous ones alone; stop after the "
-                    "design: oted design",
-                    config_.task.name));
-  }
   if (!factory_->spec().has_reward) {
     throw UsageError(
         fmt::format("task '{}' has no reward to train agents with; add task.reward = \"...\"", config_.task.name));
@@ -325,8 +312,10 @@ void Pipeline::TrainAgents() {
     return is_complete;
   });
   const std::vector<std::vector<double>> modes = MixtureModes();
+  const bool ppo = config_.agents.AlgorithmFor(factory_->spec()) == "ppo";
+  const int64_t n_steps = ppo ? config_.ppo.n_steps : config_.sac.n_steps;
   for (const AgentJob& job : jobs) {
-    context_.log->Progress("train", directory_.NameOf(job.folder), 0, config_.sac.n_steps, "");
+    context_.log->Progress("train", directory_.NameOf(job.folder), 0, n_steps, "");
   }
   const RunContext share = ShareOf(context_, jobs.size());
   ParallelFor(static_cast<int>(jobs.size()), context_.n_threads, [&](int i) {
@@ -338,26 +327,29 @@ void Pipeline::TrainAgents() {
     const std::vector<std::vector<double>> where =
         job.designed ? modes : std::vector<std::vector<double>>{factory_->parameters().Nominal()};
     directory_.Begin(job.folder, AgentFingerprint(job.designed));
-    const SacResult agent =
-        TrainAgent(*factory_, where, config_.sac, key, job.folder, directory_.NameOf(job.folder), share);
-    agent.policy.Save(job.folder / "policy.npz");
+    const auto train = [&](const auto& config) {
+      const auto agent = TrainAgent(*factory_, where, config, key, job.folder, directory_.NameOf(job.folder), share);
+      agent.policy.Save(job.folder / "policy.npz");
+      return agent.eval_return;
+    };
+    const double eval_return = ppo ? train(config_.ppo) : train(config_.sac);
     ExportAgent(job.folder, job.designed, job.folder / "policy.onnx");
-    directory_.Complete(job.folder / "agent.json",
-                        {{"schema", "oted.agent/1"},
-                         {"agent", job.index},
-                         {"designed", job.designed},
-                         {"seed", config_.run.seed},
-                         {"n_steps", config_.sac.n_steps},
-                         {"eval_return", agent.eval_return}},
-                        AgentFingerprint(job.designed));
+    json record = {{"schema", "oted.agent/1"}, {"agent", job.index}, {"designed", job.designed},
+                   {"seed", config_.run.seed}, {"n_steps", n_steps}, {"eval_return", eval_return}};
+    if (ppo) record["algorithm"] = "ppo";
+    directory_.Complete(job.folder / "agent.json", record, AgentFingerprint(job.designed));
     directory_.RemoveCheckpoint(job.folder);
   });
+}
+
+ActionNoise Pipeline::JudgedNoise() const {
+  return factory_->spec().n_discrete_actions > 0 ? config_.ppo.EvaluationNoise() : ActionNoise::kMean;
 }
 
 void Pipeline::ExportAgent(const fs::path& folder, bool designed, const fs::path& path) const {
   // The name and what it was made from, not where it lies: equal runs give equal bytes.
   const std::string source = fmt::format("{} {}", directory_.NameOf(folder), AgentFingerprint(designed));
-  WriteOnnx(TanhGaussianPolicy::Load(folder / "policy.npz"), PolicyMetadata(factory_->spec(), source), path);
+  WriteOnnx(*LoadPolicy(folder / "policy.npz"), PolicyMetadata(factory_->spec(), source), path);
 }
 
 // ---------------------------------------------------------------- stage 5: policy selection
@@ -372,12 +364,14 @@ void Pipeline::SelectPolicy() {
     }
     return;
   }
-  std::vector<TanhGaussianPolicy> agents;
+  std::vector<std::unique_ptr<const Policy>> policies;
+  std::vector<const Policy*> agents;
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
-    agents.push_back(TanhGaussianPolicy::Load(directory_.agent(j) / "policy.npz"));
+    policies.push_back(LoadPolicy(directory_.agent(j) / "policy.npz"));
+    agents.push_back(policies.back().get());
   }
   const PolicySelectionResult result =
-      ::oted::SelectPolicy(*factory_, agents, MixtureModes(), config_.agents.selection_episodes,
+      ::oted::SelectPolicy(*factory_, agents, MixtureModes(), config_.agents.selection_episodes, JudgedNoise(),
                            RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("policy selection"), context_);
   const json design = ReadJson(directory_.root() / "design.json");
   json selection = {{"schema", "oted.policy_selection/1"}, {"selected", result.selected + 1}};

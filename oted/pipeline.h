@@ -21,6 +21,7 @@
 
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
+#include "oted/nn/policy.h"
 #include "oted/run_config.h"
 #include "oted/run_directory.h"
 #include "oted/sim/simulator.h"
@@ -41,7 +42,7 @@ class Pipeline {
   void TrainAgents();
   void SelectPolicy();
   void EvaluateInTarget();
-  /// All of the above; up to ReplayLogs for a task without a reward or with discrete actions, with a warning.
+  /// All of the above; up to ReplayLogs for a task without a reward, with a warning.
   void Run();
 
   const RunConfig& config() const { return config_; }
@@ -71,6 +72,8 @@ class Pipeline {
   std::string PolicySelectionFingerprint() const;
   std::string EvaluationFingerprint() const;
   std::vector<std::vector<double>> MixtureModes() const;
+  /// How clones and agents act where they are judged.
+  ActionNoise JudgedNoise() const;
   /// policy.onnx of the agent in `folder`, from its policy.npz, at `path`.
   void ExportAgent(const std::filesystem::path& folder, bool designed, const std::filesystem::path& path) const;
   bool ComparesUndesigned() const { return config_.agents.undesigned && !config_.truth.empty(); }

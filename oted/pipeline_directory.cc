@@ -32,6 +32,7 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
+  config_.agents.AlgorithmFor(factory_->spec());
   for (const auto& [name, design] : config_.DesignSettings())
     FeatureShape(factory_->spec(), design.Evidence(factory_->spec()));
   CheckCanDraw();
@@ -149,7 +150,10 @@ std::string Pipeline::SelectionFingerprint() const {
 
 std::string Pipeline::AgentFingerprint(bool designed) const {
   SacConfig sac = config_.sac;
-  json inputs = {"agent", designed, sac.Fields("sac").ToJson(), config_.run.seed, TaskIdentity(), model_sha256_};
+  PpoConfig ppo = config_.ppo;
+  const bool is_ppo = config_.agents.AlgorithmFor(factory_->spec()) == "ppo";
+  const FieldList fields = is_ppo ? ppo.Fields() : sac.Fields("sac");
+  json inputs = {"agent", designed, fields.ToJson(), config_.run.seed, TaskIdentity(), model_sha256_};
   if (designed) inputs.push_back(SelectionFingerprint());
   return Fingerprint(inputs);
 }

@@ -7,6 +7,7 @@
 #include "oted/base/statistics.h"
 #include "oted/pipeline.h"
 #include "oted/rl/batch_policy.h"
+#include "oted/sim/minigrid/expert.h"
 
 namespace oted {
 
@@ -22,11 +23,16 @@ void Pipeline::EvaluateInTarget() {
   const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("target");
   const SimulatorSpec& spec = factory_->spec();
 
+  const ActionNoise noise = JudgedNoise();
+  const std::string algorithm = config_.agents.AlgorithmFor(spec), name_of_it = algorithm == "ppo" ? "PPO" : "SAC";
+  const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
+
+  const auto* grid = dynamic_cast<const MinigridSimulatorFactory*>(factory_.get());
+  const int64_t total = 3 + (ComparesUndesigned() ? 1 : 0) + (grid != nullptr ? 1 : 0);
+
   json policies = json::array();
-  const auto judge = [&](const std::string& name, const std::string& label, const BatchPolicy& act) {
-    const auto simulator = factory_->Make(config_.agents.target_episodes, context_.n_threads);
-    const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
-    const std::vector<EpisodeResult> episodes = RunEpisodes(*simulator, z, act, key);
+  const auto record = [&](const std::string& name, const std::string& label,
+                          const std::vector<EpisodeResult>& episodes) {
     const std::vector<double> returns = ComparableReturns(episodes);
     const double mean = Mean(returns);
     policies.push_back({{"name", name},
@@ -35,17 +41,20 @@ void Pipeline::EvaluateInTarget() {
                         {"std_return", StandardDeviation(returns)},
                         {"n_diverged", CountDiverged(episodes)}});
     policies.back()["score"] = spec.has_score() ? json(spec.NormalizedScore(mean)) : json();
-    context_.log->Progress("evaluate", "target", static_cast<int64_t>(policies.size()), 4, label);
+    context_.log->Progress("evaluate", "target", static_cast<int64_t>(policies.size()), total, label);
   };
-  const auto judge_policy = [&](const std::string& name, const std::string& label, const fs::path& path,
-                                ActionNoise noise) {
+  const auto judge = [&](const std::string& name, const std::string& label, const BatchPolicy& act) {
+    const auto simulator = factory_->Make(config_.agents.target_episodes, context_.n_threads);
+    record(name, label, RunEpisodes(*simulator, z, act, key));
+  };
+  const auto judge_policy = [&](const std::string& name, const std::string& label, const fs::path& path) {
     const std::unique_ptr<const Policy> policy = LoadPolicy(path);
     judge(name, label, AsBatchPolicy(*policy, noise, key.Stage(name).MakeRng()));
   };
 
   Rng random = key.Stage("random").MakeRng();
   judge("random", "random actions", UniformRandomPolicy(spec, random));
-  judge_policy("clone", "clone of the logs", directory_.clone() / "policy.npz", ActionNoise::kMean);
+  judge_policy("clone", "clone of the logs", directory_.clone() / "policy.npz");
   if (ComparesUndesigned()) {
     // The un-designed agent, too, is the one of its m that does best where it was trained.
     int best = 1;
@@ -53,11 +62,21 @@ void Pipeline::EvaluateInTarget() {
       return ReadJson(directory_.undesigned(j) / "agent.json").at("eval_return").get<double>();
     };
     for (int j = 2; j <= config_.agents.n_agents; ++j) best = own_return(j) > own_return(best) ? j : best;
-    judge_policy("sac_undesigned", "SAC in the un-designed simulator", directory_.undesigned(best) / "policy.npz",
-                 ActionNoise::kMean);
+    judge_policy(algorithm + "_undesigned", name_of_it + " in the un-designed simulator",
+                 directory_.undesigned(best) / "policy.npz");
   }
   const int selected = ReadJson(directory_.root() / "policy_selection.json").at("selected").get<int>();
-  judge_policy("oted_sac", "OTED-SAC", directory_.agent(selected) / "policy.npz", ActionNoise::kMean);
+  judge_policy("oted_" + algorithm, "OTED-" + name_of_it, directory_.agent(selected) / "policy.npz");
+  if (grid != nullptr) {
+    // What can be reached at most, by one who sees the whole grid; and with it a score.
+    const auto simulator = grid->MakeMinigrid(config_.agents.target_episodes, context_.n_threads);
+    const BatchPolicy expert = OnTrueStates(*simulator, MinigridExpert(), key.Stage("expert").MakeRng());
+    record("expert", "shortest paths, all in sight", RunEpisodes(*simulator, z, expert, key));
+    const double low = policies.front().at("mean_return"), high = policies.back().at("mean_return");
+    for (json& policy : policies) {
+      if (high > low) policy["score"] = 100 * (policy.at("mean_return").get<double>() - low) / (high - low);
+    }
+  }
 
   json parameters = json::array();
   const json design = ReadJson(directory_.root() / "design.json");

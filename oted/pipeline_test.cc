@@ -383,6 +383,9 @@ TEST_F(PipelineTest, AWrongRequestIsRefusedBeforeAnythingIsWritten) {
   config = TinyConfig();
   config.parameters[1].field = "geom/*/frction[0]";
   refuse(config, "frction");
+  config = TinyConfig();
+  config.agents.algorithm = "ppo";
+  refuse(config, "continuous actions");
 }
 
 TEST_F(PipelineTest, AParameterWithoutEffectIsAWarningAndUnderStrictAnError) {

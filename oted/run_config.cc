@@ -58,11 +58,26 @@ FieldList RunSettings::Fields() {
 
 FieldList AgentsConfig::Fields() {
   FieldList fields("agents");
+  fields.AddChoice("algorithm", &algorithm,
+                   "how agents learn: sac for continuous actions, ppo for discrete ones; auto: whichever it takes",
+                   {"auto", "sac", "ppo"});
   fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
   fields.Add("undesigned", &undesigned, "with a known truth, also train in the un-designed simulator, to compare");
   fields.Add("selection_episodes", &selection_episodes, "episodes per agent and designed simulator", AtLeast(1));
   fields.Add("target_episodes", &target_episodes, "with a known truth, episodes per policy in the target", AtLeast(1));
   return fields;
+}
+
+std::string AgentsConfig::AlgorithmFor(const SimulatorSpec& spec) const {
+  const bool discrete = spec.n_discrete_actions > 0;
+  const std::string needed = discrete ? "ppo" : "sac";
+  if (algorithm != "auto" && algorithm != needed) {
+    throw UsageError(
+        fmt::format("agents.algorithm is {}, but task '{}' has {} actions, which {} alone takes; set it "
+                    "to {} or auto",
+                    algorithm, spec.task, discrete ? "discrete" : "continuous", needed, needed));
+  }
+  return needed;
 }
 
 FieldList ReportConfig::Fields() {
@@ -255,7 +270,7 @@ void CheckName(const std::string& what, const std::string& name) {
 std::vector<FieldList> AllFields(RunConfig& config) {
   return {config.task.Fields(),     config.task.grid.Fields(), config.data.Fields(),      config.run.Fields(),
           config.clone.Fields(),    config.design.Fields(),    config.selection.Fields(), config.agents.Fields(),
-          config.sac.Fields("sac"), config.report.Fields()};
+          config.sac.Fields("sac"), config.ppo.Fields(),       config.report.Fields()};
 }
 
 RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,

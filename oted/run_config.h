@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "oted/data/data_options.h"
+#include "oted/rl/ppo.h"
 #include "oted/rl/sac.h"
 #include "oted/sim/minigrid/task.h"
 #include "oted/sim/mujoco/model_task.h"
@@ -56,12 +57,15 @@ struct RunSettings {
   FieldList Fields();
 };
 
-/// Stages 4 and 5: how many agents, and how they are compared.
+/// Stages 4 and 5: which agents, how many, and how they are compared.
 struct AgentsConfig {
+  std::string algorithm = "auto";
   int n_agents = 2;
   bool undesigned = true;
   int selection_episodes = 10;
   int target_episodes = 20;
+  /// "sac" or "ppo", as the task's actions ask for. @throws UsageError when `algorithm` does not take them
+  std::string AlgorithmFor(const SimulatorSpec& spec) const;
   FieldList Fields();
 };
 
@@ -87,6 +91,7 @@ struct RunConfig {
   SelectionConfig selection;
   AgentsConfig agents;
   SacConfig sac;
+  PpoConfig ppo;
   ReportConfig report;
   /// The true parameters, where a study knows them: read by evaluation and report only.
   std::map<std::string, double> truth;

@@ -331,6 +331,24 @@ TEST(RunConfig, ThreadsAreAllOfThemUnlessSaid) {
   EXPECT_EQ(config.Threads(), 3);
 }
 
+TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
+  SimulatorSpec continuous, discrete;
+  continuous.task = "Mine";
+  discrete.task = "Grid";
+  discrete.n_discrete_actions = 3;
+  RunConfig config;
+  EXPECT_EQ(config.agents.AlgorithmFor(continuous), "sac");
+  EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
+  config.Set("agents.algorithm=ppo");
+  EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(continuous); }),
+              testing::AllOf(HasSubstr("agents.algorithm is ppo"), HasSubstr("'Mine' has continuous actions")));
+  config.Set("agents.algorithm=sac");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(discrete); }),
+              HasSubstr("'Grid' has discrete actions"));
+  EXPECT_THAT(Refusal("[agents]\nalgorithm = \"dqn\"\n"), HasSubstr("auto"));
+}
+
 TEST(RunConfig, PresetsAreANameOrAListOfNamesBesideParameters) {
   const RunConfig one = RunConfig::FromToml("[parameters]\npreset = \"arm\"\n", "t.toml");
   EXPECT_EQ(one.presets, std::vector<std::string>{"arm"});

@@ -21,6 +21,7 @@ class CategoricalPolicy : public Policy {
   /// The encoder is fitted on `observations`.
   CategoricalPolicy(const Array2<double>& observations, const InputShape& shape, const NetSize& size, int n_actions)
       : net_(observations, shape, size, n_actions) {}
+  explicit CategoricalPolicy(FeatureNet net) : net_(std::move(net)) {}
 
   int obs_dim() const override { return net_.in(); }
   int act_dim() const override { return 1; }

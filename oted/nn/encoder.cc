@@ -96,6 +96,13 @@ void Encoder::Finish() {
   }
 }
 
+int Encoder::EncodedChannel(int c, int index) const {
+  const auto at = static_cast<size_t>(c);
+  if (channel_levels_[at] == 0) return first_channel_[at];
+  if (index >= 0) return place_[static_cast<size_t>(first_level_[at] + index)];
+  return (at + 1 < first_channel_.size() ? first_channel_[at + 1] : channels_) - 1;
+}
+
 void Encoder::Encode(std::span<const double> row, float bound, std::span<float> image, std::span<float> extra) const {
   const auto quantity = [&](size_t j) {
     const auto value = static_cast<float>((row[j] - normalizer_.mean[j]) / normalizer_.scale[j]);

@@ -38,6 +38,10 @@ class Encoder {
   int channels() const { return channels_; }  ///< of the encoded image
   int n_extra() const { return n_extra_; }    ///< numbers beside the image
   const Normalizer& normalizer() const { return normalizer_; }
+  const InputShape& shape() const { return shape_; }
+  /// The encoded channel that is 1 where channel `c` of the image holds `index`, or, for -1, any number without a
+  /// channel of its own; -1: none. Of a quantity: its channel.
+  int EncodedChannel(int c, int index) const;
 
   /// One row. @param image (height, width, channels), empty without an image. @param extra (n_extra)
   /// Quantities are cut to +-`bound` where it is positive.

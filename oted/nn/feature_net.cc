@@ -36,6 +36,10 @@ int FeatureNet::out() const {
   return conv != nullptr ? conv->shape().out : std::get<Mlp>(net_).out();
 }
 
+const std::vector<Mlp::Layer>& FeatureNet::layers() const {
+  return std::visit([](const auto& net) -> const std::vector<Mlp::Layer>& { return net.layers(); }, net_);
+}
+
 AlignedVector<float>& FeatureNet::parameters() {
   return std::visit([](auto& net) -> AlignedVector<float>& { return net.parameters(); }, net_);
 }
@@ -61,6 +65,7 @@ void FeatureNet::Save(const std::string& prefix, NpzArrays& arrays) const {
   arrays[prefix + "/filters"] = whole(shape.filters);
   arrays[prefix + "/mean_pool"] = whole({shape.mean_pool ? 1 : 0});
   arrays[prefix + "/out"] = whole({out()});
+  if (bound_ > 0) arrays[prefix + "/bound"] = NpyArray(std::vector<float>{bound_});
   encoder_.Save(prefix + "/input", arrays);
 }
 
@@ -78,6 +83,9 @@ FeatureNet FeatureNet::FromArrays(const std::string& prefix, const NpzArrays& ar
   if (out.size() != 1) fields.Fail("out");
   const std::vector<double> mean_pool = fields.Get("mean_pool"), parameters = fields.Get("parameters");
   if (mean_pool.size() != 1 || (mean_pool[0] != 0 && mean_pool[0] != 1)) fields.Fail("mean_pool");
+  std::vector<double> bound = {0};
+  if (fields.Find("bound") != nullptr) bound = fields.Get("bound");
+  if (bound.size() != 1 || !(bound[0] >= 0 && bound[0] <= 1e6)) fields.Fail("bound");
   const NetSize size{widths("hidden"), widths("filters"), mean_pool[0] == 1};
   Encoder encoder = Encoder::Load(prefix + "/input", arrays, where);
   double count = 0, in = encoder.n_extra();
@@ -101,7 +109,7 @@ FeatureNet FeatureNet::FromArrays(const std::string& prefix, const NpzArrays& ar
       !std::ranges::all_of(parameters, [](double v) { return std::isfinite(v); })) {
     fields.Fail("parameters");
   }
-  FeatureNet net(std::move(encoder), size, out[0]);
+  FeatureNet net(std::move(encoder), size, out[0], static_cast<float>(bound[0]));
   std::ranges::transform(parameters, net.parameters().begin(), [](double v) { return static_cast<float>(v); });
   return net;
 }

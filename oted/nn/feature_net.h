@@ -28,13 +28,17 @@ class FeatureNet {
   void Initialize(Rng& rng);
 
   const Encoder& encoder() const { return encoder_; }
+  float bound() const { return bound_; }
   int in() const { return encoder_.in(); }
   int out() const;
+  /// Of the flat vector, in its order: the convolutions' (ConvNet), then the linear ones.
+  const std::vector<Mlp::Layer>& layers() const;
   AlignedVector<float>& parameters();
   const AlignedVector<float>& parameters() const;
   size_t n_parameters() const { return parameters().size(); }
   NetSize size() const;
-  /// Arrays PREFIX/parameters, hidden, filters, mean_pool, out, and the encoder's, PREFIX/input/...
+  /// Arrays PREFIX/parameters, hidden, filters, mean_pool, out, bound where there is one, and the encoder's,
+  /// PREFIX/input/...
   void Save(const std::string& prefix, NpzArrays& arrays) const;
   /// Sizes are checked before anything of that size is made. @throws DataError naming `where`
   static FeatureNet FromArrays(const std::string& prefix, const NpzArrays& arrays, const std::string& where);

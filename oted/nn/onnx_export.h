@@ -2,18 +2,13 @@
 /// A policy as an ONNX model: what leaves the program (docs/file_formats.md, policy.onnx).
 
 #include <filesystem>
-#include <map>
 #include <string>
 
+#include "oted/nn/categorical_policy.h"
+#include "oted/nn/onnx_graph.h"
 #include "oted/nn/tanh_gaussian.h"
 
 namespace oted {
-
-/// The model's metadata_props: names and texts, in the order of the names.
-using OnnxMetadata = std::map<std::string, std::string>;
-
-inline constexpr int kOnnxOpset = 13;     ///< since ONNX 1.8
-inline constexpr int kOnnxIrVersion = 7;  ///< of the same release
 
 /// The bytes of a model with all of the policy in its graph, float32 throughout:
 ///   input   observation (batch, obs_dim), raw
@@ -24,7 +19,17 @@ inline constexpr int kOnnxIrVersion = 7;  ///< of the same release
 /// action_high are added to `metadata` for it. Equal policies and metadata give equal bytes.
 std::string OnnxBytes(const TanhGaussianPolicy& policy, const OnnxMetadata& metadata);
 
+/// The same for a policy over discrete actions, with one-hot encoding, normalisation and convolutions in its graph:
+///   input   observation (batch, obs_dim), raw, an image flattened as the task shows it
+///   output  action      (batch, 1), int64, the most probable one
+///           logits      (batch, n_actions): action i has the probability softmax(logits)_i
+/// n_actions is added to `metadata`.
+std::string OnnxBytes(const CategoricalPolicy& policy, const OnnxMetadata& metadata);
+
+/// That of whichever policy it is.
+std::string OnnxBytes(const Policy& policy, const OnnxMetadata& metadata);
+
 /// Writes them, atomically. @throws DataError
-void WriteOnnx(const TanhGaussianPolicy& policy, const OnnxMetadata& metadata, const std::filesystem::path& path);
+void WriteOnnx(const Policy& policy, const OnnxMetadata& metadata, const std::filesystem::path& path);
 
 }  // namespace oted

@@ -6,67 +6,17 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
-#include "oted/base/error.h"
 #include "oted/nn/gemm.h"
+#include "oted/nn/onnx_call.h"
+#include "oted/nn/onnx_image_operators.h"
 
 namespace oted {
+
+using onnx::Call, onnx::Fail, onnx::Shaped, onnx::kMaxConstant, onnx::kMaxWidth;
+
 namespace {
-
-// Far beyond any policy: what a damaged file may make us allocate.
-constexpr int kMaxWidth = 1 << 16;
-constexpr int64_t kMaxConstant = int64_t{1} << 26;
-
-[[noreturn]] void Fail(const std::string& what) { throw DataError(what); }
-
-/// A node with its inputs, and what operators ask of them.
-struct Call {
-  const OnnxNode& node;
-  std::span<const OnnxValue* const> inputs;
-
-  bool Has(size_t k) const { return k < inputs.size() && inputs[k] != nullptr; }
-  const OnnxValue& Any(size_t k) const {
-    if (!Has(k)) Fail(fmt::format("has no input {}", k + 1));
-    return *inputs[k];
-  }
-  /// A value of floating-point numbers.
-  const OnnxValue& Number(size_t k) const {
-    if (Any(k).data.empty()) Fail(fmt::format("takes floating-point numbers as input {}", k + 1));
-    return *inputs[k];
-  }
-  const OnnxValue& Batch(size_t k) const {
-    if (!Number(k).is_batch) Fail(fmt::format("takes values that depend on the observation as input {}", k + 1));
-    return *inputs[k];
-  }
-  const OnnxValue& Constant(size_t k) const {
-    if (Number(k).is_batch) Fail(fmt::format("takes a constant as input {}", k + 1));
-    return *inputs[k];
-  }
-  const std::vector<int64_t>& Integers(size_t k) const {
-    if (Any(k).integers.empty()) Fail(fmt::format("takes constant integers as input {}", k + 1));
-    return inputs[k]->integers;
-  }
-  bool HasAttribute(const char* name) const { return node.attributes.contains(name); }
-  float Float(const char* name, float otherwise) const {
-    const auto found = node.attributes.find(name);
-    return found == node.attributes.end() ? otherwise : found->second.f;
-  }
-  int64_t Integer(const char* name, int64_t otherwise) const {
-    const auto found = node.attributes.find(name);
-    return found == node.attributes.end() ? otherwise : found->second.i;
-  }
-};
-
-OnnxValue Shaped(bool is_batch, int rows, int cols) {
-  if (cols > kMaxWidth) Fail(fmt::format("makes {} columns, more than {}", cols, kMaxWidth));
-  if (!is_batch && int64_t{rows} * cols > kMaxConstant) Fail(fmt::format("makes a constant of ({}, {})", rows, cols));
-  OnnxValue value;
-  value.is_batch = is_batch;
-  value.rows = rows;
-  value.cols = cols;
-  value.data.resize(static_cast<size_t>(rows) * static_cast<size_t>(cols));
-  return value;
-}
 
 template <class F>
 OnnxValue Unary(const Call& call, F f) {
@@ -230,10 +180,18 @@ OnnxValue Transpose(const Call& call) {
   return y;
 }
 
-/// Rows are observations and stay so: the only new shape that is read is the old one.
+/// Rows are observations and stay so: what is read is the old shape, and rows as images.
 OnnxValue Reshape(const Call& call) {
   const OnnxValue& x = call.Batch(0);
   const std::vector<int64_t>& shape = call.Integers(1);
+  if (shape.size() == 4 && shape[0] <= 0) {
+    int64_t size = 1;
+    for (size_t d = 1; d < 4; ++d) size = shape[d] >= 1 && shape[d] <= x.cols ? size * shape[d] : -1;
+    if (size != x.cols) Fail("to images of another size is not read");
+    OnnxValue y = x;
+    y.image = {static_cast<int>(shape[1]), static_cast<int>(shape[2]), static_cast<int>(shape[3])};
+    return y;
+  }
   const bool keeps = shape.size() == 2 && (shape[1] == x.cols || (shape[1] == -1 && shape[0] != -1));
   if (!keeps) Fail("to another number of columns is not read");
   return x;
@@ -241,7 +199,38 @@ OnnxValue Reshape(const Call& call) {
 
 OnnxValue Flatten(const Call& call) {
   if (call.Integer("axis", 1) != 1) Fail("at an axis other than 1 is not read");
-  return call.Batch(0);
+  OnnxValue y = call.Batch(0);
+  y.image.clear();
+  return y;
+}
+
+OnnxValue Gather(const Call& call) {
+  const OnnxValue& x = call.Batch(0);
+  CheckColumns(call.Integer("axis", 0));
+  const std::vector<int64_t>& columns = call.Integers(1);
+  OnnxValue y = Shaped(true, x.rows, static_cast<int>(std::min<size_t>(columns.size(), kMaxWidth + 1)));
+  float* out = y.data.data();
+  for (int i = 0; i < x.rows; ++i) {
+    for (const int64_t at : columns) {
+      const int64_t column = at < 0 ? at + x.cols : at;
+      if (column < 0 || column >= x.cols) Fail(fmt::format("takes column {} of {}", at, x.cols));
+      *out++ = x.data[static_cast<size_t>(i) * static_cast<size_t>(x.cols) + static_cast<size_t>(column)];
+    }
+  }
+  return y;
+}
+
+/// The index of the largest number of each row, as a number.
+OnnxValue ArgMax(const Call& call) {
+  const OnnxValue& x = call.Batch(0);
+  CheckColumns(call.Integer("axis", 0));
+  if (call.Integer("select_last_index", 0) != 0) Fail("with select_last_index is not read");
+  OnnxValue y = Shaped(true, x.rows, 1);
+  for (size_t i = 0; i < y.data.size(); ++i) {
+    const float* row = x.data.data() + i * static_cast<size_t>(x.cols);
+    y.data[i] = static_cast<float>(std::max_element(row, row + x.cols) - row);
+  }
+  return y;
 }
 
 OnnxValue Cast(const Call& call) {
@@ -293,19 +282,28 @@ const std::map<std::string, Operator, std::less<>>& Table() {
   static const std::map<std::string, Operator, std::less<>> table = {
       {"Abs", [](const Call& c) -> V { return {Unary(c, [](float v) { return std::abs(v); })}; }},
       {"Add", [](const Call& c) -> V { return {Binary(c.Number(0), c.Number(1), std::plus<float>())}; }},
+      {"ArgMax", One<ArgMax>},
       {"Cast", One<Cast>},
       {"Clip", One<Clip>},
       {"Concat", One<Concat>},
       {"Constant", One<ConstantNode>},
+      {"Conv", One<OnnxConv>},
       {"Div", [](const Call& c) -> V { return {Binary(c.Number(0), c.Number(1), std::divides<float>())}; }},
       {"Elu",
        [](const Call& c) -> V {
          const float alpha = c.Float("alpha", 1);
          return {Unary(c, [alpha](float v) { return v < 0 ? alpha * std::expm1(v) : v; })};
        }},
+      {"Equal",
+       [](const Call& c) -> V {
+         return {Binary(c.Number(0), c.Number(1), [](float a, float b) { return a == b ? 1.0f : 0.0f; })};
+       }},
       {"Exp", [](const Call& c) -> V { return {Unary(c, [](float v) { return std::exp(v); })}; }},
       {"Flatten", One<Flatten>},
+      {"Floor", [](const Call& c) -> V { return {Unary(c, [](float v) { return std::floor(v); })}; }},
+      {"Gather", One<Gather>},
       {"Gemm", One<GemmNode>},
+      {"GlobalAveragePool", One<OnnxGlobalAveragePool>},
       {"Identity", [](const Call& c) -> V { return {c.Any(0)}; }},
       {"LeakyRelu",
        [](const Call& c) -> V {
@@ -337,8 +335,22 @@ const std::map<std::string, Operator, std::less<>>& Table() {
 
 OnnxValue ConstantValue(const OnnxTensor& tensor) {
   const size_t rank = tensor.shape.size(), size = tensor.is_integer ? tensor.integers.size() : tensor.floats.size();
-  if (rank > 2 || size == 0) Fail(fmt::format("has a constant of {} dimensions and {} numbers", rank, size));
+  const bool is_filter = rank == 4 && !tensor.is_integer;
+  if ((rank > 2 && !is_filter) || size == 0) {
+    Fail(fmt::format("has a constant of {} dimensions and {} numbers", rank, size));
+  }
   OnnxValue value;
+  if (is_filter) {
+    for (const int64_t n : tensor.shape) {
+      if (n < 1 || n > kMaxWidth) Fail(fmt::format("has a constant whose dimension is {}", n));
+    }
+    if (static_cast<int64_t>(size) > kMaxConstant) Fail(fmt::format("has a constant of {} numbers", size));
+    value.rows = static_cast<int>(tensor.shape[0]);
+    value.cols = static_cast<int>(size / static_cast<size_t>(value.rows));
+    for (size_t d = 1; d < 4; ++d) value.image.push_back(static_cast<int>(tensor.shape[d]));
+    value.data.assign(tensor.floats.begin(), tensor.floats.end());
+    return value;
+  }
   const int64_t rows = rank == 2 ? tensor.shape[0] : 1, cols = rank == 0 ? 1 : tensor.shape[rank - 1];
   if (rows > kMaxWidth || cols > kMaxWidth) Fail(fmt::format("has a constant of ({}, {}) numbers", rows, cols));
   value.rows = static_cast<int>(rows);
@@ -358,6 +370,13 @@ std::vector<std::string> OnnxOperators() {
 std::vector<OnnxValue> ApplyOnnx(const OnnxNode& node, std::span<const OnnxValue* const> inputs) {
   const auto found = Table().find(node.op);
   OTED_CHECK(found != Table().end());
+  static const std::set<std::string> takes_images = {
+      "Abs",      "Clip",      "Conv", "Elu", "Exp",  "Flatten", "Floor",    "GlobalAveragePool",
+      "Identity", "LeakyRelu", "Log",  "Neg", "Relu", "Sigmoid", "Softplus", "Softsign",
+      "Sqrt",     "Tanh"};
+  const bool has_image =
+      std::ranges::any_of(inputs, [](const OnnxValue* x) { return x != nullptr && !x->image.empty(); });
+  if (has_image && !takes_images.contains(node.op)) Fail("is not read on images; flatten them before it");
   return found->second({node, inputs});
 }
 

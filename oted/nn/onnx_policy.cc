@@ -22,7 +22,7 @@ std::string Title(const OnnxNode& node) {
 
 }  // namespace
 
-OnnxPolicy OnnxPolicy::Load(const std::filesystem::path& path) {
+OnnxPolicy OnnxPolicy::Load(const std::filesystem::path& path, const std::string& output_name) {
   OnnxFile file = ReadOnnx(path);
   OnnxPolicy policy;
   policy.path_ = path.string();
@@ -46,9 +46,11 @@ OnnxPolicy OnnxPolicy::Load(const std::filesystem::path& path) {
   policy.input_ = input.name;
   policy.obs_dim_ = static_cast<int>(std::max<int64_t>(input.dims[1], 0));
   if (file.outputs.empty()) fail("has no output");
-  const auto named = std::find_if(file.outputs.begin(), file.outputs.end(),
-                                  [](const OnnxInterface& output) { return output.name == "action"; });
-  policy.output_ = (named == file.outputs.end() ? file.outputs.front() : *named).name;
+  policy.output_ = file.outputs.front().name;
+  for (const std::string& name : {std::string("action"), output_name}) {
+    const auto is_it = [&](const OnnxInterface& output) { return output.name == name; };
+    if (std::ranges::any_of(file.outputs, is_it)) policy.output_ = name;
+  }
 
   // From the output back: only what it needs must be understood.
   std::set<std::string> needed = {policy.output_};
@@ -149,6 +151,7 @@ OnnxValue OnnxPolicy::Evaluate(std::span<const double> observations, int n) cons
   } else if (const auto constant = constants_.find(output_); constant != constants_.end()) {
     output = constant->second;
   }
+  if (!output.image.empty()) Fail(fmt::format("makes images as its output '{}'", output_));
   if (output.data.empty()) Fail(fmt::format("makes no numbers as its output '{}'", output_));
   if (output.is_batch) return output;
   if (output.rows != 1) Fail(fmt::format("makes a constant matrix as its output '{}'", output_));

@@ -11,14 +11,13 @@
 
 namespace oted {
 
-/// A graph with one input, (batch, obs_dim), whose output `action`, or the first when none has that name, is
-/// (batch, act_dim). What other outputs need is not looked at. Computes in float32; actions are as the graph gives
-/// them.
+/// A graph with one input, (batch, obs_dim), whose named output, else `action`, else the first, is (batch, k). What
+/// other outputs need is not looked at. Computes in float32; actions are as the graph gives them.
 class OnnxPolicy {
  public:
   /// @throws DataError naming the file: not ONNX, damaged, a graph of another form, or an operator that is not read,
   /// with the list of those that are.
-  static OnnxPolicy Load(const std::filesystem::path& path);
+  static OnnxPolicy Load(const std::filesystem::path& path, const std::string& output_name = "action");
 
   /// The width of the input; 0 where the file leaves it open.
   int obs_dim() const { return obs_dim_; }

@@ -83,6 +83,22 @@ save("ConstantFloats", [n("Constant", [], ["k"], value_floats=[1.0, 2.0, 3.0, 4.
 save("Double", [n("Gemm", ["x", "W", "b"], ["y"])], [c("W", W3, float), c("b", b3, float)], dtype=T.DOUBLE)
 save("ByName", [n("Tanh", ["x"], ["first"]), n("Neg", ["x"], ["action"])], outputs=("first", "action"))
 save("FloatData", [n("Mul", ["x", "k"], ["y"])], [h.make_tensor("k", T.FLOAT, [4], [1.0, 2.0, 3.0, 4.0])])
+save("ArgMax", [n("ArgMax", ["x"], ["i"], axis=1), n("Cast", ["i"], ["y"], to=T.FLOAT)])
+save("Floor", [n("Floor", ["x"], ["y"])])
+save("Equal", [n("Floor", ["x"], ["f"]), n("Equal", ["f", "k"], ["e"]), n("Cast", ["e"], ["y"], to=T.FLOAT)], [c("k", [0, -1, 1, 0])])
+save("Gather", [n("Gather", ["x", "at"], ["y"], axis=1)], [c("at", [3, 0, 0, -2, 1], np.int64)])
+# Images: columns gathered into two channels of 4 x 3, then what convolutions of other programs have.
+at, shape = c("at", rng.integers(0, 4, 24), np.int64), c("shape", [-1, 2, 4, 3], np.int64)
+image = [n("Gather", ["x", "at"], ["flat"], axis=1), n("Reshape", ["flat", "shape"], ["image"])]
+K = c("K", rng.normal(size=(5, 2, 3, 2)))
+save("Conv", image + [n("Conv", ["image", "K", "kb"], ["z"]), n("Relu", ["z"], ["r"]), n("Flatten", ["r"], ["y"])],
+     [at, shape, K, c("kb", rng.normal(size=5))])
+save("ConvStrides", image + [n("Conv", ["image", "K"], ["z"], strides=[2, 1], kernel_shape=[3, 2]), n("Flatten", ["z"], ["y"])], [at, shape, K])
+save("ConvPads", image + [n("Conv", ["image", "K"], ["z"], pads=[1, 0, 2, 1], strides=[1, 2]), n("Tanh", ["z"], ["t"]),
+     n("Flatten", ["t"], ["y"])], [at, shape, K])
+save("ConvTwice", image + [n("Conv", ["image", "K"], ["z"]), n("Conv", ["z", "K2"], ["zz"]), n("Flatten", ["zz"], ["y"])],
+     [at, shape, K, c("K2", 0.2 * rng.normal(size=(3, 5, 1, 1)))])
+save("GlobalAveragePool", image + [n("GlobalAveragePool", ["image"], ["z"]), n("Flatten", ["z"], ["y"])], [at, shape])
 # What other outputs need is not looked at.
 save("Unread", [n("Tanh", ["x"], ["y"]), n("ReduceSum", ["x"], ["value"], keepdims=0)], outputs=("y", "value"))
 save("External", [n("Gemm", ["x", "W", "b"], ["y"])], [c("W", W3), c("b", b3)], save_as_external_data=True,
@@ -118,7 +134,7 @@ double Worst(const OnnxValue& actions, const std::vector<double>& expected) {
 
 TEST(OnnxPolicy, EveryOperatorGivesWhatOnnxruntimeGives) {
   const Models& models = Models::Get();
-  ASSERT_GT(models.expected.size(), 55u);
+  ASSERT_GT(models.expected.size(), 64u);
   for (const auto& [name, expected] : models.expected) {
     const OnnxPolicy policy = OnnxPolicy::Load(models.folder / (name + ".onnx"));
     EXPECT_LE(Worst(policy.Evaluate(models.observations, 6), expected.ToDouble()), 1e-6) << name;
@@ -233,8 +249,8 @@ TEST(OnnxPolicy, FiveHundredDamagedFilesAreReadOrRefusedAndNeverCrash) {
   Rng init(1);
   own.net().Initialize(init);
   std::vector<std::string> sources = {OnnxBytes(own, {{"task", "Mine-v0"}})};
-  for (const char* name :
-       {"GemmTransposed", "Slice", "SplitSizes", "CastInteger", "ClipHigh", "External", "Constant"}) {
+  for (const char* name : {"GemmTransposed", "Slice", "SplitSizes", "CastInteger", "ClipHigh", "External", "Constant",
+                           "Conv", "ConvPads", "GlobalAveragePool", "ArgMax", "Equal"}) {
     sources.push_back(ReadFile(models.folder / (std::string(name) + ".onnx")));
   }
   // Beside External.data, so that its offsets are followed.

@@ -1,6 +1,8 @@
 // Stages 4 and 5: the agents, and which of them is used.
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
 #include "oted/report/sections.h"
@@ -28,8 +30,12 @@ std::string ReturnMatrix(const json& selection) {
     returns.push_back(ListAt(agent, "returns"));
   }
   if (agents.empty() || simulators.empty()) return "";
+  bool small = true;  // as a grid world's returns are
+  for (const json& row : returns) {
+    for (const json& value : row) small = small && std::abs(AsNumber(value).value_or(0)) < 10;
+  }
   return MatrixFigure("Return of every agent in every designed simulator", simulators, agents, returns,
-                      {{0, "var:--surface"}, {1, "var:--heat"}}, "%{z:,.0f}")
+                      {{0, "var:--surface"}, {1, "var:--heat"}}, small ? "%{z:.3f}" : "%{z:,.0f}")
       .Html("wide");
 }
 

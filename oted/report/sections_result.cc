@@ -96,11 +96,13 @@ Section PoliciesSection(const json& report) {
   const json& policies = ListAt(report, "policies");
   if (policies.empty()) return section;
   const std::optional<double> episodes = NumberAt(report["evaluation"], "episodes");
+  const bool has_expert = std::ranges::any_of(policies, [](const json& p) { return TextAt(p, "name") == "expert"; });
   section.html = fmt::format(
       "<p>What each policy earns where it counts: in the target, the simulator at the true values{}, with the standard "
-      "deviation over episodes. None of them was trained there. The score is D4RL's: 0 for a random policy and 100 for "
-      "an expert, both in the original task.</p>\n",
-      episodes ? fmt::format(", over {} episodes", FormatCount(episodes)) : "");
+      "deviation over episodes. None of them was trained there. {}</p>\n",
+      episodes ? fmt::format(", over {} episodes", FormatCount(episodes)) : "",
+      has_expert ? "The score is 0 for random actions and 100 for one who sees everything and takes the shortest path."
+                 : "The score is D4RL's: 0 for a random policy and 100 for an expert, both in the original task.");
   HtmlTable table;
   table.Column("Policy", HtmlTable::Align::kText).Column("Return").Column("Score");
   for (const json& policy : policies) {
@@ -108,7 +110,7 @@ Section PoliciesSection(const json& report) {
     table.Row({Escape(label.empty() ? TextAt(policy, "name") : label),
                FormatSpread(NumberAt(policy, "mean_return"), NumberAt(policy, "std_return")),
                FormatPoints(NumberAt(policy, "score"))},
-              TextAt(policy, "name") == "oted_sac");
+              TextAt(policy, "name").starts_with("oted_"));
   }
   section.html += table.Html();
   return section;

@@ -148,9 +148,9 @@ void AddPolicies(const json& report, json* found) {
   for (const json& policy : ListAt(report, "policies")) {
     const std::optional<double> value = NumberAt(policy, "mean_return");
     const std::string name = TextAt(policy, "name");
-    if (name == "oted_sac") ours = value;
+    if (name.starts_with("oted_")) ours = value;
     if (name == "clone") clone = value;
-    if (name == "sac_undesigned") undesigned = value;
+    if (name.ends_with("_undesigned")) undesigned = value;
   }
   if (!ours) return;
   std::string text =

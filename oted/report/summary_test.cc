@@ -133,5 +133,14 @@ TEST(SummariseTest, ComparesThePoliciesByName) {
                                                      HasSubstr("original simulator 613")));
 }
 
+TEST(SummariseTest, AgentsOfEitherAlgorithmAreNamed) {
+  const json summary = Summarise({{"policies",
+                                   {{{"name", "ppo_undesigned"}, {"mean_return", 0.917}},
+                                    {{"name", "oted_ppo"}, {"mean_return", 0.929}},
+                                    {{"name", "expert"}, {"mean_return", 0.96}}}}});
+  EXPECT_THAT(Text(summary["found"]),
+              testing::AllOf(HasSubstr("returns 0.929"), HasSubstr("original simulator 0.917")));
+}
+
 }  // namespace
 }  // namespace oted

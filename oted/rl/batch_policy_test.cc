@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "oted/base/error.h"
@@ -83,6 +84,57 @@ TEST(LoadBatchPolicy, AFileOfAnotherTaskOrKindIsADataErrorThatNamesIt) {
     EXPECT_NE(message.find(name), std::string::npos);
     EXPECT_NE(message.find("PointMass"), std::string::npos);
   }
+}
+
+/// Three actions with probabilities 0.6, 0.3, 0.1 whatever is seen.
+CategoricalPolicy Lottery() {
+  Array2<double> rows(2, 2, 1.0);
+  CategoricalPolicy policy(rows, {}, {}, 3);
+  auto& p = policy.net().parameters();
+  std::fill(p.begin(), p.end(), 0.0f);
+  const float chances[] = {0.6f, 0.3f, 0.1f};
+  for (size_t i = 0; i < 3; ++i) p[6 + i] = std::log(chances[i]);
+  return policy;
+}
+
+SimulatorSpec Discrete(int n_actions) {
+  SimulatorSpec spec = PointMass::MakeSpec({});
+  spec.n_discrete_actions = n_actions;
+  return spec;
+}
+
+TEST(LoadBatchPolicy, DiscreteActionsOfBothFilesAreDrawnOrTheMostProbable) {
+  const TestFolder folder;
+  Lottery().Save(folder / "policy.npz");
+  WriteOnnx(Lottery(), {}, folder / "policy.onnx");
+  constexpr int kDraws = 3000;
+  const std::vector<double> observations(2 * kDraws);
+  for (const char* name : {"policy.npz", "policy.onnx"}) {
+    std::vector<double> actions(kDraws);
+    LoadBatchPolicy(folder / name, Discrete(3), ActionNoise::kSampled, Rng(5))(observations, kDraws, actions);
+    EXPECT_NEAR(std::ranges::count(actions, 0.0), 0.6 * kDraws, 5 * std::sqrt(0.24 * kDraws)) << name;
+    EXPECT_NEAR(std::ranges::count(actions, 2.0), 0.1 * kDraws, 5 * std::sqrt(0.09 * kDraws)) << name;
+    LoadBatchPolicy(folder / name, Discrete(3))(observations, kDraws, actions);
+    EXPECT_EQ(std::ranges::count(actions, 0.0), kDraws) << name;
+  }
+}
+
+TEST(LoadBatchPolicy, APolicyOfOtherActionsIsADataErrorThatNamesBoth) {
+  const TestFolder folder;
+  Lottery().Save(folder / "policy.npz");
+  WriteOnnx(Lottery(), {}, folder / "policy.onnx");
+  MakePolicy().Save(folder / "other.npz");
+  const auto message = [&](const char* name, const SimulatorSpec& spec) {
+    return MessageOf<DataError>([&] {
+      std::vector<double> action(1);
+      const BatchPolicy act = LoadBatchPolicy(folder / name, spec, ActionNoise::kSampled);
+      act(std::vector<double>{0, 0}, 1, action);
+    });
+  };
+  EXPECT_NE(message("policy.npz", Discrete(2)).find("3 discrete actions"), std::string::npos);
+  EXPECT_NE(message("policy.npz", PointMass::MakeSpec({})).find("has continuous ones"), std::string::npos);
+  EXPECT_NE(message("other.npz", Discrete(3)).find("has continuous actions"), std::string::npos);
+  EXPECT_NE(message("policy.onnx", Discrete(7)).find("3 actions"), std::string::npos);
 }
 
 TEST(LoadBatchPolicy, AnActionThatIsNotFiniteIsADataErrorThatNamesTheFile) {

@@ -1,10 +1,11 @@
-"""Demonstrations and designs in the grid worlds, and what the verbs say that do not take them yet.
+"""Demonstrations, designs and agents in the grid worlds.
 
     test_minigrid.py PATH/TO/oted [TestMinigrid.test_name ...]
 """
 
 import json
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -14,6 +15,7 @@ import gymnasium
 import h5py
 import minari
 import numpy as np
+import onnxruntime
 
 OTED = None  # the program's path, from the command line
 
@@ -93,8 +95,10 @@ class TestMinigrid(unittest.TestCase):
         self.assertOneLine(self.oted("behavior", "--task", TASK, "--out", out), "oted collect")
         self.assertEqual(self.collect("--policy", "expert").returncode, 0)
         words = ("--task", TASK, "--param", DENSITY, "--data", self.demos, "--out", out)
-        self.assertOneLine(self.oted("train", *words), "discrete actions", "oted design")
-        self.assertOneLine(self.oted("design", *words, "--set", "design.discriminator=sas"), "images", "sa")
+        self.assertOneLine(self.oted("train", *words, "--set", "agents.algorithm=sac"), "discrete actions", "ppo")
+        self.assertFalse(out.exists())
+        self.assertOneLine(self.oted("design", *words, "--set", "design.form=images", "--set", "design.discriminator=sas"),
+                           "images", "sa")
 
     def config(self, *lines):
         file = self.folder / "m.toml"
@@ -102,7 +106,10 @@ class TestMinigrid(unittest.TestCase):
             "[task]", f'name = "{TASK}"', "[data]", f'path = "{self.demos}"', "[parameters]",
             'density = { field = "env/density", range = [0.0, 0.6], scale = "absolute" }',
             "[truth]", "density = 0.4", "[selection]", "n_seeds = 2", "n_sims = 4", "judge_steps = 20",
-            "[clone]", "max_steps = 200", "[design]", "n_iterations = 25", "n_sims = 64", *lines]))
+            "[clone]", "max_steps = 200", "[design]", "n_iterations = 25", "n_sims = 64",
+            "discriminator_steps = 20", *lines, "[agents]", "selection_episodes = 4",
+            "target_episodes = 50", "[ppo]", "n_steps = 12000", "eval_interval = 6000", "learning_rate = 0.001",
+            "batch_size = 256", "n_epochs = 4", "hidden = [32]", "filters = [8, 8]"]))
         return file
 
     def run_small(self, *lines):
@@ -113,10 +120,17 @@ class TestMinigrid(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         return out, result
 
-    def test_a_run_designs_the_density_from_images_and_says_that_it_trains_no_agent(self):
+    def test_a_run_designs_the_density_from_images_and_trains_agents_in_it(self):
         out, result = self.run_small()
-        self.assertIn("no agent is trained", result.stderr)
         self.assertNotIn("constant_channels", result.stderr)
+        evaluation = json.loads((out / "evaluation.json").read_text())
+        returns = {p["name"]: p["mean_return"] for p in evaluation["policies"]}
+        self.assertEqual(list(returns), ["random", "clone", "ppo_undesigned", "oted_ppo", "expert"])
+        self.assertEqual(returns["expert"], max(returns.values()))
+        scores = {p["name"]: p["score"] for p in evaluation["policies"]}
+        self.assertEqual((scores["random"], scores["expert"]), (0, 100))
+        self.assertIn("OTED-PPO", result.stdout)
+        self.agents_are_whole(out)
         design = json.loads((out / "design.json").read_text())
         # Far from the un-designed 0.2, with settings so small.
         self.assertLess(abs(design["parameters"][0]["mode"] - 0.4), 0.12)
@@ -130,6 +144,40 @@ class TestMinigrid(unittest.TestCase):
         self.assertEqual(images["logged"][0], first)
         share = {name: np.mean(np.array(images[name]) == 2) for name in ("nominal", "designed")}
         self.assertGreater(share["designed"], share["nominal"])
+
+    def agents_are_whole(self, out):
+        agent = json.loads((out / "agents" / "1" / "agent.json").read_text())
+        self.assertEqual(agent["algorithm"], "ppo")
+        curves = (out / "agents" / "1" / "curves.csv").read_text()
+        for key in ("eval/mean_reward", "rollout/ep_rew_mean", "train/policy_gradient_loss", "train/value_loss"):
+            self.assertIn(f",{key},", curves)
+        selected = json.loads((out / "policy_selection.json").read_text())["selected"]
+        self.assertEqual((out / "policy.onnx").read_bytes(), (out / "agents" / str(selected) / "policy.onnx").read_bytes())
+        # One policy, two files: the same episodes, drawn or most probable.
+        for how in ("sampled", "most_probable"):
+            results = []
+            for file in ("policy.npz", "policy.onnx"):
+                result = self.oted("evaluate", "--policy", out / "agents" / "1" / file, "--task", TASK, "--episodes", "20",
+                                   "--json", "--set", f"ppo.evaluate={how}")
+                self.assertEqual((result.returncode, result.stderr), (0, ""))
+                results.append(json.loads(result.stdout)["episodes"])
+            self.assertEqual(results[0], results[1])
+        # The graph holds the encoding: raw observations in, as onnxruntime runs it.
+        session = onnxruntime.InferenceSession(out / "policy.onnx", providers=["CPUExecutionProvider"])
+        with h5py.File(self.demos) as logs:
+            action, logits = session.run(["action", "logits"], {"observation": logs["observations"][:50].astype(np.float32)})
+        np.testing.assert_array_equal(action[:, 0], np.argmax(logits, axis=1))
+        self.assertEqual(logits.shape, (50, 3))
+        # What is missing is made again, byte for byte, at another number of threads.
+        before = {name: (out / name).read_bytes() for name in ("agents/1/policy.npz", "policy_selection.json", "policy.onnx")}
+        for folder in ("agents", "undesigned"):
+            shutil.rmtree(out / folder)
+        for name in ("policy_selection.json", "policy.onnx"):
+            (out / name).unlink()
+        result = self.oted("select-policy", "--out", out, "--threads", "1", "--quiet")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for name, content in before.items():
+            self.assertEqual((out / name).read_bytes(), content, name)
 
     def test_the_categorical_designer_answers_with_a_grid_value(self):
         out, _ = self.run_small('designer = "categorical"')

@@ -88,6 +88,17 @@ MinigridPolicy MinigridPolicyNamed(const std::string& name) {
                                DidYouMean(name, {"expert", "medium"})));
 }
 
+BatchPolicy OnTrueStates(const MinigridSimulator& simulator, const MinigridPolicy& policy, Rng rng) {
+  return [&simulator, policy, rng](std::span<const double>, int n, std::span<double> actions) mutable {
+    // The rows are those of the lanes that run, in their order.
+    size_t row = 0;
+    for (int lane = 0; lane < simulator.n_lanes(); ++lane) {
+      if (simulator.status(lane) == LaneStatus::kRunning) actions[row++] = policy(simulator.state(lane), rng);
+    }
+    OTED_CHECK(row == static_cast<size_t>(n));
+  };
+}
+
 Dataset CollectMinigridDemonstrations(const MinigridSimulatorFactory& factory, const std::vector<double>& z,
                                       const MinigridPolicy& policy, int n_episodes, RngKey key, int n_threads) {
   if (n_episodes < 1) throw UsageError(fmt::format("got {} episodes, wanted at least 1", n_episodes));

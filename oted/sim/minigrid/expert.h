@@ -9,6 +9,7 @@
 #include "oted/data/dataset.h"
 #include "oted/sim/minigrid/grid.h"
 #include "oted/sim/minigrid/minigrid_simulator.h"
+#include "oted/sim/rollout.h"
 
 namespace oted {
 
@@ -52,6 +53,9 @@ MinigridPolicy MinigridMedium(double mistakes = 0.3, TieBreak ties = TieBreak::k
 
 /// "expert" or "medium", with the settings above. @throws UsageError for another name
 MinigridPolicy MinigridPolicyNamed(const std::string& name);
+
+/// `policy` in RunEpisodes, on the true states of `simulator`, which must outlive it and be the one that runs.
+BatchPolicy OnTrueStates(const MinigridSimulator& simulator, const MinigridPolicy& policy, Rng rng);
 
 /// Logs `n_episodes` episodes at parameters `z`: observations (N, obs_dim), actions (N, 1), rewards, terminals and
 /// timeouts, and nothing that names `z`. Episode i depends on key and i alone.

@@ -5,6 +5,7 @@
 #include <array>
 #include <deque>
 #include <map>
+#include <set>
 
 #include "oted/base/testing.h"
 
@@ -122,6 +123,27 @@ TEST(MinigridMedium, IsTheExpertWithoutMistakesAndSlowerWithThem) {
   EXPECT_GT(collect(MinigridMedium(1)).size(), 5 * medium.size());
   EXPECT_EQ(collect(MinigridMedium(), 2).observations, medium.observations);
   EXPECT_THROW(MinigridMedium(1.5), UsageError);
+}
+
+TEST(OnTrueStates, InRunEpisodesTheExpertTakesTheShortestPathOfEachLanesOwnGrid) {
+  const MinigridSimulatorFactory factory(Task("wall", true), {kDensity});
+  constexpr int kLanes = 12;
+  const std::vector<std::vector<double>> z(kLanes, {0.3});
+  const RngKey key(8);
+  const auto simulator = factory.MakeMinigrid(kLanes, 1);
+  const auto episodes = RunEpisodes(*simulator, z, OnTrueStates(*simulator, MinigridExpert(), Rng(1)), key);
+  const auto starts = factory.MakeMinigrid(kLanes, 1);
+  std::set<int> lengths;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    starts->SetParameters(lane, z[0]);
+    Rng rng = key.Index(static_cast<uint64_t>(lane)).MakeRng();
+    starts->Reset(lane, rng);
+    const EpisodeResult& episode = episodes[static_cast<size_t>(lane)];
+    EXPECT_EQ(episode.n_steps, ShortestPaths(starts->state(lane).grid).Actions(starts->state(lane)));
+    EXPECT_EQ(episode.end, LaneStatus::kTerminated);
+    lengths.insert(episode.n_steps);
+  }
+  EXPECT_GT(lengths.size(), 1u) << "lanes that end at different times are the case";
 }
 
 TEST(CollectMinigridDemonstrations, ComesBackFromAFileAsItWas) {

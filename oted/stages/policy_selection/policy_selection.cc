@@ -6,13 +6,13 @@
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
 #include "oted/base/statistics.h"
-#include "oted/rl/sac.h"
+#include "oted/rl/training.h"
 
 namespace oted {
 
-PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<TanhGaussianPolicy>& agents,
-                                   const std::vector<std::vector<double>>& modes, int n_episodes, RngKey key,
-                                   const RunContext& context) {
+PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<const Policy*>& agents,
+                                   const std::vector<std::vector<double>>& modes, int n_episodes, ActionNoise noise,
+                                   RngKey key, const RunContext& context) {
   OTED_CHECK(!agents.empty() && !modes.empty());
   const int n_agents = static_cast<int>(agents.size()), n_modes = static_cast<int>(modes.size());
   PolicySelectionResult result;
@@ -21,7 +21,7 @@ PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::v
   ParallelFor(n_agents * n_modes, context.n_threads, [&](int cell) {
     context.ThrowIfStopped();
     const size_t j = static_cast<size_t>(cell / n_modes), i = static_cast<size_t>(cell % n_modes);
-    episodes[static_cast<size_t>(cell)] = RunPolicy(factory, agents[j], {modes[i]}, n_episodes, 1, key);
+    episodes[static_cast<size_t>(cell)] = RunPolicy(factory, *agents[j], {modes[i]}, n_episodes, 1, key, noise);
     context.log->Progress("select", "policies", ++n_done, n_agents * n_modes, "");
   });
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "oted/base/log.h"
-#include "oted/nn/tanh_gaussian.h"
+#include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
@@ -16,12 +16,12 @@ struct PolicySelectionResult {
   int selected = 0;                          ///< index of the agent with the highest mean
 };
 
-/// Steps 3 and 4: evaluates every policy pi_j in every M(z_i), `n_episodes` episodes each with the mean action, and
+/// Steps 3 and 4: evaluates every policy pi_j in every M(z_i), `n_episodes` episodes each acting as `noise` says, and
 /// picks the highest average. All agents meet the same start states. A diverged episode is a failure: it counts as the
 /// lowest return of all episodes of all agents. Among equal averages the agent with fewer of them is taken, then the
 /// first.
-PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<TanhGaussianPolicy>& agents,
-                                   const std::vector<std::vector<double>>& modes, int n_episodes, RngKey key,
-                                   const RunContext& context);
+PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<const Policy*>& agents,
+                                   const std::vector<std::vector<double>>& modes, int n_episodes, ActionNoise noise,
+                                   RngKey key, const RunContext& context);
 
 }  // namespace oted

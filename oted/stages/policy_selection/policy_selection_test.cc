@@ -2,7 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "oted/rl/sac.h"
+#include "oted/nn/tanh_gaussian.h"
+#include "oted/rl/training.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -18,9 +19,17 @@ TanhGaussianPolicy Spring(float stiffness) {
 
 const std::vector<std::vector<double>> kModes = {{0.5, 1, 0}, {1.0, 1, 0}, {2.0, 0.5, 1}};
 
-PolicySelectionResult Select(const std::vector<TanhGaussianPolicy>& agents, int n_threads = 1) {
+PolicySelectionResult SelectIn(const SimulatorFactory& factory, const std::vector<TanhGaussianPolicy>& agents,
+                               const std::vector<std::vector<double>>& modes, int n_episodes, int n_threads = 1) {
   NullSink log;
-  return SelectPolicy(PointMassFactory(), agents, kModes, 6, RngKey(9), {.log = &log, .n_threads = n_threads});
+  std::vector<const Policy*> policies;
+  for (const TanhGaussianPolicy& agent : agents) policies.push_back(&agent);
+  return SelectPolicy(factory, policies, modes, n_episodes, ActionNoise::kMean, RngKey(9),
+                      {.log = &log, .n_threads = n_threads});
+}
+
+PolicySelectionResult Select(const std::vector<TanhGaussianPolicy>& agents, int n_threads = 1) {
+  return SelectIn(PointMassFactory(), agents, kModes, 6, n_threads);
 }
 
 TEST(SelectPolicy, PicksTheBetterOfTwoWhereverItStands) {
@@ -52,11 +61,10 @@ TEST(SelectPolicy, EqualAgentsGetEqualReturnsAndTheFirstIsTaken) {
 
 TEST(SelectPolicy, WhoBreaksThePhysicsDoesNotWinByAnEarlyEnd) {
   // Rewards are negative: pushing the mass past the edge ends the episode at a return near zero.
-  NullSink log;
   const PointMassFactory factory({.diverge_beyond = 1.05, .max_episode_steps = 60});
   const std::vector<TanhGaussianPolicy> agents = {Spring(-9), Spring(0)};
   const std::vector<std::vector<double>> modes = {{2.0, 0.2, 0}};
-  const auto result = SelectPolicy(factory, agents, modes, 6, RngKey(9), {.log = &log, .n_threads = 1});
+  const auto result = SelectIn(factory, agents, modes, 6);
   ASSERT_EQ(result.n_diverged, (std::vector<int>{6, 0}));
   EXPECT_GT(MeanReturn(RunPolicy(factory, agents[0], modes, 6, 1, RngKey(9))), result.mean_return[1])
       << "the case tests nothing when the early end is no advantage";
@@ -66,10 +74,8 @@ TEST(SelectPolicy, WhoBreaksThePhysicsDoesNotWinByAnEarlyEnd) {
 
 TEST(SelectPolicy, AmongEqualMeansTheOneWithFewerDivergedEpisodesIsTaken) {
   // With one episode each the failure counts as the other's return.
-  NullSink log;
   const PointMassFactory factory({.diverge_beyond = 1.05, .max_episode_steps = 60});
-  const auto result =
-      SelectPolicy(factory, {Spring(-9), Spring(0)}, {{2.0, 0.2, 0}}, 1, RngKey(9), {.log = &log, .n_threads = 1});
+  const auto result = SelectIn(factory, {Spring(-9), Spring(0)}, {{2.0, 0.2, 0}}, 1);
   ASSERT_EQ(result.n_diverged, (std::vector<int>{1, 0}));
   EXPECT_EQ(result.mean_return[0], result.mean_return[1]);
   EXPECT_EQ(result.selected, 1);

@@ -1,0 +1,115 @@
+#pragma once
+/// What training an agent is, whatever the algorithm: segments of control steps, an evaluation after each, the policy
+/// that is kept, checkpoints. Knows nothing of the design: where an episode's parameters come from is a callback.
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "oted/base/error.h"
+#include "oted/base/log.h"
+#include "oted/data/npz.h"
+#include "oted/nn/policy.h"
+#include "oted/sim/rollout.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// Draws the parameters z of a new episode.
+using EpisodeParameters = std::function<std::vector<double>(Rng& rng)>;
+
+/// How long an agent trains and how it is looked at on the way.
+struct TrainingSchedule {
+  int64_t n_steps = 0;        ///< control steps over all lanes
+  int64_t eval_interval = 0;  ///< of a segment, in control steps
+  int eval_episodes = 0;
+  std::string keep;                        ///< "best" or "last"
+  ActionNoise noise = ActionNoise::kMean;  ///< how the policy acts where it is evaluated
+};
+
+/// What training gave, beside the policy itself.
+struct LearningCurve {
+  double eval_return = 0;            ///< mean return of the kept policy in the simulators it was evaluated in
+  int n_diverged = 0;                ///< of that evaluation's episodes
+  std::vector<int64_t> eval_steps;   ///< environment steps ...
+  std::vector<double> eval_returns;  ///< ... and the mean return there
+  std::vector<float> kept;           ///< the kept policy's parameters
+};
+
+/// Undiscounted returns and lengths of the training episodes that ended since Begin.
+class EpisodeStatistics {
+ public:
+  explicit EpisodeStatistics(int n_lanes) : lanes_(static_cast<size_t>(n_lanes)) {}
+  void Begin();
+  void AddStep(int lane, double reward);
+  void EndEpisode(int lane);
+  const std::vector<double>& returns() const { return returns_; }
+  const std::vector<double>& lengths() const { return lengths_; }
+
+ private:
+  struct Running {
+    double episode_return = 0, length = 0;
+  };
+  std::vector<Running> lanes_;
+  std::vector<double> returns_, lengths_;
+};
+
+/// An algorithm at work on one agent. What it holds between two segments goes through Save and Restore.
+class Learner {
+ public:
+  virtual ~Learner() = default;
+  virtual int64_t n_steps() const = 0;
+  /// The present policy, and its parameters as one flat vector.
+  virtual const Policy& policy() const = 0;
+  virtual std::span<const float> policy_parameters() const = 0;
+  /// Trains, from fresh episodes on, until `end` control steps have been made; `tick` is called now and then.
+  virtual void RunSegment(int64_t end, const std::function<void()>& tick) = 0;
+  virtual const EpisodeStatistics& episodes() const = 0;
+  /// Names and values for the log, of the last gradient step.
+  virtual std::vector<std::pair<std::string, double>> Losses() const = 0;
+  virtual void Save(NpzArrays& arrays) = 0;
+  /// @throws std::exception of any kind where the arrays are not those of Save
+  virtual void Restore(const NpzArrays& arrays) = 0;
+};
+
+/// Called after each evaluation with the steps made and the mean return.
+using EvaluationObserver = std::function<void(int64_t step, double eval_return)>;
+
+/// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes, ends with
+/// an evaluation of the policy (episode k in `eval_parameters[k mod size]`) and a checkpoint in `folder`,
+/// so that a stopped run that goes on gives the same bytes as one that was not stopped. The kept policy is that of the
+/// highest mean return (or the last); an evaluation in which every episode diverged is below any other.
+/// @param folder  of this agent: checkpoint.npz while it trains. Its learning curve goes to the log under `run_name`.
+/// @throws Interrupted at a segment's end when a stop was requested; DataError for a checkpoint that does not fit.
+LearningCurve TrainInSegments(Learner& learner, const SimulatorFactory& factory,
+                              const std::vector<std::vector<double>>& eval_parameters, const TrainingSchedule& schedule,
+                              RngKey key, const std::filesystem::path& folder, const std::string& run_name,
+                              const RunContext& context, const EvaluationObserver& observer);
+
+/// A checkpoint's array of `size` numbers, stored as T. @throws DataError
+template <class T>
+const std::vector<T>& CheckpointValues(const NpzArrays& arrays, const std::string& name, size_t size) {
+  const auto found = arrays.find(name);
+  const std::vector<T>* values = found == arrays.end() ? nullptr : std::get_if<std::vector<T>>(&found->second.values);
+  if (values == nullptr || values->size() != size) throw DataError(fmt::format("no fitting array '{}'", name));
+  return *values;
+}
+
+/// A random stream as an array, and back. @throws DataError
+NpyArray RngArray(const Rng& rng);
+void RestoreRng(const NpzArrays& arrays, const char* name, Rng& rng);
+
+/// `n_episodes` episodes of the policy, by default of its deterministic action; episode k runs in `z[k mod z.size()]`.
+std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
+                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
+                                     RngKey key, ActionNoise noise = ActionNoise::kMean);
+/// Their mean return; a diverged episode counts as the lowest of them (ComparableReturns).
+double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
+                      int n_episodes, int n_threads, RngKey key, ActionNoise noise = ActionNoise::kMean);
+
+}  // namespace oted
