@@ -26,7 +26,7 @@ import subprocess
 import tempfile
 import time
 
-from study_data import HIGH, LOW, PARAMETERS, ROOT, TASKS, write_record
+from study_data import HIGH, LOW, PARAMETERS, ROOT, TASKS, commit, write_record
 
 FIELDS = PARAMETERS | {"gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
                        "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
@@ -91,7 +91,7 @@ def run_case(task, noise, kind, case, oted, file, extra):
                        for p in answer["parameters"]],
         "correlation": answer["correlation"], "verdict": answer["verdict"], "nominal_common": answer["nominal_common"],
         "common": answer["settings"][0]["common"], "fit": q.get("fit"),
-        "n_transitions": answer["dataset"]["n_transitions"]})
+        "n_transitions": answer["dataset"]["n_transitions"], "commit": commit()})
 
 
 def is_right(record):
