@@ -91,7 +91,8 @@ def run_case(task, noise, kind, case, oted, file, extra):
                        for p in answer["parameters"]],
         "correlation": answer["correlation"], "verdict": answer["verdict"], "nominal_common": answer["nominal_common"],
         "common": answer["settings"][0]["common"], "fit": q.get("fit"),
-        "n_transitions": answer["dataset"]["n_transitions"], "commit": commit()})
+        "n_transitions": answer["dataset"]["n_transitions"], "settings": extra[1::2],
+        "commit": commit()})
 
 
 def is_right(record):

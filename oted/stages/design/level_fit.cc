@@ -81,6 +81,8 @@ bool LevelFit::Step() {
     x_ = x;
     for (size_t w = 0; w < moved.size(); ++w) {
       if (better[w]) level_.starts[w] = starts[w];
+      residuals_[w] = linear_[w].residual = moved[w];
+      linear_[w].valid = linear_[w].valid && moved[w].size() > 0;
       damping_of_start_[w] =
           better[w] ? std::max(1e-6, damping_of_start_[w] * 0.2) : std::min(1e4, damping_of_start_[w] * 6);
     }
@@ -91,7 +93,7 @@ bool LevelFit::Step() {
 }
 
 double LevelFit::FinalCost() {
-  Linearize(Tangents());
+  EstimateNoise();
   double cost = Cost(residuals_, x_);
   for (const VectorXd& r : residuals_) cost += r.size() > 0 ? 0.5 * variance_.array().log().sum() * n_steps() : 0;
   return cost;

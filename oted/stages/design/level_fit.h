@@ -31,7 +31,8 @@ class LevelFit {
   /// One Gauss-Newton step on x and all starts.
   /// @return whether x moved by less than a quarter of its uncertainty
   bool Step();
-  /// Negative log likelihood at the present x, starts and noise; comparable between fits of the same windows.
+  /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
+  /// windows.
   double FinalCost();
   /// The last step, after FinalCost: one undamped Newton step on x with derivatives that are secants over the scale of
   /// the uncertainty, of x and of every start. Under noise the cost is rough at a smaller scale, since contacts begin
