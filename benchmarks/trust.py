@@ -158,6 +158,7 @@ def main():
     parser.add_argument("--noise", default=[0.0, 0.02], type=float, nargs="+")
     parser.add_argument("--classes", default=list(CLASSES), choices=CLASSES, nargs="+")
     parser.add_argument("--cases", default=20, type=int)
+    parser.add_argument("--first", default=1, type=int, help="number of the first case")
     parser.add_argument("--jobs", default=2, type=int)
     parser.add_argument("--set", default=[], action="append", help="passed on to oted design")
     parser.add_argument("--table", action="store_true", help="print the tables of what is there; run nothing")
@@ -166,7 +167,7 @@ def main():
         extra = [word for setting in (*SHORT, *arguments.set) for word in ("--set", setting)]
         with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
             jobs = []
-            for case in range(1, arguments.cases + 1):
+            for case in range(arguments.first, arguments.first + arguments.cases):
                 for kind in arguments.classes:
                     for noise in arguments.noise:
                         file = arguments.out / f"{arguments.task}-{noise:g}-{kind}-{case}.json"
