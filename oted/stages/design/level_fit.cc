@@ -20,10 +20,11 @@ constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, b
 constexpr double kHeaviness = 0.5;       // degrees of freedom of rho, per number of a window
 constexpr int kAttempts = 5;
 constexpr double kSettled = 0.25;  // of the uncertainty of x
-// Secants, in standard deviations: of x given all stretches; of a start coordinate given the others.
+// Secants, in standard deviations of a coordinate given the others.
 constexpr double kSecantOfX = 0.5, kSecantOfStart = 1.0;
 constexpr double kLongestSecantOfX = 0.02;     // in x: half a hundredth of the range
 constexpr double kLongestSecantOfStart = 0.5;  // in standard deviations of the channel's noise
+constexpr double kHardlyTold = 0.3;            // in x: a direction with such a standard deviation
 constexpr double kLongestLastStep = 3.0;       // in standard deviations of x; further, the quadratic model is a guess
 
 }  // namespace
@@ -119,9 +120,17 @@ std::vector<StretchEvidence> LevelFit::Evidence() const {
 MatrixXd LevelFit::Finish() {
   Linearize(Secants());
   const StretchEstimate estimate = EstimateFromStretches(Evidence(), x_, Designer::kPriorStd);
-  const VectorXd std = estimate.covariance.diagonal().cwiseSqrt();
-  const double length = (estimate.step.array() / std.array()).abs().maxCoeff() / kLongestLastStep;
-  x_ = (x_ + estimate.step / std::max(1.0, length)).cwiseMax(-kMaxX).cwiseMin(kMaxX);
+  // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
+  // matter as a product would leave it.
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);
+  VectorXd along = axes.eigenvectors().transpose() * estimate.step;
+  double length = 1;
+  for (int i = 0; i < along.size(); ++i) {
+    const double std = std::sqrt(axes.eigenvalues()[i]);
+    if (std > kHardlyTold) along[i] = 0;
+    length = std::max(length, std::abs(along[i]) / (kLongestLastStep * std));
+  }
+  x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(-kMaxX).cwiseMin(kMaxX);
   return estimate.covariance;
 }
 
@@ -181,7 +190,8 @@ LevelFit::Differences LevelFit::Secants() const {
     const VectorXd std = e.start_start.diagonal().cwiseSqrt().cwiseInverse();
     steps.starts[w] = (kSecantOfStart * std).cwiseMin(longest).cwiseMax(steps.starts[w]);
   }
-  const VectorXd std = hessian.inverse().diagonal().cwiseSqrt();
+  // Of each alone: two parameters that trade off are uncertain over lengths on which their effects bend.
+  const VectorXd std = hessian.diagonal().cwiseSqrt().cwiseInverse();
   steps.x = (kSecantOfX * std).cwiseMin(kLongestSecantOfX).cwiseMax(steps.x);
   return steps;
 }

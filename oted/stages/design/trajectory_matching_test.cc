@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "oted/base/error.h"
@@ -10,6 +11,7 @@
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/testing.h"
+#include "oted/matching/verdict.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -74,8 +76,7 @@ TEST(MatchTrajectories, NinetyPercentIntervalsHoldTheTruthInNineCasesOfTen) {
 /// off by a little meets the wall a step earlier or later, and is off by much.
 class BetweenWalls : public PointMass {
  public:
-  BetweenWalls(int n_lanes, int n_threads)
-      : PointMass({}, n_lanes, n_threads), clock_(static_cast<size_t>(n_lanes)) {}
+  BetweenWalls(int n_lanes, int n_threads) : PointMass({}, n_lanes, n_threads), clock_(static_cast<size_t>(n_lanes)) {}
   void Reset(int lane, Rng& rng) override {
     PointMass::Reset(lane, rng);
     clock_[static_cast<size_t>(lane)] = 0;
@@ -117,6 +118,39 @@ TEST(MatchTrajectories, IntervalsHoldTheTruthWhereContactMakesTheCostJump) {
   }
   for (const int n : held) {
     EXPECT_GE(n, 45);
+  }
+}
+
+/// The point mass whose gain is the product of its first parameter and, in place of idle, a gear of 0.5 + its third.
+class Geared : public PointMass {
+ public:
+  using PointMass::PointMass;
+  void SetParameters(int lane, std::span<const double> z) override {
+    PointMass::SetParameters(lane, std::vector<double>{std::clamp(z[0] * (0.5 + z[2]), 0.2, 2.0), z[1], 0});
+  }
+};
+
+class GearedFactory : public PointMassFactory {
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<Geared>(PointMassOptions{}, n_lanes, n_threads);
+  }
+};
+
+TEST(MatchTrajectories, OfTwoParametersThatMatterAsAProductNeitherIsIdentified) {
+  for (uint64_t k = 0; k < 10; ++k) {
+    Rng rng = RngKey(14).Index(k).MakeRng();
+    const std::vector<double> truth = {rng.Uniform(0.6, 1.3), rng.Uniform(0.3, 0.9), rng.Uniform(0.2, 0.8)};
+    Geared target({}, 20, 1);
+    const Dataset logs = WithSensorNoise(RandomLogs(target, truth), 0.01, RngKey(300 + k));
+    const ReplayFit fit = Match(logs, GearedFactory(), k);
+    const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
+    const auto summary = SummarizeParameters({q}, 0, {true, true, true});
+    EXPECT_NE(summary[kGain].verdict, ParameterVerdict::kIdentified) << k;
+    EXPECT_NE(summary[kIdle].verdict, ParameterVerdict::kIdentified) << k;
+    EXPECT_EQ(summary[kDamping].verdict, ParameterVerdict::kIdentified) << k;
+    EXPECT_LT(q.Correlation()(kGain, kIdle), -0.8) << k;
+    EXPECT_NEAR(q.Mode()[kGain] * (0.5 + q.Mode()[kIdle]), truth[kGain] * (0.5 + truth[kIdle]), 0.02) << k;
   }
 }
 
