@@ -105,7 +105,7 @@ TEST(JudgeFit, DriftInOneChannelIsOutsideTheFamilyAndNamesIt) {
 
 TEST(JudgeFit, ASmallerDriftOfAllChannelsTogetherIsOutsideTheFamilyToo) {
   const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
-  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 0.1, 0.1}, {0.19, 0.1, 0.1})), std::vector<int>{}) << "one, 1.9 times";
+  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 0.1, 0.1}, {0.17, 0.1, 0.1})), std::vector<int>{}) << "one, 1.7 times";
   EXPECT_EQ(DisagreeingChannels(Noise({0.1, 0.1, 0.1}, {0.19, 0.15, 0.1})), (std::vector<int>{0, 1}))
       << "1.42 together";
   // Clean channels that only round do not outvote those that show something.
