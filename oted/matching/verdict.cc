@@ -17,6 +17,8 @@ constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the
 constexpr double kMatchMargin = 0.35;
 constexpr double kDriftAbove = 1.75;     // times the noise of short windows, of one channel
 constexpr double kDriftTogether = 1.25;  // the same, of all channels together
+constexpr double kMostExplained = 0.7;   // of the windows: with fewer,
+constexpr double kPatience = 2.0;        // times those factors
 constexpr double kVisible = 1e-4;        // of a channel's spread: below is rounding, which contact magnifies
 constexpr double kNoticeable = 0.04;     // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;     // of the range
@@ -129,10 +131,11 @@ std::vector<int> DisagreeingChannels(const FitEvidence& fit) {
     growth += std::log(fit.long_noise_std[c] / fit.short_noise_std[c]);
     ++n_visible;
   }
-  const bool together = growth > n_visible * std::log(kDriftTogether);
+  const double patience = fit.explained < kMostExplained ? kPatience : 1.0;
+  const bool together = growth > n_visible * std::log(patience * kDriftTogether);
   std::vector<int> channels;
   for (size_t c = 0; c < fit.long_noise_std.size(); ++c) {
-    const double above = together ? kDriftTogether : kDriftAbove;
+    const double above = patience * (together ? kDriftTogether : kDriftAbove);
     if (is_visible(c) && fit.long_noise_std[c] > above * fit.short_noise_std[c])
       channels.push_back(static_cast<int>(c));
   }

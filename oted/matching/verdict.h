@@ -39,8 +39,10 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
 /// The channels in which windows of the log, replayed at the fitted parameters and start states, drift off: the
 /// simulator lacks something that acts there. Long windows leave more than 1.75 times the noise of short ones, or more
-/// than 1.25 times where all channels together (geometric mean) do; below that stuck windows and chance reach. Channels
-/// whose noise is less than a ten-thousandth of their spread do not count: rounding, which contact magnifies.
+/// than 1.25 times where all channels together (geometric mean) do; below that chance reaches. Twice these factors
+/// where fewer than 0.7 of the windows are explained: start states caught in local minima, by noise and stiff contact,
+/// drift too. Channels whose noise is less than a ten-thousandth of their spread do not count: rounding, which contact
+/// magnifies.
 std::vector<int> DisagreeingChannels(const FitEvidence& fit);
 
 /// The parameters whose estimate lies within half a hundredth of their range at one of its bounds, which is not where

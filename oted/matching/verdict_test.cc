@@ -112,6 +112,15 @@ TEST(JudgeFit, ASmallerDriftOfAllChannelsTogetherIsOutsideTheFamilyToo) {
   EXPECT_EQ(DisagreeingChannels(Noise({0.1, 3e-8, 3e-8}, {0.15, 3e-8, 3e-8})), std::vector<int>{0});
 }
 
+TEST(JudgeFit, WhereManyWindowsAreNotExplainedADriftMustBeTwiceAsLarge) {
+  FitEvidence fit = Noise({0.1, 0.1}, {0.3, 0.1});
+  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{0});
+  fit.explained = 0.5;
+  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{});
+  fit.long_noise_std[0] = 0.4;
+  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{0});
+}
+
 TEST(JudgeFit, AnEstimateAtABoundIsOutsideTheFamilyUnlessItsNominalValueIsThere) {
   const FitEvidence fit = Noise({0.1}, {0.1});
   const Designer stuck = MakeDesigner({0.5, -6.0}, {0.01, 1});
