@@ -22,7 +22,7 @@ constexpr double kPatience = 2.0;        // times those factors
 constexpr double kVisible = 1e-4;        // of a channel's spread: below is rounding, which contact magnifies
 constexpr double kNoticeable = 0.04;     // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;     // of the range
-constexpr double kAtBound = 0.005;       // of the range
+constexpr double kAtBound = 0.01;        // of the range
 
 /// z at which the mixture of distributions on a grid has the given cumulative probability for parameter i.
 double GridMixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {

@@ -45,7 +45,7 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 /// magnifies.
 std::vector<int> DisagreeingChannels(const FitEvidence& fit);
 
-/// The parameters whose estimate lies within half a hundredth of their range at one of its bounds, which is not where
+/// The parameters whose estimate lies within a hundredth of their range of one of its bounds, which is not where
 /// their nominal value lies: what the logs ask for is beyond it.
 std::vector<int> ParametersAtBounds(const Designer& q);
 
