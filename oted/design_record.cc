@@ -54,6 +54,7 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
   design["schema"] = "oted.design/1";
   design["task"] = config.task.name;
   design["warnings"] = json::array();
+  const std::vector<int> at_bounds = ParametersAtBounds(mixture[static_cast<size_t>(best)]);
   for (int i = 0; i < space.size(); ++i) {
     const ParameterSpec& spec = space[i];
     const ParameterSummary& s = summaries[static_cast<size_t>(i)];
@@ -69,6 +70,11 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
     if (!has_effect[static_cast<size_t>(i)]) {
       design["warnings"].push_back(
           fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
+    }
+    if (fit && std::ranges::find(at_bounds, i) != at_bounds.end()) {
+      design["warnings"].push_back(
+          fmt::format("parameter '{}' ended at a bound of its range [{:g}, {:g}]: the target may lie beyond it",
+                      spec.name, spec.low, spec.high));
     }
     const Eigen::VectorXd row = mixture[static_cast<size_t>(best)].Correlation().row(i);
     design["correlation"].push_back(std::vector<double>(row.begin(), row.end()));

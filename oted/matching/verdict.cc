@@ -15,10 +15,14 @@ constexpr double kWeakBelow = 0.6;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
 constexpr double kMatchMargin = 0.35;
-constexpr double kDriftAbove = 2.0;   // times the noise of short windows
-constexpr double kVisible = 1e-4;     // of a channel's spread: below is rounding, which contact magnifies
-constexpr double kNoticeable = 0.04;  // in x: a hundredth of the range at its middle
-constexpr double kMovedAbove = 0.05;  // of the range
+constexpr double kDriftAbove = 1.75;     // times the noise of short windows, of one channel
+constexpr double kDriftTogether = 1.25;  // the same, of all channels together
+constexpr double kMostExplained = 0.7;   // of the windows: with fewer,
+constexpr double kPatience = 2.0;        // times those factors
+constexpr double kVisible = 1e-4;        // of a channel's spread: below is rounding, which contact magnifies
+constexpr double kNoticeable = 0.04;     // in x: a hundredth of the range at its middle
+constexpr double kMovedAbove = 0.05;     // of the range
+constexpr double kAtBound = 0.01;        // of the range
 
 /// z at which the mixture of distributions on a grid has the given cumulative probability for parameter i.
 double GridMixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
@@ -120,16 +124,37 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
 }
 
 std::vector<int> DisagreeingChannels(const FitEvidence& fit) {
+  double growth = 0, n_visible = 0;
+  const auto is_visible = [&](size_t c) { return fit.long_noise_std[c] > kVisible * fit.scale[c]; };
+  for (size_t c = 0; c < fit.long_noise_std.size(); ++c) {
+    if (!is_visible(c)) continue;
+    growth += std::log(fit.long_noise_std[c] / fit.short_noise_std[c]);
+    ++n_visible;
+  }
+  const double patience = fit.explained < kMostExplained ? kPatience : 1.0;
+  const bool together = growth > n_visible * std::log(patience * kDriftTogether);
   std::vector<int> channels;
   for (size_t c = 0; c < fit.long_noise_std.size(); ++c) {
-    const bool drifts = fit.long_noise_std[c] > kDriftAbove * fit.short_noise_std[c];
-    if (drifts && fit.long_noise_std[c] > kVisible * fit.scale[c]) channels.push_back(static_cast<int>(c));
+    const double above = patience * (together ? kDriftTogether : kDriftAbove);
+    if (is_visible(c) && fit.long_noise_std[c] > above * fit.short_noise_std[c])
+      channels.push_back(static_cast<int>(c));
   }
   return channels;
 }
 
+std::vector<int> ParametersAtBounds(const Designer& q) {
+  const std::vector<double> mode = q.space().ToUnit(q.Mode()), nominal = q.space().ToUnit(q.space().Nominal());
+  std::vector<int> at_bounds;
+  for (size_t i = 0; i < mode.size(); ++i) {
+    const bool low = mode[i] < kAtBound && nominal[i] > 2 * kAtBound;
+    const bool high = mode[i] > 1 - kAtBound && nominal[i] < 1 - 2 * kAtBound;
+    if (low || high) at_bounds.push_back(static_cast<int>(i));
+  }
+  return at_bounds;
+}
+
 DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit) {
-  if (!DisagreeingChannels(fit).empty()) return DesignVerdict::kOutsideFamily;
+  if (!DisagreeingChannels(fit).empty() || !ParametersAtBounds(q).empty()) return DesignVerdict::kOutsideFamily;
   const std::vector<double> nominal = ZToLogit(q.space(), q.space().Nominal());
   Eigen::MatrixXd covariance = q.Covariance();
   Eigen::VectorXd difference(q.size());

@@ -37,14 +37,21 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
 /// the designed simulator is within 0.35 nats of log 2, or has closed at least half of the gap.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
-/// The channels in which windows of the log, replayed at the fitted parameters and start states, drift off by more than
-/// the noise of short windows explains, and by more than a ten-thousandth of its spread: the simulator lacks something
-/// that acts there.
+/// The channels in which windows of the log, replayed at the fitted parameters and start states, drift off: the
+/// simulator lacks something that acts there. Long windows leave more than 1.75 times the noise of short ones, or more
+/// than 1.25 times where all channels together (geometric mean) do; below that chance reaches. Twice these factors
+/// where fewer than 0.7 of the windows are explained: start states caught in local minima, by noise and stiff contact,
+/// drift too. Channels whose noise is less than a ten-thousandth of their spread do not count: rounding, which contact
+/// magnifies.
 std::vector<int> DisagreeingChannels(const FitEvidence& fit);
 
-/// From a fit that replays windows. Outside the family: some channel disagrees. Otherwise the fitted simulator is as
-/// good as the logs can tell; no gap: the nominal parameters lie in the 99 % region of q, widened by a hundredth of
-/// each range, which nobody would call a gap.
+/// The parameters whose estimate lies within a hundredth of their range of one of its bounds, which is not where
+/// their nominal value lies: what the logs ask for is beyond it.
+std::vector<int> ParametersAtBounds(const Designer& q);
+
+/// From a fit that replays windows. Outside the family: some channel disagrees, or some parameter is at its bound.
+/// Otherwise the fitted simulator is as good as the logs can tell; no gap: the nominal parameters lie in the 99 %
+/// region of q, widened by a hundredth of each range, which nobody would call a gap.
 DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit);
 
 /// Whether an identified parameter lies off its nominal value: by more than three of its spreads, and by more than a

@@ -103,6 +103,36 @@ TEST(JudgeFit, DriftInOneChannelIsOutsideTheFamilyAndNamesIt) {
   EXPECT_EQ(JudgeFit(q, Noise({3e-8, 3e-8}, {3e-8, 5e-6})), DesignVerdict::kGapClosed) << "rounding, not drift";
 }
 
+TEST(JudgeFit, ASmallerDriftOfAllChannelsTogetherIsOutsideTheFamilyToo) {
+  const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 0.1, 0.1}, {0.17, 0.1, 0.1})), std::vector<int>{}) << "one, 1.7 times";
+  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 0.1, 0.1}, {0.19, 0.15, 0.1})), (std::vector<int>{0, 1}))
+      << "1.42 together";
+  // Clean channels that only round do not outvote those that show something.
+  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 3e-8, 3e-8}, {0.15, 3e-8, 3e-8})), std::vector<int>{0});
+}
+
+TEST(JudgeFit, WhereManyWindowsAreNotExplainedADriftMustBeTwiceAsLarge) {
+  FitEvidence fit = Noise({0.1, 0.1}, {0.3, 0.1});
+  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{0});
+  fit.explained = 0.5;
+  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{});
+  fit.long_noise_std[0] = 0.4;
+  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{0});
+}
+
+TEST(JudgeFit, AnEstimateAtABoundIsOutsideTheFamilyUnlessItsNominalValueIsThere) {
+  const FitEvidence fit = Noise({0.1}, {0.1});
+  const Designer stuck = MakeDesigner({0.5, -6.0}, {0.01, 1});
+  EXPECT_EQ(JudgeFit(stuck, fit), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(ParametersAtBounds(stuck), std::vector<int>{1});
+  EXPECT_EQ(ParametersAtBounds(MakeDesigner({6.0, -4.0}, {1, 1})), std::vector<int>{0})
+      << "1.8 % of the range is inside";
+  const ParameterSpace from_zero({{.name = "a", .field = "env/a", .low = 1, .high = 2}});
+  const Designer at_nominal(from_zero, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));
+  EXPECT_EQ(JudgeFit(at_nominal, fit), DesignVerdict::kNoGap);
+}
+
 TEST(JudgeFit, NoGapWhereTheNominalParametersCannotBeTold) {
   const FitEvidence fit = Noise({0.1}, {0.1});
   // The 99 % region of two parameters reaches to 3.03 standard deviations.

@@ -80,7 +80,8 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
                                                                      const std::vector<VectorXd>& starts,
                                                                      const std::vector<double>& z,
                                                                      const std::vector<std::vector<double>>& perturbed,
-                                                                     double step, const VectorXd& start_step) {
+                                                                     const VectorXd& steps,
+                                                                     const std::vector<VectorXd>& start_steps) {
   // The lanes of one window: the base replay, one per parameter, one per start coordinate.
   const int n_parameters = static_cast<int>(perturbed.size()), per_window = 1 + n_parameters + obs_dim_;
   const int at_once = simulator_->n_lanes() / per_window;
@@ -95,7 +96,7 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
       linear.valid = true;
       for (int p = 0; p < per_window; ++p) {
         VectorXd start = starts[w];
-        if (p > n_parameters) start[p - 1 - n_parameters] += start_step[p - 1 - n_parameters];
+        if (p > n_parameters) start[p - 1 - n_parameters] += start_steps[w][p - 1 - n_parameters];
         const bool moves_parameter = p > 0 && p <= n_parameters;
         linear.valid = SetLane(k * per_window + p, moves_parameter ? perturbed[static_cast<size_t>(p - 1)] : z,
                                windows[w], start) &&
@@ -130,10 +131,10 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
           const auto moved = simulator_->observation(lane);
           const VectorXd change = Eigen::Map<const VectorXd>(moved.data(), obs_dim_) - simulated;
           if (p <= n_parameters) {
-            linear.d_parameters.block(t * obs_dim_, p - 1, obs_dim_, 1) = change / step;
+            linear.d_parameters.block(t * obs_dim_, p - 1, obs_dim_, 1) = change / steps[p - 1];
           } else {
             const int j = p - 1 - n_parameters;
-            linear.d_start.block(t * obs_dim_, j, obs_dim_, 1) = change / start_step[j];
+            linear.d_start.block(t * obs_dim_, j, obs_dim_, 1) = change / start_steps[w][j];
           }
         }
       }

@@ -37,12 +37,13 @@ class WindowReplayer {
     Eigen::MatrixXd d_parameters;  ///< ((n_steps + 1) obs_dim, parameters)
   };
   /// By forward differences.
-  /// @param perturbed   z with one search coordinate moved by `step`, one per parameter
-  /// @param start_step  (obs_dim): how far each start coordinate is moved
+  /// @param perturbed    z with one search coordinate moved by its step, one per parameter
+  /// @param steps        (parameters): the steps
+  /// @param start_steps  of each window, (obs_dim): how far each start coordinate is moved
   std::vector<Linearization> Linearize(const std::vector<LogWindow>& windows,
                                        const std::vector<Eigen::VectorXd>& starts, const std::vector<double>& z,
-                                       const std::vector<std::vector<double>>& perturbed, double step,
-                                       const Eigen::VectorXd& start_step);
+                                       const std::vector<std::vector<double>>& perturbed, const Eigen::VectorXd& steps,
+                                       const std::vector<Eigen::VectorXd>& start_steps);
 
  private:
   bool SetLane(int lane, const std::vector<double>& z, const LogWindow& window, const Eigen::VectorXd& start);

@@ -50,7 +50,8 @@ TEST(WindowReplayer, DerivativesAreThoseOfTheEquationOfMotion) {
   const double step = 1e-6;
   std::vector<std::vector<double>> moved(3, kTruth);
   for (size_t i = 0; i < 3; ++i) moved[i][i] += step;
-  const auto linear = r.replayer.Linearize(r.windows, r.starts, kTruth, moved, step, VectorXd::Constant(2, 1e-6))[0];
+  const auto linear = r.replayer.Linearize(r.windows, r.starts, kTruth, moved, VectorXd::Constant(3, step),
+                                           std::vector<VectorXd>(r.windows.size(), VectorXd::Constant(2, 1e-6)))[0];
   ASSERT_TRUE(linear.valid);
   // After one step: v' = (1 - damping) v + gain a, x' = x + 0.1 v'.
   const double v = r.starts[0][1], a = r.logs.actions(r.windows[0].begin, 0);

@@ -19,6 +19,13 @@ constexpr double kStartStep = 1e-5;      // of forward differences, in standard 
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
 constexpr double kHeaviness = 0.5;       // degrees of freedom of rho, per number of a window
 constexpr int kAttempts = 5;
+constexpr double kSettled = 0.25;  // of the uncertainty of x
+// Secants, in standard deviations of a coordinate given the others.
+constexpr double kSecantOfX = 0.5, kSecantOfStart = 1.0;
+constexpr double kLongestSecantOfX = 0.02;     // in x: half a hundredth of the range
+constexpr double kLongestSecantOfStart = 0.5;  // in standard deviations of the channel's noise
+constexpr double kHardlyTold = 0.3;            // in x: a direction with such a standard deviation
+constexpr double kLongestLastStep = 3.0;       // in standard deviations of x; further, the quadratic model is a guess
 
 }  // namespace
 
@@ -31,8 +38,8 @@ LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const 
       x_(std::move(x)),
       damping_of_start_(level_.windows.size(), 1e-2) {}
 
-void LevelFit::Step() {
-  Linearize();
+bool LevelFit::Step() {
+  Linearize(Tangents());
   const std::vector<NormalEquations> equations = Equations();
   const double cost = Cost(residuals_, x_);
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
@@ -50,6 +57,7 @@ void LevelFit::Step() {
       hessian += e.x_x - e.start_x.transpose() * factors[w].solve(e.start_x);
       gradient += e.x - e.start_x.transpose() * factors[w].solve(e.start);
     }
+    const VectorXd uncertainty = hessian.inverse().diagonal().cwiseSqrt();
     hessian.diagonal() *= 1 + damping_;
     VectorXd step = hessian.ldlt().solve(gradient);
     if (starts_alone || !step.allFinite()) step.setZero();
@@ -74,41 +82,56 @@ void LevelFit::Step() {
     x_ = x;
     for (size_t w = 0; w < moved.size(); ++w) {
       if (better[w]) level_.starts[w] = starts[w];
+      residuals_[w] = linear_[w].residual = moved[w];
+      linear_[w].valid = linear_[w].valid && moved[w].size() > 0;
       damping_of_start_[w] =
           better[w] ? std::max(1e-6, damping_of_start_[w] * 0.2) : std::min(1e4, damping_of_start_[w] * 6);
     }
     damping_ = std::max(1e-7, damping_ * 0.2);
-    return;
+    return !starts_alone && (step.cwiseAbs().array() < kSettled * uncertainty.array()).all();
   }
+  return false;
 }
 
 double LevelFit::FinalCost() {
-  Linearize();
+  EstimateNoise();
   double cost = Cost(residuals_, x_);
   for (const VectorXd& r : residuals_) cost += r.size() > 0 ? 0.5 * variance_.array().log().sum() * n_steps() : 0;
   return cost;
 }
 
-MatrixXd LevelFit::Covariance() const {
+std::vector<StretchEvidence> LevelFit::Evidence() const {
   const std::vector<NormalEquations> equations = Equations();
-  MatrixXd hessian = MatrixXd::Identity(x_.size(), x_.size()) * kPriorPrecision;
-  MatrixXd of_scores = hessian;
-  VectorXd score = VectorXd::Zero(x_.size());
+  std::vector<StretchEvidence> stretches;
   for (size_t w = 0; w < equations.size(); ++w) {
+    // Neighbouring windows err together: they count as one.
+    if (w == 0 || level_.stretch[w] != level_.stretch[w - 1]) {
+      stretches.push_back({MatrixXd::Zero(x_.size(), x_.size()), VectorXd::Zero(x_.size())});
+    }
     const NormalEquations& e = equations[w];
-    if (e.valid) {
-      const LDLT<MatrixXd> factor(e.start_start);
-      hessian += e.x_x - e.start_x.transpose() * factor.solve(e.start_x);
-      score += e.x - e.start_x.transpose() * factor.solve(e.start);
-    }
-    // Neighbouring windows err together: their scores are summed before they are squared.
-    if (w + 1 == equations.size() || level_.stretch[w + 1] != level_.stretch[w]) {
-      of_scores += score * score.transpose();
-      score.setZero();
-    }
+    if (!e.valid) continue;
+    const LDLT<MatrixXd> factor(e.start_start);
+    stretches.back().information += e.x_x - e.start_x.transpose() * factor.solve(e.start_x);
+    stretches.back().score += e.x - e.start_x.transpose() * factor.solve(e.start);
   }
-  const MatrixXd inverse = hessian.inverse();
-  return inverse * of_scores * inverse;
+  return stretches;
+}
+
+MatrixXd LevelFit::Finish() {
+  Linearize(Secants());
+  const StretchEstimate estimate = EstimateFromStretches(Evidence(), x_, Designer::kPriorStd);
+  // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
+  // matter as a product would leave it.
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);
+  VectorXd along = axes.eigenvectors().transpose() * estimate.step;
+  double length = 1;
+  for (int i = 0; i < along.size(); ++i) {
+    const double std = std::sqrt(axes.eigenvalues()[i]);
+    if (std > kHardlyTold) along[i] = 0;
+    length = std::max(length, std::abs(along[i]) / (kLongestLastStep * std));
+  }
+  x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(-kMaxX).cwiseMin(kMaxX);
+  return estimate.covariance;
 }
 
 double LevelFit::ShareExplained() const {
@@ -150,15 +173,37 @@ double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x)
   return cost;
 }
 
-void LevelFit::Linearize() {
+LevelFit::Differences LevelFit::Tangents() const {
+  return {VectorXd::Constant(x_.size(), kParameterStep),
+          std::vector<VectorXd>(level_.windows.size(), kStartStep * scale_)};
+}
+
+LevelFit::Differences LevelFit::Secants() const {
+  Differences steps = Tangents();
+  const std::vector<NormalEquations> equations = Equations();
+  const VectorXd longest = kLongestSecantOfStart * variance_.cwiseSqrt();
+  MatrixXd hessian = MatrixXd::Identity(x_.size(), x_.size()) * kPriorPrecision;
+  for (size_t w = 0; w < equations.size(); ++w) {
+    const NormalEquations& e = equations[w];
+    if (!e.valid) continue;
+    hessian += e.x_x - e.start_x.transpose() * e.start_start.ldlt().solve(e.start_x);
+    const VectorXd std = e.start_start.diagonal().cwiseSqrt().cwiseInverse();
+    steps.starts[w] = (kSecantOfStart * std).cwiseMin(longest).cwiseMax(steps.starts[w]);
+  }
+  // Of each alone: two parameters that trade off are uncertain over lengths on which their effects bend.
+  const VectorXd std = hessian.diagonal().cwiseSqrt().cwiseInverse();
+  steps.x = (kSecantOfX * std).cwiseMin(kLongestSecantOfX).cwiseMax(steps.x);
+  return steps;
+}
+
+void LevelFit::Linearize(const Differences& steps) {
   std::vector<std::vector<double>> perturbed;
   for (int i = 0; i < x_.size(); ++i) {
     VectorXd moved = x_;
-    moved[i] += kParameterStep;
+    moved[i] += steps.x[i];
     perturbed.push_back(ToZ(space_, moved));
   }
-  linear_ = replayer_.Linearize(level_.windows, level_.starts, ToZ(space_, x_), perturbed, kParameterStep,
-                                kStartStep * scale_);
+  linear_ = replayer_.Linearize(level_.windows, level_.starts, ToZ(space_, x_), perturbed, steps.x, steps.starts);
   residuals_.assign(linear_.size(), {});
   for (size_t w = 0; w < linear_.size(); ++w) {
     if (linear_[w].valid) residuals_[w] = linear_[w].residual;

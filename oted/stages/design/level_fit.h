@@ -6,6 +6,7 @@
 
 #include "oted/matching/windows.h"
 #include "oted/stages/design/replay_fit.h"
+#include "oted/stages/design/stretch_estimate.h"
 
 namespace oted {
 
@@ -28,11 +29,17 @@ class LevelFit {
   const Eigen::VectorXd& noise_variance() const { return variance_; }
 
   /// One Gauss-Newton step on x and all starts.
-  void Step();
-  /// Negative log likelihood at the present x, starts and noise; comparable between fits of the same windows.
+  /// @return whether x moved by less than a quarter of its uncertainty
+  bool Step();
+  /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
+  /// windows.
   double FinalCost();
-  /// H^-1 M H^-1, after FinalCost.
-  Eigen::MatrixXd Covariance() const;
+  /// The last step, after FinalCost: one undamped Newton step on x with derivatives that are secants over the scale of
+  /// the uncertainty, of x and of every start. Under noise the cost is rough at a smaller scale, since contacts begin
+  /// and end a physics step earlier or later; tangents tell nothing of that, or everything. From an x that is near, one
+  /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents.
+  /// @return the covariance of x
+  Eigen::MatrixXd Finish();
   /// Share of windows that count fully, or nearly, after FinalCost.
   double ShareExplained() const;
   /// Windows of twice the length, each from two neighbours; it starts where the first of them does.
@@ -51,7 +58,16 @@ class LevelFit {
   /// rho. A window that broke down counts as a very bad one.
   double WindowCost(const Eigen::VectorXd& residual) const;
   double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
-  void Linearize();
+  /// Forward differences of these steps: (parameters), and of each window (obs_dim).
+  struct Differences {
+    Eigen::VectorXd x;
+    std::vector<Eigen::VectorXd> starts;
+  };
+  Differences Tangents() const;
+  Differences Secants() const;
+  void Linearize(const Differences& steps);
+  /// What each stretch says of x at the present linearization.
+  std::vector<StretchEvidence> Evidence() const;
   /// The channels' variances, and from them the windows' weights.
   void EstimateNoise();
   std::vector<NormalEquations> Equations() const;

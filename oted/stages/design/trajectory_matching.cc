@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <memory>
 #include <numeric>
 
 #include "oted/matching/designer.h"
@@ -10,6 +12,7 @@
 namespace oted {
 namespace {
 
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kTolerableGrowth = 1.25;  // of the noise estimate from the first level to a longer one
@@ -17,6 +20,7 @@ constexpr int kFirstWindow = 2;
 constexpr int kStartIterations = 5, kLevelIterations = 5;
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
 constexpr int kFirstLevelIterations = 9;
+constexpr int kFewestIterations = 3;  // the starts need them where x does not
 constexpr int kLanes = 256;
 
 /// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into the first level's
@@ -59,6 +63,15 @@ double CoarseCost(WindowReplayer& replayer, const Level& level, const VectorXd& 
   return cost;
 }
 
+/// Steps until x has settled.
+void Descend(LevelFit& fit, int n_iterations, const std::function<void(const VectorXd&)>& tell) {
+  for (int i = 0; i < n_iterations; ++i) {
+    const bool settled = fit.Step();
+    tell(fit.x());
+    if (settled && i + 1 >= kFewestIterations) return;
+  }
+}
+
 /// The first `n` windows of a level.
 Level Leading(const Level& level, size_t n) {
   Level part = level;
@@ -86,7 +99,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   int n_levels = 1;
   for (int length = kFirstWindow; length < longest; length *= 2) ++n_levels;
   const int n_total = options.n_starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations;
-  int n_done = 0;
+  int n_done = 0, n_planned = 0;
   const auto tell = [&](const VectorXd& x) {
     progress(++n_done, n_total, x);
     context.ThrowIfStopped();
@@ -110,47 +123,43 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   double best = std::numeric_limits<double>::infinity();
   for (int s = 0; s < std::min(options.n_starts, options.n_coarse); ++s) {
     LevelFit fit(replayer, space, scale, third, candidates[static_cast<size_t>(s)].second);
-    for (int i = 0; i < kStartIterations; ++i) {
-      fit.Step();
-      tell(fit.x());
-    }
+    n_planned += kStartIterations;
+    Descend(fit, kStartIterations, tell);
+    n_done = n_planned;
     const double cost = fit.FinalCost();
     if (cost < best) x = fit.x();
     best = std::min(best, cost);
   }
 
   // Longer and longer windows, while they are explained as well as the short ones.
-  ReplayFit result;
-  VectorXd first_noise, last_noise;
+  std::unique_ptr<LevelFit> longest_fit;
+  FitEvidence evidence;
+  evidence.scale = {scale.begin(), scale.end()};
   Level level = first;
   while (!level.windows.empty()) {
-    LevelFit fit(replayer, space, scale, level, x);
-    const int n_iterations = first_noise.size() == 0 ? kFirstLevelIterations : kLevelIterations;
-    for (int i = 0; i < n_iterations; ++i) {
-      fit.Step();
-      tell(fit.x());
-    }
-    fit.FinalCost();
-    const VectorXd noise = fit.noise_variance().cwiseSqrt();
-    last_noise = noise;
-    if (first_noise.size() == 0) first_noise = noise;
+    const bool is_first = longest_fit == nullptr;
+    auto fit = std::make_unique<LevelFit>(replayer, space, scale, level, x);
+    const int n_iterations = is_first ? kFirstLevelIterations : kLevelIterations;
+    n_planned += n_iterations;
+    Descend(*fit, n_iterations, tell);
+    n_done = n_planned;
+    fit->FinalCost();
+    const VectorXd noise = fit->noise_variance().cwiseSqrt();
+    evidence.long_noise_std = {noise.begin(), noise.end()};
+    if (is_first) evidence.short_noise_std = evidence.long_noise_std;
+    const Eigen::Map<const VectorXd> first_noise(evidence.short_noise_std.data(), noise.size());
     const double growth = std::exp((noise.array() / first_noise.array()).log().mean());
     if (growth > kTolerableGrowth) break;
-    x = fit.x();
-    result = {.mean = x,
-              .covariance = fit.Covariance(),
-              .evidence = FitEvidence{.window = level.windows.front().n_steps,
-                                      .explained = fit.ShareExplained(),
-                                      .noise_std = {noise.begin(), noise.end()},
-                                      .scale = {scale.begin(), scale.end()},
-                                      .short_noise_std = {},
-                                      .long_noise_std = {}}};
-    level = fit.Joined();
+    x = fit->x();
+    evidence.window = level.windows.front().n_steps;
+    evidence.explained = fit->ShareExplained();
+    evidence.noise_std = evidence.long_noise_std;
+    level = fit->Joined();
+    longest_fit = std::move(fit);
   }
-  result.evidence->short_noise_std.assign(first_noise.begin(), first_noise.end());
-  result.evidence->long_noise_std.assign(last_noise.begin(), last_noise.end());
-  progress(n_total, n_total, x);
-  return result;
+  const MatrixXd covariance = longest_fit->Finish();
+  progress(n_total, n_total, longest_fit->x());
+  return {.mean = longest_fit->x(), .covariance = covariance, .evidence = evidence};
 }
 
 }  // namespace oted

@@ -30,8 +30,7 @@ struct TrajectoryOptions {
 /// windows of 4, 8, ... as long as the longer ones are explained as well, that is, the noise estimate does not grow by
 /// more than a quarter: long windows tell more under noise, but contact makes them chaotic.
 ///
-/// The covariance is the sandwich H^-1 M H^-1 over stretches of the log (H: Gauss-Newton Hessian, M: of the scores), so
-/// that it does not trust the noise model.
+/// The last step and the covariance: level_fit.h, Finish, and stretch_estimate.h.
 ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
                             RngKey key, const FitProgress& progress, const RunContext& context);
 

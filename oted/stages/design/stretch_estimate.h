@@ -1,0 +1,33 @@
+#pragma once
+/// From what single stretches of a log say of the parameters: the estimate, and how far it can be off.
+
+#include <Eigen/Dense>
+#include <vector>
+
+namespace oted {
+
+/// One stretch's log likelihood of x, to second order about the present x, its own start states eliminated.
+struct StretchEvidence {
+  Eigen::MatrixXd information;  ///< (d, d), positive semidefinite
+  Eigen::VectorXd score;        ///< (d): the gradient
+};
+
+struct StretchEstimate {
+  Eigen::VectorXd step;  ///< from the present x to the estimate
+  Eigen::MatrixXd covariance;
+};
+
+/// One undamped Newton step over all stretches and the prior N(0, prior_std^2), and its covariance. Two things are not
+/// taken on trust, since derivatives through contact are what two replays happened to show and noise is no Gaussian:
+///
+/// No stretch decides more than a quarter of any direction of x. One whose derivatives crossed a contact can otherwise
+/// outweigh all others with a number that means nothing. Its weight depends on its information alone, and not on what
+/// it says, so that the estimate stays unbiased.
+///
+/// The covariance is H^-1, the inverse of the information that was counted, but wider in every direction in which the
+/// estimates without one stretch (a delete-one jackknife) scatter more than that. It is never narrower: where few
+/// stretches tell a parameter, their scatter says little.
+StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const Eigen::VectorXd& x,
+                                      double prior_std);
+
+}  // namespace oted
