@@ -9,7 +9,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kRounds = 10, kDraws = 2000;
+constexpr double kPriorVariance = Designer::kPriorStd * Designer::kPriorStd;
+constexpr int kRounds = 10, kModeRounds = 4, kDraws = 2000;
 constexpr int kLeastEffective = 100;  // draws that a round's moments must rest on
 constexpr double kWidening = 1.5;     // of the proposal's covariance: weights of its tails stay bounded
 constexpr int kMostCombinations = 20'000;
@@ -40,37 +41,52 @@ std::vector<double> Tempered(const std::vector<double>& log_weights) {
   return weights;
 }
 
+/// A Gaussian over x.
+struct Moments {
+  VectorXd mean;
+  MatrixXd covariance;
+};
+
+/// The moments of (prior x likelihood)^power, from draws of a wider Gaussian than the last one.
+Moments Refined(const Moments& last, double widening, double power, const LogLikelihoods& likelihoods, RngKey key) {
+  const int d = static_cast<int>(last.mean.size());
+  Rng rng = key.MakeRng();
+  const Eigen::LLT<MatrixXd> factor(widening * last.covariance);
+  MatrixXd x(kDraws, d);
+  Array2<double> u(kDraws, d);
+  std::vector<double> log_weights;
+  for (int k = 0; k < kDraws; ++k) {
+    VectorXd normal(d);
+    for (double& value : normal) value = rng.Normal();
+    x.row(k) = last.mean + factor.matrixL() * normal;
+    for (int i = 0; i < d; ++i) u(k, i) = 1 / (1 + std::exp(-x(k, i)));
+    log_weights.push_back(0.5 * normal.squaredNorm() - 0.5 * power * x.row(k).squaredNorm() / kPriorVariance);
+  }
+  const std::vector<double> values = likelihoods(u);
+  for (int k = 0; k < kDraws; ++k) log_weights[static_cast<size_t>(k)] += power * values[static_cast<size_t>(k)];
+  const std::vector<double> weights = Tempered(log_weights);
+  Moments moments{VectorXd::Zero(d), 1e-12 * MatrixXd::Identity(d, d)};
+  for (int k = 0; k < kDraws; ++k) moments.mean += weights[static_cast<size_t>(k)] * x.row(k).transpose();
+  for (int k = 0; k < kDraws; ++k) {
+    const VectorXd off = x.row(k).transpose() - moments.mean;
+    moments.covariance += weights[static_cast<size_t>(k)] * off * off.transpose();
+  }
+  return moments;
+}
+
 Designer GaussianPosterior(const ParameterSpace& space, const LogLikelihoods& likelihoods, RngKey key) {
   const int d = space.size();
-  const double prior_variance = Designer::kPriorStd * Designer::kPriorStd;
-  VectorXd mean = VectorXd::Zero(d);
-  MatrixXd covariance = prior_variance * MatrixXd::Identity(d, d);
+  Moments q{VectorXd::Zero(d), kPriorVariance * MatrixXd::Identity(d, d)};
   for (int round = 0; round < kRounds; ++round) {
-    Rng rng = key.Index(static_cast<uint64_t>(round)).MakeRng();
-    const Eigen::LLT<MatrixXd> factor((round == 0 ? 1.0 : kWidening) * covariance);
-    MatrixXd x(kDraws, d);
-    Array2<double> u(kDraws, d);
-    std::vector<double> log_weights;
-    for (int k = 0; k < kDraws; ++k) {
-      VectorXd normal(d);
-      for (double& value : normal) value = rng.Normal();
-      x.row(k) = mean + factor.matrixL() * normal;
-      for (int i = 0; i < d; ++i) u(k, i) = 1 / (1 + std::exp(-x(k, i)));
-      log_weights.push_back(0.5 * normal.squaredNorm() - 0.5 * x.row(k).squaredNorm() / prior_variance);
-    }
-    const std::vector<double> values = likelihoods(u);
-    for (int k = 0; k < kDraws; ++k) log_weights[static_cast<size_t>(k)] += values[static_cast<size_t>(k)];
-    const std::vector<double> weights = Tempered(log_weights);
-    mean.setZero();
-    for (int k = 0; k < kDraws; ++k) mean += weights[static_cast<size_t>(k)] * x.row(k).transpose();
-    covariance.setZero();
-    for (int k = 0; k < kDraws; ++k) {
-      const VectorXd off = x.row(k).transpose() - mean;
-      covariance += weights[static_cast<size_t>(k)] * off * off.transpose();
-    }
-    covariance.diagonal().array() += 1e-12;
+    q = Refined(q, round == 0 ? 1.0 : kWidening, 1.0, likelihoods, key.Index(static_cast<uint64_t>(round)));
   }
-  return Designer(space, mean, covariance);
+  // The higher the power, the nearer the mean to the mode.
+  Moments mode = q;
+  for (int round = 0; round < kModeRounds; ++round) {
+    mode = Refined(mode, kWidening, std::pow(4.0, round + 1), likelihoods,
+                   key.Stage("mode").Index(static_cast<uint64_t>(round)));
+  }
+  return Designer(space, mode.mean, q.covariance);
 }
 
 Designer GridPosterior(Designer grid, const LogLikelihoods& likelihoods, RngKey key) {

@@ -54,6 +54,32 @@ TEST(Posterior, AVeryNarrowLikelihoodFarFromThePriorsMeanIsFound) {
   EXPECT_NEAR(std::sqrt(q.Covariance()(0, 0)), 1e-3, 1e-4);
 }
 
+TEST(Posterior, ASkewedLikelihoodIsAnsweredByItsModeAndItsSpread) {
+  // Gamma-shaped in x: mode 1 - prior's pull, mean 0.25 above it. f(x) = 4 log(x + 1) - 2 x for x > -1.
+  const LogLikelihoods likelihoods = [](const Array2<double>& u) {
+    std::vector<double> values;
+    for (int k = 0; k < u.rows(); ++k) {
+      const double x = Logit(u(k, 0));
+      values.push_back(x > -1 ? 4 * std::log(x + 1) - 2 * x : -1e3);
+    }
+    return values;
+  };
+  const Designer q = Posterior(Designer(UnitSpace(1), 1.0), likelihoods, RngKey(1));
+  double sum = 0, mean = 0, square = 0, mode = 0, highest = -1e9;
+  for (double x = -0.999; x < 12; x += 0.001) {
+    const double log_density = 4 * std::log(x + 1) - 2 * x - 0.5 * x * x / (Designer::kPriorStd * Designer::kPriorStd);
+    const double density = std::exp(log_density);
+    sum += density;
+    mean += density * x;
+    square += density * x * x;
+    if (log_density > highest) mode = x, highest = log_density;
+  }
+  mean /= sum;
+  ASSERT_GT(mean - mode, 0.15);
+  EXPECT_NEAR(q.mean()[0], mode, 0.03);
+  EXPECT_NEAR(std::sqrt(q.Covariance()(0, 0)), std::sqrt(square / sum - mean * mean), 0.03);
+}
+
 TEST(Posterior, WithoutEvidenceAGaussianIsThePriorAndAGridUniform) {
   const LogLikelihoods nothing = [](const Array2<double>& u) {
     return std::vector<double>(static_cast<size_t>(u.rows()), 3.0);
