@@ -89,6 +89,9 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
   const double seconds = ThreadSeconds() - start;
   fs::remove_all(scratch);
 
+  // By iteration, and what came of it. Behind the design g is trained against a q that does not move.
+  curve.modes.resize(std::min(curve.modes.size(), static_cast<size_t>(design.n_iterations)));
+  curve.modes.push_back(result.q.Mode()[0]);
   json modes = json::array();
   for (const double mode : curve.modes) modes.push_back(Rounded(mode));
   return {{"seed", seed},
