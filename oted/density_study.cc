@@ -92,11 +92,13 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
   // By iteration, and what came of it. Behind the design g is trained against a q that does not move.
   curve.modes.resize(std::min(curve.modes.size(), static_cast<size_t>(design.n_iterations)));
   curve.modes.push_back(result.q.Mode()[0]);
+  const Designer::Interval interval = result.q.CentralInterval(0.9)[0];
   json modes = json::array();
   for (const double mode : curve.modes) modes.push_back(Rounded(mode));
   return {{"seed", seed},
           {"mode", result.q.Mode()[0]},
           {"std", result.q.Std()[0]},
+          {"interval90", {interval.low, interval.high}},
           {"yardstick", likelihood.Maximum(DensityStudy::kLow, DensityStudy::kHigh).density},
           {"yardstick_grid", likelihood.MaximumOnGrid(DensityStudy::kLow, DensityStudy::kHigh, kGrid).density},
           {"obstacles_seen", likelihood.n_obstacles_seen()},
@@ -183,13 +185,21 @@ std::pair<double, double> RatioInterval(const std::vector<double>& a, const std:
   return {Quantile(ratios, 0.05), Quantile(ratios, 0.95)};
 }
 
-constexpr std::array kColumns = {"demonstrations", "designer",
-                                 "density",        "mean density of solvable grids",
-                                 "seeds",          "error (root mean square)",
-                                 "bias",           "yardstick",
-                                 "ratio",          "nearest grid value",
-                                 "yardstick's",    "within 0.02",
-                                 "yardstick's",    "cpu s"};
+constexpr std::array kColumns = {"demonstrations",
+                                 "designer",
+                                 "density",
+                                 "mean density of solvable grids",
+                                 "seeds",
+                                 "error (root mean square)",
+                                 "bias",
+                                 "yardstick",
+                                 "ratio",
+                                 "90 % interval holds",
+                                 "nearest grid value",
+                                 "yardstick's",
+                                 "within 0.02",
+                                 "yardstick's",
+                                 "cpu s"};
 
 std::vector<std::string> Row(const json& record) {
   const DensityErrors errors = ErrorsOf(record);
@@ -203,6 +213,7 @@ std::vector<std::string> Row(const json& record) {
           fmt::format("{:+.4f}", errors.bias),
           fmt::format("{:.4f}", errors.yardstick_rms),
           fmt::format("{:.2f} ({:.2f} to {:.2f})", errors.ratio, errors.ratio_low, errors.ratio_high),
+          percent(errors.covered),
           percent(errors.nearest),
           percent(errors.yardstick_nearest),
           percent(errors.within),
@@ -285,6 +296,10 @@ DensityErrors ErrorsOf(const json& record) {
     result.yardstick_nearest += share * (std::abs(yardstick_grid[i] - nearest) < 1e-9);
     result.within += share * (std::abs(errors.back()) <= kWithin);
     result.yardstick_within += share * (std::abs(yardstick_errors.back()) <= kWithin);
+  }
+  for (const json& seed : record.at("seeds")) {
+    const json& interval = seed.at("interval90");
+    result.covered += share * (interval[0].get<double>() <= target && target <= interval[1].get<double>());
   }
   result.rms = RootMeanSquare(errors);
   result.bias = Mean(errors);

@@ -39,8 +39,8 @@ struct DensityStudy {
 
 /// Runs what is missing of a cell: demonstrations, clone and design of every seed, seeds side by side on the context's
 /// threads, each with one. After each seed `file` (schema oted.density_cell/1) holds all that are done. By seed: q's
-/// mode and spread, the yardstick's density (free and on the grid), cpu seconds, and the mode after every iteration and
-/// at the end.
+/// mode, spread and 90 % interval, the yardstick's density (free and on the grid), cpu seconds, and the mode after
+/// every iteration and at the end.
 /// @return the record  @throws UsageError when `file` holds seeds of other settings; Interrupted
 nlohmann::json RunDensityCell(const DensityStudy& study, const DensityCell& cell, const std::filesystem::path& file,
                               const std::string& command, const RunContext& context);
@@ -51,6 +51,7 @@ struct DensityErrors {
   double rms = 0, bias = 0;  ///< of the design
   double yardstick_rms = 0;
   double ratio = 0, ratio_low = 0, ratio_high = 0;  ///< rms / yardstick_rms; its 90 % bootstrap interval over seeds
+  double covered = 0;                               ///< share of seeds whose 90 % interval holds the target
   double nearest = 0, yardstick_nearest = 0;        ///< share of seeds whose nearest multiple of 0.05 is the target's
   double within = 0, yardstick_within = 0;          ///< share of seeds with an error of at most 0.02
   double seconds = 0;                               ///< mean, of one core

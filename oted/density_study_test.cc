@@ -20,6 +20,7 @@ json Seed(int seed, double mode, double yardstick, double yardstick_grid, std::v
   return {{"seed", seed},
           {"mode", mode},
           {"std", 0.01},
+          {"interval90", {mode - 0.02, mode + 0.02}},
           {"yardstick", yardstick},
           {"yardstick_grid", yardstick_grid},
           {"obstacles_seen", 10},
@@ -45,6 +46,7 @@ TEST(DensityErrors, AreRootMeanSquaresBesideTheYardsticksOnTheSameSeeds) {
   EXPECT_NEAR(errors.bias, -0.005, 1e-12);
   EXPECT_NEAR(errors.yardstick_rms, 0.04 / std::sqrt(2), 1e-12);
   EXPECT_NEAR(errors.ratio, 1.25, 1e-12);  // 0.05 / 0.04
+  EXPECT_EQ(errors.covered, 0);            // the test's intervals are as narrow as 0.02
   EXPECT_EQ(errors.within, 0);
   EXPECT_EQ(errors.yardstick_within, 0.5);
 }
@@ -52,6 +54,7 @@ TEST(DensityErrors, AreRootMeanSquaresBesideTheYardsticksOnTheSameSeeds) {
 TEST(DensityErrors, NearestGridValueOf026Is025) {
   const DensityErrors errors = ErrorsOf(Record({Seed(1, 0.274, 0.26, 0.25), Seed(2, 0.276, 0.26, 0.30)}));
   EXPECT_EQ(errors.nearest, 0.5);
+  EXPECT_EQ(errors.covered, 1);
   EXPECT_EQ(errors.yardstick_nearest, 0.5);
 }
 
