@@ -201,9 +201,10 @@ constexpr std::array kColumns = {"demonstrations",
                                  "yardstick's",
                                  "cpu s"};
 
+std::string Percent(double share) { return fmt::format("{:.0f} %", 100 * share); }
+
 std::vector<std::string> Row(const json& record) {
   const DensityErrors errors = ErrorsOf(record);
-  const auto percent = [](double share) { return fmt::format("{:.0f} %", 100 * share); };
   return {fmt::format("{}", record.at("demonstrations").get<int>()),
           record.at("designer").get<std::string>(),
           fmt::format("{:.2f}", record.at("target").get<double>()),
@@ -213,11 +214,11 @@ std::vector<std::string> Row(const json& record) {
           fmt::format("{:+.4f}", errors.bias),
           fmt::format("{:.4f}", errors.yardstick_rms),
           fmt::format("{:.2f} ({:.2f} to {:.2f})", errors.ratio, errors.ratio_low, errors.ratio_high),
-          percent(errors.covered),
-          percent(errors.nearest),
-          percent(errors.yardstick_nearest),
-          percent(errors.within),
-          percent(errors.yardstick_within),
+          Percent(errors.covered),
+          Percent(errors.nearest),
+          Percent(errors.yardstick_nearest),
+          Percent(errors.within),
+          Percent(errors.yardstick_within),
           fmt::format("{:.0f}", errors.seconds)};
 }
 
@@ -370,7 +371,10 @@ json Figure3Page(const std::vector<json>& records) {
     line["name"] = fmt::format("density {:.2f}", record.at("target").get<double>());
     line["level"] = Quantile(yardstick, 0.5);
     panels[title].push_back(line);
-    page["rows"].push_back(Row(record));
+    const DensityErrors errors = ErrorsOf(record);
+    page["rows"].push_back({title, fmt::format("{:.2f}", record.at("target").get<double>()),
+                            fmt::format("{:.4f}", errors.rms), fmt::format("{:.4f}", errors.yardstick_rms),
+                            fmt::format("{:.2f}", errors.ratio), Percent(errors.covered), Percent(errors.within)});
   }
   for (json& panel : page["panels"]) {
     panel["x"] = "discriminator steps";
