@@ -19,8 +19,6 @@ constexpr double kLogStdMaxX = 0.75;
 // |mean| at most this: u in [0.0025, 0.9975], so that a mode at a bound can still move away.
 constexpr double kMeanMaxX = 6.0;
 
-double Sigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }
-
 /// Quantile of the standard normal by bisection on erfc; only for reports.
 double NormalQuantile(double p) {
   return Bisect(-10, 10, 80, [&](double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)) < p; });
@@ -28,9 +26,11 @@ double NormalQuantile(double p) {
 
 }  // namespace
 
+double LogitToUnit(double x) { return 1.0 / (1.0 + std::exp(-x)); }
+
 std::vector<double> LogitToZ(const ParameterSpace& space, std::span<const double> x) {
   std::vector<double> u(x.size());
-  std::transform(x.begin(), x.end(), u.begin(), Sigmoid);
+  std::transform(x.begin(), x.end(), u.begin(), LogitToUnit);
   return space.FromUnit(u);
 }
 

@@ -16,6 +16,7 @@ namespace oted {
 
 /// The search coordinates of q: x in R^d; u = 1 / (1 + exp(-x)) lies in the unit cube, ParameterSpace maps it into the
 /// bounds. Beyond |x| = 6 (0.25 % of the range) ZToLogit stops: a value on its bound has no finite logit.
+double LogitToUnit(double x);
 std::vector<double> LogitToZ(const ParameterSpace& space, std::span<const double> x);
 std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double> z);
 

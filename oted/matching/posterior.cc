@@ -59,7 +59,7 @@ Moments Refined(const Moments& last, double widening, double power, const LogLik
     VectorXd normal(d);
     for (double& value : normal) value = rng.Normal();
     x.row(k) = last.mean + factor.matrixL() * normal;
-    for (int i = 0; i < d; ++i) u(k, i) = 1 / (1 + std::exp(-x(k, i)));
+    for (int i = 0; i < d; ++i) u(k, i) = LogitToUnit(x(k, i));
     log_weights.push_back(0.5 * normal.squaredNorm() - 0.5 * power * x.row(k).squaredNorm() / kPriorVariance);
   }
   const std::vector<double> values = likelihoods(u);

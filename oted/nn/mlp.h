@@ -85,8 +85,6 @@ class Adam {
   };
   Adam() = default;
   Adam(size_t n_parameters, const Options& options) : options_(options), m_(n_parameters), v_(n_parameters) {}
-  /// A fresh one with the same options.
-  Adam Resized(size_t n_parameters) const { return Adam(n_parameters, options_); }
   void Step(std::span<float> parameters, std::span<const float> gradient);
   /// The same, after which `target` moves towards the parameters: target += tau (parameters - target).
   void Step(std::span<float> parameters, std::span<const float> gradient, std::span<float> target, float tau);

@@ -52,10 +52,7 @@ Encoder FitEncoder(const SimulatorFactory& factory, const EpisodeParameters& epi
   const BatchPolicy act = UniformRandomPolicy(spec, rng);
   std::vector<int> lanes(kPlayLanes);
   std::vector<double> actions(kPlayLanes);
-  const auto start = [&](int lane) {
-    simulator->SetParameters(lane, episode_parameters(rng));
-    simulator->Reset(lane, rng);
-  };
+  const auto start = [&](int lane) { StartEpisode(*simulator, lane, episode_parameters, rng); };
   for (int lane = 0; lane < kPlayLanes; ++lane) start(lanes[static_cast<size_t>(lane)] = lane);
   Array2<double> rows;
   for (int step = 0; step < kPlaySteps; ++step) {
@@ -113,7 +110,7 @@ class PpoTraining : public Learner {
 
   void RunSegment(int64_t end, const std::function<void()>& tick) override {
     episodes_.Begin();
-    for (const int lane : lanes_) StartEpisode(lane);
+    for (const int lane : lanes_) StartEpisode(*simulator_, lane, episode_parameters_, rng_);
     while (n_steps_ < end) {
       CollectRollout();
       LearnFromRollout();
@@ -134,12 +131,6 @@ class PpoTraining : public Learner {
   }
 
  private:
-  /// Algorithm 2 of the paper, line 1: parameters are drawn anew for each episode.
-  void StartEpisode(int lane) {
-    simulator_->SetParameters(lane, episode_parameters_(rng_));
-    simulator_->Reset(lane, rng_);
-  }
-
   void CollectRollout() {
     const size_t n = lanes_.size(), k = static_cast<size_t>(n_actions_);
     std::vector<float> logits(n * k), log_p(k);
@@ -181,7 +172,7 @@ class PpoTraining : public Learner {
     // A time limit is no end: what would have followed is in the reward.
     if (status == LaneStatus::kTruncated) rewards_[row] += static_cast<float>(config_.gamma) * ValueOf(lane);
     episodes_.EndEpisode(lane);
-    StartEpisode(lane);
+    StartEpisode(*simulator_, lane, episode_parameters_, rng_);
   }
 
   float ValueOf(int lane) {

@@ -81,7 +81,7 @@ class SacTraining : public Learner {
     episodes_.Begin();
     for (size_t lane = 0; lane < n_lanes; ++lane) {
       lanes[lane] = static_cast<int>(lane);
-      StartEpisode(static_cast<int>(lane));
+      StartEpisode(*simulator_, lanes[lane], episode_parameters_, rng_);
     }
     PolicyRunner runner(update_->actor(), ActionNoise::kSampled);
     while (n_steps_ < end) {
@@ -111,7 +111,7 @@ class SacTraining : public Learner {
         }
         if (status != LaneStatus::kRunning) {
           episodes_.EndEpisode(lanes[lane]);
-          StartEpisode(lanes[lane]);
+          StartEpisode(*simulator_, lanes[lane], episode_parameters_, rng_);
         }
       }
       n_steps_ += config_.n_lanes;
@@ -143,12 +143,6 @@ class SacTraining : public Learner {
   }
 
  private:
-  /// Algorithm 2, line 1: parameters are drawn anew for each episode.
-  void StartEpisode(int lane) {
-    simulator_->SetParameters(lane, episode_parameters_(rng_));
-    simulator_->Reset(lane, rng_);
-  }
-
   const SacConfig& config_;
   const SimulatorFactory& factory_;
   const EpisodeParameters& episode_parameters_;

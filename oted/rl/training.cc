@@ -8,6 +8,11 @@
 
 namespace oted {
 
+void StartEpisode(Simulator& simulator, int lane, const EpisodeParameters& parameters, Rng& rng) {
+  simulator.SetParameters(lane, parameters(rng));
+  simulator.Reset(lane, rng);
+}
+
 void EpisodeStatistics::Begin() {
   lanes_.assign(lanes_.size(), {});
   returns_.clear();

@@ -23,6 +23,9 @@ namespace oted {
 /// Draws the parameters z of a new episode.
 using EpisodeParameters = std::function<std::vector<double>(Rng& rng)>;
 
+/// Algorithm 2 of the paper, line 1: a lane begins an episode with parameters drawn anew, then a start state.
+void StartEpisode(Simulator& simulator, int lane, const EpisodeParameters& parameters, Rng& rng);
+
 /// How long an agent trains and how it is looked at on the way.
 struct TrainingSchedule {
   int64_t n_steps = 0;        ///< control steps over all lanes

@@ -183,7 +183,7 @@ ReplayFit FitLeastSquares(const SimulatorFactory& factory, const Dataset& datase
   VectorXd descent;
   problem.Linearize(best_u, residuals, hessian, descent);
   // From u to x: du/dx = u (1 - u), there where x is.
-  const VectorXd u = fit.mean.unaryExpr([](double x) { return 1 / (1 + std::exp(-x)); });
+  const VectorXd u = fit.mean.unaryExpr(&LogitToUnit);
   const VectorXd slope = u.array() * (1 - u.array());
   const MatrixXd precision = slope.asDiagonal() * hessian * slope.asDiagonal() / problem.MeanSquare(residuals);
   const double prior = 1 / (Designer::kPriorStd * Designer::kPriorStd);

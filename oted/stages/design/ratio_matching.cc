@@ -63,7 +63,7 @@ Array2<double> UnitOf(const std::vector<VectorXd>& points) {
   Array2<double> u;
   for (const VectorXd& x : points) {
     std::vector<double> row;
-    for (const double logit : x) row.push_back(1 / (1 + std::exp(-logit)));
+    for (const double logit : x) row.push_back(LogitToUnit(logit));
     u.AppendRow(row);
   }
   return u;
