@@ -5,6 +5,7 @@
 
 #include "oted/matching/designer.h"
 #include "oted/stages/design/noise_estimate.h"
+#include "oted/stages/design/start_fit.h"
 
 namespace oted {
 namespace {
@@ -17,9 +18,10 @@ constexpr double kPriorPrecision = 1.0 / (Designer::kPriorStd * Designer::kPrior
 constexpr double kParameterStep = 1e-4;  // of forward differences, in x
 constexpr double kStartStep = 1e-5;      // of forward differences, in standard deviations of the channel
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
-constexpr double kHeaviness = 0.5;       // degrees of freedom of rho, per number of a window
 constexpr int kAttempts = 5;
-constexpr double kSettled = 0.25;  // of the uncertainty of x
+constexpr double kSettled = 0.25;                  // of the uncertainty of x
+constexpr int kRedraws = 1, kStartIterations = 4;  // of other starts
+constexpr double kFewestExplained = 0.3;           // of the windows, to do without the others
 // Secants, in standard deviations of a coordinate given the others.
 constexpr double kSecantOfX = 0.5, kSecantOfStart = 1.0;
 constexpr double kLongestSecantOfX = 0.02;     // in x: half a hundredth of the range
@@ -41,6 +43,7 @@ LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const 
 bool LevelFit::Step() {
   Linearize(Tangents());
   const std::vector<NormalEquations> equations = Equations();
+  const WindowLikelihood likelihood = Likelihood();
   const double cost = Cost(residuals_, x_);
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     // Where no step of x helps, the starts move alone.
@@ -72,7 +75,7 @@ bool LevelFit::Step() {
     const std::vector<VectorXd> stayed = replayer_.Residuals(level_.windows, level_.starts, ToZ(space_, x));
     std::vector<char> better(moved.size());
     for (size_t w = 0; w < moved.size(); ++w) {
-      better[w] = WindowCost(moved[w]) < WindowCost(stayed[w]);
+      better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[w]);
       if (!better[w]) moved[w] = stayed[w];
     }
     if (!starts_alone && !(Cost(moved, x) < cost)) {
@@ -92,6 +95,48 @@ bool LevelFit::Step() {
   }
   return false;
 }
+
+std::optional<VectorXd> LevelFit::PredictedStart(size_t w) const {
+  if (w == 0 || level_.stretch[w - 1] != level_.stretch[w] || residuals_[w - 1].size() == 0) return std::nullopt;
+  const LogWindow &before = level_.windows[w - 1], &window = level_.windows[w];
+  if (before.begin + before.n_steps != window.begin) return std::nullopt;
+  return replayer_.Logged(window, 0) - residuals_[w - 1].tail(variance_.size());
+}
+
+bool LevelFit::TryOtherStarts(Rng& rng) {
+  if (ShareExplained() == 1) return false;
+  const WindowLikelihood likelihood = Likelihood();
+  const std::vector<double> z = ToZ(space_, x_);
+  for (int attempt = 0; attempt <= kRedraws; ++attempt) {
+    std::vector<size_t> which;
+    std::vector<LogWindow> windows;
+    std::vector<VectorXd> starts;
+    for (size_t w = 0; w < level_.windows.size(); ++w) {
+      if (likelihood.Explains(residuals_[w])) continue;
+      std::optional<VectorXd> start = PredictedStart(w);
+      if (attempt > 0) {
+        start = replayer_.Logged(level_.windows[w], 0);
+        for (int c = 0; c < start->size(); ++c) (*start)[c] += std::sqrt(variance_[c]) * rng.Normal();
+      }
+      if (!start) continue;
+      which.push_back(w);
+      windows.push_back(level_.windows[w]);
+      starts.push_back(*start);
+    }
+    const FittedStarts fitted =
+        FitStarts(replayer_, windows, std::move(starts), z, likelihood, kStartStep * scale_, kStartIterations);
+    for (size_t k = 0; k < which.size(); ++k) {
+      const size_t w = which[k];
+      if (!(likelihood.Cost(fitted.residuals[k]) < likelihood.Cost(residuals_[w]))) continue;
+      level_.starts[w] = fitted.starts[k];
+      residuals_[w] = fitted.residuals[k];
+      damping_of_start_[w] = 1e-2;
+    }
+  }
+  return true;
+}
+
+void LevelFit::CountExplainedAlone() { explained_alone_ = ShareExplained() > kFewestExplained; }
 
 double LevelFit::FinalCost() {
   EstimateNoise();
@@ -135,9 +180,10 @@ MatrixXd LevelFit::Finish() {
 }
 
 double LevelFit::ShareExplained() const {
+  const WindowLikelihood likelihood = Likelihood();
   double explained = 0;
-  for (const double weight : weights_) explained += weight > 0.3;
-  return explained / static_cast<double>(weights_.size());
+  for (const VectorXd& residual : residuals_) explained += likelihood.Explains(residual);
+  return explained / static_cast<double>(residuals_.size());
 }
 
 Level LevelFit::Joined() const {
@@ -153,23 +199,13 @@ Level LevelFit::Joined() const {
   return joined;
 }
 
-double LevelFit::SquaredError(const VectorXd& residual) const {
-  double error = 0;
-  for (int t = 0; t <= n_steps(); ++t) {
-    error += (residual.segment(t * variance_.size(), variance_.size()).array().square() / variance_.array()).sum();
-  }
-  return error;
-}
-
-double LevelFit::WindowCost(const VectorXd& residual) const {
-  const double n = static_cast<double>(variance_.size()) * n_steps(), nu = kHeaviness * n;
-  const double error = residual.size() == 0 ? 1e8 : SquaredError(residual);
-  return 0.5 * (nu + n) * std::log1p(error / nu);
-}
-
 double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x) const {
   double cost = 0.5 * kPriorPrecision * x.squaredNorm();
-  for (const VectorXd& residual : residuals) cost += WindowCost(residual);
+  const WindowLikelihood likelihood = Likelihood();
+  for (const VectorXd& residual : residuals) {
+    const double of_window = likelihood.Cost(residual);
+    cost += explained_alone_ ? std::min(of_window, likelihood.CostOfWorstExplained()) : of_window;
+  }
   return cost;
 }
 
@@ -219,23 +255,21 @@ void LevelFit::EstimateNoise() {
   }
   if (variance_.size() == 0) variance_ = (kNoiseGuess * scale_).cwiseAbs2();
   variance_ = NoiseVariance(fitted, variance_, smallest);
-  const double numbers = static_cast<double>(scale_.size()) * n_steps();
-  weights_.assign(residuals_.size(), 0.0);
-  for (size_t w = 0; w < residuals_.size(); ++w) {
-    if (residuals_[w].size() == 0) continue;
-    weights_[w] = (kHeaviness + 1) / (kHeaviness + SquaredError(residuals_[w]) / numbers);
+  const WindowLikelihood likelihood = Likelihood();
+  weights_.clear();
+  for (const VectorXd& residual : residuals_) {
+    const bool counts = !explained_alone_ || likelihood.Explains(residual);
+    weights_.push_back(counts ? likelihood.Weight(residual) : 0);
   }
 }
 
 std::vector<LevelFit::NormalEquations> LevelFit::Equations() const {
-  VectorXd precision((n_steps() + 1) * variance_.size());
-  for (int t = 0; t <= n_steps(); ++t)
-    precision.segment(t * variance_.size(), variance_.size()) = variance_.cwiseInverse();
+  const WindowLikelihood likelihood = Likelihood();
   std::vector<NormalEquations> equations(linear_.size());
   for (size_t w = 0; w < linear_.size(); ++w) {
     const WindowReplayer::Linearization& l = linear_[w];
     if (!l.valid) continue;
-    const VectorXd p = weights_[w] * precision;
+    const VectorXd p = weights_[w] * likelihood.precision();
     NormalEquations& e = equations[w];
     e.valid = true;
     const MatrixXd weighted_start = p.asDiagonal() * l.d_start;

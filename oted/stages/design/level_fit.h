@@ -2,11 +2,13 @@
 /// One level of trajectory matching: windows of one length, fitted together (trajectory_matching.h has the cost).
 
 #include <Eigen/Dense>
+#include <optional>
 #include <vector>
 
 #include "oted/matching/windows.h"
 #include "oted/stages/design/replay_fit.h"
 #include "oted/stages/design/stretch_estimate.h"
+#include "oted/stages/design/window_likelihood.h"
 
 namespace oted {
 
@@ -31,6 +33,14 @@ class LevelFit {
   /// One Gauss-Newton step on x and all starts.
   /// @return whether x moved by less than a quarter of its uncertainty
   bool Step();
+  /// Windows that are not explained are often caught in a local minimum of their start: noise of a hundredth of a metre
+  /// puts a foot into the ground. Each is fitted again from other starts, from where the replay of the window before it
+  /// ends and from readings with noise added anew, and keeps the best. Call Step before and after.
+  /// @return whether there was any such window
+  bool TryOtherStarts(Rng& rng);
+  /// From now on windows that are not explained do not count at all, unless hardly any is: what x they ask for is that
+  /// of a wrong start.
+  void CountExplainedAlone();
   /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
   /// windows.
   double FinalCost();
@@ -40,7 +50,7 @@ class LevelFit {
   /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents.
   /// @return the covariance of x
   Eigen::MatrixXd Finish();
-  /// Share of windows that count fully, or nearly, after FinalCost.
+  /// Share of windows that noise alone explains, after FinalCost.
   double ShareExplained() const;
   /// Windows of twice the length, each from two neighbours; it starts where the first of them does.
   Level Joined() const;
@@ -54,9 +64,9 @@ class LevelFit {
   };
 
   int n_steps() const { return level_.windows.front().n_steps; }
-  double SquaredError(const Eigen::VectorXd& residual) const;
-  /// rho. A window that broke down counts as a very bad one.
-  double WindowCost(const Eigen::VectorXd& residual) const;
+  WindowLikelihood Likelihood() const { return {variance_, n_steps()}; }
+  /// Where the replay of the window before window w ends; none where that is not its neighbour.
+  std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
   /// Forward differences of these steps: (parameters), and of each window (obs_dim).
   struct Differences {
@@ -79,6 +89,7 @@ class LevelFit {
   Eigen::VectorXd x_;
   std::vector<double> damping_of_start_;
   double damping_ = 1e-2;
+  bool explained_alone_ = false;
   std::vector<WindowReplayer::Linearization> linear_;
   std::vector<Eigen::VectorXd> residuals_;
   Eigen::VectorXd variance_;     // of each channel's noise

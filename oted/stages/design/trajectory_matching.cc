@@ -17,9 +17,10 @@ using Eigen::VectorXd;
 
 constexpr double kTolerableGrowth = 1.25;  // of the noise estimate from the first level to a longer one
 constexpr int kFirstWindow = 2;
-constexpr int kStartIterations = 5, kLevelIterations = 5;
+constexpr int kStartIterations = 5, kLevelIterations = 4;
+constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windows stay unexplained
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
-constexpr int kFirstLevelIterations = 9;
+constexpr int kFirstLevelIterations = 7;
 constexpr int kFewestIterations = 3;  // the starts need them where x does not
 constexpr int kLanes = 256;
 
@@ -98,7 +99,8 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   if (first.windows.empty()) ThrowNothingStartable(dataset, factory.spec(), kFirstWindow);
   int n_levels = 1;
   for (int length = kFirstWindow; length < longest; length *= 2) ++n_levels;
-  const int n_total = options.n_starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations;
+  const int n_total = options.n_starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations +
+                      n_levels * kRounds * kRoundIterations;
   int n_done = 0, n_planned = 0;
   const auto tell = [&](const VectorXd& x) {
     progress(++n_done, n_total, x);
@@ -140,8 +142,15 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
     const bool is_first = longest_fit == nullptr;
     auto fit = std::make_unique<LevelFit>(replayer, space, scale, level, x);
     const int n_iterations = is_first ? kFirstLevelIterations : kLevelIterations;
-    n_planned += n_iterations;
+    n_planned += n_iterations + kRounds * kRoundIterations;
     Descend(*fit, n_iterations, tell);
+    for (int round = 0; round < kRounds && fit->TryOtherStarts(rng); ++round) {
+      fit->CountExplainedAlone();
+      for (int i = 0; i < kRoundIterations; ++i) {
+        fit->Step();
+        tell(fit->x());
+      }
+    }
     n_done = n_planned;
     fit->FinalCost();
     const VectorXd noise = fit->noise_variance().cwiseSqrt();

@@ -30,6 +30,10 @@ struct TrajectoryOptions {
 /// windows of 4, 8, ... as long as the longer ones are explained as well, that is, the noise estimate does not grow by
 /// more than a quarter: long windows tell more under noise, but contact makes them chaotic.
 ///
+/// The starts have local minima, where noise or a poor guess has put a foot into the ground or off it. Such windows are
+/// told by squared errors that noise does not reach; they are fitted again from other starts, and those that remain do
+/// not count (LevelFit::TryOtherStarts, CountExplainedAlone).
+///
 /// The last step and the covariance: level_fit.h, Finish, and stretch_estimate.h.
 ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
                             RngKey key, const FitProgress& progress, const RunContext& context);
