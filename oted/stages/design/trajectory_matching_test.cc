@@ -13,6 +13,7 @@
 #include "oted/matching/testing.h"
 #include "oted/matching/verdict.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/testing.h"
 
 namespace oted {
 namespace {
@@ -71,38 +72,6 @@ TEST(MatchTrajectories, NinetyPercentIntervalsHoldTheTruthInNineCasesOfTen) {
     EXPECT_GE(n, 45);
   }
 }
-
-/// The point mass between walls at -0.5 and 0.5: beyond one it comes back at half its speed. A replay whose start is
-/// off by a little meets the wall a step earlier or later, and is off by much.
-class BetweenWalls : public PointMass {
- public:
-  BetweenWalls(int n_lanes, int n_threads) : PointMass({}, n_lanes, n_threads), clock_(static_cast<size_t>(n_lanes)) {}
-  void Reset(int lane, Rng& rng) override {
-    PointMass::Reset(lane, rng);
-    clock_[static_cast<size_t>(lane)] = 0;
-  }
-  void Step(std::span<const int> lanes, std::span<const double> actions) override {
-    PointMass::Step(lanes, actions);
-    for (const int lane : lanes) {
-      const double x = observation(lane)[0], v = observation(lane)[1];
-      if (std::abs(x) > 0.5 && x * v > 0) SetStateFromObservation(lane, std::vector<double>{x, -0.5 * v});
-      ++clock_[static_cast<size_t>(lane)];
-    }
-  }
-  LaneStatus status(int lane) const override {
-    return clock_[static_cast<size_t>(lane)] >= 20 ? LaneStatus::kTruncated : LaneStatus::kRunning;
-  }
-
- private:
-  std::vector<int> clock_;
-};
-
-class BetweenWallsFactory : public PointMassFactory {
- public:
-  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
-    return std::make_unique<BetweenWalls>(n_lanes, n_threads);
-  }
-};
 
 TEST(MatchTrajectories, IntervalsHoldTheTruthWhereContactMakesTheCostJump) {
   constexpr int kCases = 60;
