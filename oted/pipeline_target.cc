@@ -14,6 +14,15 @@ namespace oted {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
+int Pipeline::BestAgent(const std::string& where) const {
+  int best = 1;
+  const auto own_return = [&](int j) {
+    return ReadJson(AgentFolder(where, j) / "agent.json").at("eval_return").get<double>();
+  };
+  for (int j = 2; j <= config_.agents.n_agents; ++j) best = own_return(j) > own_return(best) ? j : best;
+  return best;
+}
+
 void Pipeline::EvaluateInTarget() {
   if (config_.truth.empty()) return;
   SelectPolicy();
@@ -28,7 +37,8 @@ void Pipeline::EvaluateInTarget() {
   const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
 
   const auto* grid = dynamic_cast<const MinigridSimulatorFactory*>(factory_.get());
-  const int64_t total = 3 + (ComparesUndesigned() ? 1 : 0) + (grid != nullptr ? 1 : 0);
+  const int64_t total = 3 + (ComparesUndesigned() ? 1 : 0) + static_cast<int64_t>(config_.baselines.run.size()) +
+                        (grid != nullptr ? 1 : 0);
 
   json policies = json::array();
   const auto record = [&](const std::string& name, const std::string& label,
@@ -55,16 +65,12 @@ void Pipeline::EvaluateInTarget() {
   Rng random = key.Stage("random").MakeRng();
   judge("random", "random actions", UniformRandomPolicy(spec, random));
   judge_policy("clone", "clone of the logs", directory_.clone() / "policy.npz");
-  if (ComparesUndesigned()) {
-    // The un-designed agent, too, is the one of its m that does best where it was trained.
-    int best = 1;
-    const auto own_return = [&](int j) {
-      return ReadJson(directory_.undesigned(j) / "agent.json").at("eval_return").get<double>();
-    };
-    for (int j = 2; j <= config_.agents.n_agents; ++j) best = own_return(j) > own_return(best) ? j : best;
-    judge_policy(algorithm + "_undesigned", name_of_it + " in the un-designed simulator",
-                 directory_.undesigned(best) / "policy.npz");
-  }
+  // What is compared with, too, is the one of its m agents that does best where it was trained.
+  const auto judge_best = [&](const std::string& where, const std::string& label) {
+    judge_policy(algorithm + "_" + where, label, AgentFolder(where, BestAgent(where)) / "policy.npz");
+  };
+  if (config_.baselines.Runs("dr")) judge_best("dr", name_of_it + " with domain randomisation (DR)");
+  if (ComparesUndesigned()) judge_best("undesigned", name_of_it + " in the un-designed simulator");
   const int selected = ReadJson(directory_.root() / "policy_selection.json").at("selected").get<int>();
   judge_policy("oted_" + algorithm, "OTED-" + name_of_it, directory_.agent(selected) / "policy.npz");
   if (grid != nullptr) {

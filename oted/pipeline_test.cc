@@ -206,6 +206,68 @@ TEST_F(PipelineTest, ItsResultsHaveTheDocumentedFields) {
   EXPECT_EQ(resolved.ToJson(), settled.ToJson());
 }
 
+/// The tiny study with one agent, all of the baselines beside it.
+RunConfig WithBaselines() {
+  RunConfig config = TinyConfig();
+  config.agents.n_agents = 1;
+  config.baselines.run = BaselinesConfig::Known();
+  return config;
+}
+
+TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
+  const fs::path out = Fresh("baselines");
+  RunPipeline(WithBaselines(), out);
+  const auto plain = Bytes(Whole()), with = Bytes(out);
+  for (const char* file : {"design.json", "clone/policy.npz", "agents/1/policy.npz", "undesigned/1/policy.npz"}) {
+    EXPECT_EQ(with.at(file), plain.at(file)) << file;
+  }
+  EXPECT_TRUE(with.contains("baselines/dr/1/policy.npz"));
+  EXPECT_TRUE(with.contains("baselines/dr/1/policy.onnx"));
+  EXPECT_EQ(ReadJson(out / "baselines/dr/1/agent.json").at("baseline"), "dr");
+  EXPECT_NE(with.at("baselines/dr/1/policy.npz"), with.at("undesigned/1/policy.npz"));
+  std::vector<std::string> names;
+  const json evaluation = ReadJson(out / "evaluation.json");
+  for (const json& policy : evaluation.at("policies")) names.push_back(policy.at("name"));
+  EXPECT_THAT(names, testing::ElementsAre("random", "clone", "sac_dr", "sac_undesigned", "oted_sac"));
+}
+
+TEST_F(PipelineTest, BaselinesHaveTheSameBytesAtAnyNumberOfThreadsAndAfterStops) {
+  const fs::path out = Fresh("whole"), stopped = Fresh("stopped");
+  RunPipeline(WithBaselines(), out);
+  RunConfig config = WithBaselines();
+  config.run.threads = 3;
+  for (const int64_t at : {0, 150}) {
+    Watch watch;
+    watch.stop_stage = "train";
+    watch.stop_at = at;
+    EXPECT_THROW(RunPipeline(config, stopped, watch), Interrupted) << at;
+  }
+  RunPipeline(config, stopped);
+  auto whole = Bytes(out), other = Bytes(stopped);
+  EXPECT_EQ(whole.erase("run.toml") + other.erase("run.toml"), 2u) << "it holds the number of threads";
+  ASSERT_EQ(whole.size(), other.size());
+  for (const auto& [name, bytes] : whole) EXPECT_EQ(other.at(name), bytes) << name;
+}
+
+TEST_F(PipelineTest, AgentsTrainInModesSamplesOrTheBestSimulator) {
+  const auto policy_of = [&](const std::string& train_in, int n_seeds) {
+    RunConfig config = TinyConfig();
+    config.truth.clear();
+    config.agents.n_agents = 1;
+    config.agents.train_in = train_in;
+    config.selection.n_seeds = n_seeds;
+    const fs::path out = Fresh(train_in + std::to_string(n_seeds));
+    RunPipeline(config, out, &Pipeline::TrainAgents);
+    const json record = ReadJson(out / "agents/1/agent.json");
+    EXPECT_EQ(record.value("train_in", "modes"), train_in);
+    return ReadFile(out / "agents/1/policy.npz");
+  };
+  const std::string modes = ReadFile(Whole() / "agents/1/policy.npz");
+  EXPECT_NE(policy_of("samples", 2), modes);
+  EXPECT_NE(policy_of("best", 2), modes);
+  EXPECT_EQ(policy_of("best", 1), policy_of("modes", 1)) << "with one seed there is one simulator";
+}
+
 TEST_F(PipelineTest, RunningAgainDoesNothing) {
   const fs::path copy = Copy();
   const Snapshot before = Look(copy);
@@ -281,6 +343,8 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   refuse("data.episodes=7");
   refuse("data.action_delay=1");
   refuse("agents.selection_episodes=3");
+  refuse("agents.train_in=samples");
+  refuse("agents.undesigned_at=1.5,1.5");
   RunConfig config = TinyConfig();
   config.parameters[0].high = 1.9;
   EXPECT_THROW(RunPipeline(config, copy), UsageError);
