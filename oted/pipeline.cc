@@ -347,9 +347,11 @@ void Pipeline::TrainAgents() {
     if (ppo) record["algorithm"] = "ppo";
     if (is_designed && config_.agents.train_in != "modes") record["train_in"] = config_.agents.train_in;
     if (!is_designed && job.where != "undesigned") record["baseline"] = job.where;
+    for (const auto& [name, value] : ground.episodes->Figures()) record["episodes"][name] = value;
     directory_.Complete(job.folder / "agent.json", record, fingerprint);
     directory_.RemoveCheckpoint(job.folder);
   });
+  if (config_.baselines.Runs("bc_dr")) CloneUnderRandomization();
 }
 
 ActionNoise Pipeline::JudgedNoise() const {

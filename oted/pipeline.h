@@ -77,6 +77,9 @@ class Pipeline {
   std::vector<std::string> AgentGrounds() const;
   /// Of the m agents that train in `where`, the index of the one that does best there.
   int BestAgent(const std::string& where) const;
+  /// The clone of the logs and of data collected under domain randomisation.
+  void CloneUnderRandomization();
+  std::string BcDrFingerprint() const;
   std::string PolicySelectionFingerprint() const;
   std::string EvaluationFingerprint() const;
   std::vector<std::vector<double>> MixtureModes() const;

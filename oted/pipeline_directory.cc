@@ -34,6 +34,7 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
   if (!config_.agents.undesigned_at.empty()) factory_->parameters().CheckInside(config_.agents.undesigned_at);
   config_.agents.AlgorithmFor(factory_->spec());
+  if (config_.baselines.Runs("is")) CheckIntervalSearch(config_.baselines.is, factory_->spec());
   for (const auto& [name, design] : config_.DesignSettings())
     FeatureShape(factory_->spec(), design.Evidence(factory_->spec()));
   CheckCanDraw();
@@ -99,6 +100,7 @@ void Pipeline::CheckDirectory() const {
       check(AgentFolder(where, j) / "agent.json", AgentFingerprint(where));
     }
   }
+  if (config_.baselines.Runs("bc_dr")) check(directory_.baseline("bc_dr") / "clone.json", BcDrFingerprint());
   check(directory_.root() / "policy_selection.json", PolicySelectionFingerprint());
   if (!config_.truth.empty()) check(directory_.root() / "evaluation.json", EvaluationFingerprint());
 }
@@ -174,7 +176,7 @@ fs::path Pipeline::AgentFolder(const std::string& where, int index) const {
 std::vector<std::string> Pipeline::AgentGrounds() const {
   std::vector<std::string> grounds = {"designed"};
   if (ComparesUndesigned()) grounds.push_back("undesigned");
-  for (const std::string& name : config_.baselines.run) grounds.push_back(name);
+  for (const std::string& name : config_.baselines.Agents()) grounds.push_back(name);
   return grounds;
 }
 
@@ -187,7 +189,8 @@ std::string Pipeline::EvaluationFingerprint() const {
   json inputs = {"evaluation", PolicySelectionFingerprint(), config_.TruthVector(), config_.agents.target_episodes,
                  config_.agents.undesigned};
   if (!config_.agents.undesigned_at.empty()) inputs.push_back(AgentFingerprint("undesigned"));
-  for (const std::string& name : config_.baselines.run) inputs.push_back(AgentFingerprint(name));
+  for (const std::string& name : config_.baselines.Agents()) inputs.push_back(AgentFingerprint(name));
+  if (config_.baselines.Runs("bc_dr")) inputs.push_back(BcDrFingerprint());
   return Fingerprint(inputs);
 }
 

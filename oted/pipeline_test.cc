@@ -211,6 +211,7 @@ RunConfig WithBaselines() {
   RunConfig config = TinyConfig();
   config.agents.n_agents = 1;
   config.baselines.run = BaselinesConfig::Known();
+  config.baselines.is.episodes = 1;
   return config;
 }
 
@@ -221,14 +222,21 @@ TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
   for (const char* file : {"design.json", "clone/policy.npz", "agents/1/policy.npz", "undesigned/1/policy.npz"}) {
     EXPECT_EQ(with.at(file), plain.at(file)) << file;
   }
-  EXPECT_TRUE(with.contains("baselines/dr/1/policy.npz"));
-  EXPECT_TRUE(with.contains("baselines/dr/1/policy.onnx"));
-  EXPECT_EQ(ReadJson(out / "baselines/dr/1/agent.json").at("baseline"), "dr");
-  EXPECT_NE(with.at("baselines/dr/1/policy.npz"), with.at("undesigned/1/policy.npz"));
+  for (const std::string name : {"dr", "is"}) {
+    const std::string folder = "baselines/" + name + "/1/";
+    EXPECT_TRUE(with.contains(folder + "policy.onnx")) << name;
+    EXPECT_NE(with.at(folder + "policy.npz"), with.at("undesigned/1/policy.npz")) << name;
+    EXPECT_EQ(ReadJson(out / folder / "agent.json").at("baseline"), name);
+  }
+  EXPECT_TRUE(with.contains("baselines/bc_dr/policy.onnx"));
+  const json interval = ReadJson(out / "baselines/is/1/agent.json").at("episodes");
+  EXPECT_LE(interval.at("interval/low/friction").get<double>(), 1.0) << "it began at the nominal value";
+  EXPECT_GE(interval.at("interval/high/friction").get<double>(), 1.0);
   std::vector<std::string> names;
   const json evaluation = ReadJson(out / "evaluation.json");
   for (const json& policy : evaluation.at("policies")) names.push_back(policy.at("name"));
-  EXPECT_THAT(names, testing::ElementsAre("random", "clone", "sac_dr", "sac_undesigned", "oted_sac"));
+  EXPECT_THAT(names,
+              testing::ElementsAre("random", "clone", "bc_dr", "sac_dr", "sac_is", "sac_undesigned", "oted_sac"));
 }
 
 TEST_F(PipelineTest, BaselinesHaveTheSameBytesAtAnyNumberOfThreadsAndAfterStops) {
@@ -351,6 +359,11 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   config = TinyConfig();
   config.truth["gravity"] = 1.1;
   EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(config, copy); }), HasSubstr("evaluation.json"));
+  EXPECT_EQ(Look(copy), before);
+  config = TinyConfig();
+  config.baselines.run = {"dr"};
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(config, copy); }), HasSubstr("evaluation.json"))
+      << "its table is of other policies";
   EXPECT_EQ(Look(copy), before);
 }
 

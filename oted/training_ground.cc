@@ -5,6 +5,7 @@
 
 #include "oted/base/error.h"
 #include "oted/baselines/domain_randomization.h"
+#include "oted/baselines/interval_search.h"
 #include "oted/stages/agent/agent.h"
 
 namespace oted {
@@ -49,16 +50,31 @@ std::vector<double> UndesignedParameters(const AgentsConfig& config, const Param
 TrainingGround ComparedGround(const std::string& name, const RunConfig& config, const SimulatorFactory& factory) {
   const ParameterSpace& space = factory.parameters();
   if (name == "dr") return Drawn(DrawUniformly(space), EvaluationDraws(config, factory));
-  OTED_CHECK(name == "undesigned");
   const std::vector<double> z = UndesignedParameters(config.agents, space);
+  if (name == "is") {
+    const IntervalSearchConfig& settings = config.baselines.is;
+    const std::vector<double> start = space.FromUnit(space.ToUnit(z));
+    const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines").Stage("random actions");
+    return {std::make_unique<IntervalSearch>(space, start, settings, ScaleOf(factory, settings, start, key)),
+            EvaluationDraws(config, factory)};
+  }
+  OTED_CHECK(name == "undesigned");
   return Drawn(DrawModes({z}), {z});
 }
 
 json ComparedIdentity(const std::string& name, const RunConfig& config, const ParameterSpace& space) {
   json identity = json::array();
   if (name != "undesigned") identity = {name, ParameterIdentity(space)};
+  if (name == "is") {
+    const IntervalSearchConfig& is = config.baselines.is;
+    identity.push_back({is.boundary, is.episodes, is.step, is.grow, is.shrink, is.reference});
+  }
   if (name != "dr" && !config.agents.undesigned_at.empty()) identity.push_back(config.agents.undesigned_at);
   return identity;
+}
+
+RngKey BcDrKey(const RunConfig& config) {
+  return RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines").Stage("bc_dr");
 }
 
 LearningCurve TrainAgentIn(const TrainingGround& ground, const SimulatorFactory& factory, const RunConfig& config,

@@ -41,6 +41,9 @@ TrainingGround ComparedGround(const std::string& name, const RunConfig& config, 
 /// algorithm's settings, seed, task and model).
 nlohmann::json ComparedIdentity(const std::string& name, const RunConfig& config, const ParameterSpace& space);
 
+/// The random streams of BC+DR in a run.
+RngKey BcDrKey(const RunConfig& config);
+
 /// Trains agent `index` (from 1) of a run by the algorithm that its actions ask for, and leaves policy.npz in `folder`.
 /// Agents of the same index have the same random streams wherever they train: a paired comparison.
 LearningCurve TrainAgentIn(const TrainingGround& ground, const SimulatorFactory& factory, const RunConfig& config,
