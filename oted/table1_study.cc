@@ -165,6 +165,8 @@ class JobSink : public NullSink {
   std::string name_;
 };
 
+std::string LabelOf(const Table1Cell& cell, int64_t seed) { return fmt::format("{} seed {}", cell.Name(), seed); }
+
 /// What a cell's results depend on, beside its seeds.
 json IdentityOf(const Table1Study& study, const Table1Cell& cell) {
   const RunConfig config = study.ConfigOf(cell, study.first_seed);
@@ -276,12 +278,13 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
   struct Missing {
     size_t cell;
     int64_t seed;
+    bool is_long;  // a whole run: it begins before the others, so that no core waits for it in the end
   };
   std::vector<Missing> first, second;  // bc_dr begins from what others leave
-  // The first seed of every cell comes before the second of any.
   for (const Table1Cell& cell : cells) {
     records.push_back(StartRecord(IdentityOf(study, cell), out / (cell.Name() + ".json"), command));
   }
+  // The first seed of every cell comes before the second of any.
   for (int64_t seed = study.first_seed; seed < study.first_seed + study.n_seeds; ++seed) {
     for (size_t i = 0; i < cells.size(); ++i) {
       if (Has(records[i], seed)) continue;
@@ -293,7 +296,18 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
             fmt::format("'{}' does not exist; name the folder with TASK-DATASET.hdf5 by --data", config.data.path));
       }
       ParameterSpace(config.parameters).CheckInside(config.agents.undesigned_at);
-      (cells[i].method == "bc_dr" ? second : first).push_back({i, seed});
+      (cells[i].method == "bc_dr" ? second : first).push_back({i, seed, cells[i].method == "oted"});
+    }
+  }
+  std::stable_sort(first.begin(), first.end(), [](const Missing& a, const Missing& b) {
+    return std::pair(a.seed, !a.is_long) < std::pair(b.seed, !b.is_long);
+  });
+  // The bar knows all the training before any of it starts.
+  for (const Missing& job : first) {
+    const RunConfig config = study.ConfigOf(cells[job.cell], job.seed);
+    for (int j = 1; cells[job.cell].method != "bc" && j <= config.agents.n_agents; ++j) {
+      JobSink(*context.log, LabelOf(cells[job.cell], job.seed))
+          .Progress("train", fmt::format("agents/{}", j), 0, config.sac.n_steps, "");
     }
   }
   std::mutex mutex;
@@ -301,9 +315,9 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
     const int n_threads = std::max(1, context.n_threads / std::max(1, static_cast<int>(jobs.size())));
     ParallelFor(static_cast<int>(jobs.size()), context.n_threads, [&](int k) {
       context.ThrowIfStopped();
-      const auto [i, seed] = jobs[static_cast<size_t>(k)];
+      const auto [i, seed, unused] = jobs[static_cast<size_t>(k)];
       const std::string name = cells[i].Name();
-      JobSink progress(*context.log, fmt::format("{} seed {}", name, seed));
+      JobSink progress(*context.log, LabelOf(cells[i], seed));
       const fs::path folder = out / "runs" / name / std::to_string(seed);
       const std::unique_ptr<LogSink> log = hooks.keep_curves ? hooks.keep_curves(folder, &progress) : nullptr;
       const auto start = std::chrono::steady_clock::now();
