@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
@@ -125,6 +127,23 @@ TEST(Table1Study, ResultsDoNotDependOnThreadsNorOnBeingMadeInOneGo) {
   }
   // What is complete is not run again: the time of the first run stands.
   EXPECT_EQ(RunStudy(study, parts.path()), records);
+}
+
+TEST(Table1Study, OfSeveralAgentsTheOneCountsThatDidBestWhereItTrained) {
+  const TestFolder folder;
+  Table1Study study = Tiny({"dr"});
+  study.assignments.push_back("agents.n_agents=3");
+  const json seed = RunStudy(study, folder.path(), 2)[0].at("seeds").at(0);
+  const std::filesystem::path run = folder.path() / "runs/hopper-all-dr/1";
+  double best = -INFINITY;
+  std::string its_policy;
+  for (const char* j : {"1", "2", "3"}) {
+    const double own = ReadJson(run / "agents" / j / "agent.json").at("eval_return");
+    if (own > best) its_policy = ReadFile(run / "agents" / j / "policy.npz");
+    best = std::max(best, own);
+  }
+  EXPECT_EQ(seed.at("eval_return"), best);
+  EXPECT_EQ(ReadFile(run / "policy.npz"), its_policy);
 }
 
 TEST(Table1Study, SeedsOfOtherSettingsAreRefused) {

@@ -10,7 +10,9 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/rl/ppo.h"
 #include "oted/rl/sac.h"
+#include "oted/rl/testing.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -163,6 +165,33 @@ TEST(IntervalSearch, AStoppedTrainingGoesOnToTheSameBytes) {
   Training{parts.path()}(last);
   EXPECT_EQ(last.Low(), search.Low());
   EXPECT_EQ(last.High(), search.High());
+  EXPECT_EQ(ReadFile(parts / "checkpoint.npz"), ReadFile(whole / "checkpoint.npz"));
+}
+
+TEST(IntervalSearch, OfDiscreteActionsTooAStoppedTrainingGoesOnToTheSameBytes) {
+  const CorridorFactory factory;
+  PpoConfig config;
+  config.n_steps = 768;
+  config.n_lanes = 2;
+  config.rollout_steps = 64;
+  config.n_epochs = 1;
+  config.hidden = {8};
+  config.eval_interval = 256;
+  config.eval_episodes = 1;
+  const auto train = [&](const std::filesystem::path& folder, const std::atomic<bool>* stop,
+                         const PpoObserver& observe) {
+    IntervalSearch search(factory.parameters(), {0.3}, {.episodes = 3}, {0, 1});
+    NullSink log;
+    TrainPpo(factory, search, {{0.3}}, config, RngKey(5), folder, "baselines/is/1", {&log, stop, 1}, observe);
+    return std::pair(search.Low(), search.High());
+  };
+  const TestFolder whole, parts;
+  const auto expected = train(whole.path(), nullptr, {});
+  EXPECT_LT(expected.first[0], 0.3) << "the case needs an interval that moves";
+  std::atomic<bool> stop = false;
+  EXPECT_THROW(train(parts.path(), &stop, [&](int64_t, const CategoricalPolicy&, double) { stop = true; }),
+               Interrupted);
+  EXPECT_EQ(train(parts.path(), nullptr, {}), expected);
   EXPECT_EQ(ReadFile(parts / "checkpoint.npz"), ReadFile(whole / "checkpoint.npz"));
 }
 
