@@ -150,6 +150,14 @@ class PipelineTest : public testing::Test {
     return folder_.path() / "copy";
   }
   fs::path Fresh(const std::string& name) const { return folder_.path() / name; }
+  /// The whole run up to its design.
+  fs::path CopyWithoutAgents(const std::string& name) const {
+    fs::copy(Whole(), Fresh(name), fs::copy_options::recursive);
+    for (const char* made : {"agents", "undesigned", "policy_selection.json", "evaluation.json", "policy.onnx"}) {
+      fs::remove_all(Fresh(name) / made);
+    }
+    return Fresh(name);
+  }
 
  private:
   TestFolder folder_;
@@ -215,9 +223,17 @@ RunConfig WithBaselines() {
   return config;
 }
 
+/// One whole run of that study.
+const fs::path& WholeWithBaselines() {
+  static const TestFolder folder;
+  static const bool done = (RunPipeline(WithBaselines(), folder.path() / "run"), true);
+  static const fs::path path = folder.path() / "run";
+  EXPECT_TRUE(done);
+  return path;
+}
+
 TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
-  const fs::path out = Fresh("baselines");
-  RunPipeline(WithBaselines(), out);
+  const fs::path& out = WholeWithBaselines();
   const auto plain = Bytes(Whole()), with = Bytes(out);
   for (const char* file : {"design.json", "clone/policy.npz", "agents/1/policy.npz", "undesigned/1/policy.npz"}) {
     EXPECT_EQ(with.at(file), plain.at(file)) << file;
@@ -240,8 +256,7 @@ TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
 }
 
 TEST_F(PipelineTest, BaselinesHaveTheSameBytesAtAnyNumberOfThreadsAndAfterStops) {
-  const fs::path out = Fresh("whole"), stopped = Fresh("stopped");
-  RunPipeline(WithBaselines(), out);
+  const fs::path stopped = CopyWithoutAgents("stopped");
   RunConfig config = WithBaselines();
   config.run.threads = 3;
   for (const int64_t at : {0, 150}) {
@@ -251,7 +266,7 @@ TEST_F(PipelineTest, BaselinesHaveTheSameBytesAtAnyNumberOfThreadsAndAfterStops)
     EXPECT_THROW(RunPipeline(config, stopped, watch), Interrupted) << at;
   }
   RunPipeline(config, stopped);
-  auto whole = Bytes(out), other = Bytes(stopped);
+  auto whole = Bytes(WholeWithBaselines()), other = Bytes(stopped);
   EXPECT_EQ(whole.erase("run.toml") + other.erase("run.toml"), 2u) << "it holds the number of threads";
   ASSERT_EQ(whole.size(), other.size());
   for (const auto& [name, bytes] : whole) EXPECT_EQ(other.at(name), bytes) << name;
@@ -264,7 +279,8 @@ TEST_F(PipelineTest, AgentsTrainInModesSamplesOrTheBestSimulator) {
     config.agents.n_agents = 1;
     config.agents.train_in = train_in;
     config.selection.n_seeds = n_seeds;
-    const fs::path out = Fresh(train_in + std::to_string(n_seeds));
+    const fs::path out = CopyWithoutAgents(train_in + std::to_string(n_seeds));
+    if (n_seeds != 2) fs::remove(out / "design.json");
     RunPipeline(config, out, &Pipeline::TrainAgents);
     const json record = ReadJson(out / "agents/1/agent.json");
     EXPECT_EQ(record.value("train_in", "modes"), train_in);
