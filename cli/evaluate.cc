@@ -128,7 +128,7 @@ void AddEvaluateVerb(Program& program) {
                    "policy.npz, or policy.onnx of this or another program: runs its deterministic action, or as "
                    "ppo.evaluate says where actions are discrete, at nominal parameters, or at those of --param and "
                    "--truth; needs neither --data nor --out");
-  verb->footer(SettingsHelp({"agents", "ppo"}));
+  verb->footer(SettingsHelp({"agents", "ppo", "baselines"}));
   verb->callback([&program, options] {
     if (options->policy.empty()) {
       EvaluateRun(program, *options);

@@ -1,4 +1,5 @@
-// oted reproduce table2 | figure2 | figure3: the paper's studies, one cell after the other, each left as a file.
+// oted reproduce table1 | table2 | figure2 | figure3: the paper's studies, one cell after the other, each left as a
+// file.
 
 #include <fmt/format.h>
 
@@ -16,6 +17,7 @@
 #include "oted/report/file_sink.h"
 #include "oted/report/report.h"
 #include "oted/report/study_page.h"
+#include "oted/table1_study.h"
 
 namespace oted::cli {
 namespace {
@@ -35,6 +37,11 @@ struct DesignStudyOptions : StudyOptions {
 
 struct DensityStudyOptions : StudyOptions {
   DensityStudy study;
+};
+
+struct Table1Options : StudyOptions {
+  Table1Study study;
+  std::vector<std::string> guess;
 };
 
 void RunCell(const DesignStudy& study, const StudyCell& cell, const StudyOptions& options,
@@ -123,12 +130,50 @@ void AddDensityStudy(Program& program, CLI::App& reproduce) {
   });
 }
 
+void AddTable1(Program& program, CLI::App& reproduce) {
+  CLI::App* verb = reproduce.add_subcommand(
+      "table1", "scores in the target of the clone, DR, IS, BC+DR, OTED-SAC and un-designed SAC, beside the paper's");
+  auto options = std::make_shared<Table1Options>();
+  Table1Study& study = options->study;
+  AddStudyOptions(*verb, *options);
+  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")->capture_default_str();
+  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
+  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
+  verb->add_option("--methods", study.methods, "bc, dr, is, bc_dr, oted, undesigned")->capture_default_str();
+  verb->add_option("--form", study.form, "design.form; paper: Algorithm 1 to the letter")->capture_default_str();
+  verb->add_option("--steps", study.steps, "control steps of one agent")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  verb->add_option("--seeds", study.n_seeds, "seeds of every cell: of clone, designs and agent")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  verb->add_option("--seed", study.first_seed, "the first of them")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  verb->add_option("--guess", options->guess,
+                   "name=value: where the un-designed simulator is and interval search begins [default: friction=1.67 "
+                   "gain=0.77 gravity=0.83]");
+  verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
+  verb->callback([&program, &study, options] {
+    study.assignments = options->assignments;
+    for (const std::string& assignment : options->guess) study.SetGuess(assignment);
+    TerminalSink terminal(options->quiet);
+    const Table1Hooks hooks{.keep_curves = [](const std::filesystem::path& folder,
+                                              LogSink* inner) { return std::make_unique<FileSink>(folder, inner); },
+                            .run_complete = [](const std::filesystem::path& folder) { WriteReport(folder); }};
+    const std::vector<nlohmann::json> records =
+        RunTable1(study, options->out, program.command_line, hooks, MakeContext(terminal, options->threads));
+    fmt::print("{}", Table1(study, records));
+  });
+}
+
 }  // namespace
 
 void AddReproduceVerb(Program& program) {
   CLI::App* verb =
-      program.app.add_subcommand("reproduce", "the paper's studies, cell by cell: table2, figure2, figure3");
+      program.app.add_subcommand("reproduce", "the paper's studies, cell by cell: table1, table2, figure2, figure3");
   verb->require_subcommand(1);
+  AddTable1(program, *verb);
   AddDesignStudy(program, *verb, "table2", "simulator selection: design error and regret of every way of selecting");
   AddDesignStudy(program, *verb, "figure2", "design errors by parameter, each alone and all jointly");
   AddDensityStudy(program, *verb);

@@ -48,9 +48,10 @@ void AddStageVerbs(Program& program) {
                          "stage 3: score the designs and select the best setting",
                          {"selection", "report"},
                          &Pipeline::ReplayLogs});
-  AddStageVerb(
-      program,
-      {"train", "stage 4: train agents in the designed simulators", {"agents", "sac", "ppo"}, &Pipeline::TrainAgents});
+  AddStageVerb(program, {"train",
+                         "stage 4: train agents in the designed simulators",
+                         {"agents", "sac", "ppo", "baselines"},
+                         &Pipeline::TrainAgents});
   AddStageVerb(
       program,
       {"select-policy", "stage 5: rank the agents in every designed simulator", {"agents"}, &Pipeline::SelectPolicy});

@@ -16,7 +16,6 @@
 #include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/presets.h"
-#include "oted/stages/agent/agent.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/effects.h"
@@ -284,12 +283,26 @@ std::vector<std::vector<double>> Pipeline::MixtureModes() const {
   return modes;
 }
 
+DesignedSimulators Pipeline::Designed() const {
+  DesignedSimulators designed;
+  designed.modes = MixtureModes();
+  const json design = ReadJson(directory_.root() / "design.json");
+  for (const json& parameter : design.at("parameters")) designed.best.push_back(parameter.at("mode").get<double>());
+  if (config_.agents.train_in != "samples") return designed;
+  for (const json& member : design.at("mixture")) {
+    const fs::path file =
+        directory_.design_seed(design.at("selected").get<std::string>(), member.at("seed").get<int>()) / "q.json";
+    designed.q.push_back(Designer::FromJson(ReadJson(file), factory_->parameters(), file.string()));
+  }
+  return designed;
+}
+
 // ---------------------------------------------------------------- stage 4: agents
 
 struct Pipeline::AgentJob {
   fs::path folder;
   int index;
-  bool designed;
+  std::string where;
 };
 
 void Pipeline::TrainAgents() {
@@ -300,18 +313,18 @@ void Pipeline::TrainAgents() {
   ReplayLogs();
   std::vector<AgentJob> jobs;
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
-    jobs.push_back({directory_.agent(j), j, true});
-    if (ComparesUndesigned()) jobs.push_back({directory_.undesigned(j), j, false});
+    for (const std::string& where : AgentGrounds()) jobs.push_back({AgentFolder(where, j), j, where});
   }
   std::erase_if(jobs, [&](const AgentJob& job) {
-    const bool is_complete = directory_.IsComplete(job.folder / "agent.json", AgentFingerprint(job.designed));
+    const std::string fingerprint = AgentFingerprint(job.where);
+    const bool is_complete = directory_.IsComplete(job.folder / "agent.json", fingerprint);
     // Agents of earlier versions of the program have none.
     if (is_complete && !fs::exists(job.folder / "policy.onnx")) {
-      ExportAgent(job.folder, job.designed, job.folder / "policy.onnx");
+      ExportAgent(job.folder, fingerprint, job.folder / "policy.onnx");
     }
     return is_complete;
   });
-  const std::vector<std::vector<double>> modes = MixtureModes();
+  const DesignedSimulators designed = Designed();
   const bool ppo = config_.agents.AlgorithmFor(factory_->spec()) == "ppo";
   const int64_t n_steps = ppo ? config_.ppo.n_steps : config_.sac.n_steps;
   for (const AgentJob& job : jobs) {
@@ -321,34 +334,33 @@ void Pipeline::TrainAgents() {
   ParallelFor(static_cast<int>(jobs.size()), context_.n_threads, [&](int i) {
     context_.ThrowIfStopped();
     const AgentJob& job = jobs[static_cast<size_t>(i)];
-    // Agent j has the same random streams in the designed and in the un-designed simulators: a paired comparison.
-    const RngKey key =
-        RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("agent").Index(static_cast<uint64_t>(job.index));
-    const std::vector<std::vector<double>> where =
-        job.designed ? modes : std::vector<std::vector<double>>{factory_->parameters().Nominal()};
-    directory_.Begin(job.folder, AgentFingerprint(job.designed));
-    const auto train = [&](const auto& config) {
-      const auto agent = TrainAgent(*factory_, where, config, key, job.folder, directory_.NameOf(job.folder), share);
-      agent.policy.Save(job.folder / "policy.npz");
-      return agent.eval_return;
-    };
-    const double eval_return = ppo ? train(config_.ppo) : train(config_.sac);
-    ExportAgent(job.folder, job.designed, job.folder / "policy.onnx");
-    json record = {{"schema", "oted.agent/1"}, {"agent", job.index}, {"designed", job.designed},
-                   {"seed", config_.run.seed}, {"n_steps", n_steps}, {"eval_return", eval_return}};
+    const std::string fingerprint = AgentFingerprint(job.where);
+    const bool is_designed = job.where == "designed";
+    const TrainingGround ground =
+        is_designed ? DesignedGround(config_.agents, designed) : ComparedGround(job.where, config_, *factory_);
+    directory_.Begin(job.folder, fingerprint);
+    const LearningCurve curve =
+        TrainAgentIn(ground, *factory_, config_, job.index, job.folder, directory_.NameOf(job.folder), share);
+    ExportAgent(job.folder, fingerprint, job.folder / "policy.onnx");
+    json record = {{"schema", "oted.agent/1"}, {"agent", job.index}, {"designed", is_designed},
+                   {"seed", config_.run.seed}, {"n_steps", n_steps}, {"eval_return", curve.eval_return}};
     if (ppo) record["algorithm"] = "ppo";
-    directory_.Complete(job.folder / "agent.json", record, AgentFingerprint(job.designed));
+    if (is_designed && config_.agents.train_in != "modes") record["train_in"] = config_.agents.train_in;
+    if (!is_designed && job.where != "undesigned") record["baseline"] = job.where;
+    for (const auto& [name, value] : ground.episodes->Figures()) record["episodes"][name] = value;
+    directory_.Complete(job.folder / "agent.json", record, fingerprint);
     directory_.RemoveCheckpoint(job.folder);
   });
+  if (config_.baselines.Runs("bc_dr")) CloneUnderRandomization();
 }
 
 ActionNoise Pipeline::JudgedNoise() const {
   return factory_->spec().n_discrete_actions > 0 ? config_.ppo.EvaluationNoise() : ActionNoise::kMean;
 }
 
-void Pipeline::ExportAgent(const fs::path& folder, bool designed, const fs::path& path) const {
+void Pipeline::ExportAgent(const fs::path& folder, const std::string& fingerprint, const fs::path& path) const {
   // The name and what it was made from, not where it lies: equal runs give equal bytes.
-  const std::string source = fmt::format("{} {}", directory_.NameOf(folder), AgentFingerprint(designed));
+  const std::string source = fmt::format("{} {}", directory_.NameOf(folder), fingerprint);
   WriteOnnx(*LoadPolicy(folder / "policy.npz"), PolicyMetadata(factory_->spec(), source), path);
 }
 
@@ -360,7 +372,8 @@ void Pipeline::SelectPolicy() {
   const fs::path selected_policy = directory_.root() / "policy.onnx";
   if (directory_.IsComplete(file, PolicySelectionFingerprint())) {
     if (!fs::exists(selected_policy)) {
-      ExportAgent(directory_.agent(ReadJson(file).at("selected").get<int>()), true, selected_policy);
+      ExportAgent(directory_.agent(ReadJson(file).at("selected").get<int>()), AgentFingerprint("designed"),
+                  selected_policy);
     }
     return;
   }
@@ -384,7 +397,7 @@ void Pipeline::SelectPolicy() {
                                    {"mean_return", result.mean_return[j]},
                                    {"n_diverged", result.n_diverged[j]}});
   }
-  ExportAgent(directory_.agent(result.selected + 1), true, selected_policy);
+  ExportAgent(directory_.agent(result.selected + 1), AgentFingerprint("designed"), selected_policy);
   directory_.Complete(file, selection, PolicySelectionFingerprint());
 }
 

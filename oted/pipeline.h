@@ -25,6 +25,7 @@
 #include "oted/run_config.h"
 #include "oted/run_directory.h"
 #include "oted/sim/simulator.h"
+#include "oted/training_ground.h"
 
 namespace oted {
 
@@ -68,14 +69,26 @@ class Pipeline {
   std::string CloneFingerprint() const;
   std::string DesignFingerprint(const std::string& setting) const;
   std::string SelectionFingerprint() const;
-  std::string AgentFingerprint(bool designed) const;
+  /// Of an agent that trains in `where`: "designed", "undesigned", or a baseline's name.
+  std::string AgentFingerprint(const std::string& where) const;
+  /// The folder of agent `index` that trains there.
+  std::filesystem::path AgentFolder(const std::string& where, int index) const;
+  /// Where agents train, designed ones first.
+  std::vector<std::string> AgentGrounds() const;
+  /// Of the m agents that train in `where`, the index of the one that does best there.
+  int BestAgent(const std::string& where) const;
+  /// The clone of the logs and of data collected under domain randomisation.
+  void CloneUnderRandomization();
+  std::string BcDrFingerprint() const;
   std::string PolicySelectionFingerprint() const;
   std::string EvaluationFingerprint() const;
   std::vector<std::vector<double>> MixtureModes() const;
+  DesignedSimulators Designed() const;
   /// How clones and agents act where they are judged.
   ActionNoise JudgedNoise() const;
   /// policy.onnx of the agent in `folder`, from its policy.npz, at `path`.
-  void ExportAgent(const std::filesystem::path& folder, bool designed, const std::filesystem::path& path) const;
+  void ExportAgent(const std::filesystem::path& folder, const std::string& fingerprint,
+                   const std::filesystem::path& path) const;
   bool ComparesUndesigned() const { return config_.agents.undesigned && !config_.truth.empty(); }
 
   RunConfig config_;

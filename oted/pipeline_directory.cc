@@ -32,7 +32,9 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   AdaptDesign();
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
+  if (!config_.agents.undesigned_at.empty()) factory_->parameters().CheckInside(config_.agents.undesigned_at);
   config_.agents.AlgorithmFor(factory_->spec());
+  if (config_.baselines.Runs("is")) CheckIntervalSearch(config_.baselines.is, factory_->spec());
   for (const auto& [name, design] : config_.DesignSettings())
     FeatureShape(factory_->spec(), design.Evidence(factory_->spec()));
   CheckCanDraw();
@@ -94,9 +96,11 @@ void Pipeline::CheckDirectory() const {
   }
   check(directory_.root() / "design.json", SelectionFingerprint());
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
-    check(directory_.agent(j) / "agent.json", AgentFingerprint(true));
-    if (ComparesUndesigned()) check(directory_.undesigned(j) / "agent.json", AgentFingerprint(false));
+    for (const std::string& where : AgentGrounds()) {
+      check(AgentFolder(where, j) / "agent.json", AgentFingerprint(where));
+    }
   }
+  if (config_.baselines.Runs("bc_dr")) check(directory_.baseline("bc_dr") / "clone.json", BcDrFingerprint());
   check(directory_.root() / "policy_selection.json", PolicySelectionFingerprint());
   if (!config_.truth.empty()) check(directory_.root() / "evaluation.json", EvaluationFingerprint());
 }
@@ -148,23 +152,46 @@ std::string Pipeline::SelectionFingerprint() const {
   return Fingerprint(inputs);
 }
 
-std::string Pipeline::AgentFingerprint(bool designed) const {
+std::string Pipeline::AgentFingerprint(const std::string& where) const {
+  const bool designed = where == "designed";
   SacConfig sac = config_.sac;
   PpoConfig ppo = config_.ppo;
   const bool is_ppo = config_.agents.AlgorithmFor(factory_->spec()) == "ppo";
   const FieldList fields = is_ppo ? ppo.Fields() : sac.Fields("sac");
   json inputs = {"agent", designed, fields.ToJson(), config_.run.seed, TaskIdentity(), model_sha256_};
-  if (designed) inputs.push_back(SelectionFingerprint());
+  if (designed) {
+    inputs.push_back(SelectionFingerprint());
+    if (config_.agents.train_in != "modes") inputs.push_back(config_.agents.train_in);
+  } else {
+    for (const json& part : ComparedIdentity(where, config_, factory_->parameters())) inputs.push_back(part);
+  }
   return Fingerprint(inputs);
 }
 
+fs::path Pipeline::AgentFolder(const std::string& where, int index) const {
+  if (where == "designed") return directory_.agent(index);
+  return where == "undesigned" ? directory_.undesigned(index) : directory_.baseline(where, index);
+}
+
+std::vector<std::string> Pipeline::AgentGrounds() const {
+  std::vector<std::string> grounds = {"designed"};
+  if (ComparesUndesigned()) grounds.push_back("undesigned");
+  for (const std::string& name : config_.baselines.Agents()) grounds.push_back(name);
+  return grounds;
+}
+
 std::string Pipeline::PolicySelectionFingerprint() const {
-  return Fingerprint({"policies", AgentFingerprint(true), config_.agents.n_agents, config_.agents.selection_episodes});
+  return Fingerprint(
+      {"policies", AgentFingerprint("designed"), config_.agents.n_agents, config_.agents.selection_episodes});
 }
 
 std::string Pipeline::EvaluationFingerprint() const {
-  return Fingerprint({"evaluation", PolicySelectionFingerprint(), config_.TruthVector(), config_.agents.target_episodes,
-                      config_.agents.undesigned});
+  json inputs = {"evaluation", PolicySelectionFingerprint(), config_.TruthVector(), config_.agents.target_episodes,
+                 config_.agents.undesigned};
+  if (!config_.agents.undesigned_at.empty()) inputs.push_back(AgentFingerprint("undesigned"));
+  for (const std::string& name : config_.baselines.Agents()) inputs.push_back(AgentFingerprint(name));
+  if (config_.baselines.Runs("bc_dr")) inputs.push_back(BcDrFingerprint());
+  return Fingerprint(inputs);
 }
 
 }  // namespace oted

@@ -28,7 +28,8 @@ void Pipeline::EvaluateInTarget() {
   const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
 
   const auto* grid = dynamic_cast<const MinigridSimulatorFactory*>(factory_.get());
-  const int64_t total = 3 + (ComparesUndesigned() ? 1 : 0) + (grid != nullptr ? 1 : 0);
+  const int64_t total = 2 + static_cast<int64_t>(AgentGrounds().size()) + (config_.baselines.Runs("bc_dr") ? 1 : 0) +
+                        (grid != nullptr ? 1 : 0);
 
   json policies = json::array();
   const auto record = [&](const std::string& name, const std::string& label,
@@ -55,16 +56,18 @@ void Pipeline::EvaluateInTarget() {
   Rng random = key.Stage("random").MakeRng();
   judge("random", "random actions", UniformRandomPolicy(spec, random));
   judge_policy("clone", "clone of the logs", directory_.clone() / "policy.npz");
-  if (ComparesUndesigned()) {
-    // The un-designed agent, too, is the one of its m that does best where it was trained.
-    int best = 1;
-    const auto own_return = [&](int j) {
-      return ReadJson(directory_.undesigned(j) / "agent.json").at("eval_return").get<double>();
-    };
-    for (int j = 2; j <= config_.agents.n_agents; ++j) best = own_return(j) > own_return(best) ? j : best;
-    judge_policy(algorithm + "_undesigned", name_of_it + " in the un-designed simulator",
-                 directory_.undesigned(best) / "policy.npz");
+  // What is compared with, too, is the one of its m agents that does best where it was trained.
+  const auto judge_best = [&](const std::string& where, const std::string& label) {
+    judge_policy(algorithm + "_" + where, label, AgentFolder(where, BestAgent(where)) / "policy.npz");
+  };
+  if (config_.baselines.Runs("bc_dr")) {
+    judge_policy("bc_dr", "clone of logs and data under DR (BC+DR)", directory_.baseline("bc_dr") / "policy.npz");
   }
+  const std::vector<std::string> baselines = config_.baselines.Agents();
+  for (const std::string& name : baselines) {
+    judge_best(name, name_of_it + (name == "dr" ? ", domain randomisation (DR)" : ", interval search (IS)"));
+  }
+  if (ComparesUndesigned()) judge_best("undesigned", name_of_it + " in the un-designed simulator");
   const int selected = ReadJson(directory_.root() / "policy_selection.json").at("selected").get<int>();
   judge_policy("oted_" + algorithm, "OTED-" + name_of_it, directory_.agent(selected) / "policy.npz");
   if (grid != nullptr) {

@@ -62,7 +62,13 @@ FieldList AgentsConfig::Fields() {
                    "how agents learn: sac for continuous actions, ppo for discrete ones; auto: whichever it takes",
                    {"auto", "sac", "ppo"});
   fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
+  fields.AddChoice("train_in", &train_in,
+                   "where agents train, drawn anew for each episode: a mode of the seeds' q (Algorithm 2), a sample of "
+                   "one of them (Sec. 4, step 3), or always the best-scoring seed's mode",
+                   {"modes", "samples", "best"});
   fields.Add("undesigned", &undesigned, "with a known truth, also train in the un-designed simulator, to compare");
+  fields.Add("undesigned_at", &undesigned_at,
+             "what that simulator's parameters are, in the order of [parameters]; none: nominal");
   fields.Add("selection_episodes", &selection_episodes, "episodes per agent and designed simulator", AtLeast(1));
   fields.Add("target_episodes", &target_episodes, "with a known truth, episodes per policy in the target", AtLeast(1));
   return fields;
@@ -270,7 +276,7 @@ void CheckName(const std::string& what, const std::string& name) {
 std::vector<FieldList> AllFields(RunConfig& config) {
   return {config.task.Fields(),     config.task.grid.Fields(), config.data.Fields(),      config.run.Fields(),
           config.clone.Fields(),    config.design.Fields(),    config.selection.Fields(), config.agents.Fields(),
-          config.sac.Fields("sac"), config.ppo.Fields(),       config.report.Fields()};
+          config.sac.Fields("sac"), config.ppo.Fields(),       config.baselines.Fields(), config.report.Fields()};
 }
 
 RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,
@@ -515,6 +521,7 @@ void RunConfig::Check() const {
   }
   design.Check();
   for (const auto& [name, setting] : settings) setting.Check();
+  baselines.Check();
 }
 
 std::vector<double> RunConfig::TruthVector() const {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/baselines/baselines_config.h"
 #include "oted/data/data_options.h"
 #include "oted/rl/ppo.h"
 #include "oted/rl/sac.h"
@@ -61,7 +62,9 @@ struct RunSettings {
 struct AgentsConfig {
   std::string algorithm = "auto";
   int n_agents = 2;
+  std::string train_in = "modes";
   bool undesigned = true;
+  std::vector<double> undesigned_at;  ///< z; empty: nominal
   int selection_episodes = 10;
   int target_episodes = 20;
   /// "sac" or "ppo", as the task's actions ask for. @throws UsageError when `algorithm` does not take them
@@ -92,6 +95,7 @@ struct RunConfig {
   AgentsConfig agents;
   SacConfig sac;
   PpoConfig ppo;
+  BaselinesConfig baselines;
   ReportConfig report;
   /// The true parameters, where a study knows them: read by evaluation and report only.
   std::map<std::string, double> truth;

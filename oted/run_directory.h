@@ -19,6 +19,11 @@ class RunDirectory {
   }
   std::filesystem::path agent(int index) const { return root_ / "agents" / std::to_string(index); }
   std::filesystem::path undesigned(int index) const { return root_ / "undesigned" / std::to_string(index); }
+  /// Of a baseline: its agents' common folder, or that of one of them.
+  std::filesystem::path baseline(const std::string& name) const { return root_ / "baselines" / name; }
+  std::filesystem::path baseline(const std::string& name, int index) const {
+    return baseline(name) / std::to_string(index);
+  }
   /// The folder's name relative to the run directory: what names its curves.
   std::string NameOf(const std::filesystem::path& folder) const;
 

@@ -7,7 +7,8 @@ The folder of a file decides what it may include:
     base <- data <- sim <- sim/mujoco, sim/minigrid
     base <- data <- nn <- rl, and sim <- rl
     matching                    base, data, sim, nn: what the design and the selection stages share
-    stages/X, baselines         base, data, sim, nn, rl, matching; a stage never another stage
+    stages/X, baselines         base, data, sim, nn, rl, matching; a stage never another stage, baselines also
+                                stages/behavior
     report                      base, data, sim and the result headers of stages (result.h, *_result.h)
     oted/*.h, oted/*.cc         the pipeline: everything in oted/ but report
     cli, python, benchmarks, examples, tests      everything in oted/, and themselves
@@ -34,7 +35,7 @@ MAY_INCLUDE = {
     "nn": {"base", "data"},
     "rl": {"base", "data", "sim", "nn"},
     "matching": {"base", "data", "sim", "nn"},
-    "baselines": FOUNDATIONS,
+    "baselines": FOUNDATIONS | {"stages/behavior"},
     "report": {"base", "data", "sim"},
     **{f"stages/{stage}": FOUNDATIONS for stage in STAGES},
 }

@@ -76,6 +76,18 @@ json Agents(const fs::path& folder) {
   return agents;
 }
 
+// The agents of every baseline, with its name.
+json Baselines(const fs::path& folder) {
+  json all = json::array();
+  for (const std::string& baseline : Folders(folder)) {
+    for (json& agent : Agents(folder / baseline)) {
+      agent["baseline"] = baseline;
+      all.push_back(std::move(agent));
+    }
+  }
+  return all;
+}
+
 void GatherDesignSeeds(const fs::path& run_dir, json* report) {
   const std::vector<std::string> settings = Folders(run_dir / "design");
   if (settings.empty()) return;
@@ -147,6 +159,7 @@ json Gather(const fs::path& run_dir) {
   GatherDesignSeeds(run_dir, &report);
   add("agents", Agents(run_dir / "agents"));
   add("undesigned", Agents(run_dir / "undesigned"));
+  add("baselines", Baselines(run_dir / "baselines"));
   add("parameters", Parameters(report));
   if (report.contains("evaluation")) add("policies", ListAt(report["evaluation"], "policies"));
   if (report.contains("design")) add("warnings", ListAt(report["design"], "warnings"));

@@ -39,6 +39,24 @@ TEST(GatherReportTest, HoldsWhatTheFilesHold) {
   for (size_t i = 0; i < curve.size(); ++i) EXPECT_EQ(points[i], (json{curve[i].first, curve[i].second}));
 }
 
+TEST(GatherReportTest, AgentsOfBaselinesCarryTheirBaselinesName) {
+  TestFolder folder;
+  const SampleRun run(folder.path());
+  run.WriteAll();
+  EXPECT_FALSE(GatherReport(folder.path()).contains("baselines"));
+  for (const char* name : {"dr", "is"}) {
+    std::filesystem::create_directories(std::filesystem::path(folder / "baselines") / name);
+    std::filesystem::copy(folder / "undesigned/2", std::filesystem::path(folder / "baselines") / name / "2",
+                          std::filesystem::copy_options::recursive);
+  }
+  WriteFileAtomically(folder / "baselines/bc_dr/clone.json", R"({"schema": "oted.clone/1"})");
+  const json report = GatherReport(folder.path());
+  ASSERT_EQ(report["baselines"].size(), 2u) << "BC+DR is no agent";
+  EXPECT_EQ(report["baselines"][0]["baseline"], "dr");
+  EXPECT_EQ(report["baselines"][1]["baseline"], "is");
+  EXPECT_EQ(report["baselines"][1]["result"], report["undesigned"][1]["result"]);
+}
+
 TEST(GatherReportTest, EveryParameterMeetsItsTruthByName) {
   TestFolder folder;
   SampleRun run(folder.path());

@@ -92,6 +92,18 @@ TEST_F(WriteReportTest, TheJsonIsWhatTheFilesHoldWithASummary) {
   EXPECT_EQ(report, GatherReport(folder_.path()));
 }
 
+TEST_F(WriteReportTest, BaselinesStandBesideTheAgents) {
+  run_.WriteAll();
+  std::filesystem::create_directories(folder_ / "baselines/is");
+  std::filesystem::copy(folder_ / "undesigned/2", folder_ / "baselines/is/2", std::filesystem::copy_options::recursive);
+  WriteReport(folder_.path());
+  EXPECT_TRUE(RunPython(std::string(kCheckPage) + R"(
+assert 'agent 2, interval search' in text, 'its curve'
+assert '>interval search<' in text, 'its row'
+)",
+                        folder_));
+}
+
 TEST_F(WriteReportTest, AWholeRunGivesAWellFormedPageThatNeedsNothingElse) {
   run_.WriteAll();
   WriteReport(folder_.path());

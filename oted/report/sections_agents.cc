@@ -18,6 +18,11 @@ const json& ReturnCurve(const json& agent) {
   return evaluations.empty() ? ListAt(agent["curves"], "rollout/ep_rew_mean") : evaluations;
 }
 
+std::string BaselineName(const std::string& name) {
+  if (name == "dr") return "domain randomisation";
+  return name == "is" ? "interval search" : name;
+}
+
 std::string ReturnMatrix(const json& selection) {
   json agents = json::array();
   json simulators = json::array();
@@ -45,31 +50,42 @@ Section AgentsSection(const json& report) {
   Section section{"agents", "Agents", "Training the agents", ""};
   const json& agents = ListAt(report, "agents");
   const json& undesigned = ListAt(report, "undesigned");
-  if (agents.empty() && undesigned.empty()) return section;
+  const json& baselines = ListAt(report, "baselines");
+  if (agents.empty() && undesigned.empty() && baselines.empty()) return section;
   section.html =
       "<p>Agents learn in the designed simulators, in one drawn anew for each episode. Returns here are earned in the "
       "simulators that each agent trains in, not in the target: those of different simulators do not compare.";
   if (!undesigned.empty()) section.html += " For comparison, the same training in the original simulator alone.";
+  if (!baselines.empty()) {
+    section.html +=
+        " Baselines learn by the same algorithm without the logs: with parameters drawn from their whole ranges "
+        "(domain "
+        "randomisation), or from intervals that grow where the agent does well (interval search).";
+  }
   section.html += "</p>\n";
   HtmlTable table;
   table.Column("Agent", HtmlTable::Align::kText).Column("Trained in", HtmlTable::Align::kText);
   table.Column("Steps").Column("Return of the kept policy");
   Figure figure("Return over the training steps");
-  const auto add = [&](const json& group, const char* where, const char* color) {
-    for (const json& agent : group) {
-      const std::string name = TextAt(agent, "name");
-      const json& result = agent["result"];
-      figure.AddCurve(ReturnCurve(agent), fmt::format("agent {}, {}", name, where), {.color = color, .width = 1.8});
-      table.Row({Escape(name), where, FormatCount(NumberAt(result, "n_steps")),
-                 FormatNumber(NumberAt(result, "eval_return"))});
-    }
+  const auto add_agent = [&](const json& agent, const std::string& where, const char* color, const char* dash) {
+    const std::string name = TextAt(agent, "name");
+    const json& result = agent["result"];
+    figure.AddCurve(ReturnCurve(agent), fmt::format("agent {}, {}", name, where),
+                    {.color = color, .width = 1.8, .dash = dash});
+    table.Row({Escape(name), Escape(where), FormatCount(NumberAt(result, "n_steps")),
+               FormatNumber(NumberAt(result, "eval_return"))});
   };
-  add(agents, "designed simulators", "var:--designed");
-  add(undesigned, "original simulator", "var:--nominal");
+  for (const json& agent : agents) add_agent(agent, "designed simulators", "var:--designed", "solid");
+  for (const json& agent : undesigned) add_agent(agent, "original simulator", "var:--nominal", "solid");
+  for (const json& agent : baselines) {
+    const std::string name = TextAt(agent, "baseline");
+    add_agent(agent, BaselineName(name), "var:--low", name == "is" ? "dot" : "solid");
+  }
   figure.SetXTitle("step");
   PlotKey key;
   if (!agents.empty()) key.Add("line", "--designed", "in the designed simulators");
   if (!undesigned.empty()) key.Add("line", "--nominal", "in the original simulator");
+  if (!baselines.empty()) key.Add("line", "--low", "baselines");
   section.html += WithKey(key, figure.Html("wide")) + table.Html();
   return section;
 }

@@ -145,19 +145,30 @@ void AddReplay(const json& report, json* trust, json* unknown) {
 
 void AddPolicies(const json& report, json* found) {
   std::optional<double> ours, clone, undesigned;
+  std::string baselines;
+  const auto add_baseline = [&](const char* words, std::optional<double> value) {
+    if (value) baselines += fmt::format("; {} {}", words, FormatNumber(value));
+  };
   for (const json& policy : ListAt(report, "policies")) {
     const std::optional<double> value = NumberAt(policy, "mean_return");
     const std::string name = TextAt(policy, "name");
     if (name.starts_with("oted_")) ours = value;
     if (name == "clone") clone = value;
     if (name.ends_with("_undesigned")) undesigned = value;
+    if (name == "bc_dr") {
+      add_baseline("a clone of logs and randomised simulators", value);
+    } else if (name.ends_with("_dr")) {
+      add_baseline("one trained with domain randomisation", value);
+    } else if (name.ends_with("_is")) {
+      add_baseline("one trained by interval search", value);
+    }
   }
   if (!ours) return;
   std::string text =
       fmt::format("In the target, the policy trained in the designed simulators returns {}", FormatNumber(ours));
   if (clone) text += fmt::format("; the clone of the logged behaviour {}", FormatNumber(clone));
   if (undesigned) text += fmt::format("; a policy trained in the original simulator {}", FormatNumber(undesigned));
-  found->push_back(text + ".");
+  found->push_back(text + baselines + ".");
 }
 
 void AddMatch(const json& report, json* trust) {

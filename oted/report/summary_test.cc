@@ -133,6 +133,17 @@ TEST(SummariseTest, ComparesThePoliciesByName) {
                                                      HasSubstr("original simulator 613")));
 }
 
+TEST(SummariseTest, BaselinesFollow) {
+  const json summary = Summarise({{"policies",
+                                   {{{"name", "bc_dr"}, {"mean_return", 301}},
+                                    {{"name", "sac_dr"}, {"mean_return", 302}},
+                                    {{"name", "sac_is"}, {"mean_return", 303}},
+                                    {{"name", "oted_sac"}, {"mean_return", 1731.5}}}}});
+  EXPECT_THAT(Text(summary["found"]),
+              testing::AllOf(HasSubstr("returns 1,732"), HasSubstr("clone of logs and randomised simulators 301"),
+                             HasSubstr("domain randomisation 302"), HasSubstr("interval search 303.")));
+}
+
 TEST(SummariseTest, AgentsOfEitherAlgorithmAreNamed) {
   const json summary = Summarise({{"policies",
                                    {{{"name", "ppo_undesigned"}, {"mean_return", 0.917}},

@@ -46,13 +46,13 @@ namespace {
 // What is played with random actions to see which indices occur and how large quantities are.
 constexpr int kPlayLanes = 16, kPlaySteps = 256;
 
-Encoder FitEncoder(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters, Rng rng) {
+Encoder FitEncoder(const SimulatorFactory& factory, EpisodeSource& source, Rng rng) {
   const auto simulator = factory.Make(kPlayLanes, 1);
   const SimulatorSpec& spec = factory.spec();
   const BatchPolicy act = UniformRandomPolicy(spec, rng);
   std::vector<int> lanes(kPlayLanes);
   std::vector<double> actions(kPlayLanes);
-  const auto start = [&](int lane) { StartEpisode(*simulator, lane, episode_parameters, rng); };
+  const auto start = [&](int lane) { StartEpisode(*simulator, lane, source, rng); };
   for (int lane = 0; lane < kPlayLanes; ++lane) start(lanes[static_cast<size_t>(lane)] = lane);
   Array2<double> rows;
   for (int step = 0; step < kPlaySteps; ++step) {
@@ -69,10 +69,10 @@ Encoder FitEncoder(const SimulatorFactory& factory, const EpisodeParameters& epi
 /// The state of one training run between segments, and its segment.
 class PpoTraining : public Learner {
  public:
-  PpoTraining(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters, const PpoConfig& config,
-              RngKey key, int n_threads)
+  PpoTraining(const SimulatorFactory& factory, EpisodeSource& source, const PpoConfig& config, RngKey key,
+              int n_threads)
       : config_(config),
-        episode_parameters_(episode_parameters),
+        source_(source),
         simulator_(factory.Make(config.n_lanes, n_threads)),
         n_actions_(factory.spec().n_discrete_actions),
         rng_(key.Stage("training").MakeRng()),
@@ -85,7 +85,7 @@ class PpoTraining : public Learner {
     for (auto* v : {&log_probs_, &rewards_, &values_, &advantages_, &returns_}) v->resize(n);
     ends_.resize(n);
     Rng init = key.Stage("initialisation").MakeRng();
-    update_.emplace(FitEncoder(factory, episode_parameters, key.Stage("first play").MakeRng()),
+    update_.emplace(FitEncoder(factory, source, key.Stage("first play").MakeRng()),
                     NetSize{config.hidden, config.filters, false}, n_actions_,
                     PpoUpdateOptions{.learning_rate = config.learning_rate,
                                      .clip_range = config.clip_range,
@@ -100,17 +100,19 @@ class PpoTraining : public Learner {
   std::span<const float> policy_parameters() const override { return policy().net().parameters(); }
   const EpisodeStatistics& episodes() const override { return episodes_; }
   std::vector<std::pair<std::string, double>> Losses() const override {
-    return {{"train/policy_gradient_loss", losses_.policy_loss},
-            {"train/value_loss", losses_.value_loss},
-            {"train/entropy_loss", -losses_.entropy},
-            {"train/approx_kl", losses_.approx_kl},
-            {"train/clip_fraction", losses_.clip_fraction},
-            {"train/explained_variance", explained_variance_}};
+    std::vector<std::pair<std::string, double>> figures = {{"train/policy_gradient_loss", losses_.policy_loss},
+                                                           {"train/value_loss", losses_.value_loss},
+                                                           {"train/entropy_loss", -losses_.entropy},
+                                                           {"train/approx_kl", losses_.approx_kl},
+                                                           {"train/clip_fraction", losses_.clip_fraction},
+                                                           {"train/explained_variance", explained_variance_}};
+    for (auto& figure : source_.Figures()) figures.push_back(std::move(figure));
+    return figures;
   }
 
   void RunSegment(int64_t end, const std::function<void()>& tick) override {
     episodes_.Begin();
-    for (const int lane : lanes_) StartEpisode(*simulator_, lane, episode_parameters_, rng_);
+    for (const int lane : lanes_) StartEpisode(*simulator_, lane, source_, rng_);
     while (n_steps_ < end) {
       CollectRollout();
       LearnFromRollout();
@@ -120,12 +122,14 @@ class PpoTraining : public Learner {
 
   void Save(NpzArrays& arrays) override {
     update_->Save(arrays);
+    source_.Save(arrays);
     arrays["counters"] = NpyArray(std::vector<int64_t>{n_steps_});
     arrays["rng"] = RngArray(rng_);
   }
 
   void Restore(const NpzArrays& arrays) override {
     update_->Restore(arrays);
+    source_.Restore(arrays);
     n_steps_ = CheckpointValues<int64_t>(arrays, "counters", 1)[0];
     RestoreRng(arrays, "rng", rng_);
   }
@@ -171,8 +175,8 @@ class PpoTraining : public Learner {
     if (status == LaneStatus::kRunning) return;
     // A time limit is no end: what would have followed is in the reward.
     if (status == LaneStatus::kTruncated) rewards_[row] += static_cast<float>(config_.gamma) * ValueOf(lane);
-    episodes_.EndEpisode(lane);
-    StartEpisode(*simulator_, lane, episode_parameters_, rng_);
+    source_.EpisodeEnded(lane, episodes_.EndEpisode(lane), diverged);
+    StartEpisode(*simulator_, lane, source_, rng_);
   }
 
   float ValueOf(int lane) {
@@ -233,7 +237,7 @@ class PpoTraining : public Learner {
   }
 
   const PpoConfig& config_;
-  const EpisodeParameters& episode_parameters_;
+  EpisodeSource& source_;
   std::unique_ptr<Simulator> simulator_;
   int n_actions_;
   Rng rng_;
@@ -253,7 +257,7 @@ class PpoTraining : public Learner {
 
 }  // namespace
 
-PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
+PpoResult TrainPpo(const SimulatorFactory& factory, EpisodeSource& source,
                    const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
                    const PpoObserver& observer) {
@@ -261,7 +265,7 @@ PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& epi
     throw UsageError(
         fmt::format("task '{}' has continuous actions, PPO takes discrete ones alone", factory.spec().task));
   }
-  PpoTraining training(factory, episode_parameters, config, key, context.n_threads);
+  PpoTraining training(factory, source, config, key, context.n_threads);
   const auto observe = [&](int64_t step, double eval_return) {
     if (observer) observer(step, training.policy(), eval_return);
   };
@@ -273,6 +277,14 @@ PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& epi
   result.policy = training.policy();
   std::ranges::copy(result.kept, result.policy.net().parameters().begin());
   return result;
+}
+
+PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
+                   const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
+                   const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
+                   const PpoObserver& observer) {
+  DrawnEpisodes source(episode_parameters);
+  return TrainPpo(factory, source, eval_parameters, config, key, folder, run_name, context, observer);
 }
 
 }  // namespace oted

@@ -41,11 +41,10 @@ Normalizer IdentityNormalizer(int dim) {
 /// The state of one training run between segments, and its segment.
 class SacTraining : public Learner {
  public:
-  SacTraining(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters, const SacConfig& config,
-              RngKey key, int n_threads)
+  SacTraining(const SimulatorFactory& factory, EpisodeSource& source, const SacConfig& config, RngKey key,
+              int n_threads)
       : config_(config),
-        factory_(factory),
-        episode_parameters_(episode_parameters),
+        source_(source),
         simulator_(factory.Make(config.n_lanes, n_threads)),
         spec_(factory.spec()),
         rng_(key.Stage("training").MakeRng()),
@@ -67,10 +66,12 @@ class SacTraining : public Learner {
   std::span<const float> policy_parameters() const override { return update_->actor().net().parameters(); }
   const EpisodeStatistics& episodes() const override { return episodes_; }
   std::vector<std::pair<std::string, double>> Losses() const override {
-    return {{"train/critic_loss", losses_.critic_loss},
-            {"train/actor_loss", losses_.actor_loss},
-            {"train/ent_coef", losses_.alpha},
-            {"train/ent_coef_loss", losses_.alpha_loss}};
+    std::vector<std::pair<std::string, double>> figures = {{"train/critic_loss", losses_.critic_loss},
+                                                           {"train/actor_loss", losses_.actor_loss},
+                                                           {"train/ent_coef", losses_.alpha},
+                                                           {"train/ent_coef_loss", losses_.alpha_loss}};
+    for (auto& figure : source_.Figures()) figures.push_back(std::move(figure));
+    return figures;
   }
 
   void RunSegment(int64_t end, const std::function<void()>& tick) override {
@@ -81,7 +82,7 @@ class SacTraining : public Learner {
     episodes_.Begin();
     for (size_t lane = 0; lane < n_lanes; ++lane) {
       lanes[lane] = static_cast<int>(lane);
-      StartEpisode(*simulator_, lanes[lane], episode_parameters_, rng_);
+      StartEpisode(*simulator_, lanes[lane], source_, rng_);
     }
     PolicyRunner runner(update_->actor(), ActionNoise::kSampled);
     while (n_steps_ < end) {
@@ -110,8 +111,8 @@ class SacTraining : public Learner {
           episodes_.AddStep(lanes[lane], simulator_->reward(lanes[lane]));
         }
         if (status != LaneStatus::kRunning) {
-          episodes_.EndEpisode(lanes[lane]);
-          StartEpisode(*simulator_, lanes[lane], episode_parameters_, rng_);
+          source_.EpisodeEnded(lanes[lane], episodes_.EndEpisode(lanes[lane]), status == LaneStatus::kDiverged);
+          StartEpisode(*simulator_, lanes[lane], source_, rng_);
         }
       }
       n_steps_ += config_.n_lanes;
@@ -126,6 +127,7 @@ class SacTraining : public Learner {
 
   void Save(NpzArrays& arrays) override {
     update_->Save(arrays);
+    source_.Save(arrays);
     arrays["buffer/rows"] = NpyArray(std::vector<float>(buffer_.rows().begin(), buffer_.rows().end()));
     arrays["counters"] = NpyArray(std::vector<int64_t>{n_steps_, n_updates_, buffer_.next()});
     arrays["owed_updates"] = NpyArray(std::vector<double>{owed_updates_});
@@ -134,6 +136,7 @@ class SacTraining : public Learner {
 
   void Restore(const NpzArrays& arrays) override {
     update_->Restore(arrays);
+    source_.Restore(arrays);
     const auto& counters = CheckpointValues<int64_t>(arrays, "counters", 3);
     n_steps_ = counters[0];
     n_updates_ = counters[1];
@@ -144,8 +147,7 @@ class SacTraining : public Learner {
 
  private:
   const SacConfig& config_;
-  const SimulatorFactory& factory_;
-  const EpisodeParameters& episode_parameters_;
+  EpisodeSource& source_;
   std::unique_ptr<Simulator> simulator_;
   const SimulatorSpec& spec_;
   Rng rng_;
@@ -160,7 +162,7 @@ class SacTraining : public Learner {
 
 }  // namespace
 
-SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
+SacResult TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
                    const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
                    const SacObserver& observer) {
@@ -168,7 +170,7 @@ SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& epi
     throw UsageError(
         fmt::format("task '{}' has discrete actions, SAC takes continuous ones alone", factory.spec().task));
   }
-  SacTraining training(factory, episode_parameters, config, key, context.n_threads);
+  SacTraining training(factory, source, config, key, context.n_threads);
   const auto observe = [&](int64_t step, double eval_return) {
     if (observer) observer(step, training.policy(), eval_return);
   };
@@ -179,6 +181,14 @@ SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& epi
   result.policy = training.policy();
   std::copy(result.kept.begin(), result.kept.end(), result.policy.net().parameters().begin());
   return result;
+}
+
+SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
+                   const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
+                   const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
+                   const SacObserver& observer) {
+  DrawnEpisodes source(episode_parameters);
+  return TrainSac(factory, source, eval_parameters, config, key, folder, run_name, context, observer);
 }
 
 }  // namespace oted

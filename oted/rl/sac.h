@@ -44,6 +44,10 @@ struct SacResult : LearningCurve {
 /// Trains one agent by TrainInSegments. Time limits and segment ends are not terminal: the target bootstraps through
 /// them.
 /// @throws UsageError for a task with discrete actions; as TrainInSegments
+SacResult TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
+                   const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
+                   const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
+                   const SacObserver& observer = {});
 SacResult TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
                    const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,

@@ -8,8 +8,8 @@
 
 namespace oted {
 
-void StartEpisode(Simulator& simulator, int lane, const EpisodeParameters& parameters, Rng& rng) {
-  simulator.SetParameters(lane, parameters(rng));
+void StartEpisode(Simulator& simulator, int lane, EpisodeSource& source, Rng& rng) {
+  simulator.SetParameters(lane, source.Draw(lane, rng));
   simulator.Reset(lane, rng);
 }
 
@@ -25,11 +25,12 @@ void EpisodeStatistics::AddStep(int lane, double reward) {
   running.length += 1;
 }
 
-void EpisodeStatistics::EndEpisode(int lane) {
+double EpisodeStatistics::EndEpisode(int lane) {
   Running& running = lanes_[static_cast<size_t>(lane)];
   returns_.push_back(running.episode_return);
   lengths_.push_back(running.length);
   running = {};
+  return returns_.back();
 }
 
 NpyArray RngArray(const Rng& rng) {

@@ -23,8 +23,36 @@ namespace oted {
 /// Draws the parameters z of a new episode.
 using EpisodeParameters = std::function<std::vector<double>(Rng& rng)>;
 
+/// Where an agent's episodes take place, told how they went: a curriculum depends on it. Called from one thread.
+class EpisodeSource {
+ public:
+  virtual ~EpisodeSource() = default;
+  /// z of the episode that begins in `lane`.
+  virtual std::vector<double> Draw(int lane, Rng& rng) = 0;
+  /// The episode that began in `lane` last is over. One that a segment's end cuts is never told.
+  /// @param episode_return  undiscounted; of a diverged episode: up to there
+  virtual void EpisodeEnded(int lane, double episode_return, bool diverged) {
+    static_cast<void>(lane), static_cast<void>(episode_return), static_cast<void>(diverged);
+  }
+  /// Names and values for the log, as they are now.
+  virtual std::vector<std::pair<std::string, double>> Figures() const { return {}; }
+  /// What it holds between two segments; part of the agent's checkpoint. Restore may throw any std::exception.
+  virtual void Save(NpzArrays& arrays) const { static_cast<void>(arrays); }
+  virtual void Restore(const NpzArrays& arrays) { static_cast<void>(arrays); }
+};
+
+/// Episodes that do not depend on what came before.
+class DrawnEpisodes : public EpisodeSource {
+ public:
+  explicit DrawnEpisodes(EpisodeParameters draw) : draw_(std::move(draw)) {}
+  std::vector<double> Draw(int, Rng& rng) override { return draw_(rng); }
+
+ private:
+  EpisodeParameters draw_;
+};
+
 /// Algorithm 2 of the paper, line 1: a lane begins an episode with parameters drawn anew, then a start state.
-void StartEpisode(Simulator& simulator, int lane, const EpisodeParameters& parameters, Rng& rng);
+void StartEpisode(Simulator& simulator, int lane, EpisodeSource& source, Rng& rng);
 
 /// How long an agent trains and how it is looked at on the way.
 struct TrainingSchedule {
@@ -50,7 +78,8 @@ class EpisodeStatistics {
   explicit EpisodeStatistics(int n_lanes) : lanes_(static_cast<size_t>(n_lanes)) {}
   void Begin();
   void AddStep(int lane, double reward);
-  void EndEpisode(int lane);
+  /// @return the episode's return
+  double EndEpisode(int lane);
   const std::vector<double>& returns() const { return returns_; }
   const std::vector<double>& lengths() const { return lengths_; }
 

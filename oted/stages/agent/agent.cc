@@ -1,30 +1,31 @@
 #include "oted/stages/agent/agent.h"
 
+#include <utility>
+
 #include "oted/base/error.h"
 
 namespace oted {
 
-namespace {
-
-/// Line 1: sample i ~ U[1, n] and set the simulator to z_i. Lines 2 and 3, run and update, are the algorithm's own
-/// loop.
-EpisodeParameters DrawMode(const std::vector<std::vector<double>>& modes) {
+EpisodeParameters DrawModes(std::vector<std::vector<double>> modes) {
   OTED_CHECK(!modes.empty());
-  return [&modes](Rng& rng) { return modes[rng.Below(modes.size())]; };
+  return [modes = std::move(modes)](Rng& rng) { return modes[rng.Below(modes.size())]; };
 }
 
-}  // namespace
-
-SacResult TrainAgent(const SimulatorFactory& factory, const std::vector<std::vector<double>>& modes,
-                     const SacConfig& config, RngKey key, const std::filesystem::path& folder,
-                     const std::string& run_name, const RunContext& context) {
-  return TrainSac(factory, DrawMode(modes), modes, config, key, folder, run_name, context);
+EpisodeParameters DrawSamples(std::vector<Designer> q) {
+  OTED_CHECK(!q.empty());
+  return [q = std::move(q)](Rng& rng) { return q[rng.Below(q.size())].Draw(rng).z; };
 }
 
-PpoResult TrainAgent(const SimulatorFactory& factory, const std::vector<std::vector<double>>& modes,
-                     const PpoConfig& config, RngKey key, const std::filesystem::path& folder,
-                     const std::string& run_name, const RunContext& context) {
-  return TrainPpo(factory, DrawMode(modes), modes, config, key, folder, run_name, context);
+SacResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
+                     const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
+                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context) {
+  return TrainSac(factory, where, evaluate_in, config, key, folder, run_name, context);
+}
+
+PpoResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
+                     const std::vector<std::vector<double>>& evaluate_in, const PpoConfig& config, RngKey key,
+                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context) {
+  return TrainPpo(factory, where, evaluate_in, config, key, folder, run_name, context);
 }
 
 }  // namespace oted

@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <map>
 #include <mutex>
+#include <set>
 
+#include "oted/base/statistics.h"
 #include "oted/base/testing.h"
 #include "oted/sim/testing.h"
 
@@ -67,7 +70,8 @@ TEST(TrainAgent, DrawsAModeUniformlyAndAnewForEachEpisode) {
   Episodes episodes;
   const TestFolder folder;
   NullSink log;
-  TrainAgent(RecordingFactory(&episodes), modes, NoLearning(7200), RngKey(5), folder.path(), "agents/1",
+  DrawnEpisodes where(DrawModes(modes));
+  TrainAgent(RecordingFactory(&episodes), where, modes, NoLearning(7200), RngKey(5), folder.path(), "agents/1",
              {.log = &log, .n_threads = 1});
 
   std::map<double, int> counts;
@@ -92,7 +96,8 @@ TEST(TrainAgent, WithOneModeEveryEpisodeHasIt) {
   Episodes episodes;
   const TestFolder folder;
   NullSink log;
-  TrainAgent(RecordingFactory(&episodes), {{1.3, 1, 0}}, NoLearning(80), RngKey(5), folder.path(), "agents/1",
+  DrawnEpisodes where(DrawModes({{1.3, 1, 0}}));
+  TrainAgent(RecordingFactory(&episodes), where, {{1.3, 1, 0}}, NoLearning(80), RngKey(5), folder.path(), "agents/1",
              {.log = &log, .n_threads = 1});
   ASSERT_FALSE(episodes.gains.empty());
   for (const auto& [size, lanes] : episodes.gains) {
@@ -100,6 +105,41 @@ TEST(TrainAgent, WithOneModeEveryEpisodeHasIt) {
       for (const double gain : gains) EXPECT_EQ(gain, 1.3) << "of a simulator with " << size << " lanes";
     }
   }
+}
+
+/// Mean and standard deviation of some numbers.
+std::pair<double, double> MomentsOf(const std::vector<double>& x) { return {Mean(x), StandardDeviation(x)}; }
+
+TEST(TrainAgent, SamplesHaveTheMeanAndTheSpreadOfTheirQ) {
+  // Two seeds' q of the gain, in logits of its range: N(-1, 0.3^2) and N(1, 0.1^2).
+  const ParameterSpace space = PointMass::MakeParameters();
+  const auto q = [&](double mean, double std) {
+    return Designer(space, Eigen::Vector3d(mean, 0, 0), Eigen::Vector3d(std * std, 0.01, 0.01).asDiagonal());
+  };
+  Episodes episodes;
+  const TestFolder folder;
+  NullSink log;
+  DrawnEpisodes where(DrawSamples({q(-1, 0.3), q(1, 0.1)}));
+  TrainAgent(RecordingFactory(&episodes), where, {{1, 1, 0}}, NoLearning(7200), RngKey(5), folder.path(), "agents/1",
+             {.log = &log, .n_threads = 1});
+
+  std::vector<double> low, high;
+  std::set<double> distinct;
+  for (const auto& [lane, gains] : episodes.gains[kTrainingLanes]) {
+    for (const double gain : gains) {
+      const double x = ZToLogit(space, std::vector{gain, 0.6, 0.5})[0];
+      (x < 0.3 ? low : high).push_back(x);
+      distinct.insert(gain);
+    }
+  }
+  const size_t n = low.size() + high.size();
+  ASSERT_GE(n, 1800u);
+  EXPECT_EQ(distinct.size(), n) << "each episode has a draw of its own";
+  EXPECT_NEAR(static_cast<double>(low.size()), static_cast<double>(n) / 2, 5 * std::sqrt(static_cast<double>(n) / 4));
+  EXPECT_NEAR(MomentsOf(low).first, -1, 5 * 0.3 / std::sqrt(low.size()));
+  EXPECT_NEAR(MomentsOf(low).second, 0.3, 5 * 0.3 / std::sqrt(2.0 * static_cast<double>(low.size())));
+  EXPECT_NEAR(MomentsOf(high).first, 1, 5 * 0.1 / std::sqrt(high.size()));
+  EXPECT_NEAR(MomentsOf(high).second, 0.1, 5 * 0.1 / std::sqrt(2.0 * static_cast<double>(high.size())));
 }
 
 }  // namespace

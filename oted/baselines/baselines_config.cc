@@ -1,0 +1,62 @@
+#include "oted/baselines/baselines_config.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "oted/base/error.h"
+
+namespace oted {
+
+const std::vector<std::string>& BaselinesConfig::Known() {
+  static const std::vector<std::string> known = {"dr", "is", "bc_dr"};
+  return known;
+}
+
+bool BaselinesConfig::Runs(const std::string& name) const { return std::ranges::find(run, name) != run.end(); }
+
+std::vector<std::string> BaselinesConfig::Agents() const {
+  std::vector<std::string> agents;
+  if (Runs("dr") || (Runs("bc_dr") && bc_dr.collector == "dr")) agents.push_back("dr");
+  if (Runs("is")) agents.push_back("is");
+  return agents;
+}
+
+void BaselinesConfig::Check() const {
+  for (size_t i = 0; i < run.size(); ++i) {
+    if (std::ranges::find(Known(), run[i]) == Known().end()) {
+      throw UsageError(fmt::format("baselines.run has '{}', wanted some of {}{}", run[i], fmt::join(Known(), ", "),
+                                   DidYouMean(run[i], Known())));
+    }
+    if (std::find(run.begin(), run.begin() + static_cast<ptrdiff_t>(i), run[i]) !=
+        run.begin() + static_cast<ptrdiff_t>(i)) {
+      throw UsageError(fmt::format("baselines.run names '{}' twice; name it once", run[i]));
+    }
+  }
+}
+
+FieldList BaselinesConfig::Fields() {
+  FieldList fields("baselines");
+  fields.Add("run", &run,
+             "what the paper compares with, trained beside the agents: dr, domain randomisation; is, interval search; "
+             "bc_dr, a clone of the logs and of data collected under dr");
+  fields.Add("is_boundary", &is.boundary, "is: share of the episodes with one parameter at an end of its interval",
+             AboveUpTo(0, 1));
+  fields.Add("is_episodes", &is.episodes, "is: episodes at an end for one decision on it", AtLeast(1));
+  fields.Add("is_step", &is.step, "is: by how much an end moves, in ranges of the parameter", AboveUpTo(0, 1));
+  fields.Add("is_grow", &is.grow,
+             "is: mean performance there from which an end moves outwards; 0 is a random policy's return, 1 the "
+             "reference",
+             Between(-10, 10));
+  fields.Add("is_shrink", &is.shrink, "is: and down to which inwards", Between(-10, 10));
+  fields.Add("is_reference", &is.reference,
+             "is: return that counts as 1; 0: that of D4RL's expert, where the task has it");
+  fields.AddChoice("bc_dr_collector", &bc_dr.collector,
+                   "bc_dr: who acts in the randomised simulators, the agent trained in them or the clone of the logs",
+                   {"dr", "clone"});
+  fields.Add("bc_dr_ratio", &bc_dr.ratio, "bc_dr: simulated transitions for each logged one", AboveUpTo(0, 1000));
+  return fields;
+}
+
+}  // namespace oted
