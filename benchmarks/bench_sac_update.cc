@@ -35,7 +35,7 @@ double Quantile(std::vector<double> values, double q) {
 }
 
 void Update(benchmark::State& state, int obs_dim, int act_dim) {
-  Learner learner(obs_dim, act_dim);
+  SacWorkload learner(obs_dim, act_dim);
   Products blas_actor(GemmKernel::kBlas, obs_dim, 2 * act_dim), blas_critic(GemmKernel::kBlas, obs_dim + act_dim, 1);
   const GemmKernel ours = GemmKernels().front();
   Products our_actor(ours, obs_dim, 2 * act_dim), our_critic(ours, obs_dim + act_dim, 1);

@@ -88,7 +88,7 @@ int Main(int argc, char** argv) {
   }
   const int obs_dim = std::atoi(argv[2]), act_dim = std::atoi(argv[3]);
   if (mode == "updates") {
-    Learner learner(obs_dim, act_dim);
+    SacWorkload learner(obs_dim, act_dim);
     Serve([&] { learner.Step(); });
     return 0;
   }

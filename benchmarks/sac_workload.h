@@ -18,9 +18,9 @@ inline constexpr int kRows = 10'000;  // of the replay buffer
 inline const std::vector<int> kHidden = {256, 256};
 
 // A learner of the given size with a replay buffer of noise.
-class Learner {
+class SacWorkload {
  public:
-  Learner(int obs_dim, int act_dim)
+  SacWorkload(int obs_dim, int act_dim)
       : buffer_(obs_dim, act_dim, kRows), update_(Actor(obs_dim, act_dim, rng_), kHidden, Options(act_dim), rng_) {
     std::vector<double> s(static_cast<size_t>(obs_dim)), a(static_cast<size_t>(act_dim)), s2(s.size());
     for (int row = 0; row < kRows; ++row) {
