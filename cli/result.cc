@@ -60,6 +60,15 @@ std::string VerdictSentence(const std::string& verdict) {
          "other parameters";
 }
 
+/// What is not searched and would explain what is left; nothing where the fit asks for nothing.
+void PrintSuspects(const json& design) {
+  if (!design.contains("fit")) return;
+  for (const json& suspect : design["fit"].value("suspects", json::array())) {
+    fmt::print("not searched, but off by the logs: {}, about {:.2f} times the model's\n",
+               suspect.at("field").get<std::string>(), suspect.at("factor").get<double>());
+  }
+}
+
 }  // namespace
 
 int ReturnDecimals(const std::vector<double>& returns, int otherwise) {
@@ -79,6 +88,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
     if (!design.is_null()) {
       PrintParameters(design, evaluation);
       fmt::print("\nverdict: {}\n", VerdictSentence(design.at("verdict").get<std::string>()));
+      PrintSuspects(design);
     }
     if (!evaluation.is_null()) PrintPolicies(evaluation);
     const std::filesystem::path designed = run_directory / "export" / "designed.xml";

@@ -15,7 +15,10 @@ using nlohmann::json;
 namespace {
 
 json FitRecord(const FitEvidence& fit, const std::vector<std::string>& names) {
-  json record = {{"window", fit.window}, {"explained", fit.explained}, {"channels", json::array()}};
+  json record = {{"window", fit.window},
+                 {"explained", fit.explained},
+                 {"channels", json::array()},
+                 {"suspects", ToJson(fit.suspects)}};
   const std::vector<int> disagreeing = DisagreeingChannels(fit);
   for (size_t c = 0; c < fit.noise_std.size(); ++c) {
     record["channels"].push_back(

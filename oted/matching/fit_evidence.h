@@ -7,6 +7,13 @@
 
 namespace oted {
 
+/// Something that is not searched and that the logs ask to be other than it is.
+struct Suspect {
+  std::string field;   ///< its path, as a parameter's
+  double factor = 1;   ///< times its nominal value, told by a linear model
+  double log_std = 0;  ///< standard deviation of log(factor)
+};
+
 /// Residuals of replayed windows at the fitted parameters and start states, per observation channel in its own unit.
 struct FitEvidence {
   int window = 0;                 ///< control steps of the longest windows that the estimate rests on
@@ -16,8 +23,11 @@ struct FitEvidence {
   /// (obs_dim): what the shortest windows leave as noise, and the longest that were tried. In the logs' own simulator
   /// the two are equal up to chance; what a simulator has wrong adds up over a window.
   std::vector<double> short_noise_std, long_noise_std;
+  /// Each would, changed alone, explain part of what is left; the most certain first.
+  std::vector<Suspect> suspects;
 };
 
+nlohmann::json ToJson(const std::vector<Suspect>& suspects);
 nlohmann::json ToJson(const FitEvidence& evidence);
 /// @throws nlohmann::json::exception when a member is missing
 FitEvidence FitEvidenceFromJson(const nlohmann::json& json);

@@ -15,10 +15,10 @@ constexpr double kWeakBelow = 0.6;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
 constexpr double kMatchMargin = 0.35;
-constexpr double kDriftAbove = 1.75;     // times the noise of short windows, of one channel
-constexpr double kDriftTogether = 1.25;  // the same, of all channels together
-constexpr double kMostExplained = 0.7;   // of the windows: with fewer,
-constexpr double kPatience = 2.0;        // times those factors
+constexpr double kDriftAbove = 1.4;      // times the noise of short windows, of one channel
+constexpr double kDriftTogether = 1.15;  // the same, of all channels together
+constexpr double kFewExplained = 0.6;    // of the windows: with fewer,
+constexpr double kPatience = 1.25;       // times those factors
 constexpr double kVisible = 1e-4;        // of a channel's spread: below is rounding, which contact magnifies
 constexpr double kNoticeable = 0.04;     // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;     // of the range
@@ -124,20 +124,21 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
 }
 
 std::vector<int> DisagreeingChannels(const FitEvidence& fit) {
+  const bool few = fit.explained < kFewExplained;
+  const std::vector<double>& noise_std = few ? fit.noise_std : fit.long_noise_std;
+  const double patience = few ? kPatience : 1.0;
   double growth = 0, n_visible = 0;
-  const auto is_visible = [&](size_t c) { return fit.long_noise_std[c] > kVisible * fit.scale[c]; };
-  for (size_t c = 0; c < fit.long_noise_std.size(); ++c) {
+  const auto is_visible = [&](size_t c) { return noise_std[c] > kVisible * fit.scale[c]; };
+  for (size_t c = 0; c < noise_std.size(); ++c) {
     if (!is_visible(c)) continue;
-    growth += std::log(fit.long_noise_std[c] / fit.short_noise_std[c]);
+    growth += std::log(noise_std[c] / fit.short_noise_std[c]);
     ++n_visible;
   }
-  const double patience = fit.explained < kMostExplained ? kPatience : 1.0;
   const bool together = growth > n_visible * std::log(patience * kDriftTogether);
+  const double above = patience * (together ? kDriftTogether : kDriftAbove);
   std::vector<int> channels;
-  for (size_t c = 0; c < fit.long_noise_std.size(); ++c) {
-    const double above = patience * (together ? kDriftTogether : kDriftAbove);
-    if (is_visible(c) && fit.long_noise_std[c] > above * fit.short_noise_std[c])
-      channels.push_back(static_cast<int>(c));
+  for (size_t c = 0; c < noise_std.size(); ++c) {
+    if (is_visible(c) && noise_std[c] > above * fit.short_noise_std[c]) channels.push_back(static_cast<int>(c));
   }
   return channels;
 }
@@ -154,7 +155,9 @@ std::vector<int> ParametersAtBounds(const Designer& q) {
 }
 
 DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit) {
-  if (!DisagreeingChannels(fit).empty() || !ParametersAtBounds(q).empty()) return DesignVerdict::kOutsideFamily;
+  if (!fit.suspects.empty() || !DisagreeingChannels(fit).empty() || !ParametersAtBounds(q).empty()) {
+    return DesignVerdict::kOutsideFamily;
+  }
   const std::vector<double> nominal = ZToLogit(q.space(), q.space().Nominal());
   Eigen::MatrixXd covariance = q.Covariance();
   Eigen::VectorXd difference(q.size());

@@ -38,10 +38,11 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
 /// The channels in which windows of the log, replayed at the fitted parameters and start states, drift off: the
-/// simulator lacks something that acts there. Long windows leave more than 1.75 times the noise of short ones, or more
-/// than 1.25 times where all channels together (geometric mean) do; below that chance reaches. Twice these factors
-/// where fewer than 0.7 of the windows are explained: start states caught in local minima, by noise and stiff contact,
-/// drift too. Channels whose noise is less than a ten-thousandth of their spread do not count: rounding, which contact
+/// simulator lacks something that acts there. The longest windows that were tried leave more than 1.4 times the noise
+/// of short ones, or more than 1.15 times where all channels together (geometric mean) do; below that chance reaches.
+/// Where fewer than 0.6 of the windows are explained, contact makes long windows chaotic, and start states caught in
+/// local minima drift too: there the longest windows that the estimate rests on are compared, and a quarter more is
+/// allowed. Channels whose noise is less than a ten-thousandth of their spread do not count: rounding, which contact
 /// magnifies.
 std::vector<int> DisagreeingChannels(const FitEvidence& fit);
 
@@ -49,7 +50,8 @@ std::vector<int> DisagreeingChannels(const FitEvidence& fit);
 /// their nominal value lies: what the logs ask for is beyond it.
 std::vector<int> ParametersAtBounds(const Designer& q);
 
-/// From a fit that replays windows. Outside the family: some channel disagrees, or some parameter is at its bound.
+/// From a fit that replays windows. Outside the family: some channel disagrees, some parameter is at its bound, or the
+/// logs ask something that is not searched to be other than it is (FitEvidence::suspects).
 /// Otherwise the fitted simulator is as good as the logs can tell; no gap: the nominal parameters lie in the 99 %
 /// region of q, widened by a hundredth of each range, which nobody would call a gap.
 DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit);

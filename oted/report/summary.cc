@@ -180,6 +180,20 @@ void AddMatch(const json& report, json* trust) {
                   FormatScore(match.designed), FormatScore(match.nominal)));
 }
 
+// What is not searched and would explain what is left.
+void AddSuspects(const json& fit, json* found) {
+  std::vector<std::string> texts;
+  for (const json& suspect : ListAt(fit, "suspects")) {
+    texts.push_back(fmt::format("{} (about {} times what the model says)", TextAt(suspect, "field"),
+                                FormatNumber(suspect["factor"])));
+  }
+  if (texts.empty()) return;
+  found->push_back(
+      fmt::format("{} not among the parameters, and the logs ask for another value of {}: add {} and design again.",
+                  Enumerate(texts) + (texts.size() == 1 ? " is" : " are"),
+                  texts.size() == 1 ? "it" : "one of them, perhaps of all", texts.size() == 1 ? "it" : "the first"));
+}
+
 // What the fit of replayed windows says of the sensors, or of what the simulator lacks.
 void AddFit(const json& report, json* found, json* trust) {
   if (!report.contains("design") || !report["design"].contains("fit")) return;
@@ -199,7 +213,9 @@ void AddFit(const json& report, json* found, json* trust) {
                     "explains: look "
                     "there for what the simulator lacks.",
                     Enumerate(disagreeing), disagreeing.size() == 1 ? "s" : ""));
-  } else if (lowest) {
+  }
+  AddSuspects(fit, found);
+  if (disagreeing.empty() && lowest) {
     trust->push_back(fmt::format(
         "{:.0f}% of the logged windows are explained up to noise that does not grow over a window: standard deviations "
         "from {} to {}, by channel.",

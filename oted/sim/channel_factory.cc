@@ -29,7 +29,8 @@ void CheckDisjoint(const ParameterSpace& space, const std::vector<ChannelSetup::
 
 }  // namespace
 
-ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> specs, const PlantMaker& make_plant) {
+ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> specs, PlantMaker make_plant)
+    : make_plant_(std::move(make_plant)) {
   auto setup = std::make_shared<ChannelSetup>();
   std::vector<ParameterSpec> plant_specs;
   for (size_t i = 0; i < specs.size(); ++i) {
@@ -38,7 +39,7 @@ ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> spec
     setup->to_plant.push_back(static_cast<int>(i));
     plant_specs.push_back(specs[i]);
   }
-  plant_ = make_plant(std::move(plant_specs));
+  plant_ = make_plant_(std::move(plant_specs));
   OTED_CHECK(plant_->parameters().size() == static_cast<int>(setup->to_plant.size()));
   setup->spec = plant_->spec();
   if (setup->spec.observation_shape.size() != 1) {
@@ -76,6 +77,12 @@ std::unique_ptr<Simulator> ChannelSimulatorFactory::Make(int n_lanes, int n_thre
 
 PathInfo ChannelSimulatorFactory::Describe(const std::string& path) const {
   return IsChannelPath(path) ? DescribeChannel(spec(), path) : plant_->Describe(path);
+}
+
+std::unique_ptr<SimulatorFactory> ChannelSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
+  std::vector<ParameterSpec> all = setup_->space.specs();
+  all.insert(all.end(), more.begin(), more.end());
+  return std::make_unique<ChannelSimulatorFactory>(std::move(all), make_plant_);
 }
 
 std::vector<double> ChannelSimulatorFactory::PlantParameters(std::span<const double> z) const {

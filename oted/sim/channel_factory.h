@@ -19,7 +19,7 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   /// Paths that begin with action/ or obs/ are resolved here, the others go to the plant; z has the order of `specs`.
   /// @throws UsageError as ResolveChannelParameter, and when two parameters set the same channel; DataError when the
   /// plant's observations are not flat.
-  ChannelSimulatorFactory(std::vector<ParameterSpec> specs, const PlantMaker& make_plant);
+  ChannelSimulatorFactory(std::vector<ParameterSpec> specs, PlantMaker make_plant);
 
   const SimulatorSpec& spec() const override { return setup_->spec; }
   const ParameterSpace& parameters() const override { return setup_->space; }
@@ -28,6 +28,8 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   PathInfo Describe(const std::string& path) const override;
   std::string model_sha256() const override { return plant_->model_sha256(); }
   const SimulatorFactory& plant() const override { return plant_->plant(); }
+  std::vector<ParameterSpec> Suspects() const override { return plant_->Suspects(); }
+  std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
   /// The part of z that is the plant's own.
   std::vector<double> PlantParameters(std::span<const double> z) const;
 
@@ -36,6 +38,7 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   std::unique_ptr<Simulator> MakePlant(int n_lanes, int n_threads) const { return plant_->Make(n_lanes, n_threads); }
 
  private:
+  PlantMaker make_plant_;
   std::unique_ptr<SimulatorFactory> plant_;
   std::shared_ptr<const ChannelSetup> setup_;
 };

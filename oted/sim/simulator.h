@@ -116,6 +116,11 @@ class SimulatorFactory {
   virtual std::vector<ParameterOffer> Offers() const { return {}; }
   /// What one path stands for. @throws UsageError when it names nothing.
   virtual PathInfo Describe(const std::string& path) const;
+  /// What else is often off in such a simulator, in multiples of nominal: parameters that touch nothing that its own
+  /// ones do. None where it does not know.
+  virtual std::vector<ParameterSpec> Suspects() const { return {}; }
+  /// The same simulator with further parameters after its own; null where it cannot have any.
+  virtual std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& /*more*/) const { return nullptr; }
   /// The SHA-256 of the model file that is simulated, or another text that changes when the simulated thing does: what
   /// was computed with another one is not used again. "" where the task's name says it all.
   virtual std::string model_sha256() const { return ""; }

@@ -9,6 +9,7 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_offers.h"
+#include "oted/sim/mujoco/model_suspects.h"
 #include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 
@@ -253,10 +254,16 @@ bool MujocoSimulator::TakeDivergence(int lane) {
 }
 
 MujocoSimulatorFactory::MujocoSimulatorFactory(const std::string& task, std::vector<ParameterSpec> specs)
-    : setup_(MakeMujocoSetup(task, std::move(specs))) {}
+    : make_again_([task](std::vector<ParameterSpec> others) {
+        return std::make_unique<MujocoSimulatorFactory>(task, std::move(others));
+      }),
+      setup_(MakeMujocoSetup(task, std::move(specs))) {}
 MujocoSimulatorFactory::MujocoSimulatorFactory(const ModelTask& task, std::vector<ParameterSpec> specs,
                                                const Array2<double>& logged_starts)
-    : setup_(MakeModelSetup(task, std::move(specs), logged_starts)) {
+    : make_again_([task, logged_starts](std::vector<ParameterSpec> others) {
+        return std::make_unique<MujocoSimulatorFactory>(task, std::move(others), logged_starts);
+      }),
+      setup_(MakeModelSetup(task, std::move(specs), logged_starts)) {
   CheckModelSetup(setup_);
 }
 MujocoSimulatorFactory::~MujocoSimulatorFactory() = default;
@@ -273,6 +280,16 @@ const std::string& MujocoSimulatorFactory::why_not_settable() const { return set
 std::vector<ParameterOffer> MujocoSimulatorFactory::Offers() const { return ModelOffers(*setup_->loaded.model); }
 PathInfo MujocoSimulatorFactory::Describe(const std::string& path) const {
   return DescribeModelPath(*setup_->loaded.model, path);
+}
+
+std::vector<ParameterSpec> MujocoSimulatorFactory::Suspects() const {
+  return ModelSuspects(*setup_->loaded.model, setup_->space);
+}
+
+std::unique_ptr<SimulatorFactory> MujocoSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
+  std::vector<ParameterSpec> all = setup_->space.specs();
+  all.insert(all.end(), more.begin(), more.end());
+  return make_again_(std::move(all));
 }
 
 std::unique_ptr<Simulator> MujocoSimulatorFactory::Make(int n_lanes, int n_threads) const {

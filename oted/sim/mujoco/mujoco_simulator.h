@@ -2,6 +2,7 @@
 /// Tasks on MuJoCo's batch API: N lanes of one model, each with its own values of the model's fields. Equal bytes at
 /// any number of threads. What a task shows and pays is a TaskRules: Gymnasium's three, or a task file's.
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -136,8 +137,12 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   const std::string& why_not_settable() const;  ///< "" where the state can be set from an observation
   std::vector<ParameterOffer> Offers() const override;
   PathInfo Describe(const std::string& path) const override;
+  std::vector<ParameterSpec> Suspects() const override;
+  std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
 
  private:
+  using Maker = std::function<std::unique_ptr<SimulatorFactory>(std::vector<ParameterSpec>)>;
+  Maker make_again_;
   std::shared_ptr<const MujocoSetup> setup_;
 };
 

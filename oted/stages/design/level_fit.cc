@@ -26,6 +26,7 @@ constexpr double kFewestExplained = 0.3;           // of the windows, to do with
 constexpr double kSecantOfX = 0.5, kSecantOfStart = 1.0;
 constexpr double kLongestSecantOfX = 0.02;     // in x: half a hundredth of the range
 constexpr double kLongestSecantOfStart = 0.5;  // in standard deviations of the channel's noise
+constexpr double kSuspectStep = 0.02;          // of the logarithm of what is not searched
 constexpr double kHardlyTold = 0.3;            // in x: a direction with such a standard deviation
 constexpr double kLongestLastStep = 3.0;       // in standard deviations of x; further, the quadratic model is a guess
 
@@ -42,7 +43,7 @@ LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const 
 
 bool LevelFit::Step() {
   Linearize(Tangents());
-  const std::vector<NormalEquations> equations = Equations();
+  const std::vector<NormalEquations> equations = Equations(linear_);
   const WindowLikelihood likelihood = Likelihood();
   const double cost = Cost(residuals_, x_);
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
@@ -145,13 +146,14 @@ double LevelFit::FinalCost() {
   return cost;
 }
 
-std::vector<StretchEvidence> LevelFit::Evidence() const {
-  const std::vector<NormalEquations> equations = Equations();
+std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer::Linearization>& linear) const {
+  const std::vector<NormalEquations> equations = Equations(linear);
+  const auto n_parameters = linear.front().d_parameters.cols();
   std::vector<StretchEvidence> stretches;
   for (size_t w = 0; w < equations.size(); ++w) {
     // Neighbouring windows err together: they count as one.
     if (w == 0 || level_.stretch[w] != level_.stretch[w - 1]) {
-      stretches.push_back({MatrixXd::Zero(x_.size(), x_.size()), VectorXd::Zero(x_.size())});
+      stretches.push_back({MatrixXd::Zero(n_parameters, n_parameters), VectorXd::Zero(n_parameters)});
     }
     const NormalEquations& e = equations[w];
     if (!e.valid) continue;
@@ -164,7 +166,7 @@ std::vector<StretchEvidence> LevelFit::Evidence() const {
 
 MatrixXd LevelFit::Finish() {
   Linearize(Secants());
-  const StretchEstimate estimate = EstimateFromStretches(Evidence(), x_, Designer::kPriorStd);
+  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_), x_, Designer::kPriorStd);
   // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
   // matter as a product would leave it.
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);
@@ -177,6 +179,21 @@ MatrixXd LevelFit::Finish() {
   }
   x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(-kMaxX).cwiseMin(kMaxX);
   return estimate.covariance;
+}
+
+std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, int n_more) const {
+  const Differences secants = Secants();
+  std::vector<double> z = ToZ(space_, x_);
+  std::vector<std::vector<double>> perturbed = Perturbed(secants.x);
+  z.resize(z.size() + static_cast<size_t>(n_more), 1.0);
+  for (std::vector<double>& moved : perturbed) moved.resize(z.size(), 1.0);
+  VectorXd steps = VectorXd::Constant(x_.size() + n_more, kSuspectStep);
+  steps.head(x_.size()) = secants.x;
+  for (int k = 0; k < n_more; ++k) {
+    perturbed.push_back(z);
+    perturbed.back()[static_cast<size_t>(x_.size() + k)] = std::exp(kSuspectStep);
+  }
+  return Evidence(wider.Linearize(level_.windows, level_.starts, z, perturbed, steps, secants.starts));
 }
 
 double LevelFit::ShareExplained() const {
@@ -216,7 +233,7 @@ LevelFit::Differences LevelFit::Tangents() const {
 
 LevelFit::Differences LevelFit::Secants() const {
   Differences steps = Tangents();
-  const std::vector<NormalEquations> equations = Equations();
+  const std::vector<NormalEquations> equations = Equations(linear_);
   const VectorXd longest = kLongestSecantOfStart * variance_.cwiseSqrt();
   MatrixXd hessian = MatrixXd::Identity(x_.size(), x_.size()) * kPriorPrecision;
   for (size_t w = 0; w < equations.size(); ++w) {
@@ -232,14 +249,19 @@ LevelFit::Differences LevelFit::Secants() const {
   return steps;
 }
 
-void LevelFit::Linearize(const Differences& steps) {
+std::vector<std::vector<double>> LevelFit::Perturbed(const VectorXd& steps) const {
   std::vector<std::vector<double>> perturbed;
   for (int i = 0; i < x_.size(); ++i) {
     VectorXd moved = x_;
-    moved[i] += steps.x[i];
+    moved[i] += steps[i];
     perturbed.push_back(ToZ(space_, moved));
   }
-  linear_ = replayer_.Linearize(level_.windows, level_.starts, ToZ(space_, x_), perturbed, steps.x, steps.starts);
+  return perturbed;
+}
+
+void LevelFit::Linearize(const Differences& steps) {
+  linear_ =
+      replayer_.Linearize(level_.windows, level_.starts, ToZ(space_, x_), Perturbed(steps.x), steps.x, steps.starts);
   residuals_.assign(linear_.size(), {});
   for (size_t w = 0; w < linear_.size(); ++w) {
     if (linear_[w].valid) residuals_[w] = linear_[w].residual;
@@ -263,11 +285,12 @@ void LevelFit::EstimateNoise() {
   }
 }
 
-std::vector<LevelFit::NormalEquations> LevelFit::Equations() const {
+std::vector<LevelFit::NormalEquations> LevelFit::Equations(
+    const std::vector<WindowReplayer::Linearization>& linear) const {
   const WindowLikelihood likelihood = Likelihood();
-  std::vector<NormalEquations> equations(linear_.size());
-  for (size_t w = 0; w < linear_.size(); ++w) {
-    const WindowReplayer::Linearization& l = linear_[w];
+  std::vector<NormalEquations> equations(linear.size());
+  for (size_t w = 0; w < linear.size(); ++w) {
+    const WindowReplayer::Linearization& l = linear[w];
     if (!l.valid) continue;
     const VectorXd p = weights_[w] * likelihood.precision();
     NormalEquations& e = equations[w];

@@ -50,6 +50,9 @@ class LevelFit {
   /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents.
   /// @return the covariance of x
   Eigen::MatrixXd Finish();
+  /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x, at
+  /// their nominal values and in logarithms. By the secants of Finish, and for these by steps of a fiftieth.
+  std::vector<StretchEvidence> EvidenceIn(WindowReplayer& wider, int n_more) const;
   /// Share of windows that noise alone explains, after FinalCost.
   double ShareExplained() const;
   /// Windows of twice the length, each from two neighbours; it starts where the first of them does.
@@ -76,11 +79,13 @@ class LevelFit {
   Differences Tangents() const;
   Differences Secants() const;
   void Linearize(const Differences& steps);
-  /// What each stretch says of x at the present linearization.
-  std::vector<StretchEvidence> Evidence() const;
+  /// z with one search coordinate moved by its step, one per parameter.
+  std::vector<std::vector<double>> Perturbed(const Eigen::VectorXd& steps) const;
+  /// What each stretch says of the parameters of a linearization.
+  std::vector<StretchEvidence> Evidence(const std::vector<WindowReplayer::Linearization>& linear) const;
   /// The channels' variances, and from them the windows' weights.
   void EstimateNoise();
-  std::vector<NormalEquations> Equations() const;
+  std::vector<NormalEquations> Equations(const std::vector<WindowReplayer::Linearization>& linear) const;
 
   WindowReplayer& replayer_;
   const ParameterSpace& space_;

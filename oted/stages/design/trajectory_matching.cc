@@ -8,6 +8,7 @@
 
 #include "oted/matching/designer.h"
 #include "oted/stages/design/level_fit.h"
+#include "oted/stages/design/suspects.h"
 
 namespace oted {
 namespace {
@@ -167,6 +168,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
     longest_fit = std::move(fit);
   }
   const MatrixXd covariance = longest_fit->Finish();
+  evidence.suspects = FindSuspects(factory, dataset, *longest_fit, context.n_threads);
   progress(n_total, n_total, longest_fit->x());
   return {.mean = longest_fit->x(), .covariance = covariance, .evidence = evidence};
 }
