@@ -99,6 +99,14 @@ TEST(SummariseTest, AFitTellsTheNoiseOrTheChannelsThatDisagree) {
   EXPECT_THAT(Text(summary(true)["trust"]), Not(HasSubstr("explained")));
 }
 
+TEST(SummariseTest, WhatIsNotSearchedAndOffByTheLogsIsNamedWithItsFactor) {
+  const json fit = {{"explained", 0.9},
+                    {"suspects", {{{"field", "joint/*/damping"}, {"factor", 0.61}, {"log_std", 0.05}}}}};
+  const std::string found = Text(Summarise({{"design", {{"fit", fit}}}})["found"]);
+  EXPECT_THAT(found, HasSubstr("joint/*/damping (about 0.610 times what the model says) is not among the parameters"));
+  EXPECT_THAT(found, HasSubstr("add it and design again"));
+}
+
 TEST(SummariseTest, AValueAtTheEdgeOfItsRangeIsNotTrusted) {
   json at_the_edge = Parameter("friction", 1.99, "identified");
   at_the_edge["bounds"] = {0.2, 2.0};
