@@ -17,7 +17,7 @@
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/presets.h"
 #include "oted/stages/agent/agent.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/effects.h"
 #include "oted/stages/policy_selection/policy_selection.h"
@@ -161,14 +161,25 @@ void Pipeline::CloneBehavior() {
   WarnAboutData(dataset_, factory_->spec(), *context_.log);
   const CloneResult clone = ::oted::CloneBehavior(dataset_, factory_->spec(), config_.clone,
                                                   RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("clone"),
-                                                  directory_.NameOf(folder), context_);
+                                                  directory_.NameOf(folder), context_, factory_.get());
   clone.policy->Save(folder / "policy.npz");
-  directory_.Complete(folder / "clone.json",
-                      {{"schema", "oted.clone/1"},
-                       {"train_loss", clone.train_loss},
-                       {"held_out_loss", clone.held_out_loss},
-                       {"n_steps", clone.n_steps}},
-                      CloneFingerprint());
+  json record = {{"schema", "oted.clone/1"},
+                 {"method", clone.method},
+                 {"train_loss", clone.train_loss},
+                 {"held_out_loss", clone.held_out_loss},
+                 {"n_steps", clone.n_steps}};
+  if (clone.choice) {
+    const auto evidence = [](const MethodEvidence& method) {
+      json object = {{"held_out_loss", method.held_out_loss}, {"closeness", nullptr}};
+      if (method.closeness) object["closeness"] = *method.closeness;
+      return object;
+    };
+    record["choice"] = {{"n_held_out", clone.choice->n_held_out},
+                        {"bc", evidence(clone.choice->bc)},
+                        {"valuedice", evidence(clone.choice->valuedice)},
+                        {"reason", clone.choice->reason}};
+  }
+  directory_.Complete(folder / "clone.json", record, CloneFingerprint());
 }
 
 // ---------------------------------------------------------------- stage 2: design

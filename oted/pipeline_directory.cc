@@ -33,6 +33,7 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
   config_.agents.AlgorithmFor(factory_->spec());
+  config_.clone.MethodFor(factory_->spec());
   for (const auto& [name, design] : config_.DesignSettings())
     FeatureShape(factory_->spec(), design.Evidence(factory_->spec()));
   CheckCanDraw();

@@ -1,13 +1,21 @@
 #include "oted/rl/imitation_rows.h"
 
 #include <algorithm>
+#include <numeric>
+#include <utility>
 
 #include "oted/base/error.h"
 
 namespace oted {
 
-ImitationRows::ImitationRows(const Dataset& dataset, const TanhGaussianPolicy& policy)
-    : obs_dim_(static_cast<size_t>(policy.obs_dim())), act_dim_(static_cast<size_t>(policy.act_dim())) {
+ImitationRows::ImitationRows(const Dataset& dataset, const TanhGaussianPolicy& policy, std::vector<int> drawn)
+    : obs_dim_(static_cast<size_t>(policy.obs_dim())),
+      act_dim_(static_cast<size_t>(policy.act_dim())),
+      drawn_(std::move(drawn)) {
+  if (drawn_.empty()) {
+    drawn_.resize(static_cast<size_t>(dataset.size()));
+    std::iota(drawn_.begin(), drawn_.end(), 0);
+  }
   const size_t n = static_cast<size_t>(dataset.size());
   states_.resize(n * obs_dim_);
   next_.resize(n * obs_dim_);
@@ -28,8 +36,9 @@ ImitationRows::ImitationRows(const Dataset& dataset, const TanhGaussianPolicy& p
 }
 
 const float* ImitationRows::Next(int i, Rng& rng) const {
-  if (last_[static_cast<size_t>(i)] == 0) return next_.data() + static_cast<size_t>(i) * obs_dim_;
-  return state(starts_[rng.Below(starts_.size())]);
+  const auto row = static_cast<size_t>(drawn_[static_cast<size_t>(i)]);
+  if (last_[row] == 0) return next_.data() + row * obs_dim_;
+  return State(starts_[rng.Below(starts_.size())]);
 }
 
 void ImitationRows::Save(const std::string& prefix, NpzArrays& arrays) const {
@@ -37,6 +46,7 @@ void ImitationRows::Save(const std::string& prefix, NpzArrays& arrays) const {
   arrays[prefix + "/actions"] = NpyArray(actions_);
   arrays[prefix + "/next"] = NpyArray(next_);
   arrays[prefix + "/last"] = NpyArray(std::vector<int64_t>(last_.begin(), last_.end()));
+  arrays[prefix + "/drawn"] = NpyArray(std::vector<int64_t>(drawn_.begin(), drawn_.end()));
   arrays[prefix + "/starts"] = NpyArray(std::vector<int64_t>(starts_.begin(), starts_.end()));
 }
 
@@ -53,11 +63,14 @@ ImitationRows ImitationRows::FromArrays(const std::string& prefix, const NpzArra
   read("actions", rows.actions_);
   read("next", rows.next_);
   read("last", rows.last_);
+  read("drawn", rows.drawn_);
   read("starts", rows.starts_);
   const size_t n = rows.last_.size();
+  const auto are_rows = [&](const std::vector<int>& list) {
+    return !list.empty() && std::ranges::all_of(list, [&](int i) { return i >= 0 && static_cast<size_t>(i) < n; });
+  };
   const bool sound = n > 0 && rows.states_.size() % n == 0 && rows.actions_.size() % n == 0 &&
-                     rows.next_.size() == rows.states_.size() && !rows.starts_.empty() &&
-                     std::ranges::all_of(rows.starts_, [&](int i) { return i >= 0 && static_cast<size_t>(i) < n; });
+                     rows.next_.size() == rows.states_.size() && are_rows(rows.drawn_) && are_rows(rows.starts_);
   if (!sound)
     throw DataError("the arrays '" + prefix + "/...' of '" + where + "' do not fit; remove it to make it again");
   rows.obs_dim_ = rows.states_.size() / n;

@@ -19,13 +19,17 @@ class ImitationRows {
  public:
   ImitationRows() = default;
   /// @param policy  whose normaliser and action range are used
-  ImitationRows(const Dataset& dataset, const TanhGaussianPolicy& policy);
+  /// @param drawn   rows that are counted and drawn, ascending or not; by default all. Others still follow them
+  ImitationRows(const Dataset& dataset, const TanhGaussianPolicy& policy, std::vector<int> drawn = {});
 
-  int size() const { return static_cast<int>(last_.size()); }
+  /// Rows to draw from; i below is one of them.
+  int size() const { return static_cast<int>(drawn_.size()); }
   /// (obs_dim) normalised
-  const float* state(int i) const { return states_.data() + static_cast<size_t>(i) * obs_dim_; }
+  const float* state(int i) const { return State(drawn_[static_cast<size_t>(i)]); }
   /// (act_dim) in [-1, 1]
-  const float* action(int i) const { return actions_.data() + static_cast<size_t>(i) * act_dim_; }
+  const float* action(int i) const {
+    return actions_.data() + static_cast<size_t>(drawn_[static_cast<size_t>(i)]) * act_dim_;
+  }
   /// (obs_dim) normalised: s', or, of an episode's last row, the start of one drawn at random.
   const float* Next(int i, Rng& rng) const;
 
@@ -35,9 +39,12 @@ class ImitationRows {
   static ImitationRows FromArrays(const std::string& prefix, const NpzArrays& arrays, const std::string& where);
 
  private:
+  const float* State(int row) const { return states_.data() + static_cast<size_t>(row) * obs_dim_; }
+
   size_t obs_dim_ = 0, act_dim_ = 0;
   std::vector<float> states_, actions_, next_;
   std::vector<uint8_t> last_;
+  std::vector<int> drawn_;
   std::vector<int> starts_;  // rows at which episodes begin
 };
 

@@ -373,6 +373,36 @@ class TestOutput(CliTest):
     def words(self):
         return ["--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", self.out, *sets(TINY)]
 
+    def test_the_clone_by_valuedice_is_recorded_and_equal_at_any_number_of_threads(self):
+        settings = ["clone.method=valuedice", "clone.valuedice_updates=30", "clone.valuedice_batch=16",
+                    "clone.valuedice_hidden=16"]
+        self.assertEqual(oted("clone", *self.words(), *sets(settings), "--threads", "1").returncode, 0)
+        record = json.loads((self.out / "clone/clone.json").read_text())
+        self.assertEqual(record["method"], "valuedice")
+        self.assertNotIn("choice", record)
+        self.assertIn("ValueDICE", (self.out / "report.html").read_text())
+        first = (self.out / "clone/policy.npz").read_bytes()
+        shutil.rmtree(self.out)
+        self.assertEqual(oted("clone", *self.words(), *sets(settings), "--threads", "2").returncode, 0)
+        self.assertEqual((self.out / "clone/policy.npz").read_bytes(), first)
+
+    def test_auto_says_which_clone_it_took_and_why(self):
+        settings = ["clone.method=auto", "clone.valuedice_updates=10", "clone.valuedice_batch=16",
+                    "clone.valuedice_hidden=16", "clone.valuedice_start=random"]
+        self.assertEqual(oted("clone", *self.words(), *sets(settings)).returncode, 0)
+        record = json.loads((self.out / "clone/clone.json").read_text())
+        self.assertIn(record["method"], ("bc", "valuedice"))
+        for method in ("bc", "valuedice"):
+            self.assertGreater(record["choice"][method]["closeness"], 0)
+        self.assertIn("nominal simulator", record["choice"]["reason"])
+        self.assertIn("Chosen by evidence", (self.out / "report.html").read_text())
+
+    def test_valuedice_of_discrete_actions_is_a_usage_error(self):
+        data = pathlib.Path(__file__).resolve().parents[2] / "examples/data/minigrid-expert.hdf5"
+        result = oted("clone", pathlib.Path(__file__).resolve().parents[2] / "examples/minigrid.toml", "--data", data, "--out",
+                      self.out, "--set", "clone.method=valuedice")
+        self.assertOneLine(result, USAGE, "clone.method", "bc")
+
 
 class TestResult(CliTest):
     def test_json_on_stdout_and_progress_on_stderr(self):
