@@ -221,6 +221,7 @@ void Pipeline::Design() {
     NpzArrays arrays;
     design.g.Save(arrays);
     WriteNpz(arrays, folder / "discriminator.npz");
+    if (design.clone) design.clone->Save(folder / "policy.npz");
     json q = design.q.ToJson(job.config.lambda);
     q["learning_progress"] = design.learning_progress;
     if (design.fit) q["fit"] = ToJson(*design.fit);
@@ -271,6 +272,7 @@ void Pipeline::SelectSimulator() {
                                   FeatureShape(factory_->spec(), candidate.evidence));
       candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
       candidate.learning_progress = q.value("learning_progress", 0.0);
+      if (design.clone_updates > 0) candidate.clone = LoadPolicy(folder / "policy.npz");
       if (q.contains("fit")) candidate.fit = FitEvidenceFromJson(q.at("fit"));
       candidates.push_back(std::move(candidate));
     }

@@ -42,6 +42,7 @@ std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double
 
 Designer::Designer(ParameterSpace space, double initial_std)
     : space_(std::move(space)),
+      prior_(Prior::Uniform(space_.size())),
       mean_(static_cast<size_t>(space_.size()), 0.0),
       log_std_(static_cast<size_t>(space_.size()), std::log(initial_std)),
       correlation_factor_(Eigen::MatrixXd::Identity(space_.size(), space_.size())) {}
@@ -63,6 +64,49 @@ Designer Designer::OnGrid(ParameterSpace space, double step) {
   designer.grid_ = GridDistribution(designer.space_, step);
   designer.grid_step_ = step;
   return designer;
+}
+
+void Designer::SetPrior(const Prior& prior) {
+  OTED_CHECK(prior.size() == size());
+  prior_ = prior;
+  if (!grid_) return;
+  if (prior_.uniform) {
+    grid_->SetPrior({});
+    return;
+  }
+  if (prior_.values.empty()) {
+    // The Gaussian's mass over the step around each value, and over all beyond at either end; never none at all.
+    constexpr double kLeast = 1e-6;
+    Designer gaussian(space_, prior.mean, prior.Covariance());
+    for (int i = 0; i < size(); ++i) {
+      const std::vector<double>& at = grid_->values(i);
+      std::vector<double> masses;
+      double below = 0;
+      for (size_t k = 0; k < at.size(); ++k) {
+        const double up_to = k + 1 == at.size() ? 1.0 : gaussian.Cumulative(i, 0.5 * (at[k] + at[k + 1]));
+        masses.push_back(std::max(up_to - below, kLeast));
+        below = up_to;
+      }
+      prior_.values.push_back(std::move(masses));
+    }
+  }
+  grid_->SetPrior(prior_.values);
+}
+
+void Designer::StartAtPrior(double initial_std) {
+  if (grid_) {
+    grid_->SetState(grid_->PriorState());
+    return;
+  }
+  const Eigen::VectorXd std = prior_.Std();
+  for (int i = 0; i < size(); ++i) {
+    const size_t at = static_cast<size_t>(i);
+    mean_[at] = std::clamp(prior_.mean[i], -kMeanMaxX, kMeanMaxX);
+    const double narrower = prior_.uniform ? 0.0 : std::log(std[i] / kPriorStd);
+    log_std_[at] =
+        prior_.uniform ? std::log(initial_std) : std::clamp(std::log(initial_std) + narrower, kLogStdMinX, kLogStdMaxX);
+  }
+  correlation_factor_.setIdentity();
 }
 
 Eigen::MatrixXd Designer::Correlation() const { return correlation_factor_ * correlation_factor_.transpose(); }
@@ -111,15 +155,31 @@ std::vector<double> Designer::Mode() const { return grid_ ? grid_->Mode() : Logi
 
 std::vector<double> Designer::Std() const {
   if (grid_) return grid_->Std();
-  std::vector<double> std(mean_.size());
-  for (size_t i = 0; i < mean_.size(); ++i) {
+  std::vector<double> std = log_std_;
+  for (double& value : std) value = std::exp(value);
+  return StdOf(mean_, std);
+}
+
+std::vector<double> Designer::PriorStd() const {
+  if (grid_) {
+    GridDistribution p = *grid_;
+    p.SetState(p.PriorState());
+    return p.Std();
+  }
+  const Eigen::VectorXd std = prior_.Std();
+  return StdOf({prior_.mean.begin(), prior_.mean.end()}, {std.begin(), std.end()});
+}
+
+std::vector<double> Designer::StdOf(const std::vector<double>& mean, const std::vector<double>& std_of_x) const {
+  std::vector<double> std(mean.size());
+  for (size_t i = 0; i < mean.size(); ++i) {
     // dz/dx by central difference through the transform and the parameter's own scale.
-    std::vector<double> up = mean_, down = mean_;
+    std::vector<double> up = mean, down = mean;
     up[i] += 1e-4;
     down[i] -= 1e-4;
     const double slope = (LogitToZ(space_, up)[i] - LogitToZ(space_, down)[i]) / 2e-4;
     const ParameterSpec& spec = space_[static_cast<int>(i)];
-    std[i] = std::min(slope * std::exp(log_std_[i]), (spec.high - spec.low) / std::sqrt(12.0));
+    std[i] = std::min(slope * std_of_x[i], (spec.high - spec.low) / std::sqrt(12.0));
   }
   return std;
 }
@@ -159,6 +219,14 @@ std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
 double Designer::KlToPrior() const {
   if (grid_) return grid_->KlToPrior();
   double kl = 0;
+  if (!prior_.uniform) {
+    const Eigen::MatrixXd covariance = Covariance();
+    const Eigen::VectorXd shift = Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean;
+    kl = 0.5 * ((prior_.precision * covariance).trace() + shift.dot(prior_.precision * shift) - size());
+    kl += prior_.factor.diagonal().array().log().sum() - correlation_factor_.diagonal().array().log().sum();
+    for (const double log_std : log_std_) kl -= log_std;
+    return kl;
+  }
   for (size_t i = 0; i < mean_.size(); ++i) {
     const double ratio = std::exp(log_std_[i]) / kPriorStd, shift = mean_[i] / kPriorStd;
     kl += 0.5 * (ratio * ratio + shift * shift - 1.0) - std::log(ratio);
@@ -178,15 +246,21 @@ void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> 
   }
   OTED_CHECK(correlation_factor_.isIdentity(0));
   const double n = static_cast<double>(draws.size());
+  const Eigen::VectorXd pull =
+      prior_.precision * (Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean);
   for (size_t i = 0; i < mean_.size(); ++i) {
-    const double std = std::exp(log_std_[i]), variance_ratio = std * std / (kPriorStd * kPriorStd);
+    const double std = std::exp(log_std_[i]);
+    const auto at = static_cast<Eigen::Index>(i);
+    const double variance_ratio =
+        prior_.uniform ? std * std / (kPriorStd * kPriorStd) : std * std * prior_.precision(at, at);
+    const double towards_prior = prior_.uniform ? mean_[i] * variance_ratio : std * std * pull[at];
     double score_mean = 0, score_log_std = 0;
     for (size_t k = 0; k < draws.size(); ++k) {
       const double noise = (draws[k].x[i] - mean_[i]) / std;
       score_mean += advantages[k] * noise / n;
       score_log_std += advantages[k] * (noise * noise - 1.0) / n;
     }
-    const double natural_mean = std * score_mean - lambda * mean_[i] * variance_ratio;
+    const double natural_mean = std * score_mean - lambda * towards_prior;
     const double natural_log_std = 0.5 * (score_log_std - lambda * (variance_ratio - 1.0));
     // No parameter moves by more than its own spread, nor its spread by more than a third, in one step.
     mean_[i] += std::clamp(step_mean * natural_mean, -std, std);
@@ -239,6 +313,7 @@ nlohmann::json Designer::ToJson(double lambda) const {
       q["probabilities"].push_back(grid_->probabilities(i));
     }
     q["prior"] = {{"kind", "uniform"}};
+    if (!prior_.uniform) q["prior"] = {{"kind", "categorical"}, {"probabilities", grid_->prior()}};
     return q;
   }
   q["mean"] = mean_;
@@ -247,7 +322,7 @@ nlohmann::json Designer::ToJson(double lambda) const {
     const Eigen::VectorXd row = covariance.row(i);
     q["cov"].push_back(std::vector<double>(row.begin(), row.end()));
   }
-  q["prior"] = {{"kind", "gaussian"}, {"mean", 0.0}, {"std", kPriorStd}};
+  q["prior"] = prior_.ToJson();
   return q;
 }
 
@@ -255,9 +330,13 @@ namespace {
 
 void CheckParameter(const nlohmann::json& q, const ParameterSpace& space, size_t i, const std::string& where) {
   const ParameterSpec& spec = space[static_cast<int>(i)];
-  if (q.at("parameters").at(i) == spec.name && q.at("bounds").at(i) == nlohmann::json{spec.low, spec.high}) return;
-  throw DataError(fmt::format("parameter {} of '{}' is not '{}' in [{:g}, {:g}]; use the run's own configuration",
-                              i + 1, where, spec.name, spec.low, spec.high));
+  const bool same_scale = !q.contains("scale") || q.at("scale").at(i) == (spec.logarithmic ? "log" : "linear");
+  if (q.at("parameters").at(i) == spec.name && q.at("bounds").at(i) == nlohmann::json{spec.low, spec.high} &&
+      same_scale) {
+    return;
+  }
+  throw DataError(fmt::format("parameter {} of '{}' is not '{}' in [{:g}, {:g}]{}; use the run's own configuration",
+                              i + 1, where, spec.name, spec.low, spec.high, spec.logarithmic ? " on a log scale" : ""));
 }
 
 }  // namespace
@@ -283,6 +362,20 @@ Designer Designer::CategoricalFromJson(const nlohmann::json& q, const ParameterS
                       where, space[parameter].name));
     }
     designer.grid_->SetProbabilities(parameter, probabilities[i]);
+  }
+  if (q.contains("prior") && q.at("prior").contains("probabilities")) {
+    Prior prior = designer.prior_;
+    prior.uniform = false;
+    prior.values = q.at("prior").at("probabilities").get<std::vector<std::vector<double>>>();
+    bool fits = prior.values.size() == probabilities.size();
+    for (size_t i = 0; fits && i < probabilities.size(); ++i) {
+      fits = prior.values[i].size() == probabilities[i].size() &&
+             std::ranges::all_of(prior.values[i], [](double p) { return p > 0 && p <= 1; });
+    }
+    if (!fits)
+      throw DataError(
+          fmt::format("the prior in '{}' does not fit its values; make it again with 'oted design'", where));
+    designer.SetPrior(prior);
   }
   return designer;
 }
@@ -315,7 +408,9 @@ Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space
       throw DataError(
           fmt::format("the covariance in '{}' is not positive definite; make it again with 'oted design'", where));
     }
-    return Designer(space, Eigen::Map<const Eigen::VectorXd>(mean.data(), space.size()), covariance);
+    Designer designer(space, Eigen::Map<const Eigen::VectorXd>(mean.data(), space.size()), covariance);
+    if (q.contains("prior")) designer.SetPrior(Prior::FromJson(q.at("prior"), space.size(), where));
+    return designer;
   } catch (const nlohmann::json::exception& e) {
     throw DataError(
         fmt::format("'{}' is not a q(z) of schema oted.q/1 ({}); make it again with 'oted design'", where, e.what()));
