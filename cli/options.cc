@@ -71,7 +71,8 @@ std::string CommandLine(int argc, char** argv) {
 
 void AddParameterOptions(CLI::App& app, Options& options) {
   app.add_option("--param", options.parameters,
-                 "a parameter: name=path:low:high[:log][:absolute], bounds in multiples of nominal; repeatable")
+                 "a parameter: name=path:low:high[:log][:absolute][:prior=MEAN,STD], bounds in multiples of nominal; "
+                 "repeatable")
       ->allow_extra_args(false);
   app.add_option(
          "--preset", options.presets,

@@ -8,7 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/engine_check.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/effects.h"
 
 namespace oted {

@@ -19,7 +19,7 @@
 #include "oted/run_config.h"
 #include "oted/sim/minigrid/density_likelihood.h"
 #include "oted/sim/minigrid/expert.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/design.h"
 
 namespace oted {

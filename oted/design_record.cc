@@ -87,7 +87,11 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
   design["score"] = config.selection.score == "paper" ? selected.c : selected.common;
   design["score_name"] = config.selection.score;
   design["verdict"] = ToString(verdict);
-  if (fit) design["fit"] = FitRecord(*fit, channels);
+  if (fit) {
+    design["fit"] = FitRecord(*fit, channels);
+    // What a parameter may not do for its bound, others seem to ask for.
+    if (!at_bounds.empty()) design["fit"]["suspects"] = json::array();
+  }
   design["log2"] = std::numbers::ln2;
   design["nominal_common"] = result.nominal_common;
   for (const SettingScore& setting : result.settings) {

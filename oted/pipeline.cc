@@ -16,7 +16,7 @@
 #include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/presets.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/effects.h"
 #include "oted/stages/policy_selection/policy_selection.h"
@@ -160,14 +160,25 @@ void Pipeline::CloneBehavior() {
   WarnAboutData(dataset_, factory_->spec(), *context_.log);
   const CloneResult clone = ::oted::CloneBehavior(dataset_, factory_->spec(), config_.clone,
                                                   RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("clone"),
-                                                  directory_.NameOf(folder), context_);
+                                                  directory_.NameOf(folder), context_, factory_.get());
   clone.policy->Save(folder / "policy.npz");
-  directory_.Complete(folder / "clone.json",
-                      {{"schema", "oted.clone/1"},
-                       {"train_loss", clone.train_loss},
-                       {"held_out_loss", clone.held_out_loss},
-                       {"n_steps", clone.n_steps}},
-                      CloneFingerprint());
+  json record = {{"schema", "oted.clone/1"},
+                 {"method", clone.method},
+                 {"train_loss", clone.train_loss},
+                 {"held_out_loss", clone.held_out_loss},
+                 {"n_steps", clone.n_steps}};
+  if (clone.choice) {
+    const auto evidence = [](const MethodEvidence& method) {
+      json object = {{"held_out_loss", method.held_out_loss}, {"closeness", nullptr}};
+      if (method.closeness) object["closeness"] = *method.closeness;
+      return object;
+    };
+    record["choice"] = {{"n_held_out", clone.choice->n_held_out},
+                        {"bc", evidence(clone.choice->bc)},
+                        {"valuedice", evidence(clone.choice->valuedice)},
+                        {"reason", clone.choice->reason}};
+  }
+  directory_.Complete(folder / "clone.json", record, CloneFingerprint());
 }
 
 // ---------------------------------------------------------------- stage 2: design
@@ -209,6 +220,7 @@ void Pipeline::Design() {
     NpzArrays arrays;
     design.g.Save(arrays);
     WriteNpz(arrays, folder / "discriminator.npz");
+    if (design.clone) design.clone->Save(folder / "policy.npz");
     json q = design.q.ToJson(job.config.lambda);
     q["learning_progress"] = design.learning_progress;
     if (design.fit) q["fit"] = ToJson(*design.fit);
@@ -259,6 +271,7 @@ void Pipeline::SelectSimulator() {
                                   FeatureShape(factory_->spec(), candidate.evidence));
       candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
       candidate.learning_progress = q.value("learning_progress", 0.0);
+      if (design.clone_updates > 0) candidate.clone = LoadPolicy(folder / "policy.npz");
       if (q.contains("fit")) candidate.fit = FitEvidenceFromJson(q.at("fit"));
       candidates.push_back(std::move(candidate));
     }

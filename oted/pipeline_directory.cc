@@ -35,8 +35,12 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   if (!config_.agents.undesigned_at.empty()) factory_->parameters().CheckInside(config_.agents.undesigned_at);
   config_.agents.AlgorithmFor(factory_->spec());
   if (config_.baselines.Runs("is")) CheckIntervalSearch(config_.baselines.is, factory_->spec());
-  for (const auto& [name, design] : config_.DesignSettings())
+  config_.clone.MethodFor(factory_->spec());
+  for (const auto& [name, design] : config_.DesignSettings()) {
     FeatureShape(factory_->spec(), design.Evidence(factory_->spec()));
+    design.MakePrior(factory_->parameters());
+    design.Check();  // once more, as the form that auto became
+  }
   CheckCanDraw();
   if (config_.run.strict) ParametersWithEffect();
   return out;
@@ -111,6 +115,12 @@ void Pipeline::WriteProvenance() const {
   written.data.path = fs::proximate(config_.data.path, directory_.root()).string();
   std::string& model = written.task.model.model;
   if (!model.empty() && !model.starts_with("package:")) model = fs::proximate(model, directory_.root()).string();
+  const auto place_prior = [&](DesignConfig& design) {
+    if (design.prior == "uniform" || design.prior == "gaussian") return;
+    design.prior = fs::proximate(design.prior, directory_.root()).string();
+  };
+  place_prior(written.design);
+  for (auto& [unused, setting] : written.settings) place_prior(setting);
   KeepModel();
   WriteFileAtomically(directory_.root() / "run.toml", written.ToToml());
   const std::vector<Episode> episodes = dataset_.Episodes();
@@ -140,8 +150,11 @@ std::string Pipeline::CloneFingerprint() const {
 
 std::string Pipeline::DesignFingerprint(const std::string& setting) const {
   DesignConfig design = config_.DesignSettings().at(setting);
-  return Fingerprint(
-      {"design", CloneFingerprint(), ParametersJson(factory_->parameters()), setting, design.Fields().ToJson()});
+  json settings = design.Fields().ToJson();
+  // An earlier design counts by what it found, not by its place.
+  const Prior prior = design.MakePrior(factory_->parameters());
+  if (!prior.uniform) settings["prior"] = {prior.ToJson(), prior.values};
+  return Fingerprint({"design", CloneFingerprint(), ParametersJson(factory_->parameters()), setting, settings});
 }
 
 std::string Pipeline::SelectionFingerprint() const {

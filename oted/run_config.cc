@@ -160,7 +160,7 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
     throw UsageError(
         fmt::format("{}: parameters.{} needs a field, for example field = \"geom/*/friction[0]\"", where, name));
   }
-  const std::vector<std::string> keys = {"field", "range", "scale", "log", "unit"};
+  const std::vector<std::string> keys = {"field", "range", "scale", "log", "unit", "prior"};
   for (const auto& [key, value] : table.items()) {
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
       throw UsageError(fmt::format("{}: parameters.{}.{} is not a setting{}; a parameter has {}", where, name, key,
@@ -198,8 +198,20 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
       throw UsageError(fmt::format("{}: {}unit is {}, wanted text", where, prefix, table["unit"].dump()));
     spec.unit = table["unit"].get<std::string>();
   }
+  if (table.contains("prior")) {
+    const json& prior = table["prior"];
+    if (!prior.is_object() || prior.size() != 2 || !prior.contains("mean") || !prior.contains("std")) {
+      throw UsageError(
+          fmt::format("{}: {}prior is {}, wanted {{ mean = 1.0, std = 0.1 }}", where, prefix, prior.dump()));
+    }
+    spec.prior = ParameterSpec::Belief{Number(prior["mean"], prefix + "prior.mean", where),
+                                       Number(prior["std"], prefix + "prior.std", where)};
+  }
   try {
-    spec.Check();
+    // A range that a parameter file gives is not known yet: the whole is checked again.
+    ParameterSpec known = spec;
+    if (!table.contains("range") && !needs_range) known.prior.reset();
+    known.Check();
   } catch (const UsageError& e) {
     throw UsageError(fmt::format("{}: {}", where, e.what()));
   }
@@ -223,6 +235,11 @@ std::vector<std::string> PresetsFromJson(const json& value, const std::string& w
 std::string BesideFile(const std::string& path, const std::string& file_name) {
   const std::filesystem::path folder = std::filesystem::path(file_name).parent_path();
   return path.empty() || std::filesystem::path(path).is_absolute() ? path : (folder / path).lexically_normal().string();
+}
+
+/// The path among what design.prior can be, likewise.
+void PlacePrior(DesignConfig& design, const std::string& file_name) {
+  if (design.prior != "uniform" && design.prior != "gaussian") design.prior = BesideFile(design.prior, file_name);
 }
 
 /// In the order of the file, which is the order of z; those of a mujoco.sysid file come first.
@@ -261,6 +278,7 @@ json ParameterToJson(const ParameterSpec& spec) {
                 {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
                 {"log", spec.logarithmic},
                 {"unit", spec.unit}};
+  if (spec.prior) table["prior"] = {{"mean", spec.prior->mean}, {"std", spec.prior->std}};
   return table;
 }
 
@@ -339,6 +357,7 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
       }
     }
   }
+  PlacePrior(config.design, file_name);
   // The settings h start from [design] and change what they name.
   if (const toml::node* node = document["design"]["settings"].node(); node != nullptr && !node->is_table()) {
     throw UsageError(fmt::format("{}: design.settings is no table; write [design.settings.NAME] for each setting",
@@ -353,6 +372,7 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
         setting = FormAt(changes["form"].get<std::string>(), at);
       }
       setting.Fields().FromJson(changes, at);
+      if (changes.contains("prior")) PlacePrior(setting, file_name);
       config.settings[std::string(key.str())] = setting;
     }
   }
@@ -522,6 +542,14 @@ void RunConfig::Check() const {
   design.Check();
   for (const auto& [name, setting] : settings) setting.Check();
   baselines.Check();
+  const bool used = settings.empty()
+                        ? design.prior == "gaussian"
+                        : std::ranges::any_of(settings, [](const auto& s) { return s.second.prior == "gaussian"; });
+  for (const ParameterSpec& spec : parameters) {
+    if (!spec.prior || used) continue;
+    throw UsageError(
+        fmt::format("parameter '{}' has a prior, but no design uses it; set design.prior to gaussian", spec.name));
+  }
 }
 
 std::vector<double> RunConfig::TruthVector() const {

@@ -14,7 +14,7 @@
 #include "oted/sim/minigrid/task.h"
 #include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/parameter_space.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/design_config.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
 

@@ -107,6 +107,30 @@ TEST(RunConfig, DefaultsReadBackToo) {
   EXPECT_EQ(config.parameters[1].high, 2.0);
 }
 
+TEST(RunConfig, PriorsReadBackAndTheirPathsLieBesideTheFile) {
+  const std::string text =
+      "[parameters]\na = { field = \"opt/a\", range = [0, 2], prior = { mean = 0.5, std = 0.1 } }\n"
+      "[design]\nprior = \"gaussian\"\n[design.settings.next]\nprior = \"runs/first\"\n"
+      "[design.settings.same]\nlambda = 1.0\n";
+  const RunConfig config = RunConfig::FromToml(text, "configs/x.toml");
+  EXPECT_EQ(config.parameters[0].prior->mean, 0.5);
+  EXPECT_EQ(config.settings.at("next").prior, "configs/runs/first");
+  EXPECT_EQ(config.settings.at("same").prior, "gaussian");
+  const RunConfig again = RunConfig::FromToml(config.ToToml(), "run.toml");
+  EXPECT_EQ(again.ToJson(), config.ToJson());
+  EXPECT_EQ(again.parameters[0].prior->std, 0.1);
+  const auto refused = [](const std::string& prior, const std::string& word) {
+    EXPECT_THAT(MessageOf<UsageError>(
+                    [&] { Parse("[parameters]\na = { field = \"x/y\", range = [0, 2], prior = " + prior + " }"); }),
+                HasSubstr(word));
+  };
+  refused("1.0", "{ mean = 1.0, std = 0.1 }");
+  refused("{ mean = 1.0 }", "{ mean = 1.0, std = 0.1 }");
+  refused("{ mean = 3.0, std = 0.1 }", "inside of the range");
+  refused("{ mean = 1.0, std = 0.0 }", "above 0");
+  refused("{ mean = 1.0, std = \"wide\" }", "prior.std");
+}
+
 TEST(RunConfig, ParametersOnOneLineKeepTheirOrder) {
   const RunConfig config = Parse("parameters = { b = { field = \"opt/b\" }, a = { field = \"opt/a\" } }");
   EXPECT_THAT(Names(config), ElementsAre("b", "a"));

@@ -1,10 +1,7 @@
 #include "oted/matching/designer.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "oted/base/bisection.h"
 #include "oted/base/error.h"
@@ -42,6 +39,7 @@ std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double
 
 Designer::Designer(ParameterSpace space, double initial_std)
     : space_(std::move(space)),
+      prior_(Prior::Uniform(space_.size())),
       mean_(static_cast<size_t>(space_.size()), 0.0),
       log_std_(static_cast<size_t>(space_.size()), std::log(initial_std)),
       correlation_factor_(Eigen::MatrixXd::Identity(space_.size(), space_.size())) {}
@@ -63,6 +61,49 @@ Designer Designer::OnGrid(ParameterSpace space, double step) {
   designer.grid_ = GridDistribution(designer.space_, step);
   designer.grid_step_ = step;
   return designer;
+}
+
+void Designer::SetPrior(const Prior& prior) {
+  OTED_CHECK(prior.size() == size());
+  prior_ = prior;
+  if (!grid_) return;
+  if (prior_.uniform) {
+    grid_->SetPrior({});
+    return;
+  }
+  if (prior_.values.empty()) {
+    // The Gaussian's mass over the step around each value, and over all beyond at either end; never none at all.
+    constexpr double kLeast = 1e-6;
+    Designer gaussian(space_, prior.mean, prior.Covariance());
+    for (int i = 0; i < size(); ++i) {
+      const std::vector<double>& at = grid_->values(i);
+      std::vector<double> masses;
+      double below = 0;
+      for (size_t k = 0; k < at.size(); ++k) {
+        const double up_to = k + 1 == at.size() ? 1.0 : gaussian.Cumulative(i, 0.5 * (at[k] + at[k + 1]));
+        masses.push_back(std::max(up_to - below, kLeast));
+        below = up_to;
+      }
+      prior_.values.push_back(std::move(masses));
+    }
+  }
+  grid_->SetPrior(prior_.values);
+}
+
+void Designer::StartAtPrior(double initial_std) {
+  if (grid_) {
+    grid_->SetState(grid_->PriorState());
+    return;
+  }
+  const Eigen::VectorXd std = prior_.Std();
+  for (int i = 0; i < size(); ++i) {
+    const size_t at = static_cast<size_t>(i);
+    mean_[at] = std::clamp(prior_.mean[i], -kMeanMaxX, kMeanMaxX);
+    const double narrower = prior_.uniform ? 0.0 : std::log(std[i] / kPriorStd);
+    log_std_[at] =
+        prior_.uniform ? std::log(initial_std) : std::clamp(std::log(initial_std) + narrower, kLogStdMinX, kLogStdMaxX);
+  }
+  correlation_factor_.setIdentity();
 }
 
 Eigen::MatrixXd Designer::Correlation() const { return correlation_factor_ * correlation_factor_.transpose(); }
@@ -111,15 +152,31 @@ std::vector<double> Designer::Mode() const { return grid_ ? grid_->Mode() : Logi
 
 std::vector<double> Designer::Std() const {
   if (grid_) return grid_->Std();
-  std::vector<double> std(mean_.size());
-  for (size_t i = 0; i < mean_.size(); ++i) {
+  std::vector<double> std = log_std_;
+  for (double& value : std) value = std::exp(value);
+  return StdOf(mean_, std);
+}
+
+std::vector<double> Designer::PriorStd() const {
+  if (grid_) {
+    GridDistribution p = *grid_;
+    p.SetState(p.PriorState());
+    return p.Std();
+  }
+  const Eigen::VectorXd std = prior_.Std();
+  return StdOf({prior_.mean.begin(), prior_.mean.end()}, {std.begin(), std.end()});
+}
+
+std::vector<double> Designer::StdOf(const std::vector<double>& mean, const std::vector<double>& std_of_x) const {
+  std::vector<double> std(mean.size());
+  for (size_t i = 0; i < mean.size(); ++i) {
     // dz/dx by central difference through the transform and the parameter's own scale.
-    std::vector<double> up = mean_, down = mean_;
+    std::vector<double> up = mean, down = mean;
     up[i] += 1e-4;
     down[i] -= 1e-4;
     const double slope = (LogitToZ(space_, up)[i] - LogitToZ(space_, down)[i]) / 2e-4;
     const ParameterSpec& spec = space_[static_cast<int>(i)];
-    std[i] = std::min(slope * std::exp(log_std_[i]), (spec.high - spec.low) / std::sqrt(12.0));
+    std[i] = std::min(slope * std_of_x[i], (spec.high - spec.low) / std::sqrt(12.0));
   }
   return std;
 }
@@ -159,6 +216,14 @@ std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
 double Designer::KlToPrior() const {
   if (grid_) return grid_->KlToPrior();
   double kl = 0;
+  if (!prior_.uniform) {
+    const Eigen::MatrixXd covariance = Covariance();
+    const Eigen::VectorXd shift = Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean;
+    kl = 0.5 * ((prior_.precision * covariance).trace() + shift.dot(prior_.precision * shift) - size());
+    kl += prior_.factor.diagonal().array().log().sum() - correlation_factor_.diagonal().array().log().sum();
+    for (const double log_std : log_std_) kl -= log_std;
+    return kl;
+  }
   for (size_t i = 0; i < mean_.size(); ++i) {
     const double ratio = std::exp(log_std_[i]) / kPriorStd, shift = mean_[i] / kPriorStd;
     kl += 0.5 * (ratio * ratio + shift * shift - 1.0) - std::log(ratio);
@@ -178,15 +243,21 @@ void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> 
   }
   OTED_CHECK(correlation_factor_.isIdentity(0));
   const double n = static_cast<double>(draws.size());
+  const Eigen::VectorXd pull =
+      prior_.precision * (Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean);
   for (size_t i = 0; i < mean_.size(); ++i) {
-    const double std = std::exp(log_std_[i]), variance_ratio = std * std / (kPriorStd * kPriorStd);
+    const double std = std::exp(log_std_[i]);
+    const auto at = static_cast<Eigen::Index>(i);
+    const double variance_ratio =
+        prior_.uniform ? std * std / (kPriorStd * kPriorStd) : std * std * prior_.precision(at, at);
+    const double towards_prior = prior_.uniform ? mean_[i] * variance_ratio : std * std * pull[at];
     double score_mean = 0, score_log_std = 0;
     for (size_t k = 0; k < draws.size(); ++k) {
       const double noise = (draws[k].x[i] - mean_[i]) / std;
       score_mean += advantages[k] * noise / n;
       score_log_std += advantages[k] * (noise * noise - 1.0) / n;
     }
-    const double natural_mean = std * score_mean - lambda * mean_[i] * variance_ratio;
+    const double natural_mean = std * score_mean - lambda * towards_prior;
     const double natural_log_std = 0.5 * (score_log_std - lambda * (variance_ratio - 1.0));
     // No parameter moves by more than its own spread, nor its spread by more than a third, in one step.
     mean_[i] += std::clamp(step_mean * natural_mean, -std, std);
@@ -218,108 +289,6 @@ void Designer::Restore(std::vector<double> mean, std::vector<double> log_std) {
   mean_ = std::move(mean);
   log_std_ = std::move(log_std);
   correlation_factor_.setIdentity();
-}
-
-nlohmann::json Designer::ToJson(double lambda) const {
-  nlohmann::json q;
-  q["schema"] = "oted.q/1";
-  q["kind"] = grid_ ? "categorical" : "gaussian";
-  if (!grid_) q["transform"] = "logistic";
-  for (const ParameterSpec& spec : space_.specs()) {
-    q["parameters"].push_back(spec.name);
-    q["bounds"].push_back({spec.low, spec.high});
-    q["scale"].push_back(spec.logarithmic ? "log" : "linear");
-  }
-  q["lambda"] = lambda;
-  q["mode"] = Mode();
-  if (grid_) {
-    q["grid_step"] = grid_step_;
-    for (int i = 0; i < size(); ++i) {
-      q["values"].push_back(grid_->values(i));
-      q["probabilities"].push_back(grid_->probabilities(i));
-    }
-    q["prior"] = {{"kind", "uniform"}};
-    return q;
-  }
-  q["mean"] = mean_;
-  const Eigen::MatrixXd covariance = Covariance();
-  for (int i = 0; i < size(); ++i) {
-    const Eigen::VectorXd row = covariance.row(i);
-    q["cov"].push_back(std::vector<double>(row.begin(), row.end()));
-  }
-  q["prior"] = {{"kind", "gaussian"}, {"mean", 0.0}, {"std", kPriorStd}};
-  return q;
-}
-
-namespace {
-
-void CheckParameter(const nlohmann::json& q, const ParameterSpace& space, size_t i, const std::string& where) {
-  const ParameterSpec& spec = space[static_cast<int>(i)];
-  if (q.at("parameters").at(i) == spec.name && q.at("bounds").at(i) == nlohmann::json{spec.low, spec.high}) return;
-  throw DataError(fmt::format("parameter {} of '{}' is not '{}' in [{:g}, {:g}]; use the run's own configuration",
-                              i + 1, where, spec.name, spec.low, spec.high));
-}
-
-}  // namespace
-
-Designer Designer::CategoricalFromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
-  const double step = q.at("grid_step").get<double>();
-  if (!(step > 0))
-    throw DataError(fmt::format("'{}' has no positive grid_step; make it again with 'oted design'", where));
-  Designer designer = OnGrid(space, step);
-  const auto probabilities = q.at("probabilities").get<std::vector<std::vector<double>>>();
-  if (probabilities.size() != static_cast<size_t>(space.size())) {
-    throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration", where,
-                                probabilities.size(), space.size()));
-  }
-  for (size_t i = 0; i < probabilities.size(); ++i) {
-    CheckParameter(q, space, i, where);
-    const int parameter = static_cast<int>(i);
-    if (probabilities[i].size() != designer.grid_->values(parameter).size() ||
-        !std::ranges::all_of(probabilities[i], [](double p) { return p > 0 && p <= 1; })) {
-      throw DataError(
-          fmt::format("'{}' has no probability in (0, 1] for each value of '{}'; make it again with "
-                      "'oted design'",
-                      where, space[parameter].name));
-    }
-    designer.grid_->SetProbabilities(parameter, probabilities[i]);
-  }
-  return designer;
-}
-
-Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
-  try {
-    if (q.at("schema") != "oted.q/1" || (q.at("kind") != "gaussian" && q.at("kind") != "categorical")) {
-      throw DataError(fmt::format(
-          "'{}' is not a Gaussian or categorical q(z) of schema oted.q/1; make it again with 'oted design'", where));
-    }
-    if (q.at("kind") == "categorical") return CategoricalFromJson(q, space, where);
-    const auto mean = q.at("mean").get<std::vector<double>>();
-    const auto cov = q.at("cov").get<std::vector<std::vector<double>>>();
-    if (mean.size() != static_cast<size_t>(space.size()) || cov.size() != mean.size()) {
-      throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration",
-                                  where, mean.size(), space.size()));
-    }
-    Eigen::MatrixXd covariance(space.size(), space.size());
-    for (size_t i = 0; i < mean.size(); ++i) {
-      const ParameterSpec& spec = space[static_cast<int>(i)];
-      CheckParameter(q, space, i, where);
-      if (cov[i].size() != mean.size() || !(cov[i][i] > 0)) {
-        throw DataError(
-            fmt::format("'{}' has no positive variance of '{}'; make it again with 'oted design'", where, spec.name));
-      }
-      for (size_t j = 0; j < mean.size(); ++j) covariance(static_cast<int>(i), static_cast<int>(j)) = cov[i][j];
-    }
-    if (!covariance.isApprox(covariance.transpose()) ||
-        Eigen::LLT<Eigen::MatrixXd>(covariance).info() != Eigen::Success) {
-      throw DataError(
-          fmt::format("the covariance in '{}' is not positive definite; make it again with 'oted design'", where));
-    }
-    return Designer(space, Eigen::Map<const Eigen::VectorXd>(mean.data(), space.size()), covariance);
-  } catch (const nlohmann::json::exception& e) {
-    throw DataError(
-        fmt::format("'{}' is not a q(z) of schema oted.q/1 ({}); make it again with 'oted design'", where, e.what()));
-  }
 }
 
 }  // namespace oted

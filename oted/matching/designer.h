@@ -10,6 +10,7 @@
 
 #include "oted/base/rng.h"
 #include "oted/matching/grid_distribution.h"
+#include "oted/matching/prior.h"
 #include "oted/sim/parameter_space.h"
 
 namespace oted {
@@ -22,11 +23,10 @@ std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double
 
 /// Of two kinds. A categorical one holds probabilities of grid values (grid_distribution.h); its x are their indices.
 /// Otherwise it is a Gaussian over x, with diagonal covariance while it is learned by policy gradient. The prior p is
-/// the Gaussian N(0, kPriorStd^2) over the same x: under it u is close to uniform over the bounds (its standard
-/// deviation is 0.29, that of the uniform distribution).
+/// uniform or nearly so (Prior::Uniform), unless another is set.
 class Designer {
  public:
-  static constexpr double kPriorStd = 1.7;
+  static constexpr double kPriorStd = Prior::kUniformStd;
 
   Designer() = default;
   /// q starts at the prior, with `initial_std` in x.
@@ -38,6 +38,15 @@ class Designer {
   static Designer OnGrid(ParameterSpace space, double step);
   /// Null for a Gaussian.
   const GridDistribution* grid() const { return grid_ ? &*grid_ : nullptr; }
+
+  /// Replaces p; q stays.
+  void SetPrior(const Prior& prior);
+  /// Puts q at p: a Gaussian at its mean, with `initial_std` where p is uniform and narrower as p is; a grid's
+  /// probabilities to p's.
+  void StartAtPrior(double initial_std);
+  const Prior& prior() const { return prior_; }
+  /// Standard deviation of z under p, at most that of the uniform distribution.
+  std::vector<double> PriorStd() const;
 
   const ParameterSpace& space() const { return space_; }
   int size() const { return space_.size(); }
@@ -72,8 +81,8 @@ class Designer {
   Eigen::MatrixXd Correlation() const;
 
   /// One ascent step on E_q[R] - lambda KL(q, p) (Eq. 3) from draws and their advantages.
-  ///   d/d mean    = mean_k A_k (x_k - mean) / std^2      - lambda mean / prior_std^2
-  ///   d/d log std = mean_k A_k ((x_k - mean)^2/std^2 - 1) - lambda (std^2 / prior_std^2 - 1)
+  ///   d/d mean    = mean_k A_k (x_k - mean) / std^2      - lambda P (mean - prior mean)
+  ///   d/d log std = mean_k A_k ((x_k - mean)^2/std^2 - 1) - lambda (std^2 P_ii - 1),   P the prior's precision,
   /// both multiplied by the inverse Fisher information (std^2 and 1/2): the natural gradient, so that the step does not
   /// depend on the width of q (docs/deviations.md#natural-gradient). Of an uncorrelated q only.
   void Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda, double step_mean,
@@ -95,6 +104,9 @@ class Designer {
  private:
   static Designer CategoricalFromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where);
   ParameterSpace space_;
+  std::vector<double> StdOf(const std::vector<double>& mean, const std::vector<double>& std) const;
+
+  Prior prior_;
   std::vector<double> mean_, log_std_;
   std::optional<GridDistribution> grid_;
   double grid_step_ = 0;

@@ -182,6 +182,90 @@ TEST(Designer, KlOfACorrelatedQIsTheGaussiansClosedForm) {
   EXPECT_NEAR(Correlated().KlToPrior(), 0.5 * ((0.13 + 0.25) / p2 - 2 - std::log(determinant)), 1e-12);
 }
 
+Prior Narrow() {
+  Eigen::Matrix2d covariance;
+  covariance << 0.25, 0.06, 0.06, 0.09;
+  return Prior::Gaussian(Eigen::Vector2d(0.5, -0.2), covariance);
+}
+
+TEST(Designer, KlToAGaussianPriorIsTheClosedFormAndItsGradientTheOneThatAscendFollows) {
+  const std::vector<double> mean = {0.7, -1.1}, log_std = {-0.9, 0.3};
+  const auto at = [&](const std::vector<double>& m, const std::vector<double>& s) {
+    Designer q = At(m, s);
+    q.SetPrior(Narrow());
+    return q;
+  };
+  // 1/2 (tr(P S) + d^T P d - 2 + ln det C / det S), P the inverse of C = [.25 .06; .06 .09], det C = 0.0189.
+  const double det = 0.25 * 0.09 - 0.06 * 0.06, p00 = 0.09 / det, p11 = 0.25 / det, p01 = -0.06 / det;
+  const double s0 = std::exp(-1.8), s1 = std::exp(0.6), d0 = 0.2, d1 = -0.9;
+  const double expected =
+      0.5 * (p00 * s0 + p11 * s1 + p00 * d0 * d0 + p11 * d1 * d1 + 2 * p01 * d0 * d1 - 2 + std::log(det / (s0 * s1)));
+  EXPECT_NEAR(at(mean, log_std).KlToPrior(), expected, 1e-10);
+  const double h = 1e-6, lambda = 0.3, step = 1e-4;
+  Designer stepped = at(mean, log_std);
+  Rng rng(1);
+  stepped.Ascend({stepped.Draw(rng)}, std::vector{0.0}, lambda, step, step);
+  for (size_t i = 0; i < 2; ++i) {
+    std::vector<double> up = mean, down = mean;
+    up[i] += h;
+    down[i] -= h;
+    const double d_mean = (at(up, log_std).KlToPrior() - at(down, log_std).KlToPrior()) / (2 * h);
+    up = down = log_std;
+    up[i] += h;
+    down[i] -= h;
+    const double d_log_std = (at(mean, up).KlToPrior() - at(mean, down).KlToPrior()) / (2 * h);
+    EXPECT_NEAR((stepped.mean()[i] - mean[i]) / step, -lambda * std::exp(2 * log_std[i]) * d_mean, 1e-5);
+    EXPECT_NEAR((stepped.log_std()[i] - log_std[i]) / step, -lambda * 0.5 * d_log_std, 1e-5);
+  }
+}
+
+TEST(Designer, WithoutRewardItSettlesAtAGaussianPriorWithoutItsCorrelation) {
+  Designer q = At({2.0, 2.0}, {0.0, 0.0});
+  q.SetPrior(Narrow());
+  Rng rng(2);
+  for (int step = 0; step < 600; ++step) q.Ascend({q.Draw(rng)}, std::vector{0.0}, 1.0, 0.1, 0.1);
+  EXPECT_NEAR(q.mean()[0], 0.5, 1e-3);
+  EXPECT_NEAR(q.mean()[1], -0.2, 1e-3);
+  // The diagonal Gaussian nearest in KL(q, p) has the conditional variances, 1 / P_ii.
+  const double det = 0.25 * 0.09 - 0.06 * 0.06;
+  EXPECT_NEAR(std::exp(2 * q.log_std()[0]), det / 0.09, 1e-3);
+  EXPECT_NEAR(std::exp(2 * q.log_std()[1]), det / 0.25, 1e-3);
+}
+
+TEST(Designer, StartsAtItsPriorAndKeepsItInItsFile) {
+  Designer q(Space(), 1.2);
+  q.SetPrior(Narrow());
+  q.StartAtPrior(1.2);
+  EXPECT_EQ(q.mean(), (std::vector<double>{0.5, -0.2}));
+  EXPECT_NEAR(std::exp(q.log_std()[0]), 1.2 * 0.5 / Designer::kPriorStd, 1e-12);
+  const Designer read = Designer::FromJson(nlohmann::json::parse(q.ToJson(0).dump()), Space(), "q.json");
+  EXPECT_FALSE(read.prior().uniform);
+  EXPECT_NEAR(read.KlToPrior(), q.KlToPrior(), 1e-9);
+  nlohmann::json damaged = q.ToJson(0);
+  damaged["prior"]["cov"][0][0] = -1;
+  EXPECT_THROW(Designer::FromJson(damaged, Space(), "q.json"), DataError);
+  // The uniform one starts where it always did.
+  Designer uniform(Space(), 0.7);
+  uniform.StartAtPrior(1.2);
+  EXPECT_EQ(uniform.log_std(), Designer(Space(), 1.2).log_std());
+}
+
+TEST(Designer, OnAGridAGaussianPriorGivesEachValueTheMassAroundIt) {
+  const ParameterSpace space({{.name = "density", .field = "env/density", .low = 0, .high = 1}});
+  Designer q = Designer::OnGrid(space, 0.25);
+  q.SetPrior(Prior::Gaussian(Eigen::VectorXd::Zero(1), 0.25 * Eigen::MatrixXd::Identity(1, 1)));
+  q.StartAtPrior(1.2);
+  // Between 3/8 and 5/8 lies |x| < ln(5/3), x ~ N(0, 0.5^2).
+  EXPECT_NEAR(q.grid()->probabilities(0)[2], std::erf(std::log(5.0 / 3) / 0.5 / std::sqrt(2.0)), 1e-3);
+  EXPECT_NEAR(q.KlToPrior(), 0, 1e-12);
+  q.SetState({0.2, 0.2, 0.2, 0.2, 0.2});
+  double kl = 0;
+  for (const double p : q.grid()->prior()[0]) kl += 0.2 * std::log(0.2 / p);
+  EXPECT_NEAR(q.KlToPrior(), kl, 1e-12);
+  const Designer read = Designer::FromJson(nlohmann::json::parse(q.ToJson(0).dump()), space, "q.json");
+  EXPECT_NEAR(read.KlToPrior(), kl, 1e-12);
+}
+
 TEST(Designer, QJsonKeepsCorrelations) {
   const nlohmann::json q = nlohmann::json::parse(Correlated().ToJson(0).dump());
   EXPECT_TRUE(Designer::FromJson(q, Space(), "q.json").Covariance().isApprox(Correlated().Covariance(), 1e-14));

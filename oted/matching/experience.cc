@@ -212,6 +212,14 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
         AppendFeatures({observations.data() + k * obs_dim, obs_dim}, action, simulator_->observation(lanes[k]), config_,
                        past_actions_[k], row);
         stacks_[k].Push(row, experience[k].features);
+        if (config_.keep_steps) {
+          Dataset& steps = experience[k].steps;
+          steps.observations.AppendRow({observations.data() + k * obs_dim, obs_dim});
+          steps.actions.AppendRow(action);
+          steps.next_observations.AppendRow(simulator_->observation(lanes[k]));
+          steps.terminals.push_back(0);
+          steps.timeouts.push_back(0);
+        }
       }
       past_actions_[k].Push(action);
       ++step_in_rollout[k];
@@ -219,6 +227,8 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       const bool ended = status == LaneStatus::kDiverged || step_in_rollout[k] >= length ||
                          (!config_.replayed_actions && status != LaneStatus::kRunning);
       if (ended) {
+        // Whatever ended it: to those who learn from the steps the next one belongs to another rollout.
+        if (!experience[k].steps.timeouts.empty()) experience[k].steps.timeouts.back() = 1;
         StartRollout(lanes[k], n_started[k]++, key);
         step_in_rollout[k] = 0;
       }

@@ -38,6 +38,7 @@ struct EvidenceConfig {
   /// otherwise each has its own, as what learns from all of them wants.
   bool common_starts = true;
   std::vector<int> image = {};  ///< SimulatorSpec::image_shape, of one step
+  bool keep_steps = false;      ///< LaneExperience::steps are kept
 };
 
 /// The dataset's rows that are compared with experience of that kind: (s, a) or (s, a, s' - s), the latter with the
@@ -82,6 +83,7 @@ class StepStack {
 struct LaneExperience {
   Array2<double> features;  ///< (up to n_steps, feature_dim): all valid steps
   bool diverged = false;    ///< the physics broke down at least once
+  Dataset steps;            ///< every valid step, one episode per rollout; empty unless asked for
 };
 
 /// Gathers experience in a simulator whose lanes are the batch of z. Not thread-safe.

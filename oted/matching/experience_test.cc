@@ -285,6 +285,27 @@ TEST(ExperienceGatherer, ASimulatorWithoutSettableStatesIsADataErrorWithTheRemed
   EXPECT_NE(message.find("--set design.starts=initial"), std::string::npos) << message;
 }
 
+TEST(ExperienceGatherer, StepsThatAreKeptAreTheRolloutsOneAfterTheOther) {
+  const Dataset dataset = MakeDataset();
+  EvidenceConfig evidence{.horizon = 4, .n_steps = 12};
+  evidence.keep_steps = true;
+  const auto lanes = Gather(dataset, evidence, {kTruth}, nullptr, {});
+  const Dataset& steps = lanes[0].steps;
+  ASSERT_EQ(steps.size(), 12);
+  const std::vector<Episode> rollouts = steps.Episodes();
+  ASSERT_EQ(rollouts.size(), 3u);
+  for (int i = 0; i < 12; ++i) {
+    for (int j = 0; j < 2; ++j) {
+      EXPECT_EQ(steps.observations(i, j), lanes[0].features(i, j));
+      EXPECT_NEAR(steps.next_observations(i, j) - steps.observations(i, j), lanes[0].features(i, 3 + j), 1e-12);
+      if (i % 4 == 3) continue;
+      EXPECT_EQ(steps.next_observations(i, j), steps.observations(i + 1, j));
+    }
+  }
+  evidence.keep_steps = false;
+  EXPECT_EQ(Gather(dataset, evidence, {kTruth}, nullptr, {})[0].steps.size(), 0);
+}
+
 TEST(ExperienceGatherer, TheSameKeyGivesTheSameExperienceAtAnyThreadCount) {
   const Dataset dataset = MakeDataset();
   const std::vector<std::vector<double>> z = {{1, 1, 0}, {0.5, 0.4, 0}, {1.7, 1, 0}};

@@ -31,6 +31,7 @@ GridDistribution::GridDistribution(const ParameterSpace& space, double step) {
     const size_t n = values.size();
     values_.push_back(std::move(values));
     probabilities_.emplace_back(n, 1.0 / static_cast<double>(n));
+    prior_.emplace_back(n, 1.0 / static_cast<double>(n));
     low_.push_back(spec.low);
     high_.push_back(spec.high);
     step_.push_back(step);
@@ -45,6 +46,28 @@ void GridDistribution::SetProbabilities(int i, std::vector<double> probabilities
     p /= sum;
   }
   probabilities_[At(i)] = std::move(probabilities);
+}
+
+void GridDistribution::SetPrior(std::vector<std::vector<double>> probabilities) {
+  if (probabilities.empty()) {
+    for (const auto& v : values_) probabilities.emplace_back(v.size(), 1.0 / static_cast<double>(v.size()));
+  }
+  OTED_CHECK(probabilities.size() == values_.size());
+  for (size_t i = 0; i < probabilities.size(); ++i) {
+    OTED_CHECK(probabilities[i].size() == values_[i].size());
+    const double sum = std::accumulate(probabilities[i].begin(), probabilities[i].end(), 0.0);
+    for (double& p : probabilities[i]) {
+      OTED_CHECK(p > 0 && std::isfinite(p));
+      p /= sum;
+    }
+  }
+  prior_ = std::move(probabilities);
+}
+
+std::vector<double> GridDistribution::PriorState() const {
+  std::vector<double> state;
+  for (const auto& p : prior_) state.insert(state.end(), p.begin(), p.end());
+  return state;
 }
 
 std::vector<double> GridDistribution::State() const {
@@ -135,8 +158,10 @@ double GridDistribution::Cumulative(int i, double x) const {
 
 double GridDistribution::KlToPrior() const {
   double kl = 0;
-  for (const auto& p : probabilities_) {
-    for (const double probability : p) kl += probability * std::log(probability * static_cast<double>(p.size()));
+  for (size_t i = 0; i < probabilities_.size(); ++i) {
+    for (size_t k = 0; k < probabilities_[i].size(); ++k) {
+      kl += probabilities_[i][k] * std::log(probabilities_[i][k] / prior_[i][k]);
+    }
   }
   return kl;
 }
@@ -154,11 +179,12 @@ void GridDistribution::Ascend(const std::vector<std::vector<double>>& draws, std
       count[value] += 1;
     }
     double kl = 0;
-    for (const double probability : p) kl += probability * std::log(probability * n_values);
+    const std::vector<double>& prior = prior_[At(i)];
+    for (size_t k = 0; k < p.size(); ++k) kl += p[k] * std::log(p[k] / prior[k]);
     double total = 0;
     for (size_t k = 0; k < p.size(); ++k) {
       const double advantage = count[k] > 0 ? sum[k] / count[k] : 0;
-      const double towards_prior = kl - std::log(p[k] * n_values);
+      const double towards_prior = kl - std::log(p[k] / prior[k]);
       p[k] *= std::exp(std::clamp(step * (advantage + lambda * towards_prior), -1.0, 1.0));
       total += p[k];
     }

@@ -1,6 +1,7 @@
 #pragma once
 /// A categorical q(z): for each parameter, independently, probabilities of the multiples of a step within its bounds,
-/// as in the paper's MiniGrid experiment (steps of 0.05). The prior is uniform over them.
+/// as in the paper's MiniGrid experiment (steps of 0.05). The prior is uniform over them, or has probabilities of its
+/// own.
 
 #include <span>
 #include <vector>
@@ -24,6 +25,12 @@ class GridDistribution {
   const std::vector<double>& probabilities(int i) const { return probabilities_[static_cast<size_t>(i)]; }
   /// @throws InternalError unless there is one positive number per value; they are divided by their sum
   void SetProbabilities(int i, std::vector<double> probabilities);
+  /// The prior's probabilities of the values of each parameter; {} for the uniform one.
+  /// @throws InternalError unless there is one positive number per value; they are divided by their sum
+  void SetPrior(std::vector<std::vector<double>> probabilities);
+  const std::vector<std::vector<double>>& prior() const { return prior_; }
+  /// As State, of the prior.
+  std::vector<double> PriorState() const;
   /// Probabilities of all parameters, one after the other.
   std::vector<double> State() const;
   void SetState(std::span<const double> state);
@@ -49,7 +56,7 @@ class GridDistribution {
 
  private:
   std::vector<double> low_, high_, step_;  // per parameter
-  std::vector<std::vector<double>> values_, probabilities_;
+  std::vector<std::vector<double>> values_, probabilities_, prior_;
 };
 
 }  // namespace oted

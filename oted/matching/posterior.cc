@@ -9,7 +9,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kPriorVariance = Designer::kPriorStd * Designer::kPriorStd;
 constexpr int kRounds = 10, kModeRounds = 4, kDraws = 2000;
 constexpr int kLeastEffective = 100;  // draws that a round's moments must rest on
 constexpr double kWidening = 1.5;     // of the proposal's covariance: weights of its tails stay bounded
@@ -48,7 +47,8 @@ struct Moments {
 };
 
 /// The moments of (prior x likelihood)^power, from draws of a wider Gaussian than the last one.
-Moments Refined(const Moments& last, double widening, double power, const LogLikelihoods& likelihoods, RngKey key) {
+Moments Refined(const Moments& last, const Prior& prior, double widening, double power,
+                const LogLikelihoods& likelihoods, RngKey key) {
   const int d = static_cast<int>(last.mean.size());
   Rng rng = key.MakeRng();
   const Eigen::LLT<MatrixXd> factor(widening * last.covariance);
@@ -60,7 +60,7 @@ Moments Refined(const Moments& last, double widening, double power, const LogLik
     for (double& value : normal) value = rng.Normal();
     x.row(k) = last.mean + factor.matrixL() * normal;
     for (int i = 0; i < d; ++i) u(k, i) = LogitToUnit(x(k, i));
-    log_weights.push_back(0.5 * normal.squaredNorm() - 0.5 * power * x.row(k).squaredNorm() / kPriorVariance);
+    log_weights.push_back(0.5 * normal.squaredNorm() - power * prior.HalfSquare(x.row(k)));
   }
   const std::vector<double> values = likelihoods(u);
   for (int k = 0; k < kDraws; ++k) log_weights[static_cast<size_t>(k)] += power * values[static_cast<size_t>(k)];
@@ -74,19 +74,21 @@ Moments Refined(const Moments& last, double widening, double power, const LogLik
   return moments;
 }
 
-Designer GaussianPosterior(const ParameterSpace& space, const LogLikelihoods& likelihoods, RngKey key) {
-  const int d = space.size();
-  Moments q{VectorXd::Zero(d), kPriorVariance * MatrixXd::Identity(d, d)};
+Designer GaussianPosterior(const Designer& designer, const LogLikelihoods& likelihoods, RngKey key) {
+  const Prior& prior = designer.prior();
+  Moments q{prior.mean, prior.Covariance()};
   for (int round = 0; round < kRounds; ++round) {
-    q = Refined(q, round == 0 ? 1.0 : kWidening, 1.0, likelihoods, key.Index(static_cast<uint64_t>(round)));
+    q = Refined(q, prior, round == 0 ? 1.0 : kWidening, 1.0, likelihoods, key.Index(static_cast<uint64_t>(round)));
   }
   // The higher the power, the nearer the mean to the mode.
   Moments mode = q;
   for (int round = 0; round < kModeRounds; ++round) {
-    mode = Refined(mode, kWidening, std::pow(4.0, round + 1), likelihoods,
+    mode = Refined(mode, prior, kWidening, std::pow(4.0, round + 1), likelihoods,
                    key.Stage("mode").Index(static_cast<uint64_t>(round)));
   }
-  return Designer(space, mode.mean, q.covariance);
+  Designer posterior(designer.space(), mode.mean, q.covariance);
+  posterior.SetPrior(prior);
+  return posterior;
 }
 
 Designer GridPosterior(Designer grid, const LogLikelihoods& likelihoods, RngKey key) {
@@ -109,7 +111,13 @@ Designer GridPosterior(Designer grid, const LogLikelihoods& likelihoods, RngKey 
     indices.push_back(std::move(index));
     u.AppendRow(grid.space().ToUnit(z));
   }
-  const std::vector<double> weights = Normalised(likelihoods(u));
+  std::vector<double> log_weights = likelihoods(u);
+  if (!grid.prior().uniform) {
+    for (size_t k = 0; k < log_weights.size(); ++k) {
+      for (size_t i = 0; i < indices[k].size(); ++i) log_weights[k] += std::log(grid.grid()->prior()[i][indices[k][i]]);
+    }
+  }
+  const std::vector<double> weights = Normalised(log_weights);
   std::vector<double> state;
   for (int i = 0; i < d; ++i) {
     const double floor = GridDistribution::kFloor / static_cast<double>(n_values(i));
@@ -126,8 +134,7 @@ Designer GridPosterior(Designer grid, const LogLikelihoods& likelihoods, RngKey 
 }  // namespace
 
 Designer Posterior(const Designer& prior, const LogLikelihoods& likelihoods, RngKey key) {
-  return prior.grid() == nullptr ? GaussianPosterior(prior.space(), likelihoods, key)
-                                 : GridPosterior(prior, likelihoods, key);
+  return prior.grid() == nullptr ? GaussianPosterior(prior, likelihoods, key) : GridPosterior(prior, likelihoods, key);
 }
 
 }  // namespace oted

@@ -14,8 +14,8 @@ namespace oted {
 using LogLikelihoods = std::function<std::vector<double>(const Array2<double>& u)>;
 
 /// The posterior under `prior`. A Gaussian prior gives the Gaussian over x of the posterior's mode and covariance, by
-/// adaptive importance sampling: near a bound the mean would lie beyond what is most probable. Its prior is N(0,
-/// kPriorStd^2), whatever its own mean and spread. A grid gives its parameters' marginal probabilities: exactly up to
+/// adaptive importance sampling: near a bound the mean would lie beyond what is most probable. What counts is
+/// prior.prior(), whatever its own mean and spread. A grid gives its parameters' marginal probabilities: exactly up to
 /// 20,000 combinations, beyond by as many draws.
 Designer Posterior(const Designer& prior, const LogLikelihoods& likelihoods, RngKey key);
 

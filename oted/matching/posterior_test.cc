@@ -119,5 +119,32 @@ TEST(Posterior, AGridOfMoreCombinationsThanAreCountedIsSampled) {
   EXPECT_LT(q.grid()->probabilities(5)[2], 0.02);
 }
 
+TEST(Posterior, OfAGaussianLikelihoodAndAGaussianPriorIsTheirProduct) {
+  // Likelihood N(x; 1, 0.5^2), prior N(-1, 0.8^2).
+  const auto likelihoods = [](const Array2<double>& u) {
+    std::vector<double> values;
+    for (int k = 0; k < u.rows(); ++k) {
+      const double x = std::log(u(k, 0) / (1 - u(k, 0)));
+      values.push_back(-0.5 * (x - 1) * (x - 1) / 0.25);
+    }
+    return values;
+  };
+  Designer prior(UnitSpace(1), 1.0);
+  prior.SetPrior(Prior::Gaussian(-Eigen::VectorXd::Ones(1), 0.64 * Eigen::MatrixXd::Identity(1, 1)));
+  const Designer q = Posterior(prior, likelihoods, RngKey(1));
+  const double precision = 1 / 0.25 + 1 / 0.64;
+  EXPECT_NEAR(q.mean()[0], (1 / 0.25 - 1 / 0.64) / precision, 0.03);
+  EXPECT_NEAR(std::exp(q.log_std()[0]), std::sqrt(1 / precision), 0.03);
+  EXPECT_FALSE(q.prior().uniform);
+  // On a grid: probabilities times likelihood.
+  Designer grid = Designer::OnGrid(UnitSpace(1), 0.25);
+  Prior of_values = Prior::Uniform(1);
+  of_values.uniform = false;
+  of_values.values = {{0.1, 0.2, 0.4, 0.2, 0.1}};
+  grid.SetPrior(of_values);
+  const auto flat = [](const Array2<double>& u) { return std::vector<double>(static_cast<size_t>(u.rows()), 0.0); };
+  EXPECT_NEAR(Posterior(grid, flat, RngKey(1)).grid()->probabilities(0)[2], 0.4, 1e-9);
+}
+
 }  // namespace
 }  // namespace oted

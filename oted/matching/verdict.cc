@@ -10,7 +10,7 @@
 namespace oted {
 namespace {
 
-constexpr double kIdentifiedBelow = 0.25;  // of the uniform prior's standard deviation
+constexpr double kIdentifiedBelow = 0.25;  // of the prior's standard deviation
 constexpr double kWeakBelow = 0.6;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
@@ -104,12 +104,14 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
       summary.interval90_low = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.05));
       summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
     }
+    // What the prior knew already the logs did not tell.
     const double uniform_std = (space[p].high - space[p].low) / std::sqrt(12.0);
-    if (!has_effect[i] || summary.std >= kWeakBelow * uniform_std) {
+    const double prior_std = designs[0].prior().uniform ? uniform_std : designs[0].PriorStd()[i];
+    if (!has_effect[i] || summary.std >= kWeakBelow * prior_std) {
       summary.verdict = ParameterVerdict::kNotIdentified;
     } else {
       summary.verdict =
-          summary.std < kIdentifiedBelow * uniform_std ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
+          summary.std < kIdentifiedBelow * prior_std ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
     }
     summaries.push_back(summary);
   }

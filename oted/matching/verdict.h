@@ -27,7 +27,7 @@ struct ParameterSummary {
 };
 
 /// Summarises the mixture of `designs`; `best` is the index whose mode is reported.
-/// A parameter is identified when the mixture's standard deviation is below a quarter of the uniform prior's, weak
+/// A parameter is identified when the mixture's standard deviation is below a quarter of the prior's, weak
 /// below 0.6 of it, otherwise (and without measured effect) not identified.
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
                                                   const std::vector<bool>& has_effect);

@@ -91,7 +91,8 @@ FitEvidence Noise(std::vector<double> short_windows, std::vector<double> long_wi
           .noise_std = short_windows,
           .scale = std::vector<double>(short_windows.size(), 1.0),
           .short_noise_std = short_windows,
-          .long_noise_std = std::move(long_windows)};
+          .long_noise_std = std::move(long_windows),
+          .suspects = {}};
 }
 
 TEST(JudgeFit, DriftInOneChannelIsOutsideTheFamilyAndNamesIt) {

@@ -47,15 +47,21 @@ Section CloneSection(const json& report) {
       "<p>A policy that imitates the logs. It acts in the simulator during a design in the form <em>paper</em>; a "
       "design in the form <em>transitions</em> repeats the logged actions instead and does not need it. It is also the "
       "least that a trained agent has to beat. The loss is how surprised it is by a logged action; on stretches of the "
-      "logs held out from its training it shows when imitation turns into learning by heart. The policy is kept as it "
-      "was where that loss is lowest.</p>\n";
+      "logs held out from its training it shows when imitation turns into learning by heart. Behavioural cloning keeps "
+      "the policy as it was where that loss is lowest; ValueDICE matches where the policy leads instead of single "
+      "actions, and pays for it with a higher loss.</p>\n";
   if (clone["result"].is_object()) {
     const json& result = clone["result"];
+    const bool valuedice = TextAt(result, "method") == "valuedice";
     section.html += FactList()
+                        .Add("Method", valuedice ? "ValueDICE" : "behavioural cloning")
                         .Add("Loss, held-out logs", FormatNumber(NumberAt(result, "held_out_loss")))
                         .Add("Loss, training logs", FormatNumber(NumberAt(result, "train_loss")))
                         .Add("Training steps to there", FormatCount(NumberAt(result, "n_steps")))
                         .Html();
+    if (result.contains("choice")) {
+      section.html += "<p>Chosen by evidence: " + Escape(TextAt(result["choice"], "reason")) + ".</p>\n";
+    }
   }
   Figure figure("Loss over the training steps");
   figure.AddCurve(ListAt(clone["curves"], "clone/train_loss"), "training logs", {.color = "var:--muted"});

@@ -23,7 +23,7 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
 }
 
 constexpr const char* kForm =
-    "write name=path:low:high[:log][:absolute], for example friction=geom/*/friction[0]:0.2:2.0";
+    "write name=path:low:high[:log][:absolute][:prior=MEAN,STD], for example friction=geom/*/friction[0]:0.2:2.0";
 
 double ParseBound(std::string_view text, const std::string& whole) {
   double value = 0;
@@ -47,6 +47,12 @@ void ParameterSpec::Check() const {
     throw UsageError(fmt::format(
         "parameter '{}': got a logarithmic range with low = {}, wanted low > 0; raise it or drop 'log'", name, low));
   }
+  if (prior && !(prior->mean > low && prior->mean < high && prior->std > 0 && std::isfinite(prior->std))) {
+    throw UsageError(fmt::format(
+        "parameter '{}': got a prior of mean {} and std {}, wanted a mean inside of the range {} to {} and a "
+        "std above 0",
+        name, prior->mean, prior->std, low, high));
+  }
 }
 
 ParameterSpec ParseParameterSpec(const std::string& text) {
@@ -64,8 +70,15 @@ ParameterSpec ParseParameterSpec(const std::string& text) {
       spec.logarithmic = true;
     } else if (parts[i] == "absolute") {
       spec.scale = ParameterScale::kAbsolute;
+    } else if (parts[i].starts_with("prior=")) {
+      const std::vector<std::string_view> numbers = Split(parts[i].substr(6), ',');
+      if (numbers.size() != 2) {
+        throw UsageError(fmt::format("parameter '{}': got '{}', wanted prior=MEAN,STD", text, parts[i]));
+      }
+      spec.prior = ParameterSpec::Belief{ParseBound(numbers[0], text), ParseBound(numbers[1], text)};
     } else {
-      throw UsageError(fmt::format("parameter '{}': got option '{}', wanted 'log' or 'absolute'", text, parts[i]));
+      throw UsageError(
+          fmt::format("parameter '{}': got option '{}', wanted log, absolute or prior=MEAN,STD", text, parts[i]));
     }
   }
   spec.Check();

@@ -27,12 +27,18 @@ struct ParameterSpec {
   double nominal = 1.0;            ///< z of the un-designed simulator; filled in by the simulator for kAbsolute
   /// What a parameter file takes the nominal value of a kAbsolute to be: a model with another is refused.
   std::optional<double> wanted_nominal = std::nullopt;
+  /// What is believed of z before any log is read: mean and standard deviation, in z's unit.
+  struct Belief {
+    double mean = 0, std = 0;
+  };
+  std::optional<Belief> prior = std::nullopt;
 
-  /// @throws UsageError: empty name or field, bounds not finite or not low < high, log of a non-positive bound.
+  /// @throws UsageError: empty name or field, bounds not finite or not low < high, log of a non-positive bound,
+  /// a prior whose mean is not between the bounds or whose std is not positive.
   void Check() const;
 };
 
-/// Reads "name=path:low:high[:log][:absolute]". @throws UsageError
+/// Reads "name=path:low:high[:log][:absolute][:prior=MEAN,STD]". @throws UsageError
 ParameterSpec ParseParameterSpec(const std::string& text);
 
 /// An ordered list of parameters. z is in their units, within their bounds; u is z mapped to the unit cube.

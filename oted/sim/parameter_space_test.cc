@@ -33,6 +33,13 @@ TEST(ParseParameterSpec, ReadsPathBoundsAndOptions) {
   EXPECT_EQ(options.scale, ParameterScale::kAbsolute);
   EXPECT_TRUE(options.logarithmic);
   EXPECT_EQ(ParseParameterSpec("w=opt/wind[0]:-5:-1:absolute").low, -5);
+  const ParameterSpec believed = ParseParameterSpec("w=opt/wind[0]:1e-3:5:log:prior=0.5,0.1");
+  EXPECT_EQ(believed.prior->mean, 0.5);
+  EXPECT_EQ(believed.prior->std, 0.1);
+  EXPECT_FALSE(options.prior);
+  for (const char* prior : {"prior=0.5", "prior=0.5,0", "prior=7,0.1", "prior=a,b", "prior"}) {
+    EXPECT_THROW(ParseParameterSpec(std::string("w=opt/wind[0]:1e-3:5:") + prior), UsageError) << prior;
+  }
 }
 
 TEST(ParseParameterSpec, SaysWhatIsWrong) {

@@ -373,6 +373,72 @@ class TestOutput(CliTest):
     def words(self):
         return ["--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", self.out, *sets(TINY)]
 
+    def test_the_clone_by_valuedice_is_recorded_and_equal_at_any_number_of_threads(self):
+        settings = ["clone.method=valuedice", "clone.valuedice_updates=30", "clone.valuedice_batch=16",
+                    "clone.valuedice_hidden=16"]
+        self.assertEqual(oted("clone", *self.words(), *sets(settings), "--threads", "1").returncode, 0)
+        record = json.loads((self.out / "clone/clone.json").read_text())
+        self.assertEqual(record["method"], "valuedice")
+        self.assertNotIn("choice", record)
+        self.assertIn("ValueDICE", (self.out / "report.html").read_text())
+        first = (self.out / "clone/policy.npz").read_bytes()
+        shutil.rmtree(self.out)
+        self.assertEqual(oted("clone", *self.words(), *sets(settings), "--threads", "2").returncode, 0)
+        self.assertEqual((self.out / "clone/policy.npz").read_bytes(), first)
+
+    def test_auto_says_which_clone_it_took_and_why(self):
+        settings = ["clone.method=auto", "clone.valuedice_updates=10", "clone.valuedice_batch=16",
+                    "clone.valuedice_hidden=16", "clone.valuedice_start=random"]
+        self.assertEqual(oted("clone", *self.words(), *sets(settings)).returncode, 0)
+        record = json.loads((self.out / "clone/clone.json").read_text())
+        self.assertIn(record["method"], ("bc", "valuedice"))
+        for method in ("bc", "valuedice"):
+            self.assertGreater(record["choice"][method]["closeness"], 0)
+        self.assertIn("nominal simulator", record["choice"]["reason"])
+        self.assertIn("Chosen by evidence", (self.out / "report.html").read_text())
+
+    def test_a_prior_by_beliefs_and_by_an_earlier_run_enters_q_and_the_fingerprint(self):
+        words = self.words()
+        words[words.index(FRICTION)] = FRICTION + ":prior=0.5,0.05"
+        self.assertOneLine(oted("design", *words), USAGE, "friction", "design.prior")
+        self.assertFalse(self.out.exists())
+        self.assertIn(oted("design", *words, "--set", "design.prior=gaussian").returncode, (0, NO_SIMULATOR))
+        q = json.loads((self.out / "design/default/1/q.json").read_text())
+        self.assertAlmostEqual(q["prior"]["mean"][0], np.log((0.5 - 0.2) / (2.0 - 0.5)), places=9)
+        self.assertIn("prior = { mean = 0.5, std = 0.05 }", (self.out / "run.toml").read_text())
+        # The same run directory goes on from its own run.toml.
+        before = (self.out / "design/default/1/q.json").stat().st_mtime_ns
+        self.assertIn(oted("design", "--out", self.out).returncode, (0, NO_SIMULATOR))
+        self.assertEqual((self.out / "design/default/1/q.json").stat().st_mtime_ns, before)
+
+        first = self.folder / "first"
+        self.out.rename(first)
+        words = self.words() + ["--set", f"design.prior={first}"]
+        self.assertIn(oted("design", *words).returncode, (0, NO_SIMULATOR))
+        again = json.loads((self.out / "design/default/1/q.json").read_text())
+        modes = [json.loads((first / f"design/default/{seed}/q.json").read_text())["mean"][0] for seed in (1, 2)]
+        self.assertAlmostEqual(again["prior"]["mean"][0], np.mean(modes), places=9)
+        self.assertIn(oted("design", "--out", self.out).returncode, (0, NO_SIMULATOR))
+        # Another content of the same path is another design.
+        changed = first / "design/default/1/q.json"
+        changed.write_text(json.dumps({**json.loads(changed.read_text()), "mean": [0.123]}))
+        self.assertOneLine(oted("design", "--out", self.out), USAGE, "q.json")
+
+    def test_joint_training_leaves_a_clone_of_each_seed(self):
+        words = self.words() + sets(["design.form=paper", "design.horizon=20", "design.n_steps=20",
+                                     "design.clone_updates=2"])
+        self.assertIn(oted("design", *words).returncode, (0, NO_SIMULATOR))
+        common = (self.out / "clone/policy.npz").read_bytes()
+        clones = [(self.out / f"design/default/{seed}/policy.npz").read_bytes() for seed in (1, 2)]
+        self.assertEqual(len({common, *clones}), 3)
+        self.assertOneLine(oted("design", *words, "--set", "design.form=trajectories"), USAGE, "design.clone_updates")
+
+    def test_valuedice_of_discrete_actions_is_a_usage_error(self):
+        data = pathlib.Path(__file__).resolve().parents[2] / "examples/data/minigrid-expert.hdf5"
+        result = oted("clone", pathlib.Path(__file__).resolve().parents[2] / "examples/minigrid.toml", "--data", data, "--out",
+                      self.out, "--set", "clone.method=valuedice")
+        self.assertOneLine(result, USAGE, "clone.method", "bc")
+
 
 class TestResult(CliTest):
     def test_json_on_stdout_and_progress_on_stderr(self):

@@ -225,7 +225,10 @@ std::vector<FuzzFormat> FuzzFormats(const fs::path& folder) {
   q.file = "q.json";
   q.names = {q.file};
   const ParameterSpace space(config.parameters);
-  q.seeds = {Designer(space, 1.0).ToJson(0.1).dump(2)};
+  Designer with_prior(space, 1.0);
+  with_prior.SetPrior(
+      Prior::Gaussian(Eigen::VectorXd::Ones(space.size()), Eigen::MatrixXd::Identity(space.size(), space.size())));
+  q.seeds = {Designer(space, 1.0).ToJson(0.1).dump(2), with_prior.ToJson(0.1).dump(2)};
   q.is_text = true;
   q.read = [space](const fs::path& f) { Designer::FromJson(ReadJson(f / "q.json"), space, (f / "q.json").string()); };
   formats.push_back(q);

@@ -13,20 +13,6 @@
 
 namespace oted {
 
-FieldList CloneConfig::Fields() {
-  FieldList fields("clone");
-  fields.Add("hidden", &hidden, "widths of the policy's hidden layers", AtLeast(1));
-  fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; of images alone", AtLeast(1));
-  fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
-  fields.Add("weight_decay", &weight_decay, "L2 penalty added to the gradient", AtLeast(0));
-  fields.Add("batch_size", &batch_size, "transitions per gradient step", AtLeast(1));
-  fields.Add("max_steps", &max_steps, "gradient steps at most", AtLeast(1));
-  fields.Add("held_out", &held_out, "fraction of the transitions held out for early stopping", Between(0.01, 0.5));
-  fields.Add("patience", &patience, "checks without a better held-out loss before stopping", AtLeast(1));
-  fields.Add("check_interval", &check_interval, "gradient steps between checks of the held-out loss", AtLeast(1));
-  return fields;
-}
-
 namespace {
 
 constexpr int kBlock = 25;             // consecutive transitions that are held out, or trained on, together
@@ -178,37 +164,47 @@ class CategoricalLearner : public Learner {
 
 }  // namespace
 
-CloneResult CloneBehavior(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                          const std::string& run_name, const RunContext& context) {
-  dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
-  Rng rng = key.MakeRng();
-
-  std::vector<int> train_rows, held_out_rows;
+CloneRowSplit SplitCloneRows(const Dataset& dataset, double held_out, Rng& rng) {
+  CloneRowSplit rows;
   const int n_blocks = (dataset.size() + kBlock - 1) / kBlock;
-  const int n_held_out =
-      std::clamp(static_cast<int>(std::lround(config.held_out * n_blocks)), 1, std::max(1, n_blocks - 1));
+  const int n_held_out = std::clamp(static_cast<int>(std::lround(held_out * n_blocks)), 1, std::max(1, n_blocks - 1));
   const std::vector<int> order = RandomPermutation(n_blocks, rng);
   for (int k = 0; k < n_blocks; ++k) {
     // With a single block there is nothing to hold out apart from itself.
     for (int i = order[static_cast<size_t>(k)] * kBlock;
          i < std::min(dataset.size(), (order[static_cast<size_t>(k)] + 1) * kBlock); ++i) {
-      if (k < n_held_out) held_out_rows.push_back(i);
-      if (k >= n_held_out || n_blocks == 1) train_rows.push_back(i);
+      if (k < n_held_out) rows.held_out.push_back(i);
+      if (k >= n_held_out || n_blocks == 1) rows.train.push_back(i);
     }
   }
+  return rows;
+}
+
+double LogLoss(const TanhGaussianPolicy& policy, const Dataset& dataset, const std::vector<int>& rows) {
+  const CloneRows gathered = GatherRows(dataset, policy, rows);
+  MlpPass pass;
+  const float* out = pass.Forward(policy.net(), gathered.observations.data(), gathered.n);
+  return NegativeLogLikelihood(out, gathered.u.data(), gathered.n, policy.act_dim(), nullptr);
+}
+
+CloneResult CloneByLikelihood(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
+                              const std::string& run_name, const RunContext& context) {
+  dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
+  Rng rng = key.MakeRng();
+  const CloneRowSplit rows = SplitCloneRows(dataset, config.held_out, rng);
 
   std::unique_ptr<Learner> learner;
   if (spec.n_discrete_actions > 0) {
-    learner = std::make_unique<CategoricalLearner>(dataset, spec, config, rng, train_rows, held_out_rows);
+    learner = std::make_unique<CategoricalLearner>(dataset, spec, config, rng, rows.train, rows.held_out);
   } else {
-    learner = std::make_unique<TanhGaussianLearner>(dataset, spec, config, rng, train_rows, held_out_rows);
+    learner = std::make_unique<TanhGaussianLearner>(dataset, spec, config, rng, rows.train, rows.held_out);
   }
   const size_t n_parameters = learner->parameters().size();
   ::oted::Adam adam(n_parameters, {.learning_rate = static_cast<float>(config.learning_rate),
                                    .weight_decay = static_cast<float>(config.weight_decay)});
   std::vector<size_t> picks(static_cast<size_t>(std::min(config.batch_size, learner->n_train())));
   AlignedVector<float> gradient(n_parameters);
-  CloneResult best{learner->Copy(), 0, INFINITY, 0};
+  CloneResult best{learner->Copy(), 0, INFINITY, 0, "bc", {}};
   double train_loss = 0;
   for (int step = 1, stale = 0; step <= config.max_steps && stale < config.patience; ++step) {
     for (size_t& pick : picks) pick = rng.Below(static_cast<uint64_t>(learner->n_train()));
@@ -223,7 +219,7 @@ CloneResult CloneBehavior(const Dataset& dataset, const SimulatorSpec& spec, con
     context.log->Progress("clone", run_name, step, config.max_steps,
                           fmt::format("held-out loss {:.3f}", held_out_loss));
     if (held_out_loss < best.held_out_loss) {
-      best = {learner->Copy(), train_loss, held_out_loss, step};
+      best = {learner->Copy(), train_loss, held_out_loss, step, "bc", {}};
       stale = 0;
     } else {
       ++stale;

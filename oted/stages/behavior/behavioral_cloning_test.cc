@@ -8,6 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/nn/tanh_gaussian.h"
+#include "oted/stages/behavior/clone.h"
 
 namespace oted {
 namespace {

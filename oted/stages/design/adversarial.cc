@@ -6,10 +6,12 @@
 #include <cmath>
 #include <deque>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
+#include "oted/stages/design/joint_clone.h"
 
 namespace oted {
 namespace {
@@ -97,8 +99,9 @@ struct DesignState {
     q.SetState(mean);
   }
 
-  void Save(const std::filesystem::path& path) const {
+  void Save(const std::filesystem::path& path, JointClone* joint) const {
     NpzArrays arrays;
+    if (joint != nullptr) joint->Save(arrays);
     g.Save(arrays);
     arrays["q/state"] = NpyArray(q.State());
     arrays["q/state_sum"] = NpyArray(state_sum);
@@ -111,8 +114,9 @@ struct DesignState {
     WriteNpz(arrays, path);
   }
 
-  void Restore(const std::filesystem::path& path) {
+  void Restore(const std::filesystem::path& path, JointClone* joint) {
     const NpzArrays arrays = ReadNpz(path);
+    if (joint != nullptr) joint->Restore(arrays, path.string());
     g.Restore(arrays, path.string());
     q.SetState(arrays.at("q/state").ToDouble());
     state_sum = arrays.at("q/state_sum").ToDouble();
@@ -183,8 +187,14 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
                                 const DesignConfig& config, const Designer& start, bool learns_q, RngKey key,
                                 const std::filesystem::path& folder, const std::string& run_name,
                                 const RunContext& context) {
-  const EvidenceConfig evidence = config.Evidence(factory.spec());
+  EvidenceConfig evidence = config.Evidence(factory.spec());
   const Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
+  std::optional<JointClone> joint;
+  if (learns_q && config.clone_updates > 0) {
+    joint.emplace(dynamic_cast<const TanhGaussianPolicy&>(*clone), dataset, config, key.Stage("joint clone"));
+    clone = &joint->policy();
+    evidence.keep_steps = true;
+  }
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 
   Rng init = key.Stage("initialisation").MakeRng();
@@ -197,7 +207,7 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
       {},
       0};
   const std::filesystem::path checkpoint = folder / "checkpoint.npz";
-  if (learns_q && std::filesystem::exists(checkpoint)) state.Restore(checkpoint);
+  if (learns_q && std::filesystem::exists(checkpoint)) state.Restore(checkpoint, joint ? &*joint : nullptr);
 
   while (state.iteration < config.n_iterations) {
     const RngKey iteration_key = key.Stage("iteration").Index(static_cast<uint64_t>(state.iteration));
@@ -219,20 +229,33 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     }
 
     // 4: update g on (E, D).
+    if (joint) joint->Add(experience);
     std::vector<Array2<double>> by_lane;
     for (LaneExperience& lane : experience) by_lane.push_back(std::move(lane.features));
     state.replay.Add(std::move(by_lane));
     const Discriminator::StepResult discriminator = UpdateDiscriminator(config, dataset_features, rng, state);
 
+    // 5: update the clone. In the first iteration its critic is blind.
+    if (joint) {
+      Rng of_clone = iteration_key.Stage("clone updates").MakeRng();
+      const double objective = joint->Update(of_clone, state.iteration > 0);
+      context.log->Scalar(run_name, "design/clone_objective", state.iteration + 1, objective);
+    }
+
     ++state.iteration;
     if (learns_q && state.iteration > (1 - config.average) * config.n_iterations) state.AddToAverage();
     state.reward_sum += Mean(rewards);
     LogIteration(state, rewards, discriminator, config.n_iterations, run_name, *context.log);
-    if (learns_q && (context.StopRequested() || state.iteration % kCheckpointInterval == 0)) state.Save(checkpoint);
+    if (learns_q && (context.StopRequested() || state.iteration % kCheckpointInterval == 0)) {
+      state.Save(checkpoint, joint ? &*joint : nullptr);
+    }
     context.ThrowIfStopped();
   }
   if (state.n_averaged > 0) state.Average();
-  return {.q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations, .fit = {}};
+  DesignResult result{
+      .q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations, .clone = {}, .fit = {}};
+  if (joint) result.clone = joint->policy();
+  return result;
 }
 
 }  // namespace oted

@@ -13,6 +13,8 @@ namespace oted {
 ///   2  R_k = mean over E_k of -log(1 - g)
 ///   3  update q by Eq. 3 with reward R
 ///   4  update g by Eq. 2 on mini-batches of (a replay of E, D), balanced over z
+/// and, with config.clone_updates (joint training, docs/deviations.md#joint-training):
+///   5  update mu-hat by ValueDICE, with a replay of E's steps beside the logs (joint_clone.h)
 /// A z whose physics broke down gets the lowest reward of the batch.
 /// @param start     q of the first iteration
 /// @param learns_q  false leaves out line 3: g is trained against a q that is known already

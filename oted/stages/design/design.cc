@@ -27,23 +27,28 @@ void LogMode(const ParameterSpace& space, int done, int total, const std::vector
   log.Progress("design", run_name, done, total, note);
 }
 
-Designer FitByReplay(const SimulatorFactory& factory, const Dataset& dataset, const DesignConfig& config, RngKey key,
-                     const std::string& run_name, const RunContext& context, std::optional<FitEvidence>& evidence) {
+Designer FitByReplay(const SimulatorFactory& factory, const Dataset& dataset, const DesignConfig& config,
+                     const Prior& prior, RngKey key, const std::string& run_name, const RunContext& context,
+                     std::optional<FitEvidence>& evidence) {
   const ParameterSpace& space = factory.parameters();
   const FitProgress progress = [&](int done, int total, const Eigen::VectorXd& x) {
     LogMode(space, done, total + kDiscriminatorIterations, LogitToZ(space, {x.data(), static_cast<size_t>(x.size())}),
             run_name, *context.log);
   };
-  const ReplayFit fit =
-      config.form == "least-squares" ? FitLeastSquares(factory, dataset, config.LeastSquares(), key, progress, context)
-      : config.form == "dropo"       ? FitDropo(factory, dataset, config.Dropo(), key, progress, context)
-                               : MatchTrajectories(factory, dataset, config.Trajectories(), key, progress, context);
+  const ReplayFit fit = config.form == "least-squares"
+                            ? FitLeastSquares(factory, dataset, config.LeastSquares(), prior, key, progress, context)
+                        : config.form == "dropo"
+                            ? FitDropo(factory, dataset, config.Dropo(), key, progress, context)
+                            : MatchTrajectories(factory, dataset, config.Trajectories(), prior, key, progress, context);
   evidence = fit.evidence;
-  return Designer(space, fit.mean, fit.covariance);
+  Designer q(space, fit.mean, fit.covariance);
+  q.SetPrior(prior);
+  return q;
 }
 
 Designer FitByRatios(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                     const DesignConfig& config, RngKey key, const std::string& run_name, const RunContext& context) {
+                     const DesignConfig& config, const Designer& prior, RngKey key, const std::string& run_name,
+                     const RunContext& context) {
   const ParameterSpace& space = factory.parameters();
   const int total = config.n_iterations + kDiscriminatorIterations;
   const RatioProgress progress = [&](int done, const Designer& q, double loss) {
@@ -54,8 +59,7 @@ Designer FitByRatios(const SimulatorFactory& factory, const Dataset& dataset, co
     context.log->Scalar(run_name, "design/ratio_loss", done, loss);
     LogMode(space, done, total, q.Mode(), run_name, *context.log);
   };
-  return MatchRatios(factory, dataset, clone, config.Ratios(factory.spec()), config.Start(space), key, progress,
-                     context);
+  return MatchRatios(factory, dataset, clone, config.Ratios(factory.spec()), prior, key, progress, context);
 }
 
 }  // namespace
@@ -73,8 +77,8 @@ DesignResult LearnDesign(const SimulatorFactory& factory, const Dataset& dataset
   std::optional<FitEvidence> evidence;
   const RngKey of_form = key.Stage(config.form);
   const Designer q = config.form == "images"
-                         ? FitByRatios(factory, dataset, clone, config, of_form, run_name, context)
-                         : FitByReplay(factory, dataset, config, of_form, run_name, context, evidence);
+                         ? FitByRatios(factory, dataset, clone, config, prior, of_form, run_name, context)
+                         : FitByReplay(factory, dataset, config, prior.prior(), of_form, run_name, context, evidence);
   DesignConfig against = config;
   against.n_iterations = kDiscriminatorIterations;
   DesignResult result = LearnAdversarially(factory, dataset, clone, against, q, false, key, folder, run_name, context);

@@ -12,6 +12,7 @@
 #include "oted/matching/discriminator.h"
 #include "oted/matching/fit_evidence.h"
 #include "oted/nn/policy.h"
+#include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/design_config.h"
 
@@ -20,8 +21,9 @@ namespace oted {
 struct DesignResult {
   Designer q;
   Discriminator g;
-  double learning_progress = 0;    ///< mean reward over all iterations (Sec. 5.1's "learning progress")
-  std::optional<FitEvidence> fit;  ///< what is left unexplained; only of forms that replay windows
+  double learning_progress = 0;             ///< mean reward over all iterations (Sec. 5.1's "learning progress")
+  std::optional<TanhGaussianPolicy> clone;  ///< as joint training left it; only with design.clone_updates
+  std::optional<FitEvidence> fit;           ///< what is left unexplained; only of forms that replay windows
 };
 
 /// q(z) by the form that `config` names, and a discriminator g trained against it (the paper's score c(h) is g's):

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/matching/prior_source.h"
 
 namespace oted {
 namespace {
@@ -52,6 +53,12 @@ DesignConfig DesignConfig::Resolved(const ParameterSpace& space, const Simulator
     throw UsageError(fmt::format(
         "design.form = \"{}\" sets logged states, which task '{}' does not take; use auto or paper", form, spec.task));
   }
+  if (clone_updates > 0 && (spec.n_discrete_actions > 0 || !spec.image_shape.empty())) {
+    throw UsageError(
+        fmt::format("design.clone_updates trains the clone by ValueDICE, which takes continuous actions and no images; "
+                    "set it to 0 for task '{}'",
+                    spec.task));
+  }
   if (form != "auto") return *this;
   const bool of_sensors = std::ranges::any_of(
       space.specs(), [](const ParameterSpec& parameter) { return parameter.field.starts_with("obs/"); });
@@ -95,6 +102,14 @@ FieldList DesignConfig::Fields() {
   fields.Add("horizon", &horizon, "control steps per rollout", AtLeast(1));
   fields.Add("n_steps", &n_steps, "control steps per simulator and iteration, over its rollouts", AtLeast(1));
   fields.Add("clone_noise", &clone_noise, "multiplies the clone's action noise; 0 takes its mean action", AtLeast(0));
+  fields.Add(
+      "clone_updates", &clone_updates,
+      "joint training: updates of the clone by ValueDICE per iteration, on the logs and the simulators' samples; "
+      "0: the clone stays as it is",
+      AtLeast(0));
+  fields.Add("clone_replay", &clone_replay, "of joint training: share of the simulators' samples",
+             {.low = 0, .high = 1, .low_open = true, .high_open = true});
+  fields.Add("clone_rate", &clone_rate, "of joint training: Adam's step size for the clone", Above(0));
   fields.AddChoice("rows", &rows, "logged rows that g sees: all, or the first horizon of each episode",
                    {"all", "first"});
   fields.Add("stack", &stack, "steps that g sees as one sample; with images, at most the horizon", AtLeast(1));
@@ -126,7 +141,12 @@ FieldList DesignConfig::Fields() {
   fields.Add("step_mean", &step_mean, "natural-gradient step on the mean of q, in spreads of q", Above(0));
   fields.Add("step_log_std", &step_log_std, "natural-gradient step on the log spread of q", Above(0));
   fields.Add("lambda", &lambda, "weight of KL(q, prior), in standard deviations of the reward (Eq. 3)", AtLeast(0));
-  fields.Add("initial_std", &initial_std, "spread of q at the start, in logits of the range (the prior has 1.7)",
+  fields.Add("prior", &prior,
+             "p(z): uniform; gaussian, by the prior of each of [parameters]; or an earlier design's q: the path of a "
+             "q.json or of a run directory");
+  fields.Add("initial_std", &initial_std,
+             "spread of q at the start, in logits of the range (the uniform prior has 1.7); less, as the prior is "
+             "narrower",
              Above(0));
   fields.Add("reward_floor", &reward_floor,
              "rewards are divided by their standard deviation, or by this [nats] where that is smaller: near the match "
@@ -167,6 +187,17 @@ void DesignConfig::Check() const {
     throw UsageError(fmt::format(
         "design.stack = {} steps do not fit into rollouts of design.horizon = {}; lower the one or raise the other",
         stack, horizon));
+  }
+  if (clone_updates > 0 && form != "auto" && (actions != "clone" || (form != "paper" && form != "transitions"))) {
+    throw UsageError(fmt::format(
+        "design.clone_updates trains a clone that acts in the design, which it does not in form \"{}\" with "
+        "design.actions = \"{}\"; set design.form = \"paper\", or design.clone_updates = 0",
+        form, actions));
+  }
+  if (form == "dropo" && prior != "uniform") {
+    throw UsageError(
+        "design.form = \"dropo\" maximises a likelihood and knows no prior; set design.prior = \"uniform\", or another "
+        "form");
   }
   if (FitsByReplay() && designer == "categorical") {
     throw UsageError(
@@ -227,7 +258,14 @@ DropoOptions DesignConfig::Dropo() const {
 }
 
 Designer DesignConfig::Start(const ParameterSpace& space) const {
-  return designer == "categorical" ? Designer::OnGrid(space, grid_step) : Designer(space, initial_std);
+  Designer q = designer == "categorical" ? Designer::OnGrid(space, grid_step) : Designer(space, initial_std);
+  q.SetPrior(MakePrior(space));
+  q.StartAtPrior(initial_std);
+  return q;
+}
+
+Prior DesignConfig::MakePrior(const ParameterSpace& space) const {
+  return ::oted::MakePrior(prior, space, {.categorical = designer == "categorical", .grid_step = grid_step});
 }
 
 DiscriminatorOptions DesignConfig::Discriminator() const {

@@ -7,6 +7,7 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
+#include "oted/matching/prior.h"
 #include "oted/stages/design/dropo.h"
 #include "oted/stages/design/least_squares.h"
 #include "oted/stages/design/ratio_matching.h"
@@ -33,6 +34,9 @@ struct DesignConfig {
   int horizon = 10;
   int n_steps = 60;
   double clone_noise = 1.0;
+  int clone_updates = 0;
+  double clone_replay = 0.1;
+  double clone_rate = 1e-5;
   std::string rows = "all";
   int stack = 1;
 
@@ -57,6 +61,7 @@ struct DesignConfig {
   double step_mean = 0.5;
   double step_log_std = 0.25;
   double lambda = 0.01;
+  std::string prior = "uniform";
   double initial_std = 1.2;
   double reward_floor = 1e-6;
   std::string designer = "gaussian";
@@ -95,7 +100,10 @@ struct DesignConfig {
   LeastSquaresOptions LeastSquares() const;
   DropoOptions Dropo() const;
   DiscriminatorOptions Discriminator() const;
-  /// q before the first iteration. @throws UsageError where a categorical one has no two values of a parameter
+  /// What `prior` stands for. @throws UsageError, DataError (oted/matching/prior_source.h)
+  Prior MakePrior(const ParameterSpace& space) const;
+  /// q before the first iteration, at its prior. @throws UsageError where a categorical one has no two values of a
+  /// parameter
   Designer Start(const ParameterSpace& space) const;
 };
 

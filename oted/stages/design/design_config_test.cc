@@ -75,5 +75,26 @@ TEST(DesignConfig, LoggedActionsFromOtherStatesAreAContradiction) {
   config.Check();
 }
 
+TEST(DesignConfig, JointTrainingNeedsACloneThatActs) {
+  DesignConfig config = DesignConfig::ForForm("paper");
+  config.clone_updates = 5;
+  config.Check();
+  for (const std::string form : {"trajectories", "transitions", "images"}) {
+    DesignConfig other = DesignConfig::ForForm(form);
+    other.clone_updates = 5;
+    EXPECT_THAT(MessageOf<UsageError>([&] { other.Check(); }), HasSubstr("clone_updates")) << form;
+  }
+  SimulatorSpec discrete;
+  discrete.n_discrete_actions = 3;
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.Resolved({}, discrete); }), HasSubstr("continuous actions"));
+}
+
+TEST(DesignConfig, DropoRefusesAPriorItCannotUse) {
+  DesignConfig config = DesignConfig::ForForm("dropo");
+  config.Check();
+  config.prior = "gaussian";
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.Check(); }), HasSubstr("design.prior"));
+}
+
 }  // namespace
 }  // namespace oted

@@ -9,6 +9,8 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/matching/testing.h"
+#include "oted/nn/tanh_gaussian.h"
+#include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -115,6 +117,74 @@ TEST(LearnDesign, AStoppedDesignGoesOnAsIfItHadNot) {
     EXPECT_TRUE(std::filesystem::exists(stopped_folder / "checkpoint.npz"));
   }
   ExpectSameBits(Learn(config, stopped_folder.path()), whole);
+}
+
+/// a = tanh(slope x + 0.2 noise), as a policy.
+TanhGaussianPolicy LinearClone(double slope) {
+  TanhGaussianPolicy clone({{0.0, 0.0}, {1.0, 1.0}}, {}, {-1.0}, {1.0});
+  auto& p = clone.net().parameters();
+  p[0] = static_cast<float>(slope);  // (in, out) = (x, mean)
+  p[5] = std::log(0.2f);
+  return clone;
+}
+
+/// Of such a policy with slope -1.
+Dataset LinearLogs(const std::vector<double>& z) {
+  PointMass simulator({}, 8, 1);
+  const TanhGaussianPolicy expert = LinearClone(-1);
+  const auto actor = expert.MakeActor(ActionNoise::kSampled);
+  Rng rng(5);
+  EpisodeRecorder recorder(8);
+  const auto act = [&](std::span<const double> s, int n, std::span<double> a) { actor->Act(s, n, rng, a); };
+  RunEpisodes(simulator, std::vector(8, z), act, RngKey(5), recorder.Observer());
+  return recorder.Logs();
+}
+
+DesignConfig JointConfig() {
+  DesignConfig config = DesignConfig::ForForm("paper");
+  config.horizon = config.n_steps = 20;
+  config.n_sims = 8;
+  config.n_iterations = 12;
+  config.discriminator_hidden = {16};
+  config.discriminator_steps = 5;
+  config.discriminator_batch = 32;
+  config.clone_updates = 6;
+  config.clone_rate = 1e-2;
+  return config;
+}
+
+DesignResult LearnJointly(const DesignConfig& config, const std::filesystem::path& folder, LogSink* log,
+                          const std::atomic<bool>* stop = nullptr, int n_threads = 1) {
+  const TanhGaussianPolicy clone = LinearClone(0);
+  return LearnDesign(PointMassFactory(), LinearLogs({1.0, 0.6, 0.5}), &clone, config, RngKey(1), folder,
+                     "design/test/1", {.log = log, .stop = stop, .n_threads = n_threads});
+}
+
+TEST(LearnDesign, JointTrainingBringsAWrongCloneTowardsTheLogs) {
+  NullSink log;
+  const TestFolder folder, without;
+  const DesignResult joint = LearnJointly(JointConfig(), folder.path(), &log);
+  ASSERT_TRUE(joint.clone);
+  const float slope = joint.clone->net().parameters()[0];
+  EXPECT_LT(slope, -0.1) << "from 0 towards -1";
+  EXPECT_GT(slope, -1.2);
+  DesignConfig config = JointConfig();
+  config.clone_updates = 0;
+  EXPECT_FALSE(LearnJointly(config, without.path(), &log).clone);
+}
+
+TEST(LearnDesign, JointTrainingGoesOnAfterAStopAndAtAnyNumberOfThreadsWithTheSameBits) {
+  const TestFolder whole_folder, stopped_folder, threads_folder;
+  NullSink log;
+  const DesignResult whole = LearnJointly(JointConfig(), whole_folder.path(), &log);
+  StopAt stop_at(6);
+  EXPECT_THROW(LearnJointly(JointConfig(), stopped_folder.path(), &stop_at, &stop_at.stop), Interrupted);
+  const DesignResult gone_on = LearnJointly(JointConfig(), stopped_folder.path(), &log);
+  ExpectSameBits(gone_on, whole);
+  EXPECT_EQ(gone_on.clone->net().parameters(), whole.clone->net().parameters());
+  const DesignResult threads = LearnJointly(JointConfig(), threads_folder.path(), &log, nullptr, 2);
+  ExpectSameBits(threads, whole);
+  EXPECT_EQ(threads.clone->net().parameters(), whole.clone->net().parameters());
 }
 
 TEST(LearnDesign, FormsThatReplayTheLogFindTheTruthAndBeginAnewWhenStopped) {

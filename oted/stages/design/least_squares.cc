@@ -131,7 +131,7 @@ VectorXd ToX(const VectorXd& u) {
 }  // namespace
 
 ReplayFit FitLeastSquares(const SimulatorFactory& factory, const Dataset& dataset, const LeastSquaresOptions& options,
-                          RngKey key, const FitProgress& progress, const RunContext& context) {
+                          const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context) {
   const ParameterSpace& space = factory.parameters();
   Problem problem(factory, dataset, options, key.Stage("windows"), context.n_threads);
   const int n = problem.n_parameters(), n_total = options.n_starts * kMaxIterations;
@@ -186,8 +186,11 @@ ReplayFit FitLeastSquares(const SimulatorFactory& factory, const Dataset& datase
   const VectorXd u = fit.mean.unaryExpr(&LogitToUnit);
   const VectorXd slope = u.array() * (1 - u.array());
   const MatrixXd precision = slope.asDiagonal() * hessian * slope.asDiagonal() / problem.MeanSquare(residuals);
-  const double prior = 1 / (Designer::kPriorStd * Designer::kPriorStd);
-  fit.covariance = (precision + prior * MatrixXd::Identity(n, n)).inverse();
+  fit.covariance = (precision + prior.precision).inverse();
+  if (!prior.uniform) {
+    fit.mean += fit.covariance * (prior.precision * (prior.mean - fit.mean));
+    fit.mean = fit.mean.cwiseMax(-kMaxX).cwiseMin(kMaxX);
+  }
   progress(n_total, n_total, fit.mean);
   return fit;
 }

@@ -26,9 +26,10 @@ struct LeastSquaresOptions {
 /// start; the lowest cost is kept.
 ///
 /// The covariance is Gauss and Newton's, s^2 (J^T J)^-1 with s^2 the mean squared residual, together with the prior, so
-/// that what has no effect stays as wide as it. It holds where residuals are independent and starts exact: under sensor
-/// noise it is far too narrow.
+/// that what has no effect stays as wide as it. A prior that is not uniform also draws the estimate, as it would that
+/// of a linear plant: the least squares themselves know none. It holds where residuals are independent and starts
+/// exact: under sensor noise it is far too narrow.
 ReplayFit FitLeastSquares(const SimulatorFactory& factory, const Dataset& dataset, const LeastSquaresOptions& options,
-                          RngKey key, const FitProgress& progress, const RunContext& context);
+                          const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context);
 
 }  // namespace oted

@@ -22,8 +22,8 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 ReplayFit Fit(const Dataset& logs, const LeastSquaresOptions& options = {}, int n_threads = 1,
               const PointMassOptions& task = {}) {
   NullSink log;
-  return FitLeastSquares(PointMassFactory(task), logs, options, RngKey(1), [](int, int, const Eigen::VectorXd&) {},
-                         {.log = &log, .n_threads = n_threads});
+  return FitLeastSquares(PointMassFactory(task), logs, options, Prior::Uniform(3), RngKey(1),
+                         [](int, int, const Eigen::VectorXd&) {}, {.log = &log, .n_threads = n_threads});
 }
 
 std::vector<double> Z(const ReplayFit& fit) { return ToZ(PointMass::MakeParameters(), fit.mean); }
@@ -46,6 +46,22 @@ TEST(FitLeastSquares, ATruthOnABoundIsReached) {
 TEST(FitLeastSquares, WhatHasNoEffectIsAsWideAsThePrior) {
   const ReplayFit fit = Fit(PointMassLogs(kTruth, 8));
   EXPECT_NEAR(std::sqrt(fit.covariance(kIdle, kIdle)), Designer::kPriorStd, 1e-6);
+}
+
+TEST(FitLeastSquares, AGaussianPriorAndItsEstimateAddUpAsTwoGaussiansDo) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 8), 0.05, RngKey(5));
+  const Prior prior = Prior::Gaussian(Eigen::Vector3d(-1, 0, 1.5), 0.01 * Eigen::Matrix3d::Identity());
+  const ReplayFit alone = Fit(logs);
+  NullSink log;
+  const ReplayFit under = FitLeastSquares(PointMassFactory(), logs, {}, prior, RngKey(1),
+                                          [](int, int, const Eigen::VectorXd&) {}, {.log = &log});
+  const Eigen::Matrix3d of_logs =
+      alone.covariance.inverse() - Eigen::Matrix3d::Identity() / (Designer::kPriorStd * Designer::kPriorStd);
+  const Eigen::Matrix3d precision = of_logs + prior.precision;
+  const Eigen::Vector3d expected = precision.ldlt().solve(of_logs * alone.mean + prior.precision * prior.mean);
+  EXPECT_LT((under.mean - expected).norm(), 1e-6);
+  EXPECT_LT((under.covariance - Eigen::Matrix3d(precision.inverse())).norm(), 1e-6);
+  EXPECT_GT((under.mean - alone.mean).norm(), 0.1);
 }
 
 // One-step predictions of v' = (1 - d) v + g a from v + noise are a regression with an error in its regressor: the

@@ -14,7 +14,6 @@ using Eigen::LDLT;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kPriorPrecision = 1.0 / (Designer::kPriorStd * Designer::kPriorStd);
 constexpr double kParameterStep = 1e-4;  // of forward differences, in x
 constexpr double kStartStep = 1e-5;      // of forward differences, in standard deviations of the channel
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
@@ -32,10 +31,11 @@ constexpr double kLongestLastStep = 3.0;       // in standard deviations of x; f
 
 }  // namespace
 
-LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const VectorXd& scale, Level level,
-                   VectorXd x)
+LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior, const VectorXd& scale,
+                   Level level, VectorXd x)
     : replayer_(replayer),
       space_(space),
+      prior_(prior),
       scale_(scale),
       level_(std::move(level)),
       x_(std::move(x)),
@@ -50,8 +50,8 @@ bool LevelFit::Step() {
     // Where no step of x helps, the starts move alone.
     const bool starts_alone = attempt == kAttempts - 1;
     std::vector<LDLT<MatrixXd>> factors(equations.size());
-    MatrixXd hessian = MatrixXd::Identity(x_.size(), x_.size()) * kPriorPrecision;
-    VectorXd gradient = -kPriorPrecision * x_;
+    MatrixXd hessian = prior_.precision;
+    VectorXd gradient = -prior_.precision * (x_ - prior_.mean);
     for (size_t w = 0; w < equations.size(); ++w) {
       const NormalEquations& e = equations[w];
       if (!e.valid) continue;
@@ -166,7 +166,7 @@ std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer
 
 MatrixXd LevelFit::Finish() {
   Linearize(Secants());
-  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_), x_, Designer::kPriorStd);
+  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_), x_, prior_);
   // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
   // matter as a product would leave it.
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);
@@ -217,7 +217,7 @@ Level LevelFit::Joined() const {
 }
 
 double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x) const {
-  double cost = 0.5 * kPriorPrecision * x.squaredNorm();
+  double cost = prior_.HalfSquare(x);
   const WindowLikelihood likelihood = Likelihood();
   for (const VectorXd& residual : residuals) {
     const double of_window = likelihood.Cost(residual);
@@ -235,7 +235,7 @@ LevelFit::Differences LevelFit::Secants() const {
   Differences steps = Tangents();
   const std::vector<NormalEquations> equations = Equations(linear_);
   const VectorXd longest = kLongestSecantOfStart * variance_.cwiseSqrt();
-  MatrixXd hessian = MatrixXd::Identity(x_.size(), x_.size()) * kPriorPrecision;
+  MatrixXd hessian = prior_.precision;
   for (size_t w = 0; w < equations.size(); ++w) {
     const NormalEquations& e = equations[w];
     if (!e.valid) continue;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "oted/matching/prior.h"
 #include "oted/matching/windows.h"
 #include "oted/stages/design/replay_fit.h"
 #include "oted/stages/design/stretch_estimate.h"
@@ -23,8 +24,8 @@ struct Level {
 class LevelFit {
  public:
   /// @param scale  (obs_dim): ChannelScales
-  LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const Eigen::VectorXd& scale, Level level,
-           Eigen::VectorXd x);
+  LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior, const Eigen::VectorXd& scale,
+           Level level, Eigen::VectorXd x);
 
   const Eigen::VectorXd& x() const { return x_; }
   const Level& level() const { return level_; }
@@ -89,6 +90,7 @@ class LevelFit {
 
   WindowReplayer& replayer_;
   const ParameterSpace& space_;
+  const Prior& prior_;
   const Eigen::VectorXd& scale_;
   Level level_;
   Eigen::VectorXd x_;

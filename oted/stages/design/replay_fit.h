@@ -10,6 +10,7 @@
 
 #include "oted/data/dataset.h"
 #include "oted/matching/fit_evidence.h"
+#include "oted/matching/prior.h"
 #include "oted/matching/windows.h"
 
 namespace oted {

@@ -43,11 +43,10 @@ std::vector<double> Weights(const std::vector<StretchEvidence>& stretches, const
 }  // namespace
 
 StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const VectorXd& x,
-                                      double prior_std) {
-  const MatrixXd prior = MatrixXd::Identity(x.size(), x.size()) / (prior_std * prior_std);
-  const std::vector<double> weights = Weights(stretches, prior);
-  MatrixXd hessian = prior;
-  VectorXd score = -prior * x;
+                                      const Prior& prior) {
+  const std::vector<double> weights = Weights(stretches, prior.precision);
+  MatrixXd hessian = prior.precision;
+  VectorXd score = -prior.precision * (x - prior.mean);
   for (size_t k = 0; k < stretches.size(); ++k) {
     hessian += weights[k] * stretches[k].information;
     score += weights[k] * stretches[k].score;

@@ -4,6 +4,8 @@
 #include <Eigen/Dense>
 #include <vector>
 
+#include "oted/matching/prior.h"
+
 namespace oted {
 
 /// One stretch's log likelihood of x, to second order about the present x, its own start states eliminated.
@@ -17,7 +19,7 @@ struct StretchEstimate {
   Eigen::MatrixXd covariance;
 };
 
-/// One undamped Newton step over all stretches and the prior N(0, prior_std^2), and its covariance. Two things are not
+/// One undamped Newton step over all stretches and the prior, and its covariance. Two things are not
 /// taken on trust, since derivatives through contact are what two replays happened to show and noise is no Gaussian:
 ///
 /// No stretch decides more than a quarter of any direction of x. One whose derivatives crossed a contact can otherwise
@@ -28,6 +30,6 @@ struct StretchEstimate {
 /// estimates without one stretch (a delete-one jackknife) scatter more than that. It is never narrower: where few
 /// stretches tell a parameter, their scatter says little.
 StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const Eigen::VectorXd& x,
-                                      double prior_std);
+                                      const Prior& prior);
 
 }  // namespace oted

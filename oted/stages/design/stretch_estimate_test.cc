@@ -42,7 +42,7 @@ TEST(EstimateFromStretches, OfALinearPlantIsThePosteriorMeanFromWhereverItStarts
     precision += s.information;
     seen += s.score + s.information * at;
   }
-  const StretchEstimate estimate = EstimateFromStretches(stretches, at, kPriorStd);
+  const StretchEstimate estimate = EstimateFromStretches(stretches, at, Prior::Uniform(2));
   EXPECT_LT((at + estimate.step - precision.ldlt().solve(seen)).norm(), 1e-12);
   // The jackknife's scatter may widen it by its own chance, and nothing may make it narrower.
   const MatrixXd exact = precision.inverse();
@@ -64,7 +64,7 @@ int Held(int n_cases, int n_stretches, double spread, double spoiled_information
       const VectorXd jacobian = std::sqrt(spoiled_information) * Pair(rng.Normal(), rng.Normal());
       stretches.push_back({jacobian * jacobian.transpose(), jacobian * rng.Normal()});
     }
-    const StretchEstimate estimate = EstimateFromStretches(stretches, at, kPriorStd);
+    const StretchEstimate estimate = EstimateFromStretches(stretches, at, Prior::Uniform(2));
     for (int i = 0; i < 2; ++i) {
       held += std::abs(at[i] + estimate.step[i] - truth[i]) <= 1.645 * std::sqrt(estimate.covariance(i, i));
     }
@@ -73,6 +73,16 @@ int Held(int n_cases, int n_stretches, double spread, double spoiled_information
 }
 
 // Of 400 intervals 360 are expected to hold, with a standard deviation of 6.
+TEST(EstimateFromStretches, UnderAGaussianPriorAloneItIsThatPrior) {
+  Eigen::Matrix2d covariance;
+  covariance << 0.25, 0.06, 0.06, 0.09;
+  const Prior prior = Prior::Gaussian(Eigen::Vector2d(0.5, -0.2), covariance);
+  const StretchEstimate estimate = EstimateFromStretches({}, Eigen::Vector2d(3, 3), prior);
+  EXPECT_NEAR(estimate.step[0], -2.5, 1e-12);
+  EXPECT_NEAR(estimate.step[1], -3.2, 1e-12);
+  EXPECT_LT((estimate.covariance - covariance).norm(), 1e-12);
+}
+
 TEST(EstimateFromStretches, NinetyPercentIntervalsHoldTheTruthWhereNoiseIsAsBelieved) {
   for (const int n_stretches : {12, 60}) {
     EXPECT_GE(Held(200, n_stretches, 1, 0), 342) << n_stretches;
@@ -93,7 +103,7 @@ TEST(EstimateFromStretches, AndWhereOneStretchHasADerivativeThatMeansNothing) {
 }
 
 TEST(EstimateFromStretches, WithoutEvidenceIsThePrior) {
-  const StretchEstimate estimate = EstimateFromStretches({}, Pair(0.5, -2), kPriorStd);
+  const StretchEstimate estimate = EstimateFromStretches({}, Pair(0.5, -2), Prior::Uniform(2));
   EXPECT_LT((estimate.step - Pair(-0.5, 2)).norm(), 1e-12);
   EXPECT_LT((estimate.covariance - MatrixXd::Identity(2, 2) * kPriorStd * kPriorStd).norm(), 1e-12);
 }

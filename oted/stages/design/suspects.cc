@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "oted/matching/designer.h"
 #include "oted/stages/design/stretch_estimate.h"
 
 namespace oted {
 namespace {
 
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int kLanes = 256;
@@ -29,7 +29,7 @@ std::vector<StretchEvidence> WithOne(const std::vector<StretchEvidence>& all, Ei
 }  // namespace
 
 std::vector<Suspect> FindSuspects(const SimulatorFactory& factory, const Dataset& dataset, const LevelFit& fit,
-                                  int n_threads) {
+                                  const Prior& prior, int n_threads) {
   const std::vector<ParameterSpec> specs = factory.Suspects();
   const std::unique_ptr<SimulatorFactory> wider = specs.empty() ? nullptr : factory.With(specs);
   if (wider == nullptr) return {};
@@ -37,12 +37,16 @@ std::vector<Suspect> FindSuspects(const SimulatorFactory& factory, const Dataset
   WindowReplayer replayer(wider->Make(std::max(1, kLanes / per_window) * per_window, n_threads), dataset);
   const auto evidence = fit.EvidenceIn(replayer, static_cast<int>(specs.size()));
   const auto n_x = fit.x().size();
-  VectorXd x = VectorXd::Zero(n_x + 1);
+  VectorXd x = VectorXd::Zero(n_x + 1), mean = x;
+  MatrixXd covariance = Prior::Uniform(static_cast<int>(n_x) + 1).Covariance();
   x.head(n_x) = fit.x();
+  mean.head(n_x) = prior.mean;
+  covariance.topLeftCorner(n_x, n_x) = prior.Covariance();
+  const Prior with_one = Prior::Gaussian(mean, covariance);
   std::vector<Suspect> suspects;
   for (size_t k = 0; k < specs.size(); ++k) {
     const StretchEstimate estimate =
-        EstimateFromStretches(WithOne(evidence, n_x, static_cast<Eigen::Index>(k)), x, Designer::kPriorStd);
+        EstimateFromStretches(WithOne(evidence, n_x, static_cast<Eigen::Index>(k)), x, with_one);
     const double change = estimate.step[n_x], std = std::sqrt(estimate.covariance(n_x, n_x));
     if (!(std::abs(change) > std::max(kNoticeable, kSurely * std))) continue;
     suspects.push_back({specs[k].field, std::exp(std::clamp(change, -kLargestLog, kLargestLog)), std});

@@ -5,6 +5,7 @@
 
 #include "oted/data/dataset.h"
 #include "oted/matching/fit_evidence.h"
+#include "oted/matching/prior.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/level_fit.h"
 
@@ -14,8 +15,9 @@ namespace oted {
 /// windows' derivatives say (as LevelFit::Finish). Those that would change by more than a tenth and by more than four
 /// standard deviations, the most certain first, three at most. Each stands for itself: what one explains another often
 /// explains nearly as well. Told by a linear model from the nominal value: factors far from 1 are rough.
-/// @param fit  after Finish
+/// @param fit    after Finish
+/// @param prior  of x
 std::vector<Suspect> FindSuspects(const SimulatorFactory& factory, const Dataset& dataset, const LevelFit& fit,
-                                  int n_threads);
+                                  const Prior& prior, int n_threads);
 
 }  // namespace oted

@@ -86,7 +86,7 @@ Level Leading(const Level& level, size_t n) {
 }  // namespace
 
 ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
-                            RngKey key, const FitProgress& progress, const RunContext& context) {
+                            const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context) {
   const ParameterSpace& space = factory.parameters();
   const int n_parameters = space.size(), per_window = 1 + n_parameters + factory.spec().obs_dim();
   WindowReplayer replayer(factory.Make(std::max(1, kLanes / per_window) * per_window, context.n_threads), dataset);
@@ -115,7 +115,8 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   for (int k = 0; k < options.n_coarse; ++k) {
     VectorXd x = nominal;
     if (k > 0) {
-      for (double& coordinate : x) coordinate = Designer::kPriorStd * rng.Normal();
+      for (double& coordinate : x) coordinate = rng.Normal();
+      x = prior.mean + prior.factor * x;
     }
     candidates.emplace_back(CoarseCost(replayer, few, scale, ToZ(space, x)), x);
     context.ThrowIfStopped();
@@ -125,7 +126,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   VectorXd x = candidates.front().second;
   double best = std::numeric_limits<double>::infinity();
   for (int s = 0; s < std::min(options.n_starts, options.n_coarse); ++s) {
-    LevelFit fit(replayer, space, scale, third, candidates[static_cast<size_t>(s)].second);
+    LevelFit fit(replayer, space, prior, scale, third, candidates[static_cast<size_t>(s)].second);
     n_planned += kStartIterations;
     Descend(fit, kStartIterations, tell);
     n_done = n_planned;
@@ -141,7 +142,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   Level level = first;
   while (!level.windows.empty()) {
     const bool is_first = longest_fit == nullptr;
-    auto fit = std::make_unique<LevelFit>(replayer, space, scale, level, x);
+    auto fit = std::make_unique<LevelFit>(replayer, space, prior, scale, level, x);
     const int n_iterations = is_first ? kFirstLevelIterations : kLevelIterations;
     n_planned += n_iterations + kRounds * kRoundIterations;
     Descend(*fit, n_iterations, tell);
@@ -168,7 +169,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
     longest_fit = std::move(fit);
   }
   const MatrixXd covariance = longest_fit->Finish();
-  evidence.suspects = FindSuspects(factory, dataset, *longest_fit, context.n_threads);
+  evidence.suspects = FindSuspects(factory, dataset, *longest_fit, prior, context.n_threads);
   progress(n_total, n_total, longest_fit->x());
   return {.mean = longest_fit->x(), .covariance = covariance, .evidence = evidence};
 }

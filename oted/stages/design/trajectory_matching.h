@@ -19,7 +19,7 @@ struct TrajectoryOptions {
 
 /// Minimises over x and over the start state s_w of every window w
 ///
-///   sum_w rho( sum_t,c (o_wtc - M_c(s_w, a_w, t; z(x)))^2 / sigma_c^2 ) + |x|^2 / (2 prior_std^2)
+///   sum_w rho( sum_t,c (o_wtc - M_c(s_w, a_w, t; z(x)))^2 / sigma_c^2 ) - log p(x)
 ///
 /// where rho is the negative log density of a scale mixture (Student's t over a window), so that windows which no
 /// parameters explain count less, and sigma_c, the noise of channel c, is estimated along with the rest
@@ -36,6 +36,6 @@ struct TrajectoryOptions {
 ///
 /// The last step and the covariance: level_fit.h, Finish, and stretch_estimate.h.
 ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
-                            RngKey key, const FitProgress& progress, const RunContext& context);
+                            const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context);
 
 }  // namespace oted

@@ -21,9 +21,16 @@ namespace {
 constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
+ReplayFit MatchUnder(const Prior& prior, const Dataset& logs) {
+  NullSink log;
+  return MatchTrajectories(PointMassFactory(), logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2}, prior, RngKey(1),
+                           [](int, int, const Eigen::VectorXd&) {}, {.log = &log});
+}
+
 ReplayFit Match(const Dataset& logs, const SimulatorFactory& factory, uint64_t seed, int n_threads = 1) {
   NullSink log;
-  return MatchTrajectories(factory, logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2}, RngKey(seed),
+  return MatchTrajectories(factory, logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2},
+                           Prior::Uniform(factory.parameters().size()), RngKey(seed),
                            [](int, int, const Eigen::VectorXd&) {}, {.log = &log, .n_threads = n_threads});
 }
 
@@ -53,6 +60,20 @@ TEST(MatchTrajectories, WhatHasNoEffectStaysAtThePrior) {
   const ReplayFit fit = Match(WithSensorNoise(PointMassLogs(kTruth, 8), 0.02, RngKey(4)));
   EXPECT_NEAR(fit.mean[kIdle], 0, 0.05);
   EXPECT_NEAR(std::sqrt(fit.covariance(kIdle, kIdle)), Designer::kPriorStd, 0.05);
+}
+
+TEST(MatchTrajectories, WhatHasNoEffectIsWhereAGaussianPriorPutsItAndWhatHasIsNotMovedByOne) {
+  const Prior prior =
+      Prior::Gaussian(Eigen::Vector3d(0, 0, 1.5), Eigen::Vector3d(0.3, 0.3, 0.2).cwiseAbs2().asDiagonal());
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 8), 0.02, RngKey(4));
+  const ReplayFit under = MatchUnder(prior, logs), flat = Match(logs);
+  EXPECT_NEAR(under.mean[kIdle], 1.5, 0.05);
+  EXPECT_NEAR(std::sqrt(under.covariance(kIdle, kIdle)), 0.2, 0.02);
+  // Logs and prior as two Gaussians: their precisions add up.
+  const double logs_precision = 1 / flat.covariance(kGain, kGain) - 1 / (1.7 * 1.7), prior_precision = 1 / 0.09;
+  const double expected = logs_precision * flat.mean[kGain] / (logs_precision + prior_precision);
+  EXPECT_NEAR(under.mean[kGain], expected, 2 * std::sqrt(flat.covariance(kGain, kGain)));
+  EXPECT_GT(under.mean[kGain], 0.5 * flat.mean[kGain]);
 }
 
 TEST(MatchTrajectories, NinetyPercentIntervalsHoldTheTruthInNineCasesOfTen) {

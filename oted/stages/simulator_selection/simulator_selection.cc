@@ -40,7 +40,8 @@ double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const
                   const SelectionConfig& config, RngKey key) {
   EvidenceConfig evidence = candidate.evidence;
   evidence.n_steps = config.n_steps;
-  ExperienceGatherer gatherer(factory.Make(config.n_sims, 1), dataset, clone, evidence);
+  ExperienceGatherer gatherer(factory.Make(config.n_sims, 1), dataset, candidate.clone ? candidate.clone.get() : clone,
+                              evidence);
   const auto z = DrawParameters(candidate.q, config.n_sims, key.Stage("z"));
   const Array2<double> pooled = Pool(gatherer.Gather(z, key.Stage("rollouts")));
   if (pooled.rows() == 0) return 0;

@@ -1,6 +1,7 @@
 #pragma once
 /// Stage 3 (paper, Sec. 4.2, "Simulator selection"): which hyperparameter setting h designed the best simulators?
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -32,8 +33,10 @@ struct Candidate {
   int seed = 0;
   Designer q;
   Discriminator g;
-  EvidenceConfig evidence;         ///< that g was trained on
-  double learning_progress = 0;    ///< mean reward during training
+  EvidenceConfig evidence;       ///< that g was trained on
+  double learning_progress = 0;  ///< mean reward during training
+  std::shared_ptr<const Policy>
+      clone;                       ///< of the design itself, where clone and design were trained jointly; else null
   std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of forms that replay windows
 };
 

@@ -1,0 +1,108 @@
+#include "oted/stages/behavior/clone_choice.h"
+
+#include <fmt/format.h>
+
+#include <numeric>
+#include <utility>
+
+#include "oted/matching/judge.h"
+#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/behavior/value_dice.h"
+
+namespace oted {
+namespace {
+
+constexpr double kJudgeShare = 0.2;
+constexpr int kLanes = 8, kSteps = 300;
+
+MethodEvidence EvidenceOf(const CloneResult& clone, const Dataset& logs, const Dataset& held_out,
+                          const SimulatorFactory* nominal, int judge_steps, RngKey key) {
+  const auto& policy = dynamic_cast<const TanhGaussianPolicy&>(*clone.policy);
+  std::vector<int> rows(static_cast<size_t>(held_out.size()));
+  std::iota(rows.begin(), rows.end(), 0);
+  MethodEvidence evidence;
+  evidence.held_out_loss = LogLoss(policy, held_out, rows);
+  if (nominal == nullptr) return evidence;
+  EvidenceConfig rollouts;
+  rollouts.dataset_starts = rollouts.replayed_actions = rollouts.transitions = false;
+  rollouts.horizon = rollouts.n_steps = kSteps;
+  rollouts.first_rows = true;
+  rollouts.n_past_actions = nominal->spec().n_past_actions;
+  const std::vector<std::vector<double>> z(kLanes, nominal->parameters().Nominal());
+  evidence.closeness =
+      JudgeSimulator(*nominal, SplitForJudge(logs), clone.policy.get(), z, rollouts, judge_steps, key).common;
+  return evidence;
+}
+
+}  // namespace
+
+CloneParts SplitForChoice(const Dataset& dataset, RngKey key) {
+  const std::vector<Episode> episodes = dataset.Episodes();
+  if (episodes.size() == 1) {
+    const Episode whole = episodes[0];
+    const int middle = whole.begin + std::max(1, static_cast<int>((1 - kJudgeShare) * whole.size()));
+    if (middle >= whole.end) return {dataset, dataset};
+    return {dataset.Select({{whole.begin, middle, false}}), dataset.Select({{middle, whole.end, whole.terminated}})};
+  }
+  Rng rng = key.MakeRng();
+  std::vector<Episode> learn, judge;
+  int n_judge = 0;
+  for (const int k : RandomPermutation(static_cast<int>(episodes.size()), rng)) {
+    const Episode& episode = episodes[static_cast<size_t>(k)];
+    const bool judges = judge.empty() || n_judge + episode.size() <= kJudgeShare * dataset.size();
+    (judges ? judge : learn).push_back(episode);
+    if (judges) n_judge += episode.size();
+  }
+  return {dataset.Select(learn), dataset.Select(judge)};
+}
+
+CloneResult ChooseClone(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
+                        const std::string& run_name, const RunContext& context, const SimulatorFactory* nominal,
+                        int judge_steps) {
+  const CloneParts parts = SplitForChoice(dataset, key.Stage("choice"));
+  // Their curves would stand among those of the clone that is kept.
+  class WithoutCurves : public NullSink {
+   public:
+    explicit WithoutCurves(LogSink* log) : log_(log) {}
+    void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
+                  std::string_view note) override {
+      log_->Progress(stage, label, done, total, note);
+    }
+
+   private:
+    LogSink* log_;
+  } quiet(context.log);
+  RunContext own = context;
+  own.log = &quiet;
+  const RngKey trial = key.Stage("trial");
+  const CloneResult bc = CloneByLikelihood(parts.learn, spec, config, trial, run_name, own);
+  const CloneResult valuedice = CloneByValueDice(parts.learn, spec, config, trial, run_name, own);
+
+  CloneChoice choice;
+  choice.n_held_out = parts.judge.size();
+  const RngKey judge = key.Stage("judge");
+  choice.bc = EvidenceOf(bc, dataset, parts.judge, nominal, judge_steps, judge);
+  choice.valuedice = EvidenceOf(valuedice, dataset, parts.judge, nominal, judge_steps, judge);
+  bool takes_valuedice = false;
+  if (nominal != nullptr) {
+    const double gain = *choice.valuedice.closeness - *choice.bc.closeness;
+    takes_valuedice = gain > kMargin;
+    choice.reason = fmt::format(
+        "acting in the nominal simulator, the clone by ValueDICE is {} to tell from the logs than the behavioural one "
+        "({:+.4f} nats of a judge's held-out loss; {} counts)",
+        gain > 0 ? "harder" : "no harder", gain, fmt::format("more than {:g}", kMargin));
+  } else {
+    const double gain = choice.bc.held_out_loss - choice.valuedice.held_out_loss;
+    takes_valuedice = gain > 0;
+    choice.reason = fmt::format(
+        "the clone by ValueDICE finds the actions of held-out episodes {} than the behavioural one ({:+.4f} nats per "
+        "transition)",
+        gain > 0 ? "likelier" : "no likelier", gain);
+  }
+  CloneResult result = takes_valuedice ? CloneByValueDice(dataset, spec, config, key, run_name, context)
+                                       : CloneByLikelihood(dataset, spec, config, key, run_name, context);
+  result.choice = std::move(choice);
+  return result;
+}
+
+}  // namespace oted

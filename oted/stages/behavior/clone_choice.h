@@ -1,0 +1,35 @@
+#pragma once
+/// clone.method = "auto": behavioural cloning or ValueDICE, by evidence that needs no target.
+
+#include <string>
+
+#include "oted/base/log.h"
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+#include "oted/stages/behavior/clone.h"
+
+namespace oted {
+
+/// Both methods learn from four fifths of the logs: whole episodes, where there are two. Two things are compared:
+///   - how likely each finds the actions of the held-out episodes;
+///   - how hard the experience of each, acting in M(nominal) from its own starts, is to tell from as many first steps
+///     of the logged episodes, by a judge that is tested on what it was not trained on (oted/matching/judge.h). What
+///     the nominal simulator gets wrong counts against both.
+/// ValueDICE is taken where its experience is harder to tell by more than kMargin; without a simulator, where it finds
+/// the held-out actions likelier. What is taken learns from all the logs, as it would have by its own name.
+/// @param nominal      may be null
+/// @param judge_steps  gradient steps of each judge
+CloneResult ChooseClone(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
+                        const std::string& run_name, const RunContext& context, const SimulatorFactory* nominal,
+                        int judge_steps = 200);
+
+/// Of a judge's score [nats]: what another seed of the judge changes.
+inline constexpr double kMargin = 0.01;
+
+/// The episodes that learn and those that judge; two parts of the one where there is one.
+struct CloneParts {
+  Dataset learn, judge;
+};
+CloneParts SplitForChoice(const Dataset& dataset, RngKey key);
+
+}  // namespace oted

@@ -1,0 +1,42 @@
+#pragma once
+/// Settings of stage 1, the clone.
+
+#include <string>
+#include <vector>
+
+#include "oted/base/fields.h"
+#include "oted/rl/value_dice_update.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+struct CloneConfig {
+  std::string method = "bc";
+  std::vector<int> hidden = {256, 256};
+  std::vector<int> filters = {16, 32};
+  double learning_rate = 1e-3;
+  double weight_decay = 1e-5;
+  int batch_size = 256;
+  int max_steps = 6'000;
+  double held_out = 0.15;
+  int patience = 10;
+  int check_interval = 100;
+
+  std::string valuedice_start = "bc";
+  int valuedice_updates = 6'000;
+  int valuedice_batch = 256;
+  std::vector<int> valuedice_hidden = {256, 256};
+  double valuedice_actor_rate = 1e-5;
+  double valuedice_critic_rate = 1e-3;
+  double valuedice_discount = 0.99;
+  double valuedice_penalty = 10;
+  double valuedice_orthogonal = 1e-4;
+
+  FieldList Fields();
+  ValueDiceOptions ValueDice() const;
+  /// "bc", "valuedice" or "auto", as far as the task's actions allow.
+  /// @throws UsageError for ValueDICE of discrete actions or images
+  std::string MethodFor(const SimulatorSpec& spec) const;
+};
+
+}  // namespace oted
