@@ -9,8 +9,8 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_offers.h"
-#include "oted/sim/mujoco/model_suspects.h"
 #include "oted/sim/mujoco/model_setup.h"
+#include "oted/sim/mujoco/model_suspects.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 
 namespace oted {
