@@ -14,19 +14,6 @@ namespace oted {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-namespace {
-
-json ParametersJson(const ParameterSpace& space) {
-  json list = json::array();
-  for (const ParameterSpec& spec : space.specs()) {
-    list.push_back(
-        {spec.name, spec.field, spec.low, spec.high, spec.logarithmic, spec.scale == ParameterScale::kAbsolute});
-  }
-  return list;
-}
-
-}  // namespace
-
 const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   context_.n_threads = config_.Threads();
   AdaptDesign();
@@ -154,7 +141,7 @@ std::string Pipeline::DesignFingerprint(const std::string& setting) const {
   // An earlier design counts by what it found, not by its place.
   const Prior prior = design.MakePrior(factory_->parameters());
   if (!prior.uniform) settings["prior"] = {prior.ToJson(), prior.values};
-  return Fingerprint({"design", CloneFingerprint(), ParametersJson(factory_->parameters()), setting, settings});
+  return Fingerprint({"design", CloneFingerprint(), ParameterIdentity(factory_->parameters()), setting, settings});
 }
 
 std::string Pipeline::SelectionFingerprint() const {

@@ -5,6 +5,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "oted/sim/parameter_space.h"
+
 namespace oted {
 
 class RunDirectory {
@@ -47,5 +49,8 @@ class RunDirectory {
 
 /// A short name for everything that a result depends on.
 std::string Fingerprint(const nlohmann::json& inputs);
+
+/// What parameters are, for fingerprints.
+nlohmann::json ParameterIdentity(const ParameterSpace& space);
 
 }  // namespace oted

@@ -6,6 +6,7 @@
 #include "oted/base/error.h"
 #include "oted/baselines/domain_randomization.h"
 #include "oted/baselines/interval_search.h"
+#include "oted/run_directory.h"
 #include "oted/stages/agent/agent.h"
 
 namespace oted {
@@ -25,15 +26,6 @@ std::vector<std::vector<double>> EvaluationDraws(const RunConfig& config, const 
   const int n = IsPpo(config, factory.spec()) ? config.ppo.eval_episodes : config.sac.eval_episodes;
   return UniformDraws(factory.parameters(), n,
                       RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines").Stage("evaluation"));
-}
-
-json ParameterIdentity(const ParameterSpace& space) {
-  json list = json::array();
-  for (const ParameterSpec& spec : space.specs()) {
-    list.push_back(
-        {spec.name, spec.field, spec.low, spec.high, spec.logarithmic, spec.scale == ParameterScale::kAbsolute});
-  }
-  return list;
 }
 
 }  // namespace

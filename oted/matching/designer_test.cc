@@ -22,26 +22,33 @@ Designer At(std::vector<double> mean, std::vector<double> log_std) {
   return designer;
 }
 
-TEST(Designer, KlIsZeroAtThePriorAndItsGradientIsTheOneThatAscendFollows) {
-  EXPECT_NEAR(At({0, 0}, {std::log(Designer::kPriorStd), std::log(Designer::kPriorStd)}).KlToPrior(), 0, 1e-12);
-  const std::vector<double> mean = {0.7, -1.1}, log_std = {-0.9, 0.3};
-  const double h = 1e-6, lambda = 0.3, step = 1e-3;
-  Designer stepped = At(mean, log_std);
-  // Without advantages Ascend follows -lambda dKL, times the inverse Fisher information: std^2 and 1/2.
+/// Without advantages Ascend follows -lambda dKL, by numerical differences, times the inverse Fisher information: std^2
+/// and 1/2.
+/// @param at  makes q from its mean and log spread
+template <class MakeQ>
+void ExpectAscentAgainstTheKl(const MakeQ& at, const std::vector<double>& mean, const std::vector<double>& log_std,
+                              double step, double tolerance) {
+  const double h = 1e-6, lambda = 0.3;
+  Designer stepped = at(mean, log_std);
   Rng rng(1);
   stepped.Ascend({stepped.Draw(rng)}, std::vector{0.0}, lambda, step, step);
   for (size_t i = 0; i < 2; ++i) {
     std::vector<double> up = mean, down = mean;
     up[i] += h;
     down[i] -= h;
-    const double d_mean = (At(up, log_std).KlToPrior() - At(down, log_std).KlToPrior()) / (2 * h);
+    const double d_mean = (at(up, log_std).KlToPrior() - at(down, log_std).KlToPrior()) / (2 * h);
     up = down = log_std;
     up[i] += h;
     down[i] -= h;
-    const double d_log_std = (At(mean, up).KlToPrior() - At(mean, down).KlToPrior()) / (2 * h);
-    EXPECT_NEAR((stepped.mean()[i] - mean[i]) / step, -lambda * std::exp(2 * log_std[i]) * d_mean, 1e-6);
-    EXPECT_NEAR((stepped.log_std()[i] - log_std[i]) / step, -lambda * 0.5 * d_log_std, 1e-6);
+    const double d_log_std = (at(mean, up).KlToPrior() - at(mean, down).KlToPrior()) / (2 * h);
+    EXPECT_NEAR((stepped.mean()[i] - mean[i]) / step, -lambda * std::exp(2 * log_std[i]) * d_mean, tolerance);
+    EXPECT_NEAR((stepped.log_std()[i] - log_std[i]) / step, -lambda * 0.5 * d_log_std, tolerance);
   }
+}
+
+TEST(Designer, KlIsZeroAtThePriorAndItsGradientIsTheOneThatAscendFollows) {
+  EXPECT_NEAR(At({0, 0}, {std::log(Designer::kPriorStd), std::log(Designer::kPriorStd)}).KlToPrior(), 0, 1e-12);
+  ExpectAscentAgainstTheKl(At, {0.7, -1.1}, {-0.9, 0.3}, 1e-3, 1e-6);
 }
 
 TEST(Designer, TheRewardsGradientIsThatOfItsExpectation) {
@@ -201,22 +208,7 @@ TEST(Designer, KlToAGaussianPriorIsTheClosedFormAndItsGradientTheOneThatAscendFo
   const double expected =
       0.5 * (p00 * s0 + p11 * s1 + p00 * d0 * d0 + p11 * d1 * d1 + 2 * p01 * d0 * d1 - 2 + std::log(det / (s0 * s1)));
   EXPECT_NEAR(at(mean, log_std).KlToPrior(), expected, 1e-10);
-  const double h = 1e-6, lambda = 0.3, step = 1e-4;
-  Designer stepped = at(mean, log_std);
-  Rng rng(1);
-  stepped.Ascend({stepped.Draw(rng)}, std::vector{0.0}, lambda, step, step);
-  for (size_t i = 0; i < 2; ++i) {
-    std::vector<double> up = mean, down = mean;
-    up[i] += h;
-    down[i] -= h;
-    const double d_mean = (at(up, log_std).KlToPrior() - at(down, log_std).KlToPrior()) / (2 * h);
-    up = down = log_std;
-    up[i] += h;
-    down[i] -= h;
-    const double d_log_std = (at(mean, up).KlToPrior() - at(mean, down).KlToPrior()) / (2 * h);
-    EXPECT_NEAR((stepped.mean()[i] - mean[i]) / step, -lambda * std::exp(2 * log_std[i]) * d_mean, 1e-5);
-    EXPECT_NEAR((stepped.log_std()[i] - log_std[i]) / step, -lambda * 0.5 * d_log_std, 1e-5);
-  }
+  ExpectAscentAgainstTheKl(at, mean, log_std, 1e-4, 1e-5);
 }
 
 TEST(Designer, WithoutRewardItSettlesAtAGaussianPriorWithoutItsCorrelation) {

@@ -28,9 +28,10 @@ TEST(LevelFit, WindowsCaughtInALocalMinimumAreExplainedFromOtherStarts) {
       }
     }
     const ParameterSpace space = PointMass::MakeParameters();
+    const Prior prior = Prior::Uniform(3);
     const Eigen::VectorXd scale = ChannelScales(logs);
     const std::vector<double> truth = ZToLogit(space, kTruth);
-    LevelFit fit(replayer, space, Prior::Uniform(3), scale, level, Eigen::Map<const Eigen::VectorXd>(truth.data(), 3));
+    LevelFit fit(replayer, space, prior, scale, level, Eigen::Map<const Eigen::VectorXd>(truth.data(), 3));
     for (int i = 0; i < 8; ++i) fit.Step();
     caught_before += 1 - fit.ShareExplained();
     Rng rng = RngKey(seed).Stage("starts").MakeRng();
