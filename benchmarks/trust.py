@@ -114,6 +114,11 @@ def is_right(record):
     return whole == "gap_closed" and set(verdicts.values()) == {"identified"}
 
 
+def culprit(record):
+    """The path of what is off in a target of the class out_of_family."""
+    return FIELDS[next(name for name in record["truth"] if name not in THREE)]
+
+
 def binomial_interval(k, n):
     """Wilson's 95 % interval of a share."""
     centre = (k + 1.92) / (n + 3.84)
@@ -132,6 +137,11 @@ def print_tables(records):
             count = [sum(r["verdict"] == v for r in of) for v in ("outside_family", "gap_closed", "no_gap")]
             print(f"| {task}, {noise:g} | {kind} | {len(of)} | {binomial_interval(sum(map(is_right, of)), len(of))} | "
                   f"{' | '.join(map(str, count))} |")
+    of = [r for r in records if r["class"] == "out_of_family"]
+    if of:
+        first = sum(r["fit"]["suspects"][:1] != [] and r["fit"]["suspects"][0]["field"] == culprit(r) for r in of)
+        named = sum(culprit(r) in [s["field"] for s in r["fit"]["suspects"]] for r in of)
+        print(f"\nOut of family: what is off is named in {named} of {len(of)} cases, before all other suspects in {first}.")
     print("\n| task, noise | parameter | targets | 90 % interval holds the truth | median error | median half-width | ratio |")
     print("|---|---|---|---|---|---|---|")
     for task, noise in groups:
