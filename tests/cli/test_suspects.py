@@ -1,0 +1,69 @@
+"""What is not searched and off by the logs is named, and freeing it closes the gap.
+
+    test_suspects.py PATH/TO/oted [TestClass.test_name ...]
+"""
+
+import json
+import pathlib
+import sys
+import tempfile
+import unittest
+
+import jsonschema
+import test_cli as cli
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
+QUICK = cli.sets(cli.TINY + ["design.trajectory_rows=96", "design.trajectory_window=16", "selection.n_seeds=1",
+                             "report.motion=false"])
+
+
+class SuspectsTest(unittest.TestCase):
+    """Two episodes of Hopper with 1.2 times the gain and 0.7 times the damping of every joint."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.temporary.name)
+        cls.demos = cls.folder / "demos.npz"
+        result = cli.oted("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
+                          "--episodes", "2", "--seed", "1", "--param", GAIN, "--truth", "gain=1.2", "--param", DAMPING,
+                          "--truth", "damping=0.7", "--out", cls.demos)
+        assert result.returncode == 0, result.stderr
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.temporary.cleanup()
+
+    def design(self, name, *parameters):
+        words = [word for parameter in parameters for word in ("--param", parameter)]
+        result = cli.oted("design", "--task", "Hopper-v5", "--data", self.demos, "--out", self.folder / name, "--quiet",
+                          *words, *QUICK)
+        return result, json.loads((self.folder / name / "design.json").read_text())
+
+    def test_the_damping_that_nobody_searches_is_named_with_its_factor(self):
+        result, design = self.design("gain", GAIN)
+        self.assertEqual(result.returncode, cli.NO_SIMULATOR, result.stderr)
+        first = design["fit"]["suspects"][0]
+        self.assertEqual(first["field"], "joint/*/damping")
+        self.assertAlmostEqual(first["factor"], 0.7, delta=0.1)
+        self.assertIn("not searched, but off by the logs: joint/*/damping, about 0.7", result.stdout)
+        self.assertIn("joint/*/damping (about 0.7", (self.folder / "gain/report.html").read_text())
+        for file, schema in (("design.json", "oted.design.1"), ("design/default/1/q.json", "oted.q.1")):
+            jsonschema.validate(json.loads((self.folder / "gain" / file).read_text()),
+                                json.loads((ROOT / f"docs/schemas/{schema}.schema.json").read_text()))
+
+    def test_freed_it_is_found_and_nothing_else_is_suspected(self):
+        result, design = self.design("both", GAIN, DAMPING)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(design["fit"]["suspects"], [])
+        for parameter, truth in zip(design["parameters"], (1.2, 0.7)):
+            self.assertAlmostEqual(parameter["mode"], truth, delta=1e-4)
+        self.assertNotIn("not searched", result.stdout)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    cli.OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    unittest.main()
