@@ -38,7 +38,9 @@ def run(count, threads, noise, oted, file):
     with tempfile.TemporaryDirectory(prefix="oted-count-") as folder:
         parameters = [word for name, field in SETS[count].items() for word in ("--param", f"{name}={field}:{LOW}:{HIGH}")]
         collect = [oted, "collect", "--task", TASK, "--policy", "examples/policies/halfcheetah/medium.npz", "--episodes", "5",
-                   "--seed", "1", "--noise", str(noise), "--out", f"{folder}/demos.npz"] + parameters
+                   "--seed", "1", "--out", f"{folder}/demos.npz"] + parameters
+        if noise > 0:
+            collect += ["--noise", str(noise)]
         for name, value in truth.items():
             collect += ["--truth", f"{name}={value}"]
         subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
