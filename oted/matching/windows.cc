@@ -9,6 +9,20 @@ namespace oted {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+namespace {
+
+constexpr int kLanes = 256;
+
+/// The lanes of one window: the base replay, one per parameter, one per start coordinate.
+int LanesPerWindow(int n_parameters, int obs_dim) { return 1 + n_parameters + obs_dim; }
+
+}  // namespace
+
+int WindowReplayer::LinearizationLanes(int n_parameters, int obs_dim) {
+  const int per_window = LanesPerWindow(n_parameters, obs_dim);
+  return std::max(1, kLanes / per_window) * per_window;
+}
+
 WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset)
     : simulator_(std::move(simulator)),
       dataset_(dataset),
@@ -82,8 +96,7 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
                                                                      const std::vector<std::vector<double>>& perturbed,
                                                                      const VectorXd& steps,
                                                                      const std::vector<VectorXd>& start_steps) {
-  // The lanes of one window: the base replay, one per parameter, one per start coordinate.
-  const int n_parameters = static_cast<int>(perturbed.size()), per_window = 1 + n_parameters + obs_dim_;
+  const int n_parameters = static_cast<int>(perturbed.size()), per_window = LanesPerWindow(n_parameters, obs_dim_);
   const int at_once = simulator_->n_lanes() / per_window;
   OTED_CHECK(at_once >= 1);
   std::vector<Linearization> result(windows.size());

@@ -18,6 +18,9 @@ class WindowReplayer {
   /// @param dataset must outlive this object.
   WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset);
 
+  /// How many lanes to give a simulator whose windows are linearized: whole windows, some 256 lanes together.
+  static int LinearizationLanes(int n_parameters, int obs_dim);
+
   int obs_dim() const { return obs_dim_; }
   /// The logged observation t steps into a window.
   Eigen::VectorXd Logged(const LogWindow& window, int t) const;

@@ -11,7 +11,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kLanes = 256;
 constexpr double kSurely = 4.0;        // standard deviations
 constexpr double kNoticeable = 0.1;    // of log(factor)
 constexpr double kLargestLog = 2.303;  // of log(factor): a linear model knows nothing of a change tenfold
@@ -33,8 +32,8 @@ std::vector<Suspect> FindSuspects(const SimulatorFactory& factory, const Dataset
   const std::vector<ParameterSpec> specs = factory.Suspects();
   const std::unique_ptr<SimulatorFactory> wider = specs.empty() ? nullptr : factory.With(specs);
   if (wider == nullptr) return {};
-  const int per_window = 1 + wider->parameters().size() + factory.spec().obs_dim();
-  WindowReplayer replayer(wider->Make(std::max(1, kLanes / per_window) * per_window, n_threads), dataset);
+  const int n_lanes = WindowReplayer::LinearizationLanes(wider->parameters().size(), factory.spec().obs_dim());
+  WindowReplayer replayer(wider->Make(n_lanes, n_threads), dataset);
   const auto evidence = fit.EvidenceIn(replayer, static_cast<int>(specs.size()));
   const auto n_x = fit.x().size();
   VectorXd x = VectorXd::Zero(n_x + 1), mean = x;

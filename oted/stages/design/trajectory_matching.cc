@@ -23,7 +23,6 @@ constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windo
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
 constexpr int kFirstLevelIterations = 7;
 constexpr int kFewestIterations = 3;  // the starts need them where x does not
-constexpr int kLanes = 256;
 
 /// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into the first level's
 /// windows.
@@ -88,8 +87,8 @@ Level Leading(const Level& level, size_t n) {
 ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
                             const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context) {
   const ParameterSpace& space = factory.parameters();
-  const int n_parameters = space.size(), per_window = 1 + n_parameters + factory.spec().obs_dim();
-  WindowReplayer replayer(factory.Make(std::max(1, kLanes / per_window) * per_window, context.n_threads), dataset);
+  const int n_lanes = WindowReplayer::LinearizationLanes(space.size(), factory.spec().obs_dim());
+  WindowReplayer replayer(factory.Make(n_lanes, context.n_threads), dataset);
   const VectorXd scale = ChannelScales(dataset);
   int longest = kFirstWindow;
   for (const Episode& episode : dataset.Episodes()) {
