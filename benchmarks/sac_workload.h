@@ -50,7 +50,7 @@ class SacWorkload {
   Rng rng_{1};
   ReplayBuffer buffer_;
   SacUpdate update_;
-  SacBatch batch_;
+  TransitionBatch batch_;
 };
 
 // The products of one network on arrays of the sizes that the update has.

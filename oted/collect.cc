@@ -45,7 +45,7 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
   const RngKey key = RngKey(seed).Stage("behavior policies");
   const std::vector<double> nominal = factory.parameters().Nominal();
   const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
-  const SacResult training = TrainSac(
+  const ReplayAgent training = TrainSac(
       factory, [&](Rng&) { return nominal; }, {nominal}, config, key, folder, "behavior", context,
       [&](int64_t step, const TanhGaussianPolicy& policy, double) { policy.Save(snapshot(step)); });
 

@@ -338,8 +338,8 @@ void Pipeline::TrainAgents() {
     return is_complete;
   });
   const DesignedSimulators designed = Designed();
-  const bool ppo = config_.agents.AlgorithmFor(factory_->spec()) == "ppo";
-  const int64_t n_steps = ppo ? config_.ppo.n_steps : config_.sac.n_steps;
+  const std::string algorithm = config_.agents.AlgorithmFor(factory_->spec());
+  const int64_t n_steps = WithAgentSettings(config_, factory_->spec(), [](const auto& agent) { return agent.n_steps; });
   for (const AgentJob& job : jobs) {
     context_.log->Progress("train", directory_.NameOf(job.folder), 0, n_steps, "");
   }
@@ -357,7 +357,7 @@ void Pipeline::TrainAgents() {
     ExportAgent(job.folder, fingerprint, job.folder / "policy.onnx");
     json record = {{"schema", "oted.agent/1"}, {"agent", job.index}, {"designed", is_designed},
                    {"seed", config_.run.seed}, {"n_steps", n_steps}, {"eval_return", curve.eval_return}};
-    if (ppo) record["algorithm"] = "ppo";
+    if (algorithm != "sac") record["algorithm"] = algorithm;
     if (is_designed && config_.agents.train_in != "modes") record["train_in"] = config_.agents.train_in;
     if (!is_designed && job.where != "undesigned") record["baseline"] = job.where;
     for (const auto& [name, value] : ground.episodes->Figures()) record["episodes"][name] = value;

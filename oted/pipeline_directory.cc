@@ -8,6 +8,7 @@
 #include "oted/matching/experience.h"
 #include "oted/pipeline.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/training_ground.h"
 
 namespace oted {
 
@@ -154,11 +155,9 @@ std::string Pipeline::SelectionFingerprint() const {
 
 std::string Pipeline::AgentFingerprint(const std::string& where) const {
   const bool designed = where == "designed";
-  SacConfig sac = config_.sac;
-  PpoConfig ppo = config_.ppo;
-  const bool is_ppo = config_.agents.AlgorithmFor(factory_->spec()) == "ppo";
-  const FieldList fields = is_ppo ? ppo.Fields() : sac.Fields("sac");
-  json inputs = {"agent", designed, fields.ToJson(), config_.run.seed, TaskIdentity(), model_sha256_};
+  const json settings =
+      WithAgentSettings(config_, factory_->spec(), [](auto agent) { return agent.Fields().ToJson(); });
+  json inputs = {"agent", designed, settings, config_.run.seed, TaskIdentity(), model_sha256_};
   if (designed) {
     inputs.push_back(SelectionFingerprint());
     if (config_.agents.train_in != "modes") inputs.push_back(config_.agents.train_in);

@@ -14,6 +14,14 @@ namespace oted {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
+namespace {
+
+std::string NameOf(const std::string& algorithm) {
+  return algorithm == "ppo" ? "PPO" : algorithm == "crossq" ? "CrossQ" : "SAC";
+}
+
+}  // namespace
+
 void Pipeline::EvaluateInTarget() {
   if (config_.truth.empty()) return;
   SelectPolicy();
@@ -24,7 +32,7 @@ void Pipeline::EvaluateInTarget() {
   const SimulatorSpec& spec = factory_->spec();
 
   const ActionNoise noise = JudgedNoise();
-  const std::string algorithm = config_.agents.AlgorithmFor(spec), name_of_it = algorithm == "ppo" ? "PPO" : "SAC";
+  const std::string algorithm = config_.agents.AlgorithmFor(spec), name_of_it = NameOf(algorithm);
   const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
 
   const auto* grid = dynamic_cast<const MinigridSimulatorFactory*>(factory_.get());

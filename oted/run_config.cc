@@ -59,8 +59,8 @@ FieldList RunSettings::Fields() {
 FieldList AgentsConfig::Fields() {
   FieldList fields("agents");
   fields.AddChoice("algorithm", &algorithm,
-                   "how agents learn: sac for continuous actions, ppo for discrete ones; auto: whichever it takes",
-                   {"auto", "sac", "ppo"});
+                   "how agents learn: sac or crossq for continuous actions, ppo for discrete ones; auto: sac or ppo",
+                   {"auto", "sac", "crossq", "ppo"});
   fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
   fields.AddChoice("train_in", &train_in,
                    "where agents train, drawn anew for each episode: a mode of the seeds' q (Algorithm 2), a sample of "
@@ -76,14 +76,14 @@ FieldList AgentsConfig::Fields() {
 
 std::string AgentsConfig::AlgorithmFor(const SimulatorSpec& spec) const {
   const bool discrete = spec.n_discrete_actions > 0;
-  const std::string needed = discrete ? "ppo" : "sac";
-  if (algorithm != "auto" && algorithm != needed) {
+  if (algorithm == "auto") return discrete ? "ppo" : "sac";
+  if ((algorithm == "ppo") != discrete) {
     throw UsageError(
-        fmt::format("agents.algorithm is {}, but task '{}' has {} actions, which {} alone takes; set it "
+        fmt::format("agents.algorithm is {}, but task '{}' has {} actions, which it does not take; set it "
                     "to {} or auto",
-                    algorithm, spec.task, discrete ? "discrete" : "continuous", needed, needed));
+                    algorithm, spec.task, discrete ? "discrete" : "continuous", discrete ? "ppo" : "sac, crossq"));
   }
-  return needed;
+  return algorithm;
 }
 
 FieldList ReportConfig::Fields() {
@@ -294,7 +294,8 @@ void CheckName(const std::string& what, const std::string& name) {
 std::vector<FieldList> AllFields(RunConfig& config) {
   return {config.task.Fields(),     config.task.grid.Fields(), config.data.Fields(),      config.run.Fields(),
           config.clone.Fields(),    config.design.Fields(),    config.selection.Fields(), config.agents.Fields(),
-          config.sac.Fields("sac"), config.ppo.Fields(),       config.baselines.Fields(), config.report.Fields()};
+          config.sac.Fields("sac"), config.crossq.Fields(),    config.ppo.Fields(),       config.baselines.Fields(),
+          config.report.Fields()};
 }
 
 RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,

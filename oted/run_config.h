@@ -9,6 +9,7 @@
 
 #include "oted/baselines/baselines_config.h"
 #include "oted/data/data_options.h"
+#include "oted/rl/crossq.h"
 #include "oted/rl/ppo.h"
 #include "oted/rl/sac.h"
 #include "oted/sim/minigrid/task.h"
@@ -67,7 +68,7 @@ struct AgentsConfig {
   std::vector<double> undesigned_at;  ///< z; empty: nominal
   int selection_episodes = 10;
   int target_episodes = 20;
-  /// "sac" or "ppo", as the task's actions ask for. @throws UsageError when `algorithm` does not take them
+  /// "sac", "crossq" or "ppo", as the task's actions ask for. @throws UsageError when `algorithm` does not take them
   std::string AlgorithmFor(const SimulatorSpec& spec) const;
   FieldList Fields();
 };
@@ -94,6 +95,7 @@ struct RunConfig {
   SelectionConfig selection;
   AgentsConfig agents;
   SacConfig sac;
+  CrossQConfig crossq;
   PpoConfig ppo;
   BaselinesConfig baselines;
   ReportConfig report;

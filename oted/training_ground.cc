@@ -19,11 +19,9 @@ TrainingGround Drawn(EpisodeParameters draw, std::vector<std::vector<double>> ev
   return {std::make_unique<DrawnEpisodes>(std::move(draw)), std::move(evaluate_in)};
 }
 
-bool IsPpo(const RunConfig& config, const SimulatorSpec& spec) { return config.agents.AlgorithmFor(spec) == "ppo"; }
-
 /// Over the whole range, and the same for every agent of a run, so that their returns compare.
 std::vector<std::vector<double>> EvaluationDraws(const RunConfig& config, const SimulatorFactory& factory) {
-  const int n = IsPpo(config, factory.spec()) ? config.ppo.eval_episodes : config.sac.eval_episodes;
+  const int n = WithAgentSettings(config, factory.spec(), [](const auto& agent) { return agent.eval_episodes; });
   return UniformDraws(factory.parameters(), n,
                       RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines").Stage("evaluation"));
 }
@@ -78,7 +76,7 @@ LearningCurve TrainAgentIn(const TrainingGround& ground, const SimulatorFactory&
     agent.policy.Save(folder / "policy.npz");
     return agent;
   };
-  return IsPpo(config, factory.spec()) ? train(config.ppo) : train(config.sac);
+  return WithAgentSettings(config, factory.spec(), train);
 }
 
 }  // namespace oted

@@ -44,6 +44,14 @@ nlohmann::json ComparedIdentity(const std::string& name, const RunConfig& config
 /// The random streams of BC+DR in a run.
 RngKey BcDrKey(const RunConfig& config);
 
+/// What `use` makes of the settings of the algorithm that the agents learn by: a SacConfig, CrossQConfig or PpoConfig.
+template <class Use>
+auto WithAgentSettings(const RunConfig& config, const SimulatorSpec& spec, const Use& use) {
+  const std::string algorithm = config.agents.AlgorithmFor(spec);
+  if (algorithm == "ppo") return use(config.ppo);
+  return algorithm == "crossq" ? use(config.crossq) : use(config.sac);
+}
+
 /// Trains agent `index` (from 1) of a run by the algorithm that its actions ask for, and leaves policy.npz in `folder`.
 /// Agents of the same index have the same random streams wherever they train: a paired comparison.
 LearningCurve TrainAgentIn(const TrainingGround& ground, const SimulatorFactory& factory, const RunConfig& config,

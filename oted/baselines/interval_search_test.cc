@@ -129,9 +129,9 @@ TEST(IntervalSearch, ADivergedEpisodeIsAFailureWhateverItReturned) {
 struct Training {
   std::filesystem::path folder;
   const std::atomic<bool>* stop = nullptr;
-  SacObserver observer = {};
+  ReplayObserver observer = {};
 
-  SacResult operator()(IntervalSearch& search) const {
+  ReplayAgent operator()(IntervalSearch& search) const {
     SacConfig config;
     config.n_steps = 900;
     config.n_lanes = 2;

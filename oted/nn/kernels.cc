@@ -88,4 +88,90 @@ OTED_VECTORISED void RowProductsGradients(const float* __restrict dy, const floa
   }
 }
 
+OTED_VECTORISED void ColumnMoments(const float* __restrict x, float* __restrict mean, float* __restrict variance,
+                                   int rows, int cols) {
+  SumColumns(x, mean, rows, cols);
+  const float share = 1.0f / static_cast<float>(rows);
+  for (int j = 0; j < cols; ++j) mean[j] *= share;
+  std::memset(variance, 0, static_cast<size_t>(cols) * sizeof(float));
+  for (int i = 0; i < rows; ++i, x += cols) {
+    for (int j = 0; j < cols; ++j) variance[j] += (x[j] - mean[j]) * (x[j] - mean[j]);
+  }
+  for (int j = 0; j < cols; ++j) variance[j] *= share;
+}
+
+OTED_VECTORISED void ScaleRows(const float* __restrict w, const float* __restrict scale, const float* __restrict offset,
+                               float* __restrict scaled, float* __restrict bias, int rows, int cols) {
+  for (int i = 0; i < rows; ++i, w += cols, scaled += cols) {
+    const float factor = scale[i], share = offset[i];
+    for (int j = 0; j < cols; ++j) {
+      scaled[j] = factor * w[j];
+      bias[j] += share * w[j];
+    }
+  }
+}
+
+OTED_VECTORISED void UnfoldRow(const float* __restrict w, const float* __restrict d_bias, float scale, float offset,
+                               float* __restrict dw, float* __restrict d_scale, float* __restrict d_offset, int cols) {
+  constexpr int kLanes = 16;
+  float scales[kLanes] = {}, offsets[kLanes] = {};
+  const int whole = cols - cols % kLanes;
+  for (int j = 0; j < whole; j += kLanes) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      scales[lane] += dw[j + lane] * w[j + lane];
+      offsets[lane] += d_bias[j + lane] * w[j + lane];
+      dw[j + lane] = scale * dw[j + lane] + offset * d_bias[j + lane];
+    }
+  }
+  for (int j = whole; j < cols; ++j) {
+    scales[j - whole] += dw[j] * w[j];
+    offsets[j - whole] += d_bias[j] * w[j];
+    dw[j] = scale * dw[j] + offset * d_bias[j];
+  }
+  for (int half = kLanes / 2; half > 0; half /= 2) {
+    for (int lane = 0; lane < half; ++lane) {
+      scales[lane] += scales[lane + half];
+      offsets[lane] += offsets[lane + half];
+    }
+  }
+  *d_scale = scales[0];
+  *d_offset = offsets[0];
+}
+
+OTED_VECTORISED void WeightedColumnSums(const float* __restrict dy, const float* __restrict x, float* __restrict sums,
+                                        int rows, int cols) {
+  std::memset(sums, 0, static_cast<size_t>(cols) * sizeof(float));
+  for (int i = 0; i < rows; ++i, x += cols) {
+    for (int j = 0; j < cols; ++j) sums[j] += dy[i] * x[j];
+  }
+}
+
+OTED_VECTORISED void NormalisedGradient(const float* __restrict dh, const float* __restrict slope,
+                                        const float* __restrict constant, float* __restrict h,
+                                        float* __restrict column_sums, int rows, int cols) {
+  std::memset(column_sums, 0, static_cast<size_t>(cols) * sizeof(float));
+  for (int i = 0; i < rows; ++i, h += cols, dh += cols) {
+    for (int j = 0; j < cols; ++j) {
+      const float v = KeepWherePositive(dh[j] + constant[j] + slope[j] * h[j], h[j]);
+      column_sums[j] += v;
+      h[j] = v;
+    }
+  }
+}
+
+OTED_VECTORISED void NormalisedRowProductsGradient(const float* __restrict dy, const float* __restrict w,
+                                                   const float* __restrict slope, const float* __restrict constant,
+                                                   float* __restrict h, float* __restrict column_sums, int rows,
+                                                   int cols) {
+  std::memset(column_sums, 0, static_cast<size_t>(cols) * sizeof(float));
+  for (int i = 0; i < rows; ++i, h += cols) {
+    const float factor = dy[i];
+    for (int j = 0; j < cols; ++j) {
+      const float v = KeepWherePositive(factor * w[j] + constant[j] + slope[j] * h[j], h[j]);
+      column_sums[j] += v;
+      h[j] = v;
+    }
+  }
+}
+
 }  // namespace oted::kernels

@@ -32,6 +32,25 @@ void RowProductsInputGradient(const float* dy, const float* w, float* x, const i
 /// The same for r = i, and dw[j] = sum_i dy[i] x[i, j], column_sums[j] = sum_i dx[i, j].
 void RowProductsGradients(const float* dy, const float* w, float* x, float* dw, float* column_sums, int rows, int cols);
 
+/// What batch normalisation folded into a linear layer needs (batch_norm_mlp.h).
+/// mean[j] and variance[j] = sum_i (x[i, j] - mean[j])^2 / rows of x's columns.
+void ColumnMoments(const float* x, float* mean, float* variance, int rows, int cols);
+/// scaled[i, j] = scale[i] w[i, j] and bias[j] += sum_i offset[i] w[i, j]: a normalisation's affine map, folded.
+void ScaleRows(const float* w, const float* scale, const float* offset, float* scaled, float* bias, int rows, int cols);
+/// Back through that, for one row: d_scale = sum_j dw[j] w[j], d_offset = sum_j d_bias[j] w[j], and then
+/// dw[j] = scale dw[j] + offset d_bias[j].
+void UnfoldRow(const float* w, const float* d_bias, float scale, float offset, float* dw, float* d_scale,
+               float* d_offset, int cols);
+/// sums[j] = sum_i dy[i] x[i, j].
+void WeightedColumnSums(const float* dy, const float* x, float* sums, int rows, int cols);
+/// Back through statistics and rectifier: h[i, j] = dh[i, j] + constant[j] + slope[j] h[i, j] where h[i, j] > 0, else
+/// 0. column_sums[j] = sum_i of the new h[i, j].
+void NormalisedGradient(const float* dh, const float* slope, const float* constant, float* h, float* column_sums,
+                        int rows, int cols);
+/// The same for dh[i, j] = dy[i] w[j].
+void NormalisedRowProductsGradient(const float* dy, const float* w, const float* slope, const float* constant, float* h,
+                                   float* column_sums, int rows, int cols);
+
 /// y[i] = exp(x[i]), log(x[i]), tanh(x[i]) to a few units in the last place, or 1e-7 where tanh is near zero.
 /// y may be x.
 void Exp(const float* x, float* y, size_t n);

@@ -5,7 +5,6 @@
 
 #include "oted/base/error.h"
 #include "oted/nn/categorical.h"
-#include "oted/rl/training.h"
 
 namespace oted {
 namespace {
@@ -13,8 +12,6 @@ namespace {
 constexpr float kBound = 10;           // quantities in spreads, as VecNormalize of Stable-Baselines3 cuts them
 constexpr float kHeadScale = 0.01f;    // of the policy's first logits
 constexpr float kAdamEpsilon = 1e-5f;  // Stable-Baselines3's for PPO
-
-std::string PrefixOf(bool is_actor) { return is_actor ? "ppo/actor/" : "ppo/critic/"; }
 
 /// Makes the last layer small: its weight and bias are the end of the flat vector.
 void ScaleHead(FeatureNet& net, float factor) {
@@ -120,29 +117,11 @@ PpoLosses PpoUpdate::Step(const PpoBatch& batch) {
   return losses;
 }
 
-void PpoUpdate::Save(NpzArrays& arrays) {
-  const auto copy = [](const AlignedVector<float>& v) { return NpyArray(std::vector<float>(v.begin(), v.end())); };
-  for (Part* part : {&actor_part_, &critic_part_}) {
-    const std::string prefix = PrefixOf(part == &actor_part_);
-    arrays[prefix + "parameters"] = copy(part->net->parameters());
-    arrays[prefix + "m"] = copy(part->adam.m());
-    arrays[prefix + "v"] = copy(part->adam.v());
-  }
-  arrays["ppo/n_steps"] = NpyArray(std::vector<int64_t>{actor_part_.adam.n_steps()});
-}
-
-void PpoUpdate::Restore(const NpzArrays& arrays) {
-  const int64_t n_steps = CheckpointValues<int64_t>(arrays, "ppo/n_steps", 1)[0];
-  for (Part* part : {&actor_part_, &critic_part_}) {
-    const auto read = [&](const char* name, AlignedVector<float>& into) {
-      std::ranges::copy(CheckpointValues<float>(arrays, PrefixOf(part == &actor_part_) + name, into.size()),
-                        into.begin());
-    };
-    read("parameters", part->net->parameters());
-    read("m", part->adam.m());
-    read("v", part->adam.v());
-    part->adam.n_steps() = n_steps;
-  }
+LearnedState PpoUpdate::State() {
+  LearnedState state("ppo/");
+  state.Add("actor", actor_part_.net->parameters(), actor_part_.adam);
+  state.Add("critic", critic_part_.net->parameters(), critic_part_.adam);
+  return state;
 }
 
 }  // namespace oted

@@ -7,6 +7,7 @@
 #include "oted/base/array2.h"
 #include "oted/data/npz.h"
 #include "oted/nn/categorical_policy.h"
+#include "oted/rl/learned_state.h"
 
 namespace oted {
 
@@ -61,9 +62,9 @@ class PpoUpdate {
   PpoUpdate& operator=(const PpoUpdate&) = delete;
 
   /// Networks and optimiser moments under names that start with "ppo/".
-  void Save(NpzArrays& arrays);
+  void Save(NpzArrays& arrays) { State().Save(arrays); }
   /// @throws DataError naming the array that is missing or of another size; the caller names the file.
-  void Restore(const NpzArrays& arrays);
+  void Restore(const NpzArrays& arrays) { State().Restore(arrays); }
 
  private:
   /// A network with what its gradient step needs.
@@ -75,6 +76,7 @@ class PpoUpdate {
     AlignedVector<float> dout;   // the loss's gradient there
     AlignedVector<float> gradient;
   };
+  LearnedState State();
   Part MakePart(FeatureNet& net) const;
   void Forward(Part& part, std::span<const double> observations, int n);
 

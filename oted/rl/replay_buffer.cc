@@ -32,7 +32,7 @@ void ReplayBuffer::Add(std::span<const double> observation, std::span<const doub
   size_ = std::min(size_ + 1, capacity_);
 }
 
-void ReplayBuffer::Sample(int batch_size, Rng& rng, SacBatch& batch) const {
+void ReplayBuffer::Sample(int batch_size, Rng& rng, TransitionBatch& batch) const {
   OTED_CHECK(size_ > 0);
   const size_t n = static_cast<size_t>(batch_size);
   batch.size = batch_size;

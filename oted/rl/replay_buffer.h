@@ -9,7 +9,7 @@
 namespace oted {
 
 /// One mini-batch of B transitions, laid out as SAC's matrix products read it.
-struct SacBatch {
+struct TransitionBatch {
   int size = 0;                       ///< B
   AlignedVector<float> observations;  ///< (2B, obs_dim): s of all rows, then s' of all rows
   AlignedVector<float> joint;         ///< (B, obs_dim + act_dim): [s, a], a in [-1, 1]
@@ -27,7 +27,7 @@ class ReplayBuffer {
   void Add(std::span<const double> observation, std::span<const double> action, double reward,
            std::span<const double> next_observation, bool terminated);
   /// Rows drawn uniformly with replacement, and the noise for the update.
-  void Sample(int batch_size, Rng& rng, SacBatch& batch) const;
+  void Sample(int batch_size, Rng& rng, TransitionBatch& batch) const;
   int64_t size() const { return size_; }
 
   /// For checkpoints: the rows in use, (size, row), and the ring's position.

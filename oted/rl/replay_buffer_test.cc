@@ -20,7 +20,7 @@ void AddRow(ReplayBuffer& buffer, int i) {
 TEST(ReplayBuffer, ABatchIsLaidOutAsTheUpdateReadsIt) {
   ReplayBuffer buffer(2, 1, 10);
   for (int i = 0; i < 4; ++i) AddRow(buffer, i);
-  SacBatch batch;
+  TransitionBatch batch;
   Rng rng(1);
   buffer.Sample(50, rng, batch);
   ASSERT_EQ(batch.size, 50);
@@ -47,7 +47,7 @@ TEST(ReplayBuffer, AFullRingKeepsTheLastRows) {
     EXPECT_EQ(buffer.size(), std::min(i + 1, 5));
   }
   EXPECT_EQ(buffer.next(), 2);
-  SacBatch batch;
+  TransitionBatch batch;
   Rng rng(2);
   buffer.Sample(300, rng, batch);
   std::set<float> seen;
@@ -58,7 +58,7 @@ TEST(ReplayBuffer, AFullRingKeepsTheLastRows) {
 TEST(ReplayBuffer, RowsAreDrawnUniformlyAndNoiseIsStandardNormal) {
   ReplayBuffer buffer(2, 1, 100);
   for (int i = 0; i < 20; ++i) AddRow(buffer, i);
-  SacBatch batch;
+  TransitionBatch batch;
   Rng rng(3);
   std::vector<double> counts(20, 0);
   double noise_sum = 0, noise_squares = 0, n_noise = 0;
@@ -84,7 +84,7 @@ TEST(ReplayBuffer, ARestoredBufferDrawsAndOverwritesTheSame) {
     for (int i = 0; i < n_rows; ++i) AddRow(buffer, i);
     restored.Restore(buffer.rows(), buffer.next());
     Rng rng_a(4), rng_b(4);
-    SacBatch a, b;
+    TransitionBatch a, b;
     for (int i = 100; i < 107; ++i) {
       buffer.Sample(16, rng_a, a);
       restored.Sample(16, rng_b, b);
@@ -101,7 +101,7 @@ TEST(ReplayBuffer, ARestoredBufferDrawsAndOverwritesTheSame) {
 
 TEST(ReplayBuffer, AnEmptyBufferHasNothingToDraw) {
   ReplayBuffer buffer(2, 1, 5);
-  SacBatch batch;
+  TransitionBatch batch;
   Rng rng(5);
   EXPECT_THROW(buffer.Sample(1, rng, batch), InternalError);
 }

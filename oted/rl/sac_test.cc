@@ -31,18 +31,18 @@ struct Training {
   SacConfig config = SmallConfig();
   int n_threads = 1;
   EpisodeParameters parameters = [](Rng&) { return kNominal; };
-  SacObserver observer = {};
+  ReplayObserver observer = {};
   const std::atomic<bool>* stop = nullptr;
   uint64_t seed = 5;
 
-  SacResult operator()() const {
+  ReplayAgent operator()() const {
     NullSink log;
     return TrainSac(PointMassFactory(options), parameters, {kNominal}, config, RngKey(seed), folder, "agent",
                     {&log, stop, n_threads}, observer);
   }
 };
 
-std::string Bytes(const SacResult& result) {
+std::string Bytes(const ReplayAgent& result) {
   const auto& p = result.policy.net().parameters();
   return std::string(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(float));
 }
@@ -72,7 +72,7 @@ TEST(TrainSac, SolvesThePointMassToNearItsAnalyticOptimum) {
   run.config.hidden = {32, 32};
   run.config.learning_rate = 2e-3;
   run.config.gamma = 0.95;
-  const SacResult result = run();
+  const ReplayAgent result = run();
   const RngKey key(77);
   constexpr int kEpisodes = 50;
   double optimal = 0, idle = 0;
@@ -97,7 +97,7 @@ TEST(TrainSac, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   uninterrupted.config.updates_per_step = 0.7;
   uninterrupted.config.buffer_size = 250;  // the ring has wrapped when the second segment ends
   uninterrupted.parameters = draw;
-  const SacResult expected = uninterrupted();
+  const ReplayAgent expected = uninterrupted();
 
   std::atomic<bool> stop = false;
   int segments = 0;
@@ -111,13 +111,13 @@ TEST(TrainSac, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   stop = false;
   EXPECT_THROW(first(), Interrupted);
   EXPECT_EQ(segments, 2);
-  const SacResult resumed = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
+  const ReplayAgent resumed = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
   EXPECT_EQ(Bytes(resumed), Bytes(expected));
   EXPECT_EQ(resumed.eval_steps, (std::vector<int64_t>{200, 400, 600}));
   EXPECT_EQ(resumed.eval_returns, expected.eval_returns);
   EXPECT_EQ(resumed.eval_return, expected.eval_return);
   // Complete: nothing is trained again.
-  const SacResult again = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
+  const ReplayAgent again = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
   EXPECT_EQ(Bytes(again), Bytes(expected));
 }
 
@@ -129,7 +129,7 @@ TEST(TrainSac, TheBestEvaluatedPolicySurvivesAStop) {
     run.seed = seed;
     run.config.n_steps = 1000;
     run.config.learning_rate = 3e-2;
-    const SacResult expected = run();
+    const ReplayAgent expected = run();
     const auto& returns = expected.eval_returns;
     const auto best = std::max_element(returns.begin(), returns.end());
     EXPECT_EQ(expected.eval_return, *best);
@@ -257,8 +257,8 @@ class BrokenInTheFirstEvaluation : public PointMassFactory {
 TEST(TrainSac, AnEvaluationInWhichEveryEpisodeDivergedIsNotTheBest) {
   const TestFolder folder;
   NullSink log;
-  const SacResult result = TrainSac(BrokenInTheFirstEvaluation(), [](Rng&) { return kNominal; }, {kNominal},
-                                    SmallConfig(), RngKey(5), folder.path(), "agent", {&log, nullptr, 1});
+  const ReplayAgent result = TrainSac(BrokenInTheFirstEvaluation(), [](Rng&) { return kNominal; }, {kNominal},
+                                      SmallConfig(), RngKey(5), folder.path(), "agent", {&log, nullptr, 1});
   ASSERT_EQ(result.eval_returns.size(), 2u);
   ASSERT_EQ(result.eval_returns[0], 0);
   ASSERT_LT(result.eval_returns[1], 0);

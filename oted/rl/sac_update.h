@@ -7,7 +7,10 @@
 #include "oted/data/npz.h"
 #include "oted/nn/mlp.h"
 #include "oted/nn/tanh_gaussian.h"
-#include "oted/rl/replay_buffer.h"
+#include "oted/rl/action_gradient.h"
+#include "oted/rl/learned_state.h"
+#include "oted/rl/replay_training.h"
+#include "oted/rl/squashed_actions.h"
 
 namespace oted {
 
@@ -17,11 +20,6 @@ struct SacUpdateOptions {
   double tau = 0.005;          ///< Polyak step of the target critics
   double target_entropy = 0;   ///< of the squashed action; usually -act_dim
   double initial_alpha = 1.0;  ///< temperature at the start
-};
-
-/// Means over the batch, as Stable-Baselines3 logs them.
-struct SacLosses {
-  double critic_loss = 0, actor_loss = 0, alpha = 0, alpha_loss = 0, mean_q = 0;
 };
 
 /// What a learner of SAC holds and does; the networks are on flat parameters.
@@ -34,27 +32,27 @@ struct SacLosses {
 ///
 /// Order, losses and the constant 1e-6 in log(1 - a^2 + 1e-6) are Stable-Baselines3's. Gradients are written out by
 /// hand; sac_update_test holds them against libtorch's autograd.
-class SacUpdate {
+class SacUpdate : public ReplayUpdate {
  public:
   /// @param actor initialised; its normaliser is applied by the caller before observations enter a batch.
   SacUpdate(TanhGaussianPolicy actor, const std::vector<int>& critic_hidden, const SacUpdateOptions& options, Rng& rng);
 
-  SacLosses Step(const SacBatch& batch);
+  ReplayLosses Step(const TransitionBatch& batch) override;
 
-  const TanhGaussianPolicy& actor() const { return actor_; }
+  const TanhGaussianPolicy& actor() const override { return actor_; }
   Mlp& critic(int i) { return critics_[i]; }
   Mlp& target_critic(int i) { return target_critics_[i]; }
   double log_alpha() const { return log_alpha_[0]; }
 
   /// Parameters and optimiser moments under names that start with "sac/".
-  void Save(NpzArrays& arrays);
-  /// @throws DataError naming the array that is missing or of another size; the caller names the file.
-  void Restore(const NpzArrays& arrays);
+  void Save(NpzArrays& arrays) override { State().Save(arrays); }
+  void Restore(const NpzArrays& arrays) override { State().Restore(arrays); }
 
  private:
-  void ForwardActor(const SacBatch& batch);
-  SacLosses StepCritics(const SacBatch& batch, float alpha);
-  double StepActor(const SacBatch& batch, float alpha);
+  LearnedState State();
+  void ForwardActor(const TransitionBatch& batch);
+  ReplayLosses StepCritics(const TransitionBatch& batch, float alpha);
+  double StepActor(const TransitionBatch& batch, float alpha);
 
   SacUpdateOptions options_;
   TanhGaussianPolicy actor_;
@@ -62,14 +60,12 @@ class SacUpdate {
   AlignedVector<float> log_alpha_ = AlignedVector<float>(1);
   Adam actor_adam_, critic_adam_[2], alpha_adam_;
 
-  MlpPass actor_pass_, critic_pass_[2];                       // few, so that they stay in the cache
-  const float* actor_out_ = nullptr;                          // (2B, 2 act_dim), owned by actor_pass_
-  AlignedVector<float> actions_, log_std_, std_, log_slope_;  // at s, then at s': (2B, act_dim)
-  AlignedVector<float> log_prob_;                             // (2B)
-  AlignedVector<float> joint_pi_, joint_next_;                // (B, obs_dim + act_dim): [s, a~pi], [s', a'~pi]
-  AlignedVector<float> target_, dq_, dq_da_, actor_dout_;     // gradients at the networks' outputs and actions
-  std::vector<int> smaller_[2];                               // rows of the batch whose smaller critic it is
-  AlignedVector<float> dq_da_rows_;                           // dq_da_ of those rows
+  MlpPass actor_pass_, critic_pass_[2];            // few, so that they stay in the cache
+  const float* actor_out_ = nullptr;               // (2B, 2 act_dim), owned by actor_pass_
+  SquashedActions actions_;                        // at s, then at s'
+  ActionGradient action_gradient_;                 // of the smaller critic, at s
+  AlignedVector<float> joint_pi_, joint_next_;     // (B, obs_dim + act_dim): [s, a~pi], [s', a'~pi]
+  AlignedVector<float> target_, dq_, actor_dout_;  // gradients at the networks' outputs
   AlignedVector<float> actor_gradient_, critic_gradient_;
 };
 

@@ -26,7 +26,7 @@ class TorchSac {
         critic_adam_(Joined(), torch::optim::AdamOptions(options.learning_rate)),
         alpha_adam_({log_alpha}, torch::optim::AdamOptions(options.learning_rate)) {}
 
-  SacLosses Step(const SacBatch& batch) {
+  ReplayLosses Step(const TransitionBatch& batch) {
     const int64_t n = batch.size, obs_dim = actor.parameters[0].size(0);
     const torch::Tensor both = ToTensor(batch.observations, 2 * n, obs_dim),
                         noise = ToTensor(batch.noise, 2 * n, act_dim_);
@@ -63,7 +63,7 @@ class TorchSac {
         targets[i].parameters[k].mul_(1 - options_.tau).add_(critics[i].parameters[k], options_.tau);
       }
     }
-    SacLosses losses;
+    ReplayLosses losses;
     losses.critic_loss = critic_loss.item<double>();
     losses.actor_loss = actor_loss.item<double>();
     losses.alpha = alpha.item<double>();
@@ -115,7 +115,7 @@ SacUpdate MakeUpdate(int obs_dim, int act_dim, const std::vector<int>& hidden, c
   return SacUpdate(std::move(actor), hidden, options, rng);
 }
 
-SacBatch RandomBatch(int obs_dim, int act_dim, Rng& rng) {
+TransitionBatch RandomBatch(int obs_dim, int act_dim, Rng& rng) {
   ReplayBuffer buffer(obs_dim, act_dim, kBatch);
   std::vector<double> s(static_cast<size_t>(obs_dim)), s_next(s), a(static_cast<size_t>(act_dim));
   for (int row = 0; row < kBatch; ++row) {
@@ -124,12 +124,12 @@ SacBatch RandomBatch(int obs_dim, int act_dim, Rng& rng) {
     for (double& v : a) v = rng.Uniform(-1, 1);
     buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
   }
-  SacBatch batch;
+  TransitionBatch batch;
   buffer.Sample(kBatch, rng, batch);
   return batch;
 }
 
-void ExpectNear(const SacLosses& got, const SacLosses& want, int step) {
+void ExpectNear(const ReplayLosses& got, const ReplayLosses& want, int step) {
   const auto near = [&](double a, double b, const char* what) {
     EXPECT_NEAR(a, b, 2e-5 * (1 + std::abs(b))) << what << " at step " << step;
   };
@@ -155,7 +155,7 @@ void CompareOverSteps(int obs_dim, int act_dim) {
   TorchSac reference(update, options);
   Rng rng(12);
   for (int step = 0; step < 60; ++step) {
-    const SacBatch batch = RandomBatch(obs_dim, act_dim, rng);
+    const TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
     ExpectNear(update.Step(batch), reference.Step(batch), step);
   }
   EXPECT_LT(MaxDifference(update.actor().net().parameters(), reference.actor.Flat()), kTolerance);
@@ -188,7 +188,7 @@ TEST(SacUpdateAgainstAutograd, ClampedStandardDeviationsPassNoGradient) {
   SacUpdate update(actor, {16}, options, rng);
   TorchSac reference(update, options);
   for (int step = 0; step < 10; ++step) {
-    SacBatch batch = RandomBatch(obs_dim, act_dim, rng);
+    TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
     // Small noise: at |a| = 1 single precision knows log(1 - a^2 + 1e-6) to a few per cent only.
     for (float& v : batch.noise) v *= 0.1f;
     ExpectNear(update.Step(batch), reference.Step(batch), step);
@@ -203,7 +203,7 @@ TEST(SacUpdate, TerminatedRowsDoNotBootstrapAndTruncatedRowsDo) {
   SacUpdateOptions options;
   options.target_entropy = -act_dim;
   Rng rng(14);
-  SacBatch batch = RandomBatch(obs_dim, act_dim, rng);
+  TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
   const auto critic_loss = [&](float terminated, float target_bias) {
     batch.terminated.assign(kBatch, terminated);
     SacUpdate update = MakeUpdate(obs_dim, act_dim, {8}, options);
@@ -239,8 +239,8 @@ TEST(SacUpdate, ARestoredUpdateGoesOnWithTheSameNumbers) {
   SacUpdate restored = MakeUpdate(obs_dim, act_dim, {16}, options);
   restored.Restore(ParseNpz(NpzBytes(arrays), "memory"));
   for (int step = 0; step < 5; ++step) {
-    const SacBatch batch = RandomBatch(obs_dim, act_dim, rng);
-    const SacLosses a = update.Step(batch), b = restored.Step(batch);
+    const TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
+    const ReplayLosses a = update.Step(batch), b = restored.Step(batch);
     EXPECT_EQ(a.critic_loss, b.critic_loss);
     EXPECT_EQ(a.actor_loss, b.actor_loss);
     EXPECT_EQ(a.alpha, b.alpha);

@@ -183,43 +183,19 @@ double ValueDiceUpdate::AddOrthogonality() {
   return sum;
 }
 
-namespace {
-
-template <class Visit>
-void VisitState(const char* name, AlignedVector<float>& parameters, Adam& adam, const Visit& visit) {
-  const std::string prefix = std::string("valuedice/") + name;
-  visit(prefix + "/parameters", parameters);
-  visit(prefix + "/m", adam.m());
-  visit(prefix + "/v", adam.v());
-}
-
-}  // namespace
-
-void ValueDiceUpdate::Save(NpzArrays& arrays) {
-  const auto save = [&](const std::string& name, AlignedVector<float>& values) {
-    arrays[name] = NpyArray(std::vector<float>(values.begin(), values.end()));
-  };
-  VisitState("actor", actor_.net().parameters(), actor_adam_, save);
-  VisitState("critic", critic_.parameters(), critic_adam_, save);
-  arrays["valuedice/n_steps"] = NpyArray(std::vector<int64_t>{actor_adam_.n_steps(), critic_adam_.n_steps()});
+LearnedState ValueDiceUpdate::State() {
+  LearnedState state("valuedice/");
+  state.Add("actor", actor_.net().parameters(), actor_adam_);
+  state.Add("critic", critic_.parameters(), critic_adam_);
+  return state;
 }
 
 void ValueDiceUpdate::Restore(const NpzArrays& arrays, const std::string& where) {
-  const auto restore = [&](const std::string& name, auto& values) {
-    const auto found = arrays.find(name);
-    if (found == arrays.end() || found->second.size() != static_cast<int64_t>(values.size())) {
-      throw DataError("'" + where + "' has no fitting array '" + name + "'; remove it to make it again");
-    }
-    const std::vector<double> stored = found->second.ToDouble();
-    using Value = std::decay_t<decltype(values[0])>;
-    std::transform(stored.begin(), stored.end(), values.begin(), [](double v) { return static_cast<Value>(v); });
-  };
-  VisitState("actor", actor_.net().parameters(), actor_adam_, restore);
-  VisitState("critic", critic_.parameters(), critic_adam_, restore);
-  std::vector<int64_t> n_steps(2);
-  restore("valuedice/n_steps", n_steps);
-  actor_adam_.n_steps() = n_steps[0];
-  critic_adam_.n_steps() = n_steps[1];
+  try {
+    State().Restore(arrays);
+  } catch (const DataError& error) {
+    throw DataError("'" + where + "' has " + error.what() + "; remove it to make it again");
+  }
 }
 
 }  // namespace oted

@@ -18,6 +18,7 @@
 #include "oted/nn/mlp.h"
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/rl/imitation_rows.h"
+#include "oted/rl/learned_state.h"
 
 namespace oted {
 
@@ -68,11 +69,12 @@ class ValueDiceUpdate {
   const Mlp& critic() const { return critic_; }
 
   /// Parameters and optimiser moments under names that start with "valuedice/".
-  void Save(NpzArrays& arrays);
+  void Save(NpzArrays& arrays) { State().Save(arrays); }
   /// @throws DataError naming the array that is missing or of another size, and `where`
   void Restore(const NpzArrays& arrays, const std::string& where);
 
  private:
+  LearnedState State();
   void Act(const ValueDiceBatch& batch);
   double ObjectiveGradient(const ValueDiceBatch& batch);
   double AddGradientPenalty(const ValueDiceBatch& batch);

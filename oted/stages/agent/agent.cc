@@ -16,10 +16,16 @@ EpisodeParameters DrawSamples(std::vector<Designer> q) {
   return [q = std::move(q)](Rng& rng) { return q[rng.Below(q.size())].Draw(rng).z; };
 }
 
-SacResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
-                     const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
-                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context) {
+ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
+                       const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
+                       const std::filesystem::path& folder, const std::string& run_name, const RunContext& context) {
   return TrainSac(factory, where, evaluate_in, config, key, folder, run_name, context);
+}
+
+ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
+                       const std::vector<std::vector<double>>& evaluate_in, const CrossQConfig& config, RngKey key,
+                       const std::filesystem::path& folder, const std::string& run_name, const RunContext& context) {
+  return TrainCrossQ(factory, where, evaluate_in, config, key, folder, run_name, context);
 }
 
 PpoResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "oted/matching/designer.h"
+#include "oted/rl/crossq.h"
 #include "oted/rl/ppo.h"
 #include "oted/rl/sac.h"
 
@@ -20,13 +21,16 @@ EpisodeParameters DrawModes(std::vector<std::vector<double>> modes);
 /// @param q  at least one
 EpisodeParameters DrawSamples(std::vector<Designer> q);
 
-/// Trains one agent, by SAC where actions are continuous and by PPO where they are discrete. Lines 2 and 3 of
+/// Trains one agent, by SAC or CrossQ where actions are continuous and by PPO where they are discrete. Lines 2 and 3 of
 /// Algorithm 2, run and update, are the algorithm's own loop.
 /// @param where  its episodes
 /// @param evaluate_in  (n, parameters): the simulators in which its checkpoints are compared
-SacResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
+ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                      const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context);
+ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
+                       const std::vector<std::vector<double>>& evaluate_in, const CrossQConfig& config, RngKey key,
+                       const std::filesystem::path& folder, const std::string& run_name, const RunContext& context);
 PpoResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                      const std::vector<std::vector<double>>& evaluate_in, const PpoConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context);

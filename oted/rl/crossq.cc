@@ -1,0 +1,39 @@
+#include "oted/rl/crossq.h"
+
+#include "oted/rl/crossq_update.h"
+
+namespace oted {
+
+FieldList CrossQConfig::Fields() {
+  FieldList fields("crossq");
+  AddFields(fields);
+  fields.Add("hidden", &hidden, "widths of the actor's hidden layers", AtLeast(1));
+  fields.Add("critic_hidden", &critic_hidden, "widths of the critics' hidden layers", AtLeast(1));
+  fields.Add("beta1", &beta1, "Adam's decay of the gradient's mean, for actor and critics", Between(0, 0.999));
+  fields.Add("policy_delay", &policy_delay, "gradient steps of the critics for one of actor and temperature",
+             AtLeast(1));
+  fields.Add("momentum", &momentum, "step of the running statistics towards a batch's", AboveUpTo(0, 1));
+  fields.Add("renorm_warmup", &renorm_warmup,
+             "gradient steps normalised by the batch alone, before batch renormalisation begins", AtLeast(0));
+  return fields;
+}
+
+ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
+                        const std::vector<std::vector<double>>& eval_parameters, const CrossQConfig& config, RngKey key,
+                        const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
+                        const ReplayObserver& observer) {
+  const auto make_update = [&](const TanhGaussianPolicy& actor, Rng& rng) {
+    const CrossQUpdateOptions options{.learning_rate = config.learning_rate,
+                                      .beta1 = config.beta1,
+                                      .gamma = config.gamma,
+                                      .target_entropy = -static_cast<double>(actor.act_dim()),
+                                      .policy_delay = config.policy_delay,
+                                      .momentum = config.momentum,
+                                      .renorm_warmup = config.renorm_warmup};
+    return std::make_unique<CrossQUpdate>(actor, config.critic_hidden, options, rng);
+  };
+  return TrainByReplay(factory, source, eval_parameters, config, "CrossQ", make_update, key, folder, run_name, context,
+                       observer);
+}
+
+}  // namespace oted

@@ -1,0 +1,78 @@
+#pragma once
+/// Training one agent from replayed transitions: what SAC and CrossQ have in common (Algorithm 2 of the paper, one
+/// agent). They differ in the gradient step.
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "oted/base/fields.h"
+#include "oted/base/log.h"
+#include "oted/nn/tanh_gaussian.h"
+#include "oted/rl/replay_buffer.h"
+#include "oted/rl/training.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// Defaults are Stable-Baselines3's except where noted.
+struct ReplayConfig {
+  int64_t n_steps = 300'000;
+  int n_lanes = 1;
+  double updates_per_step = 1.0;
+  int64_t learning_starts = 1'000;  ///< Stable-Baselines3: 100; rl-zoo's MuJoCo settings: 10,000
+  int batch_size = 256;
+  int64_t buffer_size = 1'000'000;
+  std::vector<int> hidden = {256, 256};  ///< of the actor
+  double learning_rate = 3e-4;
+  double gamma = 0.99;
+  int64_t eval_interval = 10'000;
+  int eval_episodes = 5;
+  std::string keep = "best";
+
+ protected:
+  /// All but `hidden`, which networks it is of depends on the algorithm.
+  void AddFields(FieldList& fields);
+};
+
+/// Means over the batch, as Stable-Baselines3 logs them.
+struct ReplayLosses {
+  double critic_loss = 0, actor_loss = 0, alpha = 0, alpha_loss = 0, mean_q = 0;
+};
+
+/// A learner's networks and its gradient step.
+class ReplayUpdate {
+ public:
+  virtual ~ReplayUpdate() = default;
+  virtual ReplayLosses Step(const TransitionBatch& batch) = 0;
+  /// The policy as it acts now.
+  virtual const TanhGaussianPolicy& actor() const = 0;
+  /// All that it holds between two steps. Restore throws DataError naming the array that is missing or of another
+  /// size; the caller names the file.
+  virtual void Save(NpzArrays& arrays) = 0;
+  virtual void Restore(const NpzArrays& arrays) = 0;
+};
+
+/// @param actor  the shape; weights are drawn from `rng`
+using MakeReplayUpdate = std::function<std::unique_ptr<ReplayUpdate>(TanhGaussianPolicy actor, Rng& rng)>;
+
+/// Sees every evaluated policy: a recorder of snapshots.
+using ReplayObserver = std::function<void(int64_t step, const TanhGaussianPolicy& policy, double eval_return)>;
+
+struct ReplayAgent : LearningCurve {
+  TanhGaussianPolicy policy;
+};
+
+/// Trains one agent by TrainInSegments. Time limits and segment ends are not terminal: the target bootstraps through
+/// them.
+/// @param algorithm  its name, for errors
+/// @throws UsageError for a task with discrete actions; as TrainInSegments
+ReplayAgent TrainByReplay(const SimulatorFactory& factory, EpisodeSource& source,
+                          const std::vector<std::vector<double>>& eval_parameters, const ReplayConfig& config,
+                          const std::string& algorithm, const MakeReplayUpdate& make_update, RngKey key,
+                          const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
+                          const ReplayObserver& observer);
+
+}  // namespace oted
