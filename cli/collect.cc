@@ -130,15 +130,22 @@ void AddCollectVerb(Program& program) {
 
 void AddBehaviorVerb(Program& program) {
   CLI::App* verb =
-      program.app.add_subcommand("behavior", "train the medium and the expert behaviour policy of a study with SAC");
-  auto options = std::make_shared<Options>();
+      program.app.add_subcommand("behavior", "train the medium and the expert behaviour policy of a study");
+  struct BehaviorOptions : Options {
+    std::string algorithm = "sac";
+  };
+  auto options = std::make_shared<BehaviorOptions>();
   verb->add_option("--task", options->task, kTaskHelp)->required();
   verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
   verb->add_option("--out", options->out, "folder for expert.npz, medium.npz and training.json")->required();
-  verb->add_option("--set", options->assignments, "sac.key=value; repeatable")->allow_extra_args(false);
+  verb->add_option("--algorithm", options->algorithm, "sac (the shipped policies') or crossq")
+      ->check(CLI::IsMember({"sac", "crossq"}))
+      ->capture_default_str();
+  verb->add_option("--set", options->assignments, "sac.key=value or crossq.key=value; repeatable")
+      ->allow_extra_args(false);
   verb->add_flag("--quiet", options->quiet, "no progress on stderr");
-  verb->footer(SettingsHelp({"sac"}));
+  verb->footer(SettingsHelp({"sac", "crossq"}));
   verb->callback([options] {
     RunConfig config;
     for (const std::string& assignment : options->assignments) config.Set(assignment);
@@ -154,8 +161,10 @@ void AddBehaviorVerb(Program& program) {
     }
     TerminalSink terminal(options->quiet);
     FileSink log(options->out, &terminal);
+    std::variant<SacConfig, CrossQConfig> agent = config.sac;
+    if (options->algorithm == "crossq") agent = config.crossq;
     const BehaviorPolicies policies =
-        TrainBehaviorPolicies(*factory, config.sac, static_cast<uint64_t>(std::max(1L, options->seed)), options->out,
+        TrainBehaviorPolicies(*factory, agent, static_cast<uint64_t>(std::max(1L, options->seed)), options->out,
                               MakeContext(log, options->threads));
     fmt::print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
                policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);

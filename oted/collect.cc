@@ -9,6 +9,7 @@
 #include "oted/base/parallel.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/sim/episode_recorder.h"
+#include "oted/stages/agent/agent.h"
 
 namespace oted {
 namespace {
@@ -40,14 +41,18 @@ Dataset CheckedLogs(const EpisodeRecorder& recorder) {
 
 }  // namespace
 
-BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const SacConfig& config, uint64_t seed,
+BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
+                                       const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
                                        const std::filesystem::path& folder, const RunContext& context) {
   const RngKey key = RngKey(seed).Stage("behavior policies");
   const std::vector<double> nominal = factory.parameters().Nominal();
   const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
-  const ReplayAgent training = TrainSac(
-      factory, [&](Rng&) { return nominal; }, {nominal}, config, key, folder, "behavior", context,
-      [&](int64_t step, const TanhGaussianPolicy& policy, double) { policy.Save(snapshot(step)); });
+  DrawnEpisodes source([&](Rng&) { return nominal; });
+  const auto train = [&](const auto& config) {
+    return TrainAgent(factory, source, {nominal}, config, key, folder, "behavior", context,
+                      [&](int64_t step, const TanhGaussianPolicy& policy, double) { policy.Save(snapshot(step)); });
+  };
+  const ReplayAgent training = std::visit(train, agent);
 
   const auto& returns = training.eval_returns;
   const size_t best = static_cast<size_t>(std::max_element(returns.begin(), returns.end()) - returns.begin());
@@ -85,8 +90,8 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const Sa
                            {"medium", describe(result.medium_step, result.medium_return)},
                            {"random", describe(0, result.random_return)},
                            {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}}}};
-  SacConfig settings = config;
-  record["sac"] = settings.Fields("sac").ToJson();
+  record[std::holds_alternative<SacConfig>(agent) ? "sac" : "crossq"] =
+      std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent);
   result.expert.Save(folder / "expert.npz");
   result.medium.Save(folder / "medium.npz");
   WriteJson(folder / "training.json", record);

@@ -4,11 +4,13 @@
 
 #include <filesystem>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
 #include "oted/excitation.h"
+#include "oted/rl/crossq.h"
 #include "oted/rl/sac.h"
 
 namespace oted {
@@ -21,12 +23,13 @@ struct BehaviorPolicies {
   double random_return = 0;                     ///< of uniform random actions, 20 episodes
 };
 
-/// Trains one SAC agent in the simulator at its nominal parameters. The expert is the best evaluated policy; the medium
+/// Trains one agent in the simulator at its nominal parameters. The expert is the best evaluated policy; the medium
 /// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the expert's (D4RL's
-/// convention). Snapshots of every
-/// evaluation lie in `folder` while it trains, so that a stopped run goes on.
+/// convention). Snapshots of every evaluation lie in `folder` while it trains, so that a stopped run goes on.
 /// Writes expert.npz, medium.npz and training.json into `folder`.
-BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const SacConfig& config, uint64_t seed,
+/// @param agent  the algorithm, by its settings
+BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
+                                       const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
                                        const std::filesystem::path& folder, const RunContext& context);
 
 /// Logs `n_episodes` episodes of `policy` with sampled actions in the simulator at parameters `z`: the dataset D with

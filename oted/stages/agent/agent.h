@@ -26,11 +26,13 @@ EpisodeParameters DrawSamples(std::vector<Designer> q);
 /// @param where  its episodes
 /// @param evaluate_in  (n, parameters): the simulators in which its checkpoints are compared
 ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
-                     const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
-                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context);
+                       const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
+                       const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
+                       const ReplayObserver& observer = {});
 ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                        const std::vector<std::vector<double>>& evaluate_in, const CrossQConfig& config, RngKey key,
-                       const std::filesystem::path& folder, const std::string& run_name, const RunContext& context);
+                       const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
+                       const ReplayObserver& observer = {});
 PpoResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                      const std::vector<std::vector<double>>& evaluate_in, const PpoConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context);
