@@ -66,9 +66,11 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
   result.expert_return = judge(result.expert);
   // The medium policy comes on the way up. The learning curve's few episodes would misjudge it: every snapshot until
   // the expert's gets as many as the expert.
+  std::vector<double> judged;
   for (size_t i = 0; i <= best; ++i) {
     TanhGaussianPolicy policy = TanhGaussianPolicy::Load(snapshot(training.eval_steps[i]));
     const double mean_return = judge(policy);
+    judged.push_back(mean_return);
     const double third = result.expert_return / 3;
     if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
     result.medium_step = training.eval_steps[i];
@@ -89,7 +91,7 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
                            {"expert", describe(result.expert_step, result.expert_return)},
                            {"medium", describe(result.medium_step, result.medium_return)},
                            {"random", describe(0, result.random_return)},
-                           {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}}}};
+                           {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}, {"judged", judged}}}};
   record[std::holds_alternative<SacConfig>(agent) ? "sac" : "crossq"] =
       std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent);
   result.expert.Save(folder / "expert.npz");

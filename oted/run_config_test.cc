@@ -363,6 +363,10 @@ TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
   RunConfig config;
   EXPECT_EQ(config.agents.AlgorithmFor(continuous), "sac");
   EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
+  config.Set("agents.algorithm=crossq");
+  EXPECT_EQ(config.agents.AlgorithmFor(continuous), "crossq");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(discrete); }),
+              testing::AllOf(HasSubstr("agents.algorithm is crossq"), HasSubstr("set it to ppo")));
   config.Set("agents.algorithm=ppo");
   EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(continuous); }),

@@ -1,4 +1,4 @@
-#include "oted/rl/sac.h"
+#include "oted/rl/replay_training.h"
 
 #include <gtest/gtest.h>
 
@@ -7,6 +7,8 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/data/npz.h"
+#include "oted/rl/crossq.h"
+#include "oted/rl/sac.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -34,11 +36,21 @@ struct Training {
   ReplayObserver observer = {};
   const std::atomic<bool>* stop = nullptr;
   uint64_t seed = 5;
+  std::string algorithm = "sac";
 
   ReplayAgent operator()() const {
     NullSink log;
-    return TrainSac(PointMassFactory(options), parameters, {kNominal}, config, RngKey(seed), folder, "agent",
-                    {&log, stop, n_threads}, observer);
+    const PointMassFactory factory(options);
+    const RunContext context{&log, stop, n_threads};
+    if (algorithm == "sac") {
+      return TrainSac(factory, parameters, {kNominal}, config, RngKey(seed), folder, "agent", context, observer);
+    }
+    CrossQConfig crossq;
+    static_cast<ReplayConfig&>(crossq) = config;
+    crossq.critic_hidden = config.hidden;
+    crossq.renorm_warmup = 200;
+    DrawnEpisodes source(parameters);
+    return TrainCrossQ(factory, source, {kNominal}, crossq, RngKey(seed), folder, "agent", context, observer);
   }
 };
 
@@ -63,9 +75,15 @@ double OptimalReturn(double x0, int n_steps) {
   return sum;
 }
 
-TEST(TrainSac, SolvesThePointMassToNearItsAnalyticOptimum) {
+/// What holds for both algorithms.
+class EitherAlgorithm : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(TrainByReplay, EitherAlgorithm, testing::Values("sac", "crossq"),
+                         [](const auto& algorithm) { return algorithm.param; });
+
+TEST_P(EitherAlgorithm, SolvesThePointMassToNearItsAnalyticOptimum) {
   const TestFolder folder;
   Training run{folder.path()};
+  run.algorithm = GetParam();
   run.config.n_steps = 4000;
   run.config.eval_interval = 4000;
   run.config.batch_size = 64;
@@ -87,11 +105,12 @@ TEST(TrainSac, SolvesThePointMassToNearItsAnalyticOptimum) {
   EXPECT_GT(reached, optimal + 0.05 * (idle - optimal)) << "optimum " << optimal << ", doing nothing " << idle;
 }
 
-TEST(TrainSac, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
+TEST_P(EitherAlgorithm, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   const TestFolder whole, parts;
   const std::vector<double> other = {0.4, 0.7, 0};
   const EpisodeParameters draw = [&](Rng& rng) { return rng.Uniform() < 0.5 ? kNominal : other; };
   Training uninterrupted{whole.path()};
+  uninterrupted.algorithm = GetParam();
   uninterrupted.config.n_steps = 600;
   uninterrupted.config.keep = "last";
   uninterrupted.config.updates_per_step = 0.7;
@@ -102,6 +121,7 @@ TEST(TrainSac, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   std::atomic<bool> stop = false;
   int segments = 0;
   Training first{parts.path(), {}, uninterrupted.config, 1, draw, {}, &stop};
+  first.algorithm = GetParam();
   first.observer = [&](int64_t, const TanhGaussianPolicy&, double) {
     ++segments;
     stop = true;
@@ -111,17 +131,18 @@ TEST(TrainSac, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   stop = false;
   EXPECT_THROW(first(), Interrupted);
   EXPECT_EQ(segments, 2);
-  const ReplayAgent resumed = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
+  Training rest{parts.path(), {}, uninterrupted.config, 1, draw, {}};
+  rest.algorithm = GetParam();
+  const ReplayAgent resumed = rest();
   EXPECT_EQ(Bytes(resumed), Bytes(expected));
   EXPECT_EQ(resumed.eval_steps, (std::vector<int64_t>{200, 400, 600}));
   EXPECT_EQ(resumed.eval_returns, expected.eval_returns);
   EXPECT_EQ(resumed.eval_return, expected.eval_return);
   // Complete: nothing is trained again.
-  const ReplayAgent again = Training{parts.path(), {}, uninterrupted.config, 1, draw, {}}();
-  EXPECT_EQ(Bytes(again), Bytes(expected));
+  EXPECT_EQ(Bytes(rest()), Bytes(expected));
 }
 
-TEST(TrainSac, TheBestEvaluatedPolicySurvivesAStop) {
+TEST(TrainByReplay, TheBestEvaluatedPolicySurvivesAStop) {
   // The case needs a run whose best policy is not its last: with restless learning almost any seed gives one.
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     const TestFolder whole, parts;
@@ -148,15 +169,16 @@ TEST(TrainSac, TheBestEvaluatedPolicySurvivesAStop) {
   FAIL() << "no seed had its best policy before its last";
 }
 
-TEST(TrainSac, SameSeedSameBytesAtOneAndTwoThreads) {
+TEST_P(EitherAlgorithm, SameSeedSameBytesAtOneAndTwoThreads) {
   const TestFolder one, two;
   Training run_one{one.path()}, run_two{two.path()};
   run_one.config.n_lanes = run_two.config.n_lanes = 3;
   run_two.n_threads = 2;
+  run_one.algorithm = run_two.algorithm = GetParam();
   EXPECT_EQ(Bytes(run_one()), Bytes(run_two()));
 }
 
-TEST(TrainSac, SamplesOfDivergedStepsNeverEnterTheBuffer) {
+TEST(TrainByReplay, SamplesOfDivergedStepsNeverEnterTheBuffer) {
   const TestFolder folder;
   Training run{folder.path(), {.diverge_beyond = 0.8}};
   run.config.n_lanes = 2;
@@ -170,7 +192,7 @@ TEST(TrainSac, SamplesOfDivergedStepsNeverEnterTheBuffer) {
   }
 }
 
-TEST(TrainSac, OnlyTheTasksOwnEndIsTerminal) {
+TEST(TrainByReplay, OnlyTheTasksOwnEndIsTerminal) {
   const TestFolder folder;
   Training run{folder.path(), {.terminate_beyond = 0.9, .max_episode_steps = 5}};
   run();
@@ -185,7 +207,7 @@ TEST(TrainSac, OnlyTheTasksOwnEndIsTerminal) {
   EXPECT_LT(n_terminated, 60) << "5-step episodes that the clock ends are not terminal";
 }
 
-TEST(TrainSac, EachEpisodeRunsWithParametersDrawnAnew) {
+TEST(TrainByReplay, EachEpisodeRunsWithParametersDrawnAnew) {
   const TestFolder folder;
   std::vector<double> drawn;
   Training run{folder.path()};
@@ -207,7 +229,7 @@ TEST(TrainSac, EachEpisodeRunsWithParametersDrawnAnew) {
   }
 }
 
-TEST(TrainSac, ActionsInTheBufferAreScaledToTheirRange) {
+TEST(TrainByReplay, ActionsInTheBufferAreScaledToTheirRange) {
   const TestFolder folder;
   Training run{folder.path(), {.action_low = -1, .action_high = 3}};
   run();
@@ -223,7 +245,7 @@ TEST(TrainSac, ActionsInTheBufferAreScaledToTheirRange) {
   EXPECT_GT(highest, 0.9);
 }
 
-TEST(TrainSac, ADamagedCheckpointIsADataError) {
+TEST(TrainByReplay, ADamagedCheckpointIsADataError) {
   const TestFolder folder;
   Training run{folder.path()};
   run();
@@ -254,7 +276,7 @@ class BrokenInTheFirstEvaluation : public PointMassFactory {
   mutable int n_evaluations_ = 0;
 };
 
-TEST(TrainSac, AnEvaluationInWhichEveryEpisodeDivergedIsNotTheBest) {
+TEST(TrainByReplay, AnEvaluationInWhichEveryEpisodeDivergedIsNotTheBest) {
   const TestFolder folder;
   NullSink log;
   const ReplayAgent result = TrainSac(BrokenInTheFirstEvaluation(), [](Rng&) { return kNominal; }, {kNominal},

@@ -1,0 +1,147 @@
+#!/usr/bin/env python3
+"""Learning curves over control steps and seconds: CrossQ and SAC of this program, and Stable-Baselines3's SAC.
+
+  benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac stable-baselines3] [--seeds 1 2 3] [--jobs 2]
+  benchmarks/learning_curves.py --table
+
+Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
+again. All train with a batch of 256, networks of 2x256 and one update per step, and are looked at every 10,000 steps:
+five episodes of the mean action. Seconds are the process's CPU time until then (machines are shared), without evaluations for
+Stable-Baselines3 and with them for ours. Ours judge every checkpoint up to the best on 20 fresh episodes as well.
+
+The table's mark of a task is the median return of our SAC's best checkpoint, 20 fresh episodes each; then for each learner
+how many seeds reach it, and after how many steps and CPU seconds (of ours the first checkpoint that does so on 20 fresh
+episodes, of Stable-Baselines3 on its five).
+"""
+
+import argparse
+import concurrent.futures
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import tempfile
+import time
+
+from sac_peers import ONE_THREAD, PYTHON, install
+from study_data import ROOT, TASKS, commit, write_record
+
+OUT = ROOT / "benchmarks/results/learning"
+EVERY = 10_000
+EPISODES = 5
+
+
+def cpu_seconds(pid):
+    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def ours(oted, algorithm, task, seed, steps, folder):
+    """Runs `oted behavior`, noting when each checkpoint appears."""
+    command = [str(oted), "behavior", "--task", TASKS[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
+               "--quiet", "--out", folder, "--set", f"{algorithm}.n_steps={steps}", "--set",
+               f"{algorithm}.eval_interval={EVERY}", "--set", f"{algorithm}.eval_episodes={EPISODES}"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **ONE_THREAD})
+    seconds = []
+    while process.poll() is None:
+        if pathlib.Path(f"{folder}/snapshots/{EVERY * (len(seconds) + 1)}.npz").exists():
+            seconds.append(cpu_seconds(process.pid))
+        time.sleep(0.1)
+    if process.returncode != 0:
+        raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}")
+    record = json.loads(pathlib.Path(f"{folder}/training.json").read_text())
+    curve = record["learning_curve"]
+    return {"steps": curve["step"], "returns": curve["mean_return"], "judged": curve["judged"],
+            "best": record["expert"], "cpu_seconds": seconds, "settings": record[algorithm]}
+
+
+def theirs(task, seed, steps):
+    worker = ROOT / "benchmarks/peers/learning_worker.py"
+    command = [PYTHON, worker, TASKS[task], seed, steps, EVERY, EPISODES]
+    lines = subprocess.run([str(part) for part in command], check=True, capture_output=True, text=True,
+                           env={**os.environ, **ONE_THREAD}).stdout.splitlines()
+    points = [json.loads(line) for line in lines]
+    return {"steps": [p["step"] for p in points], "returns": [p["mean_return"] for p in points],
+            "cpu_seconds": [p["cpu_seconds"] for p in points]}
+
+
+def run(oted, learner, task, seed, steps):
+    with tempfile.TemporaryDirectory(prefix="oted-learning-") as folder:
+        result = theirs(task, seed, steps) if learner == "stable-baselines3" else ours(oted, learner, task, seed, steps, folder)
+    command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
+    record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit()}
+    write_record(OUT / f"{task}-{learner}-{seed}.json", record | result)
+    return f"{task} {learner} {seed}: best {max(result['returns']):.0f}, {result['cpu_seconds'][-1]:.0f} s of CPU"
+
+
+def records():
+    """(task, learner) -> records by seed"""
+    found = {}
+    for file in sorted(OUT.glob("*.json")):
+        record = json.loads(file.read_text())
+        found.setdefault((record["task"], record["learner"]), []).append(record)
+    return found
+
+
+def reached(record, mark):
+    """(steps, CPU seconds) of the first checkpoint at the mark, or none."""
+    judged = record.get("judged", record["returns"])
+    for i, value in enumerate(judged):
+        if value >= mark:
+            return record["steps"][i], record["cpu_seconds"][i]
+    return None
+
+
+def middle(values, text):
+    return text.format(statistics.median(values)) if values else "-"
+
+
+def table():
+    found = records()
+    print("| task | mark | learner | seeds | return at 100k | at 200k | at 300k | best, 20 episodes | reach the mark | after steps "
+          "| after CPU s | CPU s per 100k steps |")
+    print("|" + "---|" * 12)
+    for task in TASKS:
+        sac = found.get((task, "sac"), [])
+        mark = statistics.median(r["best"]["mean_return"] for r in sac) if sac else None
+        for learner in ("crossq", "sac", "stable-baselines3"):
+            of = found.get((task, learner), [])
+            if not of:
+                continue
+            at = [[r["returns"][r["steps"].index(n)] for r in of if n in r["steps"]] for n in (100_000, 200_000, 300_000)]
+            best = [r["best"]["mean_return"] for r in of if "best" in r]
+            when = [w for w in (reached(r, mark) for r in of) if w] if mark else []
+            rate = [100_000 * r["cpu_seconds"][-1] / r["steps"][-1] for r in of]
+            print(f"| {task} | {'-' if mark is None else f'{mark:.0f}'} | {learner} | {len(of)} | "
+                  + " | ".join(middle(values, "{:.0f}") for values in at)
+                  + f" | {middle(best, '{:.0f}')} | {len(when)} | {middle([w[0] for w in when], '{:.0f}')} | "
+                  f"{middle([w[1] for w in when], '{:.0f}')} | {middle(rate, '{:.0f}')} |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--oted", type=pathlib.Path, default=ROOT / "build/release/oted")
+    parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
+    parser.add_argument("--learners", nargs="+", choices=("crossq", "sac", "stable-baselines3"),
+                        default=["crossq", "sac"])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--steps", type=int, default=300_000)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--table", action="store_true")
+    arguments = parser.parse_args()
+    if arguments.table:
+        table()
+        return
+    if "stable-baselines3" in arguments.learners:
+        install()
+    with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
+        jobs = [pool.submit(run, arguments.oted, learner, task, seed, arguments.steps)
+                for seed in arguments.seeds for task in arguments.tasks for learner in arguments.learners
+                if not (OUT / f"{task}-{learner}-{seed}.json").exists()]
+        for job in concurrent.futures.as_completed(jobs):
+            print(job.result(), flush=True)
+
+
+if __name__ == "__main__":
+    main()
