@@ -132,7 +132,7 @@ void AddDensityStudy(Program& program, CLI::App& reproduce) {
 
 void AddTable1(Program& program, CLI::App& reproduce) {
   CLI::App* verb = reproduce.add_subcommand(
-      "table1", "scores in the target of the clone, DR, IS, BC+DR, OTED-SAC and un-designed SAC, beside the paper's");
+      "table1", "scores in the target of the clone, DR, IS, BC+DR, OTED and un-designed agents, beside the paper's");
   auto options = std::make_shared<Table1Options>();
   Table1Study& study = options->study;
   AddStudyOptions(*verb, *options);
@@ -141,6 +141,9 @@ void AddTable1(Program& program, CLI::App& reproduce) {
   verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
   verb->add_option("--methods", study.methods, "bc, dr, is, bc_dr, oted, undesigned")->capture_default_str();
   verb->add_option("--form", study.form, "design.form; paper: Algorithm 1 to the letter")->capture_default_str();
+  verb->add_option("--algorithm", study.algorithm, "how agents learn: sac, as the paper's, or crossq")
+      ->check(CLI::IsMember({"sac", "crossq"}))
+      ->capture_default_str();
   verb->add_option("--steps", study.steps, "control steps of one agent")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();

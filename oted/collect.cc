@@ -85,13 +85,14 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
     if (spec.has_score()) entry["score"] = spec.NormalizedScore(mean_return);
     return entry;
   };
-  nlohmann::json record = {{"task", spec.task},
-                           {"seed", seed},
-                           {"episodes", kJudgeEpisodes},
-                           {"expert", describe(result.expert_step, result.expert_return)},
-                           {"medium", describe(result.medium_step, result.medium_return)},
-                           {"random", describe(0, result.random_return)},
-                           {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}, {"judged", judged}}}};
+  nlohmann::json record = {
+      {"task", spec.task},
+      {"seed", seed},
+      {"episodes", kJudgeEpisodes},
+      {"expert", describe(result.expert_step, result.expert_return)},
+      {"medium", describe(result.medium_step, result.medium_return)},
+      {"random", describe(0, result.random_return)},
+      {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}, {"judged", judged}}}};
   record[std::holds_alternative<SacConfig>(agent) ? "sac" : "crossq"] =
       std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent);
   result.expert.Save(folder / "expert.npz");

@@ -21,7 +21,7 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   dataset_.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
   if (!config_.truth.empty()) factory_->parameters().CheckInside(config_.TruthVector());
   if (!config_.agents.undesigned_at.empty()) factory_->parameters().CheckInside(config_.agents.undesigned_at);
-  config_.agents.AlgorithmFor(factory_->spec());
+  config_.CheckAgentSettings(factory_->spec());
   if (config_.baselines.Runs("is")) CheckIntervalSearch(config_.baselines.is, factory_->spec());
   config_.clone.MethodFor(factory_->spec());
   for (const auto& [name, design] : config_.DesignSettings()) {

@@ -92,11 +92,12 @@ RunConfig TinyConfig() {
     n_agents = 2
     selection_episodes = 2
     target_episodes = 2
-    [sac]
+    [crossq]
     n_steps = 300
     learning_starts = 100
     batch_size = 32
     hidden = [16]
+    critic_hidden = [16]
     buffer_size = 1000
     eval_interval = 150
     eval_episodes = 1
@@ -199,7 +200,7 @@ TEST_F(PipelineTest, ItsResultsHaveTheDocumentedFields) {
   const json evaluation = ReadJson(Whole() / "evaluation.json");
   std::vector<std::string> policies;
   for (const json& policy : evaluation.at("policies")) policies.push_back(policy.at("name"));
-  EXPECT_THAT(policies, testing::ElementsAre("random", "clone", "sac_undesigned", "oted_sac"));
+  EXPECT_THAT(policies, testing::ElementsAre("random", "clone", "crossq_undesigned", "oted_crossq"));
   EXPECT_EQ(evaluation["parameters"][1].at("truth"), 0.6);
   const json selection = ReadJson(Whole() / "policy_selection.json");
   EXPECT_EQ(selection.at("simulators").size(), 2u);
@@ -251,8 +252,8 @@ TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
   std::vector<std::string> names;
   const json evaluation = ReadJson(out / "evaluation.json");
   for (const json& policy : evaluation.at("policies")) names.push_back(policy.at("name"));
-  EXPECT_THAT(names,
-              testing::ElementsAre("random", "clone", "bc_dr", "sac_dr", "sac_is", "sac_undesigned", "oted_sac"));
+  EXPECT_THAT(names, testing::ElementsAre("random", "clone", "bc_dr", "crossq_dr", "crossq_is", "crossq_undesigned",
+                                          "oted_crossq"));
 }
 
 TEST_F(PipelineTest, BaselinesHaveTheSameBytesAtAnyNumberOfThreadsAndAfterStops) {
@@ -363,7 +364,7 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   refuse("clone.max_steps=61");
   refuse("design.lambda=0.02");
   refuse("selection.judge_steps=21");
-  refuse("sac.gamma=0.98");
+  refuse("crossq.gamma=0.98");
   refuse("data.episodes=7");
   refuse("data.action_delay=1");
   refuse("agents.selection_episodes=3");
@@ -425,7 +426,7 @@ TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
     EXPECT_FALSE(fs::exists(out / "evaluation.json"));
     RunConfig other = tiny;
     other.Set("design.lambda=0.02");
-    other.Set("sac.gamma=0.98");
+    other.Set("crossq.gamma=0.98");
     EXPECT_THROW(RunPipeline(other, out), UsageError) << "work of other settings would be gone on with: " << stage;
   }
   RunPipeline(tiny, out);

@@ -58,9 +58,11 @@ FieldList RunSettings::Fields() {
 
 FieldList AgentsConfig::Fields() {
   FieldList fields("agents");
-  fields.AddChoice("algorithm", &algorithm,
-                   "how agents learn: sac or crossq for continuous actions, ppo for discrete ones; auto: sac or ppo",
-                   {"auto", "sac", "crossq", "ppo"});
+  fields.AddChoice(
+      "algorithm", &algorithm,
+      "how agents learn: crossq, or sac as the paper's, for continuous actions, ppo for discrete ones; auto: "
+      "crossq or ppo",
+      {"auto", "sac", "crossq", "ppo"});
   fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
   fields.AddChoice("train_in", &train_in,
                    "where agents train, drawn anew for each episode: a mode of the seeds' q (Algorithm 2), a sample of "
@@ -76,14 +78,33 @@ FieldList AgentsConfig::Fields() {
 
 std::string AgentsConfig::AlgorithmFor(const SimulatorSpec& spec) const {
   const bool discrete = spec.n_discrete_actions > 0;
-  if (algorithm == "auto") return discrete ? "ppo" : "sac";
+  if (algorithm == "auto") return discrete ? "ppo" : "crossq";
   if ((algorithm == "ppo") != discrete) {
     throw UsageError(
         fmt::format("agents.algorithm is {}, but task '{}' has {} actions, which it does not take; set it "
                     "to {} or auto",
-                    algorithm, spec.task, discrete ? "discrete" : "continuous", discrete ? "ppo" : "sac, crossq"));
+                    algorithm, spec.task, discrete ? "discrete" : "continuous", discrete ? "ppo" : "crossq, sac"));
   }
   return algorithm;
+}
+
+void RunConfig::CheckAgentSettings(const SimulatorSpec& spec) const {
+  const std::string algorithm = agents.AlgorithmFor(spec);
+  const auto check = [&](auto given, auto defaults) {
+    FieldList fields = given.Fields();
+    if (fields.section() == algorithm) return;
+    const json ours = fields.ToJson(), unset = defaults.Fields().ToJson();
+    for (const auto& [key, value] : ours.items()) {
+      if (value == unset.at(key)) continue;
+      throw UsageError(
+          fmt::format("{0}.{1} is set, but the agents of task '{2}' learn by {3} (agents.algorithm = {4}); "
+                      "set {3}.{1}, or agents.algorithm = {0}",
+                      fields.section(), key, spec.task, algorithm, agents.algorithm));
+    }
+  };
+  check(sac, SacConfig());
+  check(crossq, CrossQConfig());
+  check(ppo, PpoConfig());
 }
 
 FieldList ReportConfig::Fields() {

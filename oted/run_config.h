@@ -102,6 +102,9 @@ struct RunConfig {
   /// The true parameters, where a study knows them: read by evaluation and report only.
   std::map<std::string, double> truth;
 
+  /// @throws UsageError for settings of an algorithm that agents do not learn by: they would do nothing
+  void CheckAgentSettings(const SimulatorSpec& spec) const;
+
   /// Reads TOML. Paths in it are relative to its folder. @throws UsageError with file and line, DataError when
   /// unreadable.
   /// @param parameter_file  read in place of what `[parameters] sysid` names; "" for that

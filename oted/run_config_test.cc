@@ -361,10 +361,9 @@ TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
   discrete.task = "Grid";
   discrete.n_discrete_actions = 3;
   RunConfig config;
-  EXPECT_EQ(config.agents.AlgorithmFor(continuous), "sac");
+  EXPECT_EQ(config.agents.AlgorithmFor(continuous), "crossq");
   EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
   config.Set("agents.algorithm=crossq");
-  EXPECT_EQ(config.agents.AlgorithmFor(continuous), "crossq");
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(discrete); }),
               testing::AllOf(HasSubstr("agents.algorithm is crossq"), HasSubstr("set it to ppo")));
   config.Set("agents.algorithm=ppo");
@@ -375,6 +374,21 @@ TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(discrete); }),
               HasSubstr("'Grid' has discrete actions"));
   EXPECT_THAT(Refusal("[agents]\nalgorithm = \"dqn\"\n"), HasSubstr("auto"));
+}
+
+TEST(RunConfig, SettingsOfAnAlgorithmThatAgentsDoNotLearnByAreRefused) {
+  SimulatorSpec continuous;
+  continuous.task = "Mine";
+  RunConfig config;
+  config.CheckAgentSettings(continuous);
+  config.Set("sac.gamma=0.98");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }),
+              testing::AllOf(HasSubstr("sac.gamma is set"), HasSubstr("set crossq.gamma, or agents.algorithm = sac")));
+  config.Set("agents.algorithm=sac");
+  config.CheckAgentSettings(continuous);
+  config.Set("crossq.policy_delay=1");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }),
+              HasSubstr("crossq.policy_delay is set"));
 }
 
 TEST(RunConfig, PresetsAreANameOrAListOfNamesBesideParameters) {

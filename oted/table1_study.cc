@@ -39,6 +39,13 @@ Table1Cell CellOf(const std::string& method, const StudyCell& cell) {
   return {cell.task, SeesLogs(method) ? cell.dataset : "", method == "bc" ? "" : cell.parameters, method};
 }
 
+/// Of the algorithm that the study names.
+json AgentSettings(const RunConfig& config) {
+  CrossQConfig crossq = config.crossq;
+  SacConfig sac = config.sac;
+  return config.agents.algorithm == "crossq" ? crossq.Fields().ToJson() : sac.Fields().ToJson();
+}
+
 /// One seed of a cell, at work.
 class Job {
  public:
@@ -76,12 +83,13 @@ class Job {
 
   json RunAgents() {
     const RunDirectory directory(folder_);
+    const json settings = AgentSettings(config_);
     json best;
     for (int j = 1; j <= config_.agents.n_agents; ++j) {
       const fs::path folder = directory.agent(j);
       const std::string fingerprint =
-          Fingerprint({config_.sac.Fields("sac").ToJson(), config_.run.seed, config_.task.Identity(),
-                       factory_->model_sha256(), ComparedIdentity(cell_.method, config_, factory_->parameters())});
+          Fingerprint({settings, config_.run.seed, config_.task.Identity(), factory_->model_sha256(),
+                       ComparedIdentity(cell_.method, config_, factory_->parameters())});
       if (!directory.IsComplete(folder / "agent.json", fingerprint)) {
         const TrainingGround ground = ComparedGround(cell_.method, config_, *factory_);
         directory.Begin(folder, fingerprint);
@@ -89,7 +97,7 @@ class Job {
             TrainAgentIn(ground, *factory_, config_, j, folder, directory.NameOf(folder), context_);
         json record = {{"schema", "oted.agent/1"},        {"agent", j},
                        {"baseline", cell_.method},        {"designed", false},
-                       {"seed", config_.run.seed},        {"n_steps", config_.sac.n_steps},
+                       {"seed", config_.run.seed},        {"n_steps", settings.at("n_steps")},
                        {"eval_return", curve.eval_return}};
         for (const auto& [name, value] : ground.episodes->Figures()) record["episodes"][name] = value;
         directory.Complete(folder / "agent.json", record, fingerprint);
@@ -174,10 +182,11 @@ json IdentityOf(const Table1Study& study, const Table1Cell& cell) {
                    {"dataset", cell.dataset.empty() ? json() : json(cell.dataset)},
                    {"parameters", cell.parameters.empty() ? json() : json(cell.parameters)},
                    {"method", cell.method},
-                   {"steps", cell.method == "bc" ? json() : json(config.sac.n_steps)},
+                   {"steps", cell.method == "bc" ? json() : AgentSettings(config).at("n_steps")},
                    {"agents", cell.method == "bc" ? json() : json(config.agents.n_agents)},
                    {"assignments", study.assignments}};
   if (cell.method == "oted") identity["form"] = study.form;
+  if (study.algorithm != "sac" && cell.method != "bc") identity["algorithm"] = study.algorithm;
   if (cell.method == "is" || cell.method == "undesigned") identity["start"] = config.agents.undesigned_at;
   return identity;
 }
@@ -261,7 +270,8 @@ RunConfig Table1Study::ConfigOf(const Table1Cell& cell, int64_t seed) const {
   study.data_folder = data_folder;
   study.form = form;
   study.grid = false;
-  study.assignments = {fmt::format("sac.n_steps={}", steps), "agents.n_agents=1", "agents.undesigned=false"};
+  study.assignments = {"agents.algorithm=" + algorithm, fmt::format("{}.n_steps={}", algorithm, steps),
+                       "agents.n_agents=1", "agents.undesigned=false"};
   study.assignments.insert(study.assignments.end(), assignments.begin(), assignments.end());
   RunConfig config = study.ConfigOf({cell.task, cell.dataset, cell.parameters});
   config.task.Resolve();
@@ -307,7 +317,7 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
     const RunConfig config = study.ConfigOf(cells[job.cell], job.seed);
     for (int j = 1; cells[job.cell].method != "bc" && j <= config.agents.n_agents; ++j) {
       JobSink(*context.log, LabelOf(cells[job.cell], job.seed))
-          .Progress("train", fmt::format("agents/{}", j), 0, config.sac.n_steps, "");
+          .Progress("train", fmt::format("agents/{}", j), 0, AgentSettings(config).at("n_steps"), "");
     }
   }
   std::mutex mutex;

@@ -53,11 +53,12 @@ judge_steps = 20
 n_agents = 2
 selection_episodes = 2
 target_episodes = 2
-[sac]
+[crossq]
 n_steps = 200
 learning_starts = 100
 batch_size = 32
 hidden = [16]
+critic_hidden = [16]
 eval_interval = 50
 eval_episodes = 1
 [report]

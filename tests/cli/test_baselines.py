@@ -24,13 +24,13 @@ class BaselinesTest(cli.CliTest):
     def test_a_run_shows_them_in_table_evaluation_and_report(self):
         result = self.run_hopper("run", "--truth", "gain=1.2", "--set", ALL)
         self.assertIn(result.returncode, (0, cli.NO_SIMULATOR), result.stderr)
-        for words in ("clone of logs and data under DR (BC+DR)", "SAC, domain randomisation (DR)", "SAC, interval search (IS)"):
+        for words in ("clone of logs and data under DR (BC+DR)", "CrossQ, domain randomisation (DR)", "CrossQ, interval search (IS)"):
             self.assertIn(words, result.stdout)
         names = [p["name"] for p in json.loads((self.out / "evaluation.json").read_text())["policies"]]
-        self.assertEqual(names, ["random", "clone", "bc_dr", "sac_dr", "sac_is", "sac_undesigned", "oted_sac"])
+        self.assertEqual(names, ["random", "clone", "bc_dr", "crossq_dr", "crossq_is", "crossq_undesigned", "oted_crossq"])
         page = (self.out / "report.html").read_text()
         self.assertIn("agent 1, domain randomisation", page)
-        self.assertIn("SAC, interval search (IS)", page)
+        self.assertIn("CrossQ, interval search (IS)", page)
         for name in ("dr/1", "is/1", "bc_dr"):
             for file in ("policy.npz", "policy.onnx", "curves.csv"):
                 self.assertTrue((self.out / "baselines" / name / file).is_file(), (name, file))

@@ -32,8 +32,8 @@ TINY = [
     "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
     "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
     "selection.judge_steps=20", "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2",
-    "sac.n_steps=200", "sac.learning_starts=100", "sac.batch_size=32", "sac.hidden=16", "sac.eval_interval=100",
-    "sac.eval_episodes=1", "report.motion=false",
+    "crossq.n_steps=200", "crossq.learning_starts=100", "crossq.batch_size=32", "crossq.hidden=16",
+    "crossq.critic_hidden=16", "crossq.eval_interval=100", "crossq.eval_episodes=1", "report.motion=false",
 ]
 
 

@@ -28,8 +28,8 @@ TINY = [
     "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
     "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
     "selection.judge_steps=20", "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2",
-    "sac.n_steps=120", "sac.learning_starts=60", "sac.batch_size=16", "sac.hidden=16", "sac.eval_interval=60",
-    "sac.eval_episodes=1",
+    "crossq.n_steps=120", "crossq.learning_starts=60", "crossq.batch_size=16", "crossq.hidden=16",
+    "crossq.critic_hidden=16", "crossq.eval_interval=60", "crossq.eval_episodes=1",
 ]
 
 CART = """<mujoco>
@@ -104,7 +104,7 @@ class TaskFiles(unittest.TestCase):
         task = tomllib.loads((EXAMPLES / f"{name}.toml").read_text())
         self.assertEqual([p["name"] for p in design["parameters"]], list(task["parameters"]))
         self.assertEqual([p["truth"] for p in evaluation["parameters"]], list(task["truth"].values()))
-        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "sac_undesigned", "oted_sac"})
+        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "crossq_undesigned", "oted_crossq"})
         self.assertEqual(design["task"], task["task"]["name"])
         # What was simulated lies beside what came of it.
         compiled = (self.out / "model/compiled.mjb").read_bytes()
