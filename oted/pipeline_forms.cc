@@ -8,7 +8,6 @@
 #include "oted/base/parallel.h"
 #include "oted/matching/held_out.h"
 #include "oted/pipeline.h"
-#include "oted/sim/replay.h"
 #include "oted/stages/design/design.h"
 
 namespace oted {
@@ -17,8 +16,6 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 namespace {
-
-constexpr int kShortestReplay = 2;  // control steps
 
 /// Curves of trials would stand among those of designs: their progress alone is told, as a stage of its own.
 class TrialLog : public NullSink {
@@ -31,10 +28,6 @@ class TrialLog : public NullSink {
  private:
   LogSink* log_;
 };
-
-bool CanReplay(const SimulatorFactory& factory, const Dataset& logs) {
-  return !ReplayStarts(*factory.Make(1, 1), logs, kShortestReplay, 1).empty();
-}
 
 }  // namespace
 
@@ -64,8 +57,12 @@ FormChoice Pipeline::ChooseByTrial(const std::string& setting, const DesignConfi
   }
   const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("forms").Stage(setting);
   const HeldOutParts parts = HoldOut(dataset_, key.Stage("parts"));
-  if (!CanReplay(*factory_, parts.learn) || !CanReplay(*factory_, parts.judge))
-    return KeepFirstForm(first.q, *first.fit);
+  const auto replay = [&](const Dataset& logs, const std::vector<std::vector<double>>& z) {
+    return ReplayHeldOut(*factory_, logs, z, *first.fit, key.Stage("windows"), context_.n_threads);
+  };
+  for (const Dataset* part : {&parts.learn, &parts.judge}) {
+    if (replay(*part, {}).n_windows < kFewestWindows) return KeepFirstForm(first.q, *first.fit);
+  }
 
   std::vector<std::string> forms = {design.form};
   forms.insert(forms.end(), OtherForms().begin(), OtherForms().end());
@@ -100,10 +97,7 @@ FormChoice Pipeline::ChooseByTrial(const std::string& setting, const DesignConfi
   }
   std::vector<std::vector<double>> compared = modes;
   compared.push_back(factory_->parameters().Nominal());
-  const HeldOutErrors errors =
-      ReplayHeldOut(*factory_, parts.judge, compared, *first.fit, key.Stage("windows"), context_.n_threads);
-  FormChoice choice =
-      errors.n_windows < kFewestWindows ? KeepFirstForm(first.q, *first.fit) : ChooseByHeldOut(forms, modes, errors);
+  FormChoice choice = ChooseByHeldOut(forms, modes, replay(parts.judge, compared));
   choice.setting = setting;
   json record = ToJson(choice);
   record["schema"] = "oted.form_choice/1";

@@ -60,12 +60,12 @@ class FormsTest : public testing::Test {
     RegisterTask("Point", [](const auto&) { return std::make_unique<PointMassFactory>(); });
   }
 
-  /// Ten episodes of the point mass, pushed or not.
+  /// Thirty episodes of the point mass, pushed or not.
   RunConfig Config(bool pushed, const std::string& form = "auto") {
     const std::string path = folder_ / (pushed ? "pushed.npz" : "plain.npz");
     if (!fs::exists(path)) {
-      Pushed target(10);
-      WriteDataset(WithSensorNoise(pushed ? RandomLogs(target, kTruth) : PointMassLogs(kTruth, 10), 0.01, RngKey(1)),
+      Pushed target(30);
+      WriteDataset(WithSensorNoise(pushed ? RandomLogs(target, kTruth) : PointMassLogs(kTruth, 30), 0.01, RngKey(1)),
                    path);
     }
     RunConfig config = RunConfig::FromToml(fmt::format(R"(
@@ -81,7 +81,7 @@ class FormsTest : public testing::Test {
       check_interval = 10
       [design]
       form = "{}"
-      n_iterations = 20
+      n_iterations = 12
       n_sims = 8
       n_steps = 20
       discriminator_hidden = [16]
@@ -89,6 +89,9 @@ class FormsTest : public testing::Test {
       discriminator_batch = 32
       trajectory_starts = 1
       trajectory_coarse = 8
+      trajectory_rows = 200
+      least_squares_rows = 200
+      least_squares_starts = 2
       [selection]
       n_seeds = 2
       n_sims = 2
@@ -146,12 +149,12 @@ TEST_F(FormsTest, WhereItIsWrongTheOthersAreTriedOnHeldOutLogsAndTheNearestIsTak
   const json& choice = design.at("form_choices").at(0);
   ASSERT_EQ(choice.at("tried").size(), 3u);
   EXPECT_EQ(choice["tried"][0].at("form"), "trajectories");
-  std::string nearest = "trajectories";
-  double most = 0;
+  std::string nearest = "trajectories";  // unless another is so beyond chance
+  double most = kLeastGain;
   for (const json& tried : choice["tried"]) {
     const double gain = tried.at("gain");
     EXPECT_NEAR(std::log(choice["tried"][0].at("error").get<double>() / tried.at("error").get<double>()), gain, 1e-6);
-    if (gain > most) nearest = tried.at("form"), most = gain;
+    if (gain > std::max(most, 2 * tried.at("gain_std").get<double>())) nearest = tried.at("form"), most = gain;
   }
   EXPECT_EQ(choice.at("form"), nearest);
   EXPECT_THAT(choice.at("reason").get<std::string>(), HasSubstr("held-out windows"));
@@ -195,7 +198,7 @@ TEST_F(FormsTest, AFormThatIsNearerTakesThePlaceOfTheFirstAndTheFitStillTellsThe
 
 TEST_F(FormsTest, AStopWhileFormsAreTriedGoesOnToTheSameBytes) {
   const json whole = Select(Config(true), "whole");
-  for (const int64_t at : {1, 15, 20}) {
+  for (const int64_t at : {1, 12}) {
     const std::string name = fmt::format("stopped-{}", at);
     Watch watch;
     watch.stop_stage = "forms";

@@ -66,7 +66,8 @@ TEST(KeepFirstForm, SaysWhatTheFitExplains) {
                   .noise_std = {0.1, 0.1},
                   .scale = {1, 1},
                   .short_noise_std = {0.1, 0.1},
-                  .long_noise_std = {0.1, 0.1}};
+                  .long_noise_std = {0.1, 0.1},
+                  .suspects = {}};
   EXPECT_FALSE(AsksForOtherForms(q, fit));
   EXPECT_EQ(KeepFirstForm(q, fit).form, "trajectories");
   EXPECT_THAT(KeepFirstForm(q, fit).reason, HasSubstr("87 % of the logged windows"));

@@ -15,7 +15,8 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
 HeldOutErrors Errors(const Dataset& logs, const std::vector<std::vector<double>>& z, double noise, int n_threads = 1,
                      const PointMassOptions& options = {}) {
-  const FitEvidence fit{.scale = {1, 1}, .short_noise_std = {noise, noise}};
+  FitEvidence fit;
+  fit.short_noise_std = {noise, noise};
   return ReplayHeldOut(PointMassFactory(options), logs, z, fit, RngKey(1), n_threads);
 }
 
