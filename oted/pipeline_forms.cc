@@ -58,7 +58,7 @@ FormChoice Pipeline::ChooseByTrial(const std::string& setting, const DesignConfi
   const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("forms").Stage(setting);
   const HeldOutParts parts = HoldOut(dataset_, key.Stage("parts"));
   const auto replay = [&](const Dataset& logs, const std::vector<std::vector<double>>& z) {
-    return ReplayHeldOut(*factory_, logs, z, *first.fit, key.Stage("windows"), context_.n_threads);
+    return ReplayHeldOut(*factory_, logs, z, *first.fit, context_.n_threads);
   };
   for (const Dataset* part : {&parts.learn, &parts.judge}) {
     if (replay(*part, {}).n_windows < kFewestWindows) return KeepFirstForm(first.q, *first.fit);

@@ -66,11 +66,12 @@ std::string TriedForms(const json& design) {
     html += fmt::format(
         "<p>The form of setting <em>{}</em> was left open, and the answer of the first one was outside the family: "
         "each "
-        "form learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest.</p>\n",
+        "form learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
+        "Errors are in units of each channel's noise, or of a hundredth of its spread where that is more.</p>\n",
         Escape(TextAt(choice, "setting")), FormatCount(NumberAt(choice, "n_windows")),
         FormatCount(NumberAt(choice, "n_steps")));
     HtmlTable table;
-    table.Column("Form", HtmlTable::Align::kText).Column("Error, times the noise").Column("Log ratio to the first");
+    table.Column("Form", HtmlTable::Align::kText).Column("Error").Column("Log ratio to the first");
     for (const json& tried : ListAt(choice, "tried")) {
       const bool taken = TextAt(tried, "form") == TextAt(choice, "form");
       table.Row({SelectedName(TextAt(tried, "form"), taken), FormatNumber(NumberAt(tried, "error")),

@@ -85,7 +85,7 @@ FormChoice ChooseByHeldOut(const std::vector<std::string>& forms, const std::vec
       log_ratios.push_back(std::clamp(std::log(ratio), -kLargestLogRatio, kLargestLogRatio));
     }
     tried.gain = Mean(log_ratios);
-    tried.gain_std = StandardDeviation(log_ratios) / std::sqrt(static_cast<double>(errors.n_windows));
+    tried.gain_std = StandardDeviation(log_ratios) * std::sqrt(static_cast<double>(errors.overlap) / errors.n_windows);
     choice.tried.push_back(tried);
     const bool surely = tried.gain > std::max(kLeastGain, kStandardErrors * tried.gain_std);
     if (surely && tried.gain > choice.tried[taken].gain) taken = k;
@@ -100,12 +100,12 @@ FormChoice ChooseByHeldOut(const std::vector<std::string>& forms, const std::vec
   if (taken == 0) {
     choice.reason = fmt::format(
         "its answer is outside the family, but none of the other forms replays {} surely nearer to the log (error "
-        "{:.3g} times the noise): {}",
+        "{:.3g}): {}",
         windows, first.error, others);
   } else {
     choice.reason = fmt::format(
         "the answer of {} is outside the family, and of all forms this one replays {} nearest to the log: {} (error "
-        "{:.3g} against {:.3g} times the noise)",
+        "{:.3g} against {:.3g})",
         first.form, windows, Nearness(best.gain), best.error, first.error);
   }
   return choice;

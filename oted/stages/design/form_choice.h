@@ -21,7 +21,7 @@ const std::vector<std::string>& OtherForms();
 struct TriedForm {
   std::string form;
   std::vector<double> mode;  ///< z
-  double error = 0;          ///< geometric mean over the held-out windows [standard deviations of the channels' noise]
+  double error = 0;          ///< geometric mean over the held-out windows, in units of HeldOutErrors
   double gain = 0;           ///< over the first form: mean log ratio of the windows' errors; positive where nearer
   double gain_std = 0;       ///< standard error of the gain
 };
@@ -46,8 +46,8 @@ bool AsksForOtherForms(const Designer& q, const FitEvidence& fit);
 /// The choice where it does not, or where it does and too little can be held out to compare forms.
 FormChoice KeepFirstForm(const Designer& q, const FitEvidence& fit);
 
-/// With fewer held-out windows nothing is compared.
-inline constexpr int kFewestWindows = 5;
+/// With fewer held-out windows nothing is compared: they come from five stretches of the logs that share nothing.
+inline constexpr int kFewestWindows = 25;
 
 /// The form whose simulator is nearest to the held-out windows. Another than the first is taken where it is nearer by
 /// kLeastGain, and by two standard errors, so that chance does not decide: the first tells intervals and verdicts too.

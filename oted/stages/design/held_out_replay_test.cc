@@ -17,7 +17,8 @@ HeldOutErrors Errors(const Dataset& logs, const std::vector<std::vector<double>>
                      const PointMassOptions& options = {}) {
   FitEvidence fit;
   fit.short_noise_std = {noise, noise};
-  return ReplayHeldOut(PointMassFactory(options), logs, z, fit, RngKey(1), n_threads);
+  fit.scale = {0, 0};
+  return ReplayHeldOut(PointMassFactory(options), logs, z, fit, n_threads);
 }
 
 double RootMeanSquare(const std::vector<double>& errors) {
@@ -45,6 +46,25 @@ TEST(ReplayHeldOut, NoiseDoesNotFavourASimulatorThatForgetsItsStart) {
   for (const size_t other : {0u, 1u, 3u, 4u}) {
     EXPECT_LT(RootMeanSquare(errors.of[2]), RootMeanSquare(errors.of[other])) << z[other][1];
   }
+}
+
+TEST(ReplayHeldOut, OnCleanLogsErrorsAreInHundredthsOfTheSpread) {
+  const Dataset logs = PointMassLogs(kTruth, 8);
+  const FitEvidence clean{.window = 2,
+                          .explained = 1,
+                          .noise_std = {},
+                          .scale = {1, 2},
+                          .short_noise_std = {1e-9, 1e-9},
+                          .long_noise_std = {},
+                          .suspects = {}};
+  FitEvidence wider = clean;
+  wider.scale = {10, 20};
+  const std::vector<std::vector<double>> z = {{1.4, 0.6, 0.5}};
+  const HeldOutErrors errors = ReplayHeldOut(PointMassFactory(), logs, z, clean, 1);
+  const HeldOutErrors of_wider = ReplayHeldOut(PointMassFactory(), logs, z, wider, 1);
+  EXPECT_GT(RootMeanSquare(errors.of[0]), 1) << "a gain that is off by a fifteenth is seen";
+  EXPECT_LT(RootMeanSquare(errors.of[0]), 100);
+  EXPECT_NEAR(RootMeanSquare(errors.of[0]) / RootMeanSquare(of_wider.of[0]), 10, 1e-9);
 }
 
 TEST(ReplayHeldOut, APhysicsThatBreaksDownIsTheWorstErrorAndNotMissing) {
