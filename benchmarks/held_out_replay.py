@@ -91,7 +91,9 @@ def design_by(oted, form, case, logs, folder):
 
 
 def run_case(oted, case, noise, forms, file):
-    record = json.loads(file.read_text()) if file.exists() else {"case": case, "noise": noise, "truth": truth_of(case), "forms": {}}
+    record = {"case": case, "noise": noise, "truth": truth_of(case), "forms": {}}
+    if file.exists():
+        record = json.loads(file.read_text())
     missing = [form for form in forms if form not in record["forms"]]
     if not missing:
         return
@@ -118,19 +120,17 @@ def run_case(oted, case, noise, forms, file):
 
 
 def print_table(out):
-    shown = FORMS[:3]
-    print(f"| off, noise | after 10 steps: {', '.join(FORMS)} | held out: {', '.join(shown)} | nearest | auto takes | the judge |")
-    print("|---|---|---|---|---|---|")
+    print(f"| off, noise | error after 10 steps: {', '.join(FORMS)} | auto: held-out error (its truth) of each form tried | auto "
+          "takes | the common judge prefers |\n|---|---|---|---|---|")
     for file in sorted(out.glob("hopper-*.json")):
         record = json.loads(file.read_text())
+        forms = record["forms"]
         name, _, factor = OFF[record["case"]]
-        error = {form: record["forms"][form]["10"]["geometric"] for form in FORMS}
-        choice = record["forms"]["auto"]["choice"]
-        held_out = {tried["form"]: tried["error"] for tried in choice["tried"]}
-        judged = {form: record["forms"][form]["common"] for form in shown}
-        print(f"| {name} {factor}, {record['noise']:g} | {', '.join(f'{error[form]:.4f}' for form in FORMS)} | "
-              f"{', '.join(f'{held_out[form]:.3g}' for form in shown)} | {min(shown, key=error.get)} | {choice['form']} | "
-              f"{max(judged, key=judged.get)} |")
+        error = [f"{forms[form]['10']['geometric']:.4f}" for form in FORMS]
+        choice = forms.get("auto", {}).get("choice", {"tried": [], "form": ""})
+        tried = [f"{t['form']} {t['error']:.3g} ({t['truth']['10']['geometric']:.4f})" for t in choice["tried"]]
+        judged = max(FORMS, key=lambda form: forms[form]["common"])
+        print(f"| {name} {factor}, {record['noise']:g} | {', '.join(error)} | {', '.join(tried)} | {choice['form']} | {judged} |")
 
 
 if __name__ == "__main__":
