@@ -65,8 +65,7 @@ std::string TriedForms(const json& design) {
     if (ListAt(choice, "tried").empty()) continue;
     html += fmt::format(
         "<p>The form of setting <em>{}</em> was left open, and the answer of the first one was outside the family: "
-        "each "
-        "form learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
+        "each form learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
         "Errors are in units of each channel's noise, or of a hundredth of its spread where that is more.</p>\n",
         Escape(TextAt(choice, "setting")), FormatCount(NumberAt(choice, "n_windows")),
         FormatCount(NumberAt(choice, "n_steps")));

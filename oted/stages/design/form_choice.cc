@@ -58,8 +58,7 @@ FormChoice KeepFirstForm(const Designer& q, const FitEvidence& fit) {
   choice.form = "trajectories";
   choice.reason = fmt::format(
       "noise alone explains {:.0f} % of the logged windows, no channel drifts, no parameter ended at a bound and "
-      "nothing "
-      "else is asked for: no other form was tried",
+      "nothing else is asked for: no other form was tried",
       100 * fit.explained);
   if (AsksForOtherForms(q, fit)) {
     choice.reason =
