@@ -31,11 +31,22 @@ json FitRecord(const FitEvidence& fit, const std::vector<std::string>& names) {
   return record;
 }
 
+/// The design whose fit tells of the whole: the selected setting's best, or that of the first form which it stands for.
+const Candidate& ToldBy(const std::vector<Candidate>& candidates, const SelectionResult& result,
+                        const std::vector<FormChoice>& choices) {
+  std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;
+  for (const FormChoice& choice : choices) {
+    if (choice.picked == setting) setting = choice.setting;
+  }
+  const auto of = std::ranges::find(result.settings, setting, &SettingScore::setting);
+  return candidates[static_cast<size_t>(of->best_candidate)];
+}
+
 }  // namespace
 
 json DesignRecord(const RunConfig& config, const ParameterSpace& space, const std::vector<Candidate>& candidates,
-                  const SelectionResult& result, const std::vector<bool>& has_effect,
-                  const std::vector<std::string>& channels) {
+                  const SelectionResult& result, const std::vector<FormChoice>& choices,
+                  const std::vector<bool>& has_effect, const std::vector<std::string>& channels) {
   const SettingScore& selected = result.settings[static_cast<size_t>(result.selected_setting)];
   std::vector<Designer> mixture;
   int best = 0;
@@ -47,9 +58,9 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
     mixture_json.push_back({{"seed", candidate.seed}, {"mode", candidate.q.Mode()}, {"std", candidate.q.Std()}});
   }
   const auto summaries = SummarizeParameters(mixture, best, has_effect);
-  const std::optional<FitEvidence>& fit = candidates[static_cast<size_t>(result.best_candidate)].fit;
-  DesignVerdict verdict =
-      fit ? JudgeFit(mixture[static_cast<size_t>(best)], *fit) : JudgeDesign(result.nominal_common, selected.common);
+  const Candidate& told_by = ToldBy(candidates, result, choices);
+  const std::optional<FitEvidence>& fit = told_by.fit;
+  DesignVerdict verdict = fit ? JudgeFit(told_by.q, *fit) : JudgeDesign(result.nominal_common, selected.common);
   // The judge may be blind to a gap that the parameters show.
   if (!fit && verdict == DesignVerdict::kNoGap && HasMoved(space, summaries)) verdict = DesignVerdict::kGapClosed;
 
@@ -57,7 +68,7 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
   design["schema"] = "oted.design/1";
   design["task"] = config.task.name;
   design["warnings"] = json::array();
-  const std::vector<int> at_bounds = ParametersAtBounds(mixture[static_cast<size_t>(best)]);
+  const std::vector<int> at_bounds = ParametersAtBounds(told_by.q);
   for (int i = 0; i < space.size(); ++i) {
     const ParameterSpec& spec = space[i];
     const ParameterSummary& s = summaries[static_cast<size_t>(i)];
@@ -92,6 +103,7 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
     // What a parameter may not do for its bound, others seem to ask for.
     if (!at_bounds.empty()) design["fit"]["suspects"] = json::array();
   }
+  for (const FormChoice& choice : choices) design["form_choices"].push_back(ToJson(choice));
   design["log2"] = std::numbers::ln2;
   design["nominal_common"] = result.nominal_common;
   for (const SettingScore& setting : result.settings) {
@@ -106,9 +118,8 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
                        {"common", score.common},
                        {"learning_progress", candidate.learning_progress}});
     }
-    const std::map<std::string, DesignConfig> settings = config.DesignSettings();
     design["settings"].push_back({{"name", setting.setting},
-                                  {"form", settings.at(setting.setting).form},
+                                  {"form", candidates[static_cast<size_t>(setting.candidates[0])].form},
                                   {"c", setting.c},
                                   {"common", setting.common},
                                   {"design_deviation", setting.design_deviation},

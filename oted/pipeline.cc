@@ -32,13 +32,6 @@ namespace {
 
 constexpr int kEffectEpisodes = 3;
 
-/// Jobs side by side on the cores: each gets its share of the threads.
-RunContext ShareOf(const RunContext& context, size_t n_jobs) {
-  RunContext share = context;
-  share.n_threads = std::max(1, context.n_threads / static_cast<int>(std::max<size_t>(1, n_jobs)));
-  return share;
-}
-
 }  // namespace
 
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
@@ -184,18 +177,24 @@ void Pipeline::CloneBehavior() {
 // ---------------------------------------------------------------- stage 2: design
 
 void Pipeline::Design() {
+  std::map<std::string, SettingDesigns> settings;
+  for (const auto& [setting, design] : config_.DesignSettings()) settings[setting] = {design, setting};
+  DesignAll(settings);
+}
+
+void Pipeline::DesignAll(const std::map<std::string, SettingDesigns>& settings) {
   CloneBehavior();
   const std::unique_ptr<const Policy> clone = LoadPolicy(directory_.clone() / "policy.npz");
   struct Job {
     std::string setting;
-    DesignConfig config;
+    SettingDesigns designs;
     int seed;
   };
   std::vector<Job> jobs;
-  for (const auto& [setting, design] : config_.DesignSettings()) {
+  for (const auto& [setting, designs] : settings) {
     for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
       if (directory_.IsComplete(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting))) continue;
-      jobs.push_back({setting, design, seed});
+      jobs.push_back({setting, designs, seed});
     }
   }
   if (jobs.empty()) return;
@@ -203,25 +202,26 @@ void Pipeline::Design() {
   // The bar knows all the work before any of it starts.
   for (const Job& job : jobs) {
     const std::string name = directory_.NameOf(directory_.design_seed(job.setting, job.seed));
-    context_.log->Progress("design", name, 0, job.config.n_iterations, "");
+    context_.log->Progress("design", name, 0, job.designs.config.n_iterations, "");
   }
-  const RunContext share = ShareOf(context_, jobs.size());
+  const RunContext share = context_.ShareOf(jobs.size());
   ParallelFor(static_cast<int>(jobs.size()), context_.n_threads, [&](int i) {
     context_.ThrowIfStopped();
     const Job& job = jobs[static_cast<size_t>(i)];
+    const DesignConfig& config = job.designs.config;
     const fs::path folder = directory_.design_seed(job.setting, job.seed);
     const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed))
                            .Stage("design")
-                           .Stage(job.setting)
+                           .Stage(job.designs.drawn_as)
                            .Index(static_cast<uint64_t>(job.seed));
     directory_.Begin(folder, DesignFingerprint(job.setting));
     const DesignResult design =
-        LearnDesign(*factory_, dataset_, clone.get(), job.config, key, folder, directory_.NameOf(folder), share);
+        LearnDesign(*factory_, dataset_, clone.get(), config, key, folder, directory_.NameOf(folder), share);
     NpzArrays arrays;
     design.g.Save(arrays);
     WriteNpz(arrays, folder / "discriminator.npz");
     if (design.clone) design.clone->Save(folder / "policy.npz");
-    json q = design.q.ToJson(job.config.lambda);
+    json q = design.q.ToJson(config.lambda);
     q["learning_progress"] = design.learning_progress;
     if (design.fit) q["fit"] = ToJson(*design.fit);
     directory_.Complete(folder / "q.json", q, DesignFingerprint(job.setting));
@@ -249,6 +249,28 @@ const std::vector<bool>& Pipeline::ParametersWithEffect() {
 
 // ---------------------------------------------------------------- stage 3: simulator selection
 
+void Pipeline::AddCandidates(const std::string& setting, const DesignConfig& design,
+                             std::vector<Candidate>* candidates) const {
+  for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
+    const fs::path folder = directory_.design_seed(setting, seed);
+    const json q = ReadJson(folder / "q.json");
+    Candidate candidate;
+    candidate.setting = setting;
+    candidate.form = design.form;
+    candidate.seed = seed;
+    candidate.q = Designer::FromJson(q, factory_->parameters(), (folder / "q.json").string());
+    candidate.evidence = design.Evidence(factory_->spec());
+    Rng unused(0);
+    candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused,
+                                FeatureShape(factory_->spec(), candidate.evidence));
+    candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
+    candidate.learning_progress = q.value("learning_progress", 0.0);
+    if (design.clone_updates > 0) candidate.clone = LoadPolicy(folder / "policy.npz");
+    if (q.contains("fit")) candidate.fit = FitEvidenceFromJson(q.at("fit"));
+    candidates->push_back(std::move(candidate));
+  }
+}
+
 void Pipeline::SelectSimulator() {
   Design();
   const fs::path file = directory_.root() / "design.json";
@@ -257,30 +279,17 @@ void Pipeline::SelectSimulator() {
   const std::vector<bool>& has_effect = ParametersWithEffect();
 
   std::vector<Candidate> candidates;
-  for (const auto& [setting, design] : config_.DesignSettings()) {
-    for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
-      const fs::path folder = directory_.design_seed(setting, seed);
-      const json q = ReadJson(folder / "q.json");
-      Candidate candidate;
-      candidate.setting = setting;
-      candidate.seed = seed;
-      candidate.q = Designer::FromJson(q, factory_->parameters(), (folder / "q.json").string());
-      candidate.evidence = design.Evidence(factory_->spec());
-      Rng unused(0);
-      candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused,
-                                  FeatureShape(factory_->spec(), candidate.evidence));
-      candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
-      candidate.learning_progress = q.value("learning_progress", 0.0);
-      if (design.clone_updates > 0) candidate.clone = LoadPolicy(folder / "policy.npz");
-      if (q.contains("fit")) candidate.fit = FitEvidenceFromJson(q.at("fit"));
-      candidates.push_back(std::move(candidate));
-    }
-  }
-  const SelectionResult result =
-      ::oted::SelectSimulator(*factory_, dataset_, clone.get(), candidates, config_.selection,
-                              RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("simulator selection"), context_);
-  json design =
-      DesignRecord(config_, factory_->parameters(), candidates, result, has_effect, factory_->spec().observation_names);
+  for (const auto& [setting, design] : config_.DesignSettings()) AddCandidates(setting, design, &candidates);
+  const auto select = [&] {
+    return ::oted::SelectSimulator(*factory_, dataset_, clone.get(), candidates, config_.selection,
+                                   RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("simulator selection"),
+                                   context_);
+  };
+  SelectionResult result = select();
+  const std::vector<FormChoice> choices = ChooseForms(candidates, result);
+  if (DesignInChosenForms(choices, &candidates)) result = select();
+  json design = DesignRecord(config_, factory_->parameters(), candidates, result, choices, has_effect,
+                             factory_->spec().observation_names);
   design["dataset"] = {{"path", config_.data.path}, {"sha256", dataset_.sha256}, {"n_transitions", dataset_.size()}};
   design["model"] = {{"task", config_.task.name}, {"sha256", model_sha256_}};
   design["versions"] = {{"oted", OTED_VERSION}, {"mujoco", "4.0.0"}};
@@ -343,7 +352,7 @@ void Pipeline::TrainAgents() {
   for (const AgentJob& job : jobs) {
     context_.log->Progress("train", directory_.NameOf(job.folder), 0, n_steps, "");
   }
-  const RunContext share = ShareOf(context_, jobs.size());
+  const RunContext share = context_.ShareOf(jobs.size());
   ParallelFor(static_cast<int>(jobs.size()), context_.n_threads, [&](int i) {
     context_.ThrowIfStopped();
     const AgentJob& job = jobs[static_cast<size_t>(i)];

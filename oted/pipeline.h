@@ -14,6 +14,7 @@
 /// was stopped. The truth is read by the last call alone.
 
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -25,6 +26,8 @@
 #include "oted/run_config.h"
 #include "oted/run_directory.h"
 #include "oted/sim/simulator.h"
+#include "oted/stages/design/form_choice.h"
+#include "oted/stages/simulator_selection/simulator_selection.h"
 #include "oted/training_ground.h"
 
 namespace oted {
@@ -52,6 +55,11 @@ class Pipeline {
 
  private:
   struct AgentJob;
+  /// The designs of one setting.
+  struct SettingDesigns {
+    DesignConfig config;
+    std::string drawn_as;  ///< the setting that names their random streams
+  };
   /// Everything that can be wrong with the request; nothing has been written yet. @return `out`
   const std::filesystem::path& CheckRequest(const std::filesystem::path& out);
   /// The forms that need settable states become one that does not, where the task has none.
@@ -66,8 +74,20 @@ class Pipeline {
   /// What task and model are, for fingerprints.
   nlohmann::json TaskIdentity() const;
   const std::vector<bool>& ParametersWithEffect();
+  /// The designs of all seeds of these settings, as far as they are not complete.
+  void DesignAll(const std::map<std::string, SettingDesigns>& settings);
+  /// What the designs of a setting left, to be scored.
+  void AddCandidates(const std::string& setting, const DesignConfig& design, std::vector<Candidate>* candidates) const;
+  /// Of every setting whose form was left to auto, the form and why (oted/stages/design/form_choice.h).
+  std::vector<FormChoice> ChooseForms(const std::vector<Candidate>& candidates, const SelectionResult& result) const;
+  /// By designs from part of the logs, judged on the rest. @param first  the best design in the first form
+  FormChoice ChooseByTrial(const std::string& setting, const DesignConfig& design, const Candidate& first) const;
+  /// Designs in the forms that took the place of first ones. @return whether there were any
+  bool DesignInChosenForms(const std::vector<FormChoice>& choices, std::vector<Candidate>* candidates);
   std::string CloneFingerprint() const;
   std::string DesignFingerprint(const std::string& setting) const;
+  std::string TrialFingerprint(const std::string& setting, const DesignConfig& design) const;
+  std::string FormChoiceFingerprint(const std::string& setting) const;
   std::string SelectionFingerprint() const;
   /// Of an agent that trains in `where`: "designed", "undesigned", or a baseline's name.
   std::string AgentFingerprint(const std::string& where) const;
@@ -97,6 +117,8 @@ class Pipeline {
   std::unique_ptr<SimulatorFactory> factory_;
   std::string model_sha256_;
   std::vector<bool> has_effect_;  // empty until measured
+  // By the name of the setting that they would be: forms that may take the place of one that was left to auto.
+  std::map<std::string, SettingDesigns> other_forms_;
   RunDirectory directory_;
 };
 

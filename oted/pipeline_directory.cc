@@ -45,6 +45,18 @@ void Pipeline::AdaptDesign() {
   };
   adapt(config_.design);
   for (auto& [name, setting] : config_.settings) adapt(setting);
+  for (const auto& [name, setting] : config_.DesignSettings()) {
+    if (!setting.by_auto || setting.form != "trajectories") continue;
+    for (const std::string& form : OtherForms()) {
+      const std::string other = fmt::format("{}-{}", name, form);
+      if (config_.settings.contains(other)) {
+        throw UsageError(
+            fmt::format("design.settings.{} has the name that '{}' takes when auto picks the form {}; choose another",
+                        other, name, form));
+      }
+      other_forms_[other] = {setting.InForm(form), name};
+    }
+  }
   // Of images auto has a form of its own: nothing was given up.
   if (!adapted || (!spec.image_shape.empty() && config_.design.form == "images")) return;
   const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(&factory_->plant());
@@ -86,6 +98,14 @@ void Pipeline::CheckDirectory() const {
       check(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting));
     }
   }
+  for (const auto& [setting, other] : other_forms_) {
+    for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
+      check(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting));
+    }
+    const fs::path trials = directory_.root() / "design" / other.drawn_as / "forms";
+    check(trials / other.config.form / "q.json", TrialFingerprint(other.drawn_as, other.config));
+    check(trials / "choice.json", FormChoiceFingerprint(other.drawn_as));
+  }
   check(directory_.root() / "design.json", SelectionFingerprint());
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
     for (const std::string& where : AgentGrounds()) {
@@ -103,12 +123,14 @@ void Pipeline::WriteProvenance() const {
   written.data.path = fs::proximate(config_.data.path, directory_.root()).string();
   std::string& model = written.task.model.model;
   if (!model.empty() && !model.starts_with("package:")) model = fs::proximate(model, directory_.root()).string();
-  const auto place_prior = [&](DesignConfig& design) {
+  const auto write_as_given = [&](DesignConfig& design) {
+    // The next verb that reads this file leaves the form open as well.
+    if (design.by_auto) design.form = "auto";
     if (design.prior == "uniform" || design.prior == "gaussian") return;
     design.prior = fs::proximate(design.prior, directory_.root()).string();
   };
-  place_prior(written.design);
-  for (auto& [unused, setting] : written.settings) place_prior(setting);
+  write_as_given(written.design);
+  for (auto& [unused, setting] : written.settings) write_as_given(setting);
   KeepModel();
   WriteFileAtomically(directory_.root() / "run.toml", written.ToToml());
   const std::vector<Episode> episodes = dataset_.Episodes();
@@ -137,7 +159,8 @@ std::string Pipeline::CloneFingerprint() const {
 }
 
 std::string Pipeline::DesignFingerprint(const std::string& setting) const {
-  DesignConfig design = config_.DesignSettings().at(setting);
+  const auto other = other_forms_.find(setting);
+  DesignConfig design = other != other_forms_.end() ? other->second.config : config_.DesignSettings().at(setting);
   json settings = design.Fields().ToJson();
   // An earlier design counts by what it found, not by its place.
   const Prior prior = design.MakePrior(factory_->parameters());
@@ -147,7 +170,9 @@ std::string Pipeline::DesignFingerprint(const std::string& setting) const {
 
 std::string Pipeline::SelectionFingerprint() const {
   json inputs = {"selection"};
-  for (const auto& [setting, unused] : config_.DesignSettings()) inputs.push_back(DesignFingerprint(setting));
+  for (const auto& [setting, design] : config_.DesignSettings()) {
+    inputs.push_back(design.by_auto ? FormChoiceFingerprint(setting) : DesignFingerprint(setting));
+  }
   SelectionConfig selection = config_.selection;
   inputs.push_back(selection.Fields().ToJson());
   return Fingerprint(inputs);

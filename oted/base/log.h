@@ -1,6 +1,7 @@
 #pragma once
 /// What the library tells while it works. It emits records; only the program prints.
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <string>
@@ -37,6 +38,12 @@ struct RunContext {
   LogSink* log = nullptr;                   ///< never null while a stage runs
   const std::atomic<bool>* stop = nullptr;  ///< set by the program on Ctrl-C; may be null
   int n_threads = 1;                        ///< threads that the stage may use
+  /// For one of `n_jobs` that run side by side on these threads: its share of them.
+  RunContext ShareOf(size_t n_jobs) const {
+    RunContext share = *this;
+    share.n_threads = std::max(1, n_threads / static_cast<int>(std::max<size_t>(1, n_jobs)));
+    return share;
+  }
   bool StopRequested() const { return stop != nullptr && stop->load(std::memory_order_relaxed); }
   /// @throws Interrupted when a stop was requested. Call between units of work, where the state is on disk.
   void ThrowIfStopped() const {

@@ -160,6 +160,29 @@ TEST_F(WriteReportTest, IndependentParametersGetNoCorrelationPlot) {
   EXPECT_FALSE(Contains(Page(), "How the parameters trade off"));
 }
 
+TEST_F(WriteReportTest, FormsThatWereTriedStandWithTheirErrorsAndTheTakenOneIsMarked) {
+  run_.WriteDesign();
+  json design = ReadJson(folder_ / "design.json");
+  const auto tried = [](const char* form, double error, double gain) {
+    return json{{"form", form}, {"error", error}, {"gain", gain}, {"gain_std", 0.01}};
+  };
+  design["form_choices"] = {{{"setting", "paper"},
+                             {"form", "transitions"},
+                             {"picked", "paper"},
+                             {"reason", "it is nearest"},
+                             {"n_windows", 48},
+                             {"n_steps", 10},
+                             {"nominal_error", 9.75},
+                             {"tried", {tried("trajectories", 3.25, 0), tried("transitions", 2.5, 0.26)}}}};
+  WriteJson(folder_ / "design.json", design);
+  WriteReport(folder_.path());
+  EXPECT_TRUE(RunPython(kCheckPage, folder_));
+  const std::string page = Page();
+  for (const char* part : {"replayed 48 windows of 10 steps", ">3.25<", ">2.50<", ">9.75<", "as it is nearest."}) {
+    EXPECT_TRUE(Contains(page, part)) << part;
+  }
+}
+
 TEST_F(WriteReportTest, TheFilePlotlyComesInIsTheRealOneByDefault) {
   ::unsetenv("OTED_PLOTLY_JS");
   run_.WriteClone();
@@ -179,6 +202,11 @@ TEST_F(WriteReportTest, HostileNamesStayText) {
   design["settings"][0]["name"] = hostile;
   design["settings"][0]["form"] = hostile;
   design["model"] = {{hostile, hostile}};
+  design["form_choices"] = {{{"setting", hostile},
+                             {"form", hostile},
+                             {"picked", hostile},
+                             {"reason", hostile},
+                             {"tried", {{{"form", hostile}, {"error", hostile}}}}}};
   WriteJson(folder_ / "design.json", design);
   json evaluation = ReadJson(folder_ / "evaluation.json");
   evaluation["task"] = hostile;

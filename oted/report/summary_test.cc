@@ -107,6 +107,15 @@ TEST(SummariseTest, WhatIsNotSearchedAndOffByTheLogsIsNamedWithItsFactor) {
   EXPECT_THAT(found, HasSubstr("add it and design again"));
 }
 
+TEST(SummariseTest, SaysWhichFormWasTakenWhereItWasLeftOpenAndWhy) {
+  const json choices = {{{"form", "transitions"}, {"picked", "a-transitions"}, {"reason", "it is nearer"}},
+                        {{"form", "paper"}, {"picked", "b"}, {"reason", "nothing else can be done"}}};
+  const std::string trust =
+      Text(Summarise({{"design", {{"selected", "a-transitions"}, {"form_choices", choices}}}})["trust"]);
+  EXPECT_THAT(trust, HasSubstr("transitions was taken, as it is nearer."));
+  EXPECT_THAT(trust, Not(HasSubstr("paper"))) << "of a setting that was not selected";
+}
+
 TEST(SummariseTest, AValueAtTheEdgeOfItsRangeIsNotTrusted) {
   json at_the_edge = Parameter("friction", 1.99, "identified");
   at_the_edge["bounds"] = {0.2, 2.0};

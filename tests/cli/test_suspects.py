@@ -48,6 +48,9 @@ class SuspectsTest(unittest.TestCase):
         self.assertEqual(first["field"], "joint/*/damping")
         self.assertAlmostEqual(first["factor"], 0.7, delta=0.1)
         self.assertIn("not searched, but off by the logs: joint/*/damping, about 0.7", result.stdout)
+        self.assertIn("form: trajectories, as its answer is outside the family", result.stdout)
+        tried = {form["form"]: form["error"] for form in design["form_choices"][0]["tried"]}
+        self.assertEqual(set(tried), {"trajectories", "transitions", "least-squares"})
         self.assertIn("joint/*/damping (about 0.7", (self.folder / "gain/report.html").read_text())
         for file, schema in (("design.json", "oted.design.1"), ("design/default/1/q.json", "oted.q.1")):
             jsonschema.validate(json.loads((self.folder / "gain" / file).read_text()),
@@ -57,6 +60,8 @@ class SuspectsTest(unittest.TestCase):
         result, design = self.design("both", GAIN, DAMPING)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(design["fit"]["suspects"], [])
+        self.assertIn("form: trajectories, as noise alone explains", result.stdout)
+        self.assertEqual(design["form_choices"][0]["tried"], [])
         for parameter, truth in zip(design["parameters"], (1.2, 0.7)):
             self.assertAlmostEqual(parameter["mode"], truth, delta=1e-4)
         self.assertNotIn("not searched", result.stdout)

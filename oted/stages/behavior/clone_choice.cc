@@ -5,6 +5,7 @@
 #include <numeric>
 #include <utility>
 
+#include "oted/matching/held_out.h"
 #include "oted/matching/judge.h"
 #include "oted/stages/behavior/behavioral_cloning.h"
 #include "oted/stages/behavior/value_dice.h"
@@ -12,7 +13,6 @@
 namespace oted {
 namespace {
 
-constexpr double kJudgeShare = 0.2;
 constexpr int kLanes = 8, kSteps = 300;
 
 MethodEvidence EvidenceOf(const CloneResult& clone, const Dataset& logs, const Dataset& held_out,
@@ -36,30 +36,10 @@ MethodEvidence EvidenceOf(const CloneResult& clone, const Dataset& logs, const D
 
 }  // namespace
 
-CloneParts SplitForChoice(const Dataset& dataset, RngKey key) {
-  const std::vector<Episode> episodes = dataset.Episodes();
-  if (episodes.size() == 1) {
-    const Episode whole = episodes[0];
-    const int middle = whole.begin + std::max(1, static_cast<int>((1 - kJudgeShare) * whole.size()));
-    if (middle >= whole.end) return {dataset, dataset};
-    return {dataset.Select({{whole.begin, middle, false}}), dataset.Select({{middle, whole.end, whole.terminated}})};
-  }
-  Rng rng = key.MakeRng();
-  std::vector<Episode> learn, judge;
-  int n_judge = 0;
-  for (const int k : RandomPermutation(static_cast<int>(episodes.size()), rng)) {
-    const Episode& episode = episodes[static_cast<size_t>(k)];
-    const bool judges = judge.empty() || n_judge + episode.size() <= kJudgeShare * dataset.size();
-    (judges ? judge : learn).push_back(episode);
-    if (judges) n_judge += episode.size();
-  }
-  return {dataset.Select(learn), dataset.Select(judge)};
-}
-
 CloneResult ChooseClone(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
                         const std::string& run_name, const RunContext& context, const SimulatorFactory* nominal,
                         int judge_steps) {
-  const CloneParts parts = SplitForChoice(dataset, key.Stage("choice"));
+  const HeldOutParts parts = HoldOut(dataset, key.Stage("choice"));
   // Their curves would stand among those of the clone that is kept.
   class WithoutCurves : public NullSink {
    public:

@@ -26,10 +26,4 @@ CloneResult ChooseClone(const Dataset& dataset, const SimulatorSpec& spec, const
 /// Of a judge's score [nats]: what another seed of the judge changes.
 inline constexpr double kMargin = 0.01;
 
-/// The episodes that learn and those that judge; two parts of the one where there is one.
-struct CloneParts {
-  Dataset learn, judge;
-};
-CloneParts SplitForChoice(const Dataset& dataset, RngKey key);
-
 }  // namespace oted

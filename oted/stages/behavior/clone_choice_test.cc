@@ -88,16 +88,5 @@ TEST(ChooseClone, ThrowsOutABehaviouralCloneThatWasSpoiltAndGivesWhatValueDiceGi
   EXPECT_EQ(Weights(kept), Weights(Clone(logs, config, false)));
 }
 
-TEST(ChooseClone, HoldsOutWholeEpisodesOrTheEndOfTheOnlyOne) {
-  const Dataset logs = Demonstrations(6);
-  const CloneParts parts = SplitForChoice(logs, RngKey(1));
-  EXPECT_EQ(parts.judge.Episodes().size(), 1u);
-  EXPECT_EQ(parts.learn.Episodes().size(), 5u);
-  EXPECT_EQ(parts.learn.size() + parts.judge.size(), logs.size());
-  const CloneParts of_one = SplitForChoice(Demonstrations(1), RngKey(1));
-  EXPECT_EQ(of_one.learn.size(), 12);
-  EXPECT_EQ(of_one.judge.size(), 3);
-}
-
 }  // namespace
 }  // namespace oted

@@ -62,18 +62,23 @@ DesignConfig DesignConfig::Resolved(const ParameterSpace& space, const Simulator
   if (form != "auto") return *this;
   const bool of_sensors = std::ranges::any_of(
       space.specs(), [](const ParameterSpec& parameter) { return parameter.field.starts_with("obs/"); });
-  DesignConfig given = *this, unset = ForForm("auto");
-  DesignConfig resolved = ForForm(!spec.image_shape.empty() ? "images"
-                                  : !spec.can_set_state     ? "paper"
-                                  : of_sensors              ? "transitions"
-                                                            : "trajectories");
-  nlohmann::json fields = resolved.Fields().ToJson();
+  DesignConfig resolved = InForm(!spec.image_shape.empty() ? "images"
+                                 : !spec.can_set_state     ? "paper"
+                                 : of_sensors              ? "transitions"
+                                                           : "trajectories");
+  resolved.by_auto = true;
+  return resolved;
+}
+
+DesignConfig DesignConfig::InForm(const std::string& other) const {
+  DesignConfig given = *this, unset = ForForm(form), changed = ForForm(other);
+  nlohmann::json fields = changed.Fields().ToJson();
   const nlohmann::json before = unset.Fields().ToJson(), after = given.Fields().ToJson();
   for (const auto& [name, value] : after.items()) {
     if (name != "form" && value != before.at(name)) fields[name] = value;
   }
-  resolved.Fields().FromJson(fields, "design");
-  return resolved;
+  changed.Fields().FromJson(fields, "design");
+  return changed;
 }
 
 bool DesignConfig::AdaptToFixedStarts() {
@@ -89,11 +94,12 @@ bool DesignConfig::AdaptToFixedStarts() {
 
 FieldList DesignConfig::Fields() {
   FieldList fields("design");
-  fields.AddChoice("form", &form,
-                   "how q is found: trajectory matching; Algorithm 1 on replayed transitions, or as in the paper; "
-                   "least squares on predictions; DROPO; auto takes trajectories where states can be set, images where "
-                   "there are some, otherwise paper",
-                   Forms());
+  fields.AddChoice(
+      "form", &form,
+      "how q is found: trajectory matching; Algorithm 1 on replayed transitions, or as in the paper; "
+      "least squares on predictions; DROPO; auto takes trajectories where states can be set (and tries others "
+      "where its answer is outside the family), images where there are some, otherwise paper",
+      Forms());
   fields.AddChoice("starts", &starts, "where rollouts begin: logged states, or the initial distribution",
                    {"dataset", "initial"});
   fields.AddChoice("actions", &actions, "who acts: the logged actions again, or the clone", {"replayed", "clone"});

@@ -16,8 +16,9 @@
 namespace oted {
 
 /// How q(z) is found, from which evidence, how much of it, and how q(z) and g move. The form sets the rest together:
-///   "auto"          trajectories where the simulator's state can be set from an observation, otherwise paper; with
-///                   parameters of the sensors (obs/...) transitions: their noise cannot be fitted step by step
+///   "auto"          trajectories where the simulator's state can be set from an observation, and where its answer is
+///                   outside the family what held-out logs prefer (form_choice.h); otherwise paper; with parameters of
+///                   the sensors (obs/...) transitions: their noise cannot be fitted step by step
 ///   "trajectories"  windows of the log replayed, their start states unknown too: least squares that weighs channels
 ///                   and windows by what they tell
 ///   "transitions"   Algorithm 1 with logged actions replayed from logged states, g(s, a, s'), short rollouts
@@ -77,6 +78,8 @@ struct DesignConfig {
   int discriminator_batch = 256;
   int replay_iterations = 10;
 
+  bool by_auto = false;  ///< no setting: the form was left to auto, and is what Resolved made of it
+
   /// The defaults of a form. @throws UsageError for an unknown one.
   static DesignConfig ForForm(const std::string& form);
   /// For a simulator that cannot be set to logged states: rollouts begin at its own starts and the clone acts. A
@@ -86,6 +89,8 @@ struct DesignConfig {
   /// `auto` settled for a simulator and its parameters; what was set stays.
   /// @throws UsageError for a form that sets states where they cannot be set
   DesignConfig Resolved(const ParameterSpace& space, const SimulatorSpec& spec) const;
+  /// The same in another form: what differs from the present form's defaults stays.
+  DesignConfig InForm(const std::string& other) const;
   FieldList Fields();
   /// @throws UsageError when settings contradict each other.
   void Check() const;

@@ -54,6 +54,23 @@ TEST(DesignConfig, WhatWasSetStaysWhenAutoIsSettled) {
   EXPECT_EQ(paper.horizon, DesignConfig::ForForm("paper").horizon);
 }
 
+TEST(DesignConfig, InAnotherFormWhatWasSetStaysAndTheRestIsThatForms) {
+  DesignConfig config = DesignConfig::ForForm("trajectories");
+  config.n_sims = 9;
+  DesignConfig paper = config.InForm("paper"), expected = DesignConfig::ForForm("paper");
+  expected.n_sims = 9;
+  EXPECT_EQ(paper.Fields().ToJson(), expected.Fields().ToJson());
+  EXPECT_EQ(paper.InForm("trajectories").Fields().ToJson(), config.Fields().ToJson());
+}
+
+TEST(DesignConfig, RemembersThatTheFormWasLeftOpenAndNeverSaysSoOtherwise) {
+  SimulatorSpec settable;
+  settable.can_set_state = true;
+  EXPECT_TRUE(DesignConfig().Resolved({}, settable).by_auto);
+  EXPECT_TRUE(DesignConfig().Resolved({}, settable).Resolved({}, settable).by_auto);
+  EXPECT_FALSE(DesignConfig::ForForm("trajectories").Resolved({}, settable).by_auto);
+}
+
 TEST(DesignConfig, TheTransitionsFormReplaysLoggedActionsFromLoggedStates) {
   const EvidenceConfig evidence = DesignConfig::ForForm("transitions").Evidence({});
   EXPECT_TRUE(evidence.dataset_starts && evidence.replayed_actions && evidence.transitions);

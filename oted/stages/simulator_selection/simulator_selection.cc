@@ -88,6 +88,22 @@ double RankingScore(const SettingScore& setting, const std::string& score) {
   return setting.learning_progress;
 }
 
+/// Of a setting's seeds the best-scoring; of tied ones that nearest to the mean of all.
+int BestSeed(const std::vector<int>& seeds, const std::vector<Candidate>& candidates,
+             const std::vector<CandidateScore>& scores, const std::string& score) {
+  const std::vector<double> distance = DistancesToMean(candidates, seeds);
+  const auto score_of = [&](size_t i) {
+    const CandidateScore& of = scores[static_cast<size_t>(seeds[i])];
+    return score == "paper" ? of.c : of.common;
+  };
+  size_t best = 0;
+  for (size_t i = 1; i < seeds.size(); ++i) {
+    const double gain = score_of(i) - score_of(best);
+    if (std::abs(gain) > kTie ? gain > 0 : distance[i] < distance[best]) best = i;
+  }
+  return seeds[best];
+}
+
 }  // namespace
 
 SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
@@ -150,23 +166,21 @@ SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& 
     const double score_x = RankingScore(x, config.score), score_y = RankingScore(y, config.score);
     return std::abs(score_x - score_y) > kTie ? score_x > score_y : x.design_deviation < y.design_deviation;
   };
-  for (size_t s = 1; s < result.settings.size(); ++s) {
-    if (better_setting(result.settings[s], result.settings[static_cast<size_t>(result.selected_setting)])) {
+  const auto is_eligible = [&](const SettingScore& setting) {
+    return !candidates[static_cast<size_t>(setting.candidates[0])].superseded;
+  };
+  result.selected_setting = -1;
+  for (size_t s = 0; s < result.settings.size(); ++s) {
+    SettingScore& setting = result.settings[s];
+    setting.best_candidate = BestSeed(setting.candidates, candidates, result.candidates, config.score);
+    if (!is_eligible(setting)) continue;
+    if (result.selected_setting < 0 ||
+        better_setting(setting, result.settings[static_cast<size_t>(result.selected_setting)])) {
       result.selected_setting = static_cast<int>(s);
     }
   }
-  const std::vector<int>& seeds = result.settings[static_cast<size_t>(result.selected_setting)].candidates;
-  const std::vector<double> distance = DistancesToMean(candidates, seeds);
-  const auto score_of = [&](size_t i) {
-    const CandidateScore& score = result.candidates[static_cast<size_t>(seeds[i])];
-    return config.score == "paper" ? score.c : score.common;
-  };
-  size_t best = 0;
-  for (size_t i = 1; i < seeds.size(); ++i) {
-    const double gain = score_of(i) - score_of(best);
-    if (std::abs(gain) > kTie ? gain > 0 : distance[i] < distance[best]) best = i;
-  }
-  result.best_candidate = seeds[best];
+  OTED_CHECK(result.selected_setting >= 0);
+  result.best_candidate = result.settings[static_cast<size_t>(result.selected_setting)].best_candidate;
   return result;
 }
 

@@ -30,6 +30,7 @@ struct SelectionConfig {
 /// One design: hyperparameters h with seed i, and what it learned.
 struct Candidate {
   std::string setting;
+  std::string form;  ///< design.form of the setting
   int seed = 0;
   Designer q;
   Discriminator g;
@@ -38,6 +39,7 @@ struct Candidate {
   std::shared_ptr<const Policy>
       clone;                       ///< of the design itself, where clone and design were trained jointly; else null
   std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of forms that replay windows
+  bool superseded = false;         ///< scored, but its setting is not selected: another form of it was preferred
 };
 
 struct CandidateScore {
@@ -53,13 +55,14 @@ struct SettingScore {
   double design_deviation =
       0;  ///< standard deviation of the modes over seeds, in ranges, mean over parameters; lowest wins
   double learning_progress = 0;  ///< mean over seeds; highest wins
+  int best_candidate = 0;        ///< the best-scoring of its seeds
 };
 
 struct SelectionResult {
   std::vector<CandidateScore> candidates;
   std::vector<SettingScore> settings;
   int selected_setting = 0;   ///< index into settings, by config.score
-  int best_candidate = 0;     ///< the best-scoring seed of the selected setting
+  int best_candidate = 0;     ///< of the selected setting
   double nominal_common = 0;  ///< the common score of the un-designed simulator: is there a gap at all?
 };
 

@@ -56,6 +56,17 @@ TEST(SelectSimulator, ACandidateAtTheTruthOutranksOneFarAway) {
   EXPECT_LT(result.nominal_common, kLog2 - 0.1) << "the un-designed simulator has gain and damping wrong";
 }
 
+TEST(SelectSimulator, ASettingWhosePlaceAnotherTookIsScoredAndNeverSelected) {
+  const Dataset logs = PointMassLogs(kTruth, 8);
+  std::vector<Candidate> candidates = {CertainOf("true", 1, kTruth, logs), CertainOf("far", 1, {0.6, 0.9, 0.5}, logs)};
+  candidates[0].superseded = true;
+  const auto result = Select(logs, candidates, SmallConfig());
+  EXPECT_GT(result.settings[0].common, result.settings[1].common);
+  EXPECT_EQ(result.selected_setting, 1);
+  EXPECT_EQ(result.best_candidate, 1);
+  EXPECT_EQ(result.settings[0].best_candidate, 0);
+}
+
 TEST(SelectSimulator, WithoutAGapTheUndesignedSimulatorScoresLog2) {
   const Dataset logs = PointMassLogs(PointMassFactory().parameters().Nominal(), 8);
   const auto result = Select(logs, {CertainOf("a", 1, {0.6, 0.5, 0.5}, logs)}, SmallConfig());

@@ -1,0 +1,17 @@
+#pragma once
+/// Part of the logs, kept from what is learned so that it can judge it.
+
+#include "oted/base/rng.h"
+#include "oted/data/dataset.h"
+
+namespace oted {
+
+/// The episodes that learn and those that judge; two parts of the one where there is one.
+struct HeldOutParts {
+  Dataset learn, judge;
+};
+
+/// A fifth of the rows judges, in whole episodes drawn at random: at least one.
+HeldOutParts HoldOut(const Dataset& dataset, RngKey key);
+
+}  // namespace oted
