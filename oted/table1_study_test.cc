@@ -178,7 +178,7 @@ TEST(Table1Text, HasMeanAndSpreadBesideThePapersFigures) {
   const std::string text =
       Table1(study, {Record("hopper", "medium", nullptr, "bc", {10}), Record("hopper", nullptr, "all", "dr", {20, 22}),
                      Record("hopper", "expert", "gain", "oted", {50.04})});
-  EXPECT_THAT(text, HasSubstr("| dataset | parameters | BC | paper | DR | paper | OTED-SAC | paper |\n"));
+  EXPECT_THAT(text, HasSubstr("| dataset | parameters | BC | paper | DR | paper | OTED | paper |\n"));
   EXPECT_THAT(text, HasSubstr("| hopper-medium | gain | 10.0 | 29.0 |  | 73.9 |  | 94.2 (8.6) |\n"));
   EXPECT_THAT(text, HasSubstr("| hopper-medium | all | 10.0 | 29.0 | 21.0 (1.4; 2) | 73.9 |  | 109.8 (2.6) |\n"));
   EXPECT_THAT(text, HasSubstr("| hopper-expert | gain |  | 109.0 |  | 73.9 | 50.0 | 100.4 (5.0) |\n"));

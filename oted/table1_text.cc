@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::json;
 
-/// BC, DR, IS, BC+DR, and OTED-SAC by friction, gain, gravity, all. Over which parameters DR, IS and BC+DR are
+/// BC, DR, IS, BC+DR, and OTED by friction, gain, gravity, all. Over which parameters DR, IS and BC+DR are
 /// randomised is not said; DR's and IS's figures are one for each task.
 struct PaperLine {
   const char *bc, *dr, *is, *bc_dr, *friction, *gain, *gravity, *all;
@@ -53,7 +53,7 @@ const char* PaperFigure(const std::string& row, const std::string& parameters, c
 }
 
 const std::map<std::string, const char*> kTitles = {
-    {"bc", "BC"}, {"dr", "DR"}, {"is", "IS"}, {"bc_dr", "BC+DR"}, {"oted", "OTED-SAC"}, {"undesigned", "un-designed"}};
+    {"bc", "BC"}, {"dr", "DR"}, {"is", "IS"}, {"bc_dr", "BC+DR"}, {"oted", "OTED"}, {"undesigned", "un-designed"}};
 
 std::string Score(const json& record) {
   std::vector<double> scores;

@@ -77,7 +77,8 @@ class BaselinesTest(cli.CliTest):
 
 class Table1Test(cli.CliTest):
     def table1(self, *more, data=ROOT / "examples/data"):
-        return cli.oted("reproduce", "table1", "--task", "hopper", "--dataset", "medium", "--parameters", "gain", "--steps", "200",
+        return cli.oted("reproduce", "table1", "--task", "hopper", "--dataset", "medium", "--parameters", "gain", "--algorithm", "crossq",
+                        "--steps", "200",
                         "--data", data, "--out", self.out, "--quiet", "--threads", "2",
                         *cli.sets(cli.TINY), *more)
 
@@ -91,9 +92,9 @@ class Table1Test(cli.CliTest):
         ran = cli.oted(*words, *cli.sets(cli.TINY))
         self.assertIn(ran.returncode, (0, cli.NO_SIMULATOR), ran.stderr)
         of_run = {p["name"]: p for p in json.loads((run / "evaluation.json").read_text())["policies"]}
-        for cell, name in (("hopper-medium-bc", "clone"), ("hopper-gain-dr", "sac_dr"), ("hopper-gain-is", "sac_is"),
-                           ("hopper-medium-gain-bc_dr", "bc_dr"), ("hopper-gain-undesigned", "sac_undesigned"),
-                           ("hopper-medium-gain-oted", "oted_sac")):
+        for cell, name in (("hopper-medium-bc", "clone"), ("hopper-gain-dr", "crossq_dr"), ("hopper-gain-is", "crossq_is"),
+                           ("hopper-medium-gain-bc_dr", "bc_dr"), ("hopper-gain-undesigned", "crossq_undesigned"),
+                           ("hopper-medium-gain-oted", "oted_crossq")):
             record = json.loads((self.out / f"{cell}.json").read_text())
             self.assertEqual(record["schema"], "oted.table1_cell/1")
             self.assertIn("reproduce table1", record["command"])
@@ -104,8 +105,8 @@ class Table1Test(cli.CliTest):
             for key in ("mean_return", "std_return", "score"):
                 self.assertEqual(seed[key], of_run[name][key], (cell, key))
         score = {name: f"{p['score']:.1f}" for name, p in of_run.items()}
-        self.assertIn(f"| hopper-medium | gain | {score['clone']} | 29.0 | {score['sac_dr']} | 73.9 | {score['sac_is']} | 20.9 | "
-                      f"{score['bc_dr']} | 30.0 (0.1) | {score['oted_sac']} | 94.2 (8.6) | {score['sac_undesigned']} |",
+        self.assertIn(f"| hopper-medium | gain | {score['clone']} | 29.0 | {score['crossq_dr']} | 73.9 | {score['crossq_is']} | 20.9 | "
+                      f"{score['bc_dr']} | 30.0 (0.1) | {score['oted_crossq']} | 94.2 (8.6) | {score['crossq_undesigned']} |",
                       result.stdout)
         self.assertTrue((self.out / "runs/hopper-medium-gain-oted/3/report.html").is_file())
         self.assertTrue((self.out / "runs/hopper-gain-dr/3/agents/1/curves.csv").is_file())

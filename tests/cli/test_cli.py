@@ -480,7 +480,7 @@ class TestResult(CliTest):
         self.assertTrue(list(self.out.glob("design/default/1/events.out.tfevents.*")))
         leftovers = [n for n in files_below(self.out) if ".tmp-" in n or "checkpoint" in n]
         self.assertEqual(leftovers, [])
-        for word in ("random actions", "clone of the logs", "un-designed simulator", "OTED-SAC"):
+        for word in ("random actions", "clone of the logs", "un-designed simulator", "OTED-CrossQ"):
             self.assertIn(word, result.stdout)
         self.assertEqual(json.loads((self.out / "dataset.json").read_text())["n_episodes"], 8)
         versions = json.loads((self.out / "versions.json").read_text())
