@@ -31,9 +31,10 @@ from study_data import HIGH, LOW, PARAMETERS, ROOT, TASKS, commit, write_record
 FIELDS = PARAMETERS | {"gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
                        "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
 THREE = tuple(PARAMETERS)
-# Neither the clone nor the classifiers have a say in q, its intervals or its verdicts: they are kept short.
-SHORT = ("clone.max_steps=100", "design.discriminator_steps=1", "selection.judge_steps=20", "selection.n_sims=2",
-         "selection.n_steps=20")
+# Neither the clone nor the classifiers have a say in q, its intervals or its verdicts: they are kept short. The form is
+# what auto begins with; outside the family auto tries others too, and the verdicts stay those of this one.
+SHORT = ("design.form=trajectories", "clone.max_steps=100", "design.discriminator_steps=1", "selection.judge_steps=20",
+         "selection.n_sims=2", "selection.n_steps=20")
 IN_FAMILY = ("identified", "no_gap", "no_effect", "product")
 CLASSES = ("identified", "no_gap", "no_effect", "product", "out_of_bounds", "out_of_family")
 
