@@ -88,7 +88,7 @@ int Main(int argc, char** argv) {
   }
   const int obs_dim = std::atoi(argv[2]), act_dim = std::atoi(argv[3]);
   if (mode == "updates") {
-    SacWorkload learner(obs_dim, act_dim);
+    ReplayWorkload learner(ReplayWorkload::Algorithm::kSac, obs_dim, act_dim);
     Serve([&] { learner.Step(); });
     return 0;
   }

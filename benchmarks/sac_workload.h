@@ -3,11 +3,13 @@
 
 #include <benchmark/benchmark.h>
 
+#include <memory>
 #include <vector>
 
 #include "oted/nn/gemm.h"
 #include "oted/nn/mlp.h"
 #include "oted/nn/tanh_gaussian.h"
+#include "oted/rl/crossq_update.h"
 #include "oted/rl/replay_buffer.h"
 #include "oted/rl/sac_update.h"
 
@@ -18,10 +20,18 @@ inline constexpr int kRows = 10'000;  // of the replay buffer
 inline const std::vector<int> kHidden = {256, 256};
 
 // A learner of the given size with a replay buffer of noise.
-class SacWorkload {
+class ReplayWorkload {
  public:
-  SacWorkload(int obs_dim, int act_dim)
-      : buffer_(obs_dim, act_dim, kRows), update_(Actor(obs_dim, act_dim, rng_), kHidden, Options(act_dim), rng_) {
+  enum class Algorithm { kSac, kCrossQ };
+
+  ReplayWorkload(Algorithm algorithm, int obs_dim, int act_dim) : buffer_(obs_dim, act_dim, kRows) {
+    const TanhGaussianPolicy actor = Actor(obs_dim, act_dim, rng_);
+    const double entropy = -static_cast<double>(act_dim);
+    if (algorithm == Algorithm::kSac) {
+      update_ = std::make_unique<SacUpdate>(actor, kHidden, SacUpdateOptions{.target_entropy = entropy}, rng_);
+    } else {
+      update_ = std::make_unique<CrossQUpdate>(actor, kHidden, CrossQUpdateOptions{.target_entropy = entropy}, rng_);
+    }
     std::vector<double> s(static_cast<size_t>(obs_dim)), a(static_cast<size_t>(act_dim)), s2(s.size());
     for (int row = 0; row < kRows; ++row) {
       for (std::vector<double>* values : {&s, &s2}) {
@@ -34,7 +44,7 @@ class SacWorkload {
 
   void Step() {
     buffer_.Sample(kBatch, rng_, batch_);
-    benchmark::DoNotOptimize(update_.Step(batch_));
+    benchmark::DoNotOptimize(update_->Step(batch_));
   }
 
  private:
@@ -45,11 +55,10 @@ class SacWorkload {
     actor.net().Initialize(rng);
     return actor;
   }
-  static SacUpdateOptions Options(int act_dim) { return {.target_entropy = -static_cast<double>(act_dim)}; }
 
   Rng rng_{1};
   ReplayBuffer buffer_;
-  SacUpdate update_;
+  std::unique_ptr<ReplayUpdate> update_;
   TransitionBatch batch_;
 };
 
