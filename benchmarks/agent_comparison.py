@@ -36,8 +36,8 @@ def command_of(study, seed, oted, out, steps):
                "--out", data, *target]
     subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
     return [str(oted), "run", "--task", TASKS[study], "--data", data, *target, "--seed", str(seed), "--threads", "1", "--quiet",
-            "--out", f"{out}/run", "--set", "agents.n_agents=1", "--set", f"sac.n_steps={steps}", "--set", "agents.algorithm=sac", "--set", "sac.hidden=128,128",
-            "--set", "sac.learning_rate=0.001", "--set", "sac.batch_size=128"]
+            "--out", f"{out}/run", "--set", "agents.n_agents=1", "--set", "agents.algorithm=sac", "--set", f"sac.n_steps={steps}",
+            "--set", "sac.hidden=128,128", "--set", "sac.learning_rate=0.001", "--set", "sac.batch_size=128"]
 
 
 def run(study, seed, oted, file, steps):

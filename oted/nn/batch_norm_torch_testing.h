@@ -57,8 +57,8 @@ struct TorchBatchNormMlp {
     });
   }
 
-  std::vector<double> Flat(bool gradients = false) const { return FlatOf(parameters, gradients); }
-  std::vector<double> FlatRunning() const { return FlatOf(running, false); }
+  std::vector<double> Flat(bool gradients = false) const { return Flattened(parameters, gradients); }
+  std::vector<double> FlatRunning() const { return Flattened(running); }
 
  private:
   template <class Normalise>
@@ -69,15 +69,6 @@ struct TorchBatchNormMlp {
       if (l + 1 < n_layers()) x = torch::relu(x);
     }
     return x;
-  }
-
-  static std::vector<double> FlatOf(const std::vector<torch::Tensor>& tensors, bool gradients) {
-    std::vector<double> flat;
-    for (const torch::Tensor& p : tensors) {
-      const torch::Tensor values = (gradients ? p.grad() : p.detach()).contiguous();
-      flat.insert(flat.end(), values.data_ptr<double>(), values.data_ptr<double>() + values.numel());
-    }
-    return flat;
   }
 };
 

@@ -8,18 +8,6 @@
 namespace oted {
 namespace {
 
-AlignedVector<float> Normals(size_t n, uint64_t seed) {
-  AlignedVector<float> values(n);
-  Rng(seed).FillNormal({values.data(), values.size()});
-  return values;
-}
-
-double Largest(const std::vector<double>& values) {
-  double largest = 0;
-  for (const double v : values) largest = std::max(largest, std::abs(v));
-  return largest;
-}
-
 // The same network in libtorch, in double precision, on leaves in the order of the flat vector.
 struct TorchConv {
   std::vector<torch::Tensor> parameters;

@@ -7,12 +7,6 @@
 namespace oted {
 namespace {
 
-AlignedVector<float> Normals(size_t n, uint64_t seed) {
-  AlignedVector<float> values(n);
-  Rng(seed).FillNormal({values.data(), values.size()});
-  return values;
-}
-
 TEST(GradientPenaltyAgainstAutograd, PenaltyAndItsGradientAreThoseOfASecondBackwardPass) {
   struct Shape {
     int in;

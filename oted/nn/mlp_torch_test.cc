@@ -6,18 +6,6 @@
 namespace oted {
 namespace {
 
-AlignedVector<float> Normals(size_t n, uint64_t seed) {
-  AlignedVector<float> values(n);
-  Rng(seed).FillNormal({values.data(), values.size()});
-  return values;
-}
-
-double Largest(const std::vector<double>& values) {
-  double largest = 0;
-  for (const double v : values) largest = std::max(largest, std::abs(v));
-  return largest;
-}
-
 struct Shape {
   int in;
   std::vector<int> hidden;

@@ -6,6 +6,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include <algorithm>
 #include <cmath>
 #include <span>
 #include <vector>
@@ -18,6 +19,16 @@ namespace oted {
 inline torch::Tensor ToTensor(std::span<const float> values, int64_t rows, int64_t cols) {
   const std::vector<double> copy(values.begin(), values.end());
   return torch::tensor(copy, torch::kFloat64).reshape({rows, cols});
+}
+
+/// All numbers of `tensors`, or of their gradients, one tensor after the other.
+inline std::vector<double> Flattened(const std::vector<torch::Tensor>& tensors, bool gradients = false) {
+  std::vector<double> flat;
+  for (const torch::Tensor& tensor : tensors) {
+    const torch::Tensor values = (gradients ? tensor.grad() : tensor.detach()).contiguous();
+    flat.insert(flat.end(), values.data_ptr<double>(), values.data_ptr<double>() + values.numel());
+  }
+  return flat;
 }
 
 /// An Mlp's numbers as leaf tensors in double precision: weight and bias of each layer in turn, the order of its flat
@@ -43,15 +54,23 @@ struct TorchMlp {
   }
 
   /// All parameters, or all their gradients, in the order of the flat vector.
-  std::vector<double> Flat(bool gradients = false) const {
-    std::vector<double> flat;
-    for (const torch::Tensor& p : parameters) {
-      const torch::Tensor values = (gradients ? p.grad() : p.detach()).contiguous();
-      flat.insert(flat.end(), values.data_ptr<double>(), values.data_ptr<double>() + values.numel());
-    }
-    return flat;
-  }
+  std::vector<double> Flat(bool gradients = false) const { return Flattened(parameters, gradients); }
 };
+
+/// Normal numbers, the same for the same seed.
+inline AlignedVector<float> Normals(size_t n, uint64_t seed, float mean = 0, float deviation = 1) {
+  AlignedVector<float> values(n);
+  Rng(seed).FillNormal({values.data(), values.size()});
+  for (float& v : values) v = mean + deviation * v;
+  return values;
+}
+
+/// The largest |v|.
+inline double Largest(const std::vector<double>& values) {
+  double largest = 0;
+  for (const double v : values) largest = std::max(largest, std::abs(v));
+  return largest;
+}
 
 /// The largest |a_i - b_i|.
 template <class A, class B>

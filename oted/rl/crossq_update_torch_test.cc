@@ -4,6 +4,7 @@
 
 #include "oted/nn/batch_norm_torch_testing.h"
 #include "oted/rl/crossq_update.h"
+#include "oted/rl/replay_torch_testing.h"
 
 namespace oted {
 namespace {
@@ -64,7 +65,7 @@ class TorchCrossQ {
     const torch::Tensor alpha = log_alpha.detach().exp();
     const bool renormalise = n_updates_ > options_.renorm_warmup;
 
-    const auto [next_action, next_log_prob] = Squash(actor.Evaluate(s_next).detach(), noise.slice(0, n, 2 * n));
+    const auto [next_action, next_log_prob] = TorchSquash(actor.Evaluate(s_next).detach(), noise.slice(0, n, 2 * n));
     const torch::Tensor joint = ToTensor(batch.joint, n, obs_dim + act_dim_);
     const torch::Tensor all = torch::cat({joint, torch::cat({s_next, next_action}, 1)}, 0);
     std::array<torch::Tensor, 2> q, q_next;
@@ -82,7 +83,7 @@ class TorchCrossQ {
 
     if (++n_updates_ % options_.policy_delay != 0) return losses_;
     const auto [action, log_prob] =
-        Squash(actor.Train(s, options_.momentum, n_updates_ > options_.renorm_warmup), noise.slice(0, 0, n));
+        TorchSquash(actor.Train(s, options_.momentum, n_updates_ > options_.renorm_warmup), noise.slice(0, 0, n));
     const torch::Tensor alpha_loss = -(log_alpha * (log_prob + options_.target_entropy).detach()).mean();
     Minimise(alpha_adam_, alpha_loss);
     const torch::Tensor on_policy = torch::cat({s, action}, 1);
@@ -114,35 +115,10 @@ class TorchCrossQ {
     return all;
   }
 
-  std::pair<torch::Tensor, torch::Tensor> Squash(const torch::Tensor& out, const torch::Tensor& noise) const {
-    const torch::Tensor mean = out.slice(1, 0, act_dim_);
-    const torch::Tensor log_std = out.slice(1, act_dim_, 2 * act_dim_).clamp(-20, 2);
-    const torch::Tensor u = mean + log_std.exp() * noise, action = u.tanh();
-    const torch::Tensor gaussian = -0.5 * ((u - mean) / log_std.exp()).pow(2) - log_std - 0.5 * std::log(2 * M_PI);
-    return {action, (gaussian - (1 - action.pow(2) + 1e-6).log()).sum(1, true)};
-  }
-
-  static void Minimise(torch::optim::Adam& adam, const torch::Tensor& loss) {
-    adam.zero_grad();
-    loss.backward();
-    adam.step();
-  }
-
   int64_t act_dim_, n_updates_ = 0;
   ReplayLosses losses_;
   torch::optim::Adam actor_adam_, critic_adam_, alpha_adam_;
 };
-
-void ExpectNear(const ReplayLosses& got, const ReplayLosses& want, int step) {
-  const auto near = [&](double a, double b, const char* what) {
-    EXPECT_NEAR(a, b, 2e-5 * (1 + std::abs(b))) << what << " at step " << step;
-  };
-  near(got.critic_loss, want.critic_loss, "critic loss");
-  near(got.actor_loss, want.actor_loss, "actor loss");
-  near(got.alpha, want.alpha, "alpha");
-  near(got.alpha_loss, want.alpha_loss, "alpha loss");
-  near(got.mean_q, want.mean_q, "mean Q");
-}
 
 // Adam divides a gradient by its own size, so where a gradient's terms cancel to their rounding error a step is that
 // error's sign. With batch normalisation this is so at once for the bias of a layer whose outputs are normalised after

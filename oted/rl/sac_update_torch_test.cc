@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "oted/nn/torch_testing.h"
+#include "oted/rl/replay_torch_testing.h"
 #include "oted/rl/sac_update.h"
 
 namespace oted {
@@ -87,20 +87,8 @@ class TorchSac {
     return all;
   }
 
-  /// A reparameterised draw and its log probability: a squashed diagonal Gaussian.
   std::pair<torch::Tensor, torch::Tensor> Act(const torch::Tensor& s, const torch::Tensor& noise) const {
-    const torch::Tensor out = actor.Forward(s);
-    const torch::Tensor mean = out.slice(1, 0, act_dim_);
-    const torch::Tensor log_std = out.slice(1, act_dim_, 2 * act_dim_).clamp(-20, 2);
-    const torch::Tensor u = mean + log_std.exp() * noise, action = u.tanh();
-    const torch::Tensor gaussian = -0.5 * ((u - mean) / log_std.exp()).pow(2) - log_std - 0.5 * std::log(2 * M_PI);
-    return {action, (gaussian - (1 - action.pow(2) + 1e-6).log()).sum(1, true)};
-  }
-
-  static void Minimise(torch::optim::Adam& adam, const torch::Tensor& loss) {
-    adam.zero_grad();
-    loss.backward();
-    adam.step();
+    return TorchSquash(actor.Forward(s), noise);
   }
 
   int64_t act_dim_;
@@ -127,17 +115,6 @@ TransitionBatch RandomBatch(int obs_dim, int act_dim, Rng& rng) {
   TransitionBatch batch;
   buffer.Sample(kBatch, rng, batch);
   return batch;
-}
-
-void ExpectNear(const ReplayLosses& got, const ReplayLosses& want, int step) {
-  const auto near = [&](double a, double b, const char* what) {
-    EXPECT_NEAR(a, b, 2e-5 * (1 + std::abs(b))) << what << " at step " << step;
-  };
-  near(got.critic_loss, want.critic_loss, "critic loss");
-  near(got.actor_loss, want.actor_loss, "actor loss");
-  near(got.alpha, want.alpha, "alpha");
-  near(got.alpha_loss, want.alpha_loss, "alpha loss");
-  near(got.mean_q, want.mean_q, "mean Q");
 }
 
 // Adam divides a gradient by its own size: where the terms of a gradient cancel to their rounding error (1e-7 of them),
