@@ -37,14 +37,7 @@ struct TorchConv {
     return x;
   }
 
-  std::vector<double> Gradient() const {
-    std::vector<double> flat;
-    for (const torch::Tensor& p : parameters) {
-      const torch::Tensor values = p.grad().contiguous();
-      flat.insert(flat.end(), values.data_ptr<double>(), values.data_ptr<double>() + values.numel());
-    }
-    return flat;
-  }
+  std::vector<double> Gradient() const { return Flattened(parameters, true); }
 };
 
 TEST(ConvAgainstAutograd, OutputAndParameterGradientAgree) {

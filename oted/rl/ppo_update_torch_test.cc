@@ -86,14 +86,7 @@ class TorchNet {
     return x;
   }
 
-  std::vector<double> Flat() const {
-    std::vector<double> flat;
-    for (const torch::Tensor& p : parameters) {
-      const torch::Tensor values = p.detach().contiguous();
-      flat.insert(flat.end(), values.data_ptr<double>(), values.data_ptr<double>() + values.numel());
-    }
-    return flat;
-  }
+  std::vector<double> Flat() const { return Flattened(parameters); }
 
   std::vector<torch::Tensor> parameters;
 
