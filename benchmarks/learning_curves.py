@@ -2,7 +2,7 @@
 """Learning curves over control steps and seconds: CrossQ and SAC of this program, and Stable-Baselines3's SAC.
 
   benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac stable-baselines3] [--seeds 1 2 3] [--jobs 2]
-  benchmarks/learning_curves.py --table
+  benchmarks/learning_curves.py --table          # and docs/learning.svg
 
 Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
 again. All train with a batch of 256, networks of 2x256 and one update per step, and are looked at every 10,000 steps:
@@ -24,10 +24,12 @@ import subprocess
 import tempfile
 import time
 
-from sac_peers import ONE_THREAD, PYTHON, install
+from learning_plot import plot
+from sac_peers import ONE_THREAD, PYTHON, install, processor
 from study_data import ROOT, TASKS, commit, write_record
 
 OUT = ROOT / "benchmarks/results/learning"
+PLOT = ROOT / "docs/learning.svg"
 EVERY = 10_000
 EPISODES = 5
 
@@ -70,7 +72,8 @@ def run(oted, learner, task, seed, steps):
     with tempfile.TemporaryDirectory(prefix="oted-learning-") as folder:
         result = theirs(task, seed, steps) if learner == "stable-baselines3" else ours(oted, learner, task, seed, steps, folder)
     command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
-    record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit()}
+    record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit(),
+              "processor": processor()}
     write_record(OUT / f"{task}-{learner}-{seed}.json", record | result)
     return f"{task} {learner} {seed}: best {max(result['returns']):.0f}, {result['cpu_seconds'][-1]:.0f} s of CPU"
 
@@ -97,14 +100,21 @@ def middle(values, text):
     return text.format(statistics.median(values)) if values else "-"
 
 
+def mark_of(task, found):
+    """The median of our SAC's best checkpoints, 20 fresh episodes each."""
+    sac = found.get((task, "sac"), [])
+    return statistics.median(r["best"]["mean_return"] for r in sac) if sac else None
+
+
 def table():
     found = records()
-    print("| task | mark | learner | seeds | return at 100k | at 200k | at 300k | best, 20 episodes | reach the mark | after steps "
+    marks = {task: mark_of(task, found) for task in TASKS}
+    PLOT.write_text(plot(found, {task: mark for task, mark in marks.items() if mark is not None}))
+    print("| task | mark | learner | processor | seeds | return at 100k | at 200k | at 300k | best, 20 episodes | reach the mark | after steps "
           "| after CPU s | CPU s per 100k steps |")
-    print("|" + "---|" * 12)
+    print("|" + "---|" * 13)
     for task in TASKS:
-        sac = found.get((task, "sac"), [])
-        mark = statistics.median(r["best"]["mean_return"] for r in sac) if sac else None
+        mark = marks[task]
         for learner in ("crossq", "sac", "stable-baselines3"):
             of = found.get((task, learner), [])
             if not of:
@@ -113,7 +123,8 @@ def table():
             best = [r["best"]["mean_return"] for r in of if "best" in r]
             when = [w for w in (reached(r, mark) for r in of) if w] if mark else []
             rate = [100_000 * r["cpu_seconds"][-1] / r["steps"][-1] for r in of]
-            print(f"| {task} | {'-' if mark is None else f'{mark:.0f}'} | {learner} | {len(of)} | "
+            print(f"| {task} | {'-' if mark is None else f'{mark:.0f}'} | {learner} | "
+                  f"{', '.join(sorted({r.get('processor', 'not recorded') for r in of}))} | {len(of)} | "
                   + " | ".join(middle(values, "{:.0f}") for values in at)
                   + f" | {middle(best, '{:.0f}')} | {len(when)} | {middle([w[0] for w in when], '{:.0f}')} | "
                   f"{middle([w[1] for w in when], '{:.0f}')} | {middle(rate, '{:.0f}')} |")

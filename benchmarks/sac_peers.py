@@ -1,12 +1,14 @@
 """SAC beside Stable-Baselines3, sbx and RLtools: updates and training steps per second on one core.
 
-usage: sac_peers.py [--parts floor updates training environments] [--tasks Hopper-v5 HalfCheetah-v5] [--rounds N] [--table]
+usage: sac_peers.py [--parts floor updates training environments] [--tasks Hopper-v5 HalfCheetah-v5] [--rounds N]
+       sac_peers.py --table [--processor NAME]
 
 Installs the peers into build/bench-peers (requirements-bench.txt; torch, gymnasium and mujoco come from .venv), compiles the
 RLtools learner, starts every learner, and then lets them run slices in turn, A B C ... A B C ..., so that what else the
 machine does falls on all alike. All are bound to one core and told to use one thread. Rates are medians over the rounds,
 per second of the learner's own CPU time and per second of wall time; ratios are medians of the rounds' ratios. Results:
-benchmarks/results/speed/PART.json, which docs/speed.md describes.
+benchmarks/results/speed/PROCESSOR/PART.json, which docs/speed.md describes. Where the processor is not Intel's,
+Stable-Baselines3 also runs with MKL told that it is (MKL_TOLD): its products are then as fast as the processor allows.
 """
 
 import argparse
@@ -14,6 +16,7 @@ import hashlib
 import json
 import os
 import pathlib
+import re
 import statistics
 import subprocess
 import sys
@@ -29,6 +32,7 @@ ONE_THREAD = {
     "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1", "JAX_PLATFORMS": "cpu",
 }
+MKL_TOLD = "int mkl_serv_intel_cpu_true(void) { return 1; }"  # as oted/nn/gemm.cc has it for our own program
 
 
 def site_packages(environment):
@@ -63,6 +67,14 @@ def rltools_program(task):
                         f"-I{packages}/rltools/external/rl_tools/include", source, "-o", program, f"-L{library}",
                         "-lscipy_openblas", f"-Wl,-rpath,{library}"], check=True)
     return program
+
+
+def mkl_told():
+    """A library for LD_PRELOAD by which MKL takes the processor for Intel's."""
+    library = PEERS / "mkl_told.so"
+    if not library.exists():
+        subprocess.run(["gcc", "-shared", "-fPIC", "-x", "c", "-", "-o", library], input=MKL_TOLD, text=True, check=True)
+    return library
 
 
 def openblas_core():
@@ -115,6 +127,8 @@ def learners(part, task):
         yield "oted", [OURS, "training", task, tempfile.mkdtemp()], {}
     yield "sbx", [PYTHON, worker, "sbx", part, task], {}
     yield "stable-baselines3", [PYTHON, worker, "stable-baselines3", part, task], {}
+    if "Intel" not in processor():
+        yield "stable-baselines3, MKL told", [PYTHON, worker, "stable-baselines3", part, task], {"LD_PRELOAD": str(mkl_told())}
 
 
 def simulator_rates(task):
@@ -158,7 +172,8 @@ def measure(part, task, rounds, seconds):
 
 def floor():
     """bench_sac_update: the update and its matrix products one after the other in one process."""
-    command = [OURS.parent / "bench_sac_update", "--benchmark_repetitions=5", "--benchmark_format=json"]
+    command = [OURS.parent / "bench_sac_update", "--benchmark_filter=^Update/", "--benchmark_repetitions=5",
+               "--benchmark_format=json"]
     rows = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["benchmarks"]
     keys = ("updates", "blas_products", "own_products", "over_blas", "over_blas_q1", "over_blas_q3", "over_own")
     return {row["run_name"].split("/")[1]: {key: round(row[key], 4) for key in keys}
@@ -172,9 +187,13 @@ def processor():
     return "unknown"
 
 
-def table(part):
+def slug(name):
+    return re.sub(r"[^a-z0-9]+", "-", name.lower().replace("(r)", "")).strip("-")
+
+
+def table(part, folder):
     """The part's results as the Markdown of docs/speed.md."""
-    results = json.loads((RESULTS / f"{part}.json").read_text())["results"]
+    results = json.loads((folder / f"{part}.json").read_text())["results"]
     if part == "floor":
         print("| | updates per second | of the products, MKL | ours | update time / products' (MKL), quartiles |")
         print("|---|---|---|---|---|")
@@ -203,24 +222,26 @@ def main():
     parser.add_argument("--seconds", type=float, default=1.0, help="of CPU time, of each slice")
     parser.add_argument("--core", type=int, default=max(os.sched_getaffinity(0)), help="to which all are bound")
     parser.add_argument("--table", action="store_true", help="print what is there and run nothing")
+    parser.add_argument("--processor", default=slug(processor()), help="whose table: a folder below benchmarks/results/speed")
     args = parser.parse_args()
+    folder = RESULTS / args.processor
     if args.table:
         for part in args.parts:
             print(f"\n{part}\n")
-            table(part)
+            table(part, folder)
         return
     install()
     os.sched_setaffinity(0, {args.core})
-    RESULTS.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for part in args.parts:
         if part == "floor":
             results = floor()
         else:
             results = {task: measure(part, task, args.rounds, args.seconds) for task in args.tasks}
         record = {"processor": processor(), "one_core": True, "slice_cpu_seconds": args.seconds, "results": results}
-        (RESULTS / f"{part}.json").write_text(json.dumps(record, indent=1) + "\n")
+        (folder / f"{part}.json").write_text(json.dumps(record, indent=1) + "\n")
         print(f"\n{part}\n")
-        table(part)
+        table(part, folder)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/excitation.h"
+#include "oted/run_inputs.h"
 #include "oted/sim/minigrid/expert.h"
 
 namespace oted::cli {

@@ -12,6 +12,7 @@
 #include "oted/base/error.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/data_check.h"
+#include "oted/run_inputs.h"
 
 namespace oted::cli {
 namespace {

@@ -12,6 +12,7 @@
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
 #include "oted/parameter_check.h"
+#include "oted/run_inputs.h"
 #include "oted/sim/channel_path.h"
 #include "oted/sim/presets.h"
 

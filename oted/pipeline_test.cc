@@ -12,6 +12,7 @@
 #include "oted/collect.h"
 #include "oted/nn/onnx_policy.h"
 #include "oted/rl/batch_policy.h"
+#include "oted/run_inputs.h"
 
 namespace oted {
 namespace {

@@ -20,6 +20,7 @@
 #include "oted/pipeline.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/rl/policy_evaluation.h"
+#include "oted/run_inputs.h"
 #include "oted/training_ground.h"
 
 namespace oted {

@@ -7,8 +7,8 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
-#include "oted/pipeline.h"
 #include "oted/run_config.h"
+#include "oted/run_inputs.h"
 #include "oted/sim/testing.h"
 #include "oted/task_registry.h"
 

@@ -41,9 +41,9 @@ LevelFit::Differences LevelFit::Secants() const {
   return steps;
 }
 
-std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer::Linearization>& linear) const {
+std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer::Linearization>& linear,
+                                                Eigen::Index n_parameters) const {
   const std::vector<NormalEquations> equations = Equations(linear);
-  const auto n_parameters = linear.front().d_parameters.cols();
   std::vector<StretchEvidence> stretches;
   for (size_t w = 0; w < equations.size(); ++w) {
     // Neighbouring windows err together: they count as one.
@@ -61,7 +61,7 @@ std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer
 
 MatrixXd LevelFit::Finish() {
   Linearize(Secants());
-  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_), x_, prior_);
+  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_);
   // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
   // matter as a product would leave it.
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);
@@ -88,7 +88,7 @@ std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, int n_m
     perturbed.push_back(z);
     perturbed.back()[static_cast<size_t>(x_.size() + k)] = std::exp(kSuspectStep);
   }
-  return Evidence(wider.Linearize(level_.windows, level_.starts, z, perturbed, steps, secants.starts));
+  return Evidence(wider.Linearize(level_.windows, level_.starts, z, perturbed, steps, secants.starts), steps.size());
 }
 
 }  // namespace oted

@@ -82,8 +82,9 @@ class LevelFit {
   void Linearize(const Differences& steps);
   /// z with one search coordinate moved by its step, one per parameter.
   std::vector<std::vector<double>> Perturbed(const Eigen::VectorXd& steps) const;
-  /// What each stretch says of the parameters of a linearization.
-  std::vector<StretchEvidence> Evidence(const std::vector<WindowReplayer::Linearization>& linear) const;
+  /// What each stretch says of the parameters of a linearization. A window that cannot be replayed says nothing.
+  std::vector<StretchEvidence> Evidence(const std::vector<WindowReplayer::Linearization>& linear,
+                                        Eigen::Index n_parameters) const;
   /// The channels' variances, and from them the windows' weights.
   void EstimateNoise();
   std::vector<NormalEquations> Equations(const std::vector<WindowReplayer::Linearization>& linear) const;

@@ -1,0 +1,25 @@
+#pragma once
+/// The section [parameters] of a configuration (docs/parameters.md).
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "oted/base/toml.h"
+#include "oted/sim/parameter_space.h"
+
+namespace oted {
+
+/// preset = "arm", or ["arm", "gripper"]; none where there is no such line.
+std::vector<std::string> PresetsFromToml(const toml::table& section, const std::string& file_name);
+
+/// In the order of the file, which is the order of z; those of a mujoco.sysid file come first.
+/// @param parameter_file  a mujoco.sysid file in place of the one that the section names; empty: that one
+/// @throws UsageError with file and line
+std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const std::string& file_name,
+                                              std::string parameter_file);
+
+/// One parameter as [parameters] has it.
+nlohmann::json ParameterToJson(const ParameterSpec& spec);
+
+}  // namespace oted
