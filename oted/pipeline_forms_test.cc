@@ -3,14 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
-#include "oted/pipeline.h"
+#include "oted/pipeline_testing.h"
 #include "oted/task_registry.h"
 
 namespace oted {
@@ -40,18 +39,6 @@ class Pushed : public PointMass {
 
  private:
   std::vector<int> clock_;
-};
-
-class Watch : public NullSink {
- public:
-  void Progress(std::string_view stage, std::string_view, int64_t done, int64_t, std::string_view) override {
-    const std::lock_guard lock(mutex);
-    if (stage == stop_stage && done >= stop_at) stop = true;
-  }
-  std::mutex mutex;
-  std::string stop_stage;
-  int64_t stop_at = 0;
-  std::atomic<bool> stop{false};
 };
 
 class FormsTest : public testing::Test {
