@@ -6,24 +6,23 @@
 import json
 import pathlib
 import shutil
-import sys
 import unittest
 
-import test_cli as cli
+import program
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 GAIN = "gain=actuator/*/gainprm[0]:0.2:2.0"
 ALL = "baselines.run=dr,is,bc_dr"
 
 
-class BaselinesTest(cli.CliTest):
+class BaselinesTest(program.HopperTest):
     def run_hopper(self, verb, *more, data=None):
-        return cli.oted(verb, "--task", "Hopper-v5", "--data", data or self.demos, "--param", GAIN, "--out", self.out,
-                        "--threads", "2", "--quiet", *cli.sets(cli.TINY), *more)
+        return program.oted(verb, "--task", "Hopper-v5", "--data", data or self.demos, "--param", GAIN, "--out", self.out,
+                        "--threads", "2", "--quiet", *program.sets(program.TINY), *more)
 
     def test_a_run_shows_them_in_table_evaluation_and_report(self):
         result = self.run_hopper("run", "--truth", "gain=1.2", "--set", ALL)
-        self.assertIn(result.returncode, (0, cli.NO_SIMULATOR), result.stderr)
+        self.assertIn(result.returncode, (0, program.NO_SIMULATOR), result.stderr)
         for words in ("clone of logs and data under DR (BC+DR)", "CrossQ, domain randomisation (DR)", "CrossQ, interval search (IS)"):
             self.assertIn(words, result.stdout)
         names = [p["name"] for p in json.loads((self.out / "evaluation.json").read_text())["policies"]]
@@ -36,13 +35,13 @@ class BaselinesTest(cli.CliTest):
                 self.assertTrue((self.out / "baselines" / name / file).is_file(), (name, file))
         self.assertIn("interval/low/gain", (self.out / "baselines/is/1/curves.csv").read_text())
         # One policy file on its own.
-        result = cli.oted("evaluate", "--policy", self.out / "baselines/bc_dr/policy.onnx", "--task", "Hopper-v5",
+        result = program.oted("evaluate", "--policy", self.out / "baselines/bc_dr/policy.onnx", "--task", "Hopper-v5",
                           "--episodes", "2")
         self.assertEqual((result.returncode, result.stderr), (0, ""))
 
     def test_without_a_truth_they_are_trained_all_the_same(self):
         result = self.run_hopper("train", "--set", "baselines.run=is")
-        self.assertIn(result.returncode, (0, cli.NO_SIMULATOR), result.stderr)
+        self.assertIn(result.returncode, (0, program.NO_SIMULATOR), result.stderr)
         self.assertTrue((self.out / "baselines/is/1/policy.onnx").is_file())
         self.assertFalse((self.out / "baselines/dr").exists())
         self.assertFalse((self.out / "evaluation.json").exists())
@@ -57,30 +56,30 @@ class BaselinesTest(cli.CliTest):
             "discriminator_steps = 4", "[agents]", "n_agents = 1", "selection_episodes = 2", "target_episodes = 4",
             "[ppo]", "n_steps = 2048", "eval_interval = 2048", "hidden = [8]", "filters = [4]", "n_epochs = 1",
             "batch_size = 256", "eval_episodes = 4", "[baselines]", 'run = ["dr", "is", "bc_dr"]', "is_reference = 0.9"]))
-        result = cli.oted("run", config, "--out", self.out, "--quiet")
-        self.assertIn(result.returncode, (0, cli.NO_SIMULATOR), result.stderr)
+        result = program.oted("run", config, "--out", self.out, "--quiet")
+        self.assertIn(result.returncode, (0, program.NO_SIMULATOR), result.stderr)
         names = [p["name"] for p in json.loads((self.out / "evaluation.json").read_text())["policies"]]
         self.assertEqual(names, ["random", "clone", "bc_dr", "ppo_dr", "ppo_is", "ppo_undesigned", "oted_ppo", "expert"])
         shutil.rmtree(self.out)
         config.write_text(config.read_text().replace("is_reference", "is_step"))
-        self.assertRefused(cli.oted("run", config, "--out", self.out, "--quiet"), cli.USAGE, "baselines.is_reference")
+        self.assertRefused(program.oted("run", config, "--out", self.out, "--quiet"), program.USAGE, "baselines.is_reference")
 
     def test_wrong_requests_are_refused_before_anything_is_written(self):
         for setting, named in (("baselines.run=domain", "dr, is, bc_dr"), ("baselines.run=dr,dr", "twice"),
                                ("baselines.run=bcdr", "did you mean 'bc_dr'"),
                                ("agents.undesigned_at=1,1", "got 2 parameter values, wanted 1"),
                                ("agents.undesigned_at=3", "widen its range"), ("agents.train_in=mode", "modes")):
-            self.assertRefused(self.run_hopper("run", "--set", setting), cli.USAGE, named)
-        self.assertRefused(self.run_hopper("run", "--set", "baselines.run=is", "--set", "baselines.is_shrink=0.3"), cli.USAGE,
+            self.assertRefused(self.run_hopper("run", "--set", setting), program.USAGE, named)
+        self.assertRefused(self.run_hopper("run", "--set", "baselines.run=is", "--set", "baselines.is_shrink=0.3"), program.USAGE,
                            "is_shrink", "is_grow")
 
 
-class Table1Test(cli.CliTest):
+class Table1Test(program.HopperTest):
     def table1(self, *more, data=ROOT / "examples/data"):
-        return cli.oted("reproduce", "table1", "--task", "hopper", "--dataset", "medium", "--parameters", "gain", "--algorithm", "crossq",
+        return program.oted("reproduce", "table1", "--task", "hopper", "--dataset", "medium", "--parameters", "gain", "--algorithm", "crossq",
                         "--steps", "200",
                         "--data", data, "--out", self.out, "--quiet", "--threads", "2",
-                        *cli.sets(cli.TINY), *more)
+                        *program.sets(program.TINY), *more)
 
     def test_every_number_is_that_of_a_run_with_the_same_seed(self):
         result = self.table1("--seed", "3")
@@ -89,8 +88,8 @@ class Table1Test(cli.CliTest):
         words = ("run", "--task", "Hopper-v5", "--data", ROOT / "examples/data/hopper-medium.hdf5", "--param", GAIN,
                  "--truth", "gain=1", "--seed", "3", "--out", run, "--quiet", "--set", ALL,
                  "--set", "agents.undesigned_at=0.77")
-        ran = cli.oted(*words, *cli.sets(cli.TINY))
-        self.assertIn(ran.returncode, (0, cli.NO_SIMULATOR), ran.stderr)
+        ran = program.oted(*words, *program.sets(program.TINY))
+        self.assertIn(ran.returncode, (0, program.NO_SIMULATOR), ran.stderr)
         of_run = {p["name"]: p for p in json.loads((run / "evaluation.json").read_text())["policies"]}
         for cell, name in (("hopper-medium-bc", "clone"), ("hopper-gain-dr", "crossq_dr"), ("hopper-gain-is", "crossq_is"),
                            ("hopper-medium-gain-bc_dr", "bc_dr"), ("hopper-gain-undesigned", "crossq_undesigned"),
@@ -111,29 +110,27 @@ class Table1Test(cli.CliTest):
         self.assertTrue((self.out / "runs/hopper-medium-gain-oted/3/report.html").is_file())
         self.assertTrue((self.out / "runs/hopper-gain-dr/3/agents/1/curves.csv").is_file())
         # What is finished is not run again, and another seed is added to it.
-        before = cli.files_below(self.out)
+        before = program.files_below(self.out)
         again = self.table1("--seed", "3")
         self.assertEqual((again.returncode, again.stdout), (0, result.stdout), again.stderr)
-        self.assertEqual(cli.files_below(self.out), before)
+        self.assertEqual(program.files_below(self.out), before)
         more = self.table1("--seed", "3", "--seeds", "2", "--methods", "bc")
         self.assertEqual(more.returncode, 0, more.stderr)
         record = json.loads((self.out / "hopper-medium-bc.json").read_text())
         self.assertEqual([seed["seed"] for seed in record["seeds"]], [3, 4])
         self.assertEqual(record["seeds"][0], json.loads(before["hopper-medium-bc.json"])["seeds"][0])
         self.assertIn("; 2) | 29.0 |", more.stdout)
-        self.assertOneLine(self.table1("--methods", "bc", "--set", "clone.max_steps=50"), cli.USAGE, "assignments",
+        self.assertOneLine(self.table1("--methods", "bc", "--set", "clone.max_steps=50"), program.USAGE, "assignments",
                            "another --out")
 
     def test_wrong_requests_are_one_line(self):
-        for words, code, named in ((("--methods", "mbop"), cli.USAGE, "bc|dr|is|bc_dr|oted|undesigned"),
-                                   (("--guess", "mass=2"), cli.USAGE, "friction="),
-                                   (("--guess", "gain=4"), cli.USAGE, "gain")):
+        for words, code, named in ((("--methods", "mbop"), program.USAGE, "bc|dr|is|bc_dr|oted|undesigned"),
+                                   (("--guess", "mass=2"), program.USAGE, "friction="),
+                                   (("--guess", "gain=4"), program.USAGE, "gain")):
             self.assertRefused(self.table1(*words), code, named)
-        self.assertRefused(self.table1("--methods", "bc", data=self.folder), cli.DATA_OR_MODEL, "hopper-medium.hdf5")
+        self.assertRefused(self.table1("--methods", "bc", data=self.folder), program.DATA_OR_MODEL, "hopper-medium.hdf5")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    cli.OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

@@ -1,4 +1,4 @@
-"""The program as a user meets it: exit codes, one-line errors, nothing half-written, stopping and going on.
+"""The program as a user meets it: exit codes, nothing half-written, stopping and going on.
 
     test_cli.py PATH/TO/oted [TestClass.test_name ...]
 """
@@ -6,111 +6,20 @@
 import json
 import os
 import pathlib
-import re
 import shutil
 import signal
 import subprocess
-import sys
-import tempfile
 import time
 import unittest
 
-import gymnasium
-import h5py
 import numpy as np
 
-OTED = None  # the program's path, from the command line
-
-USAGE, DATA_OR_MODEL, NO_SIMULATOR, INTERRUPTED = 2, 3, 4, 130
-FRICTION = "friction=geom/*/friction[0]:0.2:2.0"
-GRAVITY = "gravity=opt/gravity[2]:0.2:2.0"
-# Contact friction is the larger of the two geoms', and the foot's is 2: the floor's below that has no effect.
-FLOOR = "floor=geom/floor/friction[0]:0.2:1.0"
-TINY = [
-    "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.n_iterations=3", "design.n_sims=4",
-    "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
-    "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
-    "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
-    "selection.judge_steps=20", "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2",
-    "crossq.n_steps=200", "crossq.learning_starts=100", "crossq.batch_size=32", "crossq.hidden=16",
-    "crossq.critic_hidden=16", "crossq.eval_interval=100", "crossq.eval_episodes=1", "report.motion=false",
-]
+import program
+from program import (DATA_OR_MODEL, FLOOR, FRICTION, GRAVITY, INTERRUPTED, NO_SIMULATOR, TINY, USAGE, HopperTest,
+                     files_below, oted, sets)
 
 
-def sets(assignments):
-    return [word for assignment in assignments for word in ("--set", assignment)]
-
-
-def oted(*arguments, cwd=None):
-    return subprocess.run([OTED, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=120)
-
-
-def log_hopper(path, n_episodes=10):
-    """Random actions in Gymnasium's Hopper-v5, in the D4RL layout."""
-    env = gymnasium.make("Hopper-v5")
-    env.action_space.seed(0)
-    rows = {name: [] for name in ("observations", "actions", "rewards", "terminals", "timeouts")}
-    for episode in range(n_episodes):
-        observation, _ = env.reset(seed=episode)
-        done = False
-        while not done:
-            action = env.action_space.sample()
-            following, reward, terminated, truncated, _ = env.step(action)
-            for name, value in zip(rows, (observation, action, reward, terminated, truncated)):
-                rows[name].append(value)
-            observation, done = following, terminated or truncated
-    env.close()
-    write_hdf5(path, {name: np.array(values) for name, values in rows.items()})
-
-
-def write_hdf5(path, arrays):
-    with h5py.File(path, "w") as file:
-        for name, values in arrays.items():
-            file[name] = values
-
-
-def read_hdf5(path):
-    with h5py.File(path, "r") as file:
-        return {name: file[name][()] for name in file}
-
-
-def files_below(folder):
-    folder = pathlib.Path(folder)
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-class CliTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.shared = pathlib.Path(tempfile.mkdtemp(prefix="oted-cli-"))
-        cls.addClassCleanup(shutil.rmtree, cls.shared)
-        cls.demos = cls.shared / "demos.hdf5"
-        log_hopper(cls.demos)
-
-    def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(dir=self.shared))
-        self.out = self.folder / "out"
-
-    def design(self, *more, task="Hopper-v5", data=None, parameters=(FRICTION, GRAVITY), settings=TINY, out=None):
-        words = ["--task", task, "--data", data or self.demos, "--out", out or self.out, "--threads", "1"]
-        for parameter in parameters:
-            words += ["--param", parameter]
-        return oted("design", *words, *sets(settings), *more)
-
-    def assertOneLine(self, result, code, *needles):
-        """One line on stderr that has all of `needles`, nothing on stdout."""
-        self.assertEqual(result.returncode, code, result.stderr)
-        self.assertEqual(result.stdout, "")
-        self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
-        for needle in needles:
-            self.assertIn(needle, result.stderr)
-
-    def assertRefused(self, result, code, *needles):
-        self.assertOneLine(result, code, *needles)
-        self.assertFalse(self.out.exists(), "something was left in --out")
-
-
-class TestMotion(CliTest):
+class TestMotion(HopperTest):
     def test_without_opengl_a_run_ends_well_and_the_page_says_why(self):
         os.environ["MUJOCO_GL"] = "off"
         self.addCleanup(os.environ.pop, "MUJOCO_GL")
@@ -121,226 +30,7 @@ class TestMotion(CliTest):
         self.assertRefused(self.design("--set", "report.motion=true"), USAGE, "report.motion", "MUJOCO_GL=off")
 
 
-class TestData(CliTest):
-    def test_missing_file(self):
-        self.assertRefused(self.design(data="no/such.hdf5"), DATA_OR_MODEL, "no/such.hdf5", "check the path")
-
-    def test_folder(self):
-        self.assertRefused(self.design(data=self.folder), DATA_OR_MODEL, str(self.folder))
-        (self.folder / "folder.hdf5").mkdir()
-        self.assertRefused(self.design(data=self.folder / "folder.hdf5"), DATA_OR_MODEL, "folder.hdf5")
-
-    def test_unknown_ending(self):
-        path = self.folder / "demos.mat"
-        path.write_text("1,2,3\n")
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "demos.mat", ".hdf5")
-
-    def test_csv_without_the_columns(self):
-        path = self.folder / "demos.csv"
-        path.write_text("q,act0\n2,3\n")
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "demos.csv", "data.observations", "'q', 'act0'")
-
-    def test_truncated_hdf5(self):
-        whole = self.demos.read_bytes()
-        for keep in (0.05, 0.5, 0.99):
-            path = self.folder / "cut.hdf5"
-            path.write_bytes(whole[: int(keep * len(whole))])
-            self.assertRefused(self.design(data=path), DATA_OR_MODEL, "cut.hdf5")
-
-    def test_empty_file(self):
-        path = self.folder / "empty.hdf5"
-        path.write_bytes(b"")
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "empty.hdf5", "not an HDF5 file")
-
-    def test_text_named_hdf5(self):
-        path = self.folder / "text.hdf5"
-        path.write_text("observations: 1 2 3\n" * 100)
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "text.hdf5", "not an HDF5 file")
-
-    def test_text_named_npz(self):
-        path = self.folder / "text.npz"
-        path.write_text("observations: 1 2 3\n" * 100)
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "text.npz")
-
-    def test_foreign_hdf5(self):
-        path = self.folder / "foreign.hdf5"
-        write_hdf5(path, {"images": np.zeros((4, 4)), "labels": np.zeros(4)})
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "foreign.hdf5", "'observations'")
-
-    def test_not_finite(self):
-        for name, value in (("observations", np.nan), ("actions", np.inf), ("rewards", -np.inf)):
-            arrays = read_hdf5(self.demos)
-            arrays[name][7] = value
-            path = self.folder / "bad.hdf5"
-            write_hdf5(path, arrays)
-            self.assertRefused(self.design(data=path), DATA_OR_MODEL, "bad.hdf5", f"{name}[7", "repair")
-
-    def test_lengths_that_disagree(self):
-        arrays = read_hdf5(self.demos)
-        arrays["actions"] = arrays["actions"][:-3]
-        path = self.folder / "short.hdf5"
-        write_hdf5(path, arrays)
-        self.assertRefused(self.design(data=path), DATA_OR_MODEL, "short.hdf5", "actions")
-
-    def test_wrong_dimensions(self):
-        result = self.design(task="HalfCheetah-v5")
-        self.assertRefused(result, DATA_OR_MODEL, "11", "17", "HalfCheetah-v5", "name the task")
-
-    def test_more_episodes_than_there_are(self):
-        self.assertRefused(self.design("--episodes", "11"), DATA_OR_MODEL, "11", "10", "fewer")
-
-    def test_episodes_that_are_no_count(self):
-        for text in ("0", "-1", "many", "3x", "99999999999999999999"):
-            self.assertRefused(self.design("--episodes", text), USAGE, text, "or all")
-
-    def test_a_name_that_is_no_text(self):
-        path = bytes(self.folder) + b"/\xff.hdf5"
-        shutil.copyfile(self.demos, path)
-        words = ["design", "--task", "Hopper-v5", "--param", FRICTION, "--out", str(self.out), "--data"]
-        result = subprocess.run([OTED, *words, path], capture_output=True, timeout=120)
-        self.assertEqual(result.returncode, USAGE, result.stderr)
-        self.assertRegex(result.stderr, rb"\Aoted: [^\n]+UTF-8[^\n]+\n\Z")
-        self.assertFalse(self.out.exists())
-
-    def test_no_data_named(self):
-        result = oted("design", "--task", "Hopper-v5", "--param", FRICTION, "--out", self.out)
-        self.assertRefused(result, USAGE, "--data")
-
-
-class TestRequest(CliTest):
-    def test_unknown_verb_and_flag(self):
-        self.assertRefused(oted("desing", "--out", self.out), USAGE, "desing", "did you mean 'design'?", "--help")
-        self.assertRefused(self.design("--treads", "2"), USAGE, "--treads", "--help")
-        self.assertRefused(oted(), USAGE, "--help")
-        self.assertRefused(oted("design", "--task", "Hopper-v5"), USAGE, "--out")
-
-    def test_flag_without_number(self):
-        self.assertRefused(self.design("--seed", "one"), USAGE, "--seed")
-        self.assertRefused(self.design("--seed=-1"), USAGE, "--seed")
-        self.assertRefused(self.design("--seeds", "0"), USAGE, "--seeds")
-
-    def test_unknown_task_with_the_nearest(self):
-        self.assertRefused(self.design(task="Hoper-v5"), USAGE, "Hoper-v5", "did you mean 'Hopper-v5'?")
-        self.assertRefused(self.design(task="Ant-v5"), USAGE, "Ant-v5", "Hopper-v5")
-
-    def test_unknown_key_and_section(self):
-        self.assertRefused(self.design("--set", "design.n_iteratons=3"), USAGE, "did you mean 'n_iterations'?")
-        self.assertRefused(self.design("--set", "desing.n_iterations=3"), USAGE, "did you mean 'design'?")
-        self.assertRefused(self.design("--set", "design.n_iterations=0"), USAGE, "n_iterations is 0", "[1, inf)")
-
-    def test_unknown_parameter_path(self):
-        for path, needle in (("geom/*/frction[0]", "friction"), ("gem/*/friction[0]", "geom"),
-                             ("geom/foot/friction[0]", "foot_geom"), ("geom/nothing*/friction[0]", "nothing*"),
-                             ("geom/*/friction[9]", "wanted 0 to 2"), ("opt/gravity", None), ("friction", "geom/*/friction[0]")):
-            if needle is None:
-                continue
-            result = self.design(parameters=(f"p={path}:0.2:2",))
-            self.assertRefused(result, USAGE, path, needle)
-
-    def test_bounds(self):
-        for bounds in ("1:1", "2:1", "nan:1", "0:inf", "-inf:1", "a:1", ":1", "1"):
-            result = self.design(parameters=(f"mass=body/torso/mass:{bounds}",))
-            self.assertRefused(result, USAGE, "mass")
-        self.assertRefused(self.design(parameters=("mass=body/torso/mass:0:2:log",)), USAGE, "low > 0")
-        self.assertRefused(self.design(parameters=("mass=body/torso/mass:1:2:lin",)), USAGE, "'lin'")
-
-    def test_parameter_named_twice(self):
-        result = self.design(parameters=(FRICTION, "friction=opt/gravity[2]:0.5:1"))
-        self.assertRefused(result, USAGE, "'friction'", "twice", "rename")
-
-    def test_nominal_zero_needs_absolute(self):
-        result = self.design(parameters=("slope=opt/gravity[0]:0.2:2",))
-        self.assertRefused(result, USAGE, "'slope'", "absolute")
-
-    def test_no_parameter(self):
-        self.assertRefused(self.design(parameters=()), USAGE, "--param")
-
-    def test_truth_for_an_unknown_parameter(self):
-        result = self.design("--truth", "fricton=1", "--truth", "gravity=1")
-        self.assertRefused(result, USAGE, "fricton", "did you mean 'friction'?")
-
-    def test_truth_outside_its_bounds_or_in_part(self):
-        result = self.design("--truth", "friction=2.5", "--truth", "gravity=1")
-        self.assertRefused(result, USAGE, "'friction'", "2.5", "[0.2, 2]")
-        self.assertRefused(self.design("--truth", "friction=1"), USAGE, "1 of 2")
-        self.assertRefused(self.design("--truth", "friction"), USAGE, "name=value")
-
-    def test_contradicting_settings(self):
-        self.assertRefused(self.design("--set", "design.starts=initial"), USAGE, "design.actions")
-
-    def test_evaluate_without_truth(self):
-        result = oted("evaluate", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", self.out)
-        self.assertOneLine(result, USAGE, "--truth")
-
-    def test_evaluate_without_a_run_or_a_policy(self):
-        self.assertRefused(oted("evaluate", "--task", "Hopper-v5"), USAGE, "--out", "--policy")
-
-    def test_strict_refuses_a_parameter_without_effect(self):
-        result = self.design("--strict", parameters=(GRAVITY, FLOOR))
-        self.assertRefused(result, USAGE, "'floor'", "remove the parameter")
-
-
-class TestCollect(CliTest):
-    def collect(self, *words):
-        return oted("collect", "--task", "Hopper-v5", "--out", self.folder / "new.hdf5", *words)
-
-    def assertCollectsNothing(self, result, code, *needles):
-        self.assertOneLine(result, code, *needles)
-        self.assertFalse((self.folder / "new.hdf5").exists())
-
-    def test_refusals(self):
-        self.assertCollectsNothing(self.collect(), USAGE, "--policy")
-        self.assertCollectsNothing(self.collect("--policy", "no/such.npz"), DATA_OR_MODEL, "no/such.npz")
-        self.assertCollectsNothing(self.collect("--policy", self.demos), DATA_OR_MODEL, "demos.hdf5")
-        self.assertCollectsNothing(self.collect("--policy", "p.npz", "--episodes", "0"), USAGE, "--episodes")
-        result = self.collect("--policy", "p.npz", "--param", FRICTION, "--truth", "fricton=1")
-        self.assertCollectsNothing(result, USAGE, "fricton", "--param")
-
-    def test_a_clones_demonstrations_are_read_again(self):
-        words = ["--task", "Hopper-v5", "--param", FRICTION, "--out", self.out, *sets(TINY)]
-        self.assertEqual(oted("clone", "--data", self.demos, *words).returncode, 0)
-        policy = self.out / "clone/policy.npz"
-        result = self.collect("--policy", policy, "--episodes", "3", "--param", FRICTION, "--truth", "friction=0.6")
-        self.assertEqual((result.returncode, result.stderr), (0, ""))
-        arrays = read_hdf5(self.folder / "new.hdf5")
-        self.assertEqual(int(np.sum(arrays["terminals"]) + np.sum(arrays["timeouts"])), 3)
-        self.assertNotIn(b"friction", (self.folder / "new.hdf5").read_bytes(), "the truth is not in the data")
-        self.out = self.folder / "second"
-        self.assertEqual(oted("clone", "--data", self.folder / "new.hdf5", *words[:4], "--out", self.out,
-                              *sets(TINY)).returncode, 0)
-
-
-class TestConfiguration(CliTest):
-    def write(self, text):
-        path = self.folder / "config.toml"
-        path.write_text(text)
-        return path
-
-    def run_config(self, text):
-        return oted("run", self.write(text), "--out", self.out)
-
-    def test_missing_file(self):
-        self.assertRefused(oted("run", "no/such.toml", "--out", self.out), DATA_OR_MODEL, "no/such.toml")
-
-    def test_broken_toml(self):
-        self.assertRefused(self.run_config('[task]\nname = "Hopper\n'), USAGE, "config.toml:2")
-        self.assertRefused(self.run_config("\n\n[task\n"), USAGE, "config.toml:3")
-
-    def test_unknown_names(self):
-        self.assertRefused(self.run_config('[task]\nnam = "x"\n'), USAGE, "config.toml:2", "did you mean 'name'?")
-        self.assertRefused(self.run_config("[tsk]\n"), USAGE, "config.toml:1", "did you mean 'task'?")
-
-    def test_bounds(self):
-        self.assertRefused(self.run_config('[parameters]\nm = { field = "body/torso/mass", range = [2, 1] }\n'), USAGE,
-                           "config.toml:2", "low < high")
-
-    def test_data_lie_beside_the_file(self):
-        result = self.run_config('[task]\nname = "Hopper-v5"\n[data]\npath = "gone.hdf5"\n'
-                                 '[parameters]\nm = { field = "body/torso/mass" }\n')
-        self.assertRefused(result, DATA_OR_MODEL, str(self.folder / "gone.hdf5"))
-
-
-class TestOutput(CliTest):
+class TestOutput(HopperTest):
     def test_a_file_in_the_way(self):
         self.out.write_text("mine")
         self.assertOneLine(self.design(), DATA_OR_MODEL, str(self.out), "choose another place")
@@ -440,7 +130,7 @@ class TestOutput(CliTest):
         self.assertOneLine(result, USAGE, "clone.method", "bc")
 
 
-class TestResult(CliTest):
+class TestResult(HopperTest):
     def test_json_on_stdout_and_progress_on_stderr(self):
         result = self.design("--json")
         self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
@@ -521,13 +211,13 @@ class TestResult(CliTest):
         self.assertRegex(oted("--version").stdout, r"\Aoted \d+\.\d+\.\d+\n\Z")
 
 
-class TestStopping(CliTest):
+class TestStopping(HopperTest):
     LONG = ["design.form=transitions"] + [
         s for s in TINY if not s.startswith(("design.n_iterations", "design.n_sims"))] + [
         "design.n_iterations=120", "design.n_sims=16"]
 
     def test_ctrl_c_and_the_same_command_again(self):
-        command = [OTED, "design", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--param", GRAVITY,
+        command = [program.OTED, "design", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--param", GRAVITY,
                    "--threads", "2", *sets(self.LONG), "--out"]
         whole = oted(*command[1:], self.folder / "whole")
         self.assertIn(whole.returncode, (0, NO_SIMULATOR), whole.stderr)
@@ -562,7 +252,5 @@ class TestStopping(CliTest):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

@@ -1,29 +1,19 @@
 """oted data info, check and convert as a user meets them.
 
-    test_data.py PATH/TO/oted FOLDER/WITH/EXAMPLE/DATA [TestClass.test_name ...]
+    test_data.py PATH/TO/oted [TestClass.test_name ...]
 """
 
 import hashlib
 import json
-import pathlib
-import shutil
-import subprocess
-import sys
-import tempfile
 import unittest
 
 import h5py
 import numpy as np
 
-OTED = None  # the program's path, from the command line
-EXAMPLES = None
+import program
+from program import DATA_OR_MODEL, GRAVITY, ROOT, USAGE, ProgramTest, oted, write_hdf5
 
-USAGE, DATA_OR_MODEL = 2, 3
-GRAVITY = "gravity=opt/gravity[2]:0.2:2.0"
-
-
-def oted(*arguments):
-    return subprocess.run([OTED, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+EXAMPLES = ROOT / "examples/data"
 
 
 def read(path):
@@ -34,16 +24,9 @@ def read(path):
     return arrays
 
 
-def write(path, arrays):
-    with h5py.File(path, "w") as file:
-        for name, values in arrays.items():
-            file[name] = values
-
-
-class DataTest(unittest.TestCase):
+class DataTest(ProgramTest):
     def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-data-"))
-        self.addCleanup(shutil.rmtree, self.folder)
+        super().setUp()
         self.hopper = EXAMPLES / "hopper-medium.hdf5"
 
     def check(self, path, *more, code=0):
@@ -59,7 +42,7 @@ class DataTest(unittest.TestCase):
         arrays = read(self.hopper)
         change(arrays)
         path = self.folder / name
-        write(path, arrays)
+        write_hdf5(path, arrays)
         return path
 
 
@@ -279,6 +262,5 @@ class TestConvert(DataTest):
 
 
 if __name__ == "__main__":
-    OTED = sys.argv.pop(1)
-    EXAMPLES = pathlib.Path(sys.argv.pop(1))
+    program.take_paths(__doc__)
     unittest.main()

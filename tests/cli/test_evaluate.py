@@ -5,23 +5,16 @@
 
 import hashlib
 import json
-import pathlib
-import subprocess
-import sys
-import tempfile
 import unittest
 
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-OTED = None
-POLICIES = pathlib.Path(__file__).parents[2] / "examples/policies"
-USAGE, DATA_OR_MODEL = 2, 3
+import program
+from program import DATA_OR_MODEL, ROOT, USAGE, ProgramTest, oted
 
-
-def oted(*arguments):
-    return subprocess.run([OTED, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+POLICIES = ROOT / "examples/policies"
 
 
 def layers_of(policy):
@@ -54,23 +47,11 @@ def write_foreign(path, policy, last="Tanh"):
     onnx.save_model(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8), path)
 
 
-class TestEvaluate(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="oted-evaluate-")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-
+class TestEvaluate(ProgramTest):
     def evaluate(self, *words, task="HalfCheetah-v5"):
         result = oted("evaluate", "--task", task, "--episodes", "3", "--json", *words)
         self.assertEqual((result.returncode, result.stderr), (0, ""))
         return json.loads(result.stdout)
-
-    def assertOneLine(self, result, code, *needles):
-        self.assertEqual(result.returncode, code, result.stderr)
-        self.assertEqual(result.stdout, "")
-        self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
-        for needle in needles:
-            self.assertIn(needle, result.stderr)
 
     def test_figures_are_those_of_the_episodes(self):
         path = POLICIES / "hopper/expert.npz"
@@ -131,5 +112,5 @@ class TestEvaluate(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

@@ -9,21 +9,20 @@ import os
 import pathlib
 import shutil
 import subprocess
-import sys
 import unittest
 
 import gymnasium
 import jsonschema
 import mujoco
 import numpy as np
-import test_cli as cli
+import program
 from mujoco.sysid._src.parameter import ParameterDict
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 ASSETS = pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets"
 AIR = "air=opt/density:0:2:absolute"  # [kg/m^3], 0 in the model
-PARAMETERS = [word for text in (cli.FRICTION, cli.GRAVITY, AIR) for word in ("--param", text)]
-SETTINGS = cli.sets([s for s in cli.TINY if "n_seeds" not in s] + ["selection.n_seeds=3"])
+PARAMETERS = [word for text in (program.FRICTION, program.GRAVITY, AIR) for word in ("--param", text)]
+SETTINGS = program.sets([s for s in program.TINY if "n_seeds" not in s] + ["selection.n_seeds=3"])
 
 
 def schema(name):
@@ -31,10 +30,10 @@ def schema(name):
 
 
 def write_run(folder, *words):
-    return cli.oted("design", "--task", "Hopper-v5", "--threads", "1", *SETTINGS, "--out", folder, *words)
+    return program.oted("design", "--task", "Hopper-v5", "--threads", "1", *SETTINGS, "--out", folder, *words)
 
 
-class ExportTest(cli.CliTest):
+class ExportTest(program.HopperTest):
     """One small design, made once; each test may export from it, and changes copies only."""
 
     @classmethod
@@ -42,14 +41,14 @@ class ExportTest(cli.CliTest):
         super().setUpClass()
         cls.designed = cls.shared / "designed"
         cls.printed = write_run(cls.designed, "--data", cls.demos, *PARAMETERS)
-        assert cls.printed.returncode in (0, cli.NO_SIMULATOR), cls.printed.stderr
+        assert cls.printed.returncode in (0, program.NO_SIMULATOR), cls.printed.stderr
         cls.design = json.loads((cls.designed / "design.json").read_text())
         cls.modes = {member["seed"]: member["mode"] for member in cls.design["mixture"]}
         best = [parameter["mode"] for parameter in cls.design["parameters"]]
         cls.best = next(seed for seed, mode in cls.modes.items() if mode == best)
 
     def export(self, *words):
-        result = cli.oted("export", self.designed, *words)
+        result = program.oted("export", self.designed, *words)
         self.assertEqual((result.returncode, result.stderr), (0, ""))
         return result.stdout
 
@@ -109,11 +108,11 @@ class TestModel(ExportTest):
         self.assertNotIn(str(self.shared), text, "no path of this machine where the model names no asset")
 
     def test_refusals(self):
-        nothing = cli.oted("export", self.folder)
-        self.assertOneLine(nothing, cli.USAGE, "design.json", "oted design")
-        unknown = cli.oted("export", self.designed, "--mjcf", self.folder / "m.xml", "--member", "7")
-        self.assertOneLine(unknown, cli.USAGE, "'7'", "best, all", "1, 2, 3")
-        self.assertOneLine(cli.oted("export", self.designed, "--q", self.folder / "q.json", "--member", "2"), cli.USAGE,
+        nothing = program.oted("export", self.folder)
+        self.assertOneLine(nothing, program.USAGE, "design.json", "oted design")
+        unknown = program.oted("export", self.designed, "--mjcf", self.folder / "m.xml", "--member", "7")
+        self.assertOneLine(unknown, program.USAGE, "'7'", "best, all", "1, 2, 3")
+        self.assertOneLine(program.oted("export", self.designed, "--q", self.folder / "q.json", "--member", "2"), program.USAGE,
                            "--mjcf")
         self.assertEqual(list(self.folder.iterdir()), [])
 
@@ -122,20 +121,20 @@ class TestModel(ExportTest):
         text = (ASSETS / "hopper.xml").read_text()
         self.assertIn('friction="2.0"', text)
         (self.folder / "assets/hopper.xml").write_text(text.replace('friction="2.0"', 'friction="1.9"'))
-        result = subprocess.run([cli.OTED, "export", self.designed, "--mjcf", self.folder / "m.xml"],
+        result = subprocess.run([program.OTED, "export", self.designed, "--mjcf", self.folder / "m.xml"],
                                 capture_output=True, text=True, env={**os.environ,
                                                                      "OTED_ASSETS": str(self.folder / "assets")})
-        self.assertOneLine(result, cli.DATA_OR_MODEL, "hopper.xml", "SHA-256")
+        self.assertOneLine(result, program.DATA_OR_MODEL, "hopper.xml", "SHA-256")
         self.assertFalse((self.folder / "m.xml").exists())
 
     def test_a_design_of_other_parameters_is_refused(self):
         run = self.copy_of_the_run()
         text = (run / "run.toml").read_text()
         (run / "run.toml").write_text(text.replace("opt/gravity[2]", "body/*/mass"))
-        self.assertOneLine(cli.oted("export", run), cli.DATA_OR_MODEL, "design.json", "'gravity'")
+        self.assertOneLine(program.oted("export", run), program.DATA_OR_MODEL, "design.json", "'gravity'")
         (run / "run.toml").write_text(text)
         (run / "design.json").write_text('{"schema": "oted.design/1"}')
-        self.assertOneLine(cli.oted("export", run), cli.DATA_OR_MODEL, "design.json", "oted design")
+        self.assertOneLine(program.oted("export", run), program.DATA_OR_MODEL, "design.json", "oted design")
 
 
 class TestQ(ExportTest):
@@ -204,21 +203,21 @@ class TestSysid(ExportTest):
         result = write_run(self.out, "--data", self.demos, "--params", self.designed / "export/parameters.yaml")
         self.assertEqual(result.returncode, self.printed.returncode, result.stderr)
         self.assertEqual((self.out / "design.json").read_bytes(), (self.designed / "design.json").read_bytes())
-        self.assertEqual(cli.files_below(self.out / "export"), cli.files_below(self.designed / "export"))
+        self.assertEqual(program.files_below(self.out / "export"), program.files_below(self.designed / "export"))
 
     def test_a_file_that_mujoco_sysid_saved_needs_its_fields_named(self):
         parameters = ParameterDict.load_from_disk(self.designed / "export/parameters.yaml")
         parameters["gravity"].min_value = np.array([0.5])
         path = self.folder / "saved.yaml"
         parameters.save_to_disk(path)
-        self.assertRefused(write_run(self.out, "--data", self.demos, "--params", path), cli.USAGE, "saved.yaml", "'air'",
+        self.assertRefused(write_run(self.out, "--data", self.demos, "--params", path), program.USAGE, "saved.yaml", "'air'",
                            "field = ")
         config = self.folder / "mine.toml"
         config.write_text(f'[data]\npath = "{self.demos}"\n[parameters]\nsysid = "saved.yaml"\n'
                           'air = { field = "opt/density", scale = "absolute" }\n'
                           'friction = { field = "geom/*/friction[0]", range = [0.4, 1.6] }\n'
                           'gravity = { field = "opt/gravity[2]" }\n')
-        result = cli.oted("clone", config, "--task", "Hopper-v5", "--out", self.out, *SETTINGS)
+        result = program.oted("clone", config, "--task", "Hopper-v5", "--out", self.out, *SETTINGS)
         self.assertEqual(result.returncode, 0, result.stderr)
         text = (self.out / "run.toml").read_text()
         ranges = {line.split(" = ")[0]: json.loads(line[line.index("range = ") + 8:line.index("]", line.index("range")) + 1])
@@ -230,13 +229,13 @@ class TestSysid(ExportTest):
         text = (self.designed / "export/parameters.yaml").read_text()
         self.assertIn("nominal: [0.0]", text)
         path.write_text(text.replace("nominal: [0.0]", "nominal: [1.2]"))
-        self.assertRefused(write_run(self.out, "--data", self.demos, "--params", path), cli.USAGE, "'air'", "1.2")
+        self.assertRefused(write_run(self.out, "--data", self.demos, "--params", path), program.USAGE, "'air'", "1.2")
 
     def test_damaged_files(self):
         path = self.folder / "params.yaml"
         for text in ("", "friction", "friction: [1", "friction: {name: friction}", "\x00\x01\xff", "*: a", "&a [*a]"):
             path.write_bytes(text.encode("latin1"))
-            self.assertRefused(write_run(self.out, "--data", self.demos, "--params", path), cli.DATA_OR_MODEL,
+            self.assertRefused(write_run(self.out, "--data", self.demos, "--params", path), program.DATA_OR_MODEL,
                                "params.yaml")
 
 
@@ -248,26 +247,24 @@ class TestRun(ExportTest):
 
     def test_without_a_flag_all_three_are_written_again_with_the_same_bytes(self):
         run = self.copy_of_the_run()
-        before = cli.files_below(run / "export")
+        before = program.files_below(run / "export")
         shutil.rmtree(run / "export")
-        result = cli.oted("export", run)
+        result = program.oted("export", run)
         self.assertEqual((result.returncode, result.stderr), (0, ""))
         for name in before:
             self.assertIn(str(run / "export" / name), result.stdout)
-        self.assertEqual(cli.files_below(run / "export"), before)
+        self.assertEqual(program.files_below(run / "export"), before)
 
     def test_a_model_that_cannot_be_written_is_a_warning_and_leaves_no_old_export(self):
         run = self.copy_of_the_run()
         shutil.copyfile(run / "design/default/2/q.json", run / "design/default/1/q.json")
-        result = cli.oted("clone", "--out", run)
-        self.assertIn(result.returncode, (0, cli.NO_SIMULATOR), result.stderr)
+        result = program.oted("clone", "--out", run)
+        self.assertIn(result.returncode, (0, program.NO_SIMULATOR), result.stderr)
         self.assertRegex(result.stderr, r"\Awarning: not exported: [^\n]+q\.json[^\n]+\n\Z")
         self.assertEqual(list((run / "export").iterdir()), [])
         self.assertNotIn("designed model:", result.stdout)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    cli.OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

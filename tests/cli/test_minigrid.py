@@ -4,11 +4,7 @@
 """
 
 import json
-import pathlib
 import shutil
-import subprocess
-import sys
-import tempfile
 import unittest
 
 import gymnasium
@@ -17,31 +13,21 @@ import minari
 import numpy as np
 import onnxruntime
 
-OTED = None  # the program's path, from the command line
+import program
+from program import USAGE, ProgramTest, oted
 
-USAGE = 2
+
 TASK = "MiniGrid-Obstacles-10x10"
 DENSITY = "density=env/density:0:0.6:absolute"
 
 
-class TestMinigrid(unittest.TestCase):
+class TestMinigrid(ProgramTest):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="oted-cli-")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        super().setUp()
         self.demos = self.folder / "demos.hdf5"
 
-    def oted(self, *words):
-        return subprocess.run([OTED, *map(str, words)], capture_output=True, text=True, timeout=120)
-
     def collect(self, *words):
-        return self.oted("collect", "--task", TASK, "--param", DENSITY, "--out", self.demos, *words)
-
-    def assertOneLine(self, result, *needles):
-        self.assertEqual((result.returncode, result.stdout), (USAGE, ""), result.stderr)
-        self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
-        for needle in needles:
-            self.assertIn(needle, result.stderr)
+        return oted("collect", "--task", TASK, "--param", DENSITY, "--out", self.demos, *words)
 
     def share_of_walls(self, truth):
         result = self.collect("--policy", "medium", "--episodes", "60", "--truth", f"density={truth}")
@@ -63,7 +49,7 @@ class TestMinigrid(unittest.TestCase):
         result = self.collect("--policy", "medium", "--episodes", "4")
         self.assertEqual(result.returncode, 0, result.stderr)
         folder = self.folder / "grid-medium-v0"
-        result = self.oted("collect", "--task", TASK, "--param", DENSITY, "--policy", "medium", "--episodes", "4",
+        result = oted("collect", "--task", TASK, "--param", DENSITY, "--policy", "medium", "--episodes", "4",
                            "--out", folder)
         self.assertEqual(result.returncode, 0, result.stderr)
         data = minari.MinariDataset(folder / "data")
@@ -80,25 +66,25 @@ class TestMinigrid(unittest.TestCase):
                                          episode.observations["direction"][:-1], episode.actions]))
         with h5py.File(self.demos) as logs:
             np.testing.assert_array_equal(np.concatenate(flat), np.column_stack([logs["observations"], logs["actions"]]))
-        info = self.oted("data", "info", folder)
+        info = oted("data", "info", folder)
         self.assertEqual(info.returncode, 0, info.stderr)
         back = self.folder / "back.npz"
-        self.assertEqual(self.oted("data", "convert", folder, back).returncode, 0)
+        self.assertEqual(oted("data", "convert", folder, back).returncode, 0)
         with h5py.File(self.demos) as logs:
             np.testing.assert_array_equal(np.load(back)["observations"], logs["observations"])
 
     def test_refusals(self):
-        self.assertOneLine(self.collect("--policy", "exprt"), "exprt", "did you mean 'expert'")
-        self.assertOneLine(self.collect("--policy", "expert", "--truth", "density=0.7"), "density", "0.6")
+        self.assertOneLine(self.collect("--policy", "exprt"), USAGE, "exprt", "did you mean 'expert'")
+        self.assertOneLine(self.collect("--policy", "expert", "--truth", "density=0.7"), USAGE, "density", "0.6")
         self.assertFalse(self.demos.exists())
         out = self.folder / "out"
-        self.assertOneLine(self.oted("behavior", "--task", TASK, "--out", out), "oted collect")
+        self.assertOneLine(oted("behavior", "--task", TASK, "--out", out), USAGE, "oted collect")
         self.assertEqual(self.collect("--policy", "expert").returncode, 0)
         words = ("--task", TASK, "--param", DENSITY, "--data", self.demos, "--out", out)
-        self.assertOneLine(self.oted("train", *words, "--set", "agents.algorithm=sac"), "discrete actions", "ppo")
+        self.assertOneLine(oted("train", *words, "--set", "agents.algorithm=sac"), USAGE, "discrete actions", "ppo")
         self.assertFalse(out.exists())
-        self.assertOneLine(self.oted("design", *words, "--set", "design.form=images", "--set", "design.discriminator=sas"),
-                           "images", "sa")
+        self.assertOneLine(oted("design", *words, "--set", "design.form=images", "--set", "design.discriminator=sas"),
+                           USAGE, "images", "sa")
 
     def config(self, *lines):
         file = self.folder / "m.toml"
@@ -116,7 +102,7 @@ class TestMinigrid(unittest.TestCase):
         result = self.collect("--policy", "expert", "--episodes", "30", "--truth", "density=0.4")
         self.assertEqual(result.returncode, 0, result.stderr)
         out = self.folder / "run"
-        result = self.oted("run", self.config(*lines), "--out", out, "--quiet")
+        result = oted("run", self.config(*lines), "--out", out, "--quiet")
         self.assertEqual(result.returncode, 0, result.stderr)
         return out, result
 
@@ -157,7 +143,7 @@ class TestMinigrid(unittest.TestCase):
         for how in ("sampled", "most_probable"):
             results = []
             for file in ("policy.npz", "policy.onnx"):
-                result = self.oted("evaluate", "--policy", out / "agents" / "1" / file, "--task", TASK, "--episodes", "20",
+                result = oted("evaluate", "--policy", out / "agents" / "1" / file, "--task", TASK, "--episodes", "20",
                                    "--json", "--set", f"ppo.evaluate={how}")
                 self.assertEqual((result.returncode, result.stderr), (0, ""))
                 results.append(json.loads(result.stdout)["episodes"])
@@ -174,7 +160,7 @@ class TestMinigrid(unittest.TestCase):
             shutil.rmtree(out / folder)
         for name in ("policy_selection.json", "policy.onnx"):
             (out / name).unlink()
-        result = self.oted("select-policy", "--out", out, "--threads", "1", "--quiet")
+        result = oted("select-policy", "--out", out, "--threads", "1", "--quiet")
         self.assertEqual(result.returncode, 0, result.stderr)
         for name, content in before.items():
             self.assertEqual((out / name).read_bytes(), content, name)
@@ -189,18 +175,16 @@ class TestMinigrid(unittest.TestCase):
 
     def test_grid_settings_are_of_grid_worlds_and_change_what_is_drawn(self):
         file = self.config("[grid]", 'obstacle = "lava"', 'observation = "grid"')
-        result = self.oted("collect", "--task", file, "--policy", "expert", "--out", self.demos)
+        result = oted("collect", "--task", file, "--policy", "expert", "--out", self.demos)
         self.assertEqual(result.returncode, 0, result.stderr)
         with h5py.File(self.demos) as logs:
             self.assertEqual(logs["observations"].shape[1], 301)
             self.assertIn(9, logs["observations"][:, :300:3], "lava")
         file.write_text('[task]\nname = "Hopper-v5"\n[grid]\nobstacle = "lava"\n')
-        self.assertOneLine(self.oted("collect", "--task", file, "--policy", "random", "--out", self.demos), "[grid]",
+        self.assertOneLine(oted("collect", "--task", file, "--policy", "random", "--out", self.demos), USAGE, "[grid]",
                            "Hopper-v5")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

@@ -1,28 +1,19 @@
 """Noisy logs as a user makes them, read back by h5py, and the forms of the design that replay logs, on such logs.
 
-    test_noisy_logs.py PATH/TO/oted SOURCE/FOLDER [TestClass.test_name ...]
+    test_noisy_logs.py PATH/TO/oted [TestClass.test_name ...]
 """
 
 import json
-import pathlib
 import shutil
-import subprocess
-import sys
-import tempfile
 import unittest
 
 import h5py
 import numpy as np
 
-OTED = None  # the program's path, from the command line
-SOURCE = None
+import program
+from program import ROOT, USAGE, ProgramTest, oted
 
-USAGE, DATA_OR_MODEL = 2, 3
 NOISE = 0.02
-
-
-def oted(*arguments):
-    return subprocess.run([OTED, *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
 
 def read(path):
@@ -30,16 +21,10 @@ def read(path):
         return {name: file[name][()] for name in file if name != "infos"}, "infos" in file
 
 
-class NoisyTest(unittest.TestCase):
+class NoisyTest(ProgramTest):
     def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-noise-"))
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.hopper = SOURCE / "examples/data/hopper-medium.hdf5"
-
-    def run_oted(self, *arguments, code=0):
-        result = oted(*arguments)
-        self.assertEqual(result.returncode, code, result.stderr + result.stdout)
-        return result
+        super().setUp()
+        self.hopper = ROOT / "examples/data/hopper-medium.hdf5"
 
     def assertOneReadingPerState(self, arrays):
         ends = (arrays["terminals"].ravel() | arrays["timeouts"].ravel()).astype(bool)
@@ -51,7 +36,7 @@ class NoisyTest(unittest.TestCase):
 class TestConvertNoise(NoisyTest):
     def convert(self, name, *more, source=None):
         out = self.folder / name
-        result = self.run_oted("data", "convert", source or self.hopper, out, "--noise", NOISE, *more)
+        result = self.succeed("data", "convert", source or self.hopper, out, "--noise", NOISE, *more)
         return out, result
 
     def test_noise_of_the_given_deviation_one_reading_per_state_and_no_states(self):
@@ -86,13 +71,13 @@ class TestConvertNoise(NoisyTest):
 
     def test_a_deviation_must_be_positive(self):
         for noise in ("0", "-1", "much"):
-            self.run_oted("data", "convert", self.hopper, self.folder / "out.hdf5", "--noise", noise, code=USAGE)
+            self.succeed("data", "convert", self.hopper, self.folder / "out.hdf5", "--noise", noise, code=USAGE)
 
 
 class TestCollectNoise(NoisyTest):
     def collect(self, name, *more):
         out = self.folder / name
-        self.run_oted("collect", "--task", "Hopper-v5", "--policy", "random", "--episodes", "40", "--seed", "5", "--out", out,
+        self.succeed("collect", "--task", "Hopper-v5", "--policy", "random", "--episodes", "40", "--seed", "5", "--out", out,
                       *more)
         return read(out)
 
@@ -164,7 +149,7 @@ dropo_budget = 60
 """
 
     def test_every_form_leaves_a_q_in_the_same_record(self):
-        self.run_oted("data", "convert", self.hopper, self.folder / "noisy.hdf5", "--noise", NOISE)
+        self.succeed("data", "convert", self.hopper, self.folder / "noisy.hdf5", "--noise", NOISE)
         (self.folder / "study.toml").write_text(self.STUDY)
         out = self.folder / "run"
         result = oted("design", self.folder / "study.toml", "--out", out, "--quiet")
@@ -182,6 +167,5 @@ dropo_budget = 60
 
 
 if __name__ == "__main__":
-    OTED = sys.argv.pop(1)
-    SOURCE = pathlib.Path(sys.argv.pop(1))
+    program.take_paths(__doc__)
     unittest.main()

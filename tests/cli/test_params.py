@@ -4,58 +4,26 @@
 """
 
 import json
-import pathlib
-import shutil
-import subprocess
-import sys
-import tempfile
 import unittest
 
 import h5py
 import numpy as np
 
-OTED = None  # the program's path, from the command line
-ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+import program
+from program import NO_SIMULATOR, ROOT, TINY_DESIGN, USAGE, ProgramTest, oted
 
-USAGE, NEGATIVE = 2, 4
 GAIN = "gain=actuator/*/gainprm[0]:0.2:2.0"
 DELAY = "delay=action/delay:0:4:absolute"
-TINY = [
-    "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.n_iterations=3", "design.n_sims=4",
-    "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
-    "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
-    "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=1", "selection.n_sims=2", "selection.n_steps=20",
-    "selection.judge_steps=20",
-]
-
-
-def oted(*arguments):
-    return subprocess.run([OTED, *map(str, arguments)], capture_output=True, text=True, timeout=120)
-
-
-class ParamsTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.shared = pathlib.Path(tempfile.mkdtemp(prefix="oted-params-"))
-        cls.addClassCleanup(shutil.rmtree, cls.shared)
-
-    def run_ok(self, *arguments, code=0):
-        result = oted(*arguments)
-        self.assertEqual(result.returncode, code, result.stderr)
-        return result.stdout
-
-    def assertRefused(self, result, *needles):
-        self.assertEqual(result.returncode, USAGE, result.stderr)
-        self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
-        for needle in needles:
-            self.assertIn(needle, result.stderr)
+class ParamsTest(ProgramTest):
+    def printed(self, *arguments, code=0):
+        return self.succeed(*arguments, code=code).stdout
 
 
 class TestList(ParamsTest):
     def test_every_offered_value_is_mujocos(self):
         import gymnasium
         model = gymnasium.make("Hopper-v5").unwrapped.model
-        offers = json.loads(self.run_ok("params", "list", "--task", "Hopper-v5", "--json"))
+        offers = json.loads(self.printed("params", "list", "--task", "Hopper-v5", "--json"))
         values = {v["path"]: v["nominal"] for offer in offers["parameters"] for v in offer["values"]}
         for name in ("floor", "foot_geom"):
             self.assertEqual(values[f"geom/{name}/friction[0]"], model.geom(name).friction[0])
@@ -70,22 +38,22 @@ class TestList(ParamsTest):
             self.assertTrue(offer["meaning"], offer["path"])
 
     def test_text_names_objects_units_and_presets(self):
-        text = self.run_ok("params", "list", "--task", "HalfCheetah-v5")
+        text = self.printed("params", "list", "--task", "HalfCheetah-v5")
         for needle in ("geom/NAME/friction[k]", "bthigh", "[kg]", "obs/NAME/noise_std", "preset arm", "preset gym",
                        "tendon_stiffness"):
             self.assertIn(needle, text)
         self.assertNotIn("body/torso/mass", text)
-        self.assertIn("body/torso/mass", self.run_ok("params", "list", "--task", "HalfCheetah-v5", "--values"))
+        self.assertIn("body/torso/mass", self.printed("params", "list", "--task", "HalfCheetah-v5", "--values"))
 
     def test_a_task_is_needed_and_a_verb(self):
-        self.assertRefused(oted("params", "list"), "--task")
-        self.assertRefused(oted("params", "list", "--task", "Hoper-v5"), "did you mean 'Hopper-v5'?")
+        self.assertRefused(oted("params", "list"), USAGE, "--task")
+        self.assertRefused(oted("params", "list", "--task", "Hoper-v5"), USAGE, "did you mean 'Hopper-v5'?")
         self.assertEqual(oted("params").returncode, USAGE)
 
 
 class TestCheck(ParamsTest):
     def check(self, *arguments, code=0):
-        return json.loads(self.run_ok("params", "check", "--task", "Hopper-v5", "--json", *arguments, code=code))
+        return json.loads(self.printed("params", "check", "--task", "Hopper-v5", "--json", *arguments, code=code))
 
     def test_gain_and_gear_trade_off_and_an_idle_parameter_is_named(self):
         arguments = ["--param", GAIN, "--param", "gear=actuator/*/gear[0]:0.5:2.0", "--param", DELAY,
@@ -99,8 +67,8 @@ class TestCheck(ParamsTest):
         self.assertEqual(len(gain["change_by_observation"]), len(found["observations"]))
         self.assertEqual([pair["parameters"] for pair in found["trade_offs"]], [["gain", "gear"]])
         self.assertGreater(found["trade_offs"][0]["cosine"], 0.95)
-        self.check("--strict", *arguments, code=NEGATIVE)
-        text = self.run_ok("params", "check", "--task", "Hopper-v5", *arguments)
+        self.check("--strict", *arguments, code=NO_SIMULATOR)
+        text = self.printed("params", "check", "--task", "Hopper-v5", *arguments)
         for needle in ("no effect: 'idle'", "trade-off: 'gain' and 'gear'", "* reacts most", "foot_joint_vel"):
             self.assertIn(needle, text)
 
@@ -118,12 +86,12 @@ class TestCheck(ParamsTest):
 
     def test_any_number_of_threads_prints_the_same(self):
         arguments = ["params", "check", "--task", "Hopper-v5", "--preset", "legs", "--threads"]
-        self.assertEqual(self.run_ok(*arguments, 1), self.run_ok(*arguments, 2))
+        self.assertEqual(self.printed(*arguments, 1), self.printed(*arguments, 2))
 
 
 class TestPresets(ParamsTest):
     def names(self, *arguments):
-        found = json.loads(self.run_ok("params", "check", "--json", *arguments))
+        found = json.loads(self.printed("params", "check", "--json", *arguments))
         return {p["name"]: p for p in found["parameters"]}, found["skipped"]
 
     def test_gym_is_friction_gain_and_gravity(self):
@@ -137,21 +105,21 @@ class TestPresets(ParamsTest):
         self.assertEqual(found["frictionloss"]["scale"], "absolute", "Hopper's joints have none")
 
     def test_what_the_model_lacks_is_left_out_with_a_note(self):
-        text = self.run_ok("params", "check", "--task", "Hopper-v5", "--preset", "gripper")
+        text = self.printed("params", "check", "--task", "Hopper-v5", "--preset", "gripper")
         self.assertRegex(text, r"left out: tendon_stiffness of preset gripper .*the model has none")
 
     def test_unknown_preset(self):
-        self.assertRefused(oted("params", "check", "--task", "Hopper-v5", "--preset", "leg"), "did you mean 'legs'?")
+        self.assertRefused(oted("params", "check", "--task", "Hopper-v5", "--preset", "leg"), USAGE, "did you mean 'legs'?")
 
     def test_a_configuration_with_a_preset_runs_and_its_record_names_the_parameters(self):
-        out, toml = self.shared / "run", self.shared / "run.toml"
+        out, toml = self.folder / "run", self.folder / "run.toml"
         toml.write_text('[task]\nname = "Hopper-v5"\n[data]\npath = "%s"\nepisodes = 1\n[parameters]\npreset = "gym"\n'
                         % (ROOT / "examples/data/hopper-medium.hdf5"))
         words = ["design", toml, "--out", out, "--threads", 1]
-        for assignment in TINY:
+        for assignment in [*TINY_DESIGN, "selection.n_seeds=1"]:
             words += ["--set", assignment]
         result = oted(*words)
-        self.assertIn(result.returncode, (0, NEGATIVE), result.stderr)
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
         design = json.loads((out / "design.json").read_text())
         self.assertEqual([p["name"] for p in design["parameters"]], ["friction", "gain", "gravity"])
         record = (out / "run.toml").read_text()
@@ -164,8 +132,8 @@ class TestPresets(ParamsTest):
 
 class TestChannels(ParamsTest):
     def collect(self, name, *arguments):
-        path = self.shared / name
-        self.run_ok("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
+        path = self.folder / name
+        self.printed("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
                     "--episodes", 1, "--threads", 1, "--out", path, *arguments)
         with h5py.File(path, "r") as file:
             return {key: file[key][()] for key in ("observations", "actions", "rewards")}
@@ -184,15 +152,13 @@ class TestChannels(ParamsTest):
     def test_mistakes_are_named(self):
         def collect(parameter):
             return oted("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
-                        "--param", parameter, "--out", self.shared / "never.hdf5")
-        self.assertRefused(collect("d=action/delay:0:4"), "absolute")
-        self.assertRefused(collect("n=obs/foot_join_vel/noise_std:0:1:absolute"), "did you mean 'foot_joint_vel'?")
-        self.assertRefused(collect("n=obs/*/noise_std:0.01:1:absolute:log"), "drop 'log'")
-        self.assertFalse((self.shared / "never.hdf5").exists())
+                        "--param", parameter, "--out", self.folder / "never.hdf5")
+        self.assertRefused(collect("d=action/delay:0:4"), USAGE, "absolute")
+        self.assertRefused(collect("n=obs/foot_join_vel/noise_std:0:1:absolute"), USAGE, "did you mean 'foot_joint_vel'?")
+        self.assertRefused(collect("n=obs/*/noise_std:0.01:1:absolute:log"), USAGE, "drop 'log'")
+        self.assertFalse((self.folder / "never.hdf5").exists())
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

@@ -6,10 +6,9 @@
 import json
 import pathlib
 import shutil
-import sys
 import unittest
 
-import test_cli as cli
+import program
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 
@@ -22,12 +21,12 @@ def finished_cell(error):
             "picks": {key: pick for key in ("random", "design_deviation", "learning_progress", "c", "common")}}
 
 
-class ReproduceTest(cli.CliTest):
+class ReproduceTest(program.HopperTest):
     def test_a_finished_cell_is_not_run_again_and_its_table_is_printed(self):
         out = self.folder / "table2"
         out.mkdir()
         (out / "hopper-medium-all.json").write_text(json.dumps(finished_cell(0.123)))
-        result = cli.oted("reproduce", "table2", "--task", "hopper", "--dataset", "medium", "--out", out, "--quiet")
+        result = program.oted("reproduce", "table2", "--task", "hopper", "--dataset", "medium", "--out", out, "--quiet")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("| hopper-medium | 0.123, 0.492 |", result.stdout)
         self.assertIn("0.235 (0.034)", result.stdout, "the paper's own figure stands beside it")
@@ -39,10 +38,10 @@ class ReproduceTest(cli.CliTest):
         data.mkdir()
         shutil.copyfile(ROOT / "examples/data/hopper-medium.hdf5", data / "hopper-expert.hdf5")
         out = self.folder / "figure2"
-        result = cli.oted("reproduce", "figure2", "--task", "hopper", "--dataset", "expert", "--parameters", "gain",
+        result = program.oted("reproduce", "figure2", "--task", "hopper", "--dataset", "expert", "--parameters", "gain",
                           "--seeds", "1", "--form", "trajectories", "--data", data, "--out", out, "--quiet",
-                          *cli.sets([s for s in cli.TINY if "design." not in s and "n_seeds" not in s]),
-                          *cli.sets(["design.discriminator_steps=1", "design.trajectory_rows=128", "design.trajectory_coarse=8",
+                          *program.sets([s for s in program.TINY if "design." not in s and "n_seeds" not in s]),
+                          *program.sets(["design.discriminator_steps=1", "design.trajectory_rows=128", "design.trajectory_coarse=8",
                                       "design.trajectory_starts=1"]))
         self.assertEqual(result.returncode, 0, result.stderr)
         record = json.loads((out / "hopper-expert-gain.json").read_text())
@@ -56,18 +55,16 @@ class ReproduceTest(cli.CliTest):
         for words, named in ((["tabel2"], "'table2'"), (["table2", "--task", "hoper"], "'hopper'"),
                              (["table2", "--dataset", "poor"], "medium-expert"),
                              (["figure2", "--parameters", "mass"], "gravity")):
-            result = cli.oted("reproduce", *words, "--out", self.folder / "none", "--quiet")
-            self.assertOneLine(result, cli.USAGE, named)
+            result = program.oted("reproduce", *words, "--out", self.folder / "none", "--quiet")
+            self.assertOneLine(result, program.USAGE, named)
         self.assertFalse((self.folder / "none").exists())
 
     def test_missing_demonstrations_are_a_data_error(self):
-        result = cli.oted("reproduce", "table2", "--task", "hopper", "--dataset", "medium", "--data", self.folder,
+        result = program.oted("reproduce", "table2", "--task", "hopper", "--dataset", "medium", "--data", self.folder,
                           "--out", self.folder / "t", "--quiet")
-        self.assertOneLine(result, cli.DATA_OR_MODEL, "hopper-medium.hdf5")
+        self.assertOneLine(result, program.DATA_OR_MODEL, "hopper-medium.hdf5")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    cli.OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

@@ -5,16 +5,15 @@
 
 import json
 import pathlib
-import sys
 import tempfile
 import unittest
 
 import jsonschema
-import test_cli as cli
+import program
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
-QUICK = cli.sets(cli.TINY + ["design.trajectory_rows=96", "design.trajectory_window=16", "selection.n_seeds=1",
+QUICK = program.sets(program.TINY + ["design.trajectory_rows=96", "design.trajectory_window=16", "selection.n_seeds=1",
                              "report.motion=false"])
 
 
@@ -26,7 +25,7 @@ class SuspectsTest(unittest.TestCase):
         cls.temporary = tempfile.TemporaryDirectory()
         cls.folder = pathlib.Path(cls.temporary.name)
         cls.demos = cls.folder / "demos.npz"
-        result = cli.oted("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
+        result = program.oted("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
                           "--episodes", "2", "--seed", "1", "--param", GAIN, "--truth", "gain=1.2", "--param", DAMPING,
                           "--truth", "damping=0.7", "--out", cls.demos)
         assert result.returncode == 0, result.stderr
@@ -37,13 +36,13 @@ class SuspectsTest(unittest.TestCase):
 
     def design(self, name, *parameters):
         words = [word for parameter in parameters for word in ("--param", parameter)]
-        result = cli.oted("design", "--task", "Hopper-v5", "--data", self.demos, "--out", self.folder / name, "--quiet",
+        result = program.oted("design", "--task", "Hopper-v5", "--data", self.demos, "--out", self.folder / name, "--quiet",
                           *words, *QUICK)
         return result, json.loads((self.folder / name / "design.json").read_text())
 
     def test_the_damping_that_nobody_searches_is_named_with_its_factor(self):
         result, design = self.design("gain", GAIN)
-        self.assertEqual(result.returncode, cli.NO_SIMULATOR, result.stderr)
+        self.assertEqual(result.returncode, program.NO_SIMULATOR, result.stderr)
         first = design["fit"]["suspects"][0]
         self.assertEqual(first["field"], "joint/*/damping")
         self.assertAlmostEqual(first["factor"], 0.7, delta=0.1)
@@ -68,7 +67,5 @@ class SuspectsTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    cli.OTED = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    program.take_paths(__doc__)
     unittest.main()

@@ -8,29 +8,17 @@ The models of examples/*.toml come from the dm_control wheel (requirements-model
 import hashlib
 import json
 import pathlib
-import shutil
-import subprocess
-import sys
-import tempfile
 import tomllib
 import unittest
 
 import numpy as np
 
-OTED = CUSTOM = None  # programs, from the command line
-ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
-EXAMPLES = ROOT / "examples"
+import program
+from program import DATA_OR_MODEL, ROOT, TINY, USAGE, ProgramTest, oted, sets
 
-USAGE, DATA_OR_MODEL = 2, 3
-TINY = [
-    "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.n_iterations=3", "design.n_sims=4",
-    "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
-    "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
-    "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2", "selection.n_steps=20",
-    "selection.judge_steps=20", "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2",
-    "crossq.n_steps=120", "crossq.learning_starts=60", "crossq.batch_size=16", "crossq.hidden=16",
-    "crossq.critic_hidden=16", "crossq.eval_interval=60", "crossq.eval_episodes=1",
-]
+CUSTOM = None  # a program with a task of its own, from the command line
+EXAMPLES = ROOT / "examples"
+QUICK = sets([*TINY, "crossq.n_steps=120", "crossq.learning_starts=60", "crossq.batch_size=16", "crossq.eval_interval=60"])
 
 CART = """<mujoco>
   <option timestep="0.01"/>
@@ -53,20 +41,7 @@ damping = 2.5
 """
 
 
-def sets(assignments):
-    return [word for assignment in assignments for word in ("--set", assignment)]
-
-
-def oted(*arguments, cwd=None, program=None):
-    return subprocess.run([program or OTED, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
-
-
-class TaskFiles(unittest.TestCase):
-    def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-task-files-"))
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.out = self.folder / "out"
-
+class TaskFiles(ProgramTest):
     def cart(self, more=""):
         """A task file whose model lies below its own folder."""
         (self.folder / "models").mkdir(exist_ok=True)
@@ -82,12 +57,6 @@ class TaskFiles(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         return data
 
-    def assertOneLine(self, result, code, *needles):
-        self.assertEqual(result.returncode, code, result.stderr)
-        self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
-        for needle in needles:
-            self.assertIn(needle, result.stderr)
-
     # --- the examples: models that this repository has never held
 
     def test_examples_are_short(self):
@@ -96,7 +65,7 @@ class TaskFiles(unittest.TestCase):
 
     def run_example(self, name, episodes):
         data = self.log(EXAMPLES / f"{name}.toml", episodes=episodes)
-        result = oted("run", EXAMPLES / f"{name}.toml", "--data", data, "--out", self.out, "--threads", 1, *sets(TINY))
+        result = oted("run", EXAMPLES / f"{name}.toml", "--data", data, "--out", self.out, "--threads", 1, *QUICK)
         self.assertIn(result.returncode, (0, 4), result.stderr)
         self.assertTrue((self.out / "report.html").exists())
         design = json.loads((self.out / "design.json").read_text())
@@ -148,7 +117,7 @@ class TaskFiles(unittest.TestCase):
     def test_the_model_is_found_beside_its_task_file_and_the_run_goes_on_from_elsewhere(self):
         task = self.cart('reward = "-abs(x)"\n[task.quantities]\nx = "joint/slide/qpos"')
         data = self.log(task)
-        words = ["--data", data, "--out", "runs/cart", "--threads", 1, *sets(TINY)]
+        words = ["--data", data, "--out", "runs/cart", "--threads", 1, *QUICK]
         self.assertEqual(oted("design", "cart.toml", *words, cwd=self.folder).returncode, 0)
         # From another folder, without the file: the run directory's own run.toml is enough.
         (self.folder / "other").mkdir()
@@ -159,7 +128,7 @@ class TaskFiles(unittest.TestCase):
         task = self.cart()
         data = self.log(task)
         self.assertEqual(
-            oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *sets(TINY)).returncode, 0)
+            oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK).returncode, 0)
         again = self.folder / "again.npz"
         result = oted("collect", "--task", self.out / "model/task.toml", "--policy", "sine", "--episodes", 3, "--threads",
                       1, "--out", again, "--param", "damping=joint/slide/damping:0.2:4", "--truth", "damping=2.5")
@@ -169,7 +138,7 @@ class TaskFiles(unittest.TestCase):
     def test_another_model_or_task_is_not_mixed_with_what_is_there(self):
         task = self.cart()
         data = self.log(task)
-        words = ["design", task, "--data", data, "--out", self.out, "--threads", 1, *sets(TINY)]
+        words = ["design", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK]
         self.assertEqual(oted(*words).returncode, 0)
         model = self.folder / "models/cart.xml"
         model.write_text(CART.replace('mass="1"', 'mass="1.1"'))
@@ -185,7 +154,7 @@ class TaskFiles(unittest.TestCase):
         task = self.cart()
         data = self.log(task)
         self.assertNotIn("rewards", np.load(data).files)
-        result = oted("run", task, "--data", data, "--out", self.out, "--threads", 1, *sets(TINY))
+        result = oted("run", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK)
         self.assertIn(result.returncode, (0, 4), result.stderr)
         self.assertIn("has no reward", result.stderr)
         self.assertTrue((self.out / "design.json").exists())
@@ -197,7 +166,7 @@ class TaskFiles(unittest.TestCase):
     def test_without_settable_states_the_design_takes_the_form_that_needs_none(self):
         task = self.cart('observations = ["joint/slide/qpos"]')
         data = self.log(task)
-        result = oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *sets(TINY))
+        result = oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK)
         self.assertIn(result.returncode, (0, 4), result.stderr)
         self.assertIn("joint/slide/qvel", result.stderr)
         settings = tomllib.loads((self.out / "run.toml").read_text())["design"]
@@ -208,7 +177,7 @@ class TaskFiles(unittest.TestCase):
     def test_episodes_may_start_where_the_logs_did(self):
         data = self.log(self.cart())
         task = self.cart('start = "logs"')
-        result = oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *sets(TINY))
+        result = oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK)
         self.assertIn(result.returncode, (0, 4), result.stderr)
         self.assertOneLine(oted("collect", "--task", task, "--policy", "sine", "--out", self.folder / "x.npz"), USAGE,
                            "task.start")
@@ -243,7 +212,7 @@ class TaskFiles(unittest.TestCase):
             ('actions = ["actuator/pull"]', ("task.actions", "push")),
             ('observation = ["joint/*/qpos"]', ("cart.toml:6", "did you mean 'observations'?")),
         ):
-            result = oted("design", self.cart(more), "--data", data, "--out", self.out, *sets(TINY))
+            result = oted("design", self.cart(more), "--data", data, "--out", self.out, *QUICK)
             self.assertOneLine(result, USAGE, *needles)
             self.assertFalse(self.out.exists())
         path = self.cart()
@@ -261,7 +230,7 @@ class TaskFiles(unittest.TestCase):
                       "loss=1.5", "--episodes", 4, "--out", data, program=CUSTOM)
         self.assertEqual(result.returncode, 0, result.stderr)
         result = oted("run", "--task", "Thermostat-v0", "--data", data, *parameters, "--truth", "loss=1.5", "--out",
-                      self.out, "--threads", 1, *sets(TINY), program=CUSTOM)
+                      self.out, "--threads", 1, *QUICK, program=CUSTOM)
         self.assertIn(result.returncode, (0, 4), result.stderr)
         self.assertTrue((self.out / "evaluation.json").exists())
         wrong = oted("collect", "--task", "Thermostat-v0", "--policy", "random", "--param", "x=env/los:0.2:2", "--out",
@@ -270,5 +239,5 @@ class TaskFiles(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    OTED, CUSTOM = (str(pathlib.Path(program).resolve()) for program in sys.argv[1:3])
-    unittest.main(argv=[sys.argv[0], *sys.argv[3:]], verbosity=1)
+    [CUSTOM] = program.take_paths(__doc__, 1)
+    unittest.main()
