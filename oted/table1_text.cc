@@ -1,6 +1,7 @@
 // Table 1 as text: the paper's figures, ours beside them.
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
@@ -109,9 +110,9 @@ std::string Table1(const Table1Study& study, const std::vector<json>& records) {
   }
   text +=
       "\nD4RL's normalised scores in the target; mean over seeds (standard deviation; seeds where there are more than "
-      "one). Control steps of an agent:";
-  for (const int64_t n : steps) text += fmt::format(" {}", n);
-  return text + ". The paper's DR and IS are one figure for each task; over which parameters is not said.\n";
+      "one).";
+  if (!steps.empty()) text += fmt::format(" Control steps of an agent: {}.", fmt::join(steps, ", "));
+  return text + " The paper's DR and IS are one figure for each task; over which parameters is not said.\n";
 }
 
 }  // namespace oted

@@ -9,7 +9,6 @@
 namespace oted {
 namespace {
 
-using Eigen::LDLT;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -31,7 +30,7 @@ LevelFit::Differences LevelFit::Secants() const {
   for (size_t w = 0; w < equations.size(); ++w) {
     const NormalEquations& e = equations[w];
     if (!e.valid) continue;
-    hessian += e.x_x - e.start_x.transpose() * e.start_start.ldlt().solve(e.start_x);
+    hessian += e.Information(e.start_start.ldlt());
     const VectorXd std = e.start_start.diagonal().cwiseSqrt().cwiseInverse();
     steps.starts[w] = (kSecantOfStart * std).cwiseMin(longest).cwiseMax(steps.starts[w]);
   }
@@ -52,9 +51,9 @@ std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer
     }
     const NormalEquations& e = equations[w];
     if (!e.valid) continue;
-    const LDLT<MatrixXd> factor(e.start_start);
-    stretches.back().information += e.x_x - e.start_x.transpose() * factor.solve(e.start_x);
-    stretches.back().score += e.x - e.start_x.transpose() * factor.solve(e.start);
+    const NormalEquations::Factor factor(e.start_start);
+    stretches.back().information += e.Information(factor);
+    stretches.back().score += e.Score(factor);
   }
   return stretches;
 }

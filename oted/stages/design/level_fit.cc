@@ -10,7 +10,6 @@
 namespace oted {
 namespace {
 
-using Eigen::LDLT;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -42,7 +41,7 @@ bool LevelFit::Step() {
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     // Where no step of x helps, the starts move alone.
     const bool starts_alone = attempt == kAttempts - 1;
-    std::vector<LDLT<MatrixXd>> factors(equations.size());
+    std::vector<NormalEquations::Factor> factors(equations.size());
     MatrixXd hessian = prior_.precision;
     VectorXd gradient = -prior_.precision * (x_ - prior_.mean);
     for (size_t w = 0; w < equations.size(); ++w) {
@@ -51,8 +50,8 @@ bool LevelFit::Step() {
       MatrixXd damped = e.start_start;
       damped.diagonal() *= 1 + damping_of_start_[w];
       factors[w].compute(damped);
-      hessian += e.x_x - e.start_x.transpose() * factors[w].solve(e.start_x);
-      gradient += e.x - e.start_x.transpose() * factors[w].solve(e.start);
+      hessian += e.Information(factors[w]);
+      gradient += e.Score(factors[w]);
     }
     const VectorXd uncertainty = hessian.inverse().diagonal().cwiseSqrt();
     hessian.diagonal() *= 1 + damping_;

@@ -62,9 +62,15 @@ class LevelFit {
  private:
   /// The quadratic model of one window's cost, weighted.
   struct NormalEquations {
+    using Factor = Eigen::LDLT<Eigen::MatrixXd>;
     bool valid = false;
     Eigen::MatrixXd start_start, start_x, x_x;
     Eigen::VectorXd start, x;
+    /// What is left for x when the start follows it (Schur complements). @param factor  of start_start, damped or not
+    Eigen::MatrixXd Information(const Factor& factor) const {
+      return x_x - start_x.transpose() * factor.solve(start_x);
+    }
+    Eigen::VectorXd Score(const Factor& factor) const { return x - start_x.transpose() * factor.solve(start); }
   };
 
   int n_steps() const { return level_.windows.front().n_steps; }
