@@ -2,8 +2,9 @@
 
 import math
 
+from study_data import TASKS
+
 LEARNERS = {"crossq": ("CrossQ", "#1b6ca8"), "sac": ("SAC", "#c2571a"), "stable-baselines3": ("Stable-Baselines3's SAC", "#5b5b5b")}
-NAMES = {"hopper": "Hopper", "halfcheetah": "HalfCheetah", "walker2d": "Walker2d"}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 300, 190, 52, 14, 26, 38
 
 
@@ -27,7 +28,7 @@ def panel(task, records, x_of, x_name, marks):
     x_high, y_high = max(x for x, _ in points), max(max(y for _, y in points), 1)
     to_x = lambda x: LEFT + x / x_high * (WIDTH - LEFT - RIGHT)
     to_y = lambda y: HEIGHT - BOTTOM - max(y, 0) / y_high * (HEIGHT - TOP - BOTTOM)
-    parts = [f'<text x="{LEFT}" y="14" font-weight="bold">{NAMES[task]}</text>']
+    parts = [f'<text x="{LEFT}" y="14" font-weight="bold">{TASKS[task]}</text>']
     for y in ticks(y_high):
         parts.append(f'<path d="M{LEFT} {to_y(y):.1f}H{WIDTH - RIGHT}" stroke="#ddd"/>'
                      f'<text x="{LEFT - 6}" y="{to_y(y) + 4:.1f}" text-anchor="end">{short(y)}</text>')
@@ -44,7 +45,7 @@ def panel(task, records, x_of, x_name, marks):
 
 def plot(found, marks):
     """found: (task, learner) -> records; marks: task -> return, a dashed line. @return the SVG's text"""
-    tasks = [task for task in NAMES if any(task == t for t, _ in found)]
+    tasks = [task for task in TASKS if any(task == t for t, _ in found)]
     shown = [learner for learner in LEARNERS if any(learner == of for _, of in found)]
     width, height = WIDTH * len(tasks), 2 * HEIGHT + 26
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '

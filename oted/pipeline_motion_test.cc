@@ -21,11 +21,7 @@ TEST(PipelineReplayTest, TheRecordComparesTheLogsWithBothSimulatorsAtTheSameActi
   const TestFolder folder;
   RunConfig config = TinyConfig();
   config.report.replay_steps = 10;
-  Watch watch;
-  RunContext context;
-  context.log = &watch;
-  Pipeline pipeline(config, folder.path(), context);
-  pipeline.ReplayLogs();
+  RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   const json replay = ReplayOf(folder.path());
   EXPECT_EQ(replay["nominal"], json(std::vector<double>(config.parameters.size(), 1.0)));
   ASSERT_GT(replay["channels"].size(), 5u);
@@ -50,21 +46,19 @@ TEST(PipelineReplayTest, PicturesAreDrawnWhereTheyCanBeAndOtherwiseANoteSaysWhy)
   RunConfig config = TinyConfig();
   config.report.replay_steps = 5;
   config.report.motion = "auto";
-  Watch watch;
-  RunContext context;
-  context.log = &watch;
   ::setenv("MUJOCO_GL", "off", 1);
-  Pipeline(config, folder.path(), context).ReplayLogs();
+  RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_THAT(ReadJson(folder.path() / "motion/motion.json")["note"].get<std::string>(), HasSubstr("MUJOCO_GL=off"));
   const std::string replay = ReadFile(folder / "motion/replay.json");
   config.report.motion = "true";
-  EXPECT_THAT(MessageOf<UsageError>([&] { Pipeline(config, folder.path(), context); }),
+  NullSink log;
+  EXPECT_THAT(MessageOf<UsageError>([&] { Pipeline(config, folder.path(), {.log = &log}); }),
               testing::AllOf(HasSubstr("report.motion"), HasSubstr("MUJOCO_GL=off")));
   ::unsetenv("MUJOCO_GL");
 
   // The next call draws what the first could not; the curves do not depend on it.
   config.report.motion = "auto";
-  Pipeline(config, folder.path(), context).ReplayLogs();
+  RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_EQ(ReadFile(folder / "motion/replay.json"), replay);
   const json motion = ReadJson(folder.path() / "motion/motion.json");
   if (motion.contains("note")) GTEST_SKIP() << motion["note"];
@@ -73,7 +67,7 @@ TEST(PipelineReplayTest, PicturesAreDrawnWhereTheyCanBeAndOtherwiseANoteSaysWhy)
     EXPECT_GT(fs::file_size(folder.path() / "motion" / (std::string(name) + ".webp")), 1000u);
   }
   config.report.motion = "false";
-  Pipeline(config, folder.path(), context).ReplayLogs();
+  RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_FALSE(fs::exists(folder.path() / "motion/logged.webp"));
 }
 
@@ -81,14 +75,11 @@ TEST(PipelineReplayTest, LogsThatAreTooShortGiveANoteAndNoError) {
   const TestFolder folder;
   RunConfig config = TinyConfig();
   config.report.replay_steps = 100000;
-  Watch watch;
-  RunContext context;
-  context.log = &watch;
-  Pipeline(config, folder.path(), context).ReplayLogs();
+  RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_THAT(ReplayOf(folder.path())["note"].get<std::string>(), HasSubstr("report.replay_steps"));
   // Another length is simply replayed anew.
   config.report.replay_steps = 5;
-  Pipeline(config, folder.path(), context).ReplayLogs();
+  RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_TRUE(ReplayOf(folder.path()).contains("window"));
 }
 

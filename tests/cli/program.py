@@ -26,12 +26,12 @@ TINY_DESIGN = [
     "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
     "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
     "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2",
-    "selection.n_steps=20", "selection.judge_steps=20", "report.motion=false",
+    "selection.n_steps=20", "selection.judge_steps=20",
 ]
 TINY = TINY_DESIGN + [
     "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2", "crossq.n_steps=200",
     "crossq.learning_starts=100", "crossq.batch_size=32", "crossq.hidden=16", "crossq.critic_hidden=16",
-    "crossq.eval_interval=100", "crossq.eval_episodes=1",
+    "crossq.eval_interval=100", "crossq.eval_episodes=1", "report.motion=false",
 ]
 
 

@@ -18,7 +18,9 @@ from program import DATA_OR_MODEL, ROOT, TINY, USAGE, ProgramTest, oted, sets
 
 CUSTOM = None  # a program with a task of its own, from the command line
 EXAMPLES = ROOT / "examples"
-QUICK = sets([*TINY, "crossq.n_steps=120", "crossq.learning_starts=60", "crossq.batch_size=16", "crossq.eval_interval=60"])
+SETTINGS = [*TINY, "crossq.n_steps=120", "crossq.learning_starts=60", "crossq.batch_size=16", "crossq.eval_interval=60",
+            "report.motion=auto"]
+QUICK = sets(SETTINGS)
 
 CART = """<mujoco>
   <option timestep="0.01"/>
@@ -103,7 +105,7 @@ class TaskFiles(ProgramTest):
         effects = oted("params", "check", robot, "--json")
         self.assertEqual(effects.returncode, 0, effects.stderr)
         result = oted("design", robot, "--out", self.out, "--threads", 1, "--quiet", *sets(
-            [s for s in TINY if not s.startswith("design.trajectory")]))
+            [s for s in SETTINGS if not s.startswith("design.trajectory")]))
         self.assertEqual(result.returncode, 0, result.stderr)
         design = json.loads((self.out / "design.json").read_text())
         self.assertAlmostEqual(design["parameters"][0]["mode"], 2.5, delta=0.01)
