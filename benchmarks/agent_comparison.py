@@ -20,7 +20,7 @@ import subprocess
 import tempfile
 import time
 
-from study_data import PARAMETERS, ROOT, TASKS, commit, write_record
+from study_data import PARAMETERS, ROOT, TASKS, collect, commit, parameter_words, write_record
 
 TRUTH = {"friction": 0.5, "gain": 0.7, "gravity": 1.3}
 # Two-sided 95 % quantiles of Student's t by degrees of freedom, for the paired interval.
@@ -31,10 +31,8 @@ def command_of(study, seed, oted, out, steps):
     if study == "quickstart":
         return [str(oted), "run", "examples/quickstart.toml", "--seed", str(seed), "--threads", "1", "--quiet", "--out", out]
     data = f"{out}/demonstrations.hdf5"
-    target = [text for n, field in PARAMETERS.items() for text in ("--param", f"{n}={field}:0.2:2.0", "--truth", f"{n}={TRUTH[n]}")]
-    collect = [str(oted), "collect", "--task", TASKS[study], "--policy", f"examples/policies/{study}/medium.npz", "--seed", str(seed),
-               "--out", data, *target]
-    subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
+    collect(oted, study, PARAMETERS, TRUTH, seed, data)
+    target = parameter_words(PARAMETERS) + [word for n, value in TRUTH.items() for word in ("--truth", f"{n}={value}")]
     return [str(oted), "run", "--task", TASKS[study], "--data", data, *target, "--seed", str(seed), "--threads", "1", "--quiet",
             "--out", f"{out}/run", "--set", "agents.n_agents=1", "--set", "agents.algorithm=sac", "--set", f"sac.n_steps={steps}",
             "--set", "sac.hidden=128,128", "--set", "sac.learning_rate=0.001", "--set", "sac.batch_size=128"]

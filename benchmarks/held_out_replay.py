@@ -21,7 +21,7 @@ import tempfile
 import time
 
 import numpy as np
-from study_data import HIGH, LOW, PARAMETERS, ROOT, commit, write_record
+from study_data import HIGH, LOW, PARAMETERS, ROOT, collect, commit, write_record
 
 OFF = {1: ("damping", "joint/*/damping", 1.6), 2: ("armature", "joint/*/armature", 0.4), 3: ("torso", "body/torso/mass", 1.6)}
 FORMS = ("trajectories", "transitions", "least-squares", "paper")
@@ -32,17 +32,6 @@ FRAME_SKIP, CLIP = 4, 10
 def truth_of(case):
     rng = random.Random(f"held out {case}")
     return {name: round(rng.uniform(0.6, 1.5), 3) for name in PARAMETERS} | {OFF[case][0]: OFF[case][2]}
-
-
-def collect(oted, case, noise, seed, file):
-    command = [oted, "collect", "--task", "Hopper-v5", "--policy", "examples/policies/hopper/medium.npz", "--episodes", "5",
-               "--seed", seed, "--threads", "1", "--out", file]
-    for name, value in truth_of(case).items():
-        field = PARAMETERS.get(name) or OFF[case][1]
-        command += ["--param", f"{name}={field}:0.2:3.0", "--truth", f"{name}={value}"]
-    if noise:
-        command += ["--noise", noise]
-    subprocess.run([str(word) for word in command], cwd=ROOT, check=True, capture_output=True)
 
 
 def replay_errors(data, z):
@@ -99,8 +88,10 @@ def run_case(oted, case, noise, forms, file):
         return
     with tempfile.TemporaryDirectory(prefix="oted-held-out-") as folder:
         logs, unseen = f"{folder}/logs.npz", f"{folder}/unseen.npz"
-        collect(oted, case, noise, 1000 + case, logs)
-        collect(oted, case, 0, 2000 + case, unseen)
+        truth = truth_of(case)
+        fields = {name: PARAMETERS.get(name) or OFF[case][1] for name in truth}
+        collect(oted, "hopper", fields, truth, 1000 + case, logs, noise)
+        collect(oted, "hopper", fields, truth, 2000 + case, unseen)
         data = np.load(unseen)
         record["nominal"] = replay_errors(data, [1.0, 1.0, 1.0])
         for form in missing:

@@ -17,9 +17,9 @@ import subprocess
 import tempfile
 import time
 
-from study_data import HIGH, LOW, PARAMETERS, ROOT, commit, write_record
+from study_data import PARAMETERS, ROOT, TASKS, collect, commit, parameter_words, write_record
 
-TASK = "HalfCheetah-v5"
+TASK = "halfcheetah"
 LIMBS = [f"{side}{part}" for side in "bf" for part in ("thigh", "shin", "foot")]
 MASSES = {f"mass_{body}": f"body/{body}/mass" for body in LIMBS}
 JOINTS = {f"gear_{joint}": f"actuator/{joint}/gear[0]" for joint in LIMBS} | {
@@ -36,24 +36,17 @@ def run(count, threads, noise, oted, file):
     rng = random.Random(f"{count} parameters")
     truth = {name: round(rng.uniform(0.6, 1.5), 3) for name in SETS[count]}
     with tempfile.TemporaryDirectory(prefix="oted-count-") as folder:
-        parameters = [word for name, field in SETS[count].items() for word in ("--param", f"{name}={field}:{LOW}:{HIGH}")]
-        collect = [oted, "collect", "--task", TASK, "--policy", "examples/policies/halfcheetah/medium.npz", "--episodes", "5",
-                   "--seed", "1", "--out", f"{folder}/demos.npz"] + parameters
-        if noise > 0:
-            collect += ["--noise", str(noise)]
-        for name, value in truth.items():
-            collect += ["--truth", f"{name}={value}"]
-        subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
+        collect(oted, TASK, SETS[count], truth, 1, f"{folder}/demos.npz", noise)
         start = time.monotonic()
-        result = subprocess.run([oted, "design", "--task", TASK, "--data", f"{folder}/demos.npz", "--seed", "1", "--threads",
-                                 str(threads), "--out", f"{folder}/run", "--quiet", "--json"] + parameters,
+        result = subprocess.run([oted, "design", "--task", TASKS[TASK], "--data", f"{folder}/demos.npz", "--seed", "1", "--threads",
+                                 str(threads), "--out", f"{folder}/run", "--quiet", "--json", *parameter_words(SETS[count])],
                                 cwd=ROOT, capture_output=True, text=True, check=False)
         seconds = time.monotonic() - start
     if result.returncode not in (0, 4):
         raise SystemExit(result.stderr)
     design = json.loads(result.stdout)["design"]
     write_record(file, {
-        "task": TASK, "parameters": count, "threads": threads, "noise": noise, "truth": truth, "seconds": round(seconds, 1),
+        "task": TASKS[TASK], "parameters": count, "threads": threads, "noise": noise, "truth": truth, "seconds": round(seconds, 1),
         "designed": {p["name"]: {key: p[key] for key in ("mode", "interval90", "verdict")} for p in design["parameters"]},
         "verdict": design["verdict"], "commit": commit()})
 

@@ -17,6 +17,10 @@ LOW, HIGH = 0.2, 2.0
 TASKS = {"hopper": "Hopper-v5", "halfcheetah": "HalfCheetah-v5", "walker2d": "Walker2d-v5"}
 DATA = ("medium", "medium-noisy")  # noisy: standard deviation NOISE on every observation, no full states
 NOISE = 0.02
+# Trajectory matching alone. Neither the clone nor the classifiers have a say in q, its intervals or its verdicts: they are kept
+# short. The form is what auto begins with; outside the family auto tries others too, and the verdicts stay those of this one.
+MATCHING_ALONE = ("design.form=trajectories", "clone.max_steps=100", "design.discriminator_steps=1", "selection.judge_steps=20",
+                  "selection.n_sims=2", "selection.n_steps=20")
 
 
 def drawn(task):
@@ -29,22 +33,34 @@ def truth(task, target):
     return {"nominal": (1.0, 1.0, 1.0), "shifted": (0.6, 1.3, 1.2)}.get(target) or drawn(task)
 
 
+def parameter_words(fields, low=LOW, high=HIGH):
+    """--param words for name -> path."""
+    return [word for name, path in fields.items() for word in ("--param", f"{name}={path}:{low}:{high}")]
+
+
+def collect(oted, task, fields, truth, seed, out, noise=0.0):
+    """Five episodes of the shipped medium policy, logged into `out` in the target where truth: name -> multiple of nominal."""
+    command = [oted, "collect", "--task", TASKS[task], "--policy", f"examples/policies/{task}/medium.npz", "--episodes", 5,
+               "--seed", seed, "--threads", 1, "--out", out, *parameter_words(fields, 0.2, 3.0)]
+    for name, value in truth.items():
+        command += ["--truth", f"{name}={value}"]
+    if noise > 0:
+        command += ["--noise", noise]
+    subprocess.run([str(word) for word in command], cwd=ROOT, check=True, capture_output=True)
+
+
 def logs(task, target, data, oted, folder):
     """The dataset's path; what is not shipped is written into `folder`."""
     noisy = data.endswith("-noisy")
     shipped = f"examples/data/{task}-medium{'-shifted' if target == 'shifted' else ''}.hdf5"
     made = pathlib.Path(folder) / f"{task}-{target}-{data}.hdf5"
     if target == "drawn":
-        command = ["collect", "--task", TASKS[task], "--policy", f"examples/policies/{task}/medium.npz", "--episodes", "5",
-                   "--seed", "1", "--out", made]
-        for (name, field), value in zip(PARAMETERS.items(), drawn(task)):
-            command += ["--param", f"{name}={field}:{LOW}:{HIGH}", "--truth", f"{name}={value}"]
-        command += ["--noise", NOISE] if noisy else []
+        collect(oted, task, PARAMETERS, dict(zip(PARAMETERS, drawn(task))), 1, made, NOISE if noisy else 0)
     elif noisy:
-        command = ["data", "convert", shipped, made, "--noise", NOISE, "--seed", "1"]
+        command = [oted, "data", "convert", shipped, made, "--noise", NOISE, "--seed", 1]
+        subprocess.run([str(word) for word in command], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     else:
         return shipped
-    subprocess.run([str(oted), *map(str, command)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     return str(made)
 
 

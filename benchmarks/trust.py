@@ -26,15 +26,11 @@ import subprocess
 import tempfile
 import time
 
-from study_data import HIGH, LOW, PARAMETERS, ROOT, TASKS, commit, write_record
+from study_data import HIGH, LOW, MATCHING_ALONE, PARAMETERS, ROOT, TASKS, collect, commit, write_record
 
 FIELDS = PARAMETERS | {"gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
                        "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
 THREE = tuple(PARAMETERS)
-# Neither the clone nor the classifiers have a say in q, its intervals or its verdicts: they are kept short. The form is
-# what auto begins with; outside the family auto tries others too, and the verdicts stay those of this one.
-SHORT = ("design.form=trajectories", "clone.max_steps=100", "design.discriminator_steps=1", "selection.judge_steps=20",
-         "selection.n_sims=2", "selection.n_steps=20")
 IN_FAMILY = ("identified", "no_gap", "no_effect", "product")
 CLASSES = ("identified", "no_gap", "no_effect", "product", "out_of_bounds", "out_of_family")
 
@@ -60,26 +56,16 @@ def draw_case(kind, rng):
     return truth, searched
 
 
-def parameter(name, low, high, scale):
-    return ["--param", f"{name}={FIELDS[name]}:{low}:{high}{scale}"]
-
-
 def run_case(task, noise, kind, case, oted, file, extra):
     rng = random.Random(f"{task}-{kind}-{case}")
     truth, searched = draw_case(kind, rng)
     with tempfile.TemporaryDirectory(prefix="oted-trust-") as folder:
         data, out = f"{folder}/demos.npz", f"{folder}/run"
-        collect = [str(oted), "collect", "--task", TASKS[task], "--policy", f"examples/policies/{task}/medium.npz",
-                   "--seed", str(1000 + case), "--threads", "1", "--out", data]
-        for name, value in truth.items():
-            collect += parameter(name, 0.2, 3.0, "") + ["--truth", f"{name}={value}"]
-        if noise > 0:
-            collect += ["--noise", str(noise)]
-        subprocess.run(collect, cwd=ROOT, check=True, capture_output=True)
+        collect(oted, task, {name: FIELDS[name] for name in truth}, truth, 1000 + case, data, noise)
         design = [str(oted), "design", "--task", TASKS[task], "--data", data, "--seed", str(case), "--seeds", "1",
                   "--threads", "1", "--out", out, "--quiet", "--json"] + extra
-        for name, bounds in searched.items():
-            design += parameter(name, *bounds)
+        for name, (low, high, scale) in searched.items():
+            design += ["--param", f"{name}={FIELDS[name]}:{low}:{high}{scale}"]
         start = time.monotonic()
         result = subprocess.run(design, cwd=ROOT, capture_output=True, text=True, check=False)
         if result.returncode not in (0, 4):
@@ -185,7 +171,7 @@ def main():
     parser.add_argument("--table", action="store_true", help="print the tables of what is there; run nothing")
     arguments = parser.parse_args()
     if not arguments.table:
-        extra = [word for setting in (*SHORT, *arguments.set) for word in ("--set", setting)]
+        extra = [word for setting in (*MATCHING_ALONE, *arguments.set) for word in ("--set", setting)]
         with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
             jobs = []
             for case in range(arguments.first, arguments.first + arguments.cases):
