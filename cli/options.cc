@@ -114,7 +114,7 @@ std::string SettingsHelp(const std::vector<std::string>& sections) {
   RunConfig defaults;
   std::string text = "Settings (in the configuration file, or with --set section.key=value):\n";
   for (const FieldList& section : AllFields(defaults)) {
-    if (std::find(sections.begin(), sections.end(), section.section()) == sections.end()) continue;
+    if (!sections.empty() && std::ranges::find(sections, section.section()) == sections.end()) continue;
     text += fmt::format("\n[{}]\n", section.section());
     for (const Field& field : section.fields()) {
       const std::string range = field.range.ToString();

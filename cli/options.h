@@ -31,8 +31,8 @@ inline constexpr const char* kTaskHelp =
 
 /// Adds the options that every stage takes.
 void AddRunOptions(CLI::App& app, Options& options);
-/// The settings of the named sections with types, defaults and units, for a verb's --help.
-std::string SettingsHelp(const std::vector<std::string>& sections);
+/// The settings of the named sections, of all where none is named, with types, defaults and units, for a verb's --help.
+std::string SettingsHelp(const std::vector<std::string>& sections = {});
 
 /// The configuration that the options describe: --config, else the run directory's own run.toml, else defaults; flags
 /// on top.

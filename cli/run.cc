@@ -13,8 +13,7 @@ void AddRunVerb(Program& program) {
       program.app.add_subcommand("run", "the whole method: clone, design, select, train, select, evaluate, report");
   auto options = std::make_shared<Options>();
   AddRunOptions(*verb, *options);
-  verb->footer(SettingsHelp(
-      {"task", "grid", "data", "run", "clone", "design", "selection", "agents", "sac", "ppo", "baselines", "report"}));
+  verb->footer(SettingsHelp());
   verb->callback([&program, options] {
     {
       Session session(*options, program.command_line);

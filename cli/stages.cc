@@ -50,7 +50,7 @@ void AddStageVerbs(Program& program) {
                          &Pipeline::ReplayLogs});
   AddStageVerb(program, {"train",
                          "stage 4: train agents in the designed simulators",
-                         {"agents", "sac", "ppo", "baselines"},
+                         {"agents", "crossq", "sac", "ppo", "baselines"},
                          &Pipeline::TrainAgents});
   AddStageVerb(
       program,

@@ -1,15 +1,17 @@
 #include "oted/rl/crossq_update.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace oted {
 
 CrossQUpdate::CrossQUpdate(const TanhGaussianPolicy& actor, const std::vector<int>& critic_hidden,
                            const CrossQUpdateOptions& options, Rng& rng)
-    : options_(options), actor_(actor), actor_net_(actor.obs_dim(), actor.net().hidden(), 2 * actor.act_dim()) {
-  const float learning_rate = static_cast<float>(options.learning_rate);
-  const Adam::Options adam{.learning_rate = learning_rate, .beta1 = static_cast<float>(options.beta1)};
+    : options_(options),
+      actor_(actor),
+      actor_net_(actor.obs_dim(), actor.net().hidden(), 2 * actor.act_dim()),
+      temperature_(options.initial_alpha, options.target_entropy, static_cast<float>(options.learning_rate)) {
+  const Adam::Options adam{.learning_rate = static_cast<float>(options.learning_rate),
+                           .beta1 = static_cast<float>(options.beta1)};
   actor_net_.Initialize(rng);
   actor_net_.FoldInto(actor_.net());
   actor_adam_ = Adam(actor_net_.n_parameters(), adam);
@@ -19,14 +21,12 @@ CrossQUpdate::CrossQUpdate(const TanhGaussianPolicy& actor, const std::vector<in
     critic_adam_[i] = Adam(critics_[i].n_parameters(), adam);
     folded_critics_[i] = Mlp(critics_[i].in(), critic_hidden, 1);
   }
-  alpha_adam_ = Adam(1, {.learning_rate = learning_rate});
-  log_alpha_[0] = static_cast<float>(std::log(options.initial_alpha));
   actor_gradient_.resize(actor_net_.n_parameters());
   critic_gradient_.resize(critics_[0].n_parameters());
 }
 
 ReplayLosses CrossQUpdate::Step(const TransitionBatch& batch) {
-  const float alpha = std::exp(log_alpha_[0]);
+  const float alpha = temperature_.alpha();
   StepCritics(batch, alpha);
   if (n_updates() % options_.policy_delay == 0) StepActor(batch, alpha);
   return losses_;
@@ -75,13 +75,9 @@ void CrossQUpdate::StepActor(const TransitionBatch& batch, float alpha) {
   const float* out = actor_pass_.Forward(actor_net_, batch.observations.data(), batch.size,
                                          static_cast<float>(options_.momentum), Renormalises());
   actions_.Forward(out, batch.noise.data(), batch.size, act_dim);
-
-  // Temperature: the gradient of its loss with respect to log_alpha.
   const double mean_log_prob = actions_.MeanLogProb(batch.size);
-  const float alpha_gradient = static_cast<float>(-(mean_log_prob + options_.target_entropy));
   losses_.alpha = alpha;
-  losses_.alpha_loss = log_alpha_[0] * static_cast<double>(alpha_gradient);
-  alpha_adam_.Step({log_alpha_.data(), 1}, {&alpha_gradient, 1});
+  losses_.alpha_loss = temperature_.Step(mean_log_prob);
 
   joint_pi_.resize(batch.joint.size());
   actions_.Join(batch.observations.data(), obs_dim, 0, batch.size, joint_pi_.data());
@@ -103,7 +99,7 @@ LearnedState CrossQUpdate::State() {
   state.Add("critic0/running", critics_[0].running());
   state.Add("critic1", critics_[1].parameters(), critic_adam_[1]);
   state.Add("critic1/running", critics_[1].running());
-  state.Add("alpha", log_alpha_, alpha_adam_);
+  temperature_.AddTo(state);
   return state;
 }
 

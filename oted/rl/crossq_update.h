@@ -11,6 +11,7 @@
 #include "oted/rl/learned_state.h"
 #include "oted/rl/replay_training.h"
 #include "oted/rl/squashed_actions.h"
+#include "oted/rl/temperature.h"
 
 namespace oted {
 
@@ -50,7 +51,7 @@ class CrossQUpdate : public ReplayUpdate {
   const TanhGaussianPolicy& actor() const override { return actor_; }
   BatchNormMlp& actor_net() { return actor_net_; }
   BatchNormMlp& critic(int i) { return critics_[i]; }
-  double log_alpha() const { return log_alpha_[0]; }
+  double log_alpha() const { return temperature_.log_alpha(); }
 
   /// Parameters, running statistics and optimiser moments under names that start with "crossq/".
   void Save(NpzArrays& arrays) override { State().Save(arrays); }
@@ -68,8 +69,8 @@ class CrossQUpdate : public ReplayUpdate {
   TanhGaussianPolicy actor_;
   BatchNormMlp actor_net_, critics_[2];
   Mlp folded_critics_[2];
-  AlignedVector<float> log_alpha_ = AlignedVector<float>(1);
-  Adam actor_adam_, critic_adam_[2], alpha_adam_;
+  Temperature temperature_;
+  Adam actor_adam_, critic_adam_[2];
   ReplayLosses losses_;
 
   MlpPass next_pass_, folded_pass_[2];

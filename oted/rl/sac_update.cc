@@ -1,7 +1,6 @@
 #include "oted/rl/sac_update.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "oted/base/error.h"
 #include "oted/nn/kernels.h"
@@ -10,7 +9,9 @@ namespace oted {
 
 SacUpdate::SacUpdate(TanhGaussianPolicy actor, const std::vector<int>& critic_hidden, const SacUpdateOptions& options,
                      Rng& rng)
-    : options_(options), actor_(std::move(actor)) {
+    : options_(options),
+      actor_(std::move(actor)),
+      temperature_(options.initial_alpha, options.target_entropy, static_cast<float>(options.learning_rate)) {
   const Adam::Options adam{.learning_rate = static_cast<float>(options.learning_rate)};
   for (int i = 0; i < 2; ++i) {
     critics_[i] = Mlp(actor_.obs_dim() + actor_.act_dim(), critic_hidden, 1);
@@ -19,22 +20,15 @@ SacUpdate::SacUpdate(TanhGaussianPolicy actor, const std::vector<int>& critic_hi
     critic_adam_[i] = Adam(critics_[i].n_parameters(), adam);
   }
   actor_adam_ = Adam(actor_.net().n_parameters(), adam);
-  alpha_adam_ = Adam(1, adam);
-  log_alpha_[0] = static_cast<float>(std::log(options.initial_alpha));
   actor_gradient_.resize(actor_.net().n_parameters());
   critic_gradient_.resize(critics_[0].n_parameters());
 }
 
 ReplayLosses SacUpdate::Step(const TransitionBatch& batch) {
-  const float alpha = std::exp(log_alpha_[0]);
+  const float alpha = temperature_.alpha();
   ForwardActor(batch);
-
-  // Temperature: the gradient of its loss with respect to log_alpha.
   const double mean_log_prob = actions_.MeanLogProb(batch.size);
-  const double alpha_loss = -log_alpha_[0] * (mean_log_prob + options_.target_entropy);
-  const float alpha_gradient = static_cast<float>(-(mean_log_prob + options_.target_entropy));
-  alpha_adam_.Step({log_alpha_.data(), 1}, {&alpha_gradient, 1});
-
+  const double alpha_loss = temperature_.Step(mean_log_prob);
   ReplayLosses losses = StepCritics(batch, alpha);
   losses.actor_loss = StepActor(batch, alpha) + alpha * mean_log_prob;
   losses.alpha = alpha;
@@ -104,7 +98,7 @@ LearnedState SacUpdate::State() {
   state.Add("actor", actor_.net().parameters(), actor_adam_);
   state.Add("critic0", critics_[0].parameters(), critic_adam_[0]);
   state.Add("critic1", critics_[1].parameters(), critic_adam_[1]);
-  state.Add("alpha", log_alpha_, alpha_adam_);
+  temperature_.AddTo(state);
   state.Add("target0", target_critics_[0].parameters());
   state.Add("target1", target_critics_[1].parameters());
   return state;

@@ -11,6 +11,7 @@
 #include "oted/rl/learned_state.h"
 #include "oted/rl/replay_training.h"
 #include "oted/rl/squashed_actions.h"
+#include "oted/rl/temperature.h"
 
 namespace oted {
 
@@ -42,7 +43,7 @@ class SacUpdate : public ReplayUpdate {
   const TanhGaussianPolicy& actor() const override { return actor_; }
   Mlp& critic(int i) { return critics_[i]; }
   Mlp& target_critic(int i) { return target_critics_[i]; }
-  double log_alpha() const { return log_alpha_[0]; }
+  double log_alpha() const { return temperature_.log_alpha(); }
 
   /// Parameters and optimiser moments under names that start with "sac/".
   void Save(NpzArrays& arrays) override { State().Save(arrays); }
@@ -57,8 +58,8 @@ class SacUpdate : public ReplayUpdate {
   SacUpdateOptions options_;
   TanhGaussianPolicy actor_;
   Mlp critics_[2], target_critics_[2];
-  AlignedVector<float> log_alpha_ = AlignedVector<float>(1);
-  Adam actor_adam_, critic_adam_[2], alpha_adam_;
+  Temperature temperature_;
+  Adam actor_adam_, critic_adam_[2];
 
   MlpPass actor_pass_, critic_pass_[2];            // few, so that they stay in the cache
   const float* actor_out_ = nullptr;               // (2B, 2 act_dim), owned by actor_pass_

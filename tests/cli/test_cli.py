@@ -6,6 +6,7 @@
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -176,6 +177,11 @@ class TestResult(HopperTest):
         versions = json.loads((self.out / "versions.json").read_text())
         self.assertEqual(set(versions), {"oted", "mujoco", "cpu", "command", "started"})
 
+        # Whatever can be set is explained.
+        described = oted("run", "--help").stdout
+        for section in set(re.findall(r"(?m)^\[(\w+)", (self.out / "run.toml").read_text())) - {"parameters", "truth"}:
+            self.assertIn(f"\n[{section}]\n", described)
+
         # A later verb needs nothing but the directory, and finds nothing to do.
         before = files_below(self.out)
         again = oted("select-policy", "--out", self.out)
@@ -208,6 +214,8 @@ class TestResult(HopperTest):
             self.assertEqual((text.returncode, text.stderr), (0, ""), verb)
             self.assertIn("--out", text.stdout)
         self.assertIn("[default:", oted("design", "--help").stdout)
+        for section in ("agents", "crossq", "sac", "ppo"):
+            self.assertIn(f"\n[{section}]\n", oted("train", "--help").stdout)
         self.assertRegex(oted("--version").stdout, r"\Aoted \d+\.\d+\.\d+\n\Z")
 
 
