@@ -97,6 +97,7 @@ void AddRunOptions(CLI::App& app, Options& options) {
       ->allow_extra_args(false);
   app.add_option("--seed", options.seed, "names every random stream [default: 1]")->check(CLI::NonNegativeNumber);
   app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(CLI::PositiveNumber);
+  app.add_option("--device", options.device, "where agents' gradient steps are made: cpu or cuda [default: cpu]");
   app.add_option("--threads", options.threads, "threads at most; results do not depend on it [default: all processors]")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--out", options.out, "run directory")->required()->check([](const std::string& folder) {
@@ -152,6 +153,7 @@ RunConfig ResolveConfig(const Options& options) {
   if (options.seed >= 0) config.run.seed = options.seed;
   if (options.threads >= 0) config.run.threads = options.threads;
   if (options.n_seeds > 0) config.selection.n_seeds = options.n_seeds;
+  if (!options.device.empty()) config.Set("agents.device=" + options.device);
   if (options.strict) config.run.strict = true;
   // The form sets other settings' defaults, so it comes before them, wherever it stands.
   const auto is_form = [](const std::string& assignment) { return assignment.starts_with("design.form="); };

@@ -21,6 +21,7 @@ struct Options {
   long seed = -1;
   int threads = -1;
   int n_seeds = -1;
+  std::string device;
   bool json = false, quiet = false, strict = false, require_identified = false;
 };
 

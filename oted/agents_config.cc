@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/rl/autograd/on_device.h"
 #include "oted/run_config.h"
 
 namespace oted {
@@ -23,6 +24,9 @@ FieldList AgentsConfig::Fields() {
                    "where agents train, drawn anew for each episode: a mode of the seeds' q (Algorithm 2), a sample of "
                    "one of them (Sec. 4, step 3), or always the best-scoring seed's mode",
                    {"modes", "samples", "best"});
+  fields.AddChoice("device", &device,
+                   "where the gradient steps of crossq and sac are made: cpu, or cuda, by libtorch's autograd on a GPU",
+                   {"cpu", "cuda"});
   fields.Add("undesigned", &undesigned, "with a known truth, also train in the un-designed simulator, to compare");
   fields.Add("undesigned_at", &undesigned_at,
              "what that simulator's parameters are, in the order of [parameters]; none: nominal");
@@ -57,6 +61,12 @@ void RunConfig::CheckAgentSettings(const SimulatorSpec& spec) const {
                       fields.section(), key, spec.task, algorithm, agents.algorithm));
     }
   };
+  if (algorithm == "ppo" && agents.device != "cpu") {
+    throw UsageError(fmt::format(
+        "agents.device is {}, but the agents of task '{}' learn by ppo, whose gradient steps are made on the cpu alone",
+        agents.device, spec.task));
+  }
+  CheckDevice(agents.device);
   check(sac, SacConfig());
   check(crossq, CrossQConfig());
   check(ppo, PpoConfig());

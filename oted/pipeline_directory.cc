@@ -183,6 +183,7 @@ std::string Pipeline::AgentFingerprint(const std::string& where) const {
   const json settings =
       WithAgentSettings(config_, factory_->spec(), [](auto agent) { return agent.Fields().ToJson(); });
   json inputs = {"agent", designed, settings, config_.run.seed, TaskIdentity(), model_sha256_};
+  if (config_.agents.device != "cpu") inputs.push_back(config_.agents.device);  // other bits
   if (designed) {
     inputs.push_back(SelectionFingerprint());
     if (config_.agents.train_in != "modes") inputs.push_back(config_.agents.train_in);

@@ -64,6 +64,7 @@ struct AgentsConfig {
   std::string algorithm = "auto";
   int n_agents = 2;
   std::string train_in = "modes";
+  std::string device = "cpu";
   bool undesigned = true;
   std::vector<double> undesigned_at;  ///< z; empty: nominal
   int selection_episodes = 10;

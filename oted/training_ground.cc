@@ -71,7 +71,8 @@ LearningCurve TrainAgentIn(const TrainingGround& ground, const SimulatorFactory&
                            int index, const std::filesystem::path& folder, const std::string& run_name,
                            const RunContext& context) {
   const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("agent").Index(static_cast<uint64_t>(index));
-  const auto train = [&](const auto& algorithm) -> LearningCurve {
+  const auto train = [&](auto algorithm) -> LearningCurve {
+    if constexpr (requires { algorithm.device; }) algorithm.device = config.agents.device;
     auto agent = TrainAgent(factory, *ground.episodes, ground.evaluate_in, algorithm, key, folder, run_name, context);
     agent.policy.Save(folder / "policy.npz");
     return agent;

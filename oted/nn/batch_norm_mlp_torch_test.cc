@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "oted/nn/batch_norm_torch_testing.h"
+#include "oted/nn/torch_testing.h"
 
 namespace oted {
 namespace {
@@ -40,7 +40,7 @@ void CompareOnABatch(bool renormalise) {
   for (const Shape& s : Shapes()) {
     SCOPED_TRACE(testing::Message() << s.in << " -> " << s.hidden.size() << " hidden -> " << s.out);
     BatchNormMlp net = MakeNet(s);
-    TorchBatchNormMlp reference(net);
+    AutogradBatchNormMlp reference(net);
     const auto x = Normals(static_cast<size_t>(s.batch * s.in), 2, 0.7f, 0.4f);
     const auto dy = Normals(static_cast<size_t>(s.batch * s.out), 3);
     const torch::Tensor ty = reference.Train(ToTensor(x, s.batch, s.in), 0.1, renormalise);
@@ -50,11 +50,13 @@ void CompareOnABatch(bool renormalise) {
     const float* y = pass.Forward(net, x.data(), s.batch, 0.1f, renormalise);
     const torch::Tensor forward = ToTensor({y, static_cast<size_t>(s.batch * s.out)}, s.batch, s.out);
     EXPECT_LT((forward - ty).abs().max().item<double>(), kRelative * ty.abs().max().item<double>());
-    EXPECT_LT(MaxDifference(net.running(), reference.FlatRunning()), kRelative * Largest(reference.FlatRunning()));
+    EXPECT_LT(MaxDifference(net.running(), Flattened({reference.running})),
+              kRelative * Largest(Flattened({reference.running})));
 
     std::vector<float> gradient(net.n_parameters(), NAN);
     pass.Backward(net, x.data(), dy.data(), s.batch, gradient.data());
-    EXPECT_LT(MaxDifference(gradient, reference.Flat(true)), kRelative * Largest(reference.Flat(true)));
+    EXPECT_LT(MaxDifference(gradient, Flattened(reference.parameters, true)),
+              kRelative * Largest(Flattened(reference.parameters, true)));
   }
 }
 
@@ -68,7 +70,7 @@ TEST(BatchNormMlpAgainstAutograd, FoldedItIsTheSameFunctionAsWithTheRunningStati
   for (const Shape& s : Shapes()) {
     const BatchNormMlp net = MakeNet(s);
     const auto x = Normals(static_cast<size_t>(s.batch * s.in), 4, 0.7f, 0.4f);
-    const torch::Tensor ty = TorchBatchNormMlp(net).Evaluate(ToTensor(x, s.batch, s.in));
+    const torch::Tensor ty = AutogradBatchNormMlp(net).Evaluate(ToTensor(x, s.batch, s.in));
     Mlp folded(s.in, s.hidden, s.out);
     net.FoldInto(folded);
     MlpPass pass;

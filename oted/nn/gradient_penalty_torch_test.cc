@@ -22,7 +22,7 @@ TEST(GradientPenaltyAgainstAutograd, PenaltyAndItsGradientAreThoseOfASecondBackw
     for (float& p : mlp.parameters()) p *= 3;  // slopes on both sides of 1
     const auto x = Normals(static_cast<size_t>(s.batch * s.in), 2);
 
-    TorchMlp reference(mlp);
+    AutogradMlp reference(mlp);
     const torch::Tensor tx = ToTensor(x, s.batch, s.in).requires_grad_();
     const torch::Tensor slope = torch::autograd::grad({reference.Forward(tx).sum()}, {tx}, {}, true, true)[0];
     const torch::Tensor penalty = (slope.norm(2, 1) - 1).pow(2).mean();
@@ -30,7 +30,7 @@ TEST(GradientPenaltyAgainstAutograd, PenaltyAndItsGradientAreThoseOfASecondBackw
     torch::Tensor loss = kWeight * penalty;
     for (const torch::Tensor& p : reference.parameters) loss = loss + 0 * p.sum();
     loss.backward();
-    std::vector<double> expected = reference.Flat(true);
+    std::vector<double> expected = Flattened(reference.parameters, true);
     double largest = 0;
     for (double& v : expected) {
       largest = std::max(largest, std::abs(v));

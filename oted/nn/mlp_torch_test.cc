@@ -25,11 +25,11 @@ TEST(MlpAgainstAutograd, OutputParameterGradientAndInputGradientAgree) {
     const auto x = Normals(static_cast<size_t>(s.batch * s.in), 2);
     const auto dy = Normals(static_cast<size_t>(s.batch * s.out), 3);
 
-    TorchMlp reference(mlp);
+    AutogradMlp reference(mlp);
     const torch::Tensor tx = ToTensor(x, s.batch, s.in).requires_grad_();
     const torch::Tensor ty = reference.Forward(tx);
     (ty * ToTensor(dy, s.batch, s.out)).sum().backward();
-    const std::vector<double> expected_gradient = reference.Flat(true);
+    const std::vector<double> expected_gradient = Flattened(reference.parameters, true);
 
     MlpPass pass;
     const float* y = pass.Forward(mlp, x.data(), s.batch);
@@ -66,7 +66,7 @@ TEST(MlpAgainstAutograd, BackwardOnSomeRowsIsTheGradientAtThoseRows) {
     for (int row = 2; row < batch; row += row % 3 + 1) rows.push_back(row);
     const int n = static_cast<int>(rows.size());
     const auto dy = Normals(static_cast<size_t>(n * s.out), 9);
-    TorchMlp reference(mlp);
+    AutogradMlp reference(mlp);
     const torch::Tensor tx = ToTensor(x, batch, in).requires_grad_();
     const torch::Tensor index = torch::tensor(std::vector<int64_t>(rows.begin(), rows.end()));
     (reference.Forward(tx).index_select(0, index) * ToTensor(dy, n, s.out)).sum().backward();
@@ -87,14 +87,14 @@ TEST(MlpAgainstAutograd, BackwardOnTheLeadingRowsIgnoresTheOthers) {
   mlp.Initialize(rng);
   const auto x = Normals(batch * in, 5);
   const auto dy = Normals(leading * out, 6);
-  TorchMlp reference(mlp);
+  AutogradMlp reference(mlp);
   const torch::Tensor ty = reference.Forward(ToTensor(x, batch, in));
   (ty.slice(0, 0, leading) * ToTensor(dy, leading, out)).sum().backward();
   MlpPass pass;
   pass.Forward(mlp, x.data(), batch);
   std::vector<float> gradient(mlp.n_parameters());
   pass.Backward(mlp, x.data(), dy.data(), leading, gradient.data(), nullptr);
-  const std::vector<double> expected = reference.Flat(true);
+  const std::vector<double> expected = Flattened(reference.parameters, true);
   EXPECT_LT(MaxDifference(gradient, expected), kRelative * Largest(expected));
 }
 

@@ -1,5 +1,8 @@
 #include "oted/rl/crossq.h"
 
+#include <utility>
+
+#include "oted/rl/autograd/on_device.h"
 #include "oted/rl/crossq_update.h"
 
 namespace oted {
@@ -22,7 +25,7 @@ ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
                         const std::vector<std::vector<double>>& eval_parameters, const CrossQConfig& config, RngKey key,
                         const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
                         const ReplayObserver& observer) {
-  const auto make_update = [&](const TanhGaussianPolicy& actor, Rng& rng) {
+  const auto make_update = [&](const TanhGaussianPolicy& actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     const CrossQUpdateOptions options{.learning_rate = config.learning_rate,
                                       .beta1 = config.beta1,
                                       .gamma = config.gamma,
@@ -30,7 +33,9 @@ ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
                                       .policy_delay = config.policy_delay,
                                       .momentum = config.momentum,
                                       .renorm_warmup = config.renorm_warmup};
-    return std::make_unique<CrossQUpdate>(actor, config.critic_hidden, options, rng);
+    CrossQUpdate update(actor, config.critic_hidden, options, rng);
+    if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
+    return std::make_unique<CrossQUpdate>(std::move(update));
   };
   return TrainByReplay(factory, source, eval_parameters, config, "CrossQ", make_update, key, folder, run_name, context,
                        observer);

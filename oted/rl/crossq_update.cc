@@ -13,7 +13,7 @@ CrossQUpdate::CrossQUpdate(const TanhGaussianPolicy& actor, const std::vector<in
   const Adam::Options adam{.learning_rate = static_cast<float>(options.learning_rate),
                            .beta1 = static_cast<float>(options.beta1)};
   actor_net_.Initialize(rng);
-  actor_net_.FoldInto(actor_.net());
+  FoldActor();
   actor_adam_ = Adam(actor_net_.n_parameters(), adam);
   for (int i = 0; i < 2; ++i) {
     critics_[i] = BatchNormMlp(actor_.obs_dim() + actor_.act_dim(), critic_hidden, 1);
@@ -88,7 +88,7 @@ void CrossQUpdate::StepActor(const TransitionBatch& batch, float alpha) {
   actions_.Backward(out, batch.noise.data(), action_gradient_.dq_da(), alpha, batch.size, actor_dout_.data());
   actor_pass_.Backward(actor_net_, batch.observations.data(), actor_dout_.data(), batch.size, actor_gradient_.data());
   actor_adam_.Step(actor_net_.parameters(), actor_gradient_);
-  actor_net_.FoldInto(actor_.net());
+  FoldActor();
 }
 
 LearnedState CrossQUpdate::State() {
@@ -105,7 +105,7 @@ LearnedState CrossQUpdate::State() {
 
 void CrossQUpdate::Restore(const NpzArrays& arrays) {
   State().Restore(arrays);
-  actor_net_.FoldInto(actor_.net());
+  FoldActor();
 }
 
 }  // namespace oted

@@ -50,15 +50,17 @@ class CrossQUpdate : public ReplayUpdate {
   /// The actor with its running statistics folded into its weights.
   const TanhGaussianPolicy& actor() const override { return actor_; }
   BatchNormMlp& actor_net() { return actor_net_; }
+  /// To be called after a change of actor_net().
+  void FoldActor() { actor_net_.FoldInto(actor_.net()); }
   BatchNormMlp& critic(int i) { return critics_[i]; }
   double log_alpha() const { return temperature_.log_alpha(); }
 
   /// Parameters, running statistics and optimiser moments under names that start with "crossq/".
   void Save(NpzArrays& arrays) override { State().Save(arrays); }
   void Restore(const NpzArrays& arrays) override;
+  LearnedState State();
 
  private:
-  LearnedState State();
   void StepCritics(const TransitionBatch& batch, float alpha);
   void StepActor(const TransitionBatch& batch, float alpha);
   /// Number of critic updates made, counted by their optimiser.

@@ -19,6 +19,9 @@ class LearnedState {
   void Add(const std::string& name, AlignedVector<float>& values) { values_.emplace_back(prefix_ + name, &values); }
   /// NAME/parameters and the moments NAME/m and NAME/v.
   void Add(const std::string& name, AlignedVector<float>& parameters, Adam& adam);
+  /// In the order of Add; the names with their prefix.
+  const std::vector<std::pair<std::string, AlignedVector<float>*>>& values() const { return values_; }
+  const std::vector<Adam*>& optimisers() const { return optimisers_; }
 
   void Save(NpzArrays& arrays) const;
   /// @throws DataError naming the array that is missing or of another size; the caller names the file

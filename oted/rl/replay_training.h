@@ -31,6 +31,8 @@ struct ReplayConfig {
   int64_t eval_interval = 10'000;
   int eval_episodes = 5;
   std::string keep = "best";
+  /// Where gradient steps are made, "cpu" or "cuda" (oted/rl/autograd). Not a field: `[agents] device` names it.
+  std::string device = "cpu";
 
  protected:
   /// All but `hidden`, which networks it is of depends on the algorithm.

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "oted/rl/autograd/on_device.h"
 #include "oted/rl/sac_update.h"
 
 namespace oted {
@@ -18,13 +19,15 @@ ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
                      const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
                      const ReplayObserver& observer) {
-  const auto make_update = [&](TanhGaussianPolicy actor, Rng& rng) {
+  const auto make_update = [&](TanhGaussianPolicy actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     actor.net().Initialize(rng);
     const SacUpdateOptions options{.learning_rate = config.learning_rate,
                                    .gamma = config.gamma,
                                    .tau = config.tau,
                                    .target_entropy = -static_cast<double>(actor.act_dim())};
-    return std::make_unique<SacUpdate>(std::move(actor), config.hidden, options, rng);
+    SacUpdate update(std::move(actor), config.hidden, options, rng);
+    if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
+    return std::make_unique<SacUpdate>(std::move(update));
   };
   return TrainByReplay(factory, source, eval_parameters, config, "SAC", make_update, key, folder, run_name, context,
                        observer);

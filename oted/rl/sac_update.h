@@ -41,6 +41,7 @@ class SacUpdate : public ReplayUpdate {
   ReplayLosses Step(const TransitionBatch& batch) override;
 
   const TanhGaussianPolicy& actor() const override { return actor_; }
+  Mlp& actor_net() { return actor_.net(); }
   Mlp& critic(int i) { return critics_[i]; }
   Mlp& target_critic(int i) { return target_critics_[i]; }
   double log_alpha() const { return temperature_.log_alpha(); }
@@ -48,9 +49,9 @@ class SacUpdate : public ReplayUpdate {
   /// Parameters and optimiser moments under names that start with "sac/".
   void Save(NpzArrays& arrays) override { State().Save(arrays); }
   void Restore(const NpzArrays& arrays) override { State().Restore(arrays); }
+  LearnedState State();
 
  private:
-  LearnedState State();
   void ForwardActor(const TransitionBatch& batch);
   ReplayLosses StepCritics(const TransitionBatch& batch, float alpha);
   double StepActor(const TransitionBatch& batch, float alpha);

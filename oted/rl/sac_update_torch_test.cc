@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include "oted/nn/torch_testing.h"
+#include "oted/rl/autograd/autograd_sac.h"
 #include "oted/rl/replay_torch_testing.h"
 #include "oted/rl/sac_update.h"
 
@@ -11,89 +13,6 @@ constexpr int kBatch = 64;
 Normalizer Identity(int dim) {
   return {std::vector<double>(static_cast<size_t>(dim), 0.0), std::vector<double>(static_cast<size_t>(dim), 1.0)};
 }
-
-/// SAC as Stable-Baselines3 writes it, on autograd and in double precision. Same start as `update`.
-class TorchSac {
- public:
-  TorchSac(SacUpdate& update, const SacUpdateOptions& options)
-      : options_(options),
-        actor(update.actor().net()),
-        critics{TorchMlp(update.critic(0)), TorchMlp(update.critic(1))},
-        targets{TorchMlp(update.target_critic(0)), TorchMlp(update.target_critic(1))},
-        log_alpha(torch::full({1}, update.log_alpha(), torch::kFloat64).requires_grad_()),
-        act_dim_(update.actor().act_dim()),
-        actor_adam_(actor.parameters, torch::optim::AdamOptions(options.learning_rate)),
-        critic_adam_(Joined(), torch::optim::AdamOptions(options.learning_rate)),
-        alpha_adam_({log_alpha}, torch::optim::AdamOptions(options.learning_rate)) {}
-
-  ReplayLosses Step(const TransitionBatch& batch) {
-    const int64_t n = batch.size, obs_dim = actor.parameters[0].size(0);
-    const torch::Tensor both = ToTensor(batch.observations, 2 * n, obs_dim),
-                        noise = ToTensor(batch.noise, 2 * n, act_dim_);
-    const torch::Tensor s = both.slice(0, 0, n), s_next = both.slice(0, n, 2 * n);
-    const torch::Tensor joint = ToTensor(batch.joint, n, obs_dim + act_dim_);
-    const torch::Tensor reward = ToTensor(batch.rewards, n, 1), terminated = ToTensor(batch.terminated, n, 1);
-
-    const auto [action, log_prob] = Act(s, noise.slice(0, 0, n));
-    const torch::Tensor alpha = log_alpha.detach().exp();
-    const torch::Tensor alpha_loss = -(log_alpha * (log_prob + options_.target_entropy).detach()).mean();
-    Minimise(alpha_adam_, alpha_loss);
-
-    torch::Tensor y;
-    {
-      const torch::NoGradGuard no_grad;
-      const auto [next_action, next_log_prob] = Act(s_next, noise.slice(0, n, 2 * n));
-      const torch::Tensor next = torch::cat({s_next, next_action}, 1);
-      const torch::Tensor q =
-          torch::minimum(targets[0].Forward(next), targets[1].Forward(next)) - alpha * next_log_prob;
-      y = reward + (1 - terminated) * options_.gamma * q;
-    }
-    const torch::Tensor q0 = critics[0].Forward(joint), q1 = critics[1].Forward(joint);
-    const torch::Tensor critic_loss = 0.5 * (torch::mse_loss(q0, y) + torch::mse_loss(q1, y));
-    Minimise(critic_adam_, critic_loss);
-
-    const torch::Tensor on_policy = torch::cat({s, action}, 1);
-    const torch::Tensor q_pi = torch::minimum(critics[0].Forward(on_policy), critics[1].Forward(on_policy));
-    const torch::Tensor actor_loss = (alpha * log_prob - q_pi).mean();
-    Minimise(actor_adam_, actor_loss);
-
-    const torch::NoGradGuard no_grad;
-    for (size_t i = 0; i < 2; ++i) {
-      for (size_t k = 0; k < targets[i].parameters.size(); ++k) {
-        targets[i].parameters[k].mul_(1 - options_.tau).add_(critics[i].parameters[k], options_.tau);
-      }
-    }
-    ReplayLosses losses;
-    losses.critic_loss = critic_loss.item<double>();
-    losses.actor_loss = actor_loss.item<double>();
-    losses.alpha = alpha.item<double>();
-    losses.alpha_loss = alpha_loss.item<double>();
-    losses.mean_q = (0.5 * (q0 + q1)).mean().item<double>();
-    return losses;
-  }
-
- private:
-  SacUpdateOptions options_;
-
- public:
-  TorchMlp actor;
-  std::array<TorchMlp, 2> critics, targets;
-  torch::Tensor log_alpha;
-
- private:
-  std::vector<torch::Tensor> Joined() const {
-    std::vector<torch::Tensor> all = critics[0].parameters;
-    all.insert(all.end(), critics[1].parameters.begin(), critics[1].parameters.end());
-    return all;
-  }
-
-  std::pair<torch::Tensor, torch::Tensor> Act(const torch::Tensor& s, const torch::Tensor& noise) const {
-    return TorchSquash(actor.Forward(s), noise);
-  }
-
-  int64_t act_dim_;
-  torch::optim::Adam actor_adam_, critic_adam_, alpha_adam_;
-};
 
 SacUpdate MakeUpdate(int obs_dim, int act_dim, const std::vector<int>& hidden, const SacUpdateOptions& options) {
   const std::vector<double> low(static_cast<size_t>(act_dim), -1.0), high(static_cast<size_t>(act_dim), 1.0);
@@ -129,19 +48,22 @@ void CompareOverSteps(int obs_dim, int act_dim) {
   SacUpdate update = MakeUpdate(obs_dim, act_dim, {128, 128}, options);
   const auto actor_start = update.actor().net().parameters();
   const auto target_start = update.target_critic(0).parameters();
-  TorchSac reference(update, options);
+  AutogradSac reference(update, options, torch::kFloat64);
   Rng rng(12);
   for (int step = 0; step < 60; ++step) {
     const TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
     ExpectNear(update.Step(batch), reference.Step(batch), step);
   }
-  EXPECT_LT(MaxDifference(update.actor().net().parameters(), reference.actor.Flat()), kTolerance);
+  EXPECT_LT(MaxDifference(update.actor().net().parameters(), Flattened(reference.actor.parameters)), kTolerance);
   for (int i = 0; i < 2; ++i) {
     const size_t k = static_cast<size_t>(i);
-    EXPECT_LT(MaxDifference(update.critic(i).parameters(), reference.critics[k].Flat()), kTolerance) << i;
-    EXPECT_LT(MaxDifference(update.target_critic(i).parameters(), reference.targets[k].Flat()), kTolerance) << i;
+    EXPECT_LT(MaxDifference(update.critic(i).parameters(), Flattened(reference.critics[k].parameters)), kTolerance)
+        << i;
+    EXPECT_LT(MaxDifference(update.target_critic(i).parameters(), Flattened(reference.targets[k].parameters)),
+              kTolerance)
+        << i;
   }
-  EXPECT_NEAR(update.log_alpha(), reference.log_alpha.item<double>(), kTolerance);
+  EXPECT_NEAR(update.log_alpha(), reference.temperature.flat.item<double>(), kTolerance);
   // What is compared has moved by far more than the tolerance.
   EXPECT_GT(MaxDifference(update.actor().net().parameters(), actor_start), 100 * kTolerance);
   EXPECT_GT(MaxDifference(update.target_critic(0).parameters(), target_start), 100 * kTolerance);
@@ -163,14 +85,14 @@ TEST(SacUpdateAgainstAutograd, ClampedStandardDeviationsPassNoGradient) {
   actor.net().parameters()[bias + 2] = 4.0f;
   actor.net().parameters()[bias + 3] = -30.0f;
   SacUpdate update(actor, {16}, options, rng);
-  TorchSac reference(update, options);
+  AutogradSac reference(update, options, torch::kFloat64);
   for (int step = 0; step < 10; ++step) {
     TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
     // Small noise: at |a| = 1 single precision knows log(1 - a^2 + 1e-6) to a few per cent only.
     for (float& v : batch.noise) v *= 0.1f;
     ExpectNear(update.Step(batch), reference.Step(batch), step);
   }
-  EXPECT_LT(MaxDifference(update.actor().net().parameters(), reference.actor.Flat()), kTolerance);
+  EXPECT_LT(MaxDifference(update.actor().net().parameters(), Flattened(reference.actor.parameters)), kTolerance);
   EXPECT_EQ(update.actor().net().parameters()[bias + 2], 4.0f);
   EXPECT_EQ(update.actor().net().parameters()[bias + 3], -30.0f);
 }

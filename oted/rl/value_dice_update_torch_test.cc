@@ -90,7 +90,7 @@ class TorchValueDice {
     return {objective.item<double>(), penalty.item<double>(), orthogonality.item<double>()};
   }
 
-  TorchMlp actor, critic;
+  AutogradMlp actor, critic;
 
  private:
   static void Move(torch::optim::Adam& adam, std::vector<torch::Tensor>& parameters,
@@ -126,10 +126,10 @@ void CompareOverSteps(int obs_dim, int act_dim, bool has_replay) {
   }
   // Adam's step is the learning rate whatever the gradient's size, so that rounding counts for most where a gradient
   // is nearly zero: a hundredth of what was moved.
-  EXPECT_LT(MaxDifference(update.actor().net().parameters(), reference.actor.Flat()), 1e-4);
+  EXPECT_LT(MaxDifference(update.actor().net().parameters(), Flattened(reference.actor.parameters)), 1e-4);
   // J does not depend on a constant in nu, whose derivative is rounding alone: the last bias stays.
   AlignedVector<float> critic = update.critic().parameters();
-  std::vector<double> expected = reference.critic.Flat();
+  std::vector<double> expected = Flattened(reference.critic.parameters);
   EXPECT_EQ(critic.back(), critic_start.back());
   critic.pop_back();
   expected.pop_back();

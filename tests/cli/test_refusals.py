@@ -3,6 +3,7 @@
     test_refusals.py PATH/TO/oted [TestClass.test_name ...]
 """
 
+import pathlib
 import shutil
 import subprocess
 import unittest
@@ -157,6 +158,11 @@ class TestRequest(HopperTest):
         self.assertRefused(result, USAGE, "'friction'", "2.5", "[0.2, 2]")
         self.assertRefused(self.design("--truth", "friction=1"), USAGE, "1 of 2")
         self.assertRefused(self.design("--truth", "friction"), USAGE, "name=value")
+
+    def test_device_that_is_not_there(self):
+        self.assertRefused(self.design("--device", "gpu"), USAGE, "device", "cuda")
+        if not pathlib.Path("/dev/nvidia0").exists():
+            self.assertRefused(self.design("--device", "cuda"), USAGE, "device cuda", "leave agents.device at cpu")
 
     def test_contradicting_settings(self):
         self.assertRefused(self.design("--set", "design.starts=initial"), USAGE, "design.actions")

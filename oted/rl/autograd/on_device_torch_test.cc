@@ -1,0 +1,141 @@
+#include <gmock/gmock.h>
+#include <torch/cuda.h>
+
+#include "oted/base/error.h"
+#include "oted/nn/torch_testing.h"
+#include "oted/rl/autograd/on_device.h"
+#include "oted/rl/replay_torch_testing.h"
+
+namespace oted {
+namespace {
+
+constexpr int kObsDim = 11, kActDim = 3, kBatch = 64;
+const std::vector<int> kHidden = {64, 64};
+
+TanhGaussianPolicy MakePolicy() {
+  return TanhGaussianPolicy({std::vector<double>(kObsDim, 0.0), std::vector<double>(kObsDim, 1.0)}, kHidden,
+                            std::vector<double>(kActDim, -1.0), std::vector<double>(kActDim, 1.0));
+}
+
+struct Sac {
+  using Update = SacUpdate;
+  static constexpr SacUpdateOptions kOptions{.target_entropy = -kActDim};
+  static SacUpdate Make() {
+    Rng rng(11);
+    TanhGaussianPolicy actor = MakePolicy();
+    actor.net().Initialize(rng);
+    return SacUpdate(std::move(actor), kHidden, kOptions, rng);
+  }
+};
+
+struct CrossQ {
+  using Update = CrossQUpdate;
+  static constexpr CrossQUpdateOptions kOptions{.learning_rate = 3e-4, .target_entropy = -kActDim, .renorm_warmup = 20};
+  static CrossQUpdate Make() {
+    Rng rng(11);
+    return CrossQUpdate(MakePolicy(), kHidden, kOptions, rng);
+  }
+};
+
+/// Noise small enough to keep actions off their bounds, where single precision knows log(1 - a^2 + 1e-6) badly.
+TransitionBatch RandomBatch(Rng& rng) {
+  ReplayBuffer buffer(kObsDim, kActDim, kBatch);
+  std::vector<double> s(kObsDim), s_next(kObsDim), a(kActDim);
+  for (int row = 0; row < kBatch; ++row) {
+    for (double& v : s) v = 0.7 * rng.Normal() + 0.1;
+    for (double& v : s_next) v = 0.7 * rng.Normal() - 0.1;
+    for (double& v : a) v = rng.Uniform(-1, 1);
+    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
+  }
+  TransitionBatch batch;
+  buffer.Sample(kBatch, rng, batch);
+  for (float& v : batch.noise) v *= 0.3f;
+  return batch;
+}
+
+/// The processor, and a GPU where there is one.
+std::vector<std::string> Devices() {
+  try {
+    CheckDevice("cuda");
+    return {"cpu", "cuda"};
+  } catch (const UsageError&) {
+    return {"cpu"};
+  }
+}
+
+template <class Algorithm>
+class OnDeviceTest : public testing::Test {
+ protected:
+  static std::unique_ptr<ReplayUpdate> Make(const std::string& device) {
+    return OnDevice(Algorithm::Make(), Algorithm::kOptions, device);
+  }
+  static AlignedVector<float> Parameters(const ReplayUpdate& update) { return update.actor().net().parameters(); }
+};
+
+using Algorithms = testing::Types<Sac, CrossQ>;
+TYPED_TEST_SUITE(OnDeviceTest, Algorithms);
+
+// Both are in single precision, so twice the rounding of the tests against double precision.
+TYPED_TEST(OnDeviceTest, FollowsTheHandWrittenUpdateOverSixtySteps) {
+  torch::set_num_threads(1);
+  for (const std::string& device : Devices()) {
+    auto update = TypeParam::Make();
+    const auto on_device = this->Make(device);
+    const auto start = this->Parameters(update);
+    EXPECT_EQ(this->Parameters(*on_device), start) << device;
+    Rng rng(12);
+    for (int step = 0; step < 60; ++step) {
+      const TransitionBatch batch = RandomBatch(rng);
+      const ReplayLosses want = update.Step(batch), got = on_device->Step(batch);
+      ExpectNear(got, want, step, 1e-4);
+    }
+    EXPECT_LT(MaxDifference(this->Parameters(*on_device), this->Parameters(update)), 2e-4) << device;
+    EXPECT_GT(MaxDifference(this->Parameters(*on_device), start), 2e-3) << device;
+  }
+}
+
+TYPED_TEST(OnDeviceTest, ACheckpointGoesOnThereAndBack) {
+  torch::set_num_threads(1);
+  for (const std::string& device : Devices()) {
+    auto update = TypeParam::Make();
+    Rng rng(13);
+    for (int step = 0; step < 7; ++step) update.Step(RandomBatch(rng));
+    NpzArrays there;
+    update.Save(there);
+    const auto on_device = this->Make(device);
+    on_device->Restore(ParseNpz(NpzBytes(there), "memory"));
+    EXPECT_EQ(this->Parameters(*on_device), this->Parameters(update)) << device;
+    NpzArrays unchanged;
+    on_device->Save(unchanged);
+    EXPECT_EQ(NpzBytes(unchanged), NpzBytes(there)) << device;
+
+    // Moments and counters came along: without them parameters would part by some learning rate, 3e-4, at once.
+    const TransitionBatch batch = RandomBatch(rng);
+    update.Step(batch), on_device->Step(batch);
+    NpzArrays back;
+    on_device->Save(back);
+    auto returned = TypeParam::Make();
+    returned.Restore(ParseNpz(NpzBytes(back), "memory"));
+    for (int step = 0; step < 3; ++step) {
+      const TransitionBatch next = RandomBatch(rng);
+      const ReplayLosses want = update.Step(next), got = returned.Step(next);
+      if (step > 0) ExpectNear(got, want, step, 1e-5);  // before, the actor's losses may be of a step not seen
+    }
+    EXPECT_LT(MaxDifference(this->Parameters(returned), this->Parameters(update)), 1e-5) << device;
+  }
+}
+
+TEST(OnDevice, WhatIsMissingForCudaIsSaid) {
+  CheckDevice("cpu");
+  if (Devices().size() == 2) GTEST_SKIP() << "there is a GPU";
+  try {
+    CheckDevice("cuda");
+    FAIL();
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("device cuda: "));
+    EXPECT_THAT(error.what(), testing::HasSubstr("leave agents.device at cpu"));
+  }
+}
+
+}  // namespace
+}  // namespace oted
