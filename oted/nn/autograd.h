@@ -122,28 +122,31 @@ struct AutogradBatchNormMlp : AutogradParameters {
 };
 
 /// Adam (Kingma and Ba 2015) on a whole vector at once.
-struct AutogradAdam {
+class AutogradAdam {
+ public:
   AutogradParameters on;
-  double learning_rate, beta1;
-  torch::Tensor m, v;
+  torch::Tensor m, v;  ///< moments, (n)
   int64_t n_steps = 0;
 
   AutogradAdam(const AutogradParameters& parameters, double learning_rate, double beta1)
       : on(parameters),
-        learning_rate(learning_rate),
-        beta1(beta1),
         m(torch::zeros_like(on.flat)),
-        v(torch::zeros_like(on.flat)) {}
+        v(torch::zeros_like(on.flat)),
+        learning_rate_(learning_rate),
+        beta1_(beta1) {}
 
   void Step(const torch::Tensor& gradient) {
     constexpr double kBeta2 = 0.999, kEpsilon = 1e-8;
     const torch::NoGradGuard no_grad;
     const double steps = static_cast<double>(++n_steps);
-    m.mul_(beta1).add_(gradient, 1 - beta1);
+    m.mul_(beta1_).add_(gradient, 1 - beta1_);
     v.mul_(kBeta2).addcmul_(gradient, gradient, 1 - kBeta2);
     const torch::Tensor scale = v.sqrt().div_(std::sqrt(1 - std::pow(kBeta2, steps))).add_(kEpsilon);
-    on.flat.addcdiv_(m, scale, -learning_rate / (1 - std::pow(beta1, steps)));
+    on.flat.addcdiv_(m, scale, -learning_rate_ / (1 - std::pow(beta1_, steps)));
   }
+
+ private:
+  double learning_rate_, beta1_;
 };
 
 /// One step of each on the gradient of `loss`.
