@@ -10,7 +10,9 @@
 #include <time.h>
 
 #include <algorithm>
+#include <exception>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "benchmarks/sac_workload.h"
@@ -18,10 +20,10 @@
 namespace oted {
 namespace {
 
-double CpuSeconds(const std::function<void()>& work) {
-  const auto now = [] {
+double Seconds(clockid_t clock, const std::function<void()>& work) {
+  const auto now = [clock] {
     timespec time;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    clock_gettime(clock, &time);
     return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
   };
   const double begin = now();
@@ -41,9 +43,9 @@ void Update(benchmark::State& state, int obs_dim, int act_dim) {
   Products our_actor(ours, obs_dim, 2 * act_dim), our_critic(ours, obs_dim + act_dim, 1);
   std::vector<double> update, blas, own, over_blas, over_own;
   for (auto _ : state) {
-    update.push_back(CpuSeconds([&] { learner.Step(); }));
-    blas.push_back(CpuSeconds([&] { MultiplyAll(blas_actor, blas_critic, act_dim); }));
-    own.push_back(CpuSeconds([&] { MultiplyAll(our_actor, our_critic, act_dim); }));
+    update.push_back(Seconds(CLOCK_THREAD_CPUTIME_ID, [&] { learner.Step(); }));
+    blas.push_back(Seconds(CLOCK_THREAD_CPUTIME_ID, [&] { MultiplyAll(blas_actor, blas_critic, act_dim); }));
+    own.push_back(Seconds(CLOCK_THREAD_CPUTIME_ID, [&] { MultiplyAll(our_actor, our_critic, act_dim); }));
     over_blas.push_back(update.back() / blas.back());
     over_own.push_back(update.back() / own.back());
   }
@@ -56,32 +58,52 @@ void Update(benchmark::State& state, int obs_dim, int act_dim) {
   state.counters["over_own"] = Quantile(over_own, 0.5);
 }
 
-// What a step of CrossQ costs beside one of SAC, each the mean of three: CrossQ's actor learns in every third.
-void CrossQ(benchmark::State& state, int obs_dim, int act_dim) {
-  ReplayWorkload sac(ReplayWorkload::Algorithm::kSac, obs_dim, act_dim);
-  ReplayWorkload crossq(ReplayWorkload::Algorithm::kCrossQ, obs_dim, act_dim);
-  const auto three = [](ReplayWorkload& learner) {
-    return CpuSeconds([&] {
-      for (int i = 0; i < 3; ++i) learner.Step();
+// What a step of one learner costs beside one of another, each the mean of three: CrossQ's actor learns in every third.
+// By the wall clock, as what a GPU does is no CPU time.
+void Beside(benchmark::State& state, ReplayWorkload learner, ReplayWorkload other) {
+  const auto three = [](ReplayWorkload& of) {
+    return Seconds(CLOCK_MONOTONIC, [&] {
+      for (int i = 0; i < 3; ++i) of.Step();
     });
   };
-  std::vector<double> of_sac, of_crossq, ratio;
+  std::vector<double> of_learner, of_other, ratio;
   for (auto _ : state) {
-    of_sac.push_back(three(sac) / 3);
-    of_crossq.push_back(three(crossq) / 3);
-    ratio.push_back(of_crossq.back() / of_sac.back());
+    of_learner.push_back(three(learner) / 3);
+    of_other.push_back(three(other) / 3);
+    ratio.push_back(of_learner.back() / of_other.back());
   }
-  state.counters["sac_updates"] = 1 / Quantile(of_sac, 0.5);
-  state.counters["crossq_updates"] = 1 / Quantile(of_crossq, 0.5);
-  state.counters["over_sac"] = Quantile(ratio, 0.5);
-  state.counters["over_sac_q1"] = Quantile(ratio, 0.25);
-  state.counters["over_sac_q3"] = Quantile(ratio, 0.75);
+  state.counters["updates"] = 1 / Quantile(of_learner, 0.5);
+  state.counters["other_updates"] = 1 / Quantile(of_other, 0.5);
+  state.counters["ratio"] = Quantile(ratio, 0.5);
+  state.counters["ratio_q1"] = Quantile(ratio, 0.25);
+  state.counters["ratio_q3"] = Quantile(ratio, 0.75);
+}
+
+constexpr auto kSac = ReplayWorkload::Algorithm::kSac, kCrossQ = ReplayWorkload::Algorithm::kCrossQ;
+
+void CrossQBesideSac(benchmark::State& state, int obs_dim, int act_dim) {
+  Beside(state, {kCrossQ, obs_dim, act_dim}, {kSac, obs_dim, act_dim});
+}
+
+// The hand-written step beside the same one on libtorch's autograd: what --device cuda runs, here or there.
+void Autograd(benchmark::State& state, ReplayWorkload::Algorithm algorithm, const std::string& device) {
+  try {
+    CheckDevice(device);
+  } catch (const std::exception& error) {
+    state.SkipWithError(error.what());
+    return;
+  }
+  Beside(state, {algorithm, 11, 3, device}, {algorithm, 11, 3});
 }
 
 BENCHMARK_CAPTURE(Update, Hopper, 11, 3)->Iterations(100);
 BENCHMARK_CAPTURE(Update, HalfCheetah, 17, 6)->Iterations(100);
-BENCHMARK_CAPTURE(CrossQ, Hopper, 11, 3)->Iterations(100);
-BENCHMARK_CAPTURE(CrossQ, HalfCheetah, 17, 6)->Iterations(100);
+BENCHMARK_CAPTURE(CrossQBesideSac, Hopper, 11, 3)->Iterations(100);
+BENCHMARK_CAPTURE(CrossQBesideSac, HalfCheetah, 17, 6)->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, SacOnCpu, kSac, "cpu")->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, SacOnCuda, kSac, "cuda")->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, CrossQOnCpu, kCrossQ, "cpu")->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, CrossQOnCuda, kCrossQ, "cuda")->Iterations(100);
 
 }  // namespace
 }  // namespace oted

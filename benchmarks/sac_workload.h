@@ -4,11 +4,14 @@
 #include <benchmark/benchmark.h>
 
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "oted/nn/gemm.h"
 #include "oted/nn/mlp.h"
 #include "oted/nn/tanh_gaussian.h"
+#include "oted/rl/autograd/on_device.h"
 #include "oted/rl/crossq_update.h"
 #include "oted/rl/replay_buffer.h"
 #include "oted/rl/sac_update.h"
@@ -24,13 +27,25 @@ class ReplayWorkload {
  public:
   enum class Algorithm { kSac, kCrossQ };
 
-  ReplayWorkload(Algorithm algorithm, int obs_dim, int act_dim) : buffer_(obs_dim, act_dim, kRows) {
+  /// @param autograd_on  empty for the hand-written update, or the device that OnDevice takes
+  ReplayWorkload(Algorithm algorithm, int obs_dim, int act_dim, const std::string& autograd_on = "")
+      : buffer_(obs_dim, act_dim, kRows) {
     const TanhGaussianPolicy actor = Actor(obs_dim, act_dim, rng_);
     const double entropy = -static_cast<double>(act_dim);
+    const auto set_update = [&](auto update, const auto& options) {
+      using Update = decltype(update);
+      if (autograd_on.empty()) {
+        update_ = std::make_unique<Update>(std::move(update));
+      } else {
+        update_ = OnDevice(std::move(update), options, autograd_on);
+      }
+    };
     if (algorithm == Algorithm::kSac) {
-      update_ = std::make_unique<SacUpdate>(actor, kHidden, SacUpdateOptions{.target_entropy = entropy}, rng_);
+      const SacUpdateOptions options{.target_entropy = entropy};
+      set_update(SacUpdate(actor, kHidden, options, rng_), options);
     } else {
-      update_ = std::make_unique<CrossQUpdate>(actor, kHidden, CrossQUpdateOptions{.target_entropy = entropy}, rng_);
+      const CrossQUpdateOptions options{.target_entropy = entropy};
+      set_update(CrossQUpdate(actor, kHidden, options, rng_), options);
     }
     std::vector<double> s(static_cast<size_t>(obs_dim)), a(static_cast<size_t>(act_dim)), s2(s.size());
     for (int row = 0; row < kRows; ++row) {
