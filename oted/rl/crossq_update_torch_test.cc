@@ -8,8 +8,6 @@
 namespace oted {
 namespace {
 
-constexpr int kBatch = 64;
-
 TanhGaussianPolicy MakePolicy(int obs_dim, int act_dim, const std::vector<int>& hidden) {
   const std::vector<double> low(static_cast<size_t>(act_dim), -1.0), high(static_cast<size_t>(act_dim), 1.0);
   return TanhGaussianPolicy(
@@ -20,26 +18,6 @@ TanhGaussianPolicy MakePolicy(int obs_dim, int act_dim, const std::vector<int>& 
 CrossQUpdate MakeUpdate(int obs_dim, int act_dim, const std::vector<int>& hidden, const CrossQUpdateOptions& options) {
   Rng rng(11);
   return CrossQUpdate(MakePolicy(obs_dim, act_dim, hidden), hidden, options, rng);
-}
-
-/// Observations whose columns differ in size, but no more than keeps actions off their bounds: there single precision
-/// knows log(1 - a^2 + 1e-6) to a few per cent only.
-TransitionBatch RandomBatch(int obs_dim, int act_dim, Rng& rng) {
-  ReplayBuffer buffer(obs_dim, act_dim, kBatch);
-  std::vector<double> s(static_cast<size_t>(obs_dim)), s_next(s), a(static_cast<size_t>(act_dim));
-  for (int row = 0; row < kBatch; ++row) {
-    for (size_t j = 0; j < s.size(); ++j) {
-      const double size = 0.2 + 0.8 * static_cast<double>(j) / obs_dim;
-      s[j] = size * rng.Normal() + 0.1;
-      s_next[j] = size * rng.Normal() - 0.2;
-    }
-    for (double& v : a) v = rng.Uniform(-1, 1);
-    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
-  }
-  TransitionBatch batch;
-  buffer.Sample(kBatch, rng, batch);
-  for (float& v : batch.noise) v *= 0.3f;
-  return batch;
 }
 
 // Adam divides a gradient by its own size, so where a gradient's terms cancel to their rounding error a step is that

@@ -8,8 +8,6 @@
 namespace oted {
 namespace {
 
-constexpr int kBatch = 64;
-
 Normalizer Identity(int dim) {
   return {std::vector<double>(static_cast<size_t>(dim), 0.0), std::vector<double>(static_cast<size_t>(dim), 1.0)};
 }
@@ -20,20 +18,6 @@ SacUpdate MakeUpdate(int obs_dim, int act_dim, const std::vector<int>& hidden, c
   Rng rng(11);
   actor.net().Initialize(rng);
   return SacUpdate(std::move(actor), hidden, options, rng);
-}
-
-TransitionBatch RandomBatch(int obs_dim, int act_dim, Rng& rng) {
-  ReplayBuffer buffer(obs_dim, act_dim, kBatch);
-  std::vector<double> s(static_cast<size_t>(obs_dim)), s_next(s), a(static_cast<size_t>(act_dim));
-  for (int row = 0; row < kBatch; ++row) {
-    for (double& v : s) v = rng.Normal();
-    for (double& v : s_next) v = rng.Normal();
-    for (double& v : a) v = rng.Uniform(-1, 1);
-    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
-  }
-  TransitionBatch batch;
-  buffer.Sample(kBatch, rng, batch);
-  return batch;
 }
 
 // Adam divides a gradient by its own size: where the terms of a gradient cancel to their rounding error (1e-7 of them),
@@ -104,7 +88,7 @@ TEST(SacUpdate, TerminatedRowsDoNotBootstrapAndTruncatedRowsDo) {
   Rng rng(14);
   TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
   const auto critic_loss = [&](float terminated, float target_bias) {
-    batch.terminated.assign(kBatch, terminated);
+    batch.terminated.assign(batch.terminated.size(), terminated);
     SacUpdate update = MakeUpdate(obs_dim, act_dim, {8}, options);
     for (int i = 0; i < 2; ++i) {
       Mlp& target = update.target_critic(i);
@@ -117,8 +101,10 @@ TEST(SacUpdate, TerminatedRowsDoNotBootstrapAndTruncatedRowsDo) {
   double regression = 0;
   for (int i = 0; i < 2; ++i) {
     MlpPass pass;
-    const float* q = pass.Forward(fresh.critic(i), batch.joint.data(), kBatch);
-    for (size_t b = 0; b < kBatch; ++b) regression += 0.5 * std::pow(q[b] - batch.rewards[b], 2) / kBatch;
+    const float* q = pass.Forward(fresh.critic(i), batch.joint.data(), batch.size);
+    for (size_t b = 0; b < batch.rewards.size(); ++b) {
+      regression += 0.5 * std::pow(q[b] - batch.rewards[b], 2) / batch.size;
+    }
   }
   EXPECT_NEAR(critic_loss(1, 0), regression, 1e-5);
   EXPECT_EQ(critic_loss(1, 0), critic_loss(1, 100));

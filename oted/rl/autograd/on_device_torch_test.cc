@@ -9,7 +9,7 @@
 namespace oted {
 namespace {
 
-constexpr int kObsDim = 11, kActDim = 3, kBatch = 64;
+constexpr int kObsDim = 11, kActDim = 3;
 const std::vector<int> kHidden = {64, 64};
 
 TanhGaussianPolicy MakePolicy() {
@@ -36,22 +36,6 @@ struct CrossQ {
     return CrossQUpdate(MakePolicy(), kHidden, kOptions, rng);
   }
 };
-
-/// Noise small enough to keep actions off their bounds, where single precision knows log(1 - a^2 + 1e-6) badly.
-TransitionBatch RandomBatch(Rng& rng) {
-  ReplayBuffer buffer(kObsDim, kActDim, kBatch);
-  std::vector<double> s(kObsDim), s_next(kObsDim), a(kActDim);
-  for (int row = 0; row < kBatch; ++row) {
-    for (double& v : s) v = 0.7 * rng.Normal() + 0.1;
-    for (double& v : s_next) v = 0.7 * rng.Normal() - 0.1;
-    for (double& v : a) v = rng.Uniform(-1, 1);
-    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
-  }
-  TransitionBatch batch;
-  buffer.Sample(kBatch, rng, batch);
-  for (float& v : batch.noise) v *= 0.3f;
-  return batch;
-}
 
 /// The processor, and a GPU where there is one.
 std::vector<std::string> Devices() {
@@ -85,7 +69,7 @@ TYPED_TEST(OnDeviceTest, FollowsTheHandWrittenUpdateOverSixtySteps) {
     EXPECT_EQ(this->Parameters(*on_device), start) << device;
     Rng rng(12);
     for (int step = 0; step < 60; ++step) {
-      const TransitionBatch batch = RandomBatch(rng);
+      const TransitionBatch batch = RandomBatch(kObsDim, kActDim, rng);
       const ReplayLosses want = update.Step(batch), got = on_device->Step(batch);
       ExpectNear(got, want, step, 1e-4);
     }
@@ -99,7 +83,7 @@ TYPED_TEST(OnDeviceTest, ACheckpointGoesOnThereAndBack) {
   for (const std::string& device : Devices()) {
     auto update = TypeParam::Make();
     Rng rng(13);
-    for (int step = 0; step < 7; ++step) update.Step(RandomBatch(rng));
+    for (int step = 0; step < 7; ++step) update.Step(RandomBatch(kObsDim, kActDim, rng));
     NpzArrays there;
     update.Save(there);
     const auto on_device = this->Make(device);
@@ -110,14 +94,14 @@ TYPED_TEST(OnDeviceTest, ACheckpointGoesOnThereAndBack) {
     EXPECT_EQ(NpzBytes(unchanged), NpzBytes(there)) << device;
 
     // Moments and counters came along: without them parameters would part by some learning rate, 3e-4, at once.
-    const TransitionBatch batch = RandomBatch(rng);
+    const TransitionBatch batch = RandomBatch(kObsDim, kActDim, rng);
     update.Step(batch), on_device->Step(batch);
     NpzArrays back;
     on_device->Save(back);
     auto returned = TypeParam::Make();
     returned.Restore(ParseNpz(NpzBytes(back), "memory"));
     for (int step = 0; step < 3; ++step) {
-      const TransitionBatch next = RandomBatch(rng);
+      const TransitionBatch next = RandomBatch(kObsDim, kActDim, rng);
       const ReplayLosses want = update.Step(next), got = returned.Step(next);
       if (step > 0) ExpectNear(got, want, step, 1e-5);  // before, the actor's losses may be of a step not seen
     }
