@@ -90,7 +90,8 @@ torch::Device FindDevice(const std::string& name) {
 void CheckDevice(const std::string& device) {
   if (device == "cpu") return;
   OTED_CHECK(device == "cuda");
-  // Not linked: it is gigabytes to load, and a CPU build of libtorch has none. Loading it registers it with libtorch.
+  // Not linked: it is gigabytes to load, and a CPU build of libtorch has none. Loading it registers it with libtorch,
+  // which asks once whether there is CUDA and remembers the answer: so before anything else of libtorch runs.
   if (dlopen("libtorch_cuda.so", RTLD_NOW | RTLD_GLOBAL) == nullptr) {
     throw UsageError(
         "device cuda: the libtorch that this program runs with is a build without CUDA; install a torch wheel with "
