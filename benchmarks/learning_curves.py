@@ -5,7 +5,7 @@
   benchmarks/learning_curves.py --table          # and docs/learning.svg
 
 Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
-again. All train with a batch of 256, networks of 2x256 and one update per step, and are looked at every 10,000 steps:
+again, and one of ours that was stopped goes on where it was (build/learning). All train with a batch of 256, networks of 2x256 and one update per step, and are looked at every 10,000 steps:
 five episodes of the mean action. Seconds are the process's CPU time until then (machines are shared), without evaluations for
 Stable-Baselines3 and with them for ours. Ours judge every checkpoint up to the best on 20 fresh episodes as well.
 
@@ -19,9 +19,9 @@ import concurrent.futures
 import json
 import os
 import pathlib
+import shutil
 import statistics
 import subprocess
-import tempfile
 import time
 
 from learning_plot import plot
@@ -40,19 +40,22 @@ def cpu_seconds(pid):
 
 
 def ours(oted, algorithm, task, seed, steps, folder):
-    """Runs `oted behavior`, noting when each checkpoint appears."""
+    """Runs `oted behavior`, noting when each checkpoint appears. Goes on from the last one that is in the folder."""
     command = [str(oted), "behavior", "--task", TASKS[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
-               "--quiet", "--out", folder, "--set", f"{algorithm}.n_steps={steps}", "--set",
+               "--quiet", "--out", str(folder), "--set", f"{algorithm}.n_steps={steps}", "--set",
                f"{algorithm}.eval_interval={EVERY}", "--set", f"{algorithm}.eval_episodes={EPISODES}"]
+    noted = folder / "seconds.json"
+    seconds = json.loads(noted.read_text()) if noted.exists() else []
+    before = seconds[-1] if seconds else 0
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **ONE_THREAD})
-    seconds = []
     while process.poll() is None:
-        if pathlib.Path(f"{folder}/snapshots/{EVERY * (len(seconds) + 1)}.npz").exists():
-            seconds.append(cpu_seconds(process.pid))
+        if (folder / f"snapshots/{EVERY * (len(seconds) + 1)}.npz").exists():
+            seconds.append(before + cpu_seconds(process.pid))
+            write_record(noted, seconds)
         time.sleep(0.1)
     if process.returncode != 0:
         raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}")
-    record = json.loads(pathlib.Path(f"{folder}/training.json").read_text())
+    record = json.loads((folder / "training.json").read_text())
     curve = record["learning_curve"]
     return {"steps": curve["step"], "returns": curve["mean_return"], "judged": curve["judged"],
             "best": record["expert"], "cpu_seconds": seconds, "settings": record[algorithm]}
@@ -69,12 +72,13 @@ def theirs(task, seed, steps):
 
 
 def run(oted, learner, task, seed, steps):
-    with tempfile.TemporaryDirectory(prefix="oted-learning-") as folder:
-        result = theirs(task, seed, steps) if learner == "stable-baselines3" else ours(oted, learner, task, seed, steps, folder)
+    folder = ROOT / f"build/learning/{task}-{learner}-{seed}"
+    result = theirs(task, seed, steps) if learner == "stable-baselines3" else ours(oted, learner, task, seed, steps, folder)
     command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
     record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit(),
               "processor": processor()}
     write_record(OUT / f"{task}-{learner}-{seed}.json", record | result)
+    shutil.rmtree(folder, ignore_errors=True)
     return f"{task} {learner} {seed}: best {max(result['returns']):.0f}, {result['cpu_seconds'][-1]:.0f} s of CPU"
 
 
