@@ -20,6 +20,22 @@ SacUpdate MakeUpdate(int obs_dim, int act_dim, const std::vector<int>& hidden, c
   return SacUpdate(std::move(actor), hidden, options, rng);
 }
 
+/// Observations and noise at their full size, where RandomBatch's are small.
+TransitionBatch NormalBatch(int obs_dim, int act_dim, Rng& rng) {
+  constexpr int kBatch = 64;
+  ReplayBuffer buffer(obs_dim, act_dim, kBatch);
+  std::vector<double> s(static_cast<size_t>(obs_dim)), s_next(s), a(static_cast<size_t>(act_dim));
+  for (int row = 0; row < kBatch; ++row) {
+    for (double& v : s) v = rng.Normal();
+    for (double& v : s_next) v = rng.Normal();
+    for (double& v : a) v = rng.Uniform(-1, 1);
+    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
+  }
+  TransitionBatch batch;
+  buffer.Sample(kBatch, rng, batch);
+  return batch;
+}
+
 // Adam divides a gradient by its own size: where the terms of a gradient cancel to their rounding error (1e-7 of them),
 // the step's error is that fraction of the learning rate, 3e-4, and over 60 steps it adds up to some 1e-6.
 constexpr double kTolerance = 1e-5;
@@ -35,7 +51,7 @@ void CompareOverSteps(int obs_dim, int act_dim) {
   AutogradSac reference(update, options, torch::kFloat64);
   Rng rng(12);
   for (int step = 0; step < 60; ++step) {
-    const TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
+    const TransitionBatch batch = NormalBatch(obs_dim, act_dim, rng);
     ExpectNear(update.Step(batch), reference.Step(batch), step);
   }
   EXPECT_LT(MaxDifference(update.actor().net().parameters(), Flattened(reference.actor.parameters)), kTolerance);
@@ -71,7 +87,7 @@ TEST(SacUpdateAgainstAutograd, ClampedStandardDeviationsPassNoGradient) {
   SacUpdate update(actor, {16}, options, rng);
   AutogradSac reference(update, options, torch::kFloat64);
   for (int step = 0; step < 10; ++step) {
-    TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
+    TransitionBatch batch = NormalBatch(obs_dim, act_dim, rng);
     // Small noise: at |a| = 1 single precision knows log(1 - a^2 + 1e-6) to a few per cent only.
     for (float& v : batch.noise) v *= 0.1f;
     ExpectNear(update.Step(batch), reference.Step(batch), step);
@@ -86,7 +102,7 @@ TEST(SacUpdate, TerminatedRowsDoNotBootstrapAndTruncatedRowsDo) {
   SacUpdateOptions options;
   options.target_entropy = -act_dim;
   Rng rng(14);
-  TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
+  TransitionBatch batch = NormalBatch(obs_dim, act_dim, rng);
   const auto critic_loss = [&](float terminated, float target_bias) {
     batch.terminated.assign(batch.terminated.size(), terminated);
     SacUpdate update = MakeUpdate(obs_dim, act_dim, {8}, options);
@@ -118,13 +134,13 @@ TEST(SacUpdate, ARestoredUpdateGoesOnWithTheSameNumbers) {
   options.target_entropy = -act_dim;
   Rng rng(15);
   SacUpdate update = MakeUpdate(obs_dim, act_dim, {16}, options);
-  for (int step = 0; step < 5; ++step) update.Step(RandomBatch(obs_dim, act_dim, rng));
+  for (int step = 0; step < 5; ++step) update.Step(NormalBatch(obs_dim, act_dim, rng));
   NpzArrays arrays;
   update.Save(arrays);
   SacUpdate restored = MakeUpdate(obs_dim, act_dim, {16}, options);
   restored.Restore(ParseNpz(NpzBytes(arrays), "memory"));
   for (int step = 0; step < 5; ++step) {
-    const TransitionBatch batch = RandomBatch(obs_dim, act_dim, rng);
+    const TransitionBatch batch = NormalBatch(obs_dim, act_dim, rng);
     const ReplayLosses a = update.Step(batch), b = restored.Step(batch);
     EXPECT_EQ(a.critic_loss, b.critic_loss);
     EXPECT_EQ(a.actor_loss, b.actor_loss);
