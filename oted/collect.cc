@@ -8,6 +8,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/rl/batch_policy.h"
+#include "oted/rl/policy_evaluation.h"
 #include "oted/sim/episode_recorder.h"
 #include "oted/stages/agent/agent.h"
 
@@ -50,7 +51,7 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
   DrawnEpisodes source([&](Rng&) { return nominal; });
   const auto train = [&](const auto& config) {
     return TrainAgent(factory, source, {nominal}, config, key, folder, "behavior", context,
-                      [&](int64_t step, const TanhGaussianPolicy& policy, double) { policy.Save(snapshot(step)); });
+                      [&](int64_t step, const Policy& policy, double) { policy.Save(snapshot(step)); });
   };
   const ReplayAgent training = std::visit(train, agent);
 

@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/rl/policy_evaluation.h"
 #include "oted/sim/testing.h"
 
 namespace oted {

@@ -129,7 +129,7 @@ TEST(IntervalSearch, ADivergedEpisodeIsAFailureWhateverItReturned) {
 struct Training {
   std::filesystem::path folder;
   const std::atomic<bool>* stop = nullptr;
-  ReplayObserver observer = {};
+  EvaluationObserver observer = {};
 
   ReplayAgent operator()(IntervalSearch& search) const {
     SacConfig config;
@@ -155,7 +155,7 @@ TEST(IntervalSearch, AStoppedTrainingGoesOnToTheSameBytes) {
   EXPECT_GT(search.High()[0], kStart[0]) << "the case needs an interval that moves";
 
   std::atomic<bool> stop = false;
-  Training first{parts.path(), &stop, [&](int64_t, const TanhGaussianPolicy&, double) { stop = true; }};
+  Training first{parts.path(), &stop, [&](int64_t, const Policy&, double) { stop = true; }};
   for (int k = 0; k < 2; ++k) {
     stop = false;
     IntervalSearch again = make();
@@ -179,7 +179,7 @@ TEST(IntervalSearch, OfDiscreteActionsTooAStoppedTrainingGoesOnToTheSameBytes) {
   config.eval_interval = 256;
   config.eval_episodes = 1;
   const auto train = [&](const std::filesystem::path& folder, const std::atomic<bool>* stop,
-                         const PpoObserver& observe) {
+                         const EvaluationObserver& observe) {
     IntervalSearch search(factory.parameters(), {0.3}, {.episodes = 3}, {0, 1});
     NullSink log;
     TrainPpo(factory, search, {{0.3}}, config, RngKey(5), folder, "baselines/is/1", {&log, stop, 1}, observe);
@@ -189,8 +189,7 @@ TEST(IntervalSearch, OfDiscreteActionsTooAStoppedTrainingGoesOnToTheSameBytes) {
   const auto expected = train(whole.path(), nullptr, {});
   EXPECT_LT(expected.first[0], 0.3) << "the case needs an interval that moves";
   std::atomic<bool> stop = false;
-  EXPECT_THROW(train(parts.path(), &stop, [&](int64_t, const CategoricalPolicy&, double) { stop = true; }),
-               Interrupted);
+  EXPECT_THROW(train(parts.path(), &stop, [&](int64_t, const Policy&, double) { stop = true; }), Interrupted);
   EXPECT_EQ(train(parts.path(), nullptr, {}), expected);
   EXPECT_EQ(ReadFile(parts / "checkpoint.npz"), ReadFile(whole / "checkpoint.npz"));
 }

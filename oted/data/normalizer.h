@@ -18,6 +18,9 @@ struct Normalizer {
   /// constant channel cannot drown the others; it is 1 for all channels when none varies.
   /// @throws DataError without rows
   static Normalizer Fit(const Array2<double>& rows);
+  /// The same from the columns' means, standard deviations and largest magnitudes.
+  static Normalizer FromMoments(std::vector<double> mean, std::vector<double> deviation,
+                                std::span<const double> magnitude);
   /// `in` and `out` (d).
   void Apply(std::span<const double> in, std::span<float> out) const;
 };

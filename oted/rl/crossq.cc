@@ -24,7 +24,7 @@ FieldList CrossQConfig::Fields() {
 ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
                         const std::vector<std::vector<double>>& eval_parameters, const CrossQConfig& config, RngKey key,
                         const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                        const ReplayObserver& observer) {
+                        const EvaluationObserver& observer) {
   const auto make_update = [&](const TanhGaussianPolicy& actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     const CrossQUpdateOptions options{.learning_rate = config.learning_rate,
                                       .beta1 = config.beta1,

@@ -26,6 +26,6 @@ struct CrossQConfig : ReplayConfig {
 ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
                         const std::vector<std::vector<double>>& eval_parameters, const CrossQConfig& config, RngKey key,
                         const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                        const ReplayObserver& observer = {});
+                        const EvaluationObserver& observer = {});
 
 }  // namespace oted

@@ -4,6 +4,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
+#include "oted/rl/batch_policy.h"
 
 namespace oted {
 
@@ -26,6 +27,21 @@ PolicyEvaluation EvaluateBatchPolicy(const SimulatorFactory& factory, const Batc
   result.mean_length /= n_episodes;
   result.n_diverged = CountDiverged(result.episodes);
   return result;
+}
+
+std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
+                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
+                                     RngKey key, ActionNoise noise) {
+  OTED_CHECK(!z.empty());
+  const auto simulator = factory.Make(n_episodes, n_threads);
+  std::vector<std::vector<double>> lane_z;
+  for (int k = 0; k < n_episodes; ++k) lane_z.push_back(z[static_cast<size_t>(k) % z.size()]);
+  return RunEpisodes(*simulator, lane_z, AsBatchPolicy(policy, noise, key.Stage("actions").MakeRng()), key);
+}
+
+double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
+                      int n_episodes, int n_threads, RngKey key, ActionNoise noise) {
+  return MeanReturn(RunPolicy(factory, policy, z, n_episodes, n_threads, key, noise));
 }
 
 }  // namespace oted

@@ -1,8 +1,9 @@
 #pragma once
-/// How well a policy does in one simulator.
+/// How well a policy does in simulators.
 
 #include <vector>
 
+#include "oted/nn/policy.h"
 #include "oted/sim/rollout.h"
 
 namespace oted {
@@ -18,5 +19,13 @@ struct PolicyEvaluation {
 /// `n_episodes` episodes of `policy` in the simulator at parameters `z`; episode k starts from `key.Index(k)`.
 PolicyEvaluation EvaluateBatchPolicy(const SimulatorFactory& factory, const BatchPolicy& policy,
                                      const std::vector<double>& z, int n_episodes, int n_threads, RngKey key);
+
+/// `n_episodes` episodes of the policy, by default of its deterministic action; episode k runs in `z[k mod z.size()]`.
+std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
+                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
+                                     RngKey key, ActionNoise noise = ActionNoise::kMean);
+/// Their mean return; a diverged episode counts as the lowest of them (ComparableReturns).
+double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
+                      int n_episodes, int n_threads, RngKey key, ActionNoise noise = ActionNoise::kMean);
 
 }  // namespace oted

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -49,6 +50,20 @@ TEST(EvaluateBatchPolicy, CountsTheWaysInWhichEpisodesEnd) {
   double lowest = 0;
   for (const EpisodeResult& episode : broken.episodes) lowest = std::min(lowest, episode.episode_return);
   EXPECT_EQ(broken.min_return, lowest);
+}
+
+TEST(EvaluatePolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
+  TanhGaussianPolicy policy(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  policy.net().parameters()[4] = 0.5f;  // mean action tanh(0.5), whatever the state
+  const RngKey key(6);
+  const std::vector<std::vector<double>> z = {{1, 1, 0}, {0.5, 1, 0}};
+  double expected = 0;
+  for (uint64_t k = 0; k < 5; ++k) {
+    Rng rng = key.Index(k).MakeRng();
+    const double x0 = rng.Uniform(-1, 1), step = 0.1 * std::tanh(0.5) * z[k % 2][0];
+    for (int t = 1; t <= 20; ++t) expected -= std::pow(x0 + step * t, 2) / 5;
+  }
+  EXPECT_NEAR(EvaluatePolicy(PointMassFactory(), policy, z, 5, 1, key), expected, 1e-5);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "oted/nn/categorical.h"
 #include "oted/rl/gae.h"
 #include "oted/rl/ppo_update.h"
+#include "oted/sim/rollout.h"
 
 namespace oted {
 
@@ -96,8 +97,18 @@ class PpoTraining : public Learner {
   }
 
   int64_t n_steps() const override { return n_steps_; }
-  const CategoricalPolicy& policy() const override { return update_->policy(); }
-  std::span<const float> policy_parameters() const override { return policy().net().parameters(); }
+  std::vector<float> PolicyParameters() const override {
+    const auto& net = update_->policy().net().parameters();
+    return {net.begin(), net.end()};
+  }
+  CategoricalPolicy PolicyOf(std::span<const float> parameters) const {
+    CategoricalPolicy policy = update_->policy();
+    std::ranges::copy(parameters, policy.net().parameters().begin());
+    return policy;
+  }
+  std::unique_ptr<Policy> MakePolicy(std::span<const float> parameters) const override {
+    return std::make_unique<CategoricalPolicy>(PolicyOf(parameters));
+  }
   const EpisodeStatistics& episodes() const override { return episodes_; }
   std::vector<std::pair<std::string, double>> Losses() const override {
     std::vector<std::pair<std::string, double>> figures = {{"train/policy_gradient_loss", losses_.policy_loss},
@@ -260,29 +271,25 @@ class PpoTraining : public Learner {
 PpoResult TrainPpo(const SimulatorFactory& factory, EpisodeSource& source,
                    const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const PpoObserver& observer) {
+                   const EvaluationObserver& observer) {
   if (factory.spec().n_discrete_actions == 0) {
     throw UsageError(
         fmt::format("task '{}' has continuous actions, PPO takes discrete ones alone", factory.spec().task));
   }
   PpoTraining training(factory, source, config, key, context.n_threads);
-  const auto observe = [&](int64_t step, double eval_return) {
-    if (observer) observer(step, training.policy(), eval_return);
-  };
   PpoResult result;
   static_cast<LearningCurve&>(result) = TrainInSegments(
       training, factory, eval_parameters,
       {config.n_steps, config.eval_interval, config.eval_episodes, config.keep, config.EvaluationNoise()}, key, folder,
-      run_name, context, observe);
-  result.policy = training.policy();
-  std::ranges::copy(result.kept, result.policy.net().parameters().begin());
+      run_name, context, observer);
+  result.policy = training.PolicyOf(result.kept);
   return result;
 }
 
 PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
                    const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const PpoObserver& observer) {
+                   const EvaluationObserver& observer) {
   DrawnEpisodes source(episode_parameters);
   return TrainPpo(factory, source, eval_parameters, config, key, folder, run_name, context, observer);
 }

@@ -42,9 +42,6 @@ struct PpoConfig {
   FieldList Fields();
 };
 
-/// Sees every evaluated policy.
-using PpoObserver = std::function<void(int64_t step, const CategoricalPolicy& policy, double eval_return)>;
-
 struct PpoResult : LearningCurve {
   CategoricalPolicy policy;
 };
@@ -57,10 +54,10 @@ struct PpoResult : LearningCurve {
 PpoResult TrainPpo(const SimulatorFactory& factory, EpisodeSource& source,
                    const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const PpoObserver& observer = {});
+                   const EvaluationObserver& observer = {});
 PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
                    const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
                    const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const PpoObserver& observer = {});
+                   const EvaluationObserver& observer = {});
 
 }  // namespace oted

@@ -9,6 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/data/npz.h"
+#include "oted/rl/policy_evaluation.h"
 #include "oted/rl/testing.h"
 #include "oted/sim/testing.h"
 
@@ -34,7 +35,7 @@ struct Training {
   CorridorOptions options = {};
   PpoConfig config = SmallConfig();
   EpisodeParameters parameters = [](Rng&) { return std::vector<double>{0.0}; };
-  PpoObserver observer = {};
+  EvaluationObserver observer = {};
   const std::atomic<bool>* stop = nullptr;
   int n_threads = 1;
   uint64_t seed = 5;
@@ -84,7 +85,7 @@ TEST(TrainPpo, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   int segments = 0;
   Training parted{parts.path(), {}, uninterrupted.config, draw};
   parted.stop = &stop;
-  parted.observer = [&](int64_t, const CategoricalPolicy&, double) {
+  parted.observer = [&](int64_t, const Policy&, double) {
     ++segments;
     stop = true;
   };
@@ -112,9 +113,9 @@ TEST(TrainPpo, TheBestEvaluatedPolicyIsKept) {
     run.config.n_steps = 1280;
     run.config.learning_rate = 0.1;
     std::vector<std::string> seen;
-    run.observer = [&](int64_t, const CategoricalPolicy& policy, double) {
+    run.observer = [&](int64_t, const Policy& policy, double) {
       PpoResult copy;
-      copy.policy = policy;
+      copy.policy = dynamic_cast<const CategoricalPolicy&>(policy);
       seen.push_back(Bytes(copy));
     };
     const PpoResult result = run();

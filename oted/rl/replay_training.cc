@@ -3,15 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <future>
+#include <numeric>
+#include <optional>
 
 #include "oted/base/error.h"
+#include "oted/rl/observation_statistics.h"
 #include "oted/rl/replay_buffer.h"
 
 namespace oted {
 
 void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("n_steps", &n_steps, "control steps that one agent trains for, over all lanes", AtLeast(1));
-  fields.Add("n_lanes", &n_lanes, "simulators stepped together", AtLeast(1));
+  fields.Add("n_lanes", &n_lanes, "simulators stepped together; several step while gradient steps are made",
+             AtLeast(1));
   fields.Add("updates_per_step", &updates_per_step, "gradient steps per control step", Above(0));
   fields.Add("learning_starts", &learning_starts, "control steps with uniform random actions before the first update",
              AtLeast(1));
@@ -38,20 +43,53 @@ class ReplayTraining : public Learner {
                  const MakeReplayUpdate& make_update, RngKey key, int n_threads)
       : config_(config),
         source_(source),
-        simulator_(factory.Make(config.n_lanes, n_threads)),
+        n_threads_(n_threads),
+        simulator_(factory.Make(config.n_lanes, std::max(1, n_threads - (StepsBeside() ? 1 : 0)))),
         spec_(factory.spec()),
         rng_(key.Stage("training").MakeRng()),
         episodes_(config.n_lanes),
-        buffer_(spec_.obs_dim(), spec_.act_dim, std::min(config.buffer_size, config.n_steps + config.n_lanes)) {
+        buffer_(spec_.obs_dim(), spec_.act_dim, std::min(config.buffer_size, config.n_steps + config.n_lanes)),
+        lanes_(static_cast<size_t>(config.n_lanes)),
+        observations_(lanes_.size() * static_cast<size_t>(spec_.obs_dim())),
+        actions_(lanes_.size() * static_cast<size_t>(spec_.act_dim)) {
+    std::iota(lanes_.begin(), lanes_.end(), 0);
+    if (config.normalize_observations) statistics_.emplace(spec_.obs_dim());
     Rng init = key.Stage("initialisation").MakeRng();
     TanhGaussianPolicy actor(IdentityNormalizer(spec_.obs_dim()), config.hidden, spec_.action_low, spec_.action_high);
     update_ = make_update(std::move(actor), init);
   }
 
   int64_t n_steps() const override { return n_steps_; }
-  const TanhGaussianPolicy& policy() const override { return update_->actor(); }
-  std::span<const float> policy_parameters() const override { return update_->actor().net().parameters(); }
   const EpisodeStatistics& episodes() const override { return episodes_; }
+
+  /// The actor's, then the normaliser's mean and scale where there is one.
+  std::vector<float> PolicyParameters() const override {
+    const auto& net = update_->actor().net().parameters();
+    std::vector<float> parameters(net.begin(), net.end());
+    if (statistics_) {
+      for (const auto* values : {&statistics_->normalizer().mean, &statistics_->normalizer().scale}) {
+        for (const double value : *values) parameters.push_back(static_cast<float>(value));
+      }
+    }
+    return parameters;
+  }
+
+  TanhGaussianPolicy PolicyOf(std::span<const float> parameters) const {
+    const auto net = parameters.first(update_->actor().net().parameters().size());
+    const auto rest = parameters.subspan(net.size());
+    Normalizer normalizer = IdentityNormalizer(spec_.obs_dim());
+    if (statistics_) {
+      const auto mean = rest.first(rest.size() / 2), scale = rest.last(rest.size() / 2);
+      normalizer = {{mean.begin(), mean.end()}, {scale.begin(), scale.end()}};
+    }
+    TanhGaussianPolicy policy(std::move(normalizer), config_.hidden, spec_.action_low, spec_.action_high);
+    std::ranges::copy(net, policy.net().parameters().begin());
+    return policy;
+  }
+  std::unique_ptr<Policy> MakePolicy(std::span<const float> parameters) const override {
+    return std::make_unique<TanhGaussianPolicy>(PolicyOf(parameters));
+  }
+
   std::vector<std::pair<std::string, double>> Losses() const override {
     std::vector<std::pair<std::string, double>> figures = {{"train/critic_loss", losses_.critic_loss},
                                                            {"train/actor_loss", losses_.actor_loss},
@@ -62,59 +100,30 @@ class ReplayTraining : public Learner {
   }
 
   void RunSegment(int64_t end, const std::function<void()>& tick) override {
-    const size_t n_lanes = static_cast<size_t>(config_.n_lanes);
-    const size_t obs_dim = static_cast<size_t>(spec_.obs_dim()), act_dim = static_cast<size_t>(spec_.act_dim);
-    std::vector<int> lanes(n_lanes);
-    std::vector<double> observations(n_lanes * obs_dim), actions(n_lanes * act_dim), squashed(act_dim);
     episodes_.Begin();
-    for (size_t lane = 0; lane < n_lanes; ++lane) {
-      lanes[lane] = static_cast<int>(lane);
-      StartEpisode(*simulator_, lanes[lane], source_, rng_);
-    }
+    for (const int lane : lanes_) StartEpisode(*simulator_, lane, source_, rng_);
     PolicyRunner runner(update_->actor(), ActionNoise::kSampled);
+    const auto step_lanes = [&] { simulator_->Step(lanes_, actions_); };
     while (n_steps_ < end) {
-      for (size_t lane = 0; lane < n_lanes; ++lane) {
-        const auto observation = simulator_->observation(lanes[lane]);
-        std::copy(observation.begin(), observation.end(),
-                  observations.begin() + static_cast<ptrdiff_t>(lane * obs_dim));
-      }
-      if (n_steps_ < config_.learning_starts) {
-        for (size_t i = 0; i < actions.size(); ++i) {
-          actions[i] = rng_.Uniform(spec_.action_low[i % act_dim], spec_.action_high[i % act_dim]);
-        }
+      Act(runner);
+      if (StepsBeside()) {
+        auto step = std::async(n_threads_ > 1 ? std::launch::async : std::launch::deferred, step_lanes);
+        Learn(tick);
+        step.get();
+        EndStep();
       } else {
-        runner.Act(observations, config_.n_lanes, rng_, actions);
-      }
-      simulator_->Step(lanes, actions);
-      for (size_t lane = 0; lane < n_lanes; ++lane) {
-        const LaneStatus status = simulator_->status(lanes[lane]);
-        if (status != LaneStatus::kDiverged) {
-          for (size_t j = 0; j < act_dim; ++j) {
-            const double low = spec_.action_low[j], high = spec_.action_high[j];
-            squashed[j] = (2 * actions[lane * act_dim + j] - low - high) / (high - low);
-          }
-          buffer_.Add({observations.data() + lane * obs_dim, obs_dim}, squashed, simulator_->reward(lanes[lane]),
-                      simulator_->observation(lanes[lane]), status == LaneStatus::kTerminated);
-          episodes_.AddStep(lanes[lane], simulator_->reward(lanes[lane]));
-        }
-        if (status != LaneStatus::kRunning) {
-          source_.EpisodeEnded(lanes[lane], episodes_.EndEpisode(lanes[lane]), status == LaneStatus::kDiverged);
-          StartEpisode(*simulator_, lanes[lane], source_, rng_);
-        }
-      }
-      n_steps_ += config_.n_lanes;
-      if (n_steps_ < config_.learning_starts || buffer_.size() == 0) continue;
-      for (owed_updates_ += config_.updates_per_step * config_.n_lanes; owed_updates_ >= 1; owed_updates_ -= 1) {
-        buffer_.Sample(config_.batch_size, rng_, batch_);
-        losses_ = update_->Step(batch_);
-        if (++n_updates_ % 256 == 0) tick();
+        step_lanes();
+        EndStep();
+        Learn(tick);
       }
     }
+    Learn(tick);  // what the last step still owes
   }
 
   void Save(NpzArrays& arrays) override {
     update_->Save(arrays);
     source_.Save(arrays);
+    if (statistics_) statistics_->Save(arrays);
     arrays["buffer/rows"] = NpyArray(std::vector<float>(buffer_.rows().begin(), buffer_.rows().end()));
     arrays["counters"] = NpyArray(std::vector<int64_t>{n_steps_, n_updates_, buffer_.next()});
     arrays["owed_updates"] = NpyArray(std::vector<double>{owed_updates_});
@@ -124,6 +133,7 @@ class ReplayTraining : public Learner {
   void Restore(const NpzArrays& arrays) override {
     update_->Restore(arrays);
     source_.Restore(arrays);
+    if (statistics_) statistics_->Restore(arrays);
     const auto& counters = CheckpointValues<int64_t>(arrays, "counters", 3);
     n_steps_ = counters[0];
     n_updates_ = counters[1];
@@ -133,18 +143,82 @@ class ReplayTraining : public Learner {
   }
 
  private:
+  /// Whether lanes step while the learner learns. The number of threads has no say: bytes do not depend on it.
+  bool StepsBeside() const { return config_.n_lanes > 1; }
+
+  /// Fills observations_ and actions_ for the next step of all lanes.
+  void Act(PolicyRunner& runner) {
+    const size_t obs_dim = static_cast<size_t>(spec_.obs_dim()), act_dim = static_cast<size_t>(spec_.act_dim);
+    for (const int lane : lanes_) {
+      std::ranges::copy(simulator_->observation(lane),
+                        observations_.begin() + static_cast<ptrdiff_t>(static_cast<size_t>(lane) * obs_dim));
+    }
+    if (statistics_) statistics_->Add(observations_);
+    if (n_steps_ < config_.learning_starts) {
+      for (size_t i = 0; i < actions_.size(); ++i) {
+        actions_[i] = rng_.Uniform(spec_.action_low[i % act_dim], spec_.action_high[i % act_dim]);
+      }
+      return;
+    }
+    if (statistics_) {
+      runner.Act(statistics_->Normalized(observations_), config_.n_lanes, rng_, actions_);
+    } else {
+      runner.Act(observations_, config_.n_lanes, rng_, actions_);
+    }
+  }
+
+  /// Keeps what the lanes' step came to, and begins episodes anew where they ended.
+  void EndStep() {
+    const size_t obs_dim = static_cast<size_t>(spec_.obs_dim()), act_dim = static_cast<size_t>(spec_.act_dim);
+    std::vector<double> squashed(act_dim);
+    for (size_t lane = 0; lane < lanes_.size(); ++lane) {
+      const LaneStatus status = simulator_->status(lanes_[lane]);
+      if (status != LaneStatus::kDiverged) {
+        for (size_t j = 0; j < act_dim; ++j) {
+          const double low = spec_.action_low[j], high = spec_.action_high[j];
+          squashed[j] = (2 * actions_[lane * act_dim + j] - low - high) / (high - low);
+        }
+        buffer_.Add({observations_.data() + lane * obs_dim, obs_dim}, squashed, simulator_->reward(lanes_[lane]),
+                    simulator_->observation(lanes_[lane]), status == LaneStatus::kTerminated);
+        episodes_.AddStep(lanes_[lane], simulator_->reward(lanes_[lane]));
+      }
+      if (status != LaneStatus::kRunning) {
+        source_.EpisodeEnded(lanes_[lane], episodes_.EndEpisode(lanes_[lane]), status == LaneStatus::kDiverged);
+        StartEpisode(*simulator_, lanes_[lane], source_, rng_);
+      }
+    }
+    n_steps_ += config_.n_lanes;
+    if (n_steps_ >= config_.learning_starts && buffer_.size() > 0) {
+      owed_updates_ += config_.updates_per_step * config_.n_lanes;
+    }
+  }
+
+  /// The gradient steps that are owed.
+  void Learn(const std::function<void()>& tick) {
+    for (; owed_updates_ >= 1; owed_updates_ -= 1) {
+      buffer_.Sample(config_.batch_size, rng_, batch_);
+      if (statistics_) statistics_->Normalize(batch_);
+      losses_ = update_->Step(batch_);
+      if (++n_updates_ % 256 == 0) tick();
+    }
+  }
+
   const ReplayConfig& config_;
   EpisodeSource& source_;
+  int n_threads_;
   std::unique_ptr<Simulator> simulator_;
   const SimulatorSpec& spec_;
   Rng rng_;
   EpisodeStatistics episodes_;
   ReplayBuffer buffer_;
+  std::optional<ObservationStatistics> statistics_;
   std::unique_ptr<ReplayUpdate> update_;
   TransitionBatch batch_;
   ReplayLosses losses_;
   int64_t n_steps_ = 0, n_updates_ = 0;
   double owed_updates_ = 0;
+  std::vector<int> lanes_;
+  std::vector<double> observations_, actions_;  ///< (n_lanes, .), of the present step
 };
 
 }  // namespace
@@ -153,21 +227,17 @@ ReplayAgent TrainByReplay(const SimulatorFactory& factory, EpisodeSource& source
                           const std::vector<std::vector<double>>& eval_parameters, const ReplayConfig& config,
                           const std::string& algorithm, const MakeReplayUpdate& make_update, RngKey key,
                           const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                          const ReplayObserver& observer) {
+                          const EvaluationObserver& observer) {
   if (factory.spec().n_discrete_actions > 0) {
     throw UsageError(
         fmt::format("task '{}' has discrete actions, {} takes continuous ones alone", factory.spec().task, algorithm));
   }
   ReplayTraining training(factory, source, config, make_update, key, context.n_threads);
-  const auto observe = [&](int64_t step, double eval_return) {
-    if (observer) observer(step, training.policy(), eval_return);
-  };
   ReplayAgent result;
   static_cast<LearningCurve&>(result) = TrainInSegments(
       training, factory, eval_parameters, {config.n_steps, config.eval_interval, config.eval_episodes, config.keep},
-      key, folder, run_name, context, observe);
-  result.policy = training.policy();
-  std::copy(result.kept.begin(), result.kept.end(), result.policy.net().parameters().begin());
+      key, folder, run_name, context, observer);
+  result.policy = training.PolicyOf(result.kept);
   return result;
 }
 

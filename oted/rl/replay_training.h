@@ -31,6 +31,9 @@ struct ReplayConfig {
   int64_t eval_interval = 10'000;
   int eval_episodes = 5;
   std::string keep = "best";
+  /// Whether networks see observations in units of ObservationStatistics. A setting of SAC alone: CrossQ's networks
+  /// begin with a batch normalisation.
+  bool normalize_observations = false;
   /// Where gradient steps are made, "cpu" or "cuda" (oted/rl/autograd). Not a field: `[agents] device` names it.
   std::string device = "cpu";
 
@@ -60,21 +63,20 @@ class ReplayUpdate {
 /// @param actor  the shape; weights are drawn from `rng`
 using MakeReplayUpdate = std::function<std::unique_ptr<ReplayUpdate>(TanhGaussianPolicy actor, Rng& rng)>;
 
-/// Sees every evaluated policy: a recorder of snapshots.
-using ReplayObserver = std::function<void(int64_t step, const TanhGaussianPolicy& policy, double eval_return)>;
-
 struct ReplayAgent : LearningCurve {
   TanhGaussianPolicy policy;
 };
 
 /// Trains one agent by TrainInSegments. Time limits and segment ends are not terminal: the target bootstraps through
-/// them.
+/// them. One lane and its learner take turns, as in SAC's paper. Several lanes make their next step while the learner
+/// makes the gradient steps that the last one owes, on a second thread where there is one: those gradient steps draw
+/// from all transitions but the newest `n_lanes`, and the policy that acts is no older for it.
 /// @param algorithm  its name, for errors
 /// @throws UsageError for a task with discrete actions; as TrainInSegments
 ReplayAgent TrainByReplay(const SimulatorFactory& factory, EpisodeSource& source,
                           const std::vector<std::vector<double>>& eval_parameters, const ReplayConfig& config,
                           const std::string& algorithm, const MakeReplayUpdate& make_update, RngKey key,
                           const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                          const ReplayObserver& observer);
+                          const EvaluationObserver& observer);
 
 }  // namespace oted

@@ -2,12 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <tuple>
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/data/npz.h"
 #include "oted/rl/crossq.h"
+#include "oted/rl/policy_evaluation.h"
 #include "oted/rl/sac.h"
 #include "oted/sim/testing.h"
 
@@ -33,15 +36,17 @@ struct Training {
   SacConfig config = SmallConfig();
   int n_threads = 1;
   EpisodeParameters parameters = [](Rng&) { return kNominal; };
-  ReplayObserver observer = {};
+  EvaluationObserver observer = {};
   const std::atomic<bool>* stop = nullptr;
   uint64_t seed = 5;
   std::string algorithm = "sac";
+  LogSink* log = nullptr;
 
-  ReplayAgent operator()() const {
-    NullSink log;
-    const PointMassFactory factory(options);
-    const RunContext context{&log, stop, n_threads};
+  ReplayAgent operator()() const { return In(PointMassFactory(options)); }
+
+  ReplayAgent In(const SimulatorFactory& factory) const {
+    NullSink nothing;
+    const RunContext context{log != nullptr ? log : &nothing, stop, n_threads};
     if (algorithm == "sac") {
       return TrainSac(factory, parameters, {kNominal}, config, RngKey(seed), folder, "agent", context, observer);
     }
@@ -122,7 +127,7 @@ TEST_P(EitherAlgorithm, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) 
   int segments = 0;
   Training first{parts.path(), {}, uninterrupted.config, 1, draw, {}, &stop};
   first.algorithm = GetParam();
-  first.observer = [&](int64_t, const TanhGaussianPolicy&, double) {
+  first.observer = [&](int64_t, const Policy&, double) {
     ++segments;
     stop = true;
   };
@@ -160,7 +165,7 @@ TEST(TrainByReplay, TheBestEvaluatedPolicySurvivesAStop) {
     Training parted{parts.path(), {}, run.config};
     parted.seed = seed;
     parted.stop = &stop;
-    parted.observer = [&](int64_t step, const TanhGaussianPolicy&, double) { stop = step == after_best; };
+    parted.observer = [&](int64_t step, const Policy&, double) { stop = step == after_best; };
     EXPECT_THROW(parted(), Interrupted);
     stop = false;
     EXPECT_EQ(Bytes(parted()), Bytes(expected));
@@ -169,13 +174,128 @@ TEST(TrainByReplay, TheBestEvaluatedPolicySurvivesAStop) {
   FAIL() << "no seed had its best policy before its last";
 }
 
-TEST_P(EitherAlgorithm, SameSeedSameBytesAtOneAndTwoThreads) {
-  const TestFolder one, two;
-  Training run_one{one.path()}, run_two{two.path()};
-  run_one.config.n_lanes = run_two.config.n_lanes = 3;
-  run_two.n_threads = 2;
-  run_one.algorithm = run_two.algorithm = GetParam();
-  EXPECT_EQ(Bytes(run_one()), Bytes(run_two()));
+/// Keeps all that is logged, in order.
+class Recorder : public NullSink {
+ public:
+  void Scalar(std::string_view, std::string_view key, int64_t step, double value) override {
+    records.emplace_back(key, step, value);
+  }
+  std::vector<std::tuple<std::string, int64_t, double>> records;
+};
+
+TEST_P(EitherAlgorithm, SameSeedSameBytesAndLogAtAnyNumberOfThreads) {
+  for (const int n_lanes : {1, 3}) {
+    std::vector<std::string> bytes;
+    std::vector<std::vector<std::tuple<std::string, int64_t, double>>> logs;
+    for (const int n_threads : {1, 2, 4}) {
+      const TestFolder folder;
+      Recorder log;
+      Training run{folder.path()};
+      run.config.n_steps = 600;
+      run.config.n_lanes = n_lanes;
+      run.n_threads = n_threads;
+      run.algorithm = GetParam();
+      run.log = &log;
+      bytes.push_back(Bytes(run()));
+      bytes.back() += ReadFile(folder / "checkpoint.npz");
+      logs.push_back(log.records);
+    }
+    EXPECT_GT(logs[0].size(), 10u);
+    for (size_t i : {1, 2}) {
+      EXPECT_EQ(bytes[i], bytes[0]) << n_lanes << " lanes";
+      EXPECT_EQ(logs[i], logs[0]) << n_lanes << " lanes";
+    }
+  }
+}
+
+/// A run that was killed and not stopped, while an evaluation ran beside it.
+TEST_P(EitherAlgorithm, ASegmentWithoutItsEvaluationGetsItLater) {
+  const TestFolder folder;
+  Training run{folder.path()};
+  run.algorithm = GetParam();
+  run.config.n_steps = 600;
+  const ReplayAgent expected = run();
+  const NpzArrays complete = ReadNpz(folder / "checkpoint.npz");
+  for (const size_t n_known : {0, 2}) {
+    NpzArrays arrays = complete;
+    const auto first = [&](const char* name, auto values) {
+      values.resize(n_known);
+      arrays[name] = NpyArray(values);
+    };
+    first("eval/steps", expected.eval_steps);
+    first("eval/returns", expected.eval_returns);
+    if (n_known == 0) arrays["best"] = NpyArray(std::vector<float>{});
+    WriteNpz(arrays, folder / "checkpoint.npz");
+    const ReplayAgent again = run();
+    EXPECT_EQ(again.eval_steps.back(), 600);
+    EXPECT_EQ(again.eval_steps.size(), n_known + 1);
+    EXPECT_EQ(again.eval_returns.back(), expected.eval_returns.back());
+  }
+}
+
+/// Point masses whose observations are in other units: 1024 of ours are one of theirs.
+class FineUnits : public PointMassFactory {
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<Fine>(n_lanes, n_threads);
+  }
+
+ private:
+  class Fine : public PointMass {
+   public:
+    Fine(int n_lanes, int n_threads) : PointMass({}, n_lanes, n_threads), fine_(static_cast<size_t>(n_lanes)) {}
+    std::span<const double> observation(int lane) const override {
+      const auto coarse = PointMass::observation(lane);
+      fine_[static_cast<size_t>(lane)] = {1024 * coarse[0], 1024 * coarse[1]};
+      return fine_[static_cast<size_t>(lane)];
+    }
+
+   private:
+    mutable std::vector<std::array<double, 2>> fine_;
+  };
+};
+
+TEST(TrainByReplay, NormalizedObservationsMakeUnitsIrrelevant) {
+  // A factor that is a power of two changes no digit of a normalised number: the agents are the same to the last bit.
+  for (const bool normalize : {true, false}) {
+    const TestFolder coarse, fine;
+    Training in_coarse{coarse.path()}, in_fine{fine.path()};
+    in_coarse.config.normalize_observations = in_fine.config.normalize_observations = normalize;
+    const ReplayAgent a = in_coarse(), b = in_fine.In(FineUnits());
+    EXPECT_EQ(Bytes(a) == Bytes(b), normalize);
+    EXPECT_EQ(a.eval_returns == b.eval_returns, normalize);
+    if (!normalize) continue;
+    for (size_t j = 0; j < 2; ++j) {
+      EXPECT_NE(a.policy.normalizer().scale[j], 1);
+      EXPECT_EQ(1024 * a.policy.normalizer().mean[j], b.policy.normalizer().mean[j]);
+      EXPECT_EQ(1024 * a.policy.normalizer().scale[j], b.policy.normalizer().scale[j]);
+    }
+  }
+}
+
+TEST(TrainByReplay, TheKeptPolicyHasTheNormaliserOfItsTime) {
+  const TestFolder whole, parts;
+  Training run{whole.path()};
+  run.config.n_steps = 600;
+  run.config.normalize_observations = true;
+  std::vector<std::pair<double, double>> seen;  // return, the normaliser's first scale
+  run.observer = [&](int64_t, const Policy& policy, double eval_return) {
+    seen.emplace_back(eval_return, dynamic_cast<const TanhGaussianPolicy&>(policy).normalizer().scale[0]);
+  };
+  const ReplayAgent agent = run();
+  EXPECT_NE(seen[0].second, seen[1].second);
+  EXPECT_EQ(agent.policy.normalizer().scale[0], std::max_element(seen.begin(), seen.end())->second);
+
+  std::atomic<bool> stop = false;
+  Training parted{parts.path(), {}, run.config};
+  parted.stop = &stop;
+  parted.observer = [&](int64_t, const Policy&, double) { stop = true; };
+  EXPECT_THROW(parted(), Interrupted);
+  stop = false;
+  parted.observer = {};
+  const ReplayAgent resumed = parted();
+  EXPECT_EQ(Bytes(resumed), Bytes(agent));
+  EXPECT_EQ(resumed.policy.normalizer().mean, agent.policy.normalizer().mean);
 }
 
 TEST(TrainByReplay, SamplesOfDivergedStepsNeverEnterTheBuffer) {
@@ -286,20 +406,6 @@ TEST(TrainByReplay, AnEvaluationInWhichEveryEpisodeDivergedIsNotTheBest) {
   ASSERT_LT(result.eval_returns[1], 0);
   EXPECT_EQ(result.eval_return, result.eval_returns[1]);
   EXPECT_EQ(result.n_diverged, 0);
-}
-
-TEST(EvaluatePolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
-  TanhGaussianPolicy policy(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
-  policy.net().parameters()[4] = 0.5f;  // mean action tanh(0.5), whatever the state
-  const RngKey key(6);
-  const std::vector<std::vector<double>> z = {{1, 1, 0}, {0.5, 1, 0}};
-  double expected = 0;
-  for (uint64_t k = 0; k < 5; ++k) {
-    Rng rng = key.Index(k).MakeRng();
-    const double x0 = rng.Uniform(-1, 1), step = 0.1 * std::tanh(0.5) * z[k % 2][0];
-    for (int t = 1; t <= 20; ++t) expected -= std::pow(x0 + step * t, 2) / 5;
-  }
-  EXPECT_NEAR(EvaluatePolicy(PointMassFactory(), policy, z, 5, 1, key), expected, 1e-5);
 }
 
 }  // namespace

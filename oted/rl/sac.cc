@@ -11,6 +11,8 @@ FieldList SacConfig::Fields(const std::string& section) {
   FieldList fields(section);
   AddFields(fields);
   fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", AtLeast(1));
+  fields.Add("normalize_observations", &normalize_observations,
+             "actor and critics see observations in units of their running mean and spread");
   fields.Add("tau", &tau, "Polyak step of the target critics", AboveUpTo(0, 1));
   return fields;
 }
@@ -18,7 +20,7 @@ FieldList SacConfig::Fields(const std::string& section) {
 ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
                      const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const ReplayObserver& observer) {
+                     const EvaluationObserver& observer) {
   const auto make_update = [&](TanhGaussianPolicy actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     actor.net().Initialize(rng);
     const SacUpdateOptions options{.learning_rate = config.learning_rate,
@@ -36,7 +38,7 @@ ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
 ReplayAgent TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
                      const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const ReplayObserver& observer) {
+                     const EvaluationObserver& observer) {
   DrawnEpisodes source(episode_parameters);
   return TrainSac(factory, source, eval_parameters, config, key, folder, run_name, context, observer);
 }

@@ -21,10 +21,10 @@ struct SacConfig : ReplayConfig {
 ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
                      const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const ReplayObserver& observer = {});
+                     const EvaluationObserver& observer = {});
 ReplayAgent TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
                      const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const ReplayObserver& observer = {});
+                     const EvaluationObserver& observer = {});
 
 }  // namespace oted

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "oted/base/statistics.h"
-#include "oted/rl/batch_policy.h"
+#include "oted/rl/evaluations.h"
 
 namespace oted {
 
@@ -46,26 +46,18 @@ void RestoreRng(const NpzArrays& arrays, const char* name, Rng& rng) {
   rng.set_state(state);
 }
 
-std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
-                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
-                                     RngKey key, ActionNoise noise) {
-  OTED_CHECK(!z.empty());
-  const auto simulator = factory.Make(n_episodes, n_threads);
-  std::vector<std::vector<double>> lane_z;
-  for (int k = 0; k < n_episodes; ++k) lane_z.push_back(z[static_cast<size_t>(k) % z.size()]);
-  return RunEpisodes(*simulator, lane_z, AsBatchPolicy(policy, noise, key.Stage("actions").MakeRng()), key);
-}
-
-double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
-                      int n_episodes, int n_threads, RngKey key, ActionNoise noise) {
-  return MeanReturn(RunPolicy(factory, policy, z, n_episodes, n_threads, key, noise));
-}
-
 namespace {
 
 /// A live figure: a grid world's returns lie below 1, a locomotion task's in the thousands.
 std::string ReturnNote(double eval_return) {
   return fmt::format("return {:.{}f}", eval_return, std::abs(eval_return) < 10 ? 3 : 0);
+}
+
+std::vector<std::pair<std::string, double>> Figures(const Learner& learner) {
+  std::vector<std::pair<std::string, double>> figures = {{"rollout/ep_rew_mean", Mean(learner.episodes().returns())},
+                                                         {"rollout/ep_len_mean", Mean(learner.episodes().lengths())}};
+  for (auto& figure : learner.Losses()) figures.push_back(std::move(figure));
+  return figures;
 }
 
 void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const std::filesystem::path& folder) {
@@ -88,7 +80,8 @@ void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const std::filesy
     const auto& best = CheckpointValues<double>(arrays, "eval/best", 2);
     curve.eval_return = best[0];
     curve.n_diverged = static_cast<int>(best[1]);
-    curve.kept = CheckpointValues<float>(arrays, "best", learner.policy_parameters().size());
+    const size_t n_kept = curve.eval_steps.empty() ? 0 : learner.PolicyParameters().size();
+    curve.kept = CheckpointValues<float>(arrays, "best", n_kept);
   } catch (const std::exception& e) {
     // Whatever a file makes fail here is the file's fault, or that of a configuration which is not its own.
     throw DataError(fmt::format("checkpoint '{}' does not fit this agent ({}); remove it to start the agent anew",
@@ -103,41 +96,27 @@ LearningCurve TrainInSegments(Learner& learner, const SimulatorFactory& factory,
                               RngKey key, const std::filesystem::path& folder, const std::string& run_name,
                               const RunContext& context, const EvaluationObserver& observer) {
   LearningCurve curve;
-  if (std::filesystem::exists(folder / "checkpoint.npz")) RestoreCheckpoint(learner, curve, folder);
-
+  Evaluations evaluations({factory, eval_parameters, schedule, key, run_name, context, observer}, curve);
+  if (std::filesystem::exists(folder / "checkpoint.npz")) {
+    RestoreCheckpoint(learner, curve, folder);
+    // A run that was killed may have left a segment without its evaluation.
+    if (curve.eval_steps.empty() || curve.eval_steps.back() < learner.n_steps()) evaluations.Begin(learner, {});
+  }
+  const auto progress = [&] {
+    evaluations.FinishIfReady();
+    context.log->Progress("train", run_name, std::min(learner.n_steps(), schedule.n_steps), schedule.n_steps,
+                          curve.eval_returns.empty() ? "" : ReturnNote(curve.eval_returns.back()));
+  };
   while (learner.n_steps() < schedule.n_steps) {
-    const int64_t end = std::min(schedule.n_steps, learner.n_steps() + schedule.eval_interval);
-    const auto progress = [&] {
-      context.log->Progress("train", run_name, std::min(learner.n_steps(), schedule.n_steps), schedule.n_steps,
-                            curve.eval_returns.empty() ? "" : ReturnNote(curve.eval_returns.back()));
-    };
-    learner.RunSegment(end, progress);
-    const std::vector<EpisodeResult> episodes =
-        RunPolicy(factory, learner.policy(), eval_parameters, schedule.eval_episodes, context.n_threads,
-                  key.Stage("evaluation"), schedule.noise);
-    const double eval_return = MeanReturn(episodes);
-    const int n_diverged = CountDiverged(episodes);
-    const auto failed = [&](int n) { return n == schedule.eval_episodes; };
-    const bool better =
-        failed(n_diverged) != failed(curve.n_diverged) ? failed(curve.n_diverged) : eval_return > curve.eval_return;
-    if (schedule.keep == "last" || curve.eval_returns.empty() || better) {
-      curve.eval_return = eval_return;
-      curve.n_diverged = n_diverged;
-      const std::span<const float> parameters = learner.policy_parameters();
-      curve.kept.assign(parameters.begin(), parameters.end());
-    }
-    const int64_t step = learner.n_steps();
-    if (observer) observer(step, eval_return);
-    curve.eval_steps.push_back(step);
-    curve.eval_returns.push_back(eval_return);
-    context.log->Scalar(run_name, "eval/mean_reward", step, eval_return);
-    context.log->Scalar(run_name, "rollout/ep_rew_mean", step, Mean(learner.episodes().returns()));
-    context.log->Scalar(run_name, "rollout/ep_len_mean", step, Mean(learner.episodes().lengths()));
-    for (const auto& [name, value] : learner.Losses()) context.log->Scalar(run_name, name, step, value);
+    learner.RunSegment(std::min(schedule.n_steps, learner.n_steps() + schedule.eval_interval), progress);
+    evaluations.Finish();
+    evaluations.Begin(learner, Figures(learner));
     progress();
     SaveCheckpoint(learner, curve, folder);
+    if (context.StopRequested() && evaluations.Finish()) SaveCheckpoint(learner, curve, folder);
     context.ThrowIfStopped();
   }
+  if (evaluations.Finish()) SaveCheckpoint(learner, curve, folder);
   return curve;
 }
 

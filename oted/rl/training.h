@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
@@ -15,7 +16,6 @@
 #include "oted/base/log.h"
 #include "oted/data/npz.h"
 #include "oted/nn/policy.h"
-#include "oted/sim/rollout.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
@@ -69,7 +69,7 @@ struct LearningCurve {
   int n_diverged = 0;                ///< of that evaluation's episodes
   std::vector<int64_t> eval_steps;   ///< environment steps ...
   std::vector<double> eval_returns;  ///< ... and the mean return there
-  std::vector<float> kept;           ///< the kept policy's parameters
+  std::vector<float> kept;           ///< the kept policy's PolicyParameters
 };
 
 /// Undiscounted returns and lengths of the training episodes that ended since Begin.
@@ -96,9 +96,10 @@ class Learner {
  public:
   virtual ~Learner() = default;
   virtual int64_t n_steps() const = 0;
-  /// The present policy, and its parameters as one flat vector.
-  virtual const Policy& policy() const = 0;
-  virtual std::span<const float> policy_parameters() const = 0;
+  /// All that the present policy is made of, as one flat vector.
+  virtual std::vector<float> PolicyParameters() const = 0;
+  /// The policy that is made of `parameters`, which were PolicyParameters once.
+  virtual std::unique_ptr<Policy> MakePolicy(std::span<const float> parameters) const = 0;
   /// Trains, from fresh episodes on, until `end` control steps have been made; `tick` is called now and then.
   virtual void RunSegment(int64_t end, const std::function<void()>& tick) = 0;
   virtual const EpisodeStatistics& episodes() const = 0;
@@ -109,12 +110,13 @@ class Learner {
   virtual void Restore(const NpzArrays& arrays) = 0;
 };
 
-/// Called after each evaluation with the steps made and the mean return.
-using EvaluationObserver = std::function<void(int64_t step, double eval_return)>;
+/// Sees every evaluated policy in turn: a recorder of snapshots. `step` control steps had been made.
+using EvaluationObserver = std::function<void(int64_t step, const Policy& policy, double eval_return)>;
 
 /// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes, ends with
 /// an evaluation of the policy (episode k in `eval_parameters[k mod size]`) and a checkpoint in `folder`,
-/// so that a stopped run that goes on gives the same bytes as one that was not stopped. The kept policy is that of the
+/// so that a stopped run that goes on gives the same bytes as one that was not stopped. With more than one thread the
+/// next segment does not wait for the evaluation. The kept policy is that of the
 /// highest mean return (or the last); an evaluation in which every episode diverged is below any other.
 /// @param folder  of this agent: checkpoint.npz while it trains. Its learning curve goes to the log under `run_name`.
 /// @throws Interrupted at a segment's end when a stop was requested; DataError for a checkpoint that does not fit.
@@ -135,13 +137,5 @@ const std::vector<T>& CheckpointValues(const NpzArrays& arrays, const std::strin
 /// A random stream as an array, and back. @throws DataError
 NpyArray RngArray(const Rng& rng);
 void RestoreRng(const NpzArrays& arrays, const char* name, Rng& rng);
-
-/// `n_episodes` episodes of the policy, by default of its deterministic action; episode k runs in `z[k mod z.size()]`.
-std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
-                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
-                                     RngKey key, ActionNoise noise = ActionNoise::kMean);
-/// Their mean return; a diverged episode counts as the lowest of them (ComparableReturns).
-double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
-                      int n_episodes, int n_threads, RngKey key, ActionNoise noise = ActionNoise::kMean);
 
 }  // namespace oted

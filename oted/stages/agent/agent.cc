@@ -19,14 +19,14 @@ EpisodeParameters DrawSamples(std::vector<Designer> q) {
 ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                        const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
                        const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                       const ReplayObserver& observer) {
+                       const EvaluationObserver& observer) {
   return TrainSac(factory, where, evaluate_in, config, key, folder, run_name, context, observer);
 }
 
 ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                        const std::vector<std::vector<double>>& evaluate_in, const CrossQConfig& config, RngKey key,
                        const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                       const ReplayObserver& observer) {
+                       const EvaluationObserver& observer) {
   return TrainCrossQ(factory, where, evaluate_in, config, key, folder, run_name, context, observer);
 }
 

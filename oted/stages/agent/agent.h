@@ -28,11 +28,11 @@ EpisodeParameters DrawSamples(std::vector<Designer> q);
 ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                        const std::vector<std::vector<double>>& evaluate_in, const SacConfig& config, RngKey key,
                        const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                       const ReplayObserver& observer = {});
+                       const EvaluationObserver& observer = {});
 ReplayAgent TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                        const std::vector<std::vector<double>>& evaluate_in, const CrossQConfig& config, RngKey key,
                        const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                       const ReplayObserver& observer = {});
+                       const EvaluationObserver& observer = {});
 PpoResult TrainAgent(const SimulatorFactory& factory, EpisodeSource& where,
                      const std::vector<std::vector<double>>& evaluate_in, const PpoConfig& config, RngKey key,
                      const std::filesystem::path& folder, const std::string& run_name, const RunContext& context);

@@ -6,7 +6,7 @@
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
 #include "oted/base/statistics.h"
-#include "oted/rl/training.h"
+#include "oted/rl/policy_evaluation.h"
 
 namespace oted {
 

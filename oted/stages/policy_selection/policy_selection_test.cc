@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "oted/nn/tanh_gaussian.h"
-#include "oted/rl/training.h"
+#include "oted/rl/policy_evaluation.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
