@@ -1,13 +1,14 @@
 """SAC beside Stable-Baselines3, sbx and RLtools: updates and training steps per second on one core.
 
-usage: sac_peers.py [--parts floor updates training environments] [--tasks Hopper-v5 HalfCheetah-v5] [--rounds N]
+usage: sac_peers.py [--parts losses floor updates training environments] [--tasks Hopper-v5 HalfCheetah-v5] [--rounds N]
        sac_peers.py --table [--processor NAME]
 
 Installs the peers into build/bench-peers (requirements-bench.txt; torch, gymnasium and mujoco come from .venv), compiles the
 RLtools learner, starts every learner, and then lets them run slices in turn, A B C ... A B C ..., so that what else the
 machine does falls on all alike. All are bound to one core and told to use one thread. Rates are medians over the rounds,
 per second of the learner's own CPU time and per second of wall time; ratios are medians of the rounds' ratios. Results:
-benchmarks/results/speed/PROCESSOR/PART.json, which docs/speed.md describes. Where the processor is not Intel's,
+benchmarks/results/speed/PROCESSOR/PART.json, which docs/speed.md describes. Part `losses` times nothing: it holds our
+losses against Stable-Baselines3's over LOSS_STEPS gradient steps from the same parameters, batches and noise. Where the processor is not Intel's,
 Stable-Baselines3 also runs with MKL told that it is (MKL_TOLD): its products are then as fast as the processor allows.
 """
 
@@ -27,6 +28,7 @@ PEERS = ROOT / "build/bench-peers"
 PYTHON = PEERS / "bin/python"
 OURS = ROOT / "build/bench/benchmarks/sac_worker"
 RESULTS = ROOT / "benchmarks/results/speed"
+LOSS_STEPS = 60
 SIZES = {"Hopper-v5": (11, 3), "HalfCheetah-v5": (17, 6), "Walker2d-v5": (17, 6)}
 ONE_THREAD = {
     "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
@@ -180,6 +182,17 @@ def floor():
             for row in rows if row.get("aggregate_name") == "median"}
 
 
+def losses(task):
+    """Of each loss the first value, ours and theirs, and the largest difference of any step, relative or below 1 absolute."""
+    with tempfile.TemporaryDirectory(prefix="oted-losses-") as folder:
+        subprocess.run([str(word) for word in (OURS, "losses", *SIZES[task], folder, LOSS_STEPS)], check=True)
+        worker = [str(PYTHON), str(ROOT / "benchmarks/peers/sac_losses.py"), task, folder]
+        series = json.loads(subprocess.run(worker, check=True, capture_output=True, text=True).stdout)
+    return {name: {"ours_first": of["ours"][0], "theirs_first": of["theirs"][0], "ours_last": of["ours"][-1], "theirs_last": of["theirs"][-1],
+                   "largest_difference": max(abs(a - b) / (1 + abs(b)) for a, b in zip(of["ours"], of["theirs"]))}
+            for name, of in series.items()}
+
+
 def processor():
     for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines():
         if line.startswith("model name"):
@@ -194,6 +207,13 @@ def slug(name):
 def table(part, folder):
     """The part's results as the Markdown of docs/speed.md."""
     results = json.loads((folder / f"{part}.json").read_text())["results"]
+    if part == "losses":
+        print(f"| | loss | ours, first step | theirs | ours, step {LOSS_STEPS} | theirs | largest difference |\n|" + "---|" * 7)
+        for task, rows in results.items():
+            for name, row in rows.items():
+                print(f"| {task} | {name} | {row['ours_first']:.6f} | {row['theirs_first']:.6f} | {row['ours_last']:.6f} | "
+                      f"{row['theirs_last']:.6f} | {row['largest_difference']:.0e} |")
+        return
     if part == "floor":
         print("| | updates per second | of the products, MKL | ours | update time / products' (MKL), quartiles |")
         print("|---|---|---|---|---|")
@@ -215,8 +235,8 @@ def table(part, folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", nargs="+", default=["updates", "training", "floor", "environments"],
-                        choices=["floor", "updates", "training", "environments"])
+    parser.add_argument("--parts", nargs="+", default=["losses", "updates", "training", "floor", "environments"],
+                        choices=["losses", "floor", "updates", "training", "environments"])
     parser.add_argument("--tasks", nargs="+", default=["Hopper-v5", "HalfCheetah-v5"], choices=SIZES)
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--seconds", type=float, default=1.0, help="of CPU time, of each slice")
@@ -236,6 +256,8 @@ def main():
     for part in args.parts:
         if part == "floor":
             results = floor()
+        elif part == "losses":
+            results = {task: losses(task) for task in args.tasks}
         else:
             results = {task: measure(part, task, args.rounds, args.seconds) for task in args.tasks}
         record = {"processor": processor(), "one_core": True, "slice_cpu_seconds": args.seconds, "results": results}

@@ -2,16 +2,21 @@
 //   sac_worker updates OBS_DIM ACT_DIM     whole updates on noise, drawing the batch included
 //   sac_worker products OBS_DIM ACT_DIM    an update's matrix products by the linked BLAS
 //   sac_worker training TASK FOLDER        TrainSac, one update per environment step; a slice is 256 steps
-// A line "SECONDS" on stdin asks for a slice of that much CPU time; the answer is "COUNT CPU_SECONDS WALL_SECONDS".
+//   sac_worker losses OBS_DIM ACT_DIM FOLDER STEPS  leaves start.npz, what the learner holds, and STEP.npz for each
+//                                          update: its batch and its losses
+// Of the others, a line "SECONDS" on stdin asks for a slice of that much CPU time; the answer is "COUNT CPU_SECONDS
+// WALL_SECONDS".
 
 #include <time.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <functional>
 #include <iostream>
 #include <string>
 
 #include "benchmarks/sac_workload.h"
+#include "oted/data/npz.h"
 #include "oted/rl/sac.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 
@@ -79,7 +84,35 @@ void Train(const std::string& task, const std::string& folder) {
       factory, [](Rng&) { return std::vector<double>{}; }, {{}}, config, RngKey(1), folder, "agent", context);
 }
 
+void WriteLosses(int obs_dim, int act_dim, const std::filesystem::path& folder, int n_steps) {
+  ReplayWorkload learner(ReplayWorkload::Algorithm::kSac, obs_dim, act_dim);
+  NpzArrays start;
+  learner.update().Save(start);
+  WriteNpz(start, folder / "start.npz");
+  for (int step = 0; step < n_steps; ++step) {
+    learner.Step();
+    const TransitionBatch& batch = learner.batch();
+    const ReplayLosses& losses = learner.losses();
+    NpzArrays arrays;
+    const auto add = [&](const char* name, const AlignedVector<float>& values) {
+      arrays[name] = NpyArray(std::vector<float>(values.begin(), values.end()));
+    };
+    add("observations", batch.observations);
+    add("joint", batch.joint);
+    add("rewards", batch.rewards);
+    add("terminated", batch.terminated);
+    add("noise", batch.noise);
+    arrays["losses"] =
+        NpyArray(std::vector<double>{losses.critic_loss, losses.actor_loss, losses.alpha, losses.alpha_loss});
+    WriteNpz(arrays, folder / (std::to_string(step) + ".npz"));
+  }
+}
+
 int Main(int argc, char** argv) {
+  if (argc == 6 && std::string(argv[1]) == "losses") {
+    WriteLosses(std::atoi(argv[2]), std::atoi(argv[3]), argv[4], std::atoi(argv[5]));
+    return 0;
+  }
   if (argc != 4) return 2;
   const std::string mode = argv[1];
   if (mode == "training") {

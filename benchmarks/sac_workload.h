@@ -59,8 +59,14 @@ class ReplayWorkload {
 
   void Step() {
     buffer_.Sample(kBatch, rng_, batch_);
-    benchmark::DoNotOptimize(update_->Step(batch_));
+    losses_ = update_->Step(batch_);
+    benchmark::DoNotOptimize(losses_);
   }
+
+  ReplayUpdate& update() { return *update_; }
+  /// Of the last step.
+  const TransitionBatch& batch() const { return batch_; }
+  const ReplayLosses& losses() const { return losses_; }
 
  private:
   static TanhGaussianPolicy Actor(int obs_dim, int act_dim, Rng& rng) {
@@ -75,6 +81,7 @@ class ReplayWorkload {
   ReplayBuffer buffer_;
   std::unique_ptr<ReplayUpdate> update_;
   TransitionBatch batch_;
+  ReplayLosses losses_;
 };
 
 // The products of one network on arrays of the sizes that the update has.
