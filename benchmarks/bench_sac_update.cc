@@ -7,7 +7,6 @@
 // rates per second, and the median and the quartiles of update time / products time within an iteration.
 
 #include <benchmark/benchmark.h>
-#include <time.h>
 
 #include <algorithm>
 #include <exception>
@@ -21,14 +20,9 @@ namespace oted {
 namespace {
 
 double Seconds(clockid_t clock, const std::function<void()>& work) {
-  const auto now = [clock] {
-    timespec time;
-    clock_gettime(clock, &time);
-    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-  };
-  const double begin = now();
+  const double begin = Now(clock);
   work();
-  return now() - begin;
+  return Now(clock) - begin;
 }
 
 double Quantile(std::vector<double> values, double q) {

@@ -7,8 +7,6 @@
 // Of the others, a line "SECONDS" on stdin asks for a slice of that much CPU time; the answer is "COUNT CPU_SECONDS
 // WALL_SECONDS".
 
-#include <time.h>
-
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
@@ -22,12 +20,6 @@
 
 namespace oted {
 namespace {
-
-double Now(clockid_t clock) {
-  timespec time;
-  clock_gettime(clock, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 class Slice {
  public:

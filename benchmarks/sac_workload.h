@@ -2,6 +2,7 @@
 /// What the SAC benchmarks time: whole updates on noise, and an update's matrix products alone.
 
 #include <benchmark/benchmark.h>
+#include <time.h>
 
 #include <memory>
 #include <string>
@@ -17,6 +18,13 @@
 #include "oted/rl/sac_update.h"
 
 namespace oted {
+
+/// [s]
+inline double Now(clockid_t clock) {
+  timespec time;
+  clock_gettime(clock, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 inline constexpr int kBatch = 256;
 inline constexpr int kRows = 10'000;  // of the replay buffer
