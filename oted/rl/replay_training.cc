@@ -44,7 +44,7 @@ class ReplayTraining : public Learner {
       : config_(config),
         source_(source),
         n_threads_(n_threads),
-        simulator_(factory.Make(config.n_lanes, std::max(1, n_threads - (StepsBeside() ? 1 : 0)))),
+        simulator_(factory.Make(config.n_lanes, n_threads)),
         spec_(factory.spec()),
         rng_(key.Stage("training").MakeRng()),
         episodes_(config.n_lanes),
