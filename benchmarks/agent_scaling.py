@@ -5,9 +5,9 @@
   benchmarks/agent_scaling.py --agents 1 --lanes 16 --updates-per-step 0.02 --steps 100000
   benchmarks/agent_scaling.py --table
 
-One short design, which every run copies; then stage 4 alone, by the default agent, one update a step unless told otherwise. Rounds go through all
-cases in turn, so that what else the machine does falls on each alike. The policies of a case are the same bytes whatever the
-number of threads, or the script ends with an error.
+One short design, which every run copies; then stage 4 alone, by the default agent, one update a step unless told otherwise.
+Rounds go through all cases in turn, so that what else the machine does falls on each alike. The policies of a case are the
+same bytes whatever the number of threads, or the script ends with an error.
 """
 
 import argparse
@@ -73,14 +73,16 @@ def run(arguments):
 
 
 def table():
-    print("| task | agents | lanes, updates per step | s, one thread | two threads | steps per second of all, two threads | faster, by rounds |\n|" + "---|" * 7)
+    print("| task | agents | lanes, updates per step | s, one thread | two threads | steps per second of all, two threads "
+          "| faster, by rounds |\n|" + "---|" * 7)
     for file in sorted(OUT.glob("*.json")):
         record = json.loads(file.read_text())
         seconds = {(case["agents"], case["threads"]): case["seconds"] for case in record["cases"]}
         for agents in sorted({agents for agents, _ in seconds}):
             one, two = seconds[agents, 1], seconds[agents, 2]
             ratios = [a / b for a, b in zip(one, two)]
-            print(f"| {record['task']} | {agents} | {record.get('n_lanes', 1)}, {record.get('updates_per_step', 1):g} | {statistics.median(one):.1f} | {statistics.median(two):.1f} | "
+            print(f"| {record['task']} | {agents} | {record.get('n_lanes', 1)}, {record.get('updates_per_step', 1):g} | "
+                  f"{statistics.median(one):.1f} | {statistics.median(two):.1f} | "
                   f"{agents * record['n_steps'] / statistics.median(two):.0f} | "
                   f"{statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f}) |")
 

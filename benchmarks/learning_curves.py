@@ -27,7 +27,7 @@ import subprocess
 import time
 
 from learning_plot import plot
-from sac_peers import ONE_THREAD, PYTHON, install, mkl_told, processor
+from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
 from study_data import ROOT, TASKS, commit, write_record
 
 OUT = ROOT / "benchmarks/results/learning"
@@ -67,7 +67,7 @@ def theirs(task, seed, steps, folder):
     """Runs Stable-Baselines3's SAC; folder/points.jsonl tells meanwhile how far it is."""
     worker = ROOT / "benchmarks/peers/learning_worker.py"
     command = [PYTHON, worker, TASKS[task], seed, steps, EVERY, EPISODES]
-    told = {} if "Intel" in processor() else {"LD_PRELOAD": str(mkl_told())}
+    told = fast_mkl()
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "points.jsonl", "w+") as out:
         subprocess.run([str(part) for part in command], check=True, stdout=out, env={**os.environ, **ONE_THREAD, **told})

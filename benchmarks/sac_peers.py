@@ -79,6 +79,11 @@ def mkl_told():
     return library
 
 
+def fast_mkl():
+    """What a process's environment needs for MKL's fast kernels: nothing on Intel's own processors."""
+    return {} if "Intel" in processor() else {"LD_PRELOAD": str(mkl_told())}
+
+
 def openblas_core():
     """OpenBLAS's kernels for this processor: those for AVX-512 where it has it, which it does not always find itself."""
     flags = pathlib.Path("/proc/cpuinfo").read_text()
@@ -129,8 +134,8 @@ def learners(part, task):
         yield "oted", [OURS, "training", task, tempfile.mkdtemp()], {}
     yield "sbx", [PYTHON, worker, "sbx", part, task], {}
     yield "stable-baselines3", [PYTHON, worker, "stable-baselines3", part, task], {}
-    if "Intel" not in processor():
-        yield "stable-baselines3, MKL told", [PYTHON, worker, "stable-baselines3", part, task], {"LD_PRELOAD": str(mkl_told())}
+    if told := fast_mkl():
+        yield "stable-baselines3, MKL told", [PYTHON, worker, "stable-baselines3", part, task], told
 
 
 def simulator_rates(task):

@@ -107,7 +107,9 @@ class ReplayTraining : public Learner {
     while (n_steps_ < end) {
       Act(runner);
       if (StepsBeside()) {
-        auto step = std::async(n_threads_ > 1 ? std::launch::async : std::launch::deferred, step_lanes);
+        // A thread of its own only where there is something to do meanwhile.
+        const bool on_thread = n_threads_ > 1 && owed_updates_ >= 1;
+        auto step = std::async(on_thread ? std::launch::async : std::launch::deferred, step_lanes);
         Learn(tick);
         step.get();
         EndStep();

@@ -116,8 +116,8 @@ using EvaluationObserver = std::function<void(int64_t step, const Policy& policy
 /// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes, ends with
 /// an evaluation of the policy (episode k in `eval_parameters[k mod size]`) and a checkpoint in `folder`,
 /// so that a stopped run that goes on gives the same bytes as one that was not stopped. With more than one thread the
-/// next segment does not wait for the evaluation. The kept policy is that of the
-/// highest mean return (or the last); an evaluation in which every episode diverged is below any other.
+/// next segment does not wait for the evaluation. The kept policy is that of the highest mean return (or the last); an
+/// evaluation in which every episode diverged is below any other.
 /// @param folder  of this agent: checkpoint.npz while it trains. Its learning curve goes to the log under `run_name`.
 /// @throws Interrupted at a segment's end when a stop was requested; DataError for a checkpoint that does not fit.
 LearningCurve TrainInSegments(Learner& learner, const SimulatorFactory& factory,
