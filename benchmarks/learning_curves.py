@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Learning curves over control steps and seconds: CrossQ and SAC of this program, and Stable-Baselines3's SAC.
+"""Learning curves over control steps and seconds: CrossQ and SAC of this program, SAC with normalised observations, and
+Stable-Baselines3's SAC.
 
-  benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac stable-baselines3] [--seeds 1 2 3] [--jobs 2]
+  benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac ...] [--seeds 1 2 3] [--jobs 2]
   benchmarks/learning_curves.py --table          # and docs/learning.svg
 
 Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
@@ -32,6 +33,9 @@ from study_data import ROOT, TASKS, commit, write_record
 
 OUT = ROOT / "benchmarks/results/learning"
 PLOT = ROOT / "docs/learning.svg"
+# Learners of this program: the algorithm, and what is set besides.
+OURS = {"crossq": ("crossq", []), "sac": ("sac", []), "sac-normalized": ("sac", ["sac.normalize_observations=true"])}
+PEER = "stable-baselines3"
 EVERY = 10_000
 EPISODES = 5
 
@@ -41,11 +45,13 @@ def cpu_seconds(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def ours(oted, algorithm, task, seed, steps, folder):
+def ours(oted, learner, task, seed, steps, folder):
     """Runs `oted behavior`, noting when each checkpoint appears. Goes on from the last one that is in the folder."""
+    algorithm, besides = OURS[learner]
+    settings = [f"{algorithm}.n_steps={steps}", f"{algorithm}.eval_interval={EVERY}", f"{algorithm}.eval_episodes={EPISODES}",
+                *besides]
     command = [str(oted), "behavior", "--task", TASKS[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
-               "--quiet", "--out", str(folder), "--set", f"{algorithm}.n_steps={steps}", "--set",
-               f"{algorithm}.eval_interval={EVERY}", "--set", f"{algorithm}.eval_episodes={EPISODES}"]
+               "--quiet", "--out", str(folder), *(word for setting in settings for word in ("--set", setting))]
     noted = folder / "seconds.json"
     seconds = json.loads(noted.read_text()) if noted.exists() else []
     before = seconds[-1] if seconds else 0
@@ -79,7 +85,7 @@ def theirs(task, seed, steps, folder):
 
 def run(oted, learner, task, seed, steps):
     folder = ROOT / f"build/learning/{task}-{learner}-{seed}"
-    result = theirs(task, seed, steps, folder) if learner == "stable-baselines3" else ours(oted, learner, task, seed, steps, folder)
+    result = theirs(task, seed, steps, folder) if learner == PEER else ours(oted, learner, task, seed, steps, folder)
     command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
     record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit(),
               "processor": processor()}
@@ -125,7 +131,7 @@ def table():
     print("|" + "---|" * 13)
     for task in TASKS:
         mark = marks[task]
-        for learner in ("crossq", "sac", "stable-baselines3"):
+        for learner in (*OURS, PEER):
             of = found.get((task, learner), [])
             if not of:
                 continue
@@ -144,7 +150,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", type=pathlib.Path, default=ROOT / "build/release/oted")
     parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
-    parser.add_argument("--learners", nargs="+", choices=("crossq", "sac", "stable-baselines3"),
+    parser.add_argument("--learners", nargs="+", choices=(*OURS, PEER),
                         default=["crossq", "sac"])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--steps", type=int, default=300_000)
@@ -154,7 +160,7 @@ def main():
     if arguments.table:
         table()
         return
-    if "stable-baselines3" in arguments.learners:
+    if PEER in arguments.learners:
         install()
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         jobs = [pool.submit(run, arguments.oted, learner, task, seed, arguments.steps)
