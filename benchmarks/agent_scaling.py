@@ -36,8 +36,8 @@ def oted(program, verb, *words):
 def train(arguments, designed, folder, agents, threads):
     """(seconds, digest of the policies)"""
     shutil.copytree(designed, folder)
-    settings = {"agents.n_agents": agents, "crossq.n_steps": arguments.steps, "crossq.n_lanes": arguments.lanes,
-                "crossq.updates_per_step": arguments.updates_per_step}
+    settings = {"agents.n_agents": agents, "crossq.n_steps": arguments.steps, "crossq.learning_starts": 1000,
+                "crossq.n_lanes": arguments.lanes, "crossq.updates_per_step": arguments.updates_per_step}
     start = time.monotonic()
     oted(arguments.oted, "train", "--out", str(folder), "--threads", str(threads), "--quiet",
          *(word for name, value in settings.items() for word in ("--set", f"{name}={value}")))

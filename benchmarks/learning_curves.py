@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Learning curves over control steps and seconds: CrossQ and SAC of this program, SAC with normalised observations, and
+"""Learning curves over control steps and seconds: CrossQ and SAC of this program, either with one setting changed, and
 Stable-Baselines3's SAC.
 
   benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac ...] [--seeds 1 2 3] [--jobs 2]
@@ -34,7 +34,8 @@ from study_data import ROOT, TASKS, commit, write_record
 OUT = ROOT / "benchmarks/results/learning"
 PLOT = ROOT / "docs/learning.svg"
 # Learners of this program: the algorithm, and what is set besides.
-OURS = {"crossq": ("crossq", []), "sac": ("sac", []), "sac-normalized": ("sac", ["sac.normalize_observations=true"])}
+OURS = {"crossq": ("crossq", []), "crossq-starts-1000": ("crossq", ["crossq.learning_starts=1000"]), "sac": ("sac", []),
+        "sac-normalized": ("sac", ["sac.normalize_observations=true"])}
 PEER = "stable-baselines3"
 EVERY = 10_000
 EPISODES = 5

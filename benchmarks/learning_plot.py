@@ -4,7 +4,8 @@ import math
 
 from study_data import TASKS
 
-LEARNERS = {"crossq": ("CrossQ", "#1b6ca8"), "sac": ("SAC", "#c2571a"), "sac-normalized": ("SAC, observations normalised", "#3f8f4f"),
+LEARNERS = {"crossq": ("CrossQ", "#1b6ca8"), "crossq-starts-1000": ("CrossQ, 1,000 random steps first", "#8db9dc"),
+            "sac": ("SAC", "#c2571a"), "sac-normalized": ("SAC, observations normalised", "#3f8f4f"),
             "stable-baselines3": ("Stable-Baselines3's SAC", "#5b5b5b")}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 300, 190, 52, 14, 26, 38
 

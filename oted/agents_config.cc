@@ -51,7 +51,10 @@ void RunConfig::CheckAgentSettings(const SimulatorSpec& spec) const {
   const std::string algorithm = agents.AlgorithmFor(spec);
   const auto check = [&](auto given, auto defaults) {
     FieldList fields = given.Fields();
-    if (fields.section() == algorithm) return;
+    if (fields.section() == algorithm) {
+      if constexpr (requires { given.CheckLearns(algorithm); }) given.CheckLearns(algorithm);
+      return;
+    }
     const json ours = fields.ToJson(), unset = defaults.Fields().ToJson();
     for (const auto& [key, value] : ours.items()) {
       if (value == unset.at(key)) continue;

@@ -103,7 +103,7 @@ struct RunConfig {
   /// The true parameters, where a study knows them: read by evaluation and report only.
   std::map<std::string, double> truth;
 
-  /// @throws UsageError for settings of an algorithm that agents do not learn by: they would do nothing
+  /// @throws UsageError for settings of an algorithm that agents do not learn by: they would do nothing; as CheckLearns
   void CheckAgentSettings(const SimulatorSpec& spec) const;
 
   /// Reads TOML. Paths in it are relative to its folder. @throws UsageError with file and line, DataError when

@@ -391,6 +391,17 @@ TEST(RunConfig, SettingsOfAnAlgorithmThatAgentsDoNotLearnByAreRefused) {
               HasSubstr("crossq.policy_delay is set"));
 }
 
+TEST(RunConfig, AnAgentThatWouldNeverLearnIsRefused) {
+  SimulatorSpec continuous;
+  RunConfig config;
+  config.Set("crossq.n_steps=5000");
+  config.CheckAgentSettings(continuous);
+  config.Set("crossq.n_steps=4999");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }),
+              HasSubstr("crossq.n_steps is 4999, which is over before the first gradient step after "
+                        "crossq.learning_starts = 5000"));
+}
+
 TEST(RunConfig, PresetsAreANameOrAListOfNamesBesideParameters) {
   const RunConfig one = RunConfig::FromToml("[parameters]\npreset = \"arm\"\n", "t.toml");
   EXPECT_EQ(one.presets, std::vector<std::string>{"arm"});

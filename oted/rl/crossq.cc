@@ -37,7 +37,7 @@ ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
     if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
     return std::make_unique<CrossQUpdate>(std::move(update));
   };
-  return TrainByReplay(factory, source, eval_parameters, config, "CrossQ", make_update, key, folder, run_name, context,
+  return TrainByReplay(factory, source, eval_parameters, config, "crossq", make_update, key, folder, run_name, context,
                        observer);
 }
 

@@ -9,7 +9,7 @@
 
 namespace oted {
 
-/// Defaults are the paper's except where noted.
+/// Defaults are the paper's and its authors' program's except where noted.
 struct CrossQConfig : ReplayConfig {
   std::vector<int> critic_hidden = {256, 256};  ///< the paper: 2048, 2048
   double beta1 = 0.5;
@@ -17,7 +17,10 @@ struct CrossQConfig : ReplayConfig {
   double momentum = 0.01;
   int64_t renorm_warmup = 100'000;
 
-  CrossQConfig() { learning_rate = 1e-3; }
+  CrossQConfig() {
+    learning_rate = 1e-3;
+    learning_starts = 5'000;  // with 1,000 some agents learn to stand still at once, and stay (docs/deviations.md)
+  }
   FieldList Fields();
 };
 

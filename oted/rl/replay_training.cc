@@ -30,6 +30,14 @@ void ReplayConfig::AddFields(FieldList& fields) {
                    {"best", "last"});
 }
 
+void ReplayConfig::CheckLearns(std::string_view section) const {
+  if (learning_starts <= n_steps) return;
+  throw UsageError(
+      fmt::format("{0}.n_steps is {1}, which is over before the first gradient step after {0}.learning_starts = {2} "
+                  "control steps; raise the former or lower the latter",
+                  section, n_steps, learning_starts));
+}
+
 namespace {
 
 Normalizer IdentityNormalizer(int dim) {
@@ -234,6 +242,7 @@ ReplayAgent TrainByReplay(const SimulatorFactory& factory, EpisodeSource& source
     throw UsageError(
         fmt::format("task '{}' has discrete actions, {} takes continuous ones alone", factory.spec().task, algorithm));
   }
+  config.CheckLearns(algorithm);
   ReplayTraining training(factory, source, config, make_update, key, context.n_threads);
   ReplayAgent result;
   static_cast<LearningCurve&>(result) = TrainInSegments(

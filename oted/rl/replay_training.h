@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "oted/base/fields.h"
@@ -36,6 +37,9 @@ struct ReplayConfig {
   bool normalize_observations = false;
   /// Where gradient steps are made, "cpu" or "cuda" (oted/rl/autograd). Not a field: `[agents] device` names it.
   std::string device = "cpu";
+
+  /// @throws UsageError, naming `section`, where training would end before its first gradient step
+  void CheckLearns(std::string_view section) const;
 
  protected:
   /// All but `hidden`, which networks it is of depends on the algorithm.
@@ -71,8 +75,8 @@ struct ReplayAgent : LearningCurve {
 /// them. One lane and its learner take turns, as in SAC's paper. Several lanes make their next step while the learner
 /// makes the gradient steps that the last one owes, on a second thread where there is one: those gradient steps draw
 /// from all transitions but the newest `n_lanes`, and the policy that acts is no older for it.
-/// @param algorithm  its name, for errors
-/// @throws UsageError for a task with discrete actions; as TrainInSegments
+/// @param algorithm  its section of the configuration, for errors
+/// @throws UsageError for a task with discrete actions, and as CheckLearns; as TrainInSegments
 ReplayAgent TrainByReplay(const SimulatorFactory& factory, EpisodeSource& source,
                           const std::vector<std::vector<double>>& eval_parameters, const ReplayConfig& config,
                           const std::string& algorithm, const MakeReplayUpdate& make_update, RngKey key,

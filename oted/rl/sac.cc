@@ -31,7 +31,7 @@ ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
     if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
     return std::make_unique<SacUpdate>(std::move(update));
   };
-  return TrainByReplay(factory, source, eval_parameters, config, "SAC", make_update, key, folder, run_name, context,
+  return TrainByReplay(factory, source, eval_parameters, config, "sac", make_update, key, folder, run_name, context,
                        observer);
 }
 
