@@ -36,6 +36,7 @@ def oted(program, verb, *words):
 def train(arguments, designed, folder, agents, threads):
     """(seconds, digest of the policies)"""
     shutil.copytree(designed, folder)
+    # Short runs learn too: the default waits longer for its first gradient step than some of them last.
     settings = {"agents.n_agents": agents, "crossq.n_steps": arguments.steps, "crossq.learning_starts": 1000,
                 "crossq.n_lanes": arguments.lanes, "crossq.updates_per_step": arguments.updates_per_step}
     start = time.monotonic()
