@@ -3,7 +3,8 @@
 Stable-Baselines3's SAC.
 
   benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac ...] [--seeds 1 2 3] [--jobs 2]
-  benchmarks/learning_curves.py --table          # and docs/learning.svg
+  benchmarks/learning_curves.py --table         # docs/speed.md's
+  benchmarks/learning_curves.py --plot          # docs/learning.svg
 
 Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
 again, and one of ours that was stopped goes on where it was (build/learning). All train with a batch of 256, networks of
@@ -12,9 +13,8 @@ process's CPU time until then (machines are shared), without evaluations for Sta
 processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and
 the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes as well.
 
-The table's mark of a task is the median return of our SAC's best checkpoint, 20 fresh episodes each; then for each learner
-how many seeds reach it, and after how many steps and CPU seconds (of ours the first checkpoint that does so on 20 fresh
-episodes, of Stable-Baselines3 on its five).
+The mark of a task is the median return of our SAC's best checkpoints, 20 fresh episodes each. An agent is at the mark, or at a
+score of 100, with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
 """
 
 import argparse
@@ -23,11 +23,11 @@ import json
 import os
 import pathlib
 import shutil
-import statistics
 import subprocess
 import time
 
 from learning_plot import plot
+from learning_table import mark_of, tables
 from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
 from study_data import ROOT, TASKS, commit, write_record
 
@@ -104,47 +104,9 @@ def records():
     return found
 
 
-def reached(record, mark):
-    """(steps, CPU seconds) of the first checkpoint at the mark, or none."""
-    judged = record.get("judged", record["returns"])
-    for i, value in enumerate(judged):
-        if value >= mark:
-            return record["steps"][i], record["cpu_seconds"][i]
-    return None
-
-
-def middle(values, text):
-    return text.format(statistics.median(values)) if values else "-"
-
-
-def mark_of(task, found):
-    """The median of our SAC's best checkpoints, 20 fresh episodes each."""
-    sac = found.get((task, "sac"), [])
-    return statistics.median(r["best"]["mean_return"] for r in sac) if sac else None
-
-
-def table():
+def drawing():
     found = records()
-    marks = {task: mark_of(task, found) for task in TASKS}
-    PLOT.write_text(plot(found, {task: mark for task, mark in marks.items() if mark is not None}))
-    print("| task | mark | learner | processor | seeds | return at 100k | at 200k | at 300k | best, 20 episodes | reach the mark | after steps "
-          "| after CPU s | CPU s per 100k steps |")
-    print("|" + "---|" * 13)
-    for task in TASKS:
-        mark = marks[task]
-        for learner in (*OURS, PEER):
-            of = found.get((task, learner), [])
-            if not of:
-                continue
-            at = [[r["returns"][r["steps"].index(n)] for r in of if n in r["steps"]] for n in (100_000, 200_000, 300_000)]
-            best = [r["best"]["mean_return"] for r in of if "best" in r]
-            when = [w for w in (reached(r, mark) for r in of) if w] if mark else []
-            rate = [100_000 * r["cpu_seconds"][-1] / r["steps"][-1] for r in of]
-            print(f"| {task} | {'-' if mark is None else f'{mark:.0f}'} | {learner} | "
-                  f"{', '.join(sorted({r.get('processor', 'not recorded') for r in of}))} | {len(of)} | "
-                  + " | ".join(middle(values, "{:.0f}") for values in at)
-                  + f" | {middle(best, '{:.0f}')} | {len(when)} | {middle([w[0] for w in when], '{:.0f}')} | "
-                  f"{middle([w[1] for w in when], '{:.0f}')} | {middle(rate, '{:.0f}')} |")
+    return plot(found, {task: mark_of(task, found) for task in TASKS})
 
 
 def main():
@@ -157,9 +119,13 @@ def main():
     parser.add_argument("--steps", type=int, default=300_000)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--plot", action="store_true")
     arguments = parser.parse_args()
     if arguments.table:
-        table()
+        print(tables(records()), end="")
+        return
+    if arguments.plot:
+        PLOT.write_text(drawing())
         return
     if PEER in arguments.learners:
         install()

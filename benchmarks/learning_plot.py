@@ -37,7 +37,7 @@ def panel(task, records, x_of, x_name, marks):
     for x in ticks(x_high):
         parts.append(f'<text x="{to_x(x):.1f}" y="{HEIGHT - BOTTOM + 15}" text-anchor="middle">{short(x)}</text>')
     parts.append(f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 6}" text-anchor="middle">{x_name}</text>')
-    if task in marks:
+    if marks[task] is not None:
         parts.append(f'<path d="M{LEFT} {to_y(marks[task]):.1f}H{WIDTH - RIGHT}" stroke="#333" stroke-dasharray="4 3"/>')
     for r in records:
         line = "L".join(f"{to_x(x):.1f} {to_y(y):.1f}" for x, y in zip(x_of(r), r["returns"]))
@@ -46,7 +46,7 @@ def panel(task, records, x_of, x_name, marks):
 
 
 def plot(found, marks):
-    """found: (task, learner) -> records; marks: task -> return, a dashed line. @return the SVG's text"""
+    """found: (task, learner) -> records; marks: task -> return, a dashed line, or none. @return the SVG's text"""
     tasks = [task for task in TASKS if any(task == t for t, _ in found)]
     shown = [learner for learner in LEARNERS if any(learner == of for _, of in found)]
     width, height = WIDTH * len(tasks), 2 * HEIGHT + 26

@@ -1,5 +1,5 @@
 """What the documentation names exists: every test in docs/faq.md, every file that a relative link leads to, every figure of
-docs/speed.md.
+docs/speed.md, every curve of docs/learning.svg.
 
     docs_test.py
 """
@@ -52,13 +52,20 @@ class TestDocs(unittest.TestCase):
                 self.assertTrue((page.parent / target).exists(), f"{page.relative_to(ROOT)}: {target}")
 
     def test_the_speed_pages_tables_are_those_of_the_committed_results(self):
-        tables = subprocess.run([sys.executable, ROOT / "benchmarks/sac_peers.py", "--table"], check=True,
-                                capture_output=True, text=True).stdout
-        rows = [line for line in tables.splitlines() if line.startswith("| ")]
-        self.assertGreater(len(rows), 15)
         page = (ROOT / "docs/speed.md").read_text()
-        for row in rows:
-            self.assertIn(row, page)
+        for script in ("sac_peers.py", "learning_curves.py"):
+            tables = subprocess.run([sys.executable, ROOT / "benchmarks" / script, "--table"], check=True,
+                                    capture_output=True, text=True).stdout
+            rows = [line for line in tables.splitlines() if line.startswith("| ")]
+            self.assertGreater(len(rows), 15)
+            for row in rows:
+                self.assertIn(row, page)
+
+    def test_the_learning_curves_are_those_of_the_committed_results(self):
+        drawn = subprocess.run([sys.executable, "-c", "import learning_curves; print(learning_curves.drawing(), end='')"],
+                               check=True, capture_output=True, text=True, cwd=ROOT / "benchmarks").stdout
+        self.assertGreater(drawn.count("<path"), 30)
+        self.assertEqual(drawn, (ROOT / "docs/learning.svg").read_text())
 
 
 if __name__ == "__main__":

@@ -1,0 +1,54 @@
+"""The runs of learning_curves.py as tables, one for each task, and what they are measured by: the mark and a score of 100."""
+
+import statistics
+
+from learning_plot import LEARNERS
+from study_data import TASKS
+
+SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3}  # D4RL's, as oted/sim/mujoco/task.cc has them
+COLUMNS = ("seed", "return at 50k steps", "at 100k", "at 150k", "at 300k", "mean until 150k",
+           "best checkpoint, 20 fresh episodes", "at the mark", "at score 100", "CPU s per 100k steps")
+
+
+def mark_of(task, found):
+    """The median of our SAC's best checkpoints, 20 fresh episodes each; none where there is no such run."""
+    sac = found.get((task, "sac"), [])
+    return statistics.median(r["best"]["mean_return"] for r in sac) if sac else None
+
+
+def reached(record, goal):
+    """(steps, CPU seconds) of the first checkpoint at the goal, or none: on 20 fresh episodes, of a peer on its five."""
+    judged = record.get("judged", record["returns"])
+    return next(((record["steps"][i], record["cpu_seconds"][i]) for i, value in enumerate(judged) if value >= goal), None)
+
+
+def when(record, goal):
+    if goal is None:
+        return "-"
+    at = reached(record, goal)
+    return f"after {at[0]:,} steps, {at[1]:.0f} s" if at else f"not within {record['steps'][-1]:,}"
+
+
+def row(record, mark):
+    at = dict(zip(record["steps"], record["returns"]))
+    returns = [f"{at[n]:.0f}" if n in at else "-" for n in (50_000, 100_000, 150_000, 300_000)]
+    until = [value for step, value in at.items() if step <= 150_000]
+    best = record["best"]
+    return (str(record["seed"]), *returns, f"{statistics.mean(until):.0f}" if 150_000 in at else "-",
+            f"{best['mean_return']:.0f}, after {best['step']:,}" if best else "-", when(record, mark),
+            when(record, SCORE_100[record["task"]]), f"{100_000 * record['cpu_seconds'][-1] / record['steps'][-1]:.0f}")
+
+
+def tables(found):
+    """found: (task, learner) -> records. @return Markdown"""
+    lines = []
+    for task in TASKS:
+        mark = mark_of(task, found)
+        records = [r for learner in LEARNERS for r in found.get((task, learner), [])]
+        if not records:
+            continue
+        title = TASKS[task].removesuffix("-v5") + ("" if mark is None else f", mark {mark:,.0f}")
+        lines += [f"| {' | '.join((title, *COLUMNS))} |", "|" + "---|" * (1 + len(COLUMNS))]
+        lines += [f"| {LEARNERS[r['learner']][0]} | {' | '.join(row({'best': None, **r}, mark))} |" for r in records]
+        lines.append("")
+    return "\n".join(lines)
