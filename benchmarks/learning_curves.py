@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Learning curves over control steps and seconds: CrossQ and SAC of this program, either with one setting changed, and
+"""Learning curves over control steps and seconds: CrossQ and SAC of this program, either with settings changed, and
 Stable-Baselines3's SAC.
 
   benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac ...] [--seeds 1 2 3] [--jobs 2]
@@ -8,7 +8,7 @@ Stable-Baselines3's SAC.
 
 Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
 again, and one of ours that was stopped goes on where it was (build/learning). All train with a batch of 256, networks of
-2x256 and one update per step, and are looked at every 10,000 steps: five episodes of the mean action. Seconds are the
+2x256 (the small ones 64 and 2x64) and one update per step, and are looked at every 10,000 steps: five episodes of the mean action. Seconds are the
 process's CPU time until then (machines are shared), without evaluations for Stable-Baselines3 and with them for ours. On a
 processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and
 the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes as well.
@@ -35,8 +35,10 @@ OUT = ROOT / "benchmarks/results/learning"
 PLOT = ROOT / "docs/learning.svg"
 # Learners of this program: the algorithm, and what is set besides.
 OURS = {"crossq": ("crossq", []), "crossq-starts-1000": ("crossq", ["crossq.learning_starts=1000"]), "sac": ("sac", []),
-        "sac-normalized": ("sac", ["sac.normalize_observations=true"])}
-PEER = "stable-baselines3"
+        "sac-normalized": ("sac", ["sac.normalize_observations=true"]),
+        "sac-small": ("sac", ["sac.hidden=64,64", "sac.batch_size=64"])}
+# Stable-Baselines3's SAC: width of its two hidden layers, batch.
+PEERS = {"stable-baselines3": (256, 256), "stable-baselines3-small": (64, 64)}
 EVERY = 10_000
 EPISODES = 5
 
@@ -70,10 +72,10 @@ def ours(oted, learner, task, seed, steps, folder):
             "best": record["expert"], "cpu_seconds": seconds, "settings": record[algorithm]}
 
 
-def theirs(task, seed, steps, folder):
+def theirs(learner, task, seed, steps, folder):
     """Runs Stable-Baselines3's SAC; folder/points.jsonl tells meanwhile how far it is."""
     worker = ROOT / "benchmarks/peers/learning_worker.py"
-    command = [PYTHON, worker, TASKS[task], seed, steps, EVERY, EPISODES]
+    command = [PYTHON, worker, TASKS[task], seed, steps, EVERY, EPISODES, *PEERS[learner]]
     told = fast_mkl()
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "points.jsonl", "w+") as out:
@@ -86,7 +88,8 @@ def theirs(task, seed, steps, folder):
 
 def run(oted, learner, task, seed, steps):
     folder = ROOT / f"build/learning/{task}-{learner}-{seed}"
-    result = theirs(task, seed, steps, folder) if learner == PEER else ours(oted, learner, task, seed, steps, folder)
+    result = (theirs(learner, task, seed, steps, folder) if learner in PEERS else
+              ours(oted, learner, task, seed, steps, folder))
     command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
     record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit(),
               "processor": processor()}
@@ -113,7 +116,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", type=pathlib.Path, default=ROOT / "build/release/oted")
     parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
-    parser.add_argument("--learners", nargs="+", choices=(*OURS, PEER),
+    parser.add_argument("--learners", nargs="+", choices=(*OURS, *PEERS),
                         default=["crossq", "sac"])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--steps", type=int, default=300_000)
@@ -127,7 +130,7 @@ def main():
     if arguments.plot:
         PLOT.write_text(drawing())
         return
-    if PEER in arguments.learners:
+    if not PEERS.keys().isdisjoint(arguments.learners):
         install()
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         jobs = [pool.submit(run, arguments.oted, learner, task, seed, arguments.steps)

@@ -4,9 +4,11 @@ import math
 
 from study_data import TASKS
 
+# Name and colour; without one it is in the tables alone.
 LEARNERS = {"crossq": ("CrossQ", "#1b6ca8"), "crossq-starts-1000": ("CrossQ, 1,000 random steps first", "#8db9dc"),
             "sac": ("SAC", "#c2571a"), "sac-normalized": ("SAC, observations normalised", "#3f8f4f"),
-            "stable-baselines3": ("Stable-Baselines3's SAC", "#5b5b5b")}
+            "stable-baselines3": ("Stable-Baselines3's SAC", "#5b5b5b"), "sac-small": ("SAC, small", None),
+            "stable-baselines3-small": ("Stable-Baselines3's SAC, small", None)}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 300, 190, 52, 14, 26, 38
 
 
@@ -48,7 +50,7 @@ def panel(task, records, x_of, x_name, marks):
 def plot(found, marks):
     """found: (task, learner) -> records; marks: task -> return, a dashed line, or none. @return the SVG's text"""
     tasks = [task for task in TASKS if any(task == t for t, _ in found)]
-    shown = [learner for learner in LEARNERS if any(learner == of for _, of in found)]
+    shown = [learner for learner, (_, colour) in LEARNERS.items() if colour and any(learner == of for _, of in found)]
     width, height = WIDTH * len(tasks), 2 * HEIGHT + 26
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
            'font-family="sans-serif" font-size="11">',

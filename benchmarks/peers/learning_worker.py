@@ -1,4 +1,4 @@
-"""Stable-Baselines3's SAC for learning_curves.py: learning_worker.py TASK SEED STEPS EVERY EPISODES
+"""Stable-Baselines3's SAC for learning_curves.py: learning_worker.py TASK SEED STEPS EVERY EPISODES WIDTH BATCH
 
 One JSON line per evaluation: step, mean return of EPISODES episodes of the mean action, CPU and wall seconds of learning.
 """
@@ -39,10 +39,10 @@ class Evaluations(BaseCallback):
 
 
 def main():
-    task, (seed, steps, every, episodes) = sys.argv[1], map(int, sys.argv[2:6])
+    task, (seed, steps, every, episodes, width, batch) = sys.argv[1], map(int, sys.argv[2:8])
     torch.set_num_threads(1)
-    model = SAC("MlpPolicy", task, learning_starts=1000, batch_size=256, seed=seed, device="cpu",
-                policy_kwargs={"net_arch": [256, 256]})
+    model = SAC("MlpPolicy", task, learning_starts=1000, batch_size=batch, seed=seed, device="cpu",
+                policy_kwargs={"net_arch": [width, width]})
     model.learn(total_timesteps=steps, callback=Evaluations(task, every, episodes, seed))
 
 
