@@ -27,7 +27,7 @@ import subprocess
 import time
 
 from learning_plot import plot
-from learning_table import mark_of, tables
+from learning_table import equal_steps, mark_of, tables
 from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
 from study_data import ROOT, TASKS, commit, write_record
 
@@ -125,7 +125,7 @@ def main():
     parser.add_argument("--plot", action="store_true")
     arguments = parser.parse_args()
     if arguments.table:
-        print(tables(records()), end="")
+        print(tables(records()), equal_steps(records()), sep="\n", end="")
         return
     if arguments.plot:
         PLOT.write_text(drawing())

@@ -1,5 +1,8 @@
-"""The runs of learning_curves.py as tables, one for each task, and what they are measured by: the mark and a score of 100."""
+"""The runs of learning_curves.py as tables, one for each task, and what they are measured by: the mark and a score of 100.
+Then whether our SAC learns as Stable-Baselines3's does at equal steps.
+"""
 
+import itertools
 import statistics
 
 from learning_plot import LEARNERS
@@ -8,6 +11,7 @@ from study_data import TASKS
 SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3}  # D4RL's, as oted/sim/mujoco/task.cc has them
 COLUMNS = ("seed", "return at 50k steps", "at 100k", "at 150k", "at 300k", "mean until 150k",
            "best checkpoint, 20 fresh episodes", "at the mark", "at score 100", "CPU s per 100k steps")
+PAIRS = (("sac", "stable-baselines3"), ("sac-small", "stable-baselines3-small"))
 
 
 def mark_of(task, found):
@@ -52,3 +56,27 @@ def tables(found):
         lines += [f"| {LEARNERS[r['learner']][0]} | {' | '.join(row({'best': None, **r}, mark))} |" for r in records]
         lines.append("")
     return "\n".join(lines)
+
+
+def permutation_test(ours, theirs):
+    """p of the difference of means under all ways of sharing the values out; exact, two-sided."""
+    values, total = ours + theirs, sum(ours + theirs)
+    difference = lambda part: abs(sum(part) / len(ours) - (total - sum(part)) / len(theirs))
+    splits = [difference(part) for part in itertools.combinations(values, len(ours))]
+    return sum(d >= difference(ours) * (1 - 1e-12) for d in splits) / len(splits)
+
+
+def equal_steps(found):
+    """found: (task, learner) -> records. @return Markdown: an agent's figure is the mean of its evaluations."""
+    lines = ["| mean of the evaluations | until step | ours, by seeds | mean | Stable-Baselines3's | mean | permutation test |",
+             "|" + "---|" * 7]
+    for task, (our, peer) in itertools.product(TASKS, PAIRS):
+        records = [found.get((task, learner), []) for learner in (our, peer)]
+        if not all(records):
+            continue
+        n = min(len(r["returns"]) for r in itertools.chain(*records))
+        ours, theirs = ([statistics.mean(r["returns"][:n]) for r in of] for of in records)
+        text = lambda values: f"{', '.join(f'{v:.0f}' for v in values)} | {statistics.mean(values):.0f}"
+        lines.append(f"| {TASKS[task].removesuffix('-v5')}, {LEARNERS[our][0]} | {records[1][0]['steps'][n - 1]:,} | {text(ours)} | "
+                     f"{text(theirs)} | p = {permutation_test(ours, theirs):.2f} |")
+    return "\n".join(lines) + "\n"
