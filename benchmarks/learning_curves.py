@@ -34,9 +34,9 @@ from study_data import ROOT, TASKS, commit, write_record
 OUT = ROOT / "benchmarks/results/learning"
 PLOT = ROOT / "docs/learning.svg"
 # Learners of this program: the algorithm, and what is set besides.
+SMALL = ["sac.hidden=64,64", "sac.batch_size=64"]
 OURS = {"crossq": ("crossq", []), "crossq-starts-1000": ("crossq", ["crossq.learning_starts=1000"]), "sac": ("sac", []),
-        "sac-normalized": ("sac", ["sac.normalize_observations=true"]),
-        "sac-small": ("sac", ["sac.hidden=64,64", "sac.batch_size=64"])}
+        "sac-small": ("sac", SMALL), "sac-small-normalized": ("sac", [*SMALL, "sac.normalize_observations=true"])}
 # Stable-Baselines3's SAC: width of its two hidden layers, batch.
 PEERS = {"stable-baselines3": (256, 256), "stable-baselines3-small": (64, 64)}
 EVERY = 10_000

@@ -6,8 +6,8 @@ from study_data import TASKS
 
 # Name and colour; without one it is in the tables alone.
 LEARNERS = {"crossq": ("CrossQ", "#1b6ca8"), "crossq-starts-1000": ("CrossQ, 1,000 random steps first", "#8db9dc"),
-            "sac": ("SAC", "#c2571a"), "sac-normalized": ("SAC, observations normalised", "#3f8f4f"),
-            "stable-baselines3": ("Stable-Baselines3's SAC", "#5b5b5b"), "sac-small": ("SAC, small", None),
+            "sac": ("SAC", "#c2571a"), "stable-baselines3": ("Stable-Baselines3's SAC", "#5b5b5b"), "sac-small": ("SAC, small", None),
+            "sac-small-normalized": ("SAC, small, observations normalised", None),
             "stable-baselines3-small": ("Stable-Baselines3's SAC, small", None)}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 300, 190, 52, 14, 26, 38
 

@@ -1,5 +1,5 @@
 """The runs of learning_curves.py as tables, one for each task, and what they are measured by: the mark and a score of 100.
-Then whether our SAC learns as Stable-Baselines3's does at equal steps.
+Then pairs of learners at equal steps: our SAC and Stable-Baselines3's, a setting and its default.
 """
 
 import itertools
@@ -11,7 +11,7 @@ from study_data import TASKS
 SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3}  # D4RL's, as oted/sim/mujoco/task.cc has them
 COLUMNS = ("seed", "return at 50k steps", "at 100k", "at 150k", "at 300k", "mean until 150k",
            "best checkpoint, 20 fresh episodes", "at the mark", "at score 100", "CPU s per 100k steps")
-PAIRS = (("sac", "stable-baselines3"), ("sac-small", "stable-baselines3-small"))
+PAIRS = (("sac", "stable-baselines3"), ("sac-small", "stable-baselines3-small"), ("sac-small-normalized", "sac-small"))
 
 
 def mark_of(task, found):
@@ -58,25 +58,26 @@ def tables(found):
     return "\n".join(lines)
 
 
-def permutation_test(ours, theirs):
+def permutation_test(one, other):
     """p of the difference of means under all ways of sharing the values out; exact, two-sided."""
-    values, total = ours + theirs, sum(ours + theirs)
-    difference = lambda part: abs(sum(part) / len(ours) - (total - sum(part)) / len(theirs))
-    splits = [difference(part) for part in itertools.combinations(values, len(ours))]
-    return sum(d >= difference(ours) * (1 - 1e-12) for d in splits) / len(splits)
+    values, total = one + other, sum(one + other)
+    difference = lambda part: abs(sum(part) / len(one) - (total - sum(part)) / len(other))
+    splits = [difference(part) for part in itertools.combinations(values, len(one))]
+    return sum(d >= difference(one) * (1 - 1e-12) for d in splits) / len(splits)
 
 
 def equal_steps(found):
     """found: (task, learner) -> records. @return Markdown: an agent's figure is the mean of its evaluations."""
-    lines = ["| mean of the evaluations | until step | ours, by seeds | mean | Stable-Baselines3's | mean | permutation test |",
-             "|" + "---|" * 7]
-    for task, (our, peer) in itertools.product(TASKS, PAIRS):
-        records = [found.get((task, learner), []) for learner in (our, peer)]
+    lines = ["| mean of the evaluations | until step | by seeds | mean | beside | by seeds | mean | permutation test |",
+             "|" + "---|" * 8]
+    for task, learners in itertools.product(TASKS, PAIRS):
+        records = [found.get((task, learner), []) for learner in learners]
         if not all(records):
             continue
         n = min(len(r["returns"]) for r in itertools.chain(*records))
-        ours, theirs = ([statistics.mean(r["returns"][:n]) for r in of] for of in records)
+        one, other = ([statistics.mean(r["returns"][:n]) for r in of] for of in records)
         text = lambda values: f"{', '.join(f'{v:.0f}' for v in values)} | {statistics.mean(values):.0f}"
-        lines.append(f"| {TASKS[task].removesuffix('-v5')}, {LEARNERS[our][0]} | {records[1][0]['steps'][n - 1]:,} | {text(ours)} | "
-                     f"{text(theirs)} | p = {permutation_test(ours, theirs):.2f} |")
+        name, beside = (LEARNERS[learner][0] for learner in learners)
+        lines.append(f"| {TASKS[task].removesuffix('-v5')}, {name} | {records[1][0]['steps'][n - 1]:,} | {text(one)} | {beside} | {text(other)} | "
+                     f"p = {permutation_test(one, other):.2g} |")
     return "\n".join(lines) + "\n"
