@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
-"""Learning curves over control steps and seconds: CrossQ and SAC of this program, either with settings changed, and
-Stable-Baselines3's SAC.
+"""Learning curves over control steps and seconds: the agents of learners.py.
 
   benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac ...] [--seeds 1 2 3] [--jobs 2]
   benchmarks/learning_curves.py --table         # docs/speed.md's
@@ -8,10 +7,10 @@ Stable-Baselines3's SAC.
 
 Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
 again, and one of ours that was stopped goes on where it was (build/learning). All train with a batch of 256, networks of
-2x256 (the small ones 64 and 2x64) and one update per step, and are looked at every 10,000 steps: five episodes of the mean action. Seconds are the
-process's CPU time until then (machines are shared), without evaluations for Stable-Baselines3 and with them for ours. On a
-processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and
-the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes as well.
+2x256 (the small ones 64 and 2x64) and one update per step, and are looked at every 10,000 steps: five episodes of the mean
+action. Seconds are the process's CPU time until then (machines are shared), without evaluations for Stable-Baselines3 and with
+them for ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the
+same algorithm, and the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes too.
 
 The mark of a task is the median return of our SAC's best checkpoints, 20 fresh episodes each. An agent is at the mark, or at a
 score of 100, with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
@@ -26,6 +25,7 @@ import shutil
 import subprocess
 import time
 
+from learners import LEARNERS
 from learning_plot import plot
 from learning_table import equal_steps, mark_of, tables
 from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
@@ -33,12 +33,6 @@ from study_data import ROOT, TASKS, commit, write_record
 
 OUT = ROOT / "benchmarks/results/learning"
 PLOT = ROOT / "docs/learning.svg"
-# Learners of this program: the algorithm, and what is set besides.
-SMALL = ["sac.hidden=64,64", "sac.batch_size=64"]
-OURS = {"crossq": ("crossq", []), "crossq-starts-1000": ("crossq", ["crossq.learning_starts=1000"]), "sac": ("sac", []),
-        "sac-small": ("sac", SMALL), "sac-small-normalized": ("sac", [*SMALL, "sac.normalize_observations=true"])}
-# Stable-Baselines3's SAC: width of its two hidden layers, batch.
-PEERS = {"stable-baselines3": (256, 256), "stable-baselines3-small": (64, 64)}
 EVERY = 10_000
 EPISODES = 5
 
@@ -50,9 +44,9 @@ def cpu_seconds(pid):
 
 def ours(oted, learner, task, seed, steps, folder):
     """Runs `oted behavior`, noting when each checkpoint appears. Goes on from the last one that is in the folder."""
-    algorithm, besides = OURS[learner]
+    algorithm = learner.algorithm
     settings = [f"{algorithm}.n_steps={steps}", f"{algorithm}.eval_interval={EVERY}", f"{algorithm}.eval_episodes={EPISODES}",
-                *besides]
+                *learner.settings]
     command = [str(oted), "behavior", "--task", TASKS[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
                "--quiet", "--out", str(folder), *(word for setting in settings for word in ("--set", setting))]
     noted = folder / "seconds.json"
@@ -75,7 +69,7 @@ def ours(oted, learner, task, seed, steps, folder):
 def theirs(learner, task, seed, steps, folder):
     """Runs Stable-Baselines3's SAC; folder/points.jsonl tells meanwhile how far it is."""
     worker = ROOT / "benchmarks/peers/learning_worker.py"
-    command = [PYTHON, worker, TASKS[task], seed, steps, EVERY, EPISODES, *PEERS[learner]]
+    command = [PYTHON, worker, TASKS[task], seed, steps, EVERY, EPISODES, learner.width, learner.batch]
     told = fast_mkl()
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "points.jsonl", "w+") as out:
@@ -88,8 +82,8 @@ def theirs(learner, task, seed, steps, folder):
 
 def run(oted, learner, task, seed, steps):
     folder = ROOT / f"build/learning/{task}-{learner}-{seed}"
-    result = (theirs(learner, task, seed, steps, folder) if learner in PEERS else
-              ours(oted, learner, task, seed, steps, folder))
+    how = LEARNERS[learner]
+    result = ours(oted, how, task, seed, steps, folder) if how.algorithm else theirs(how, task, seed, steps, folder)
     command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
     record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit(),
               "processor": processor()}
@@ -107,8 +101,7 @@ def records():
     return found
 
 
-def drawing():
-    found = records()
+def drawing(found):
     return plot(found, {task: mark_of(task, found) for task in TASKS})
 
 
@@ -116,21 +109,21 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", type=pathlib.Path, default=ROOT / "build/release/oted")
     parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
-    parser.add_argument("--learners", nargs="+", choices=(*OURS, *PEERS),
-                        default=["crossq", "sac"])
+    parser.add_argument("--learners", nargs="+", choices=LEARNERS, default=["crossq", "sac"])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--steps", type=int, default=300_000)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--plot", action="store_true")
     arguments = parser.parse_args()
-    if arguments.table:
-        print(tables(records()), equal_steps(records()), sep="\n", end="")
+    if arguments.table or arguments.plot:
+        found = records()
+        if arguments.table:
+            print(tables(found), equal_steps(found), sep="\n", end="")
+        if arguments.plot:
+            PLOT.write_text(drawing(found))
         return
-    if arguments.plot:
-        PLOT.write_text(drawing())
-        return
-    if not PEERS.keys().isdisjoint(arguments.learners):
+    if any(LEARNERS[learner].algorithm is None for learner in arguments.learners):
         install()
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         jobs = [pool.submit(run, arguments.oted, learner, task, seed, arguments.steps)

@@ -2,13 +2,9 @@
 
 import math
 
+from learners import LEARNERS
 from study_data import TASKS
 
-# Name and colour; without one it is in the tables alone.
-LEARNERS = {"crossq": ("CrossQ", "#1b6ca8"), "crossq-starts-1000": ("CrossQ, 1,000 random steps first", "#8db9dc"),
-            "sac": ("SAC", "#c2571a"), "stable-baselines3": ("Stable-Baselines3's SAC", "#5b5b5b"), "sac-small": ("SAC, small", None),
-            "sac-small-normalized": ("SAC, small, observations normalised", None),
-            "stable-baselines3-small": ("Stable-Baselines3's SAC, small", None)}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 300, 190, 52, 14, 26, 38
 
 
@@ -43,14 +39,14 @@ def panel(task, records, x_of, x_name, marks):
         parts.append(f'<path d="M{LEFT} {to_y(marks[task]):.1f}H{WIDTH - RIGHT}" stroke="#333" stroke-dasharray="4 3"/>')
     for r in records:
         line = "L".join(f"{to_x(x):.1f} {to_y(y):.1f}" for x, y in zip(x_of(r), r["returns"]))
-        parts.append(f'<path d="M{line}" fill="none" stroke="{LEARNERS[r["learner"]][1]}" stroke-width="1.5"/>')
+        parts.append(f'<path d="M{line}" fill="none" stroke="{LEARNERS[r["learner"]].colour}" stroke-width="1.5"/>')
     return "".join(parts)
 
 
 def plot(found, marks):
     """found: (task, learner) -> records; marks: task -> return, a dashed line, or none. @return the SVG's text"""
     tasks = [task for task in TASKS if any(task == t for t, _ in found)]
-    shown = [learner for learner, (_, colour) in LEARNERS.items() if colour and any(learner == of for _, of in found)]
+    shown = [name for name, learner in LEARNERS.items() if learner.colour and any(name == of for _, of in found)]
     width, height = WIDTH * len(tasks), 2 * HEIGHT + 26
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
            'font-family="sans-serif" font-size="11">',
@@ -63,8 +59,8 @@ def plot(found, marks):
                        f"{panel(task, records, x_of, x_name, marks)}</g>")
     x = LEFT
     for learner in shown:
-        name, colour = LEARNERS[learner]
-        out.append(f'<path d="M{x} {height - 14}h18" stroke="{colour}" stroke-width="2"/>'
-                   f'<text x="{x + 24}" y="{height - 10}">{name}</text>')
-        x += 50 + 7 * len(name)
+        title = LEARNERS[learner].title
+        out.append(f'<path d="M{x} {height - 14}h18" stroke="{LEARNERS[learner].colour}" stroke-width="2"/>'
+                   f'<text x="{x + 24}" y="{height - 10}">{title}</text>')
+        x += 50 + 7 * len(title)
     return "\n".join([*out, "</svg>\n"])

@@ -1,17 +1,20 @@
 """The runs of learning_curves.py as tables, one for each task, and what they are measured by: the mark and a score of 100.
-Then pairs of learners at equal steps: our SAC and Stable-Baselines3's, a setting and its default.
+Then pairs of learners at equal steps.
 """
 
 import itertools
 import statistics
 
-from learning_plot import LEARNERS
+from learners import LEARNERS, PAIRS
 from study_data import TASKS
 
 SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3}  # D4RL's, as oted/sim/mujoco/task.cc has them
 COLUMNS = ("seed", "return at 50k steps", "at 100k", "at 150k", "at 300k", "mean until 150k",
            "best checkpoint, 20 fresh episodes", "at the mark", "at score 100", "CPU s per 100k steps")
-PAIRS = (("sac", "stable-baselines3"), ("sac-small", "stable-baselines3-small"), ("sac-small-normalized", "sac-small"))
+
+
+def title_of(task):
+    return TASKS[task].removesuffix("-v5")
 
 
 def mark_of(task, found):
@@ -37,7 +40,7 @@ def row(record, mark):
     at = dict(zip(record["steps"], record["returns"]))
     returns = [f"{at[n]:.0f}" if n in at else "-" for n in (50_000, 100_000, 150_000, 300_000)]
     until = [value for step, value in at.items() if step <= 150_000]
-    best = record["best"]
+    best = record.get("best")
     return (str(record["seed"]), *returns, f"{statistics.mean(until):.0f}" if 150_000 in at else "-",
             f"{best['mean_return']:.0f}, after {best['step']:,}" if best else "-", when(record, mark),
             when(record, SCORE_100[record["task"]]), f"{100_000 * record['cpu_seconds'][-1] / record['steps'][-1]:.0f}")
@@ -51,9 +54,9 @@ def tables(found):
         records = [r for learner in LEARNERS for r in found.get((task, learner), [])]
         if not records:
             continue
-        title = TASKS[task].removesuffix("-v5") + ("" if mark is None else f", mark {mark:,.0f}")
+        title = title_of(task) + ("" if mark is None else f", mark {mark:,.0f}")
         lines += [f"| {' | '.join((title, *COLUMNS))} |", "|" + "---|" * (1 + len(COLUMNS))]
-        lines += [f"| {LEARNERS[r['learner']][0]} | {' | '.join(row({'best': None, **r}, mark))} |" for r in records]
+        lines += [f"| {LEARNERS[r['learner']].title} | {' | '.join(row(r, mark))} |" for r in records]
         lines.append("")
     return "\n".join(lines)
 
@@ -63,7 +66,8 @@ def permutation_test(one, other):
     values, total = one + other, sum(one + other)
     difference = lambda part: abs(sum(part) / len(one) - (total - sum(part)) / len(other))
     splits = [difference(part) for part in itertools.combinations(values, len(one))]
-    return sum(d >= difference(one) * (1 - 1e-12) for d in splits) / len(splits)
+    seen = difference(one) * (1 - 1e-12)  # sums in another order differ in their last bits
+    return sum(d >= seen for d in splits) / len(splits)
 
 
 def equal_steps(found):
@@ -77,7 +81,7 @@ def equal_steps(found):
         n = min(len(r["returns"]) for r in itertools.chain(*records))
         one, other = ([statistics.mean(r["returns"][:n]) for r in of] for of in records)
         text = lambda values: f"{', '.join(f'{v:.0f}' for v in values)} | {statistics.mean(values):.0f}"
-        name, beside = (LEARNERS[learner][0] for learner in learners)
-        lines.append(f"| {TASKS[task].removesuffix('-v5')}, {name} | {records[1][0]['steps'][n - 1]:,} | {text(one)} | {beside} | {text(other)} | "
+        title, beside = (LEARNERS[learner].title for learner in learners)
+        lines.append(f"| {title_of(task)}, {title} | {records[1][0]['steps'][n - 1]:,} | {text(one)} | {beside} | {text(other)} | "
                      f"p = {permutation_test(one, other):.2g} |")
     return "\n".join(lines) + "\n"
