@@ -16,6 +16,7 @@
 #include "oted/base/parallel.h"
 #include "oted/base/rng.h"
 #include "oted/base/statistics.h"
+#include "oted/cell_record.h"
 #include "oted/run_config.h"
 #include "oted/sim/minigrid/density_likelihood.h"
 #include "oted/sim/minigrid/expert.h"
@@ -95,8 +96,7 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
   const Designer::Interval interval = result.q.CentralInterval(0.9)[0];
   json modes = json::array();
   for (const double mode : curve.modes) modes.push_back(Rounded(mode));
-  return {{"seed", seed},
-          {"mode", result.q.Mode()[0]},
+  return {{"mode", result.q.Mode()[0]},
           {"std", result.q.Std()[0]},
           {"interval90", {interval.low, interval.high}},
           {"yardstick", likelihood.Maximum(DensityStudy::kLow, DensityStudy::kHigh).density},
@@ -125,24 +125,7 @@ json IdentityOf(const RunConfig& config, const DensityStudy& study, const Densit
           {"policy", study.policy},
           {"realised", RealisedDensity(TaskOf(config), cell.target)},
           {"assignments", study.assignments},
-          {"discriminator_steps", design.discriminator_steps},
-          {"realised", RealisedDensity(TaskOf(config), cell.target)}};
-}
-
-json StartRecord(const json& identity, const fs::path& file, const std::string& command) {
-  if (!fs::exists(file)) {
-    json record = identity;
-    record.update({{"schema", kSchema}, {"version", OTED_VERSION}, {"command", command}, {"seeds", json::array()}});
-    return record;
-  }
-  json record = ReadJson(file);
-  for (const auto& [name, value] : identity.items()) {
-    if (record.value(name, json()) != value) {
-      throw UsageError(fmt::format("'{}' holds seeds with {} = {} and this study has {}; take another --out",
-                                   file.string(), name, record.value(name, json()).dump(), value.dump()));
-    }
-  }
-  return record;
+          {"discriminator_steps", design.discriminator_steps}};
 }
 
 double NearestOnGrid(double density) { return kGrid * std::round(density / kGrid); }
@@ -252,32 +235,25 @@ std::vector<DensityCell> DensityStudy::Cells() const {
 json RunDensityCell(const DensityStudy& study, const DensityCell& cell, const fs::path& file,
                     const std::string& command, const RunContext& context) {
   const RunConfig config = ConfigOf(study, cell);
-  json record = StartRecord(IdentityOf(config, study, cell), file, command);
-  std::map<int64_t, json> done;  // by seed, whatever the order in which they end
-  for (const json& seed : record.at("seeds")) done[seed.at("seed")] = seed;
+  CellRecord cell_record(IdentityOf(config, study, cell), kSchema, file, command);
   std::vector<int64_t> missing;
   for (int64_t seed = study.first_seed; seed < study.first_seed + study.n_seeds; ++seed) {
-    if (!done.contains(seed)) missing.push_back(seed);
+    if (!cell_record.Has(seed)) missing.push_back(seed);
   }
 
   std::mutex mutex;
-  const auto total = static_cast<int64_t>(done.size() + missing.size());
-  const auto keep = [&](int64_t seed, json result) {
-    const std::lock_guard lock(mutex);
-    done[seed] = std::move(result);
-    record["seeds"] = json::array();
-    for (const auto& [unused, entry] : done) record["seeds"].push_back(entry);
-    WriteJson(file, record);
-    const DensityErrors errors = ErrorsOf(record);
-    context.log->Progress("figure3", cell.Name(), static_cast<int64_t>(done.size()), total,
-                          fmt::format("error {:.3f}, yardstick {:.3f}", errors.rms, errors.yardstick_rms));
-  };
+  const int n_seeds = static_cast<int>(cell_record.record().at("seeds").size() + missing.size());
   ParallelFor(static_cast<int>(missing.size()), context.n_threads, [&](int i) {
     const int64_t seed = missing[static_cast<size_t>(i)];
     const fs::path scratch = file.parent_path() / "scratch" / fmt::format("{}-{}", cell.Name(), seed);
-    keep(seed, RunSeed(config, study, cell, seed, scratch, context));
+    json entry = RunSeed(config, study, cell, seed, scratch, context);
+    const std::lock_guard lock(mutex);
+    cell_record.Add(seed, std::move(entry));
+    const DensityErrors errors = ErrorsOf(cell_record.record());
+    context.log->Progress("figure3", cell.Name(), errors.n_seeds, n_seeds,
+                          fmt::format("error {:.3f}, yardstick {:.3f}", errors.rms, errors.yardstick_rms));
   });
-  return record;
+  return cell_record.record();
 }
 
 DensityErrors ErrorsOf(const json& record) {

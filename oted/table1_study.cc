@@ -16,6 +16,7 @@
 #include "oted/base/parallel.h"
 #include "oted/base/statistics.h"
 #include "oted/baselines/bc_dr.h"
+#include "oted/cell_record.h"
 #include "oted/design_study.h"
 #include "oted/pipeline.h"
 #include "oted/rl/batch_policy.h"
@@ -192,30 +193,6 @@ json IdentityOf(const Table1Study& study, const Table1Cell& cell) {
   return identity;
 }
 
-json StartRecord(const json& identity, const fs::path& file, const std::string& command) {
-  json record = identity;
-  record.update({{"schema", kSchema}, {"version", OTED_VERSION}, {"command", command}, {"seeds", json::array()}});
-  if (!fs::exists(file)) return record;
-  record = ReadJson(file);
-  for (const auto& [name, value] : identity.items()) {
-    if (record.value(name, json()) == value) continue;
-    throw UsageError(fmt::format("'{}' holds seeds with {} = {} and this study has {}; take another --out",
-                                 file.string(), name, record.value(name, json()).dump(), value.dump()));
-  }
-  return record;
-}
-
-bool Has(const json& record, int64_t seed) {
-  return std::ranges::any_of(record.at("seeds"), [&](const json& entry) { return entry.at("seed") == seed; });
-}
-
-/// In the order of the seeds, whatever the order in which they end.
-void Insert(json& record, json entry) {
-  json& seeds = record["seeds"];
-  seeds.push_back(std::move(entry));
-  std::sort(seeds.begin(), seeds.end(), [](const json& a, const json& b) { return a.at("seed") < b.at("seed"); });
-}
-
 }  // namespace
 
 std::string Table1Cell::Name() const {
@@ -285,7 +262,7 @@ RunConfig Table1Study::ConfigOf(const Table1Cell& cell, int64_t seed) const {
 std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const std::string& command,
                             const Table1Hooks& hooks, const RunContext& context) {
   const std::vector<Table1Cell> cells = study.Cells();
-  std::vector<json> records;
+  std::vector<CellRecord> records;
   struct Missing {
     size_t cell;
     int64_t seed;
@@ -293,12 +270,12 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
   };
   std::vector<Missing> first, second;  // bc_dr begins from what others leave
   for (const Table1Cell& cell : cells) {
-    records.push_back(StartRecord(IdentityOf(study, cell), out / (cell.Name() + ".json"), command));
+    records.emplace_back(IdentityOf(study, cell), kSchema, out / (cell.Name() + ".json"), command);
   }
   // The first seed of every cell comes before the second of any.
   for (int64_t seed = study.first_seed; seed < study.first_seed + study.n_seeds; ++seed) {
     for (size_t i = 0; i < cells.size(); ++i) {
-      if (Has(records[i], seed)) continue;
+      if (records[i].Has(seed)) continue;
       const RunConfig config = study.ConfigOf(cells[i], seed);
       config.baselines.Check();
       if (cells[i].method == "is") CheckIntervalSearch(config.baselines.is, SpecOf(config.task));
@@ -335,14 +312,14 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
       Job job(study, cells[i], seed, out / "runs", log ? *log : progress, n_threads, context);
       json entry = job.Run(hooks.run_complete);
       const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-      entry["seed"] = seed;
       entry["seconds"] = std::round(10 * seconds.count()) / 10;
       const std::lock_guard lock(mutex);
-      Insert(records[i], std::move(entry));
-      WriteJson(out / (name + ".json"), records[i]);
+      records[i].Add(seed, std::move(entry));
     });
   }
-  return records;
+  std::vector<json> result;
+  for (const CellRecord& record : records) result.push_back(record.record());
+  return result;
 }
 
 }  // namespace oted
