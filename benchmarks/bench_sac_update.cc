@@ -32,9 +32,8 @@ double Quantile(std::vector<double> values, double q) {
 
 void Update(benchmark::State& state, int obs_dim, int act_dim) {
   ReplayWorkload learner(ReplayWorkload::Algorithm::kSac, obs_dim, act_dim);
-  Products blas_actor(GemmKernel::kBlas, obs_dim, 2 * act_dim), blas_critic(GemmKernel::kBlas, obs_dim + act_dim, 1);
-  const GemmKernel ours = GemmKernels().front();
-  Products our_actor(ours, obs_dim, 2 * act_dim), our_critic(ours, obs_dim + act_dim, 1);
+  Products blas_actor(BlasGemm, obs_dim, 2 * act_dim), blas_critic(BlasGemm, obs_dim + act_dim, 1);
+  Products our_actor(OwnGemm, obs_dim, 2 * act_dim), our_critic(OwnGemm, obs_dim + act_dim, 1);
   std::vector<double> update, blas, own, over_blas, over_own;
   for (auto _ : state) {
     update.push_back(Seconds(CLOCK_THREAD_CPUTIME_ID, [&] { learner.Step(); }));

@@ -117,7 +117,7 @@ int Main(int argc, char** argv) {
     Serve([&] { learner.Step(); });
     return 0;
   }
-  Products actor(GemmKernel::kBlas, obs_dim, 2 * act_dim), critic(GemmKernel::kBlas, obs_dim + act_dim, 1);
+  Products actor(BlasGemm, obs_dim, 2 * act_dim), critic(BlasGemm, obs_dim + act_dim, 1);
   Serve([&] { MultiplyAll(actor, critic, act_dim); });
   return 0;
 }

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "benchmarks/blas.h"
 #include "oted/nn/gemm.h"
 #include "oted/nn/mlp.h"
 #include "oted/nn/tanh_gaussian.h"
@@ -95,7 +96,9 @@ class ReplayWorkload {
 // The products of one network on arrays of the sizes that the update has.
 class Products {
  public:
-  Products(GemmKernel kernel, int in, int out) : kernel_(kernel) {
+  using Multiply = decltype(&OwnGemm);
+
+  Products(Multiply multiply, int in, int out) : multiply_(multiply) {
     for (const int width : {kHidden[0], kHidden[1], out}) {
       layers_.push_back({in, width});
       in = width;
@@ -109,7 +112,7 @@ class Products {
 
   void Forward(int batch) {
     for (const auto& [in, out] : layers_) {
-      GemmWith(kernel_, Op::kNone, Op::kNone, batch, out, in, x_.data(), in, weight_.data(), out, 0.0f, y_.data(), out);
+      multiply_(Op::kNone, Op::kNone, batch, out, in, x_.data(), in, weight_.data(), out, 0.0f, y_.data(), out);
     }
   }
 
@@ -118,13 +121,12 @@ class Products {
     for (size_t l = layers_.size(); l-- > 0;) {
       const auto& [in, out] = layers_[l];
       if (parameter_gradient) {
-        GemmWith(kernel_, Op::kTranspose, Op::kNone, in, out, batch, x_.data(), in, weight_.data(), out, 0.0f,
-                 y_.data(), out);
+        multiply_(Op::kTranspose, Op::kNone, in, out, batch, x_.data(), in, weight_.data(), out, 0.0f, y_.data(), out);
       }
       const int columns = l == 0 ? dx : in;
       if (columns == 0) continue;
-      GemmWith(kernel_, Op::kNone, Op::kTranspose, batch, columns, out, x_.data(), out, weight_.data(), out, 0.0f,
-               y_.data(), columns);
+      multiply_(Op::kNone, Op::kTranspose, batch, columns, out, x_.data(), out, weight_.data(), out, 0.0f, y_.data(),
+                columns);
     }
   }
 
@@ -132,7 +134,7 @@ class Products {
   struct Size {
     int in, out;
   };
-  GemmKernel kernel_;
+  Multiply multiply_;
   std::vector<Size> layers_;
   AlignedVector<float> x_, weight_, y_;
 };

@@ -1,7 +1,5 @@
 // oted collect: demonstrations of a policy in a target. oted behavior: the policies themselves.
 
-#include "oted/collect.h"
-
 #include <fmt/format.h>
 
 #include <memory>
@@ -11,8 +9,9 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/excitation.h"
-#include "oted/run_inputs.h"
+#include "oted/collect/demonstrations.h"
+#include "oted/collect/excitation.h"
+#include "oted/run/run_inputs.h"
 #include "oted/sim/minigrid/expert.h"
 
 namespace oted::cli {

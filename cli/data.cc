@@ -10,9 +10,9 @@
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
+#include "oted/checks/data_check.h"
 #include "oted/data/sensor_noise.h"
-#include "oted/data_check.h"
-#include "oted/run_inputs.h"
+#include "oted/run/run_inputs.h"
 
 namespace oted::cli {
 namespace {

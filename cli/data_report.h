@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "oted/checks/data_check.h"
 #include "oted/data/describe.h"
-#include "oted/data_check.h"
 
 namespace oted::cli {
 

@@ -14,7 +14,7 @@
 #include "oted/report/report.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/rl/policy_evaluation.h"
-#include "oted/run_inputs.h"
+#include "oted/run/run_inputs.h"
 
 namespace oted::cli {
 namespace {

@@ -1,6 +1,6 @@
 // oted export: the results of a design in other tools' formats.
 
-#include "oted/export.h"
+#include "oted/run/export.h"
 
 #include <fmt/format.h>
 

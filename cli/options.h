@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "cli/terminal.h"
-#include "oted/pipeline.h"
 #include "oted/report/file_sink.h"
+#include "oted/run/pipeline.h"
 
 namespace oted::cli {
 

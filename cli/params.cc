@@ -11,8 +11,8 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
-#include "oted/parameter_check.h"
-#include "oted/run_inputs.h"
+#include "oted/checks/parameter_check.h"
+#include "oted/run/run_inputs.h"
 #include "oted/sim/channel_path.h"
 #include "oted/sim/presets.h"
 

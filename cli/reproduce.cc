@@ -12,12 +12,12 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/density_study.h"
-#include "oted/design_study.h"
 #include "oted/report/file_sink.h"
 #include "oted/report/report.h"
 #include "oted/report/study_page.h"
-#include "oted/table1_study.h"
+#include "oted/studies/density_study.h"
+#include "oted/studies/design_study.h"
+#include "oted/studies/table1_study.h"
 
 namespace oted::cli {
 namespace {

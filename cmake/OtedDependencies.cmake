@@ -73,16 +73,5 @@ if(EXISTS "${torch_root}/lib/libtorch_cpu.so")
   target_link_libraries(oted_torch INTERFACE torch::torch torch::torch_cpu torch::c10)
 endif()
 
-# --- BLAS: one Fortran symbol, sgemm_. libtorch_cpu exports MKL's.
-add_library(oted_blas INTERFACE)
-if(OTED_BLAS STREQUAL "torch")
-  if(NOT TARGET oted_torch)
-    message(FATAL_ERROR "libtorch not found in '${torch_root}': run 'make setup', or set TORCH_DIR")
-  endif()
-  target_link_libraries(oted_blas INTERFACE torch::torch_cpu torch::c10)
-else()
-  target_link_libraries(oted_blas INTERFACE ${OTED_BLAS})
-endif()
-
 # --- Model files of the three tasks, read at run time from the gymnasium wheel and never copied; OTED_ASSETS overrides.
 set(OTED_ASSETS "${OTED_SITE_PACKAGES}/gymnasium/envs/mujoco/assets" CACHE PATH "Folder with hopper.xml, half_cheetah.xml, ...")

@@ -34,7 +34,7 @@ check() {
   fi
 }
 
-# run_tests NAME PRESET CTEST_ARGUMENTS...: adds ctest's own counts, from its JUnit record.
+# run_tests NAME FOLDER CTEST_ARGUMENTS...: adds ctest's own counts, from its JUnit record.
 run_tests() {
   local name=$1 folder=build/$2 record=$PWD/build/$2/junit.xml status=0 total bad
   shift 2
@@ -58,12 +58,12 @@ check 'set-up' scripts/setup.sh || close
 check 'build, warnings are errors' scripts/build.sh dev || close
 
 if [ "${1:-}" = long ]; then
-  run_tests 'long tests' dev -L long --timeout 3600
+  run_tests 'long tests' release -L long --timeout 3600
   close
 fi
 
 check 'formatting' scripts/check_format.sh
-run_tests 'tests' dev -LE long --timeout 900
+run_tests 'tests' release -LE long --timeout 900
 if check 'build with sanitizers' scripts/build.sh asan; then
   # libmujoco and the interpreter that some tests start are not instrumented: what they keep until exit is not ours.
   UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_leaks=1 \

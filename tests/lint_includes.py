@@ -2,19 +2,7 @@
 
     lint_includes.py [ROOT]     prints one line per violation, exits 1 when there is any
 
-The folder of a file decides what it may include:
-
-    base <- data <- sim <- sim/mujoco, sim/minigrid
-    base <- data <- nn <- rl, and sim <- rl
-    matching                    base, data, sim, nn: what the design and the selection stages share
-    stages/X, baselines         base, data, sim, nn, rl, matching; a stage never another stage, baselines also
-                                stages/behavior
-    report                      base, data, sim and the result headers of stages (result.h, *_result.h)
-    oted/*.h, oted/*.cc         the pipeline: everything in oted/ but report
-    cli, python, benchmarks, examples, tests      everything in oted/, and themselves
-
-An example may call the whole program (cli/main.h). A test beside its source (*_test.cc) follows its folder's rules, but may use the concrete simulators as well. Tests alone
-include testing.h, a folder's helpers for tests, and the conformance tests in tests/.
+Who may include whom is the table in docs/architecture.md: this lint reads it there, with the rules below it.
 """
 
 import pathlib
@@ -23,30 +11,27 @@ import sys
 
 FOLDERS = ("oted", "cli", "python", "tests", "benchmarks", "examples")
 SIMULATORS = {"sim/mujoco", "sim/minigrid"}
-FOUNDATIONS = {"base", "data", "sim", "nn", "rl", "matching"}
-STAGES = {"behavior", "design", "simulator_selection", "agent", "policy_selection"}
+TABLE = pathlib.Path(__file__).parent.parent / "docs/architecture.md"
+ROW = re.compile(r"^\| `oted/([\w/*]+)` \| [^|]+ \| ([^|]+) \|$", re.MULTILINE)
 
-MAY_INCLUDE = {
-    "base": set(),
-    "data": {"base"},
-    "sim": {"base", "data"},
-    "sim/mujoco": {"base", "data", "sim"},
-    "sim/minigrid": {"base", "data", "sim"},
-    "nn": {"base", "data"},
-    "rl": {"base", "data", "sim", "nn"},
-    "matching": {"base", "data", "sim", "nn"},
-    "baselines": FOUNDATIONS | {"stages/behavior"},
-    "report": {"base", "data", "sim"},
-    **{f"stages/{stage}": FOUNDATIONS for stage in STAGES},
-}
-PIPELINE_MAY_INCLUDE = FOUNDATIONS | SIMULATORS | {"baselines"} | {f"stages/{stage}" for stage in STAGES}
+
+def read_rules(page):
+    """The table's rows for oted/: {"sim/mujoco": {"base", "data", "sim"}, "stages/*": {...}, ...}."""
+    rules = {folder: set() if names == "-" else set(names.split(", ")) for folder, names in ROW.findall(page)}
+    unknown = {name for names in rules.values() for name in names
+               if name not in rules and not (name.startswith("stages/") and "stages/*" in rules)}
+    if unknown or len(rules) < 10:
+        sys.exit(f"lint_includes.py: {TABLE.name}: {len(rules)} rows, unknown folders {sorted(unknown)}")
+    return rules
+
+
+MAY_INCLUDE = read_rules(TABLE.read_text(encoding="utf-8"))
 
 # The one place that may end a process: a child of its own making, whose exit handlers are not its own.
 ENDS_CHILDREN = {"oted/data/child_process.cc"}
 
 TORCH = re.compile(r"(torch|ATen|c10|caffe2)/")
 MUJOCO = re.compile(r"(mujoco/|mujoco\.h$|mjbatch\.h$)")
-STAGE_RESULT = re.compile(r"oted/stages/\w+/(\w+_)?result\.h$")
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*([<"])([^>"]+)[>"]', re.MULTILINE)
 
 # Not preceded by something that makes it another name's part or a member: fs.exit(), my_abort(), Foo::puts().
@@ -72,7 +57,7 @@ def without_comments(text):
 
 
 def layer_of(path):
-    """The key of MAY_INCLUDE for a path such as oted/stages/design/designer.h, '' for the pipeline's own files."""
+    """The folder that has rules, for a path: "stages/design" for oted/stages/design/rivals/dropo.h."""
     folders = path.split("/")[1:-1]
     return "/".join(folders[:2]) if folders[:1] in (["stages"], ["sim"]) else "/".join(folders[:1])
 
@@ -108,21 +93,17 @@ def include_violation(path, quote, included):
         return None
 
     wanted = layer_of(included)
-    if layer == "":
-        if wanted not in PIPELINE_MAY_INCLUDE and wanted != "":
-            return f"the pipeline does not include {wanted or 'itself'}"
+    row = "stages/*" if layer.startswith("stages/") else layer
+    if row not in MAY_INCLUDE:
+        return f"the folder oted/{layer} has no rules yet: add a row to {TABLE.name}"
+    allowed = MAY_INCLUDE[row]
+    if wanted == layer or wanted in allowed or (wanted.startswith("stages/") and "stages/*" in allowed):
         return None
-    if layer not in MAY_INCLUDE:
-        return f"the folder oted/{layer} has no rules yet: add them to tests/lint_includes.py"
-    if wanted == layer or wanted in MAY_INCLUDE[layer]:
-        return None
-    if is_test and wanted in SIMULATORS and "sim" in MAY_INCLUDE[layer]:
-        return None
-    if layer == "report" and STAGE_RESULT.match(included):
+    if is_test and wanted in SIMULATORS and "sim" in allowed:
         return None
     if wanted.startswith("stages/") and layer.startswith("stages/"):
-        return "stages never include each other: hand a Result over in oted/pipeline"
-    return f"oted/{layer} may include {', '.join(sorted(MAY_INCLUDE[layer] | {layer}))}, not {wanted or 'the pipeline'}"
+        return "stages never include each other: hand a Result over in oted/run"
+    return f"oted/{layer} may include {', '.join(sorted(allowed | {layer}))}, not {wanted or 'loose files'}"
 
 
 def check_file(path, text):

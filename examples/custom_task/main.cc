@@ -3,7 +3,7 @@
 #include "cli/main.h"
 
 #include "examples/custom_task/thermostat.h"
-#include "oted/task_registry.h"
+#include "oted/config/task_registry.h"
 
 int main(int argc, char** argv) {
   oted::RegisterTask("Thermostat-v0", [](const std::vector<oted::ParameterSpec>& parameters) {

@@ -23,7 +23,7 @@ namespace {
 constexpr double kGap = 1.5;
 /// Share of the period that a row may be early or late before it is worth a remark.
 constexpr double kJitter = 0.2;
-constexpr size_t kShownColumns = 20;
+constexpr size_t kShownUnused = 20;
 
 std::string_view Trimmed(std::string_view text) {
   const size_t begin = text.find_first_not_of(" \t");
@@ -54,7 +54,7 @@ class CsvReader {
     recording_.observation_names = columns_.observation_names;
     recording_.action_names = columns_.action_names;
     if (!columns_.unused.empty()) {
-      const size_t n = std::min(columns_.unused.size(), kShownColumns);
+      const size_t n = std::min(columns_.unused.size(), kShownUnused);
       const std::span<const std::string> shown(columns_.unused.data(), n);
       recording_.remarks.push_back(
           fmt::format("columns not used: {}{}", fmt::join(shown, ", "),

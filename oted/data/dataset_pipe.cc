@@ -12,7 +12,7 @@
 namespace oted {
 namespace {
 
-constexpr uint64_t kMaxColumns = 1 << 20;
+constexpr uint64_t kMaxNumbers = 1 << 20;
 constexpr uint64_t kMaxTexts = 1 << 20;
 
 /// The parts of a dataset in the order in which they are sent: the same list for both ends.
@@ -64,7 +64,7 @@ class Receiver {
       : child_(child), file_(file), budget_(budget) {}
   void Matrix(Array2<double>& m) {
     const uint64_t rows = Number(std::numeric_limits<int>::max());
-    const uint64_t cols = Number(kMaxColumns);
+    const uint64_t cols = Number(kMaxNumbers);
     if (cols > 0) Take(rows, cols * sizeof(double));
     m = Array2<double>(static_cast<int>(rows), static_cast<int>(cols));
     child_.Read(m.data(), m.values().size_bytes());

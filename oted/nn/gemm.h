@@ -20,14 +20,14 @@ struct GemmEpilogue {
 /// C = op(A) op(B) + beta C, row-major, with C (m, n), op(A) (m, k), op(B) (k, n), and then the epilogue. `lda`, `ldb`,
 /// `ldc` are the row lengths of the arrays as stored. Always one thread: parallelism is across seeds and lanes.
 ///
-/// The product is this library's own for AVX-512 and for AVX2 with FMA, whichever the processor has, and sgemm_ of the
-/// linked BLAS elsewhere (docs/architecture.md says why). In the former two an element's bits depend on its row of
-/// op(A), its column of op(B) and the instruction set alone: not on m, n, alignment or the number of threads.
+/// The product is this library's own, compiled for AVX-512, for AVX2 with FMA, and for any processor
+/// (docs/architecture.md says why). An element's bits depend on its row of op(A), its column of op(B) and the
+/// instruction set alone: not on m, n, alignment or the number of threads.
 void Gemm(Op op_a, Op op_b, int m, int n, int k, const float* a, int lda, const float* b, int ldb, float beta, float* c,
           int ldc, const GemmEpilogue& epilogue = {});
 
 /// Which code multiplies.
-enum class GemmKernel { kAvx512, kAvx2, kBlas };
+enum class GemmKernel { kAvx512, kAvx2, kPortable };
 
 /// Those that this processor can run, fastest first; Gemm takes the first.
 const std::vector<GemmKernel>& GemmKernels();

@@ -1,7 +1,8 @@
 #pragma once
-/// The matrix product for one instruction set, after Goto and van de Geijn (2008). gemm_avx2.cc and gemm_avx512.cc
-/// alone define OTED_GEMM_WIDTH, and each is compiled for its instruction set: no inline function from elsewhere may be
-/// called here, or the linker could give this file's copy of it to a processor that cannot run it.
+/// The matrix product for one instruction set, after Goto and van de Geijn (2008). gemm_avx2.cc, gemm_avx512.cc
+/// and gemm_portable.cc alone define OTED_GEMM_WIDTH, and each is compiled for its instruction set: no inline function
+/// from elsewhere may be called here, or the linker could give this file's copy of it to a processor that cannot run
+/// it.
 
 #include <cstddef>
 #include <utility>
@@ -28,6 +29,7 @@ struct GemmArguments {
 // The most columns of a packed panel of B. With 256 rows that is 32 KB, which the first-level cache holds.
 inline constexpr int kGemmMaxPanel = 32;
 
+void GemmPortable(const GemmArguments& arguments);
 #if defined(__x86_64__)
 void GemmAvx2(const GemmArguments& arguments);
 void GemmAvx512(const GemmArguments& arguments);

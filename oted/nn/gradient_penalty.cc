@@ -12,7 +12,7 @@ namespace {
 
 constexpr float kSmallestSlope = 1e-12f;  // below it, it has no direction
 
-size_t Size(int rows, int cols) { return static_cast<size_t>(rows) * static_cast<size_t>(cols); }
+size_t Area(int rows, int cols) { return static_cast<size_t>(rows) * static_cast<size_t>(cols); }
 
 }  // namespace
 
@@ -29,7 +29,7 @@ double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double we
   const float* h = x;
   for (size_t l = 0; l + 1 < n; ++l) {
     const Mlp::Layer& layer = layers[l];
-    activations_[l].resize(Size(batch, layer.out));
+    activations_[l].resize(Area(batch, layer.out));
     Gemm(Op::kNone, Op::kNone, batch, layer.out, layer.in, h, layer.in, parameters + layer.weight, layer.out, 0.0f,
          activations_[l].data(), layer.out, {.bias = parameters + layer.bias, .rectify = true});
     h = activations_[l].data();
@@ -39,12 +39,12 @@ double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double we
   deltas_[n - 1].assign(static_cast<size_t>(batch), 1.0f);
   for (size_t l = n - 1; l > 0; --l) {
     const Mlp::Layer& layer = layers[l];
-    deltas_[l - 1].resize(Size(batch, layer.in));
+    deltas_[l - 1].resize(Area(batch, layer.in));
     Gemm(Op::kNone, Op::kTranspose, batch, layer.in, layer.out, deltas_[l].data(), layer.out, parameters + layer.weight,
          layer.out, 0.0f, deltas_[l - 1].data(), layer.in, {.mask = activations_[l - 1].data(), .ld_mask = layer.in});
   }
   const int in = mlp.in();
-  slope_.resize(Size(batch, in));
+  slope_.resize(Area(batch, in));
   Gemm(Op::kNone, Op::kTranspose, batch, in, layers[0].out, deltas_[0].data(), layers[0].out,
        parameters + layers[0].weight, layers[0].out, 0.0f, slope_.data(), in);
 
@@ -52,26 +52,26 @@ double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double we
   double penalty = 0;
   tangents_[0].resize(slope_.size());
   for (int i = 0; i < batch; ++i) {
-    const float* row = slope_.data() + Size(i, in);
+    const float* row = slope_.data() + Area(i, in);
     float square = 0;
     for (int j = 0; j < in; ++j) square += row[j] * row[j];
     const float norm = std::sqrt(square);
     penalty += (norm - 1.0) * (norm - 1.0) / batch;
     const float factor = static_cast<float>(2.0 * weight / batch) * (norm - 1.0f) / std::max(norm, kSmallestSlope);
-    for (int j = 0; j < in; ++j) tangents_[0][Size(i, in) + static_cast<size_t>(j)] = factor * row[j];
+    for (int j = 0; j < in; ++j) tangents_[0][Area(i, in) + static_cast<size_t>(j)] = factor * row[j];
   }
 
   // slope = delta_0 W_0^T and so on, linear in every W_l: its derivative joins what came down to the layer with what
   // came up.
   for (size_t l = 0; l < n; ++l) {
     const Mlp::Layer& layer = layers[l];
-    layer_gradient_.resize(Size(layer.in, layer.out));
+    layer_gradient_.resize(Area(layer.in, layer.out));
     Gemm(Op::kTranspose, Op::kNone, layer.in, layer.out, batch, tangents_[l].data(), layer.in, deltas_[l].data(),
          layer.out, 0.0f, layer_gradient_.data(), layer.out);
     float* of_layer = gradient + layer.weight;
-    for (size_t k = 0; k < Size(layer.in, layer.out); ++k) of_layer[k] += layer_gradient_[k];
+    for (size_t k = 0; k < Area(layer.in, layer.out); ++k) of_layer[k] += layer_gradient_[k];
     if (l + 1 == n) break;
-    tangents_[l + 1].resize(Size(batch, layer.out));
+    tangents_[l + 1].resize(Area(batch, layer.out));
     Gemm(Op::kNone, Op::kNone, batch, layer.out, layer.in, tangents_[l].data(), layer.in, parameters + layer.weight,
          layer.out, 0.0f, tangents_[l + 1].data(), layer.out, {.mask = activations_[l].data(), .ld_mask = layer.out});
   }

@@ -39,6 +39,8 @@ struct OnnxInterface {
   std::string name;
   int element_type = 0;       ///< TensorProto.DataType: 1 float32, 11 float64
   std::vector<int64_t> dims;  ///< -1: dynamic
+
+  bool is_real() const { return element_type == 1 || element_type == 11; }
 };
 
 struct OnnxFile {

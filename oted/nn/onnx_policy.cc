@@ -14,7 +14,6 @@ namespace {
 constexpr int64_t kOldestOpset = 11;            // ONNX 1.6, 2019: since then these operators have kept their form
 constexpr int64_t kMaxColumns = 1 << 20;        // of all values of a graph together; a policy has some 10^3
 constexpr size_t kMaxFolded = size_t{1} << 27;  // numbers of all constants that are computed from others
-constexpr int kFloat = 1, kDouble = 11;         // TensorProto.DataType
 
 std::string Title(const OnnxNode& node) {
   return node.name.empty() ? fmt::format("{} node", node.op) : fmt::format("node '{}' ({})", node.name, node.op);
@@ -35,7 +34,7 @@ OnnxPolicy OnnxPolicy::Load(const std::filesystem::path& path, const std::string
     fail(fmt::format("has {} inputs, wanted one, the observation; export the actor alone", file.inputs.size()));
   }
   const OnnxInterface& input = file.inputs[0];
-  if (input.element_type != kFloat && input.element_type != kDouble) {
+  if (!input.is_real()) {
     fail(fmt::format("takes input '{}' of element type {}, wanted float32; export it so", input.name,
                      input.element_type));
   }

@@ -10,6 +10,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/config/run_config.h"
 #include "oted/data/csv_dataset.h"
 #include "oted/data/d4rl_hdf5.h"
 #include "oted/data/dataset.h"
@@ -24,7 +25,6 @@
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
-#include "oted/run_config.h"
 
 namespace oted {
 namespace {

@@ -7,7 +7,8 @@ namespace oted {
 void CheckDevice(const std::string& device) {
   if (device == "cpu") return;
   throw UsageError("device " + device +
-                   ": this program was built without libtorch (TORCH_DIR); leave agents.device at cpu");
+                   ": this program was built without libtorch; build it with 'make build-cuda', or leave "
+                   "agents.device at cpu");
 }
 
 std::unique_ptr<ReplayUpdate> OnDevice(SacUpdate, const SacUpdateOptions&, const std::string& device) {

@@ -13,25 +13,25 @@ namespace oted {
 namespace {
 
 /// One capsule of a body.
-struct Part {
+struct Piece {
   MassAndInertia inertia;
   const double* pos;   // in the body's frame [m]
   const double* quat;  // of its axes in the body's frame
 };
 
 /// A body of one capsule has the capsule's own axes, as the compiler gives them.
-void SetFromOne(mjsBody& body, const Part& part) {
+void SetFromOne(mjsBody& body, const Piece& part) {
   mju_copy3(body.ipos, part.pos);
   mju_copy4(body.iquat, part.quat);
   mju_copy3(body.inertia, part.inertia.moments.data());
 }
 
 /// The parallel-axis theorem about the common centre of mass; the compiler finds the principal axes.
-void SetFromMany(mjsBody& body, const std::vector<Part>& parts) {
+void SetFromMany(mjsBody& body, const std::vector<Piece>& parts) {
   mju_zero3(body.ipos);
-  for (const Part& part : parts) mju_addToScl3(body.ipos, part.pos, part.inertia.mass / body.mass);
+  for (const Piece& part : parts) mju_addToScl3(body.ipos, part.pos, part.inertia.mass / body.mass);
   double sum[9] = {};
-  for (const Part& part : parts) {
+  for (const Piece& part : parts) {
     double r[9], d[3];
     mju_quat2Mat(r, part.quat);
     mju_sub3(d, part.pos, body.ipos);
@@ -63,8 +63,8 @@ MassAndInertia LegacyCapsule(double radius, double half_length, double density) 
 }
 
 void UseLegacyCapsules(mjSpec& spec, const mjModel& nominal, const std::string& name) {
-  std::map<int, std::vector<Part>> parts;  // by body
-  std::map<int, int> others;               // a geom that has mass and is no capsule, by body
+  std::map<int, std::vector<Piece>> parts;  // by body
+  std::map<int, int> others;                // a geom that has mass and is no capsule, by body
   for (mjsElement* e = mjs_firstElement(&spec, mjOBJ_GEOM); e != nullptr; e = mjs_nextElement(&spec, e)) {
     const mjsGeom& geom = *mjs_asGeom(e);
     const int id = mjs_getId(e), body = nominal.geom_bodyid[id];
@@ -93,7 +93,7 @@ void UseLegacyCapsules(mjSpec& spec, const mjModel& nominal, const std::string& 
     }
     body.explicitinertial = 1;
     body.mass = 0;
-    for (const Part& part : found->second) body.mass += part.inertia.mass;
+    for (const Piece& part : found->second) body.mass += part.inertia.mass;
     if (found->second.size() == 1) {
       SetFromOne(body, found->second.front());
     } else {

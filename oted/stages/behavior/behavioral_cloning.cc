@@ -57,9 +57,9 @@ double NegativeLogLikelihood(const float* out, const float* u, int n, int act_di
 }
 
 /// What is fitted: its parameters, and its loss on rows of the data.
-class Learner {
+class CloneLearner {
  public:
-  virtual ~Learner() = default;
+  virtual ~CloneLearner() = default;
   virtual AlignedVector<float>& parameters() = 0;
   virtual int n_train() const = 0;
   /// Mean loss of the training rows `picks` (positions among them), and its gradient.
@@ -68,7 +68,7 @@ class Learner {
   virtual std::unique_ptr<Policy> Copy() const = 0;
 };
 
-class TanhGaussianLearner : public Learner {
+class TanhGaussianLearner : public CloneLearner {
  public:
   TanhGaussianLearner(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, Rng& rng,
                       const std::vector<int>& train, const std::vector<int>& held_out)
@@ -109,7 +109,7 @@ class TanhGaussianLearner : public Learner {
   AlignedVector<float> x_, u_, dout_;
 };
 
-class CategoricalLearner : public Learner {
+class CategoricalLearner : public CloneLearner {
  public:
   CategoricalLearner(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, Rng& rng,
                      std::vector<int> train, std::vector<int> held_out)
@@ -193,7 +193,7 @@ CloneResult CloneByLikelihood(const Dataset& dataset, const SimulatorSpec& spec,
   Rng rng = key.MakeRng();
   const CloneRowSplit rows = SplitCloneRows(dataset, config.held_out, rng);
 
-  std::unique_ptr<Learner> learner;
+  std::unique_ptr<CloneLearner> learner;
   if (spec.n_discrete_actions > 0) {
     learner = std::make_unique<CategoricalLearner>(dataset, spec, config, rng, rows.train, rows.held_out);
   } else {

@@ -5,11 +5,11 @@
 #include <cmath>
 
 #include "oted/base/error.h"
-#include "oted/stages/design/adversarial.h"
-#include "oted/stages/design/dropo.h"
-#include "oted/stages/design/least_squares.h"
-#include "oted/stages/design/ratio_matching.h"
-#include "oted/stages/design/trajectory_matching.h"
+#include "oted/stages/design/adversarial/adversarial.h"
+#include "oted/stages/design/images/ratio_matching.h"
+#include "oted/stages/design/rivals/dropo.h"
+#include "oted/stages/design/rivals/least_squares.h"
+#include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted {
 namespace {

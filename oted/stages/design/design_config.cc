@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
-#include "oted/matching/prior_source.h"
+#include "oted/stages/design/prior_source.h"
 
 namespace oted {
 namespace {

@@ -8,10 +8,10 @@
 #include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
 #include "oted/matching/prior.h"
-#include "oted/stages/design/dropo.h"
-#include "oted/stages/design/least_squares.h"
-#include "oted/stages/design/ratio_matching.h"
-#include "oted/stages/design/trajectory_matching.h"
+#include "oted/stages/design/images/ratio_matching.h"
+#include "oted/stages/design/rivals/dropo.h"
+#include "oted/stages/design/rivals/least_squares.h"
+#include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted {
 
@@ -105,7 +105,7 @@ struct DesignConfig {
   LeastSquaresOptions LeastSquares() const;
   DropoOptions Dropo() const;
   DiscriminatorOptions Discriminator() const;
-  /// What `prior` stands for. @throws UsageError, DataError (oted/matching/prior_source.h)
+  /// What `prior` stands for. @throws UsageError, DataError (oted/stages/design/prior_source.h)
   Prior MakePrior(const ParameterSpace& space) const;
   /// q before the first iteration, at its prior. @throws UsageError where a categorical one has no two values of a
   /// parameter

@@ -8,7 +8,7 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/fit_evidence.h"
 #include "oted/stages/design/design_config.h"
-#include "oted/stages/design/held_out_replay.h"
+#include "oted/stages/design/replay/held_out_replay.h"
 
 namespace oted {
 

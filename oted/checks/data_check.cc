@@ -1,0 +1,241 @@
+#include "oted/checks/data_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "oted/base/error.h"
+#include "oted/checks/engine_check.h"
+#include "oted/stages/behavior/clone.h"
+#include "oted/stages/design/effects.h"
+
+namespace oted {
+namespace {
+
+constexpr int kOneStepRows = 2000;
+constexpr double kExact = 1e-3;     // median ratio below which the simulator is the logs' own
+constexpr double kUseless = 0.5;    // above which it predicts a step hardly better than "nothing changes"
+constexpr double kShiftGain = 0.8;  // another row's action must bring the ratio below this share to be a finding
+constexpr int kGapSteps = 3000;     // control steps of each half
+constexpr int kJudgeSteps = 400;    // as selection.judge_steps
+constexpr double kSmallAuc = 0.55, kClearAuc = 0.75;
+constexpr int kEffectEpisodes = 3;
+
+void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, std::vector<Finding>& findings) {
+  const TerminalAgreement agreement = CompareTerminals(factory, dataset, kOneStepRows);
+  const std::string& task = factory.spec().task;
+  if (agreement.n_unexplained > 0) {
+    findings.push_back(
+        {.check = "unexplained_terminals",
+         .severity = Severity::kWarning,
+         .what = fmt::format("{} terminals are none by the rule of {}: s' lies within its healthy range",
+                             agreement.n_unexplained, task),
+         .row = agreement.first_unexplained,
+         .count = agreement.n_unexplained,
+         .meaning = "a time limit or a stop by hand is marked as terminal (agents would learn that the state is worth "
+                    "nothing), or the observations have another frame or unit than the task's",
+         .remedy = "mark what the robot did not end itself as a timeout; compare the ranges in oted data info"});
+  }
+  if (agreement.n_missed > 0) {
+    findings.push_back({.check = "missed_terminals",
+                        .severity = Severity::kWarning,
+                        .what = fmt::format("{} rows lead out of the healthy range of {} and are not terminal",
+                                            agreement.n_missed, task),
+                        .row = agreement.first_missed,
+                        .count = agreement.n_missed,
+                        .meaning = "the task would have ended there: the log goes on beyond, or has another frame or "
+                                   "unit",
+                        .remedy = "set terminals to 1 there and end the episode, or use a task with the log's rule"});
+  }
+}
+
+void AddOneStep(const OneStepError& e, const SimulatorSpec& spec, std::vector<Finding>& findings) {
+  if (e.n_rows == 0) {
+    findings.push_back({.check = "one_step_error",
+                        .severity = Severity::kWarning,
+                        .what = fmt::format("no row could be repeated: {} states cannot be set, {} diverged",
+                                            e.n_unsettable, e.n_diverged),
+                        .count = e.n_unsettable + e.n_diverged,
+                        .meaning = "the states in the log are no states of this model",
+                        .remedy = "check units, frames and the order of the columns"});
+    return;
+  }
+  const bool exact = e.median_ratio<kExact, useless = e.median_ratio> kUseless;
+  findings.push_back(
+      {.check = "one_step_error",
+       .severity = useless ? Severity::kWarning : Severity::kNote,
+       .what = fmt::format("set to s and given a, the un-designed {} misses s' by {:.2g} of its change (median over "
+                           "channels, {} rows)",
+                           spec.task, e.median_ratio, e.n_rows),
+       .count = e.n_rows,
+       .meaning = exact ? "model, engine and control rate are the logs' own: there is nothing to design"
+                  : useless
+                      ? "predicting no change would hardly be worse: wrong parameters alone rarely do that; units, "
+                        "order of columns, control rate or delay do"
+                      : "model or parameters differ from the target: that is what a design is for",
+       .remedy = exact     ? "none needed"
+                 : useless ? "look at the channels one by one before you design"
+                           : "none needed; channels that miss much more than others point at what differs"});
+  if (e.n_diverged > 0) {
+    findings.push_back(
+        {.check = "diverged_steps",
+         .severity = Severity::kWarning,
+         .what = fmt::format("the physics broke down on {} of {} rows", e.n_diverged, e.n_rows + e.n_diverged),
+         .count = e.n_diverged,
+         .meaning = "these states or actions are impossible in the model",
+         .remedy = "check units and frames; a step size that is too large does it, too"});
+  }
+  if (e.ratio_by_shift.empty()) return;
+  const double own = e.ratio_by_shift.at(0);
+  const auto best = std::min_element(e.ratio_by_shift.begin(), e.ratio_by_shift.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (best->first == 0 || exact || best->second > kShiftGain * own) return;
+  findings.push_back(
+      {.check = "shifted_actions",
+       .severity = Severity::kWarning,
+       .what = fmt::format("the action {} row(s) {} explains a row better than its own: error {:.2g} instead of {:.2g}",
+                           std::abs(best->first), best->first < 0 ? "before" : "later", best->second, own),
+       .count = std::abs(best->first),
+       .meaning = best->first < 0 ? "the target acts with a delay, or actions were logged too early"
+                                  : "actions were logged too late: with the state that they led to",
+       .remedy = "shift the actions in the log by this number of rows, or describe the delay to the simulator"});
+}
+
+void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, std::vector<Finding>& findings) {
+  const GapVerdict verdict = VerdictOf(s);
+  const std::string meaning =
+      verdict == GapVerdict::kNone
+          ? "no gap was seen: agents can be trained in the un-designed simulator; a gap smaller than what so many "
+            "transitions show may remain"
+      : verdict == GapVerdict::kSmall ? "a small gap: a design may close it, and it may not change what agents learn"
+                                      : "a clear gap: a design is worth its time";
+  findings.push_back(
+      {.check = "gap",
+       .severity = Severity::kNote,
+       .what = fmt::format("a classifier tells logs from the un-designed {} with an area under the curve of {:.3f} "
+                           "(0.5: blind, 1: always), accuracy {:.2f}, common score {:.3f} (log 2 = {:.3f}: blind); "
+                           "held out, on {} logged transitions",
+                           spec.task, s.auc, s.accuracy, s.common, std::numbers::ln2, n_transitions),
+       .count = n_transitions,
+       .meaning = meaning,
+       .remedy =
+           verdict == GapVerdict::kNone ? "none needed; more episodes make the statement stronger" : "oted design"});
+}
+
+void CheckEffects(const SimulatorFactory& factory, const Dataset& dataset, RngKey key, int n_threads,
+                  std::vector<Finding>& findings) {
+  const auto effects = MeasureEffects(factory, dataset, kEffectEpisodes, key, n_threads);
+  for (size_t i = 0; i < effects.size(); ++i) {
+    const ParameterSpec& spec = factory.parameters()[static_cast<int>(i)];
+    const bool has_effect = effects[i].largest_change > 0;
+    findings.push_back(
+        {.check = "parameter_effect",
+         .severity = has_effect ? Severity::kNote : Severity::kWarning,
+         .what = fmt::format("parameter '{}' ({}) moves the replayed episodes by at most {:.2g} standard deviations "
+                             "between {} and {}",
+                             spec.name, spec.field, effects[i].largest_change, spec.low, spec.high),
+         .count = 1,
+         .meaning = has_effect ? "the logs can show it" : "the logs cannot show it: it will be not identified",
+         .remedy = has_effect ? "none needed" : "check the path, or leave the parameter out"});
+  }
+}
+
+}  // namespace
+
+std::string ToString(GapVerdict verdict) {
+  switch (verdict) {
+    case GapVerdict::kNone:
+      return "none";
+    case GapVerdict::kSmall:
+      return "small";
+    case GapVerdict::kClear:
+      return "clear";
+  }
+  return "";
+}
+
+GapVerdict VerdictOf(const JudgeScore& gap) {
+  return gap.auc < kSmallAuc ? GapVerdict::kNone : gap.auc < kClearAuc ? GapVerdict::kSmall : GapVerdict::kClear;
+}
+
+namespace {
+
+void AddEngine(const EngineMatch& better, const OneStepError& here, const SimulatorSpec& spec,
+               std::vector<Finding>& findings) {
+  findings.push_back(
+      {.check = "other_engine",
+       .severity = Severity::kWarning,
+       .what =
+           fmt::format("the logged steps repeat in {} with a median error of {:.2g} of the change, in {} with {:.2g}",
+                       better.task, better.ratio, spec.task, here.median_ratio),
+       .count = here.n_rows,
+       .meaning = "the logs were recorded with another version of the task; in this one that looks like a gap in the "
+                  "parameters",
+       .remedy = fmt::format("use --task {} (docs/legacy_engine.md)", better.task)});
+}
+
+}  // namespace
+
+TaskFacts FactsOf(const SimulatorSpec& spec) {
+  TaskFacts facts;
+  facts.observation_names = spec.observation_names;
+  facts.action_low = spec.action_low;
+  facts.action_high = spec.action_high;
+  facts.max_episode_steps = spec.max_episode_steps;
+  facts.flat_observations =
+      spec.observation_shape.size() == 1 && spec.image_shape.empty() && spec.observation_levels.empty();
+  facts.continuous_actions = spec.n_discrete_actions == 0;
+  return facts;
+}
+
+DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uint64_t seed, const RunContext& context) {
+  const TaskFacts facts = factory != nullptr ? FactsOf(factory->spec()) : TaskFacts{};
+  DataCheck check;
+  check.findings = CheckDataset(dataset, facts);
+  const auto is_unusable = [](const Finding& f) { return f.check == "not_finite" || f.check == "malformed"; };
+  if (std::any_of(check.findings.begin(), check.findings.end(), is_unusable)) return check;
+  if (facts.flat_observations && facts.continuous_actions) check.noise = EstimateNoise(dataset);
+  if (factory == nullptr) return check;
+
+  const SimulatorSpec& spec = factory->spec();
+  try {
+    dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
+  } catch (const DataError& e) {
+    check.findings.push_back({.check = "wrong_dimensions",
+                              .severity = Severity::kError,
+                              .what = e.what(),
+                              .count = 1,
+                              .meaning = "the data are not this task's; the checks with a simulator were not made",
+                              .remedy = "name the task that the data were logged from"});
+    return check;
+  }
+  const RngKey key = RngKey(seed).Stage("data check");
+  if (factory->parameters().size() > 0) {
+    CheckEffects(*factory, dataset, key.Stage("effects"), context.n_threads, check.findings);
+  }
+  const JudgeHalves halves = SplitForJudge(dataset);
+  if (spec.can_set_state) {
+    CheckTerminals(*factory, dataset, check.findings);
+    check.one_step = MeasureOneStep(*factory, dataset, kOneStepRows, context.n_threads);
+    AddOneStep(*check.one_step, spec, check.findings);
+    const auto better = FindBetterEngine(spec.task, *check.one_step, dataset, kOneStepRows, context.n_threads);
+    if (better) AddEngine(*better, *check.one_step, spec, check.findings);
+    if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states
+    try {
+      check.gap =
+          JudgeReplays(*factory, halves, {factory->parameters().Nominal()}, kGapSteps, kJudgeSteps, key.Stage("gap"));
+    } catch (const DataError&) {
+      return check;  // one half alone has no state that can be set: clipped_observations tells
+    }
+  } else {
+    const CloneResult clone = CloneBehavior(dataset, spec, {}, key.Stage("clone"), "check", context);
+    check.gap = JudgeSimulator(*factory, halves, clone.policy.get(), {factory->parameters().Nominal()},
+                               CommonEvidence(spec, kGapSteps), kJudgeSteps, key.Stage("gap"));
+  }
+  AddGap(*check.gap, spec, dataset.size(), check.findings);
+  return check;
+}
+
+}  // namespace oted

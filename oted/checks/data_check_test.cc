@@ -1,0 +1,137 @@
+#include "oted/checks/data_check.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/log.h"
+#include "oted/matching/testing.h"
+#include "oted/sim/testing.h"
+
+namespace oted {
+namespace {
+
+DataCheck Check(const Dataset& logs, const SimulatorFactory* factory, int n_threads = 1) {
+  NullSink log;
+  RunContext context;
+  context.log = &log;
+  context.n_threads = n_threads;
+  return CheckData(logs, factory, 1, context);
+}
+
+const Finding* Find(const DataCheck& check, const std::string& name, const std::string& in_what = "") {
+  for (const Finding& f : check.findings) {
+    if (f.check == name && f.what.find(in_what) != std::string::npos) return &f;
+  }
+  return nullptr;
+}
+
+TEST(CheckData, LogsOfTheNominalSimulatorShowNoGapAndNoDefect) {
+  const PointMassFactory factory;
+  const DataCheck check = Check(PointMassLogs({1, 1, 0.5}, 20), &factory);
+  EXPECT_EQ(CountOf(check.findings, Severity::kError), 0);
+  ASSERT_TRUE(check.gap && check.one_step);
+  EXPECT_EQ(VerdictOf(*check.gap), GapVerdict::kNone);
+  EXPECT_EQ(check.one_step->median_ratio, 0);
+  EXPECT_NE(Find(check, "one_step_error")->meaning.find("nothing to design"), std::string::npos);
+  // The third parameter has no effect, the others have.
+  EXPECT_EQ(Find(check, "parameter_effect", "'idle'")->severity, Severity::kWarning);
+  EXPECT_EQ(Find(check, "parameter_effect", "'gain'")->severity, Severity::kNote);
+  EXPECT_EQ(CountOf(check.findings, Severity::kWarning), 1);
+}
+
+TEST(CheckData, AFarTargetIsAClearGap) {
+  const PointMassFactory factory;
+  const DataCheck check = Check(PointMassLogs({2, 0.2, 0.5}, 20), &factory);
+  EXPECT_EQ(VerdictOf(*check.gap), GapVerdict::kClear);
+  EXPECT_NE(Find(check, "gap")->meaning.find("clear gap"), std::string::npos);
+  EXPECT_NE(Find(check, "gap")->what.find("400 logged transitions"), std::string::npos);
+}
+
+TEST(CheckData, ActionsThatAreARowLateAreFound) {
+  Dataset logs = PointMassLogs({1, 1, 0.5}, 20);
+  const Array2<double> own = logs.actions;
+  for (const Episode& e : logs.Episodes()) {
+    for (int i = e.begin; i + 1 < e.end; ++i) logs.actions(i, 0) = own(i + 1, 0);
+  }
+  const PointMassFactory factory;
+  const DataCheck check = Check(logs, &factory);
+  ASSERT_NE(Find(check, "shifted_actions"), nullptr);
+  EXPECT_NE(Find(check, "shifted_actions")->what.find("1 row(s) before"), std::string::npos);
+  EXPECT_EQ(Find(check, "one_step_error")->severity, Severity::kWarning);
+}
+
+TEST(CheckData, TerminalsThatTheRuleDoesNotExplainAreFound) {
+  PointMassOptions options;
+  options.terminate_beyond = 5;
+  Dataset logs = PointMassLogs({1, 1, 0.5}, 20, options);
+  logs.terminals[39] = 1;
+  logs.timeouts[39] = 0;
+  const PointMassFactory factory(options);
+  const DataCheck check = Check(logs, &factory);
+  ASSERT_NE(Find(check, "unexplained_terminals"), nullptr);
+  EXPECT_EQ(Find(check, "unexplained_terminals")->row, 39);
+}
+
+TEST(CheckData, DataOfAnotherTaskAreAnErrorAndNoCrash) {
+  Dataset logs = PointMassLogs({1, 1, 0.5}, 3);
+  logs.actions = Array2<double>(logs.size(), 2);
+  const PointMassFactory factory;
+  const DataCheck check = Check(logs, &factory);
+  EXPECT_EQ(Find(check, "wrong_dimensions")->severity, Severity::kError);
+  EXPECT_FALSE(check.gap);
+  logs.observations(0, 0) = NAN;
+  EXPECT_EQ(Check(logs, &factory).findings.at(0).check, "not_finite");
+}
+
+TEST(CheckData, ASimulatorWithoutSettableStatesIsJudgedWithAClone) {
+  PointMassOptions options;
+  options.can_set_state = false;
+  const PointMassFactory factory(options);
+  const DataCheck check = Check(PointMassLogs({2, 0.2, 0.5}, 10, options), &factory);
+  EXPECT_FALSE(check.one_step);
+  ASSERT_TRUE(check.gap);
+  EXPECT_GT(check.gap->auc, 0.6);
+}
+
+TEST(CheckData, TheRecordIsTheSameAtAnyNumberOfThreads) {
+  const PointMassFactory factory;
+  const Dataset logs = PointMassLogs({1.4, 0.8, 0.5}, 10);
+  const auto record = [&](int threads) {
+    return DataCheckRecord(logs, &factory.spec(), Check(logs, &factory, threads)).dump();
+  };
+  EXPECT_EQ(record(1), record(3));
+}
+
+TEST(CheckData, TheRecordNamesEpisodesFromOne) {
+  Dataset logs = PointMassLogs({1, 1, 0.5}, 3);
+  logs.observations(25, 0) = NAN;
+  const auto record = DataCheckRecord(logs, nullptr, Check(logs, nullptr));
+  EXPECT_EQ(record["schema"], "oted.data_check/1");
+  EXPECT_EQ(record["errors"], 1);
+  EXPECT_EQ(record["findings"][0]["row"], 25);
+  EXPECT_EQ(record["findings"][0]["episode"], 2);
+  EXPECT_TRUE(record["gap"].is_null());
+}
+
+TEST(Losses, AreWhatReadingBackDoesNotGive) {
+  Dataset full = PointMassLogs({1, 1, 0.5}, 3);
+  full.rewards.assign(static_cast<size_t>(full.size()), 1.0);
+  full.qpos = full.qvel = Array2<double>(full.size(), 1, 0.5);
+  EXPECT_TRUE(Losses(full, full).empty());
+  Dataset bare = full;
+  bare.rewards.clear();
+  bare.qpos = bare.qvel = {};
+  bare.actions(3, 0) += 0.25;
+  bare.timeouts[5] = 1;
+  const std::vector<std::string> losses = Losses(full, bare);
+  ASSERT_EQ(losses.size(), 4u);
+  EXPECT_EQ(losses[0], "rewards");
+  EXPECT_EQ(losses[1], "infos/qpos and infos/qvel");
+  EXPECT_NE(losses[2].find("timeouts"), std::string::npos);
+  EXPECT_EQ(losses[3], "actions: 1 numbers were rounded, by 0.25 at most");
+}
+
+}  // namespace
+}  // namespace oted

@@ -1,0 +1,138 @@
+#include "oted/collect/demonstrations.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/parallel.h"
+#include "oted/rl/batch_policy.h"
+#include "oted/rl/policy_evaluation.h"
+#include "oted/sim/episode_recorder.h"
+#include "oted/stages/agent/agent.h"
+
+namespace oted {
+namespace {
+
+constexpr int kJudgeEpisodes = 20;
+
+double RandomReturn(const SimulatorFactory& factory, RngKey key, int n_threads) {
+  const auto simulator = factory.Make(kJudgeEpisodes, n_threads);
+  Rng rng = key.Stage("actions").MakeRng();
+  const std::vector<std::vector<double>> z(kJudgeEpisodes, factory.parameters().Nominal());
+  return MeanReturn(RunEpisodes(*simulator, z, UniformRandomPolicy(factory.spec(), rng), key));
+}
+
+constexpr LogPrecision kAsLogged = LogPrecision::kFloat;
+
+/// D4RL's files hold float32: what is logged is what was done.
+void RoundToFloat(std::span<double> actions) {
+  for (double& a : actions) a = static_cast<double>(static_cast<float>(a));
+}
+
+Dataset CheckedLogs(const EpisodeRecorder& recorder) {
+  if (recorder.n_diverged() > 0) {
+    throw DataError(
+        "the target diverged while demonstrations were logged; choose target parameters nearer to nominal, or a "
+        "gentler policy");
+  }
+  return recorder.Logs();
+}
+
+}  // namespace
+
+BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
+                                       const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
+                                       const std::filesystem::path& folder, const RunContext& context) {
+  const RngKey key = RngKey(seed).Stage("behavior policies");
+  const std::vector<double> nominal = factory.parameters().Nominal();
+  const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
+  DrawnEpisodes source([&](Rng&) { return nominal; });
+  const auto train = [&](const auto& config) {
+    return TrainAgent(factory, source, {nominal}, config, key, folder, "behavior", context,
+                      [&](int64_t step, const Policy& policy, double) { policy.Save(snapshot(step)); });
+  };
+  const ReplayAgent training = std::visit(train, agent);
+
+  const auto& returns = training.eval_returns;
+  const size_t best = static_cast<size_t>(std::max_element(returns.begin(), returns.end()) - returns.begin());
+
+  BehaviorPolicies result;
+  const auto judge = [&](const TanhGaussianPolicy& policy) {
+    return EvaluatePolicy(factory, policy, {nominal}, kJudgeEpisodes, context.n_threads, key.Stage("judge"));
+  };
+  result.expert_step = training.eval_steps[best];
+  result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));
+  result.expert_return = judge(result.expert);
+  // The medium policy comes on the way up. The learning curve's few episodes would misjudge it: every snapshot until
+  // the expert's gets as many as the expert.
+  std::vector<double> judged;
+  for (size_t i = 0; i <= best; ++i) {
+    TanhGaussianPolicy policy = TanhGaussianPolicy::Load(snapshot(training.eval_steps[i]));
+    const double mean_return = judge(policy);
+    judged.push_back(mean_return);
+    const double third = result.expert_return / 3;
+    if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
+    result.medium_step = training.eval_steps[i];
+    result.medium = std::move(policy);
+    result.medium_return = mean_return;
+  }
+  result.random_return = RandomReturn(factory, key.Stage("random"), context.n_threads);
+
+  const SimulatorSpec& spec = factory.spec();
+  const auto describe = [&](int64_t step, double mean_return) {
+    nlohmann::json entry = {{"step", step}, {"mean_return", mean_return}};
+    if (spec.has_score()) entry["score"] = spec.NormalizedScore(mean_return);
+    return entry;
+  };
+  nlohmann::json record = {
+      {"task", spec.task},
+      {"seed", seed},
+      {"episodes", kJudgeEpisodes},
+      {"expert", describe(result.expert_step, result.expert_return)},
+      {"medium", describe(result.medium_step, result.medium_return)},
+      {"random", describe(0, result.random_return)},
+      {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}, {"judged", judged}}}};
+  record[std::holds_alternative<SacConfig>(agent) ? "sac" : "crossq"] =
+      std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent);
+  result.expert.Save(folder / "expert.npz");
+  result.medium.Save(folder / "medium.npz");
+  WriteJson(folder / "training.json", record);
+  return result;
+}
+
+Dataset CollectExcitation(const SimulatorFactory& factory, const std::vector<double>& z, const Excitation& excitation,
+                          int n_episodes, RngKey key, int n_threads) {
+  const bool has_reward = factory.spec().has_reward;
+  std::vector<EpisodeRecorder> episodes(static_cast<size_t>(n_episodes), EpisodeRecorder(1, kAsLogged, has_reward));
+  ParallelFor(n_episodes, n_threads, [&](int i) {
+    const auto simulator = factory.Make(1, 1);
+    const RngKey episode = key.Index(static_cast<uint64_t>(i));
+    OpenLoop actions(excitation, factory.spec(), episode.Stage("actions"));
+    const auto act = [&](std::span<const double>, int, std::span<double> out) {
+      actions.Next(out);
+      RoundToFloat(out);
+    };
+    RunEpisodes(*simulator, {z}, act, episode.Stage("episodes"), episodes[static_cast<size_t>(i)].Observer());
+  });
+  Dataset dataset;
+  for (const EpisodeRecorder& episode : episodes) dataset.Append(CheckedLogs(episode));
+  return dataset;
+}
+
+Dataset CollectDemonstrations(const SimulatorFactory& factory, const std::vector<double>& z,
+                              const TanhGaussianPolicy& policy, int n_episodes, RngKey key, int n_threads) {
+  const auto simulator = factory.Make(n_episodes, n_threads);
+  const BatchPolicy sampled = AsBatchPolicy(policy, ActionNoise::kSampled, key.Stage("actions").MakeRng());
+  const BatchPolicy act = [&](std::span<const double> observations, int n, std::span<double> actions) {
+    sampled(observations, n, actions);
+    RoundToFloat(actions);
+  };
+  EpisodeRecorder recorder(n_episodes, kAsLogged, factory.spec().has_reward);
+  RunEpisodes(*simulator, std::vector<std::vector<double>>(static_cast<size_t>(n_episodes), z), act,
+              key.Stage("episodes"), recorder.Observer());
+  return CheckedLogs(recorder);
+}
+
+}  // namespace oted

@@ -1,0 +1,138 @@
+#include "oted/collect/demonstrations.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/rl/policy_evaluation.h"
+#include "oted/sim/testing.h"
+
+namespace oted {
+namespace {
+
+/// Pushes with u ~ N(mean, 0.3^2), wherever the mass is.
+TanhGaussianPolicy Pushing(float mean) {
+  TanhGaussianPolicy policy(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  policy.net().parameters()[4] = mean;
+  policy.net().parameters()[5] = std::log(0.3f);
+  return policy;
+}
+
+Dataset Collect(const PointMassOptions& options, const std::vector<double>& z, int n_episodes, int n_threads = 1) {
+  return CollectDemonstrations(PointMassFactory(options), z, Pushing(0.5f), n_episodes, RngKey(1), n_threads);
+}
+
+TEST(CollectDemonstrations, EpisodesTerminalsAndTimeoutsAreTheTasks) {
+  const std::vector<double> z = {1.5, 1, 0};
+  const Dataset dataset = Collect({.terminate_beyond = 1.3, .max_episode_steps = 15}, z, 12);
+  dataset.Check();
+  const auto episodes = dataset.Episodes();
+  ASSERT_EQ(episodes.size(), 12u);
+  int n_terminated = 0;
+  for (const Episode& episode : episodes) {
+    n_terminated += episode.terminated;
+    EXPECT_EQ(dataset.observations(episode.begin, 1), 0) << "an episode starts at rest";
+    for (int i = episode.begin; i < episode.end; ++i) {
+      const double x = dataset.next_observations(i, 0);
+      EXPECT_EQ(dataset.terminals[static_cast<size_t>(i)], std::abs(x) > 1.3);
+      EXPECT_EQ(dataset.timeouts[static_cast<size_t>(i)], std::abs(x) <= 1.3 && i - episode.begin == 14);
+      // Logged as float32: half a unit in the last place of numbers below 2 is 6e-8, and x^2 may carry it three times.
+      EXPECT_NEAR(x, dataset.observations(i, 0) + 0.15 * dataset.actions(i, 0), 2e-7);
+      EXPECT_NEAR(dataset.rewards[static_cast<size_t>(i)], -x * x, 4e-7);
+      EXPECT_EQ(x, static_cast<double>(static_cast<float>(x)));
+      if (i + 1 < episode.end) {
+        EXPECT_EQ(dataset.observations(i + 1, 0), x);
+      }
+    }
+  }
+  EXPECT_GT(n_terminated, 0);
+  EXPECT_LT(n_terminated, 12);
+}
+
+TEST(CollectDemonstrations, ActionsAreSampledFromThePolicy) {
+  const Dataset dataset = Collect({}, {1, 1, 0}, 200);
+  double mean = 0, squares = 0;
+  const double n = dataset.size();
+  for (int i = 0; i < dataset.size(); ++i) {
+    const double u = std::atanh(dataset.actions(i, 0));
+    mean += u / n;
+    squares += u * u / n;
+  }
+  EXPECT_NEAR(mean, 0.5, 5 * 0.3 / std::sqrt(n));
+  EXPECT_NEAR(std::sqrt(squares - mean * mean), 0.3, 5 * 0.3 / std::sqrt(2 * n));
+}
+
+TEST(CollectDemonstrations, NothingInTheDatasetTellsTheTruthThatHadNoEffect) {
+  // `idle` is a parameter like any other, but it moves nothing: datasets that differ would carry it.
+  const TestFolder folder;
+  WriteDataset(Collect({}, {1.2, 1, 0.1}, 5), folder / "a.npz");
+  WriteDataset(Collect({}, {1.2, 1, 0.9}, 5), folder / "b.npz");
+  EXPECT_EQ(ReadFile(folder / "a.npz"), ReadFile(folder / "b.npz"));
+  WriteDataset(Collect({}, {1.3, 1, 0.1}, 5), folder / "c.npz");
+  EXPECT_NE(ReadFile(folder / "a.npz"), ReadFile(folder / "c.npz"));
+}
+
+TEST(CollectDemonstrations, TheSameAtAnyThreadCount) {
+  const Dataset one = Collect({}, {1, 1, 0}, 5, 1), two = Collect({}, {1, 1, 0}, 5, 2);
+  EXPECT_EQ(one.observations, two.observations);
+  EXPECT_EQ(one.actions, two.actions);
+}
+
+TEST(CollectDemonstrations, ADivergingTargetIsADataError) {
+  MessageOf<DataError>([] { Collect({.diverge_beyond = 0.9}, {2, 1, 0}, 20); });
+}
+
+TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
+  const TestFolder folder;
+  SacConfig config;
+  config.n_steps = 2000;
+  config.learning_starts = 100;
+  config.eval_interval = 200;
+  config.batch_size = 32;
+  config.hidden = {16, 16};
+  config.learning_rate = 1e-3;
+  NullSink log;
+  const PointMassFactory factory;
+  const BehaviorPolicies policies = TrainBehaviorPolicies(factory, config, 3, folder.path(), {&log, nullptr, 1});
+
+  const nlohmann::json record = ReadJson(folder / "training.json");
+  const auto steps = record["learning_curve"]["step"].get<std::vector<int64_t>>();
+  const auto returns = record["learning_curve"]["mean_return"].get<std::vector<double>>();
+  ASSERT_EQ(steps.size(), 10u);
+  double best = -INFINITY;
+  for (const double r : returns) best = std::max(best, r);
+  for (size_t i = 0; i < steps.size(); ++i) {
+    if (steps[i] == policies.expert_step) {
+      EXPECT_EQ(returns[i], best);
+    }
+  }
+  // Every snapshot on the way up, judged by hand on the same 20 episodes.
+  const std::vector<double> nominal = factory.parameters().Nominal();
+  double nearest = INFINITY;
+  int64_t nearest_step = 0;
+  for (const int64_t step : steps) {
+    if (step > policies.expert_step) break;
+    const TanhGaussianPolicy snapshot =
+        TanhGaussianPolicy::Load(folder.path() / "snapshots" / (std::to_string(step) + ".npz"));
+    const double mean_return =
+        EvaluatePolicy(factory, snapshot, {nominal}, 20, 1, RngKey(3).Stage("behavior policies").Stage("judge"));
+    const double distance = std::abs(mean_return - policies.expert_return / 3);
+    if (distance < nearest) nearest_step = step;
+    nearest = std::min(nearest, distance);
+  }
+  EXPECT_EQ(policies.medium_step, nearest_step);
+  EXPECT_EQ(std::abs(policies.medium_return - policies.expert_return / 3), nearest);
+  EXPECT_LE(policies.medium_step, policies.expert_step);
+  EXPECT_GT(policies.expert_return, policies.random_return);
+  EXPECT_EQ(record["expert"]["mean_return"], policies.expert_return);
+
+  const TanhGaussianPolicy loaded = TanhGaussianPolicy::Load(folder / "expert.npz");
+  EXPECT_EQ(loaded.net().parameters(), policies.expert.net().parameters());
+  EXPECT_EQ(TanhGaussianPolicy::Load(folder / "medium.npz").net().parameters(), policies.medium.net().parameters());
+}
+
+}  // namespace
+}  // namespace oted

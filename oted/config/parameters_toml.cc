@@ -1,0 +1,144 @@
+#include "oted/config/parameters_toml.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/fields.h"
+#include "oted/config/toml_reader.h"
+#include "oted/sim/presets.h"
+#include "oted/sim/sysid_file.h"
+
+namespace oted {
+
+using nlohmann::json;
+
+namespace {
+
+/// @param needs_range  of an absolute parameter; false where a parameter file gives it
+ParameterSpec ParameterFromJson(const std::string& name, const json& table, const std::string& where,
+                                bool needs_range) {
+  ParameterSpec spec;
+  spec.name = name;
+  if (!table.is_object() || !table.contains("field") || !table["field"].is_string()) {
+    throw UsageError(
+        fmt::format("{}: parameters.{} needs a field, for example field = \"geom/*/friction[0]\"", where, name));
+  }
+  const std::vector<std::string> keys = {"field", "range", "scale", "log", "unit", "prior"};
+  for (const auto& [key, value] : table.items()) {
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
+      throw UsageError(fmt::format("{}: parameters.{}.{} is not a setting{}; a parameter has {}", where, name, key,
+                                   DidYouMean(key, keys), fmt::join(keys, ", ")));
+    }
+  }
+  spec.field = table["field"].get<std::string>();
+  const std::string prefix = fmt::format("parameters.{}.", name);
+  if (table.contains("scale")) {
+    if (table["scale"] != "nominal" && table["scale"] != "absolute") {
+      throw UsageError(
+          fmt::format("{}: {}scale is {}, wanted \"nominal\" (multiples of the nominal value) or \"absolute\"", where,
+                      prefix, table["scale"].dump()));
+    }
+    if (table["scale"] == "absolute") spec.scale = ParameterScale::kAbsolute;
+  }
+  if (table.contains("range")) {
+    const json& range = table["range"];
+    if (!range.is_array() || range.size() != 2) {
+      throw UsageError(fmt::format("{}: {}range is {}, wanted [low, high]", where, prefix, range.dump()));
+    }
+    spec.low = NumberAt(range[0], prefix + "range[0]", where);
+    spec.high = NumberAt(range[1], prefix + "range[1]", where);
+  } else if (spec.scale == ParameterScale::kAbsolute && needs_range) {
+    throw UsageError(
+        fmt::format("{}: {}range is missing; an absolute parameter needs range = [low, high]", where, prefix));
+  }
+  if (table.contains("log")) {
+    if (!table["log"].is_boolean())
+      throw UsageError(fmt::format("{}: {}log is {}, wanted true|false", where, prefix, table["log"].dump()));
+    spec.logarithmic = table["log"].get<bool>();
+  }
+  if (table.contains("unit")) {
+    if (!table["unit"].is_string())
+      throw UsageError(fmt::format("{}: {}unit is {}, wanted text", where, prefix, table["unit"].dump()));
+    spec.unit = table["unit"].get<std::string>();
+  }
+  if (table.contains("prior")) {
+    const json& prior = table["prior"];
+    if (!prior.is_object() || prior.size() != 2 || !prior.contains("mean") || !prior.contains("std")) {
+      throw UsageError(
+          fmt::format("{}: {}prior is {}, wanted {{ mean = 1.0, std = 0.1 }}", where, prefix, prior.dump()));
+    }
+    spec.prior = ParameterSpec::Belief{NumberAt(prior["mean"], prefix + "prior.mean", where),
+                                       NumberAt(prior["std"], prefix + "prior.std", where)};
+  }
+  try {
+    // A range that a parameter file gives is not known yet: the whole is checked again.
+    ParameterSpec known = spec;
+    if (!table.contains("range") && !needs_range) known.prior.reset();
+    known.Check();
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", where, e.what()));
+  }
+  return spec;
+}
+
+}  // namespace
+
+std::vector<std::string> PresetsFromToml(const toml::table& section, const std::string& file_name) {
+  std::vector<std::string> presets;
+  const toml::node* preset = section.get("preset");
+  if (preset == nullptr || preset->is_table()) return presets;  // a parameter may be called so
+  const std::string where = TomlPlace(file_name, *preset);
+  const json value = TomlToJson(*preset, where);
+  for (const json& name : value.is_array() ? value : json::array({value})) {
+    if (!name.is_string()) {
+      throw UsageError(fmt::format("{}: parameters.preset is {}, wanted a preset's name or a list of names, of {}",
+                                   where, value.dump(), fmt::join(PresetNames(), ", ")));
+    }
+    presets.push_back(name.get<std::string>());
+  }
+  return presets;
+}
+
+std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const std::string& file_name,
+                                              std::string parameter_file) {
+  const toml::node* named = section.get("sysid");
+  const bool names_file = named != nullptr && named->is_string();
+  if (names_file && (**named->as_string()).empty()) {
+    throw UsageError(
+        fmt::format("{}: parameters.sysid names no file; name one, or remove the line", TomlPlace(file_name, *named)));
+  }
+  if (names_file && parameter_file.empty()) parameter_file = BesideFile(**named->as_string(), file_name);
+  const std::vector<SysidParameter> given =
+      parameter_file.empty() ? std::vector<SysidParameter>{} : ReadSysidFile(parameter_file);
+  std::vector<std::pair<toml::source_position, std::string>> order;
+  for (const auto& [key, node] : section) {
+    if ((key.str() == "sysid" && names_file) || (key.str() == "preset" && !node.is_table())) continue;
+    order.push_back({node.source().begin, std::string(key.str())});
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<ParameterSpec> declared;
+  std::vector<bool> has_range;
+  for (const auto& [position, name] : order) {
+    const std::string at = TomlPlace(file_name, *section.get(name));
+    const json entry = TomlToJson(*section.get(name), at);
+    const bool in_file = std::ranges::any_of(given, [&](const auto& p) { return p.spec.name == name; });
+    declared.push_back(ParameterFromJson(name, entry, at, !in_file));
+    has_range.push_back(entry.contains("range"));
+  }
+  return parameter_file.empty() ? declared : MergeSysid(given, parameter_file, declared, has_range);
+}
+
+json ParameterToJson(const ParameterSpec& spec) {
+  json table = {{"field", spec.field},
+                {"range", {spec.low, spec.high}},
+                {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
+                {"log", spec.logarithmic},
+                {"unit", spec.unit}};
+  if (spec.prior) table["prior"] = {{"mean", spec.prior->mean}, {"std", spec.prior->std}};
+  return table;
+}
+
+}  // namespace oted

@@ -1,0 +1,201 @@
+#include "oted/config/run_config.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/parallel.h"
+#include "oted/base/toml.h"
+#include "oted/config/toml_text.h"
+#include "oted/config/toml_writer.h"
+#include "oted/sim/presets.h"
+#include "oted/sim/sysid_file.h"
+
+namespace oted {
+
+using nlohmann::json;
+
+FieldList DataConfig::Fields() {
+  FieldList fields("data");
+  fields.Add("path", &path, "logged trajectories: .hdf5 (D4RL or Minari), a Minari folder, .npz, .csv or .csv.gz");
+  fields.Add("episodes", &episodes, "how many of them to use, from the first: a number, or all");
+  fields.AddChoice("format", &format, "the file's format; auto goes by its path and content",
+                   {"auto", "d4rl", "minari", "npz", "csv"});
+  fields.Add("observations", &columns.observations, "columns of a CSV that are observations; none: by prefix, obs");
+  fields.Add("actions", &columns.actions, "columns of a CSV that are actions; none: by prefix, act");
+  fields.Add("episode", &columns.episode, "column of a CSV with the episode's number; empty: by its usual names");
+  fields.Add("time", &columns.time, "column of a CSV with the time [s]; empty: by its usual names");
+  fields.Add("reward", &columns.reward, "column of a CSV with the reward; empty: by its usual names");
+  fields.Add("terminal", &columns.terminal, "column of a CSV, 1 where the task ended; empty: by its usual names");
+  fields.Add("timeout", &columns.timeout, "column of a CSV, 1 where the episode was cut; empty: by its usual names");
+  fields.Add("action_delay", &action_delay, "control steps from a logged action to its effect", Between(0, 1000));
+  return fields;
+}
+
+DataOptions DataConfig::Options() const {
+  DataOptions options;
+  options.format = format;
+  options.columns = columns;
+  options.action_delay = action_delay;
+  return options;
+}
+
+FieldList RunSettings::Fields() {
+  FieldList fields("run");
+  fields.Add("seed", &seed, "names every random stream of the run", AtLeast(0));
+  fields.Add("threads", &threads, "threads at most; 0 takes every processor", AtLeast(0));
+  fields.Add("strict", &strict, "a parameter without measured effect is an error");
+  return fields;
+}
+
+FieldList ReportConfig::Fields() {
+  FieldList fields("report");
+  fields.AddChoice("motion", &motion,
+                   "pictures of logged, nominal and designed motion: where OpenGL is there, always (an error without), "
+                   "or never",
+                   {"auto", "true", "false"});
+  fields.Add("replay_steps", &replay_steps, "control steps for which logged actions are replayed from a logged state",
+             AtLeast(1));
+  return fields;
+}
+
+namespace {
+
+/// Names become keys, folders and names of curves.
+void CheckName(const std::string& what, const std::string& name) {
+  const auto plain = [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-'; };
+  if (!name.empty() && std::all_of(name.begin(), name.end(), plain)) return;
+  throw UsageError(fmt::format("{} '{}': a name has letters, digits, '_' and '-' only; rename it", what, name));
+}
+
+}  // namespace
+
+std::vector<FieldList> AllFields(RunConfig& config) {
+  return {config.task.Fields(),     config.task.grid.Fields(), config.data.Fields(),      config.run.Fields(),
+          config.clone.Fields(),    config.design.Fields(),    config.selection.Fields(), config.agents.Fields(),
+          config.sac.Fields("sac"), config.crossq.Fields(),    config.ppo.Fields(),       config.baselines.Fields(),
+          config.report.Fields()};
+}
+
+void RunConfig::Set(const std::string& assignment) {
+  const size_t equals = assignment.find('='), dot = assignment.find('.');
+  if (equals == std::string::npos || dot == std::string::npos || dot > equals) {
+    throw UsageError(
+        fmt::format("--set {}: wanted section.key=value, for example --set design.n_iterations=50", assignment));
+  }
+  const std::string name = assignment.substr(0, dot), key = assignment.substr(dot + 1, equals - dot - 1);
+  const std::string value = assignment.substr(equals + 1), where = "--set " + assignment;
+  if (name == "design" && key == "form") {
+    if (!settings.empty()) {
+      throw UsageError(fmt::format("{}: each of design.settings has its own form; set form in [design.settings.{}]",
+                                   where, settings.begin()->first));
+    }
+    design = DesignConfig::ForForm(value);
+  }
+  std::vector<std::string> names;
+  for (const FieldList& section : AllFields(*this)) {
+    names.push_back(section.section());
+    if (section.section() != name) continue;
+    section.Find(key, where).FromText(value, where);
+    // A setting named on the command line holds for every h.
+    if (name == "design") {
+      for (auto& [unused, setting] : settings) setting.Fields().Find(key, where).FromText(value, where);
+    }
+    return;
+  }
+  throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, name, DidYouMean(name, names),
+                               fmt::join(names, ", ")));
+}
+
+void RunConfig::SetTruth(const std::string& assignment) {
+  const size_t equals = assignment.find('=');
+  char* end = nullptr;
+  const double value = equals == std::string::npos ? 0 : std::strtod(assignment.c_str() + equals + 1, &end);
+  if (equals == std::string::npos || equals + 1 == assignment.size() || *end != '\0') {
+    throw UsageError(fmt::format("--truth {}: wanted name=value, for example --truth friction=0.6", assignment));
+  }
+  truth[assignment.substr(0, equals)] = value;
+}
+
+void RunConfig::Check() const {
+  if (task.name.empty())
+    throw UsageError("no task is named; add --task, or [task] with a name or a model to the configuration");
+  if (parameters.empty()) {
+    throw UsageError(
+        "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', a [parameters] section, or a "
+        "--preset; 'oted params list' shows what there is");
+  }
+  const ParameterSpace space(parameters);
+  std::vector<std::string> names;
+  for (const ParameterSpec& spec : parameters) {
+    CheckName("parameter", spec.name);
+    names.push_back(spec.name);
+  }
+  for (const auto& [name, setting] : settings) CheckName("design setting", name);
+  for (const auto& [name, value] : truth) {
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end()) {
+      throw UsageError(fmt::format("truth.{} names no parameter{}; the parameters are {}", name,
+                                   DidYouMean(name, names), fmt::join(names, ", ")));
+    }
+  }
+  if (!truth.empty() && truth.size() != names.size()) {
+    throw UsageError(
+        fmt::format("the truth names {} of {} parameters; name all of them, or none", truth.size(), names.size()));
+  }
+  try {
+    static_cast<void>(json(data.path).dump());
+  } catch (const json::exception&) {
+    throw UsageError(
+        fmt::format("data.path '{}' is not UTF-8 text, which run.toml cannot hold; rename the file", data.path));
+  }
+  try {
+    DataConfig copy = data;
+    static_cast<void>(copy.Fields().ToJson().dump());
+  } catch (const json::exception&) {
+    throw UsageError("a column named in [data] is not UTF-8 text, which run.toml cannot hold; rename it in the file");
+  }
+  if (data.episodes != "all") {
+    int n = 0;
+    const char *begin = data.episodes.data(), *end = begin + data.episodes.size();
+    const auto [rest, error] = std::from_chars(begin, end, n);
+    if (error != std::errc{} || rest != end || n < 1) {
+      throw UsageError(fmt::format("data.episodes is '{}', wanted a number of at least 1, or all", data.episodes));
+    }
+  }
+  design.Check();
+  for (const auto& [name, setting] : settings) setting.Check();
+  baselines.Check();
+  const bool used = settings.empty()
+                        ? design.prior == "gaussian"
+                        : std::ranges::any_of(settings, [](const auto& s) { return s.second.prior == "gaussian"; });
+  for (const ParameterSpec& spec : parameters) {
+    if (!spec.prior || used) continue;
+    throw UsageError(
+        fmt::format("parameter '{}' has a prior, but no design uses it; set design.prior to gaussian", spec.name));
+  }
+}
+
+std::vector<double> RunConfig::TruthVector() const {
+  std::vector<double> values;
+  if (truth.empty()) return values;
+  for (const ParameterSpec& spec : parameters) values.push_back(truth.at(spec.name));
+  return values;
+}
+
+int RunConfig::Threads() const { return run.threads > 0 ? run.threads : AvailableThreads(); }
+
+std::map<std::string, DesignConfig> RunConfig::DesignSettings() const {
+  if (!settings.empty()) return settings;
+  return {{"default", design}};
+}
+
+}  // namespace oted

@@ -1,0 +1,219 @@
+/// A run's configuration from TOML, and back.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/config/parameters_toml.h"
+#include "oted/config/run_config.h"
+#include "oted/config/toml_reader.h"
+#include "oted/config/toml_text.h"
+#include "oted/config/toml_writer.h"
+
+namespace oted {
+
+using nlohmann::json;
+
+namespace {
+
+/// [task.quantities]: name = "path".
+void ReadQuantities(const toml::node& node, const std::string& file, std::map<std::string, std::string>& quantities) {
+  if (!node.is_table()) {
+    throw UsageError(
+        fmt::format("{}: task.quantities is no table; write [task.quantities] and NAME = \"PATH\" below it",
+                    TomlPlace(file, node)));
+  }
+  for (const auto& [key, value] : *node.as_table()) {
+    const auto path = value.value_exact<std::string>();
+    if (!path) {
+      throw UsageError(fmt::format("{}: task.quantities.{} is not text, wanted a path such as \"body/torso/xpos[2]\"",
+                                   TomlPlace(file, value), std::string(key.str())));
+    }
+    quantities[std::string(key.str())] = *path;
+  }
+}
+
+DesignConfig FormAt(const std::string& form, const std::string& where) {
+  try {
+    return DesignConfig::ForForm(form);
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", where, e.what()));
+  }
+}
+
+/// The path among what design.prior can be, likewise.
+void PlacePrior(DesignConfig& design, const std::string& file_name) {
+  if (design.prior != "uniform" && design.prior != "gaussian") design.prior = BesideFile(design.prior, file_name);
+}
+
+toml::table Parsed(const std::string& text, const std::string& file_name) {
+  CheckTomlCharacters(text, file_name);
+  try {
+    return toml::parse(text, file_name);
+  } catch (const toml::parse_error& e) {
+    throw UsageError(fmt::format("{}:{}: {}", file_name, e.source().begin.line, std::string(e.description())));
+  }
+}
+
+/// A section of plain settings. What is no setting in it, [design.settings] and [task.quantities], is read apart.
+void ReadSection(const toml::table& table, const std::string& file_name, FieldList& section) {
+  for (const auto& [key, node] : table) {
+    const std::string setting = fmt::format("{}.{}", section.section(), key.str()), at = TomlPlace(file_name, node);
+    if (setting == "design.settings" || setting == "task.quantities") continue;
+    json value = TomlToJson(node, at);
+    // A count or a word, a choice that may be a truth value: the fields are text.
+    if (setting == "data.episodes" && value.is_number_integer()) value = value.dump();
+    if (setting == "report.motion" && value.is_boolean()) value = value.dump();
+    section.Find(std::string(key.str()), at).FromJson(value, at);
+  }
+}
+
+/// [design.settings.NAME]: the settings h start from [design] and change what they name.
+std::map<std::string, DesignConfig> ReadDesignSettings(const toml::node& node, const DesignConfig& design,
+                                                       const std::string& file_name) {
+  if (!node.is_table()) {
+    throw UsageError(fmt::format("{}: design.settings is no table; write [design.settings.NAME] for each setting",
+                                 TomlPlace(file_name, node)));
+  }
+  std::map<std::string, DesignConfig> settings;
+  for (const auto& [key, changed] : *node.as_table()) {
+    const std::string at = TomlPlace(file_name, changed);
+    const json changes = TomlToJson(changed, at);
+    DesignConfig setting = design;
+    if (changes.is_object() && changes.contains("form") && changes["form"].is_string()) {
+      setting = FormAt(changes["form"].get<std::string>(), at);
+    }
+    setting.Fields().FromJson(changes, at);
+    if (changes.contains("prior")) PlacePrior(setting, file_name);
+    settings[std::string(key.str())] = setting;
+  }
+  return settings;
+}
+
+}  // namespace
+
+RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,
+                              const std::string& parameter_file) {
+  const toml::table document = Parsed(text, file_name);
+  RunConfig config;
+  // The form of the design sets other defaults, so it is read before them.
+  if (const toml::value<std::string>* form = document["design"]["form"].as_string()) {
+    config.design = FormAt(form->get(), TomlPlace(file_name, *form));
+  }
+  std::vector<FieldList> sections = AllFields(config);
+  std::vector<std::string> names = {"parameters", "truth"};
+  for (const FieldList& section : sections) names.push_back(section.section());
+  for (const auto& [key, node] : document) {
+    const std::string name(key.str());
+    const std::string where = TomlPlace(file_name, node);
+    if (!node.is_table()) {
+      throw UsageError(fmt::format("{}: '{}' stands outside of a section{}; the sections are {}", where, name,
+                                   DidYouMean(name, names), fmt::join(names, ", ")));
+    }
+    const toml::table& table = *node.as_table();
+    if (name == "parameters") {
+      config.presets = PresetsFromToml(table, file_name);
+      config.parameters = ParametersFromToml(table, file_name, parameter_file);
+    } else if (name == "truth") {
+      for (const auto& [parameter, value] : table) {
+        const std::string at = TomlPlace(file_name, value), what(parameter.str());
+        config.truth[what] = NumberAt(TomlToJson(value, at), "truth." + what, at);
+      }
+    } else {
+      const auto section = std::ranges::find(sections, name, &FieldList::section);
+      if (section == sections.end()) {
+        throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, name,
+                                     DidYouMean(name, names), fmt::join(names, ", ")));
+      }
+      ReadSection(table, file_name, *section);
+    }
+  }
+  if (const toml::node* quantities = document["task"]["quantities"].node()) {
+    ReadQuantities(*quantities, file_name, config.task.model.quantities);
+  }
+  PlacePrior(config.design, file_name);
+  if (const toml::node* settings = document["design"]["settings"].node()) {
+    config.settings = ReadDesignSettings(*settings, config.design, file_name);
+  }
+  // Without a [parameters] section there is nothing to add to the file.
+  if (!parameter_file.empty() && !document.contains("parameters")) {
+    config.parameters = ParametersFromToml({}, file_name, parameter_file);
+  }
+  config.data.path = BesideFile(config.data.path, file_name);
+  std::string& model = config.task.model.model;
+  if (!model.starts_with("package:")) model = BesideFile(model, file_name);
+  try {
+    config.task.Resolve();
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", file_name, e.what()));
+  }
+  return config;
+}
+
+RunConfig RunConfig::FromTomlFile(const std::string& path, const std::string& parameter_file) {
+  return FromToml(ReadFile(path), path, parameter_file);
+}
+
+json RunConfig::ToJson() const {
+  RunConfig copy = *this;
+  json object;
+  for (const FieldList& section : AllFields(copy)) object[section.section()] = section.ToJson();
+  object["task"] = task.ToJson();
+  if (!task.is_grid()) object.erase("grid");
+  for (auto& [name, setting] : copy.settings) object["design"]["settings"][name] = setting.Fields().ToJson();
+  object["parameters"] = json::object();
+  if (!presets.empty()) object["parameters"]["preset"] = presets;
+  for (const ParameterSpec& spec : parameters) object["parameters"][spec.name] = ParameterToJson(spec);
+  if (!truth.empty()) object["truth"] = truth;
+  return object;
+}
+
+std::string RunConfig::ToToml() const {
+  RunConfig copy = *this;
+  std::ostringstream out;
+  out << "# The resolved configuration of this run: every setting, defaults included.\n";
+  for (const FieldList& section : AllFields(copy)) {
+    if (section.section() == "grid") continue;  // with the task
+    if (section.section() == "task") {
+      out << "\n" << task.ToToml();
+      continue;
+    }
+    out << "\n[" << section.section() << "]\n";
+    for (const Field& field : section.fields()) {
+      out << field.name << " = ";
+      WriteTomlValue(out, field.ToJson());
+      out << "  # " << field.help << "\n";
+    }
+    if (section.section() == "run") {
+      out << "\n[parameters]\n";
+      if (!presets.empty()) out << "preset = " << json(presets).dump() << "\n";
+      for (const ParameterSpec& spec : parameters) {
+        out << spec.name << " = ";
+        WriteTomlValue(out, ParameterToJson(spec));
+        out << "\n";
+      }
+    }
+    if (section.section() == "design") {
+      for (auto& [name, setting] : copy.settings) {
+        out << "\n[design.settings." << name << "]\n";
+        const FieldList fields = setting.Fields();
+        for (const Field& field : fields.fields()) {
+          out << field.name << " = ";
+          WriteTomlValue(out, field.ToJson());
+          out << "\n";
+        }
+      }
+    }
+  }
+  if (!truth.empty()) {
+    out << "\n[truth]  # read by the evaluation and the report only\n";
+    for (const auto& [name, value] : truth) out << name << " = " << json(value).dump() << "\n";
+  }
+  return out.str();
+}
+
+}  // namespace oted

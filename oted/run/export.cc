@@ -1,0 +1,265 @@
+#include "oted/run/export.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/config/run_config.h"
+#include "oted/run/run_directory.h"
+#include "oted/sim/mujoco/export_mjcf.h"
+#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/sysid_file.h"
+
+namespace oted {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+// A seed of the selected setting, and its mode.
+struct Member {
+  int seed = 0;
+  std::vector<double> mode;
+};
+
+// A finished design, read from its run directory.
+struct Design {
+  fs::path folder;
+  RunConfig config;
+  json record;  // design.json
+  std::vector<Member> members;
+  size_t best = 0;  // of the members
+};
+
+size_t BestMember(const json& record, const std::vector<Member>& members) {
+  // The parameters' modes are the best-scoring seed's.
+  std::vector<double> mode;
+  for (const json& parameter : record.at("parameters")) mode.push_back(parameter.at("mode").get<double>());
+  const auto found = std::ranges::find_if(members, [&](const Member& m) { return m.mode == mode; });
+  if (found == members.end()) throw DataError("design.json: no member of the mixture has the parameters' modes");
+  return static_cast<size_t>(found - members.begin());
+}
+
+Design ReadDesign(const fs::path& folder) {
+  if (!fs::exists(folder / "design.json")) {
+    throw UsageError(
+        fmt::format("'{}' holds no design.json; name a run directory, and make the design first: oted design "
+                    "--out {}",
+                    folder.string(), folder.string()));
+  }
+  Design design;
+  design.folder = folder;
+  design.config = RunConfig::FromTomlFile((folder / "run.toml").string());
+  design.record = ReadJson(folder / "design.json");
+  const auto foreign = [&](const std::string& why) {
+    return DataError(
+        fmt::format("'{}' is not the design of this directory's run.toml ({}); make it again with 'oted "
+                    "design'",
+                    (folder / "design.json").string(), why));
+  };
+  try {
+    const json& parameters = design.record.at("parameters");
+    if (parameters.size() != design.config.parameters.size()) throw foreign("another number of parameters");
+    for (size_t i = 0; i < parameters.size(); ++i) {
+      const ParameterSpec& spec = design.config.parameters[i];
+      if (parameters[i].at("name") != spec.name || parameters[i].at("field") != spec.field) {
+        throw foreign(fmt::format("parameter '{}'", spec.name));
+      }
+    }
+    for (const json& member : design.record.at("mixture")) {
+      design.members.push_back({member.at("seed").get<int>(), member.at("mode").get<std::vector<double>>()});
+      if (design.members.back().mode.size() != parameters.size()) throw foreign("a mode of another length");
+    }
+    design.best = BestMember(design.record, design.members);
+  } catch (const json::exception& e) {
+    throw foreign(e.what());
+  }
+  return design;
+}
+
+std::vector<Member> SelectMembers(const Design& design, const std::string& which) {
+  if (which == "best") return {design.members[design.best]};
+  if (which == "all") return design.members;
+  int seed = 0;
+  const char* end = which.data() + which.size();
+  const auto [rest, error] = std::from_chars(which.data(), end, seed);
+  const auto found = std::ranges::find_if(design.members, [&](const Member& m) { return m.seed == seed; });
+  if (error != std::errc{} || rest != end || found == design.members.end()) {
+    std::vector<int> seeds;
+    for (const Member& m : design.members) seeds.push_back(m.seed);
+    throw UsageError(fmt::format("member '{}' is none of the design's: wanted best, all, or a seed, {}", which,
+                                 fmt::join(seeds, ", ")));
+  }
+  return {*found};
+}
+
+// "friction = 0.549 +- 0.047 x nominal ..." for each parameter, with z as in `mode`.
+std::string ParameterLines(const json& parameters, const std::vector<double>& mode) {
+  std::string text;
+  for (size_t i = 0; i < parameters.size(); ++i) {
+    const json& p = parameters[i];
+    text += fmt::format("  {} = {:.6g} +- {:.2g} [{}], 90 % interval [{:.4g}, {:.4g}], nominal {:.6g}, {}: {}\n",
+                        p.at("name").get<std::string>(), mode[i], p.at("std").get<double>(),
+                        p.at("unit").get<std::string>(), p.at("interval90")[0].get<double>(),
+                        p.at("interval90")[1].get<double>(), p.at("nominal").get<double>(),
+                        p.at("field").get<std::string>(), p.at("verdict").get<std::string>());
+  }
+  return text;
+}
+
+// What made a file: of this run, and of no place or time.
+std::string Origin(const Design& design, const Member& member) {
+  const json& record = design.record;
+  const std::string data = fs::path(record.at("dataset").at("path").get<std::string>()).filename().string();
+  return fmt::format(
+      "Made by oted {} with MuJoCo {} for {}: design {}, run.seed {}, setting {}, design seed {} of {}.\n"
+      "Logs: {} (sha256 {}).\nVerdict: {}.\nParameters (z +- spread of q over all seeds):\n{}",
+      record.at("versions").at("oted").get<std::string>(), record.at("versions").at("mujoco").get<std::string>(),
+      record.at("task").get<std::string>(), record.value("fingerprint", "?"), design.config.run.seed,
+      record.at("selected").get<std::string>(), member.seed, design.members.size(), data,
+      record.at("dataset").at("sha256").get<std::string>().substr(0, 16), record.at("verdict").get<std::string>(),
+      ParameterLines(record.at("parameters"), member.mode));
+}
+
+// Whether a parameter is one of the model; others act on what the agent sees and does, and MJCF has no place for them.
+bool IsInModel(const ParameterSpec& spec) {
+  const std::string owner = spec.field.substr(0, spec.field.find('/'));
+  return owner != "action" && owner != "obs" && owner != "env";
+}
+
+std::string NotInTheModel(const Design& design) {
+  std::string names;
+  for (const ParameterSpec& spec : design.config.parameters) {
+    if (!IsInModel(spec)) names += (names.empty() ? "" : ", ") + spec.name;
+  }
+  return names.empty() ? "" : fmt::format("Not in this file, as they are no fields of the model: {}.\n", names);
+}
+
+// The task's model with those of the design's parameters that are its fields.
+MujocoSimulatorFactory ModelFactory(const RunConfig& config) {
+  std::vector<ParameterSpec> in_model;
+  std::ranges::copy_if(config.parameters, std::back_inserter(in_model), IsInModel);
+  if (!config.task.has_model()) return {config.task.name, in_model};
+  // Where episodes begin is no part of the model.
+  ModelTask task = config.task.model;
+  task.start = "default";
+  return {task, in_model};
+}
+
+std::vector<double> ModelPart(const RunConfig& config, const std::vector<double>& z) {
+  std::vector<double> in_model;
+  for (size_t i = 0; i < z.size(); ++i) {
+    if (IsInModel(config.parameters[i])) in_model.push_back(z[i]);
+  }
+  return in_model;
+}
+
+std::vector<ExportedFile> ExportModels(const Design& design, const ExportRequest& request) {
+  const std::vector<Member> members = SelectMembers(design, request.member);
+  if (design.config.task.is_grid()) {
+    throw UsageError(
+        fmt::format("task '{}' is a grid world and has no MJCF; write its q(z) with --q", design.config.task.name));
+  }
+  const MujocoSimulatorFactory factory = ModelFactory(design.config);
+  if (design.record.at("model").at("sha256") != factory.model_sha256()) {
+    throw DataError(
+        fmt::format("'{}' is no longer the model that the design was made with (its SHA-256 differs); restore "
+                    "it, or make the design again",
+                    factory.model_path()));
+  }
+  std::vector<ExportedFile> written;
+  for (const Member& member : members) {
+    fs::path path = request.mjcf;
+    if (request.member == "all") {
+      path.replace_filename(fmt::format("{}-{}{}", path.stem().string(), member.seed, path.extension().string()));
+    }
+    const std::string comment = Origin(design, member) + NotInTheModel(design) +
+                                "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
+    WriteFileAtomically(path, DesignedMjcf(factory, ModelPart(design.config, member.mode), comment));
+    written.push_back({fmt::format("designed model, seed {}", member.seed), path});
+  }
+  return written;
+}
+
+// The selected setting's q of every seed, each with the same weight: what stage 4 draws from.
+json Mixture(const Design& design) {
+  json mixture = {{"schema", "oted.q/1"}, {"kind", "mixture"}, {"best_seed", design.members[design.best].seed}};
+  const std::string setting = design.record.at("selected").get<std::string>();
+  const RunDirectory directory(design.folder);
+  for (const Member& member : design.members) {
+    const fs::path path = directory.design_seed(setting, member.seed) / "q.json";
+    json q = ReadJson(path);
+    if (q.value("schema", "") != "oted.q/1" || q.value("mode", std::vector<double>{}) != member.mode) {
+      throw DataError(
+          fmt::format("'{}' is not what design.json was made from; make it again with 'oted design'", path.string()));
+    }
+    q.erase("fingerprint");
+    q["seed"] = member.seed;
+    q["weight"] = 1.0 / static_cast<double>(design.members.size());
+    for (const char* shared : {"parameters", "bounds", "scale"}) mixture[shared] = q.at(shared);
+    mixture["components"].push_back(std::move(q));
+  }
+  for (const json& p : design.record.at("parameters")) {
+    mixture["fields"].push_back(p.at("field"));
+    mixture["units"].push_back(p.at("unit"));
+    mixture["nominal"].push_back(p.at("nominal"));
+  }
+  mixture["task"] = design.record.at("task");
+  mixture["model_sha256"] = design.record.at("model").at("sha256");
+  mixture["verdict"] = design.record.at("verdict");
+  return mixture;
+}
+
+std::string Sysid(const Design& design) {
+  const Member& best = design.members[design.best];
+  std::vector<SysidParameter> parameters;
+  for (size_t i = 0; i < design.config.parameters.size(); ++i) {
+    const json& p = design.record.at("parameters")[i];
+    SysidParameter parameter{.spec = design.config.parameters[i], .value = best.mode[i]};
+    parameter.spec.nominal = p.at("nominal").get<double>();
+    parameter.spec.unit = p.at("unit").get<std::string>();
+    parameters.push_back(parameter);
+  }
+  return SysidText(parameters,
+                   Origin(design, best) +
+                       "For mujoco.sysid: ParameterDict.load_from_disk reads this file; what a parameter does "
+                       "is then for a modifier to say,\nand 'field' and 'scale' below say it to oted.");
+}
+
+}  // namespace
+
+ExportRequest DefaultExports(const fs::path& run_directory) {
+  const fs::path folder = run_directory / "export";
+  const fs::path config = run_directory / "run.toml";
+  // A grid world has no model that another tool could load.
+  if (fs::exists(config) && RunConfig::FromTomlFile(config.string()).task.is_grid()) {
+    return {.mjcf = {}, .q = folder / "q.json", .sysid = {}};
+  }
+  return {.mjcf = folder / "designed.xml", .q = folder / "q.json", .sysid = folder / "parameters.yaml"};
+}
+
+std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequest& request) {
+  const Design design = ReadDesign(run_directory);
+  std::vector<ExportedFile> written;
+  try {
+    if (!request.mjcf.empty()) written = ExportModels(design, request);
+    if (!request.q.empty()) {
+      WriteJson(request.q, Mixture(design));
+      written.push_back({"q(z), mixture of all seeds", request.q});
+    }
+    if (!request.sysid.empty()) {
+      WriteFileAtomically(request.sysid, Sysid(design));
+      written.push_back({"parameters for mujoco.sysid", request.sysid});
+    }
+  } catch (const json::exception& e) {
+    throw DataError(fmt::format("'{}' lacks what a design records ({}); make it again with 'oted design'",
+                                (run_directory / "design.json").string(), e.what()));
+  }
+  return written;
+}
+
+}  // namespace oted

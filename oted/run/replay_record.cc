@@ -1,0 +1,177 @@
+#include "oted/run/replay_record.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "oted/sim/replay.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kMostWindows = 32;
+
+using Windows = std::vector<Array2<double>>;
+
+struct Side {
+  Windows windows;
+  std::vector<std::vector<double>> errors;  // per window, per step
+  double MeanError(size_t window) const {
+    return std::accumulate(errors[window].begin(), errors[window].end(), 0.0) /
+           static_cast<double>(errors[window].size());
+  }
+};
+
+// Infinite and unknown numbers are null.
+json Number(double value) { return std::isfinite(value) ? json(value) : json(); }
+
+/// The share `q` of the windows has at most this error, at each step: nearest rank, so that infinite ones count as any.
+json Quantile(const std::vector<std::vector<double>>& errors, double q) {
+  json list = json::array();
+  for (size_t t = 0; t < errors.front().size(); ++t) {
+    std::vector<double> values;
+    for (const auto& window : errors) values.push_back(window[t]);
+    std::sort(values.begin(), values.end());
+    list.push_back(Number(values[static_cast<size_t>(q * static_cast<double>(values.size() - 1) + 0.5)]));
+  }
+  return list;
+}
+
+json Growth(const Side& side) {
+  return {{"median", Quantile(side.errors, 0.5)},
+          {"low", Quantile(side.errors, 0.25)},
+          {"high", Quantile(side.errors, 0.75)}};
+}
+
+json Column(const Array2<double>& window, int c) {
+  json list = json::array();
+  for (int t = 0; t < window.rows(); ++t) list.push_back(Number(window(t, c)));
+  return list;
+}
+
+/// Root mean square error of one channel over all windows and steps, in spreads; infinite when a window diverged.
+double ChannelError(const Windows& logged, const Windows& replayed, int c, double spread) {
+  double sum = 0;
+  int n = 0;
+  for (size_t w = 0; w < logged.size(); ++w) {
+    for (int t = 1; t < logged[w].rows(); ++t, ++n) sum += std::pow(replayed[w](t, c) - logged[w](t, c), 2);
+  }
+  const double error = std::sqrt(sum / n) / spread;
+  return std::isfinite(error) ? error : std::numeric_limits<double>::infinity();
+}
+
+/// The window in the middle of the order by error in the designed simulator.
+size_t MedianWindow(const Side& designed) {
+  std::vector<size_t> order(designed.windows.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return designed.MeanError(a) < designed.MeanError(b); });
+  return order[(order.size() - 1) / 2];
+}
+
+json Window(const Dataset& dataset, int begin) {
+  const std::vector<Episode> episodes = dataset.Episodes();
+  size_t e = 0;
+  while (begin >= episodes[e].end) ++e;
+  return {{"row", begin}, {"episode", e + 1}, {"step", begin - episodes[e].begin}};
+}
+
+constexpr int kPictures = 8;
+
+/// The first channel of an image of kinds: what each cell is, in the image's own order.
+json Cells(std::span<const double> observation, const SimulatorSpec& spec) {
+  json cells = json::array();
+  const int n = spec.image_shape[0] * spec.image_shape[1], stride = spec.image_shape[2];
+  for (int i = 0; i < n; ++i) cells.push_back(static_cast<int>(observation[static_cast<size_t>(i * stride)]));
+  return cells;
+}
+
+/// How episodes begin in the logs and in the two simulators: pictures to look at.
+json FirstImages(const SimulatorFactory& factory, const Dataset& dataset, const std::vector<double>& nominal,
+                 const std::vector<double>& designed) {
+  const SimulatorSpec& spec = factory.spec();
+  json images = {{"columns", spec.image_shape[0]}, {"rows", spec.image_shape[1]}};
+  const Array2<double> starts = dataset.EpisodeStarts();
+  for (int i = 0; i < std::min(kPictures, starts.rows()); ++i) images["logged"].push_back(Cells(starts.row(i), spec));
+  const auto simulator = factory.Make(1, 1);
+  for (const auto& [name, z] : {std::pair("nominal", &nominal), std::pair("designed", &designed)}) {
+    simulator->SetParameters(0, *z);
+    for (uint64_t i = 0; i < kPictures; ++i) {
+      Rng rng = RngKey(1).Stage("pictures").Index(i).MakeRng();
+      simulator->Reset(0, rng);
+      images[name].push_back(Cells(simulator->observation(0), spec));
+    }
+  }
+  return images;
+}
+
+}  // namespace
+
+json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, int n_steps,
+                      const std::vector<double>& nominal, const std::vector<double>& designed, int n_threads) {
+  const SimulatorSpec& spec = factory.spec();
+  json record = {{"schema", "oted.replay/1"}, {"task", spec.task},
+                 {"n_steps", n_steps},        {"control_period_s", spec.control_period_s},
+                 {"nominal", nominal},        {"designed", designed}};
+  if (!spec.can_set_state) {
+    if (!spec.image_shape.empty() && !spec.observation_levels.empty()) {
+      record["images"] = FirstImages(factory, dataset, nominal, designed);
+    }
+    record["note"] = fmt::format("{} cannot be put into a logged state, so its logs cannot be replayed.", spec.task);
+    return record;
+  }
+  const std::vector<int> starts = ReplayStarts(*factory.Make(1, 1), dataset, n_steps, kMostWindows);
+  if (starts.empty()) {
+    record["note"] = fmt::format(
+        "No stretch of {} logged steps lies within one episode and starts in a state that the simulator can be put "
+        "into; a smaller report.replay_steps may help.",
+        n_steps);
+    return record;
+  }
+  Windows logged;
+  for (const int begin : starts) logged.push_back(LoggedWindow(dataset, begin, n_steps));
+  const std::vector<double> spreads = ChannelSpreads(dataset);
+  const auto simulator = factory.Make(static_cast<int>(starts.size()), n_threads);
+  const auto replay = [&](const std::vector<double>& z) {
+    Side side;
+    side.windows = ReplayWindows(*simulator, dataset, starts, n_steps, z);
+    for (size_t w = 0; w < logged.size(); ++w) {
+      side.errors.push_back(ReplayError(logged[w], side.windows[w], spreads));
+    }
+    return side;
+  };
+  const Side un_designed = replay(nominal), fitted = replay(designed);
+  const size_t shown = MedianWindow(fitted);
+
+  record["n_windows"] = starts.size();
+  record["window"] = Window(dataset, starts[shown]);
+  record["error"] = {{"nominal", Growth(un_designed)}, {"designed", Growth(fitted)}};
+  std::vector<std::pair<double, json>> channels;
+  for (int c = 0; c < dataset.obs_dim(); ++c) {
+    const size_t i = static_cast<size_t>(c);
+    if (spreads[i] <= 0) continue;  // it stands still: nothing to see
+    const double error = ChannelError(logged, un_designed.windows, c, spreads[i]);
+    const std::string name =
+        i < spec.observation_names.size() ? spec.observation_names[i] : fmt::format("observation {}", c);
+    channels.push_back({error,
+                        {{"name", name},
+                         {"index", c},
+                         {"spread", spreads[i]},
+                         {"error_nominal", Number(error)},
+                         {"error_designed", Number(ChannelError(logged, fitted.windows, c, spreads[i]))},
+                         {"logged", Column(logged[shown], c)},
+                         {"nominal", Column(un_designed.windows[shown], c)},
+                         {"designed", Column(fitted.windows[shown], c)}}});
+  }
+  std::stable_sort(channels.begin(), channels.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  record["channels"] = json::array();
+  for (auto& [error, channel] : channels) record["channels"].push_back(std::move(channel));
+  return record;
+}
+
+}  // namespace oted

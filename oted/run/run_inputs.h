@@ -1,0 +1,34 @@
+#pragma once
+/// What a configuration names, made: the task's simulator, the logs, the presets' parameters.
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "oted/config/run_config.h"
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// What a task observes and does, without its parameters. @throws UsageError, DataError
+SimulatorSpec SpecOf(TaskConfig task);
+
+/// How the logs of a task are read: what the configuration says, and the task's control period, time limit and names.
+DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec);
+
+/// The logged episodes that a configuration names, for a task. @throws UsageError, DataError
+Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec);
+
+/// `config` with its presets replaced by the parameters that they stand for in its task's model; `notes`, when given,
+/// gets a line for each entry that the model does not have. @throws UsageError, DataError
+RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes = nullptr);
+
+/// The simulator of a task: a built-in one, one that a program registered (task_registry.h), or that of a model.
+/// @param logged_starts (n, obs_dim): where logged episodes begin, for a task that starts there; otherwise not read
+/// @throws UsageError, DataError
+std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
+                                                       const std::vector<ParameterSpec>& parameters,
+                                                       const Array2<double>& logged_starts = {});
+
+}  // namespace oted

@@ -1,0 +1,70 @@
+#include "oted/stages/design/replay/held_out_replay.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/start_fit.h"
+
+namespace oted {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr int kSteps = 10;         // long enough for small differences to add up, too short for contact to be chaotic
+constexpr int kOverlap = 5;        // where a window begins is chance, and decides which contacts it holds
+constexpr int kMostWindows = 480;  // spread evenly over the logs
+constexpr int kReplayedStartIterations = 6;  // from the reading itself
+constexpr double kReplayedStartStep = 1e-5;          // of forward differences, in standard deviations of the channel
+constexpr double kNoticeableError = 0.01;    // of a channel's spread
+
+std::vector<LogWindow> OverlappingWindows(const Dataset& logs, int n_steps, WindowReplayer& replayer) {
+  std::vector<LogWindow> all, kept;
+  for (const Episode& episode : logs.Episodes()) {
+    for (int i = episode.begin; i + n_steps <= episode.end; i += std::max(1, n_steps / kOverlap)) {
+      const LogWindow window{i, n_steps, episode.begin};
+      if (replayer.CanStart(window)) all.push_back(window);
+    }
+  }
+  const size_t n = std::min<size_t>(all.size(), kMostWindows);
+  for (size_t k = 0; k < n; ++k) kept.push_back(all[k * all.size() / n]);
+  return kept;
+}
+
+}  // namespace
+
+HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held_out,
+                            const std::vector<std::vector<double>>& z, const FitEvidence& fit, int n_threads) {
+  const SimulatorSpec& spec = factory.spec();
+  WindowReplayer replayer(factory.Make(WindowReplayer::LinearizationLanes(0, spec.obs_dim()), n_threads), held_out);
+  HeldOutErrors errors;
+  for (const Episode& episode : held_out.Episodes()) {
+    errors.n_steps = std::max(errors.n_steps, std::min(kSteps, episode.size()));
+  }
+  const std::vector<LogWindow> windows = OverlappingWindows(held_out, errors.n_steps, replayer);
+  const std::vector<VectorXd> readings = LoggedStarts(replayer, windows);
+  const Eigen::Map<const VectorXd> noise(fit.short_noise_std.data(), spec.obs_dim());
+  const Eigen::Map<const VectorXd> spread(fit.scale.data(), spec.obs_dim());
+  const VectorXd unit = noise.cwiseMax(kNoticeableError * spread).replicate(errors.n_steps + 1, 1);
+  const WindowLikelihood likelihood(noise.cwiseAbs2(), errors.n_steps);
+  const VectorXd start_step = kReplayedStartStep * ChannelScales(held_out);
+  errors.n_windows = static_cast<int>(windows.size());
+  errors.overlap = kOverlap;
+  const double freedom = static_cast<double>(spec.obs_dim()) * errors.n_steps;  // beyond the start that was fitted
+  for (const std::vector<double>& parameters : z) {
+    const FittedStarts fitted =
+        FitStarts(replayer, windows, readings, parameters, likelihood, start_step, kReplayedStartIterations);
+    std::vector<double> of_windows;
+    for (const VectorXd& residual : fitted.residuals) {
+      double error = kBrokenDownError;
+      if (residual.size() > 0) {
+        error = std::sqrt(residual.cwiseQuotient(unit).squaredNorm() / freedom);
+      }
+      of_windows.push_back(std::isfinite(error) ? std::min(error, kBrokenDownError) : kBrokenDownError);
+    }
+    errors.of.push_back(std::move(of_windows));
+  }
+  return errors;
+}
+
+}  // namespace oted

@@ -1,0 +1,93 @@
+// The end of a LevelFit: the last step and its covariance, and what the windows say of parameters that are not
+// searched.
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/stages/design/trajectories/level_fit.h"
+
+namespace oted {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Secants, in standard deviations of a coordinate given the others.
+constexpr double kSecantOfX = 0.5, kSecantOfStart = 1.0;
+constexpr double kLongestSecantOfX = 0.02;     // in x: half a hundredth of the range
+constexpr double kLongestSecantOfStart = 0.5;  // in standard deviations of the channel's noise
+constexpr double kSuspectStep = 0.02;          // of the logarithm of what is not searched
+constexpr double kHardlyTold = 0.3;            // in x: a direction with such a standard deviation
+constexpr double kLongestLastStep = 3.0;       // in standard deviations of x; further, the quadratic model is a guess
+
+}  // namespace
+
+LevelFit::Differences LevelFit::Secants() const {
+  Differences steps = Tangents();
+  const std::vector<NormalEquations> equations = Equations(linear_);
+  const VectorXd longest = kLongestSecantOfStart * variance_.cwiseSqrt();
+  MatrixXd hessian = prior_.precision;
+  for (size_t w = 0; w < equations.size(); ++w) {
+    const NormalEquations& e = equations[w];
+    if (!e.valid) continue;
+    hessian += e.Information(e.start_start.ldlt());
+    const VectorXd std = e.start_start.diagonal().cwiseSqrt().cwiseInverse();
+    steps.starts[w] = (kSecantOfStart * std).cwiseMin(longest).cwiseMax(steps.starts[w]);
+  }
+  // Of each alone: two parameters that trade off are uncertain over lengths on which their effects bend.
+  const VectorXd std = hessian.diagonal().cwiseSqrt().cwiseInverse();
+  steps.x = (kSecantOfX * std).cwiseMin(kLongestSecantOfX).cwiseMax(steps.x);
+  return steps;
+}
+
+std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer::Linearization>& linear,
+                                                Eigen::Index n_parameters) const {
+  const std::vector<NormalEquations> equations = Equations(linear);
+  std::vector<StretchEvidence> stretches;
+  for (size_t w = 0; w < equations.size(); ++w) {
+    // Neighbouring windows err together: they count as one.
+    if (w == 0 || level_.stretch[w] != level_.stretch[w - 1]) {
+      stretches.push_back({MatrixXd::Zero(n_parameters, n_parameters), VectorXd::Zero(n_parameters)});
+    }
+    const NormalEquations& e = equations[w];
+    if (!e.valid) continue;
+    const NormalEquations::Factor factor(e.start_start);
+    stretches.back().information += e.Information(factor);
+    stretches.back().score += e.Score(factor);
+  }
+  return stretches;
+}
+
+MatrixXd LevelFit::Finish() {
+  Linearize(Secants());
+  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_);
+  // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
+  // matter as a product would leave it.
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);
+  VectorXd along = axes.eigenvectors().transpose() * estimate.step;
+  double length = 1;
+  for (int i = 0; i < along.size(); ++i) {
+    const double std = std::sqrt(axes.eigenvalues()[i]);
+    if (std > kHardlyTold) along[i] = 0;
+    length = std::max(length, std::abs(along[i]) / (kLongestLastStep * std));
+  }
+  x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(-kMaxX).cwiseMin(kMaxX);
+  return estimate.covariance;
+}
+
+std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, int n_more) const {
+  const Differences secants = Secants();
+  std::vector<double> z = ToZ(space_, x_);
+  std::vector<std::vector<double>> perturbed = Perturbed(secants.x);
+  z.resize(z.size() + static_cast<size_t>(n_more), 1.0);
+  for (std::vector<double>& moved : perturbed) moved.resize(z.size(), 1.0);
+  VectorXd steps = VectorXd::Constant(x_.size() + n_more, kSuspectStep);
+  steps.head(x_.size()) = secants.x;
+  for (int k = 0; k < n_more; ++k) {
+    perturbed.push_back(z);
+    perturbed.back()[static_cast<size_t>(x_.size() + k)] = std::exp(kSuspectStep);
+  }
+  return Evidence(wider.Linearize(level_.windows, level_.starts, z, perturbed, steps, secants.starts), steps.size());
+}
+
+}  // namespace oted

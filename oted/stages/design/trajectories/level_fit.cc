@@ -1,0 +1,232 @@
+#include "oted/stages/design/trajectories/level_fit.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/matching/designer.h"
+#include "oted/stages/design/trajectories/noise_estimate.h"
+#include "oted/stages/design/trajectories/start_fit.h"
+
+namespace oted {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kParameterStep = 1e-4;  // of forward differences, in x
+constexpr double kStartStep = 1e-5;      // of forward differences, in standard deviations of the channel
+constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
+constexpr int kAttempts = 5;
+constexpr double kSettled = 0.25;                       // of the uncertainty of x
+constexpr int kRedraws = 1, kOtherStartIterations = 4;  // of other starts
+constexpr double kFewestExplained = 0.3;                // of the windows, to do without the others
+
+}  // namespace
+
+LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior, const VectorXd& scale,
+                   Level level, VectorXd x)
+    : replayer_(replayer),
+      space_(space),
+      prior_(prior),
+      scale_(scale),
+      level_(std::move(level)),
+      x_(std::move(x)),
+      damping_of_start_(level_.windows.size(), 1e-2) {}
+
+bool LevelFit::Step() {
+  Linearize(Tangents());
+  const std::vector<NormalEquations> equations = Equations(linear_);
+  const WindowLikelihood likelihood = Likelihood();
+  const double cost = Cost(residuals_, x_);
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    // Where no step of x helps, the starts move alone.
+    const bool starts_alone = attempt == kAttempts - 1;
+    std::vector<NormalEquations::Factor> factors(equations.size());
+    MatrixXd hessian = prior_.precision;
+    VectorXd gradient = -prior_.precision * (x_ - prior_.mean);
+    for (size_t w = 0; w < equations.size(); ++w) {
+      const NormalEquations& e = equations[w];
+      if (!e.valid) continue;
+      MatrixXd damped = e.start_start;
+      damped.diagonal() *= 1 + damping_of_start_[w];
+      factors[w].compute(damped);
+      hessian += e.Information(factors[w]);
+      gradient += e.Score(factors[w]);
+    }
+    const VectorXd uncertainty = hessian.inverse().diagonal().cwiseSqrt();
+    hessian.diagonal() *= 1 + damping_;
+    VectorXd step = hessian.ldlt().solve(gradient);
+    if (starts_alone || !step.allFinite()) step.setZero();
+    step /= std::max(1.0, step.cwiseAbs().maxCoeff());
+    const VectorXd x = (x_ + step).cwiseMax(-kMaxX).cwiseMin(kMaxX);
+    std::vector<VectorXd> starts = level_.starts;
+    for (size_t w = 0; w < equations.size(); ++w) {
+      if (equations[w].valid) starts[w] += factors[w].solve(equations[w].start - equations[w].start_x * (x - x_));
+    }
+    // Each window keeps the better of its two starts: one whose contact flips does not hold up the others.
+    std::vector<VectorXd> moved = replayer_.Residuals(level_.windows, starts, ToZ(space_, x));
+    const std::vector<VectorXd> stayed = replayer_.Residuals(level_.windows, level_.starts, ToZ(space_, x));
+    std::vector<char> better(moved.size());
+    for (size_t w = 0; w < moved.size(); ++w) {
+      better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[w]);
+      if (!better[w]) moved[w] = stayed[w];
+    }
+    if (!starts_alone && !(Cost(moved, x) < cost)) {
+      damping_ *= 8;
+      continue;
+    }
+    x_ = x;
+    for (size_t w = 0; w < moved.size(); ++w) {
+      if (better[w]) level_.starts[w] = starts[w];
+      residuals_[w] = linear_[w].residual = moved[w];
+      linear_[w].valid = linear_[w].valid && moved[w].size() > 0;
+      damping_of_start_[w] =
+          better[w] ? std::max(1e-6, damping_of_start_[w] * 0.2) : std::min(1e4, damping_of_start_[w] * 6);
+    }
+    damping_ = std::max(1e-7, damping_ * 0.2);
+    return !starts_alone && (step.cwiseAbs().array() < kSettled * uncertainty.array()).all();
+  }
+  return false;
+}
+
+std::optional<VectorXd> LevelFit::PredictedStart(size_t w) const {
+  if (w == 0 || level_.stretch[w - 1] != level_.stretch[w] || residuals_[w - 1].size() == 0) return std::nullopt;
+  const LogWindow &before = level_.windows[w - 1], &window = level_.windows[w];
+  if (before.begin + before.n_steps != window.begin) return std::nullopt;
+  return replayer_.Logged(window, 0) - residuals_[w - 1].tail(variance_.size());
+}
+
+bool LevelFit::TryOtherStarts(Rng& rng) {
+  if (ShareExplained() == 1) return false;
+  const WindowLikelihood likelihood = Likelihood();
+  const std::vector<double> z = ToZ(space_, x_);
+  for (int attempt = 0; attempt <= kRedraws; ++attempt) {
+    std::vector<size_t> which;
+    std::vector<LogWindow> windows;
+    std::vector<VectorXd> starts;
+    for (size_t w = 0; w < level_.windows.size(); ++w) {
+      if (likelihood.Explains(residuals_[w])) continue;
+      std::optional<VectorXd> start = PredictedStart(w);
+      if (attempt > 0) {
+        start = replayer_.Logged(level_.windows[w], 0);
+        for (int c = 0; c < start->size(); ++c) (*start)[c] += std::sqrt(variance_[c]) * rng.Normal();
+      }
+      if (!start) continue;
+      which.push_back(w);
+      windows.push_back(level_.windows[w]);
+      starts.push_back(*start);
+    }
+    const FittedStarts fitted =
+        FitStarts(replayer_, windows, std::move(starts), z, likelihood, kStartStep * scale_, kOtherStartIterations);
+    for (size_t k = 0; k < which.size(); ++k) {
+      const size_t w = which[k];
+      if (!(likelihood.Cost(fitted.residuals[k]) < likelihood.Cost(residuals_[w]))) continue;
+      level_.starts[w] = fitted.starts[k];
+      residuals_[w] = fitted.residuals[k];
+      damping_of_start_[w] = 1e-2;
+    }
+  }
+  return true;
+}
+
+void LevelFit::CountExplainedAlone() { explained_alone_ = ShareExplained() > kFewestExplained; }
+
+double LevelFit::FinalCost() {
+  EstimateNoise();
+  double cost = Cost(residuals_, x_);
+  for (const VectorXd& r : residuals_) cost += r.size() > 0 ? 0.5 * variance_.array().log().sum() * n_steps() : 0;
+  return cost;
+}
+
+double LevelFit::ShareExplained() const {
+  const WindowLikelihood likelihood = Likelihood();
+  double explained = 0;
+  for (const VectorXd& residual : residuals_) explained += likelihood.Explains(residual);
+  return explained / static_cast<double>(residuals_.size());
+}
+
+Level LevelFit::Joined() const {
+  Level joined;
+  for (size_t w = 0; w + 1 < level_.windows.size(); ++w) {
+    const LogWindow &a = level_.windows[w], &b = level_.windows[w + 1];
+    if (level_.stretch[w] != level_.stretch[w + 1] || a.begin + a.n_steps != b.begin) continue;
+    joined.windows.push_back({a.begin, a.n_steps + b.n_steps, a.episode_begin});
+    joined.starts.push_back(level_.starts[w]);
+    joined.stretch.push_back(level_.stretch[w]);
+    ++w;
+  }
+  return joined;
+}
+
+double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x) const {
+  double cost = prior_.HalfSquare(x);
+  const WindowLikelihood likelihood = Likelihood();
+  for (const VectorXd& residual : residuals) {
+    const double of_window = likelihood.Cost(residual);
+    cost += explained_alone_ ? std::min(of_window, likelihood.CostOfWorstExplained()) : of_window;
+  }
+  return cost;
+}
+
+LevelFit::Differences LevelFit::Tangents() const {
+  return {VectorXd::Constant(x_.size(), kParameterStep),
+          std::vector<VectorXd>(level_.windows.size(), kStartStep * scale_)};
+}
+
+std::vector<std::vector<double>> LevelFit::Perturbed(const VectorXd& steps) const {
+  std::vector<std::vector<double>> perturbed;
+  for (int i = 0; i < x_.size(); ++i) {
+    VectorXd moved = x_;
+    moved[i] += steps[i];
+    perturbed.push_back(ToZ(space_, moved));
+  }
+  return perturbed;
+}
+
+void LevelFit::Linearize(const Differences& steps) {
+  linear_ =
+      replayer_.Linearize(level_.windows, level_.starts, ToZ(space_, x_), Perturbed(steps.x), steps.x, steps.starts);
+  residuals_.assign(linear_.size(), {});
+  for (size_t w = 0; w < linear_.size(); ++w) {
+    if (linear_[w].valid) residuals_[w] = linear_[w].residual;
+  }
+  EstimateNoise();
+}
+
+void LevelFit::EstimateNoise() {
+  const VectorXd smallest = (kSmallestNoise * scale_.cwiseMax(1.0)).cwiseAbs2();
+  std::vector<FittedWindow> fitted(linear_.size());
+  for (size_t w = 0; w < linear_.size(); ++w) {
+    if (linear_[w].valid) fitted[w] = {linear_[w].residual, linear_[w].d_start};
+  }
+  if (variance_.size() == 0) variance_ = (kNoiseGuess * scale_).cwiseAbs2();
+  variance_ = NoiseVariance(fitted, variance_, smallest);
+  const WindowLikelihood likelihood = Likelihood();
+  weights_.clear();
+  for (const VectorXd& residual : residuals_) {
+    const bool counts = !explained_alone_ || likelihood.Explains(residual);
+    weights_.push_back(counts ? likelihood.Weight(residual) : 0);
+  }
+}
+
+std::vector<LevelFit::NormalEquations> LevelFit::Equations(
+    const std::vector<WindowReplayer::Linearization>& linear) const {
+  const WindowLikelihood likelihood = Likelihood();
+  std::vector<NormalEquations> equations(linear.size());
+  for (size_t w = 0; w < linear.size(); ++w) {
+    const WindowReplayer::Linearization& l = linear[w];
+    if (!l.valid) continue;
+    const VectorXd p = weights_[w] * likelihood.precision();
+    NormalEquations& e = equations[w];
+    e.valid = true;
+    const MatrixXd weighted_start = p.asDiagonal() * l.d_start;
+    e.start_start = l.d_start.transpose() * weighted_start;
+    e.start_x = weighted_start.transpose() * l.d_parameters;
+    e.x_x = l.d_parameters.transpose() * (p.asDiagonal() * l.d_parameters);
+    e.start = weighted_start.transpose() * l.residual;
+    e.x = l.d_parameters.transpose() * p.cwiseProduct(l.residual);
+  }
+  return equations;
+}
+
+}  // namespace oted

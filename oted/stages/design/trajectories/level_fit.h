@@ -1,0 +1,113 @@
+#pragma once
+/// One level of trajectory matching: windows of one length, fitted together (trajectory_matching.h has the cost).
+
+#include <Eigen/Dense>
+#include <optional>
+#include <vector>
+
+#include "oted/matching/prior.h"
+#include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/replay/window_likelihood.h"
+#include "oted/stages/design/replay/windows.h"
+#include "oted/stages/design/trajectories/stretch_estimate.h"
+
+namespace oted {
+
+/// Windows of one length with their start states, as far as they are known.
+struct Level {
+  std::vector<LogWindow> windows;
+  std::vector<Eigen::VectorXd> starts;
+  std::vector<int> stretch;  ///< which stretch of the log each window is part of
+};
+
+/// Everything that one level of windows needs to be fitted. What it is given must outlive it.
+class LevelFit {
+ public:
+  /// @param scale  (obs_dim): ChannelScales
+  LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior, const Eigen::VectorXd& scale,
+           Level level, Eigen::VectorXd x);
+
+  const Eigen::VectorXd& x() const { return x_; }
+  const Level& level() const { return level_; }
+  const Eigen::VectorXd& noise_variance() const { return variance_; }
+
+  /// One Gauss-Newton step on x and all starts.
+  /// @return whether x moved by less than a quarter of its uncertainty
+  bool Step();
+  /// Windows that are not explained are often caught in a local minimum of their start: noise of a hundredth of a metre
+  /// puts a foot into the ground. Each is fitted again from other starts, from where the replay of the window before it
+  /// ends and from readings with noise added anew, and keeps the best. Call Step before and after.
+  /// @return whether there was any such window
+  bool TryOtherStarts(Rng& rng);
+  /// From now on windows that are not explained do not count at all, unless hardly any is: what x they ask for is that
+  /// of a wrong start.
+  void CountExplainedAlone();
+  /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
+  /// windows.
+  double FinalCost();
+  /// The last step, after FinalCost: one undamped Newton step on x with derivatives that are secants over the scale of
+  /// the uncertainty, of x and of every start. Under noise the cost is rough at a smaller scale, since contacts begin
+  /// and end a physics step earlier or later; tangents tell nothing of that, or everything. From an x that is near, one
+  /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents.
+  /// @return the covariance of x
+  Eigen::MatrixXd Finish();
+  /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x, at
+  /// their nominal values and in logarithms. By the secants of Finish, and for these by steps of a fiftieth.
+  std::vector<StretchEvidence> EvidenceIn(WindowReplayer& wider, int n_more) const;
+  /// Share of windows that noise alone explains, after FinalCost.
+  double ShareExplained() const;
+  /// Windows of twice the length, each from two neighbours; it starts where the first of them does.
+  Level Joined() const;
+
+ private:
+  /// The quadratic model of one window's cost, weighted.
+  struct NormalEquations {
+    using Factor = Eigen::LDLT<Eigen::MatrixXd>;
+    bool valid = false;
+    Eigen::MatrixXd start_start, start_x, x_x;
+    Eigen::VectorXd start, x;
+    /// What is left for x when the start follows it (Schur complements). @param factor  of start_start, damped or not
+    Eigen::MatrixXd Information(const Factor& factor) const {
+      return x_x - start_x.transpose() * factor.solve(start_x);
+    }
+    Eigen::VectorXd Score(const Factor& factor) const { return x - start_x.transpose() * factor.solve(start); }
+  };
+
+  int n_steps() const { return level_.windows.front().n_steps; }
+  WindowLikelihood Likelihood() const { return {variance_, n_steps()}; }
+  /// Where the replay of the window before window w ends; none where that is not its neighbour.
+  std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
+  double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
+  /// Forward differences of these steps: (parameters), and of each window (obs_dim).
+  struct Differences {
+    Eigen::VectorXd x;
+    std::vector<Eigen::VectorXd> starts;
+  };
+  Differences Tangents() const;
+  Differences Secants() const;
+  void Linearize(const Differences& steps);
+  /// z with one search coordinate moved by its step, one per parameter.
+  std::vector<std::vector<double>> Perturbed(const Eigen::VectorXd& steps) const;
+  /// What each stretch says of the parameters of a linearization. A window that cannot be replayed says nothing.
+  std::vector<StretchEvidence> Evidence(const std::vector<WindowReplayer::Linearization>& linear,
+                                        Eigen::Index n_parameters) const;
+  /// The channels' variances, and from them the windows' weights.
+  void EstimateNoise();
+  std::vector<NormalEquations> Equations(const std::vector<WindowReplayer::Linearization>& linear) const;
+
+  WindowReplayer& replayer_;
+  const ParameterSpace& space_;
+  const Prior& prior_;
+  const Eigen::VectorXd& scale_;
+  Level level_;
+  Eigen::VectorXd x_;
+  std::vector<double> damping_of_start_;
+  double damping_ = 1e-2;
+  bool explained_alone_ = false;
+  std::vector<WindowReplayer::Linearization> linear_;
+  std::vector<Eigen::VectorXd> residuals_;
+  Eigen::VectorXd variance_;     // of each channel's noise
+  std::vector<double> weights_;  // of each window
+};
+
+}  // namespace oted

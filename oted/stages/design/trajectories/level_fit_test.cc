@@ -1,0 +1,88 @@
+#include "oted/stages/design/trajectories/level_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "oted/data/sensor_noise.h"
+#include "oted/matching/designer.h"
+#include "oted/matching/testing.h"
+#include "oted/stages/design/testing.h"
+
+namespace oted {
+namespace {
+
+const std::vector<double> kTruth = {1.5, 0.6, 0.5};
+
+constexpr int kSteps = 10;
+
+/// Windows of kSteps from their logged readings, each episode a stretch.
+Level WindowsOf(const Dataset& logs, const WindowReplayer& replayer) {
+  Level level;
+  for (const Episode& episode : logs.Episodes()) {
+    for (int i = episode.begin; i + kSteps <= episode.end; i += kSteps) {
+      level.windows.push_back({i, kSteps, episode.begin});
+      level.starts.push_back(replayer.Logged(level.windows.back(), 0));
+      level.stretch.push_back(episode.begin);
+    }
+  }
+  return level;
+}
+
+Eigen::VectorXd TrueX(const ParameterSpace& space) {
+  const std::vector<double> x = ZToLogit(space, kTruth);
+  return Eigen::Map<const Eigen::VectorXd>(x.data(), static_cast<Eigen::Index>(x.size()));
+}
+
+TEST(LevelFit, WindowsCaughtInALocalMinimumAreExplainedFromOtherStarts) {
+  double caught_before = 0, caught_after = 0;
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    BetweenWalls target(20, 1);
+    const Dataset logs = WithSensorNoise(RandomLogs(target, kTruth), 0.05, RngKey(seed));
+    WindowReplayer replayer(std::make_unique<BetweenWalls>(64, 1), logs);
+    const ParameterSpace space = PointMass::MakeParameters();
+    const Prior prior = Prior::Uniform(3);
+    const Eigen::VectorXd scale = ChannelScales(logs);
+    LevelFit fit(replayer, space, prior, scale, WindowsOf(logs, replayer), TrueX(space));
+    for (int i = 0; i < 8; ++i) fit.Step();
+    caught_before += 1 - fit.ShareExplained();
+    Rng rng = RngKey(seed).Stage("starts").MakeRng();
+    for (int round = 0; round < 2 && fit.TryOtherStarts(rng); ++round) {
+      for (int i = 0; i < 3; ++i) fit.Step();
+    }
+    caught_after += 1 - fit.ShareExplained();
+  }
+  EXPECT_GT(caught_before, 0.3);
+  EXPECT_LT(caught_after, 0.6 * caught_before);
+}
+
+TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), 0.02, RngKey(1));
+  WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), logs);
+  const ParameterSpace space = PointMass::MakeParameters();
+  const Prior prior = Prior::Uniform(3);
+  const Eigen::VectorXd scale = ChannelScales(logs);
+  const Level all = WindowsOf(logs, replayer);
+  for (const size_t broken : {size_t{0}, all.windows.size() / 2, all.windows.size() - 1}) {
+    Level with = all, without = all;
+    with.starts[broken].setConstant(std::numeric_limits<double>::quiet_NaN());
+    const auto at = static_cast<std::ptrdiff_t>(broken);
+    without.windows.erase(without.windows.begin() + at);
+    without.starts.erase(without.starts.begin() + at);
+    without.stretch.erase(without.stretch.begin() + at);
+    std::vector<Eigen::VectorXd> x;
+    std::vector<Eigen::MatrixXd> covariance;
+    for (const Level& level : {with, without}) {
+      LevelFit fit(replayer, space, prior, scale, level, TrueX(space));
+      fit.Step();
+      fit.FinalCost();
+      covariance.push_back(fit.Finish());
+      x.push_back(fit.x());
+    }
+    EXPECT_LT((x[0] - x[1]).norm(), 1e-9 * x[1].norm());
+    EXPECT_LT((covariance[0] - covariance[1]).norm(), 1e-9 * covariance[1].norm());
+  }
+}
+
+}  // namespace
+}  // namespace oted

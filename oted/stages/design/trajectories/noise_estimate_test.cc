@@ -1,0 +1,85 @@
+#include "oted/stages/design/trajectories/noise_estimate.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "oted/base/rng.h"
+
+namespace oted {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kChannels = 2, kObservations = 3;
+const VectorXd kSmallest = VectorXd::Constant(kChannels, 1e-16);
+
+/// Windows of a linear plant (position, velocity) with a noise of its own on each, whose starts were fitted by weighted
+/// least squares under the variances `believed`.
+std::vector<FittedWindow> Windows(const VectorXd& noise_std, const VectorXd& believed, int n) {
+  Rng rng(7);
+  std::vector<FittedWindow> windows;
+  for (int w = 0; w < n; ++w) {
+    MatrixXd d_start(kChannels * kObservations, kChannels);
+    VectorXd noise(d_start.rows()), precision(d_start.rows());
+    for (int t = 0; t < kObservations; ++t) {
+      d_start.middleRows(kChannels * t, kChannels) << 1, 0.1 * t, -0.5 * t, 1 - 0.1 * t;
+      for (int c = 0; c < kChannels; ++c) {
+        noise[kChannels * t + c] = noise_std[c] * rng.Normal();
+        precision[kChannels * t + c] = 1 / believed[c];
+      }
+    }
+    const MatrixXd weighted = precision.asDiagonal() * d_start;
+    const VectorXd start = (d_start.transpose() * weighted).ldlt().solve(weighted.transpose() * noise);
+    windows.push_back({noise - d_start * start, d_start});
+  }
+  return windows;
+}
+
+VectorXd Vector(double a, double b) { return (VectorXd(2) << a, b).finished(); }
+
+TEST(NoiseVariance, TellsTheNoiseOfEveryChannelFromWindowsThatAreWeighedRightly) {
+  const VectorXd noise = Vector(0.02, 0.5), truth = noise.cwiseAbs2();
+  const VectorXd found = NoiseVariance(Windows(noise, truth, 4000), truth, kSmallest).cwiseSqrt();
+  EXPECT_NEAR(found[0] / 0.02, 1, 0.05);
+  EXPECT_NEAR(found[1] / 0.5, 1, 0.05);
+}
+
+// Fit and estimate in turn, from a guess that is off by a factor of 25 in either direction.
+TEST(NoiseVariance, ComesToTheTruthFromAWrongGuessWithoutAChannelThatCollapses) {
+  for (const VectorXd& guess : {Vector(0.5, 0.02), Vector(0.02, 0.02), Vector(0.5, 0.5)}) {
+    VectorXd believed = guess.cwiseAbs2();
+    for (int i = 0; i < 15; ++i)
+      believed = NoiseVariance(Windows(Vector(0.02, 0.5), believed, 2000), believed, kSmallest);
+    EXPECT_NEAR(std::sqrt(believed[0]) / 0.02, 1, 0.07);
+    EXPECT_NEAR(std::sqrt(believed[1]) / 0.5, 1, 0.07);
+  }
+}
+
+TEST(NoiseVariance, AFifthOfTheWindowsGoneWrongMovesItLittle) {
+  const VectorXd noise = Vector(0.02, 0.5), truth = noise.cwiseAbs2();
+  std::vector<FittedWindow> windows = Windows(noise, truth, 2000);
+  for (size_t w = 0; w < windows.size(); w += 5) windows[w].residual *= 100;
+  const VectorXd found = NoiseVariance(windows, truth, kSmallest).cwiseSqrt();
+  EXPECT_LT(found[0] / 0.02, 1.5);
+  EXPECT_LT(found[1] / 0.5, 1.5);
+}
+
+TEST(NoiseVariance, OfResidualsThatAreRoundingIsThatOfRounding) {
+  const VectorXd truth = Vector(1e-9, 1e-9).cwiseAbs2();
+  EXPECT_EQ(NoiseVariance(Windows(Vector(1e-9, 1e-9), truth, 50), truth, kSmallest), kSmallest);
+}
+
+// A contact sensor that is zero most of the time: the readings that are not tell its noise.
+TEST(NoiseVariance, AChannelThatRarelyShowsAnythingDoesNotCountAsNoiseless) {
+  const VectorXd noise = Vector(0.02, 0.5), truth = noise.cwiseAbs2();
+  std::vector<FittedWindow> windows = Windows(noise, truth, 2000);
+  for (size_t w = 0; w < windows.size(); ++w) {
+    for (int t = 0; w % 4 > 0 && t < kObservations; ++t) windows[w].residual[kChannels * t + 1] = 0;
+  }
+  EXPECT_NEAR(std::sqrt(NoiseVariance(windows, truth, kSmallest)[1]) / 0.5, 1, 0.1);
+}
+
+}  // namespace
+}  // namespace oted

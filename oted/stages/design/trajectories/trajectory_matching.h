@@ -1,0 +1,41 @@
+#pragma once
+/// Trajectory matching, the design for simulators whose state can be set: q(z) from windows of the log that the
+/// simulator replays, with the windows' start states unknown as well as z. Not in the paper; see
+/// docs/deviations.md#trajectory-matching.
+
+#include "oted/base/log.h"
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+#include "oted/stages/design/replay/replay_fit.h"
+
+namespace oted {
+
+struct TrajectoryOptions {
+  int max_window = 16;  ///< control steps of the longest windows; levels 2, 4, ... up to it
+  int n_rows = 960;     ///< logged transitions that are matched, at most
+  int n_coarse = 64;    ///< parameters drawn from the prior to find where to start
+  int n_starts = 3;     ///< of them, refined at the first level
+};
+
+/// Minimises over x and over the start state s_w of every window w
+///
+///   sum_w rho( sum_t,c (o_wtc - M_c(s_w, a_w, t; z(x)))^2 / sigma_c^2 ) - log p(x)
+///
+/// where rho is the negative log density of a scale mixture (Student's t over a window), so that windows which no
+/// parameters explain count less, and sigma_c, the noise of channel c, is estimated along with the rest
+/// (noise_estimate.h). Gauss-Newton with the start states eliminated window by window; Levenberg damping of its own for
+/// x and for every s_w.
+///
+/// Windows of 2 control steps come first: their replays are almost linear in x and find the basin. They are joined to
+/// windows of 4, 8, ... as long as the longer ones are explained as well, that is, the noise estimate does not grow by
+/// more than a quarter: long windows tell more under noise, but contact makes them chaotic.
+///
+/// The starts have local minima, where noise or a poor guess has put a foot into the ground or off it. Such windows are
+/// told by squared errors that noise does not reach; they are fitted again from other starts, and those that remain do
+/// not count (LevelFit::TryOtherStarts, CountExplainedAlone).
+///
+/// The last step and the covariance: level_fit.h, Finish, and stretch_estimate.h.
+ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
+                            const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context);
+
+}  // namespace oted

@@ -1,0 +1,161 @@
+#include "oted/stages/design/trajectories/trajectory_matching.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+#include "oted/data/sensor_noise.h"
+#include "oted/matching/designer.h"
+#include "oted/matching/testing.h"
+#include "oted/matching/verdict.h"
+#include "oted/sim/testing.h"
+#include "oted/stages/design/testing.h"
+
+namespace oted {
+namespace {
+
+constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
+const std::vector<double> kTruth = {1.5, 0.6, 0.5};
+
+ReplayFit MatchUnder(const Prior& prior, const Dataset& logs) {
+  NullSink log;
+  return MatchTrajectories(PointMassFactory(), logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2}, prior, RngKey(1),
+                           [](int, int, const Eigen::VectorXd&) {}, {.log = &log});
+}
+
+ReplayFit Match(const Dataset& logs, const SimulatorFactory& factory, uint64_t seed, int n_threads = 1) {
+  NullSink log;
+  return MatchTrajectories(factory, logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2},
+                           Prior::Uniform(factory.parameters().size()), RngKey(seed),
+                           [](int, int, const Eigen::VectorXd&) {}, {.log = &log, .n_threads = n_threads});
+}
+
+ReplayFit Match(const Dataset& logs, uint64_t seed = 1, int n_threads = 1, const PointMassOptions& options = {}) {
+  return Match(logs, PointMassFactory(options), seed, n_threads);
+}
+
+std::vector<double> Z(const ReplayFit& fit) {
+  return LogitToZ(PointMass::MakeParameters(), {fit.mean.data(), static_cast<size_t>(fit.mean.size())});
+}
+
+TEST(MatchTrajectories, IsExactOnCleanLogs) {
+  const std::vector<double> z = Z(Match(PointMassLogs(kTruth, 8)));
+  EXPECT_NEAR(z[kGain], 1.5, 1e-6);
+  EXPECT_NEAR(z[kDamping], 0.6, 1e-6);
+}
+
+TEST(MatchTrajectories, FindsParametersAndNoiseWhereTheNoiseIsUnknown) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), 0.05, RngKey(3));
+  const ReplayFit fit = Match(logs);
+  EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.03);
+  EXPECT_NEAR(Z(fit)[kDamping], 0.6, 0.03);
+  for (const double std : fit.evidence->noise_std) EXPECT_NEAR(std, 0.05, 0.01);
+}
+
+TEST(MatchTrajectories, WhatHasNoEffectStaysAtThePrior) {
+  const ReplayFit fit = Match(WithSensorNoise(PointMassLogs(kTruth, 8), 0.02, RngKey(4)));
+  EXPECT_NEAR(fit.mean[kIdle], 0, 0.05);
+  EXPECT_NEAR(std::sqrt(fit.covariance(kIdle, kIdle)), Designer::kPriorStd, 0.05);
+}
+
+TEST(MatchTrajectories, WhatHasNoEffectIsWhereAGaussianPriorPutsItAndWhatHasIsNotMovedByOne) {
+  const Prior prior =
+      Prior::Gaussian(Eigen::Vector3d(0, 0, 1.5), Eigen::Vector3d(0.3, 0.3, 0.2).cwiseAbs2().asDiagonal());
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 8), 0.02, RngKey(4));
+  const ReplayFit under = MatchUnder(prior, logs), flat = Match(logs);
+  EXPECT_NEAR(under.mean[kIdle], 1.5, 0.05);
+  EXPECT_NEAR(std::sqrt(under.covariance(kIdle, kIdle)), 0.2, 0.02);
+  // Logs and prior as two Gaussians: their precisions add up.
+  const double logs_precision = 1 / flat.covariance(kGain, kGain) - 1 / (1.7 * 1.7), prior_precision = 1 / 0.09;
+  const double expected = logs_precision * flat.mean[kGain] / (logs_precision + prior_precision);
+  EXPECT_NEAR(under.mean[kGain], expected, 2 * std::sqrt(flat.covariance(kGain, kGain)));
+  EXPECT_GT(under.mean[kGain], 0.5 * flat.mean[kGain]);
+}
+
+TEST(MatchTrajectories, NinetyPercentIntervalsHoldTheTruthInNineCasesOfTen) {
+  constexpr int kCases = 60;
+  int held[2] = {0, 0};
+  for (int k = 0; k < kCases; ++k) {
+    Rng rng = RngKey(11).Index(static_cast<uint64_t>(k)).MakeRng();
+    const std::vector<double> truth = {rng.Uniform(0.5, 1.7), rng.Uniform(0.3, 0.9), 0.5};
+    const ReplayFit fit = Match(WithSensorNoise(PointMassLogs(truth, 20), 0.05, RngKey(100 + static_cast<uint64_t>(k))),
+                                static_cast<uint64_t>(k));
+    const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
+    const auto intervals = q.CentralInterval(0.9);
+    for (size_t i : {kGain, kDamping}) held[i] += intervals[i].low <= truth[i] && truth[i] <= intervals[i].high;
+  }
+  // 54 of 60 are expected; five binomial standard deviations are 12. The same excitation serves all cases.
+  for (const int n : held) {
+    EXPECT_GE(n, 45);
+  }
+}
+
+TEST(MatchTrajectories, IntervalsHoldTheTruthWhereContactMakesTheCostJump) {
+  constexpr int kCases = 60;
+  int held[2] = {0, 0};
+  for (int k = 0; k < kCases; ++k) {
+    Rng rng = RngKey(12).Index(static_cast<uint64_t>(k)).MakeRng();
+    const std::vector<double> truth = {rng.Uniform(0.5, 1.7), rng.Uniform(0.3, 0.9), 0.5};
+    BetweenWalls target(20, 1);
+    const Dataset logs = WithSensorNoise(RandomLogs(target, truth), 0.05, RngKey(200 + static_cast<uint64_t>(k)));
+    const ReplayFit fit = Match(logs, BetweenWallsFactory(), static_cast<uint64_t>(k));
+    const auto intervals = Designer(PointMass::MakeParameters(), fit.mean, fit.covariance).CentralInterval(0.9);
+    for (size_t i : {kGain, kDamping}) held[i] += intervals[i].low <= truth[i] && truth[i] <= intervals[i].high;
+  }
+  for (const int n : held) {
+    EXPECT_GE(n, 45);
+  }
+}
+
+/// The point mass whose gain is the product of its first parameter and, in place of idle, a gear of 0.5 + its third.
+class Geared : public PointMass {
+ public:
+  using PointMass::PointMass;
+  void SetParameters(int lane, std::span<const double> z) override {
+    PointMass::SetParameters(lane, std::vector<double>{std::clamp(z[0] * (0.5 + z[2]), 0.2, 2.0), z[1], 0});
+  }
+};
+
+class GearedFactory : public PointMassFactory {
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<Geared>(PointMassOptions{}, n_lanes, n_threads);
+  }
+};
+
+TEST(MatchTrajectories, OfTwoParametersThatMatterAsAProductNeitherIsIdentified) {
+  for (uint64_t k = 0; k < 10; ++k) {
+    Rng rng = RngKey(14).Index(k).MakeRng();
+    const std::vector<double> truth = {rng.Uniform(0.6, 1.3), rng.Uniform(0.3, 0.9), rng.Uniform(0.2, 0.8)};
+    Geared target({}, 20, 1);
+    const Dataset logs = WithSensorNoise(RandomLogs(target, truth), 0.01, RngKey(300 + k));
+    const ReplayFit fit = Match(logs, GearedFactory(), k);
+    const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
+    const auto summary = SummarizeParameters({q}, 0, {true, true, true});
+    EXPECT_NE(summary[kGain].verdict, ParameterVerdict::kIdentified) << k;
+    EXPECT_NE(summary[kIdle].verdict, ParameterVerdict::kIdentified) << k;
+    EXPECT_EQ(summary[kDamping].verdict, ParameterVerdict::kIdentified) << k;
+    EXPECT_LT(q.Correlation()(kGain, kIdle), -0.8) << k;
+    EXPECT_NEAR(q.Mode()[kGain] * (0.5 + q.Mode()[kIdle]), truth[kGain] * (0.5 + truth[kIdle]), 0.02) << k;
+  }
+}
+
+TEST(MatchTrajectories, GivesTheSameBytesAtAnyThreadCount) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 5), 0.02, RngKey(5));
+  const ReplayFit one = Match(logs, 2, 1), two = Match(logs, 2, 2);
+  EXPECT_EQ(one.mean, two.mean);
+  EXPECT_EQ(one.covariance, two.covariance);
+}
+
+TEST(MatchTrajectories, LogsWhoseStatesCannotBeSetAreADataErrorWithTheRemedy) {
+  const Dataset logs = PointMassLogs(kTruth, 5);
+  EXPECT_THAT(MessageOf<DataError>([&] { Match(logs, 1, 1, {.velocity_clip = 0}); }),
+              testing::HasSubstr("design.form=paper"));
+}
+
+}  // namespace
+}  // namespace oted

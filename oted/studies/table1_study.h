@@ -1,0 +1,78 @@
+#pragma once
+/// The paper's Table 1: what policies earn in the target. The target is the task at its nominal parameters, as the
+/// paper's is; the simulator's parameters are unknown within a range. A cell is one number of the table.
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "oted/base/log.h"
+#include "oted/config/run_config.h"
+
+namespace oted {
+
+/// One method on what it depends on: agents that see no logs serve all of a task's datasets, a clone all parameters.
+struct Table1Cell {
+  std::string task;
+  std::string dataset;     ///< "" for dr, is, undesigned
+  std::string parameters;  ///< "friction", "gain", "gravity", "all"; "" for bc
+  std::string method;      ///< of Table1Study::KnownMethods()
+
+  /// "hopper-medium-all-oted", "hopper-all-dr", "hopper-medium-bc"
+  std::string Name() const;
+  bool operator==(const Table1Cell&) const = default;
+};
+
+/// What a program adds to a study, which neither prints nor writes reports.
+struct Table1Hooks {
+  /// Keeps the curves of a run in `folder` and passes everything else on to `inner`.
+  std::function<std::unique_ptr<LogSink>(const std::filesystem::path& folder, LogSink* inner)> keep_curves;
+  /// Called after a whole run (method oted) is complete in `folder`.
+  std::function<void(const std::filesystem::path& folder)> run_complete;
+};
+
+struct Table1Study {
+  std::vector<std::string> tasks = {"halfcheetah", "hopper", "walker2d"};
+  std::vector<std::string> datasets = {"medium", "medium-expert", "expert"};
+  std::vector<std::string> parameters = {"friction", "gain", "gravity", "all"};
+  std::vector<std::string> methods = KnownMethods();
+  std::string data_folder = "examples/data";  ///< holds TASK-DATASET.hdf5
+  std::string form = "auto";                  ///< of the design
+  std::string algorithm = "sac";              ///< of the agents: the paper's, or "crossq"
+  /// Where the un-designed simulator and interval search begin, for the target is the nominal simulator itself: the
+  /// shipped shifted target (0.6, 1.3, 1.2) seen the other way round.
+  std::map<std::string, double> guess = {{"friction", 1.67}, {"gain", 0.77}, {"gravity", 0.83}};
+  std::vector<std::string> assignments;  ///< "section.key=value", for every cell
+  int64_t steps = 200'000;               ///< control steps of one agent
+  int n_seeds = 1;
+  int64_t first_seed = 1;
+
+  /// bc, dr, is, bc_dr, oted, undesigned: the paper's order, and the agent in the guess's simulator.
+  static const std::vector<std::string>& KnownMethods();
+  /// "name=value", as typed. @throws UsageError
+  void SetGuess(const std::string& assignment);
+  /// Every cell once; what bc_dr collects with comes with it.
+  /// @throws UsageError when a task, dataset, parameter or method is none of the table's
+  std::vector<Table1Cell> Cells() const;
+  /// The configuration of one seed of a cell: that of `oted run`, as far as the method goes.
+  RunConfig ConfigOf(const Table1Cell& cell, int64_t seed) const;
+};
+
+/// Runs what is missing of all cells, seeds and methods side by side on the context's threads. After each seed its
+/// cell's file, OUT/NAME.json (schema oted.table1_cell/1, docs/file_formats.md), holds all that are done; agents and
+/// runs lie in OUT/runs/NAME/SEED, and go on from there after a stop.
+/// @return the records, in the order of Cells()
+/// @throws UsageError when a file holds seeds of other settings; DataError when demonstrations are missing; Interrupted
+std::vector<nlohmann::json> RunTable1(const Table1Study& study, const std::filesystem::path& out,
+                                      const std::string& command, const Table1Hooks& hooks, const RunContext& context);
+
+/// Table 1 as Markdown, with the paper's own figures beside ours: D4RL's normalised scores, mean over seeds and, in
+/// brackets, standard deviation and number of seeds. A line for each task, dataset and parameters of the study.
+std::string Table1(const Table1Study& study, const std::vector<nlohmann::json>& records);
+
+}  // namespace oted
