@@ -4,8 +4,7 @@
 
 #include "tests/conformance/simulator_conformance.h"
 
-namespace oted {
-namespace {
+namespace oted::thermostat_test {
 
 INSTANTIATE_TEST_SUITE_P(Thermostat, SimulatorConformance,
                          testing::Values(ConformanceCase{
@@ -23,5 +22,4 @@ TEST(Thermostat, CoolsDownExponentially) {
   EXPECT_NEAR(simulator->observation(0)[0], 5 + 15 * std::exp(-100.0 * 3600 / 5e5), 1e-9);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::thermostat_test

@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace oted {
-namespace {
+namespace oted::base64_test {
 
 // RFC 4648, section 10.
 TEST(Base64Test, GivesTheTestVectorsOfItsStandard) {
@@ -18,5 +17,4 @@ TEST(Base64Test, GivesTheTestVectorsOfItsStandard) {
 
 TEST(Base64Test, TakesAnyByte) { EXPECT_EQ(Base64(std::string_view("\0\xff\xfe\0", 4)), "AP/+AA=="); }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::base64_test

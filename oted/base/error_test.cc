@@ -4,8 +4,7 @@
 
 #include <string>
 
-namespace oted {
-namespace {
+namespace oted::error_test {
 
 TEST(Printable, KeepsTextOfAnyLanguage) {
   const std::string text = "'größe/模型.xml': 3 µm ≠ 4 𝛼";
@@ -41,5 +40,4 @@ TEST(Error, SaysWhatADamagedFileHoldsInOneLine) {
   EXPECT_STREQ(DataError("array 'a' has dtype '<\n\x01i8'").what(), "array 'a' has dtype '< ?i8'");
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::error_test

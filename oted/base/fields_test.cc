@@ -9,8 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::fields_test {
 
 using nlohmann::json;
 using testing::AllOf;
@@ -153,5 +152,4 @@ TEST(Range, BoundsAreOpenOrClosedAsNamed) {
   EXPECT_EQ(Range().ToString(), "");
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::fields_test

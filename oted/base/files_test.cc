@@ -9,8 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::files_test {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
@@ -91,5 +90,4 @@ TEST(Sha256, MatchesThePublishedVectors) {
   EXPECT_EQ(Sha256OfFile(folder / "abc"), Sha256("abc"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::files_test

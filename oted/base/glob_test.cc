@@ -4,8 +4,7 @@
 
 #include <string>
 
-namespace oted {
-namespace {
+namespace oted::glob_test {
 
 TEST(MatchesGlob, WithoutWildcardsIsEquality) {
   EXPECT_TRUE(MatchesGlob("foot", "foot"));
@@ -28,5 +27,4 @@ TEST(MatchesGlob, ManyStarsDoNotTakeForever) {
   EXPECT_FALSE(MatchesGlob("*a*a*a*a*a*a*a*a*a*a*a*a*a*a*a*b", std::string(200, 'a')));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::glob_test

@@ -9,8 +9,7 @@
 #include <thread>
 #include <vector>
 
-namespace oted {
-namespace {
+namespace oted::parallel_test {
 
 TEST(ParallelFor, CallsEveryIndexOnceAtAnyThreadCount) {
   for (const int n : {0, 1, 2, 7, 1000}) {
@@ -67,5 +66,4 @@ TEST(ParallelFor, StartsNothingNewAfterAFailure) {
 
 TEST(AvailableThreads, IsAtLeastOne) { EXPECT_GE(AvailableThreads(), 1); }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::parallel_test

@@ -6,8 +6,7 @@
 #include <cmath>
 #include <set>
 
-namespace oted {
-namespace {
+namespace oted::rng_test {
 
 constexpr int kDraws = 200000;
 // Five standard errors: a right generator fails once in 1.7 million seeds, and the seeds here are fixed.
@@ -161,5 +160,4 @@ TEST(RandomPermutation, HoldsEveryIndexOnceAndEveryOrderEquallyOften) {
   EXPECT_EQ(orders, 6);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::rng_test

@@ -5,8 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace oted {
-namespace {
+namespace oted::statistics_test {
 
 TEST(Statistics, AreThoseOfASampleWorkedByHand) {
   const std::vector<double> values = {2, 4, 4, 4, 5, 5, 7, 9};  // squared deviations from 5 add up to 32
@@ -22,5 +21,4 @@ TEST(Statistics, OfTooFewValuesAreZero) {
   EXPECT_EQ(StandardDeviation(one), 0);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::statistics_test

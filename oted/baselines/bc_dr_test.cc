@@ -9,8 +9,7 @@
 #include "oted/rl/batch_policy.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::bc_dr_test {
 
 constexpr double kSlope = -0.8, kLogStd = -1.5;
 
@@ -100,5 +99,4 @@ TEST(BcDr, ASimulatorThatOnlyDivergesIsADataError) {
   EXPECT_THROW(CollectUnderRandomization(factory, known, 10, RngKey(2), 1), DataError);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::bc_dr_test

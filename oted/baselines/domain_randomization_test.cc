@@ -9,8 +9,7 @@
 #include "oted/rl/sac.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::domain_randomization_test {
 
 /// The largest distance between the samples' distribution function and the uniform one, times sqrt(n): above 1.95 in
 /// one of a thousand uniform samples (Kolmogorov).
@@ -87,5 +86,4 @@ TEST(DomainRandomization, EveryTrainingEpisodeHasADrawOfItsOwn) {
   EXPECT_EQ(std::adjacent_find(gains.begin(), gains.end()), gains.end());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::domain_randomization_test

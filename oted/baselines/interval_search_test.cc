@@ -15,8 +15,7 @@
 #include "oted/rl/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::interval_search_test {
 
 const std::vector<double> kStart = {1.0, 0.6, 0.5};
 
@@ -214,5 +213,4 @@ TEST(ReturnScale, ATaskWithoutAScoreNeedsAReferenceAboveRandomActions) {
   EXPECT_EQ(scale.Performance(-0.01), 1);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::interval_search_test

@@ -9,8 +9,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::data_check_test {
 
 DataCheck Check(const Dataset& logs, const SimulatorFactory* factory, int n_threads = 1) {
   NullSink log;
@@ -133,5 +132,4 @@ TEST(Losses, AreWhatReadingBackDoesNotGive) {
   EXPECT_EQ(losses[3], "actions: 1 numbers were rounded, by 0.25 at most");
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::data_check_test

@@ -6,8 +6,7 @@
 #include "oted/collect/excitation.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 
-namespace oted {
-namespace {
+namespace oted::engine_check_test {
 
 constexpr int kRows = 200;
 
@@ -35,5 +34,4 @@ TEST(FindBetterEngine, SeesNothingInLogsOfTheTaskItself) {
   EXPECT_FALSE(Better("Hopper-v4", "Hopper-v5").has_value()) << "they differ in the reward alone";
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::engine_check_test

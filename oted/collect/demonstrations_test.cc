@@ -10,8 +10,7 @@
 #include "oted/rl/policy_evaluation.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::demonstrations_test {
 
 /// Pushes with u ~ N(mean, 0.3^2), wherever the mass is.
 TanhGaussianPolicy Pushing(float mean) {
@@ -134,5 +133,4 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
   EXPECT_EQ(TanhGaussianPolicy::Load(folder / "medium.npz").net().parameters(), policies.medium.net().parameters());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::demonstrations_test

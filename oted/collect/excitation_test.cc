@@ -11,8 +11,7 @@
 #include "oted/collect/demonstrations.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::excitation_test {
 
 using testing::HasSubstr;
 
@@ -111,5 +110,4 @@ TEST(CollectExcitation, LogsEpisodesOfTheTaskAtAnyNumberOfThreads) {
   EXPECT_NE(one.actions(0, 0), one.actions(15, 0));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::excitation_test

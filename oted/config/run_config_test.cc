@@ -9,8 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::run_config_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -416,5 +415,4 @@ TEST(RunConfig, PresetsAreANameOrAListOfNamesBesideParameters) {
   EXPECT_THROW(RunConfig::FromToml("[parameters]\npreset = 3\n", "t.toml"), UsageError);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::run_config_test

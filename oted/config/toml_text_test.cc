@@ -6,8 +6,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::toml_text_test {
 
 using testing::HasSubstr;
 
@@ -33,5 +32,4 @@ TEST(CheckTomlCharacters, StringsThatDoNotEndAreLeftToTheParser) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::toml_text_test

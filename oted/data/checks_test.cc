@@ -8,8 +8,7 @@
 #include "oted/base/rng.h"
 #include "oted/data/linear_fit.h"
 
-namespace oted {
-namespace {
+namespace oted::checks_test {
 
 const TaskFacts kFacts = {.observation_names = {"angle", "speed", "height"},
                           .action_names = {"torque"},
@@ -319,5 +318,4 @@ TEST(LinearFit, RecoversAMapAndSurvivesACollinearColumn) {
   EXPECT_NEAR(b(1, 0), -0.01, 1e-9);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::checks_test

@@ -13,8 +13,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::child_process_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -142,5 +141,4 @@ TEST(ChildProcess, LimitsGrowWithTheFile) {
   EXPECT_EQ(large.memory_bytes, (uint64_t{1} << 30) + (uint64_t{16000} << 20));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::child_process_test

@@ -7,8 +7,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::csv_dataset_test {
 
 using testing::AllOf;
 using testing::Contains;
@@ -181,5 +180,4 @@ TEST_F(CsvDataset, DelayedActionsMoveWithinTheirEpisode) {
   EXPECT_THAT(Failure(text, options), HasSubstr("data.action_delay (3 control steps)"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::csv_dataset_test

@@ -7,8 +7,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/gzip.h"
 
-namespace oted {
-namespace {
+namespace oted::csv_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -74,5 +73,4 @@ TEST(Gzip, GivesBackItsBytesAndPythonReadsThem) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::csv_test

@@ -11,8 +11,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::d4rl_hdf5_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -281,5 +280,4 @@ TEST(D4rlHdf5, ThreadsMayReadAndWriteAtOnce) {
   EXPECT_EQ(same, std::vector<int>(4, 5));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::d4rl_hdf5_test

@@ -12,8 +12,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::dataset_test {
 
 using testing::HasSubstr;
 
@@ -126,5 +125,4 @@ TEST(Dataset, ADefectiveDatasetIsNotWritten) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::dataset_test

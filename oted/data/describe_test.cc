@@ -8,8 +8,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::describe_test {
 
 TEST(Describe, CountsLengthsReturnsAndRangesAreThoseOfTheRows) {
   const Dataset d = MakeTestDataset(25, 10);  // episodes of 10, 10 and 5 rows; the second ends in a terminal
@@ -49,5 +48,4 @@ TEST(Describe, EpisodesAreChosenByNumberOrRange) {
   EXPECT_NE(MessageOf<DataError>([&] { ChooseEpisodes(d, "3-6"); }).find("holds 5"), std::string::npos);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::describe_test

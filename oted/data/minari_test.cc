@@ -12,8 +12,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::minari_test {
 
 using testing::AllOf;
 using testing::ElementsAre;
@@ -203,5 +202,4 @@ TEST(Minari, NamesEndInAVersion) {
   for (const char* name : {"a", "a-v", "a-v0.hdf5", "-v0", "a b-v0"}) EXPECT_FALSE(IsMinariName(name)) << name;
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::minari_test

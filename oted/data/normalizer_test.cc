@@ -7,8 +7,7 @@
 #include "oted/base/error.h"
 #include "oted/base/rng.h"
 
-namespace oted {
-namespace {
+namespace oted::normalizer_test {
 
 TEST(Normalizer, FitsMeanAndStandardDeviation) {
   Array2<double> rows;
@@ -66,5 +65,4 @@ TEST(Normalizer, ScalesWithTheUnits) {
 
 TEST(Normalizer, NoRowsAreRefused) { EXPECT_THROW(Normalizer::Fit(Array2<double>()), DataError); }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::normalizer_test

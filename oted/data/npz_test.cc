@@ -14,8 +14,7 @@
 #include "oted/data/testing.h"
 #include "oted/data/zip.h"
 
-namespace oted {
-namespace {
+namespace oted::npz_test {
 
 using testing::HasSubstr;
 
@@ -248,5 +247,4 @@ np.savez('d.npz', observations=obs(i), next_observations=obs(i + 1), terminals=(
   EXPECT_TRUE(SameTransitions(read, MakeTestDataset(20, 10, false)));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::npz_test

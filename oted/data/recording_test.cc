@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::recording_test {
 
 using testing::AllOf;
 using testing::Contains;
@@ -81,5 +80,4 @@ TEST(Recording, ALogAtTheControlPeriodStaysAsItIsAndASlowerOneIsRefused) {
   EXPECT_THAT(MessageOf<DataError>([&] { ToDataset(Resample(r, 1.0)); }), HasSubstr("holds no transition"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::recording_test

@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::sensor_noise_test {
 
 constexpr int kRows = 3000, kEpisodeRows = 100;
 
@@ -86,5 +85,4 @@ TEST(WithSensorNoise, RefusesWhatIsNoDeviation) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::sensor_noise_test

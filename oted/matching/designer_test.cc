@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::designer_test {
 
 ParameterSpace Space() {
   return ParameterSpace({{.name = "friction", .field = "env/friction", .low = 0.2, .high = 2.0},
@@ -322,5 +321,4 @@ TEST(Designer, AForeignQIsADataErrorThatNamesTheFile) {
   error_with([](auto& j) { j["bounds"][0][1] = 3.0; });
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::designer_test

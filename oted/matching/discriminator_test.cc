@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::discriminator_test {
 
 constexpr double kDataMean = 0.5, kSimMean = -0.5;
 
@@ -133,5 +132,4 @@ TEST(Discriminator, ADamagedFileIsADataError) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::discriminator_test

@@ -14,8 +14,7 @@
 #include "oted/sim/rollout.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::experience_test {
 
 const std::vector<double> kTruth = {1.3, 0.6, 0.5};
 
@@ -313,5 +312,4 @@ TEST(ExperienceGatherer, TheSameKeyGivesTheSameExperienceAtAnyThreadCount) {
   for (size_t k = 0; k < 3; ++k) EXPECT_EQ(one[k].features, two[k].features);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::experience_test

@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::grid_distribution_test {
 
 ParameterSpace Space(double low = 0.0, double high = 0.6) {
   return ParameterSpace({{.name = "density", .field = "env/density", .low = low, .high = high}});
@@ -80,5 +79,4 @@ TEST(GridDistribution, ItsCumulativeSpreadsEachValueOverTheStepAroundIt) {
   EXPECT_NEAR(q.Mean()[0], 0.3 * 0.3 + 0.2 * 0.6, 1e-12);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::grid_distribution_test

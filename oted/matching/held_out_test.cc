@@ -7,8 +7,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::held_out_test {
 
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
@@ -39,5 +38,4 @@ TEST(HoldOut, AnotherKeyHoldsOutAnotherEpisode) {
   EXPECT_GT(first.size(), 1u);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::held_out_test

@@ -10,8 +10,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::judge_test {
 
 JudgeScore Gap(const std::vector<double>& truth, const PointMassOptions& options = {}) {
   const Dataset logs = PointMassLogs(truth, 40, options);
@@ -75,5 +74,4 @@ TEST(SplitForJudge, HalvesHoldEveryTransitionOnceAndNoEpisodeTwice) {
   EXPECT_LE(std::abs(halves.part[0].size() - halves.part[1].size()), 20);  // an episode
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::judge_test

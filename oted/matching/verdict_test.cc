@@ -5,8 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace oted {
-namespace {
+namespace oted::verdict_test {
 
 constexpr double kLog2 = std::numbers::ln2;
 
@@ -185,5 +184,4 @@ TEST(HasMoved, OnlyAnIdentifiedParameterWellOffItsNominalValue) {
   EXPECT_FALSE(moved(1.3, 0.01, ParameterVerdict::kWeak));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::verdict_test

@@ -2,8 +2,7 @@
 
 #include "oted/nn/torch_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::batch_norm_mlp_torch_test {
 
 struct Shape {
   int in;
@@ -93,5 +92,4 @@ TEST(BatchNormMlp, ShiftAndScaleOfAnInputColumnDoNotMatter) {
   EXPECT_LT(MaxDifference(before, std::vector<float>(y, y + s.batch * s.out)), 5e-3);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::batch_norm_mlp_torch_test

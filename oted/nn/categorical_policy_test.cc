@@ -7,8 +7,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::categorical_policy_test {
 
 CategoricalPolicy MakePolicy(bool images) {
   Rng rng(1);
@@ -67,5 +66,4 @@ TEST(CategoricalPolicy, ADamagedFileIsADataErrorThatNamesIt) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::categorical_policy_test

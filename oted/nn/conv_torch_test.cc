@@ -5,8 +5,7 @@
 #include "oted/nn/conv.h"
 #include "oted/nn/torch_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::conv_torch_test {
 
 // The same network in libtorch, in double precision, on leaves in the order of the flat vector.
 struct TorchConv {
@@ -117,5 +116,4 @@ TEST(Categorical, SamplesHaveTheProbabilitiesAndLargeLogitsDoNotOverflow) {
   EXPECT_EQ(MostProbable(logits), 1);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::conv_torch_test

@@ -5,8 +5,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::encoder_test {
 
 Array2<double> Rows(const std::vector<std::vector<double>>& list) {
   Array2<double> rows;
@@ -75,5 +74,4 @@ TEST(Encoder, AFileGivesItBackAndADamagedOneIsNamed) {
   EXPECT_THROW(Encoder(Rows({{0, 1}}), Shape()), DataError);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::encoder_test

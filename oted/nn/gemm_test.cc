@@ -11,8 +11,7 @@
 #include "oted/base/array2.h"
 #include "oted/base/rng.h"
 
-namespace oted {
-namespace {
+namespace oted::gemm_test {
 
 AlignedVector<float> Normals(int n, uint64_t seed) {
   AlignedVector<float> values(static_cast<size_t>(n));
@@ -150,5 +149,4 @@ TEST(Gemm, CalledOnFourThreadsAtOnceGivesTheBytesOfOne) {
     EXPECT_EQ(std::memcmp(result.data(), alone.data(), alone.size() * sizeof(float)), 0);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::gemm_test

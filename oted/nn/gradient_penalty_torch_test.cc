@@ -4,8 +4,7 @@
 #include "oted/nn/gradient_penalty.h"
 #include "oted/nn/torch_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::gradient_penalty_torch_test {
 
 TEST(GradientPenaltyAgainstAutograd, PenaltyAndItsGradientAreThoseOfASecondBackwardPass) {
   struct Shape {
@@ -54,5 +53,4 @@ TEST(GradientPenaltyAgainstAutograd, ANetworkWithoutSlopeHasAPenaltyOfOneAndNoGr
   for (const float v : gradient) EXPECT_EQ(v, 0);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::gradient_penalty_torch_test

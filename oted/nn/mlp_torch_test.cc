@@ -3,8 +3,7 @@
 #include "oted/nn/mlp.h"
 #include "oted/nn/torch_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::mlp_torch_test {
 
 struct Shape {
   int in;
@@ -124,5 +123,4 @@ TEST(AdamAgainstTorch, AHundredStepsEndAtTheSameParameters) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::mlp_torch_test

@@ -11,8 +11,7 @@
 #include "oted/nn/onnx_export.h"
 #include "oted/nn/onnx_policy.h"
 
-namespace oted {
-namespace {
+namespace oted::onnx_export_categorical_test {
 
 /// Checks every NAME.onnx and runs it on NAME.npz; into results.npz go <name>_action and <name>_logits.
 constexpr const char* kRun = R"(
@@ -159,5 +158,4 @@ TEST(CategoricalPolicyFile, KeepsTheBoundOfItsQuantities) {
   MessageOf<DataError>([&] { CategoricalPolicy::Load(folder / "policy.npz"); });
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::onnx_export_categorical_test

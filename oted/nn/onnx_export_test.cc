@@ -11,8 +11,7 @@
 #include "oted/data/npz.h"
 #include "oted/nn/onnx_policy.h"
 
-namespace oted {
-namespace {
+namespace oted::onnx_export_test {
 
 /// Checks model.onnx and runs it on each array of observations.npz; into actions.npz go <name>/<output>.
 constexpr const char* kRun = R"(
@@ -140,5 +139,4 @@ TEST(OnnxBytes, EqualPoliciesGiveEqualBytesAndOthersDoNot) {
   EXPECT_NE(OnnxBytes(policy, kMetadata), bytes);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::onnx_export_test

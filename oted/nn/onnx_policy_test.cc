@@ -14,8 +14,7 @@
 #include "oted/data/npz.h"
 #include "oted/nn/onnx_export.h"
 
-namespace oted {
-namespace {
+namespace oted::onnx_policy_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -287,5 +286,4 @@ TEST(OnnxPolicy, FiveHundredDamagedFilesAreReadOrRefusedAndNeverCrash) {
   EXPECT_GT(n_read, 20) << "numbers and names may change without harm";
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::onnx_policy_test

@@ -8,8 +8,7 @@
 #include "oted/data/npz.h"
 #include "oted/nn/onnx_policy.h"
 
-namespace oted {
-namespace {
+namespace oted::onnx_torch_exporter_test {
 
 double Worst(const OnnxValue& actions, const std::vector<double>& expected) {
   double worst = actions.data.size() == expected.size() ? 0 : INFINITY;
@@ -60,5 +59,4 @@ np.savez("expected.npz", observations=observations.astype(float), **expected)
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::onnx_torch_exporter_test

@@ -8,8 +8,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/npz.h"
 
-namespace oted {
-namespace {
+namespace oted::tanh_gaussian_test {
 
 /// 3 observations, 2 actions with unequal ranges.
 TanhGaussianPolicy MakePolicy(const std::vector<int>& hidden = {8}) {
@@ -115,5 +114,4 @@ TEST(TanhGaussianPolicy, AForeignOrDamagedFileIsADataError) {
   MessageOf<DataError>([&] { TanhGaussianPolicy::Load(folder / "absent.npz"); });
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::tanh_gaussian_test

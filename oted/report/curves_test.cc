@@ -7,8 +7,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::curves_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -82,5 +81,4 @@ TEST(CurvesTest, ADamagedRowIsNamedWithItsLine) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::curves_test

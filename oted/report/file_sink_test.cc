@@ -8,8 +8,7 @@
 #include "oted/base/testing.h"
 #include "oted/report/curves.h"
 
-namespace oted {
-namespace {
+namespace oted::file_sink_test {
 
 using testing::ElementsAre;
 using testing::Pair;
@@ -98,5 +97,4 @@ TEST(FileSinkTest, ProgressAndWarningsGoToTheInnerSink) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path())) << "no scalar, no file";
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::file_sink_test

@@ -8,8 +8,7 @@
 #include "oted/base/testing.h"
 #include "oted/report/sample_run.h"
 
-namespace oted {
-namespace {
+namespace oted::gather_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -134,5 +133,4 @@ TEST(GatherReportTest, AForeignOrDamagedFileIsNamed) {
   EXPECT_THAT(MessageOf<DataError>([&] { GatherReport(folder.path()); }), HasSubstr("layout"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::gather_test

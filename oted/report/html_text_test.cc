@@ -6,8 +6,7 @@
 
 #include "oted/report/figure.h"
 
-namespace oted {
-namespace {
+namespace oted::html_text_test {
 
 TEST(EscapeTest, LeavesNoCharacterThatMarkupIsMadeOf) {
   EXPECT_EQ(Escape("<b a='1' c=\"2\">&</b>"), "&lt;b a=&#39;1&#39; c=&quot;2&quot;&gt;&amp;&lt;/b&gt;");
@@ -74,5 +73,4 @@ TEST(FigureTest, NothingToPlotGivesNoFigure) {
   EXPECT_EQ(figure.Html(), "");
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::html_text_test

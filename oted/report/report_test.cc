@@ -7,8 +7,7 @@
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
 
-namespace oted {
-namespace {
+namespace oted::report_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -279,5 +278,4 @@ TEST_F(WriteReportTest, TheSameFilesGiveTheSamePage) {
   EXPECT_EQ(Page(), first);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::report_test

@@ -6,8 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-namespace oted {
-namespace {
+namespace oted::summary_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -170,5 +169,4 @@ TEST(SummariseTest, AgentsOfEitherAlgorithmAreNamed) {
               testing::AllOf(HasSubstr("returns 0.929"), HasSubstr("original simulator 0.917")));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::summary_test

@@ -3,8 +3,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::tensorboard_test {
 
 TEST(Crc32cTest, MatchesThePublishedTestVectors) {
   // RFC 3720, appendix B.4, and the check value of the CRC catalogue.
@@ -65,5 +64,4 @@ TEST(EventFileWriterTest, NamesAFolderThatCannotBeWritten) {
   EXPECT_NE(message.find("taken"), std::string::npos) << message;
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::tensorboard_test

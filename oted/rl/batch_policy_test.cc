@@ -9,8 +9,7 @@
 #include "oted/base/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::batch_policy_test {
 
 /// u ~ N(x / 2, e^-1).
 TanhGaussianPolicy MakePolicy() {
@@ -147,5 +146,4 @@ TEST(LoadBatchPolicy, AnActionThatIsNotFiniteIsADataErrorThatNamesTheFile) {
   EXPECT_NE(message.find("policy.onnx"), std::string::npos);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::batch_policy_test

@@ -5,8 +5,7 @@
 #include "oted/rl/crossq_update.h"
 #include "oted/rl/replay_torch_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::crossq_update_torch_test {
 
 TanhGaussianPolicy MakePolicy(int obs_dim, int act_dim, const std::vector<int>& hidden) {
   const std::vector<double> low(static_cast<size_t>(act_dim), -1.0), high(static_cast<size_t>(act_dim), 1.0);
@@ -99,5 +98,4 @@ TEST(CrossQUpdate, ARestoredUpdateGoesOnWithTheSameNumbers) {
   EXPECT_EQ(update.critic(1).running(), restored.critic(1).running());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::crossq_update_torch_test

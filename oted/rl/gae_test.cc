@@ -5,8 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace oted {
-namespace {
+namespace oted::gae_test {
 
 struct Estimate {
   std::vector<float> advantages, returns;
@@ -75,5 +74,4 @@ TEST(GeneralizedAdvantages, LanesDoNotSeeEachOther) {
   for (size_t t = 0; t < 3; ++t) EXPECT_EQ(two.advantages[2 * t], one.advantages[t]);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::gae_test

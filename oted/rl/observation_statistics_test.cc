@@ -9,8 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::observation_statistics_test {
 
 constexpr int kObsDim = 3, kActDim = 2;
 
@@ -88,5 +87,4 @@ TEST(ObservationStatistics, GoOnFromACheckpoint) {
   EXPECT_THAT(MessageOf<DataError>([&] { rest.Restore(arrays); }), testing::HasSubstr("observations/squares"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::observation_statistics_test

@@ -7,8 +7,7 @@
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::policy_evaluation_test {
 
 const BatchPolicy kPush = [](std::span<const double>, int, std::span<double> actions) {
   std::fill(actions.begin(), actions.end(), 1.0);
@@ -66,5 +65,4 @@ TEST(EvaluatePolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
   EXPECT_NEAR(EvaluatePolicy(PointMassFactory(), policy, z, 5, 1, key), expected, 1e-5);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::policy_evaluation_test

@@ -13,8 +13,7 @@
 #include "oted/rl/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::ppo_test {
 
 PpoConfig SmallConfig() {
   PpoConfig config;
@@ -241,5 +240,4 @@ TEST(TrainPpo, ADamagedCheckpointIsADataError) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::ppo_test

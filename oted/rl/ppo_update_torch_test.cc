@@ -3,8 +3,7 @@
 #include "oted/nn/torch_testing.h"
 #include "oted/rl/ppo_update.h"
 
-namespace oted {
-namespace {
+namespace oted::ppo_update_torch_test {
 
 constexpr int kBatch = 48, kActions = 3;
 constexpr double kTolerance = 1e-5;
@@ -234,5 +233,4 @@ TEST(PpoUpdate, ARestoredUpdateGoesOnWithTheSameNumbers) {
   EXPECT_EQ(update.critic().parameters(), restored.critic().parameters());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::ppo_update_torch_test

@@ -8,8 +8,7 @@
 
 #include "oted/base/error.h"
 
-namespace oted {
-namespace {
+namespace oted::replay_buffer_test {
 
 /// Row `i`: every number names the row and its place.
 void AddRow(ReplayBuffer& buffer, int i) {
@@ -106,5 +105,4 @@ TEST(ReplayBuffer, AnEmptyBufferHasNothingToDraw) {
   EXPECT_THROW(buffer.Sample(1, rng, batch), InternalError);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::replay_buffer_test

@@ -14,8 +14,7 @@
 #include "oted/rl/sac.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::replay_training_test {
 
 const std::vector<double> kNominal = {1, 1, 0};
 
@@ -408,5 +407,4 @@ TEST(TrainByReplay, AnEvaluationInWhichEveryEpisodeDivergedIsNotTheBest) {
   EXPECT_EQ(result.n_diverged, 0);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::replay_training_test

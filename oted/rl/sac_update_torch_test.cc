@@ -5,8 +5,7 @@
 #include "oted/rl/replay_torch_testing.h"
 #include "oted/rl/sac_update.h"
 
-namespace oted {
-namespace {
+namespace oted::sac_update_torch_test {
 
 Normalizer Identity(int dim) {
   return {std::vector<double>(static_cast<size_t>(dim), 0.0), std::vector<double>(static_cast<size_t>(dim), 1.0)};
@@ -150,5 +149,4 @@ TEST(SacUpdate, ARestoredUpdateGoesOnWithTheSameNumbers) {
   EXPECT_EQ(update.target_critic(1).parameters(), restored.target_critic(1).parameters());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::sac_update_torch_test

@@ -15,8 +15,7 @@
 #include "oted/rl/replay_training.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::training_beside_test {
 
 const std::vector<double> kNominal = {1, 1, 0};
 constexpr int kEvalEpisodes = 5;  // lanes of an evaluation: no training here has as many
@@ -173,5 +172,4 @@ TEST(TrainInSegments, AnEvaluationThatFailsEndsTheTraining) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::training_beside_test

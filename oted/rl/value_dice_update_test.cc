@@ -7,8 +7,7 @@
 #include "oted/base/bisection.h"
 #include "oted/base/error.h"
 
-namespace oted {
-namespace {
+namespace oted::value_dice_update_test {
 
 constexpr double kExpertMean = 0.5, kShift = 0.3, kStd = 0.4;
 
@@ -217,5 +216,4 @@ TEST(ImitationRows, AnEpisodesLastRowIsFollowedByTheStartOfOneDrawnAtRandom) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::value_dice_update_test

@@ -6,8 +6,7 @@
 // After the headers of ours: it brings logging macros of its own.
 #include <torch/csrc/autograd/autograd.h>
 
-namespace oted {
-namespace {
+namespace oted::value_dice_update_torch_test {
 
 constexpr int kBatch = 48;
 
@@ -141,5 +140,4 @@ void CompareOverSteps(int obs_dim, int act_dim, bool has_replay) {
 TEST(ValueDiceUpdateAgainstAutograd, StaysEqualOverFortySteps) { CompareOverSteps(17, 6, false); }
 TEST(ValueDiceUpdateAgainstAutograd, StaysEqualWithAReplay) { CompareOverSteps(11, 3, true); }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::value_dice_update_torch_test

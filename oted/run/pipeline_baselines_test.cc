@@ -7,8 +7,7 @@
 
 #include "oted/run/pipeline_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::pipeline_baselines_test {
 
 using nlohmann::json;
 namespace fs = std::filesystem;
@@ -91,5 +90,4 @@ TEST_F(PipelineTest, BaselinesHaveTheSameBytesAtAnyNumberOfThreadsAndAfterStops)
   for (const auto& [name, bytes] : whole) EXPECT_EQ(other.at(name), bytes) << name;
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::pipeline_baselines_test

@@ -12,8 +12,7 @@
 #include "oted/matching/testing.h"
 #include "oted/run/pipeline_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::pipeline_forms_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -208,5 +207,4 @@ TEST_F(FormsTest, ASettingThatHasTheNameOfAnotherFormsDesignsIsRefused) {
   EXPECT_THAT(MessageOf<UsageError>([&] { Select(config, "clash"); }), HasSubstr("a-transitions"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::pipeline_forms_test

@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/run/pipeline_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::pipeline_motion_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -83,5 +82,4 @@ TEST(PipelineReplayTest, LogsThatAreTooShortGiveANoteAndNoError) {
   EXPECT_TRUE(ReplayOf(folder.path()).contains("window"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::pipeline_motion_test

@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/run/pipeline_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::pipeline_resume_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -109,5 +108,4 @@ TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
   for (const auto& [name, bytes] : whole) EXPECT_EQ(stopped.at(name), bytes) << name;
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::pipeline_resume_test

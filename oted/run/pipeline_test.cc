@@ -10,8 +10,7 @@
 #include "oted/rl/batch_policy.h"
 #include "oted/run/pipeline_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::pipeline_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -180,5 +179,4 @@ TEST_F(PipelineTest, AParameterWithoutEffectIsAWarningAndUnderStrictAnError) {
   EXPECT_EQ(design.at("warnings").size(), 1u);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::pipeline_test

@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::run_directory_test {
 
 using testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -94,5 +93,4 @@ TEST(Fingerprint, EqualInputsAgreeAndAnyChangeShows) {
   EXPECT_EQ(Fingerprint(json{}).size(), 16u);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::run_directory_test

@@ -13,8 +13,7 @@
 #include "oted/config/task_registry.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::run_inputs_test {
 
 using testing::AllOf;
 using testing::ElementsAre;
@@ -105,5 +104,4 @@ TEST(TaskRegistry, ARegisteredTaskIsMadeByItsName) {
   EXPECT_EQ(MakeSimulatorFactory(TaskConfig::FromArgument("Mass-v0"), {})->spec().task, "PointMass");
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::run_inputs_test

@@ -6,8 +6,7 @@
 #include "oted/base/error.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::channel_factory_test {
 
 using testing::AllOf;
 using testing::ElementsAre;
@@ -119,5 +118,4 @@ TEST(ChannelOffers, NameEveryObservationWithTheNominalValueZero) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::channel_factory_test

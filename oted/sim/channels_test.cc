@@ -9,8 +9,7 @@
 #include "oted/sim/testing.h"
 #include "tests/conformance/simulator_conformance.h"
 
-namespace oted {
-namespace {
+namespace oted::channels_test {
 
 using testing::ElementsAreArray;
 
@@ -276,5 +275,4 @@ TEST(ChannelSimulator, ADiscreteActionIsDelayedByTheNearestWholeNumber) {
   EXPECT_THAT(velocities, testing::ElementsAre(0, 1, 0, 1));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::channels_test

@@ -4,8 +4,7 @@
 
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::episode_recorder_test {
 
 const BatchPolicy kPush = [](std::span<const double>, int, std::span<double> actions) {
   std::fill(actions.begin(), actions.end(), 0.7);
@@ -83,5 +82,4 @@ TEST(EpisodeRecorder, ALaneThatDivergesAtOnceLeavesNothing) {
   EXPECT_EQ(logs.size(), 0);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::episode_recorder_test

@@ -6,8 +6,7 @@
 
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::one_step_test {
 
 /// 20 episodes of the point mass with this gain, under random actions that take effect `delay` rows late.
 Dataset Log(double gain, int delay = 0, const PointMassOptions& options = {}) {
@@ -95,5 +94,4 @@ TEST(OneStep, TerminalsAreHeldAgainstTheTasksRule) {
   EXPECT_EQ(broken.first_unexplained, calm);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::one_step_test

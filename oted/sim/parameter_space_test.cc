@@ -8,8 +8,7 @@
 
 #include "oted/base/error.h"
 
-namespace oted {
-namespace {
+namespace oted::parameter_space_test {
 
 using testing::DoubleNear;
 using testing::ElementsAre;
@@ -111,5 +110,4 @@ TEST(ParameterSpace, CheckInsideRefusesWrongLengthsOutsidersAndNan) {
   EXPECT_THROW(space.CheckInside(std::vector{std::nan(""), 1.0}), UsageError);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::parameter_space_test

@@ -9,8 +9,7 @@
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::presets_test {
 
 using testing::AllOf;
 using testing::ElementsAre;
@@ -116,5 +115,4 @@ TEST(Presets, EveryEntryIsAValidParameterWhoseRangeHoldsTheNominalValue) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::presets_test

@@ -8,8 +8,7 @@
 #include "oted/base/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::replay_test {
 
 using testing::ElementsAre;
 
@@ -104,5 +103,4 @@ TEST(ReplayErrorTest, ASpreadIsTheStandardDeviationAndZeroWhereNothingMoves) {
   EXPECT_THAT(ChannelSpreads(d), ElementsAre(testing::DoubleNear(2, 1e-12), 0.0));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::replay_test

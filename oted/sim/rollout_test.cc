@@ -8,8 +8,7 @@
 #include "oted/base/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::rollout_test {
 
 const std::vector<double> kNominal = {1, 1, 0};
 
@@ -177,5 +176,4 @@ TEST(UniformRandomPolicy, OfDiscreteActionsIsEachIndexEquallyOften) {
   for (const double index : {0.0, 1.0, 2.0}) EXPECT_NEAR(std::ranges::count(actions, index), 3000, 180);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::rollout_test

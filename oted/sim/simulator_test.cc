@@ -4,8 +4,7 @@
 
 #include "oted/base/error.h"
 
-namespace oted {
-namespace {
+namespace oted::simulator_test {
 
 TEST(SimulatorSpec, ObservationSizeIsTheProductOfItsShape) {
   SimulatorSpec spec;
@@ -28,5 +27,4 @@ TEST(SimulatorSpec, TheScoreIs0ForTheRandomAnd100ForTheExpertReturn) {
   EXPECT_DOUBLE_EQ(spec.NormalizedScore((3234.3 - 20.272305) / 2), 50);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::simulator_test

@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::sysid_file_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -195,5 +194,4 @@ TEST(MergeSysid, AFrozenParameterIsLeftOutAtItsNominalValueAndRefusedElsewhere) 
   EXPECT_TRUE(Merge(Read(With(frozen, "1.5e-01", "1.0"))).empty());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::sysid_file_test

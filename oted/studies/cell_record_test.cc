@@ -9,8 +9,7 @@
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::cell_record_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -60,5 +59,4 @@ TEST(CellRecord, SeedsOfOtherSettingsAreRefused) {
   EXPECT_THROW(CellRecord({{"task", "hopper"}, {"form", "paper"}}, "oted.test/1", file, "a command"), UsageError);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::cell_record_test

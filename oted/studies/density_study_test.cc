@@ -10,8 +10,7 @@
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::density_study_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -126,5 +125,4 @@ TEST(DensityStudy, SeedsThatAreThereAreNotRunAgainAndOthersSettingsAreRefused) {
               HasSubstr("take another --out"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::density_study_test

@@ -9,8 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::design_study_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
@@ -99,5 +98,4 @@ TEST(DesignStudy, UnknownNamesAreUsageErrorsThatNameTheKnown) {
   EXPECT_THAT(MessageOf<UsageError>([&] { study.Cells(); }), HasSubstr("hopper"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::design_study_test

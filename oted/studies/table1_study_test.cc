@@ -11,8 +11,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::table1_study_test {
 
 using nlohmann::json;
 using testing::ElementsAre;
@@ -185,5 +184,4 @@ TEST(Table1Text, HasMeanAndSpreadBesideThePapersFigures) {
   EXPECT_THAT(text, HasSubstr("| hopper-expert | all |  | 109.0 | 21.0 (1.4; 2) | 73.9 |  | 45.2 (4.9) |\n"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::table1_study_test

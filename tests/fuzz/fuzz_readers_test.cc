@@ -7,8 +7,7 @@
 #include "oted/base/testing.h"
 #include "tests/fuzz/fuzzing.h"
 
-namespace oted {
-namespace {
+namespace oted::fuzz_readers_test {
 
 TEST(FuzzReaders, TheSeedsThemselvesAreRead) {
   const TestFolder folder;
@@ -46,5 +45,4 @@ TEST(FuzzReaders, TheSameKeyMakesTheSameMutant) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::fuzz_readers_test

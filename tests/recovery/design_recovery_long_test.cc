@@ -15,8 +15,7 @@
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/stages/design/design.h"
 
-namespace oted {
-namespace {
+namespace oted::design_recovery_long_test {
 
 // In multiples of nominal, over the three parameters.
 constexpr double kLargestMeanError = 0.005;
@@ -89,5 +88,4 @@ INSTANTIATE_TEST_SUITE_P(MediumData, DesignRecovery, testing::ValuesIn(Targets()
   return name;
 });
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::design_recovery_long_test

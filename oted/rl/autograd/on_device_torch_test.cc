@@ -6,8 +6,7 @@
 #include "oted/rl/autograd/on_device.h"
 #include "oted/rl/replay_torch_testing.h"
 
-namespace oted {
-namespace {
+namespace oted::on_device_torch_test {
 
 constexpr int kObsDim = 11, kActDim = 3;
 const std::vector<int> kHidden = {64, 64};
@@ -121,5 +120,4 @@ TEST(OnDevice, WhatIsMissingForCudaIsSaid) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::on_device_torch_test

@@ -9,8 +9,7 @@
 #include "oted/base/testing.h"
 #include "oted/sim/minigrid/expert.h"
 
-namespace oted {
-namespace {
+namespace oted::density_likelihood_test {
 
 using minigrid::CellFact;
 using minigrid::Kind;
@@ -208,5 +207,4 @@ TEST(DensityLikelihood, RequestsThatMakeNoSenseAreErrors) {
   EXPECT_THAT(MessageOf<DataError>([&] { likelihood.Add(walled); }), HasSubstr("no path can lead"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::density_likelihood_test

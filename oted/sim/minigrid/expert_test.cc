@@ -9,8 +9,7 @@
 
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::expert_test {
 
 using minigrid::State;
 
@@ -161,5 +160,4 @@ TEST(CollectMinigridDemonstrations, ComesBackFromAFileAsItWas) {
   EXPECT_EQ(read.terminals, data.terminals);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::expert_test

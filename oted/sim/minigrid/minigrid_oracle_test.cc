@@ -14,8 +14,7 @@
 #include "oted/data/npz.h"
 #include "oted/sim/minigrid/minigrid_simulator.h"
 
-namespace oted {
-namespace {
+namespace oted::minigrid_oracle_test {
 
 using minigrid::Cell;
 using minigrid::Colour;
@@ -198,5 +197,4 @@ INSTANTIATE_TEST_SUITE_P(EveryCase, MinigridOracle, testing::ValuesIn(Cases()), 
   return name;
 });
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::minigrid_oracle_test

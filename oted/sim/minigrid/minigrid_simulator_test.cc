@@ -12,8 +12,7 @@
 #include "oted/sim/rollout.h"
 #include "tests/conformance/simulator_conformance.h"
 
-namespace oted {
-namespace {
+namespace oted::minigrid_simulator_test {
 
 using minigrid::Cell;
 using minigrid::Kind;
@@ -265,5 +264,4 @@ TEST(MinigridTask, EveryNamedTaskMakesASimulatorThatSteps) {
   EXPECT_EQ(FindMinigridTask("MiniGrid-Obstacles-16x16").size, 16);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::minigrid_simulator_test

@@ -12,8 +12,7 @@
 #include "oted/sim/mujoco/model_field.h"
 #include "oted/sim/mujoco/task.h"
 
-namespace oted {
-namespace {
+namespace oted::export_mjcf_test {
 
 using testing::HasSubstr;
 
@@ -252,5 +251,4 @@ TEST(FirstDifference, NamesTheNumberThatDiffers) {
   EXPECT_THAT(FirstDifference(*one.model, *other), HasSubstr("meaninertia"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::export_mjcf_test

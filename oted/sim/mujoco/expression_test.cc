@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::expression_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -61,5 +60,4 @@ TEST_F(ExpressionTest, FunctionsAndConstantsAreReserved) {
   EXPECT_FALSE(Expression::IsReserved("height"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::expression_test

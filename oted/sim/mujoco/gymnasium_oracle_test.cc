@@ -15,8 +15,7 @@
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/task.h"
 
-namespace oted {
-namespace {
+namespace oted::gymnasium_oracle_test {
 
 constexpr double kTolerance = 1e-9;
 
@@ -156,5 +155,4 @@ INSTANTIATE_TEST_SUITE_P(EveryTask, GymnasiumOracle, testing::ValuesIn(Gymnasium
   return name;
 });
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::gymnasium_oracle_test

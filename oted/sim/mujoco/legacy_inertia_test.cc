@@ -20,8 +20,7 @@
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/task.h"
 
-namespace oted {
-namespace {
+namespace oted::legacy_inertia_test {
 
 using testing::HasSubstr;
 
@@ -270,5 +269,4 @@ TEST(LegacyEngine, ABodyOfMixedGeomsIsRefusedByName) {
 
 INSTANTIATE_TEST_SUITE_P(EveryTask, LegacyOracle, testing::Values("Hopper-v2", "HalfCheetah-v2", "Walker2d-v2"));
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::legacy_inertia_test

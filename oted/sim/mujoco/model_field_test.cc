@@ -10,8 +10,7 @@
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/task.h"
 
-namespace oted {
-namespace {
+namespace oted::model_field_test {
 
 using testing::AllOf;
 using testing::ElementsAre;
@@ -145,5 +144,4 @@ TEST(BoundingRadius, IsTheCompilersForEveryShape) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::model_field_test

@@ -14,8 +14,7 @@
 #include "oted/sim/mujoco/model_field.h"
 #include "oted/sim/mujoco/task.h"
 
-namespace oted {
-namespace {
+namespace oted::model_offers_test {
 
 using testing::Contains;
 using testing::ElementsAre;
@@ -111,5 +110,4 @@ TEST_F(ModelOffersTest, ActuatedStandsForWhatActuatorsDriveAlsoThroughTendons) {
   EXPECT_THROW(ResolvePath(model(), "geom/@actuated/friction"), UsageError) << "geoms are not driven";
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::model_offers_test

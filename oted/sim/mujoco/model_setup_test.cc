@@ -11,8 +11,7 @@
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::model_setup_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -173,5 +172,4 @@ TEST_F(ModelSetup, TheHashIsThatOfTheCompiledModelWhereverItLies) {
   EXPECT_NE(MujocoSimulatorFactory(task, {}).model_sha256(), here.model_sha256());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::model_setup_test

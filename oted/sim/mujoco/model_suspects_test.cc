@@ -5,8 +5,7 @@
 
 #include "oted/sim/mujoco/mujoco_simulator.h"
 
-namespace oted {
-namespace {
+namespace oted::model_suspects_test {
 
 using testing::Contains;
 using testing::Not;
@@ -38,5 +37,4 @@ TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {
   EXPECT_EQ(wider->parameters().Nominal(), std::vector<double>(1 + suspects.size(), 1.0));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::model_suspects_test

@@ -16,8 +16,7 @@
 #include "oted/sim/mujoco/testing.h"
 #include "tests/conformance/simulator_conformance.h"
 
-namespace oted {
-namespace {
+namespace oted::model_task_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -381,5 +380,4 @@ TEST(ModelTask, TheJacoArmOfDmControlIsThatOfPython) {
   ExpectPythonsNumbers(task, {"d.qpos", "d.qvel", "d.site_xpos[0]"}, 50, 0.5);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::model_task_test

@@ -9,8 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/task.h"
 
-namespace oted {
-namespace {
+namespace oted::model_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -54,5 +53,4 @@ TEST(LoadModel, SaysWhyAFileDoesNotCompileInOneLine) {
   EXPECT_THROW(LoadModel(path), DataError);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::model_test

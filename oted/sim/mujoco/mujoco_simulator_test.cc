@@ -18,8 +18,7 @@
 #include "oted/sim/mujoco/task.h"
 #include "tests/conformance/simulator_conformance.h"
 
-namespace oted {
-namespace {
+namespace oted::mujoco_simulator_test {
 
 using testing::HasSubstr;
 
@@ -356,5 +355,4 @@ TEST(MujocoSimulatorFactory, MissingModelFilesAreErrorsWithTheRemedy) {
   unsetenv("OTED_ASSETS");
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::mujoco_simulator_test

@@ -16,8 +16,7 @@
 extern "C" int __lsan_is_turned_off() { return 1; }
 #endif
 
-namespace oted {
-namespace {
+namespace oted::render_test {
 
 using testing::HasSubstr;
 
@@ -165,5 +164,4 @@ TEST(PosesOfObservationsTest, AnObservationOnTheClipHasNoPose) {
   EXPECT_TRUE(std::isnan(poses(1, 1)));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::render_test

@@ -7,8 +7,7 @@
 
 #include "oted/base/error.h"
 
-namespace oted {
-namespace {
+namespace oted::task_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -39,5 +38,4 @@ TEST(OpenInterval, ExcludesItsEndsAndNan) {
   EXPECT_FALSE(OpenInterval{}.Contains(std::nan("")));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::task_test

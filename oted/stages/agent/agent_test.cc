@@ -11,8 +11,7 @@
 #include "oted/base/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::agent_test {
 
 constexpr int kTrainingLanes = 2;  // one more than evaluation has: so the recorder knows which simulator is which
 
@@ -142,5 +141,4 @@ TEST(TrainAgent, SamplesHaveTheMeanAndTheSpreadOfTheirQ) {
   EXPECT_NEAR(MomentsOf(high).second, 0.1, 5 * 0.1 / std::sqrt(2.0 * static_cast<double>(high.size())));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::agent_test

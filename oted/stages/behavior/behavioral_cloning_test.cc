@@ -10,8 +10,7 @@
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/stages/behavior/clone.h"
 
-namespace oted {
-namespace {
+namespace oted::behavioral_cloning_test {
 
 SimulatorSpec Spec() {
   SimulatorSpec spec;
@@ -252,5 +251,4 @@ TEST(CloneBehavior, SameSeedSameBytesAndAnotherSeedOthers) {
   EXPECT_NE(bytes(1, 1), bytes(2, 1));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::behavioral_cloning_test

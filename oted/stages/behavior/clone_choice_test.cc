@@ -8,8 +8,7 @@
 #include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::clone_choice_test {
 
 PointMassOptions Options() {
   PointMassOptions options;
@@ -88,5 +87,4 @@ TEST(ChooseClone, ThrowsOutABehaviouralCloneThatWasSpoiltAndGivesWhatValueDiceGi
   EXPECT_EQ(Weights(kept), Weights(Clone(logs, config, false)));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::clone_choice_test

@@ -10,8 +10,7 @@
 #include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::value_dice_test {
 
 constexpr double kGainX = -1.2, kGainV = -0.3, kStd = 0.25;
 
@@ -127,5 +126,4 @@ TEST(CloneByValueDice, OfDiscreteActionsIsAUsageErrorAndAutoIsBehaviouralCloning
   EXPECT_EQ(config.MethodFor(PointMass::MakeSpec({})), "auto");
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::value_dice_test

@@ -9,8 +9,7 @@
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/effects.h"
 
-namespace oted {
-namespace {
+namespace oted::channels_design_test {
 
 constexpr size_t kGain = 0, kDamping = 1, kChannel = 3;
 
@@ -129,5 +128,4 @@ TEST(MeasureEffects, TheLargestChangeIsThatOfTheObservationThatReactsMost) {
   EXPECT_EQ(effects[kChannel].largest_change, effects[kChannel].by_observation[1]);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::channels_design_test

@@ -8,8 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::design_config_test {
 
 using testing::HasSubstr;
 
@@ -113,5 +112,4 @@ TEST(DesignConfig, DropoRefusesAPriorItCannotUse) {
   EXPECT_THAT(MessageOf<UsageError>([&] { config.Check(); }), HasSubstr("design.prior"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::design_config_test

@@ -13,8 +13,7 @@
 #include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::design_test {
 
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
@@ -312,5 +311,4 @@ TEST(LearnDesign, RefusesDataOfAnotherTaskAndContradictingSettings) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::design_test

@@ -5,8 +5,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::effects_test {
 
 const std::vector<double> kNominal = {1, 1, 1};
 
@@ -77,5 +76,4 @@ TEST(MeasureEffects, DoesNotDependOnThreads) {
   for (size_t i = 0; i < one.size(); ++i) EXPECT_EQ(one[i].largest_change, three[i].largest_change);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::effects_test

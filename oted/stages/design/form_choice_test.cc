@@ -8,8 +8,7 @@
 
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::form_choice_test {
 
 using testing::HasSubstr;
 
@@ -93,5 +92,4 @@ TEST(FormChoice, ComesBackFromJson) {
   EXPECT_EQ(ToJson(FormChoiceFromJson(nlohmann::json::parse(ToJson(choice).dump()))).dump(), ToJson(choice).dump());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::form_choice_test

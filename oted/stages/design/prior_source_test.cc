@@ -11,8 +11,7 @@
 #include "oted/base/testing.h"
 #include "oted/matching/designer.h"
 
-namespace oted {
-namespace {
+namespace oted::prior_source_test {
 
 std::vector<ParameterSpec> Specs() {
   return {{.name = "friction", .field = "env/friction", .low = 0.2, .high = 2.0},
@@ -119,5 +118,4 @@ TEST(MakePrior, ACategoricalQNeedsTheSameGrid) {
   MessageOf<UsageError>([&] { MakePrior(file, space); });
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::prior_source_test

@@ -6,8 +6,7 @@
 #include "oted/rl/policy_evaluation.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::policy_selection_test {
 
 /// The mean action tanh(-stiffness x): 0 does nothing, more drives the mass to zero.
 TanhGaussianPolicy Spring(float stiffness) {
@@ -86,5 +85,4 @@ TEST(SelectPolicy, DoesNotDependOnThreads) {
   EXPECT_EQ(Select(agents, 1).returns, Select(agents, 3).returns);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::policy_selection_test

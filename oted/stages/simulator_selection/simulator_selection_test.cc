@@ -9,8 +9,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::simulator_selection_test {
 
 const std::vector<double> kTruth = {1.6, 0.5, 0.5};
 constexpr double kLog2 = std::numbers::ln2;
@@ -133,5 +132,4 @@ TEST(SelectSimulator, ASettingsScoresAreMeansOverItsSeeds) {
   EXPECT_EQ(by_progress.best_candidate, 3) << "within a setting the nearer seed is best";
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::simulator_selection_test

@@ -4,8 +4,7 @@
 
 #include <cmath>
 
-namespace oted {
-namespace {
+namespace oted::posterior_test {
 
 ParameterSpace UnitSpace(int d) {
   std::vector<ParameterSpec> specs;
@@ -146,5 +145,4 @@ TEST(Posterior, OfAGaussianLikelihoodAndAGaussianPriorIsTheirProduct) {
   EXPECT_NEAR(Posterior(grid, flat, RngKey(1)).grid()->probabilities(0)[2], 0.4, 1e-9);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::posterior_test

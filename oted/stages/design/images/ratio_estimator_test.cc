@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace oted {
-namespace {
+namespace oted::ratio_estimator_test {
 
 /// A simulator and a behaviour: s ~ N(0, 1); a = gain s + noise; o = a + 2 z + N(0, 0.5^2). Rows (s, a, o).
 std::vector<double> Row(double z, double gain, double noise, Rng& rng) {
@@ -101,5 +100,4 @@ TEST(RatioEstimator, AFreshOneKnowsNothingAndItsLossIsThatOfGuessing) {
   EXPECT_NEAR(g.Step(samples, of, u), std::log(64.0), 0.5);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::ratio_estimator_test

@@ -10,8 +10,7 @@
 #include "oted/sim/minigrid/expert.h"
 #include "oted/stages/design/design_config.h"
 
-namespace oted {
-namespace {
+namespace oted::ratio_matching_test {
 
 /// Rooms of side 4, which are seen nearly whole.
 class SmallRooms : public testing::Test {
@@ -77,5 +76,4 @@ TEST_F(SmallRooms, EpisodesShorterThanASampleAreADataError) {
               testing::HasSubstr("200 steps"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::ratio_matching_test

@@ -15,7 +15,7 @@ constexpr int kSteps = 10;         // long enough for small differences to add u
 constexpr int kOverlap = 5;        // where a window begins is chance, and decides which contacts it holds
 constexpr int kMostWindows = 480;  // spread evenly over the logs
 constexpr int kReplayedStartIterations = 6;  // from the reading itself
-constexpr double kReplayedStartStep = 1e-5;          // of forward differences, in standard deviations of the channel
+constexpr double kReplayedStartStep = 1e-5;  // of forward differences, in standard deviations of the channel
 constexpr double kNoticeableError = 0.01;    // of a channel's spread
 
 std::vector<LogWindow> OverlappingWindows(const Dataset& logs, int n_steps, WindowReplayer& replayer) {

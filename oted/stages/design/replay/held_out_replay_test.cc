@@ -8,8 +8,7 @@
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::held_out_replay_test {
 
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
@@ -83,5 +82,4 @@ TEST(ReplayHeldOut, GivesTheSameBytesAtAnyThreadCount) {
   EXPECT_EQ(Errors(logs, {kTruth}, 0.05, 1).of, Errors(logs, {kTruth}, 0.05, 2).of);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::held_out_replay_test

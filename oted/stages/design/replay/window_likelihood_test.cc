@@ -4,8 +4,7 @@
 
 #include "oted/base/rng.h"
 
-namespace oted {
-namespace {
+namespace oted::window_likelihood_test {
 
 using Eigen::VectorXd;
 
@@ -53,5 +52,4 @@ TEST(WindowLikelihood, AWindowThatBrokeDownIsWorseThanAnyOtherAndCountsNothing) 
   EXPECT_FALSE(likelihood.Explains({}));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::window_likelihood_test

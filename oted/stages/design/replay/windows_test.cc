@@ -7,8 +7,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::windows_test {
 
 using Eigen::VectorXd;
 
@@ -74,5 +73,4 @@ TEST(WindowReplayer, AStartThatCannotBeSetOrAReplayThatBreaksIsEmpty) {
   EXPECT_EQ(breaking.Residuals({window}, {VectorXd::Constant(2, 0.9)}, kTruth)[0].size(), 0);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::windows_test

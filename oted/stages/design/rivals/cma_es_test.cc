@@ -5,8 +5,7 @@
 #include <cmath>
 #include <functional>
 
-namespace oted {
-namespace {
+namespace oted::cma_es_test {
 
 using Eigen::VectorXd;
 using Cost = std::function<double(const VectorXd&)>;
@@ -87,5 +86,4 @@ TEST(CmaEs, ItsStreamIsNamedByItsKey) {
   EXPECT_NE(Minimize(Sphere, start, 200, 5), Minimize(Sphere, start, 200, 6));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::cma_es_test

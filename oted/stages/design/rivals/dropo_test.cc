@@ -12,8 +12,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::dropo_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -101,5 +100,4 @@ TEST(FitDropo, LogsWhoseStatesCannotBeSetAreADataErrorWithTheRemedy) {
               testing::HasSubstr("design.form=paper"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::dropo_test

@@ -12,8 +12,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::least_squares_test {
 
 constexpr size_t kGain = 0, kDamping = 1;
 constexpr int kIdle = 2;
@@ -114,5 +113,4 @@ TEST(FitLeastSquares, LogsWhoseStatesCannotBeSetAreADataErrorWithTheRemedy) {
               testing::HasSubstr("design.form=paper"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::least_squares_test

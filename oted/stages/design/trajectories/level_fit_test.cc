@@ -9,8 +9,7 @@
 #include "oted/matching/testing.h"
 #include "oted/stages/design/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::level_fit_test {
 
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
@@ -84,5 +83,4 @@ TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {
   }
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::level_fit_test

@@ -6,8 +6,7 @@
 
 #include "oted/base/rng.h"
 
-namespace oted {
-namespace {
+namespace oted::noise_estimate_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -81,5 +80,4 @@ TEST(NoiseVariance, AChannelThatRarelyShowsAnythingDoesNotCountAsNoiseless) {
   EXPECT_NEAR(std::sqrt(NoiseVariance(windows, truth, kSmallest)[1]) / 0.5, 1, 0.1);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::noise_estimate_test

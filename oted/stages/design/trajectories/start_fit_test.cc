@@ -6,8 +6,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::start_fit_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -39,5 +38,4 @@ TEST(FitStarts, WithoutWindowsThereIsNothingToFit) {
   EXPECT_TRUE(FitStarts(replayer, {}, {}, kTruth, {VectorXd::Ones(2), 2}, VectorXd::Ones(2), 3).starts.empty());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::start_fit_test

@@ -6,8 +6,7 @@
 
 #include "oted/base/rng.h"
 
-namespace oted {
-namespace {
+namespace oted::stretch_estimate_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -108,5 +107,4 @@ TEST(EstimateFromStretches, WithoutEvidenceIsThePrior) {
   EXPECT_LT((estimate.covariance - MatrixXd::Identity(2, 2) * kPriorStd * kPriorStd).norm(), 1e-12);
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::stretch_estimate_test

@@ -8,8 +8,7 @@
 #include "oted/sim/testing.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 
-namespace oted {
-namespace {
+namespace oted::suspects_test {
 
 constexpr double kDamping = 0.5;  // of the model
 
@@ -67,5 +66,4 @@ TEST(FindSuspects, SuspectsNothingWhereTheSearchedParametersExplainTheLogs) {
   for (uint64_t seed = 0; seed < 20; ++seed) EXPECT_TRUE(SuspectsOf(1.0, seed).empty());
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::suspects_test

@@ -15,8 +15,7 @@
 #include "oted/sim/testing.h"
 #include "oted/stages/design/testing.h"
 
-namespace oted {
-namespace {
+namespace oted::trajectory_matching_test {
 
 constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
@@ -157,5 +156,4 @@ TEST(MatchTrajectories, LogsWhoseStatesCannotBeSetAreADataErrorWithTheRemedy) {
               testing::HasSubstr("design.form=paper"));
 }
 
-}  // namespace
-}  // namespace oted
+}  // namespace oted::trajectory_matching_test
