@@ -12,7 +12,11 @@ namespace oted {
 class WindowLikelihood {
  public:
   /// @param variance  (obs_dim): of each channel's noise
-  WindowLikelihood(Eigen::VectorXd variance, int n_steps);
+  WindowLikelihood(const Eigen::VectorXd& variance, int n_steps);
+  /// Where a simulator's errors add up over a window: the standard deviation at step t is what the sensors have and, at
+  /// the end of the window, the growth; in between that grows with time.
+  /// @param sensor, growth  (obs_dim): variances
+  static WindowLikelihood Growing(const Eigen::VectorXd& sensor, const Eigen::VectorXd& growth, int n_steps);
 
   /// Whether noise alone can have left this residual, its start state fitted: the squared error is within three
   /// standard deviations of what it is then.
@@ -28,14 +32,15 @@ class WindowLikelihood {
   const Eigen::VectorXd& precision() const { return precision_; }
 
  private:
+  WindowLikelihood(int n_channels, int n_steps, Eigen::VectorXd precision, double heaviness);
   /// Of the squared error, over the variances.
   double CostOf(double error) const;
   double LargestExplained() const;
   double SquaredError(const Eigen::VectorXd& residual) const;
 
-  Eigen::VectorXd variance_, precision_;
-  int n_steps_;
-  double freedom_;  // numbers that a window has beyond its start
+  Eigen::VectorXd precision_;
+  double freedom_;    // numbers that a window has beyond its start
+  double heaviness_;  // degrees of freedom of rho, per number of a window
 };
 
 }  // namespace oted

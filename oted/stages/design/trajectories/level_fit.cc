@@ -200,7 +200,22 @@ void LevelFit::EstimateNoise() {
     if (linear_[w].valid) fitted[w] = {linear_[w].residual, linear_[w].d_start};
   }
   if (variance_.size() == 0) variance_ = (kNoiseGuess * scale_).cwiseAbs2();
-  variance_ = NoiseVariance(fitted, variance_, smallest);
+  if (sensor_variance_.size() > 0) {
+    // In units of what errors have grown to at the window's end, every reading tells of the same variance.
+    const VectorXd unit =
+        (Likelihood().precision().array().inverse() / variance_.replicate(n_steps() + 1, 1).array()).sqrt();
+    VectorXd sum = VectorXd::Zero(variance_.size());
+    double n = 0;
+    for (const FittedWindow& window : fitted) {
+      if (window.residual.size() == 0) continue;
+      const VectorXd square = (window.residual.array() / unit.array()).square();
+      sum += Eigen::Map<const MatrixXd>(square.data(), variance_.size(), n_steps() + 1).rowwise().sum();
+      n += n_steps();
+    }
+    variance_ = (sum / std::max(n, 1.0)).cwiseMax(smallest);
+  } else {
+    variance_ = NoiseVariance(fitted, variance_, smallest);
+  }
   const WindowLikelihood likelihood = Likelihood();
   weights_.clear();
   for (const VectorXd& residual : residuals_) {

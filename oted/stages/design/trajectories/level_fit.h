@@ -27,6 +27,10 @@ class LevelFit {
   LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior, const Eigen::VectorXd& scale,
            Level level, Eigen::VectorXd x);
 
+  /// From now on errors add up over a window: `variance` is that of the sensors, and noise_variance that of the
+  /// simulator's errors at a window's end (WindowLikelihood::Growing).
+  void LetErrorsGrow(Eigen::VectorXd variance) { sensor_variance_ = std::move(variance); }
+
   const Eigen::VectorXd& x() const { return x_; }
   const Level& level() const { return level_; }
   const Eigen::VectorXd& noise_variance() const { return variance_; }
@@ -74,7 +78,10 @@ class LevelFit {
   };
 
   int n_steps() const { return level_.windows.front().n_steps; }
-  WindowLikelihood Likelihood() const { return {variance_, n_steps()}; }
+  WindowLikelihood Likelihood() const {
+    if (sensor_variance_.size() > 0) return WindowLikelihood::Growing(sensor_variance_, variance_, n_steps());
+    return {variance_, n_steps()};
+  }
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
@@ -106,8 +113,9 @@ class LevelFit {
   bool explained_alone_ = false;
   std::vector<WindowReplayer::Linearization> linear_;
   std::vector<Eigen::VectorXd> residuals_;
-  Eigen::VectorXd variance_;     // of each channel's noise
-  std::vector<double> weights_;  // of each window
+  Eigen::VectorXd variance_;         // of each channel's noise, or of what grows
+  Eigen::VectorXd sensor_variance_;  // empty unless errors grow
+  std::vector<double> weights_;      // of each window
 };
 
 }  // namespace oted

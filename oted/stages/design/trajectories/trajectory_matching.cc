@@ -8,6 +8,7 @@
 
 #include "oted/matching/designer.h"
 #include "oted/stages/design/trajectories/level_fit.h"
+#include "oted/stages/design/trajectories/long_windows.h"
 #include "oted/stages/design/trajectories/suspects.h"
 
 namespace oted {
@@ -22,6 +23,7 @@ constexpr int kStartIterations = 5, kLevelIterations = 4;
 constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windows stay unexplained
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
 constexpr int kFirstLevelIterations = 7;
+constexpr int kLongIterations = 8, kMostLongRows = 30000;
 constexpr int kFewestIterations = 3;  // the starts need them where x does not
 
 /// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into the first level's
@@ -139,6 +141,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   FitEvidence evidence;
   evidence.scale = {scale.begin(), scale.end()};
   Level level = first;
+  bool is_short = false;  // the simulator explains short windows alone
   while (!level.windows.empty()) {
     const bool is_first = longest_fit == nullptr;
     auto fit = std::make_unique<LevelFit>(replayer, space, prior, scale, level, x);
@@ -159,13 +162,32 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
     if (is_first) evidence.short_noise_std = evidence.long_noise_std;
     const Eigen::Map<const VectorXd> first_noise(evidence.short_noise_std.data(), noise.size());
     const double growth = std::exp((noise.array() / first_noise.array()).log().mean());
-    if (growth > kTolerableGrowth) break;
+    is_short = growth > kTolerableGrowth;
+    if (is_short) break;
     x = fit->x();
     evidence.window = level.windows.front().n_steps;
     evidence.explained = fit->ShareExplained();
     evidence.noise_std = evidence.long_noise_std;
     level = fit->Joined();
     longest_fit = std::move(fit);
+  }
+  if (is_short) {
+    const LongFitChoice choice =
+        ChooseLongWindows({.factory = factory,
+                           .dataset = dataset,
+                           .prior = prior,
+                           .short_x = longest_fit->x(),
+                           .noise = Eigen::Map<const VectorXd>(evidence.short_noise_std.data(), scale.size()),
+                           .short_steps = evidence.window},
+                          key.Stage("long windows"), context, tell);
+    if (choice.n_steps > 0) {
+      const Level all = LongWindows(replayer, dataset, choice.n_steps, kMostLongRows, factory.spec().control_period_s);
+      longest_fit = std::make_unique<LevelFit>(replayer, space, prior, scale, all, choice.x);
+      longest_fit->LetErrorsGrow(Eigen::Map<const VectorXd>(evidence.short_noise_std.data(), scale.size()).cwiseAbs2());
+      Descend(*longest_fit, kLongIterations, tell);
+      longest_fit->FinalCost();
+      evidence.window = choice.n_steps;
+    }
   }
   const MatrixXd covariance = longest_fit->Finish();
   evidence.suspects = FindSuspects(factory, dataset, *longest_fit, prior, context.n_threads);
