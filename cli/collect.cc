@@ -12,7 +12,7 @@
 #include "oted/collect/demonstrations.h"
 #include "oted/collect/excitation.h"
 #include "oted/run/run_inputs.h"
-#include "oted/sim/minigrid/expert.h"
+#include "oted/sim/task_policy.h"
 
 namespace oted::cli {
 
@@ -74,18 +74,15 @@ void AddCollectVerb(Program& program) {
     const RunContext context = MakeContext(log, options->threads);
     const RngKey key = RngKey(static_cast<uint64_t>(std::max(1L, options->seed))).Stage("collect");
     Dataset dataset;
-    const auto* minigrid = dynamic_cast<const MinigridSimulatorFactory*>(&factory->plant());
     const int n_policies = static_cast<int>(options->policies.size());
     for (int p = 0; p < n_policies; ++p) {
       // Two policies share the episodes; the later one takes what is odd: medium-expert is two medium and three expert.
       const int n = options->n_episodes * (p + 1) / n_policies - options->n_episodes * p / n_policies;
       const std::string& name = options->policies[static_cast<size_t>(p)];
       const RngKey policy_key = key.Index(static_cast<uint64_t>(p));
-      if (minigrid != nullptr) {
-        const MinigridPolicy policy = MinigridPolicyNamed(name);
-        if (n > 0) {
-          dataset.Append(CollectMinigridDemonstrations(*minigrid, z, policy, n, policy_key, context.n_threads));
-        }
+      if (factory->has_expert()) {
+        const TaskPolicy policy = TaskPolicyNamed(name);
+        if (n > 0) dataset.Append(CollectTaskPolicy(*factory, z, policy, n, policy_key, context.n_threads));
         continue;
       }
       if (const auto excitation = Excitation::Parse(name)) {
@@ -111,10 +108,10 @@ void AddCollectVerb(Program& program) {
     write.action_low = spec.action_low;
     write.action_high = spec.action_high;
     write.n_discrete_actions = spec.n_discrete_actions;
-    if (minigrid != nullptr) {
+    if (!spec.image_shape.empty() && !spec.observation_levels.empty()) {
       write.image_shape = spec.image_shape;
-      write.index_name = "direction";
-      write.n_index = 4;
+      write.index_name = "direction";  // as Minigrid's own observations call it
+      write.n_index = spec.observation_levels.back();
     }
     WriteDataset(dataset, options->output, write);
     double sum = 0;
@@ -151,7 +148,7 @@ void AddBehaviorVerb(Program& program) {
     for (const std::string& assignment : options->assignments) config.Set(assignment);
     const TaskConfig task = TaskConfig::FromArgument(options->task);
     const auto factory = MakeSimulatorFactory(task, {});
-    if (IsMinigridTask(task.name)) {
+    if (factory->has_expert()) {
       throw UsageError(
           fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert", task.name));
     }

@@ -8,7 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/matching/discriminator.h"
-#include "oted/matching/log_window.h"
+#include "oted/sim/log_window.h"
 
 namespace oted {
 namespace {

@@ -8,7 +8,7 @@
 #include "oted/matching/experience.h"
 #include "oted/run/pipeline.h"
 #include "oted/run/training_ground.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/model_task.h"
 
 namespace oted {
 
@@ -59,11 +59,11 @@ void Pipeline::AdaptDesign() {
   }
   // Of images auto has a form of its own: nothing was given up.
   if (!adapted || (!spec.image_shape.empty() && config_.design.form == "images")) return;
-  const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(&factory_->plant());
+  const std::string why_not = factory_->why_not_settable();
   context_.log->Warning(fmt::format(
       "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "
       "(design.starts = initial, design.actions = clone, design.horizon = {})",
-      config_.task.name, model == nullptr ? "" : fmt::format(" ({})", model->why_not_settable()),
+      config_.task.name, why_not.empty() ? "" : fmt::format(" ({})", why_not),
       config_.design.horizon));
 }
 

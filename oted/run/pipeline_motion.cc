@@ -10,8 +10,7 @@
 #include "oted/base/files.h"
 #include "oted/run/pipeline.h"
 #include "oted/run/replay_record.h"
-#include "oted/sim/mujoco/film.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/film.h"
 #include "oted/sim/replay.h"
 
 namespace oted {
@@ -39,20 +38,19 @@ Array2<double> Thinned(const Array2<double>& poses, int stride) {
   return thinned;
 }
 
-Array2<double> ReplayedPoses(MujocoSimulator& simulator, const Dataset& dataset, int begin, int n_steps,
+Array2<double> ReplayedPoses(Simulator& simulator, const Dataset& dataset, int begin, int n_steps,
                              const std::vector<double>& z) {
   Array2<double> poses;
-  ReplayWindows(simulator, dataset, std::vector{begin}, n_steps, z, [&](int) { poses.AppendRow(simulator.qpos(0)); });
+  ReplayWindows(simulator, dataset, std::vector{begin}, n_steps, z, [&](int) { poses.AppendRow(simulator.pose(0)); });
   return poses;
 }
 
 /// Draws the window that `replay` shows into `folder`. @return motion.json, with a note in place of pictures where none
 /// can be drawn
-json DrawMotion(const MujocoSimulatorFactory& factory, const Dataset& dataset, const json& replay,
-                const fs::path& folder) {
+json DrawMotion(const SimulatorFactory& factory, const Dataset& dataset, const json& replay, const fs::path& folder) {
   json motion = {{"schema", "oted.motion/1"}};
   std::string why_not;
-  const auto renderer = Renderer::Make(factory, kWidth, kHeight, &why_not);
+  const auto renderer = factory.MakeRenderer(kWidth, kHeight, &why_not);
   if (renderer == nullptr) {
     motion["note"] = why_not;
     return motion;
@@ -60,7 +58,7 @@ json DrawMotion(const MujocoSimulatorFactory& factory, const Dataset& dataset, c
   const int n_steps = replay.at("n_steps").get<int>(), begin = replay.at("window").at("row").get<int>();
   const auto nominal = replay.at("nominal").get<std::vector<double>>();
   const auto designed = replay.at("designed").get<std::vector<double>>();
-  const auto simulator = factory.MakeMujoco(1, 1);
+  const auto simulator = factory.Make(1, 1);
   // The logged poses are drawn in the designed model's shape: the target's own is not known.
   simulator->SetParameters(0, designed);
   const std::array<std::pair<const char*, PoseTrack>, 3> tracks = {
@@ -70,7 +68,7 @@ json DrawMotion(const MujocoSimulatorFactory& factory, const Dataset& dataset, c
   const int stride = (n_steps + kMostFrames) / kMostFrames;
   const double period = factory.spec().control_period_s;
   for (const auto& [name, track] : tracks) {
-    const FilmStrip strip = DrawFilm(*renderer, {track.z, Thinned(track.qpos, stride)});
+    const FilmStrip strip = DrawFilm(*renderer, {track.z, Thinned(track.poses, stride)});
     const std::string file = fmt::format("{}.webp", name);
     WriteFileAtomically(folder / file, strip.webp);
     motion["panels"].push_back({{"name", name}, {"file", file}});
@@ -89,9 +87,7 @@ json DrawMotion(const MujocoSimulatorFactory& factory, const Dataset& dataset, c
 void Pipeline::CheckCanDraw() const {
   if (config_.report.motion != "true") return;
   std::string why_not;
-  const auto* factory = dynamic_cast<const MujocoSimulatorFactory*>(factory_.get());
-  if (factory != nullptr && Renderer::Make(*factory, kWidth, kHeight, &why_not) != nullptr) return;
-  if (factory == nullptr) why_not = fmt::format("{} is no MuJoCo task", config_.task.name);
+  if (factory_->MakeRenderer(kWidth, kHeight, &why_not) != nullptr) return;
   throw UsageError(fmt::format("report.motion is true, but {}; or set it to auto or false", why_not));
 }
 
@@ -110,12 +106,11 @@ void Pipeline::ReplayLogs() {
     WriteJson(folder / "replay.json", replay);
   }
   const json drawn = ReadIfCurrent(folder / "motion.json", fingerprint);
-  const auto* factory = dynamic_cast<const MujocoSimulatorFactory*>(factory_.get());
   if (config_.report.motion == "false") {
     fs::remove(folder / "motion.json");
     for (const char* name : {"logged", "nominal", "designed"}) fs::remove(folder / fmt::format("{}.webp", name));
-  } else if (factory != nullptr && replay.contains("window") && !drawn.contains("panels")) {
-    json motion = DrawMotion(*factory, dataset_, replay, folder);
+  } else if (replay.contains("window") && !drawn.contains("panels")) {
+    json motion = DrawMotion(*factory_, dataset_, replay, folder);
     motion["fingerprint"] = fingerprint;
     WriteJson(folder / "motion.json", motion);
   }

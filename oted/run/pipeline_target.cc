@@ -7,7 +7,7 @@
 #include "oted/base/statistics.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/run/pipeline.h"
-#include "oted/sim/minigrid/expert.h"
+#include "oted/sim/task_policy.h"
 
 namespace oted {
 
@@ -35,9 +35,8 @@ void Pipeline::EvaluateInTarget() {
   const std::string algorithm = config_.agents.AlgorithmFor(spec), name_of_it = NameOf(algorithm);
   const std::vector<std::vector<double>> z(static_cast<size_t>(config_.agents.target_episodes), truth);
 
-  const auto* grid = dynamic_cast<const MinigridSimulatorFactory*>(factory_.get());
   const int64_t total = 2 + static_cast<int64_t>(AgentGrounds().size()) + (config_.baselines.Runs("bc_dr") ? 1 : 0) +
-                        (grid != nullptr ? 1 : 0);
+                        (factory_->has_expert() ? 1 : 0);
 
   json policies = json::array();
   const auto record = [&](const std::string& name, const std::string& label,
@@ -78,10 +77,10 @@ void Pipeline::EvaluateInTarget() {
   if (ComparesUndesigned()) judge_best("undesigned", name_of_it + " in the un-designed simulator");
   const int selected = ReadJson(directory_.root() / "policy_selection.json").at("selected").get<int>();
   judge_policy("oted_" + algorithm, "OTED-" + name_of_it, directory_.agent(selected) / "policy.npz");
-  if (grid != nullptr) {
+  if (factory_->has_expert()) {
     // What can be reached at most, by one who sees the whole grid; and with it a score.
-    const auto simulator = grid->MakeMinigrid(config_.agents.target_episodes, context_.n_threads);
-    const BatchPolicy expert = OnTrueStates(*simulator, MinigridExpert(), key.Stage("expert").MakeRng());
+    const auto simulator = factory_->Make(config_.agents.target_episodes, context_.n_threads);
+    const BatchPolicy expert = OnTrueStates(*simulator, TaskPolicy::kExpert, key.Stage("expert").MakeRng());
     record("expert", "shortest paths, all in sight", RunEpisodes(*simulator, z, expert, key));
     const double low = policies.front().at("mean_return"), high = policies.back().at("mean_return");
     for (json& policy : policies) {

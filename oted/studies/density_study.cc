@@ -18,7 +18,7 @@
 #include "oted/base/statistics.h"
 #include "oted/config/run_config.h"
 #include "oted/sim/minigrid/density_likelihood.h"
-#include "oted/sim/minigrid/expert.h"
+#include "oted/sim/task_policy.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/design.h"
 #include "oted/studies/cell_record.h"
@@ -75,7 +75,7 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
              const fs::path& scratch, const RunContext& context) {
   const MinigridSimulatorFactory factory = FactoryOf(config);
   const RngKey key = RngKey(static_cast<uint64_t>(seed)).Stage("minigrid design");
-  const Dataset logs = CollectMinigridDemonstrations(factory, {cell.target}, MinigridPolicyNamed(study.policy),
+  const Dataset logs = CollectTaskPolicy(factory, {cell.target}, TaskPolicyNamed(study.policy),
                                                      cell.n_demonstrations, key.Stage("demonstrations"), 1);
   DensityLikelihood likelihood(TaskOf(config));
   likelihood.Add(logs);
@@ -217,7 +217,7 @@ std::vector<DensityCell> DensityStudy::Cells() const {
     throw UsageError(fmt::format("target density {}, wanted one between {} and {}, the range that is searched", target,
                                  kLow, kHigh));
   }
-  MinigridPolicyNamed(policy);
+  TaskPolicyNamed(policy);
   const std::vector<std::string> known = {"gaussian", "categorical"};
   std::vector<DensityCell> cells;
   for (const std::string& designer : designers) {

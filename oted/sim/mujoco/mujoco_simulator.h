@@ -54,6 +54,9 @@ class MujocoSimulator : public Simulator {
   double reward(int lane) const override { return lanes_[static_cast<size_t>(lane)].reward; }
   LaneStatus status(int lane) const override { return lanes_[static_cast<size_t>(lane)].status; }
 
+  std::span<const double> pose(int lane) const override { return qpos(lane); }
+  std::vector<double> pose_rates(int lane) const override;
+
   /// The lane's whole state, as mj_getState(mjSTATE_INTEGRATION) gives it: positions, velocities, warm start, controls.
   std::span<const double> IntegrationState(int lane) const;
   /// Restores it; the episode clock starts at zero. @throws UsageError when the length is wrong.
@@ -134,7 +137,8 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   const mjSpec_& model_spec() const;            ///< what it was compiled from
   std::string model_path() const;               ///< the model file that was loaded
   std::string model_sha256() const override;    ///< of the compiled pristine model
-  const std::string& why_not_settable() const;  ///< "" where the state can be set from an observation
+  std::string why_not_settable() const override;
+  std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
   std::vector<ParameterOffer> Offers() const override;
   PathInfo Describe(const std::string& path) const override;
   std::vector<ParameterSpec> Suspects() const override;

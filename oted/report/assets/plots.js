@@ -1,9 +1,3 @@
-#include "oted/report/html_page.h"
-
-namespace oted {
-
-std::string_view PageScript() {
-  return R"js(
 (() => {
   "use strict";
   const variable = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -66,7 +60,3 @@ std::string_view PageScript() {
   addEventListener("scroll", mark, {passive: true});
   mark();
 })();
-)js";
-}
-
-}  // namespace oted

@@ -1,10 +1,3 @@
-#include "oted/report/html_page.h"
-
-namespace oted {
-
-// Frames lie in strips, one per simulator; all panels show the same moment.
-std::string_view PlayerScript() {
-  return R"js(
 (() => {
   "use strict";
   const slowest = 80;  // ms that a frame stays at least, so that the eye can follow
@@ -54,7 +47,3 @@ std::string_view PlayerScript() {
     });
   }
 })();
-)js";
-}
-
-}  // namespace oted

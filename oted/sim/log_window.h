@@ -13,6 +13,9 @@ struct LogWindow {
   int episode_begin = 0;  ///< first row of the episode: a simulator with delays reaches back to it
 };
 
+/// The window of `n_steps` rows from row `begin` on, with its episode.
+LogWindow WindowAt(const Dataset& dataset, int begin, int n_steps);
+
 /// What was logged in the window's episode before it.
 LoggedHistory HistoryBefore(const Dataset& dataset, const LogWindow& window);
 
