@@ -14,10 +14,10 @@ namespace {
 
 constexpr uint64_t kLargestMember = uint64_t{1} << 32;
 constexpr size_t kStep = size_t{1} << 20;
-constexpr zip_int32_t kLevel = 6;             // zlib's usual one
-constexpr zip_uint16_t kFirstDay = 0x0021;    // 1 January 1980, the first day that ZIP knows
-constexpr zip_uint32_t kReadable = 0100644;   // a regular file, rw-r--r--
-constexpr char kEmpty[] = "PK\5\6";           // what an archive without members begins with
+constexpr zip_int32_t kLevel = 6;            // zlib's usual one
+constexpr zip_uint16_t kFirstDay = 0x0021;   // 1 January 1980, the first day that ZIP knows
+constexpr zip_uint32_t kReadable = 0100644;  // a regular file, rw-r--r--
+constexpr char kEmpty[] = "PK\5\6";          // what an archive without members begins with
 constexpr size_t kEmptySize = 22;
 
 struct Closer {

@@ -5,8 +5,9 @@
 
 namespace oted {
 
-std::string_view PageStyle();     ///< page.css
-std::string_view PlotsScript();   ///< plots.js: draws the figures with plotly, in the colours of the page's mode
-std::string_view PlayerScript();  ///< player.js: plays films; their frames lie in strips, and all panels show one moment
+std::string_view PageStyle();    ///< page.css
+std::string_view PlotsScript();  ///< plots.js: draws the figures with plotly, in the colours of the page's mode
+std::string_view
+PlayerScript();  ///< player.js: plays films; their frames lie in strips, and all panels show one moment
 
 }  // namespace oted

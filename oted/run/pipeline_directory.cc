@@ -63,8 +63,7 @@ void Pipeline::AdaptDesign() {
   context_.log->Warning(fmt::format(
       "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "
       "(design.starts = initial, design.actions = clone, design.horizon = {})",
-      config_.task.name, why_not.empty() ? "" : fmt::format(" ({})", why_not),
-      config_.design.horizon));
+      config_.task.name, why_not.empty() ? "" : fmt::format(" ({})", why_not), config_.design.horizon));
 }
 
 json Pipeline::TaskIdentity() const {

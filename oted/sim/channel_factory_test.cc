@@ -55,8 +55,11 @@ TEST(WithChannels, WhatThePlantCannotDoTheWrappedOneSaysInItsWords) {
   EXPECT_FALSE(wrapped->has_expert());
   Rng rng(1);
   double action = 0;
-  EXPECT_THAT([&] { wrapped->Make(1, 1)->TakeTaskPolicy(TaskPolicy::kExpert, 0, rng, {&action, 1}); },
-              ThrowsMessage<UsageError>(HasSubstr("no policy of its own")));
+  EXPECT_THAT(
+      [&] {
+        wrapped->Make(1, 1)->TakeTaskPolicy(TaskPolicy::kExpert, 0, rng, {&action, 1});
+      },
+      ThrowsMessage<UsageError>(HasSubstr("no policy of its own")));
 }
 
 TEST(WithChannels, TheTasksEndIsThePlantsWithoutTheBias) {

@@ -25,9 +25,10 @@ struct FilmStrip {
 
 FilmStrip DrawFilm(Renderer& renderer, const PoseTrack& track);
 
-/// The poses that logged observations show, one row each: (T, numbers of a pose). Where an observation determines no state, its row is
-/// NaN. A joint position that no observation shows (the root's x of Gymnasium's tasks) stands still in all rows; it is
-/// filled in by adding up the logged velocities, from 0, so that the logged robot travels as the simulated ones do.
+/// The poses that logged observations show, one row each: (T, numbers of a pose). Where an observation determines no
+/// state, its row is NaN. A joint position that no observation shows (the root's x of Gymnasium's tasks) stands still
+/// in all rows; it is filled in by adding up the logged velocities, from 0, so that the logged robot travels as the
+/// simulated ones do.
 /// @param observations  (T, obs_dim), one control period apart
 /// @throws UsageError when the simulator's state cannot be set
 Array2<double> PosesOfObservations(Simulator& simulator, const Array2<double>& observations);

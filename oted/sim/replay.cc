@@ -15,7 +15,8 @@ namespace {
 
 /// Puts a lane into the state of a logged row, with what was logged before it: what a delay has yet to deliver.
 bool SetToRow(Simulator& simulator, int lane, const Dataset& dataset, int row) {
-  return simulator.SetStateFromLog(lane, dataset.observations.row(row), HistoryBefore(dataset, WindowAt(dataset, row, 1)));
+  return simulator.SetStateFromLog(lane, dataset.observations.row(row),
+                                   HistoryBefore(dataset, WindowAt(dataset, row, 1)));
 }
 
 }  // namespace

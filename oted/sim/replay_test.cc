@@ -49,8 +49,7 @@ TEST(ReplayTest, TheTrueParametersReproduceTheLogToTheLastBit) {
 
 TEST(ReplayTest, ALogMadeWithADelayIsReproducedFromAnyWindowAtTheTrueDelay) {
   std::vector<ParameterSpec> specs = PointMass::MakeParameters().specs();
-  specs.push_back(
-      {.name = "delay", .field = "action/delay", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute});
+  specs.push_back({.name = "delay", .field = "action/delay", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute});
   const auto factory = WithChannels(specs, [](const auto&) { return std::make_unique<PointMassFactory>(); });
   const std::vector<double> truth = {1.3, 0.5, 0.0, 2.5};
   const auto target = factory->Make(1, 1);

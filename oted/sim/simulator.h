@@ -110,8 +110,8 @@ class Simulator {
   virtual double reward(int lane) const = 0;
   virtual LaneStatus status(int lane) const = 0;
 
-  /// Where the parts of one lane are, for a Renderer of its factory: generalised positions [m, rad]. Empty where nothing
-  /// can be drawn.
+  /// Where the parts of one lane are, for a Renderer of its factory: generalised positions [m, rad]. Empty where
+  /// nothing can be drawn.
   virtual std::span<const double> pose(int lane) const {
     (void)lane;
     return {};

@@ -75,8 +75,8 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
              const fs::path& scratch, const RunContext& context) {
   const MinigridSimulatorFactory factory = FactoryOf(config);
   const RngKey key = RngKey(static_cast<uint64_t>(seed)).Stage("minigrid design");
-  const Dataset logs = CollectTaskPolicy(factory, {cell.target}, TaskPolicyNamed(study.policy),
-                                                     cell.n_demonstrations, key.Stage("demonstrations"), 1);
+  const Dataset logs = CollectTaskPolicy(factory, {cell.target}, TaskPolicyNamed(study.policy), cell.n_demonstrations,
+                                         key.Stage("demonstrations"), 1);
   DensityLikelihood likelihood(TaskOf(config));
   likelihood.Add(logs);
 

@@ -132,11 +132,11 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   /// The same, with MuJoCo's own state at hand.
   std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
 
-  int frame_skip() const;                       ///< physics steps per control step
-  const mjModel_& model() const;                ///< the pristine model, compiled
-  const mjSpec_& model_spec() const;            ///< what it was compiled from
-  std::string model_path() const;               ///< the model file that was loaded
-  std::string model_sha256() const override;    ///< of the compiled pristine model
+  int frame_skip() const;                     ///< physics steps per control step
+  const mjModel_& model() const;              ///< the pristine model, compiled
+  const mjSpec_& model_spec() const;          ///< what it was compiled from
+  std::string model_path() const;             ///< the model file that was loaded
+  std::string model_sha256() const override;  ///< of the compiled pristine model
   std::string why_not_settable() const override;
   std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
   std::vector<ParameterOffer> Offers() const override;

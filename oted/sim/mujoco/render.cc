@@ -128,7 +128,7 @@ int MujocoRenderer::height() const { return scene_->height; }
 const std::string& MujocoRenderer::description() const { return scene_->gl->description(); }
 
 std::unique_ptr<MujocoRenderer> MujocoRenderer::Make(const MujocoSimulatorFactory& factory, int width, int height,
-                                         std::string* why_not) {
+                                                     std::string* why_not) {
   OTED_CHECK(width > 0 && height > 0 && width % 4 == 0 && height % 4 == 0);
   auto gl = RenderContext::Make(why_not);
   if (gl == nullptr) return nullptr;
