@@ -72,8 +72,15 @@ void Train(const std::string& task, const std::string& folder) {
   SliceSink sink;
   RunContext context;
   context.log = &sink;
-  TrainSac(
-      factory, [](Rng&) { return std::vector<double>{}; }, {{}}, config, RngKey(1), folder, "agent", context);
+  DrawnEpisodes source([](Rng&) { return std::vector<double>{}; });
+  TrainAgent({.factory = factory,
+              .source = source,
+              .eval_parameters = {{}},
+              .key = RngKey(1),
+              .folder = folder,
+              .run_name = "agent",
+              .context = context},
+             config);
 }
 
 void WriteLosses(int obs_dim, int act_dim, const std::filesystem::path& folder, int n_steps) {

@@ -24,6 +24,15 @@ MAY_HAVE_MORE_PARAMETERS = {
     "Gemm", "GemmWith",
 }
 
+# Headers whose functions may have more parameters, and why.
+MAY_HAVE_LONG_LISTS = {
+    # Numeric kernels on raw arrays, as BLAS's: each array is an argument, which the loop over it names.
+    "oted/nn/gemm_tiles.h", "oted/nn/kernels.h",
+}
+
+# What is still to be mended: nothing new may join it.
+PENDING = set()
+
 # Sources that share another file's header, and why.
 MAY_SHARE_A_HEADER = {
     # One function of gemm.h's table each, compiled for its own instruction set.
@@ -138,7 +147,8 @@ def check_file(path, text):
         name, n_parameters = function
         if last - first + 1 > MOST_LINES:
             yield first, f"{name} has {last - first + 1} lines, at most {MOST_LINES}: give its parts names"
-        if path.endswith(".h") and n_parameters > MOST_PARAMETERS and name not in MAY_HAVE_MORE_PARAMETERS:
+        if path.endswith(".h") and n_parameters > MOST_PARAMETERS and not (
+                name in MAY_HAVE_MORE_PARAMETERS or path in MAY_HAVE_LONG_LISTS):
             yield first, f"{name} has {n_parameters} parameters, at most {MOST_PARAMETERS} in a header: use a struct"
 
 

@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/checks/engine_check.h"
+#include "oted/data/checks_dynamics.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/effects.h"
 

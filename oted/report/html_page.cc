@@ -11,7 +11,13 @@
 #include "oted/base/files.h"
 #include "oted/report/json_values.h"
 #include "oted/report/page_assets.h"
-#include "oted/report/sections.h"
+#include "oted/report/sections_agents.h"
+#include "oted/report/sections_behavior.h"
+#include "oted/report/sections_design.h"
+#include "oted/report/sections_record.h"
+#include "oted/report/sections_replay.h"
+#include "oted/report/sections_result.h"
+#include "oted/report/sections_selection.h"
 
 namespace oted {
 namespace {

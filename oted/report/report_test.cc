@@ -4,6 +4,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "oted/base/files.h"
+#include "oted/data/dataset_files.h"
 #include "oted/report/curves.h"
 
 namespace oted {

@@ -1,11 +1,11 @@
-// Stages 4 and 5: the agents, and which of them is used.
+#include "oted/report/sections_agents.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {

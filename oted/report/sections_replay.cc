@@ -1,11 +1,11 @@
-// What people look at first: the logs beside what the original and the designed simulator make of the same actions.
+#include "oted/report/sections_replay.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {

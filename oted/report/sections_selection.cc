@@ -1,11 +1,11 @@
-// Stage 3: which setting of the design is used.
+#include "oted/report/sections_selection.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {

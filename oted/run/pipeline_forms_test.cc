@@ -8,6 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/config/task_registry.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/run/pipeline_testing.h"

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/data/dataset_files.h"
 #include "oted/nn/onnx_policy.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/run/pipeline_testing.h"

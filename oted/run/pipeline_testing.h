@@ -15,6 +15,7 @@
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/collect/demonstrations.h"
+#include "oted/data/dataset_files.h"
 #include "oted/nn/policy.h"
 #include "oted/run/pipeline.h"
 #include "oted/run/run_inputs.h"

@@ -73,7 +73,14 @@ LearningCurve TrainAgentIn(const TrainingGround& ground, const SimulatorFactory&
   const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("agent").Index(static_cast<uint64_t>(index));
   const auto train = [&](auto algorithm) -> LearningCurve {
     if constexpr (requires { algorithm.device; }) algorithm.device = config.agents.device;
-    auto agent = TrainAgent(factory, *ground.episodes, ground.evaluate_in, algorithm, key, folder, run_name, context);
+    auto agent = TrainAgent({.factory = factory,
+                             .source = *ground.episodes,
+                             .eval_parameters = ground.evaluate_in,
+                             .key = key,
+                             .folder = folder,
+                             .run_name = run_name,
+                             .context = context},
+                            algorithm);
     agent.policy.Save(folder / "policy.npz");
     return agent;
   };

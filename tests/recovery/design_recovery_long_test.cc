@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/stages/design/design.h"

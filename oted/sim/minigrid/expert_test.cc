@@ -8,6 +8,7 @@
 #include <set>
 
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/task_policy.h"
 

@@ -92,7 +92,7 @@ class TanhGaussianLearner : public CloneLearner {
     }
     const float* out = pass_.Forward(policy_.net(), x_.data(), batch);
     const double loss = NegativeLogLikelihood(out, u_.data(), batch, policy_.act_dim(), dout_.data());
-    pass_.Backward(policy_.net(), x_.data(), dout_.data(), batch, gradient, nullptr);
+    pass_.Backward(policy_.net(), x_.data(), dout_.data(), batch, {.parameters = gradient});
     return loss;
   }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/data/checks_dynamics.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/trajectories/noise_estimate.h"
 #include "oted/stages/design/trajectories/start_fit.h"

@@ -1,4 +1,4 @@
-// Constants of an ONNX model.
+#include "oted/nn/onnx_wire.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/nn/onnx_wire.h"
 
 namespace oted {
 namespace {
@@ -76,103 +75,127 @@ std::string OnnxExternalData::Read(const std::map<std::string, std::string>& ent
   return data->second.substr(offset, length);
 }
 
-OnnxTensor ReadOnnxTensor(pbf_reader message, OnnxExternalData& external_data, std::string* name) {
+namespace {
+
+/// A TensorProto as it stands in the file.
+struct RawTensor {
   OnnxTensor tensor;
   std::string label, raw;
   std::vector<double> doubles;
   std::map<std::string, std::string> external;
   bool has_raw = false, is_external = false;
   int64_t type = 0;
+};
+
+RawTensor ReadFields(pbf_reader message) {
+  RawTensor read;
   while (message.next()) {
     switch (message.tag_and_type()) {
       case VarintField(1):
-        tensor.shape.push_back(message.get_int64());
+        read.tensor.shape.push_back(message.get_int64());
         break;
       case BytesField(1):
-        AppendOnnx(tensor.shape, message.get_packed_int64());
+        AppendOnnx(read.tensor.shape, message.get_packed_int64());
         break;
       case VarintField(2):
-        type = message.get_int64();
+        read.type = message.get_int64();
         break;
       case Fixed32Field(4):
-        tensor.floats.push_back(message.get_float());
+        read.tensor.floats.push_back(message.get_float());
         break;
       case BytesField(4):
-        AppendOnnx(tensor.floats, message.get_packed_float());
+        AppendOnnx(read.tensor.floats, message.get_packed_float());
         break;
       case VarintField(5):
-        tensor.integers.push_back(message.get_int32());
+        read.tensor.integers.push_back(message.get_int32());
         break;
       case BytesField(5):
-        AppendOnnx(tensor.integers, message.get_packed_int32());
+        AppendOnnx(read.tensor.integers, message.get_packed_int32());
         break;
       case VarintField(7):
-        tensor.integers.push_back(message.get_int64());
+        read.tensor.integers.push_back(message.get_int64());
         break;
       case BytesField(7):
-        AppendOnnx(tensor.integers, message.get_packed_int64());
+        AppendOnnx(read.tensor.integers, message.get_packed_int64());
         break;
       case BytesField(8):
-        label = message.get_string();
+        read.label = message.get_string();
         break;
       case BytesField(9):
-        raw = message.get_string();
-        has_raw = true;
+        read.raw = message.get_string();
+        read.has_raw = true;
         break;
       case Fixed64Field(10):
-        doubles.push_back(message.get_double());
+        read.doubles.push_back(message.get_double());
         break;
       case BytesField(10):
-        AppendOnnx(doubles, message.get_packed_double());
+        AppendOnnx(read.doubles, message.get_packed_double());
         break;
       case BytesField(13):
-        external.insert(ReadOnnxEntry(message.get_message()));
+        read.external.insert(ReadOnnxEntry(message.get_message()));
         break;
       case VarintField(14):
-        is_external = message.get_int64() == 1;
+        read.is_external = message.get_int64() == 1;
         break;
       default:
         message.skip();
     }
   }
-  if (name != nullptr) *name = label;
+  return read;
+}
+
+/// How many numbers a tensor of its shape has.
+int64_t Count(const RawTensor& read) {
   int64_t n = 1;
-  for (const int64_t extent : tensor.shape) {
+  for (const int64_t extent : read.tensor.shape) {
     if (extent < 0 || (extent > 0 && n > kMaxElements / extent)) {
-      OnnxFail(fmt::format("has a tensor '{}' of an impossible shape", label));
+      OnnxFail(fmt::format("has a tensor '{}' of an impossible shape", read.label));
     }
     n *= extent;
   }
-  if (is_external) raw = external_data.Read(external, label);
-  if (is_external || has_raw) {
-    switch (type) {
-      case kFloat:
-        tensor.floats = FromRaw<float>(raw);
-        break;
-      case kDouble:
-        doubles = FromRaw<double>(raw);
-        break;
-      case kInt64:
-        tensor.integers = FromRaw<int64_t>(raw);
-        break;
-      case kInt32:
-        tensor.integers.clear();
-        AppendOnnx(tensor.integers, FromRaw<int32_t>(raw));
-        break;
-      default:
-        break;
-    }
+  return n;
+}
+
+/// Numbers that stand as bytes, of the types that are read.
+void Unpack(RawTensor& read) {
+  switch (read.type) {
+    case kFloat:
+      read.tensor.floats = FromRaw<float>(read.raw);
+      break;
+    case kDouble:
+      read.doubles = FromRaw<double>(read.raw);
+      break;
+    case kInt64:
+      read.tensor.integers = FromRaw<int64_t>(read.raw);
+      break;
+    case kInt32:
+      read.tensor.integers.clear();
+      AppendOnnx(read.tensor.integers, FromRaw<int32_t>(read.raw));
+      break;
+    default:
+      break;
   }
-  if (type == kDouble) {
+}
+
+}  // namespace
+
+OnnxTensor ReadOnnxTensor(pbf_reader message, OnnxExternalData& external_data, std::string* name) {
+  RawTensor read = ReadFields(std::move(message));
+  if (name != nullptr) *name = read.label;
+  const int64_t n = Count(read);
+  if (read.is_external) read.raw = external_data.Read(read.external, read.label);
+  if (read.is_external || read.has_raw) Unpack(read);
+  OnnxTensor tensor = std::move(read.tensor);
+  if (read.type == kDouble) {
     tensor.floats.clear();
-    AppendOnnx(tensor.floats, doubles);
+    AppendOnnx(tensor.floats, read.doubles);
   }
-  tensor.is_integer = type == kInt32 || type == kInt64;
+  tensor.is_integer = read.type == kInt32 || read.type == kInt64;
   // Of another type: an error only where the policy needs it, so hold it as an empty one.
-  const bool known = tensor.is_integer || type == kFloat || type == kDouble;
+  const bool known = tensor.is_integer || read.type == kFloat || read.type == kDouble;
   const size_t found = tensor.is_integer ? tensor.integers.size() : tensor.floats.size();
   if (known && found != static_cast<size_t>(n)) {
-    OnnxFail(fmt::format("has a tensor '{}' of {} numbers, wanted {}", label, found, n));
+    OnnxFail(fmt::format("has a tensor '{}' of {} numbers, wanted {}", read.label, found, n));
   }
   if (!known) tensor = {.shape = {0}, .is_integer = true, .floats = {}, .integers = {}};
   return tensor;
