@@ -24,10 +24,10 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
   config_.CheckAgentSettings(factory_->spec());
   if (config_.baselines.Runs("is")) CheckIntervalSearch(config_.baselines.is, factory_->spec());
   config_.clone.MethodFor(factory_->spec());
-  for (const auto& [name, design] : config_.DesignSettings()) {
-    FeatureShape(factory_->spec(), design.Evidence(factory_->spec()));
+  for (const auto& [name, design] : designs_) {
+    FeatureShape(factory_->spec(), design.adversarial.Evidence(factory_->spec()));
     design.MakePrior(factory_->parameters());
-    design.Check();  // once more, as the form that auto became
+    design.Check();  // once more, as the method that auto became
   }
   CheckCanDraw();
   if (config_.run.strict) ParametersWithEffect();
@@ -37,34 +37,30 @@ const fs::path& Pipeline::CheckRequest(const fs::path& out) {
 void Pipeline::AdaptDesign() {
   const SimulatorSpec& spec = factory_->spec();
   bool adapted = false;
-  // From here on every form is one that can be carried out in this simulator.
-  const auto adapt = [&](DesignConfig& design) {
-    const bool left_open = design.form == "auto";
-    design = design.Resolved(factory_->parameters(), spec);
-    adapted = adapted || (!spec.can_set_state && (left_open || design.AdaptToFixedStarts()));
-  };
-  adapt(config_.design);
-  for (auto& [name, setting] : config_.settings) adapt(setting);
-  for (const auto& [name, setting] : config_.DesignSettings()) {
-    if (!setting.by_auto || setting.form != "trajectories") continue;
-    for (const std::string& form : OtherForms()) {
-      const std::string other = fmt::format("{}-{}", name, form);
+  for (const auto& [name, choice] : config_.DesignSettings()) {
+    const DesignConfig design = choice.Resolved(factory_->parameters(), spec);
+    // Of images auto has a method of its own: nothing was given up.
+    adapted = adapted || (!spec.can_set_state && design.method != DesignMethod::kImages &&
+                          (!choice.method || choice.Assumed().adversarial.starts == RolloutStarts::kDataset));
+    designs_.emplace(name, design);
+    if (choice.method || design.method != DesignMethod::kTrajectories) continue;
+    for (const DesignMethod method : OtherMethods()) {
+      const std::string other = fmt::format("{}-{}", name, Describe(method).name);
       if (config_.settings.contains(other)) {
-        throw UsageError(
-            fmt::format("design.settings.{} has the name that '{}' takes when auto picks the form {}; choose another",
-                        other, name, form));
+        throw UsageError(fmt::format(
+            "design.settings.{} has the name that '{}' takes when auto picks the method {}; choose another", other,
+            name, Describe(method).name));
       }
-      other_forms_[other] = {setting.InForm(form), name};
+      other_methods_[other] = {choice.Resolved(method, spec), name};
     }
   }
-  // Of images auto has a form of its own: nothing was given up.
-  if (!adapted || (!spec.image_shape.empty() && config_.design.form == "images")) return;
+  if (!adapted) return;
   const auto* model = dynamic_cast<const MujocoSimulatorFactory*>(&factory_->plant());
   context_.log->Warning(fmt::format(
       "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "
-      "(design.starts = initial, design.actions = clone, design.horizon = {})",
+      "(design.adversarial.starts = initial, actions = clone, horizon = {})",
       config_.task.name, model == nullptr ? "" : fmt::format(" ({})", model->why_not_settable()),
-      config_.design.horizon));
+      designs_.begin()->second.adversarial.horizon));
 }
 
 json Pipeline::TaskIdentity() const {
@@ -98,13 +94,13 @@ void Pipeline::CheckDirectory() const {
       check(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting));
     }
   }
-  for (const auto& [setting, other] : other_forms_) {
+  for (const auto& [setting, other] : other_methods_) {
     for (int seed = 1; seed <= config_.selection.n_seeds; ++seed) {
       check(directory_.design_seed(setting, seed) / "q.json", DesignFingerprint(setting));
     }
-    const fs::path trials = directory_.root() / "design" / other.drawn_as / "forms";
-    check(trials / other.config.form / "q.json", TrialFingerprint(other.drawn_as, other.config));
-    check(trials / "choice.json", FormChoiceFingerprint(other.drawn_as));
+    const fs::path trials = directory_.root() / "design" / other.drawn_as / "methods";
+    check(trials / Describe(other.config.method).name / "q.json", TrialFingerprint(other.drawn_as, other.config));
+    check(trials / "choice.json", MethodChoiceFingerprint(other.drawn_as));
   }
   check(directory_.root() / "design.json", SelectionFingerprint());
   for (int j = 1; j <= config_.agents.n_agents; ++j) {
@@ -123,14 +119,13 @@ void Pipeline::WriteProvenance() const {
   written.data.path = fs::proximate(config_.data.path, directory_.root()).string();
   std::string& model = written.task.model.model;
   if (!model.empty() && !model.starts_with("package:")) model = fs::proximate(model, directory_.root()).string();
-  const auto write_as_given = [&](DesignConfig& design) {
-    // The next verb that reads this file leaves the form open as well.
-    if (design.by_auto) design.form = "auto";
-    if (design.prior == "uniform" || design.prior == "gaussian") return;
-    design.prior = fs::proximate(design.prior, directory_.root()).string();
+  const auto place_prior = [&](DesignChoice& design) {
+    const std::string prior = design.Assumed().prior;
+    if (prior == "uniform" || prior == "gaussian") return;
+    design.Set("prior", fs::proximate(prior, directory_.root()).string(), "design");
   };
-  write_as_given(written.design);
-  for (auto& [unused, setting] : written.settings) write_as_given(setting);
+  place_prior(written.design);
+  for (auto& [unused, setting] : written.settings) place_prior(setting);
   KeepModel();
   WriteFileAtomically(directory_.root() / "run.toml", written.ToToml());
   const std::vector<Episode> episodes = dataset_.Episodes();
@@ -159,9 +154,9 @@ std::string Pipeline::CloneFingerprint() const {
 }
 
 std::string Pipeline::DesignFingerprint(const std::string& setting) const {
-  const auto other = other_forms_.find(setting);
-  DesignConfig design = other != other_forms_.end() ? other->second.config : config_.DesignSettings().at(setting);
-  json settings = design.Fields().ToJson();
+  const auto other = other_methods_.find(setting);
+  const DesignConfig& design = other != other_methods_.end() ? other->second.config : designs_.at(setting);
+  json settings = design.ToJson();
   // An earlier design counts by what it found, not by its place.
   const Prior prior = design.MakePrior(factory_->parameters());
   if (!prior.uniform) settings["prior"] = {prior.ToJson(), prior.values};
@@ -171,7 +166,7 @@ std::string Pipeline::DesignFingerprint(const std::string& setting) const {
 std::string Pipeline::SelectionFingerprint() const {
   json inputs = {"selection"};
   for (const auto& [setting, design] : config_.DesignSettings()) {
-    inputs.push_back(design.by_auto ? FormChoiceFingerprint(setting) : DesignFingerprint(setting));
+    inputs.push_back(design.method ? DesignFingerprint(setting) : MethodChoiceFingerprint(setting));
   }
   SelectionConfig selection = config_.selection;
   inputs.push_back(selection.Fields().ToJson());
