@@ -82,7 +82,7 @@ void AddDesignStudy(Program& program, CLI::App& reproduce, const std::string& na
   verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")->capture_default_str();
   verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
   verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
-  verb->add_option("--form", study.form, "design.form of every cell")->capture_default_str();
+  verb->add_option("--design-method", study.design_method, "design.method of every cell")->capture_default_str();
   verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(CLI::PositiveNumber)->capture_default_str();
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
   verb->add_option("--seed", study.seed, "names every random stream")->capture_default_str();
@@ -140,7 +140,7 @@ void AddTable1(Program& program, CLI::App& reproduce) {
   verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
   verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
   verb->add_option("--methods", study.methods, "bc, dr, is, bc_dr, oted, undesigned")->capture_default_str();
-  verb->add_option("--form", study.form, "design.form; paper: Algorithm 1 to the letter")->capture_default_str();
+  verb->add_option("--design-method", study.design_method, "design.method; paper: Algorithm 1 to the letter")->capture_default_str();
   verb->add_option("--algorithm", study.algorithm, "how agents learn: sac, as the paper's, or crossq")
       ->check(CLI::IsMember({"sac", "crossq"}))
       ->capture_default_str();

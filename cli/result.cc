@@ -60,13 +60,13 @@ std::string VerdictSentence(const std::string& verdict) {
          "other parameters";
 }
 
-/// Which form of the design was taken where that was left open, and why.
-void PrintFormChoices(const json& design) {
-  const json choices = design.value("form_choices", json::array());
+/// Which method of the design was taken where that was left open, and why.
+void PrintMethodChoices(const json& design) {
+  const json choices = design.value("method_choices", json::array());
   for (const json& choice : choices) {
     const std::string setting =
         choices.size() > 1 ? fmt::format(" for {}", choice.at("setting").get<std::string>()) : "";
-    fmt::print("form{}: {}, as {}\n", setting, choice.at("form").get<std::string>(),
+    fmt::print("method{}: {}, as {}\n", setting, choice.at("method").get<std::string>(),
                choice.at("reason").get<std::string>());
   }
 }
@@ -100,7 +100,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
       PrintParameters(design, evaluation);
       fmt::print("\nverdict: {}\n", VerdictSentence(design.at("verdict").get<std::string>()));
       PrintSuspects(design);
-      PrintFormChoices(design);
+      PrintMethodChoices(design);
     }
     if (!evaluation.is_null()) PrintPolicies(evaluation);
     const std::filesystem::path designed = run_directory / "export" / "designed.xml";

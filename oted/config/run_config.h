@@ -16,7 +16,7 @@
 #include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/parameter_space.h"
 #include "oted/stages/behavior/clone.h"
-#include "oted/stages/design/design_config.h"
+#include "oted/stages/design/design_choice.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
 
 namespace oted {
@@ -90,9 +90,9 @@ struct RunConfig {
   std::vector<std::string> presets;
   RunSettings run;
   CloneConfig clone;
-  DesignConfig design;
+  DesignChoice design;
   /// Hyperparameter settings h of Sec. 4.2: what each changes in `design`. Without any there is one, "default".
-  std::map<std::string, DesignConfig> settings;
+  std::map<std::string, DesignChoice> settings;
   SelectionConfig selection;
   AgentsConfig agents;
   SacConfig sac;
@@ -126,11 +126,11 @@ struct RunConfig {
   std::vector<double> TruthVector() const;
   /// Threads to use: run.threads, or all that the process may use.
   int Threads() const;
-  /// Settings of the design with the default filled in.
-  std::map<std::string, DesignConfig> DesignSettings() const;
+  /// The hyperparameter settings of the design; "default" where none is named.
+  std::map<std::string, DesignChoice> DesignSettings() const;
 };
 
-/// Every section's fields, bound to `config`; for help texts.
-std::vector<FieldList> AllFields(RunConfig& config);
+/// Every section's fields, bound to `config`, but for those of the design (DesignChoice).
+std::vector<FieldList> PlainSections(RunConfig& config);
 
 }  // namespace oted

@@ -164,10 +164,10 @@ TEST_F(WriteReportTest, FormsThatWereTriedStandWithTheirErrorsAndTheTakenOneIsMa
   run_.WriteDesign();
   json design = ReadJson(folder_ / "design.json");
   const auto tried = [](const char* form, double error, double gain) {
-    return json{{"form", form}, {"error", error}, {"gain", gain}, {"gain_std", 0.01}};
+    return json{{"method", form}, {"error", error}, {"gain", gain}, {"gain_std", 0.01}};
   };
-  design["form_choices"] = {{{"setting", "paper"},
-                             {"form", "transitions"},
+  design["method_choices"] = {{{"setting", "paper"},
+                             {"method", "transitions"},
                              {"picked", "paper"},
                              {"reason", "it is nearest"},
                              {"n_windows", 48},
@@ -200,13 +200,13 @@ TEST_F(WriteReportTest, HostileNamesStayText) {
   design["warnings"] = {hostile};
   design["selected"] = hostile;
   design["settings"][0]["name"] = hostile;
-  design["settings"][0]["form"] = hostile;
+  design["settings"][0]["method"] = hostile;
   design["model"] = {{hostile, hostile}};
-  design["form_choices"] = {{{"setting", hostile},
-                             {"form", hostile},
+  design["method_choices"] = {{{"setting", hostile},
+                             {"method", hostile},
                              {"picked", hostile},
                              {"reason", hostile},
-                             {"tried", {{{"form", hostile}, {"error", hostile}}}}}};
+                             {"tried", {{{"method", hostile}, {"error", hostile}}}}}};
   WriteJson(folder_ / "design.json", design);
   json evaluation = ReadJson(folder_ / "evaluation.json");
   evaluation["task"] = hostile;

@@ -194,12 +194,12 @@ void AddSuspects(const json& fit, json* found) {
                   texts.size() == 1 ? "it" : "one of them, perhaps of all", texts.size() == 1 ? "it" : "the first"));
 }
 
-// Which form of the design was taken where that was left open, and why.
-void AddFormChoice(const json& report, json* trust) {
+// Which method of the design was taken where that was left open, and why.
+void AddMethodChoice(const json& report, json* trust) {
   if (!report.contains("design")) return;
-  for (const json& choice : ListAt(report["design"], "form_choices")) {
+  for (const json& choice : ListAt(report["design"], "method_choices")) {
     if (TextAt(choice, "picked") != TextAt(report["design"], "selected")) continue;
-    trust->push_back(fmt::format("The form of the design was left open; {} was taken, as {}.", TextAt(choice, "form"),
+    trust->push_back(fmt::format("The method of the design was left open; {} was taken, as {}.", TextAt(choice, "method"),
                                  TextAt(choice, "reason")));
   }
 }
@@ -292,7 +292,7 @@ json Summarise(const json& report) {
   json trust = json::array();
   AddFit(report, &found, &trust);
   AddMatch(report, &trust);
-  AddFormChoice(report, &trust);
+  AddMethodChoice(report, &trust);
   json unknown = Unknown(report, verdict);
   AddReplay(report, &trust, &unknown);
   AddError(report, &trust);

@@ -107,10 +107,10 @@ TEST(SummariseTest, WhatIsNotSearchedAndOffByTheLogsIsNamedWithItsFactor) {
 }
 
 TEST(SummariseTest, SaysWhichFormWasTakenWhereItWasLeftOpenAndWhy) {
-  const json choices = {{{"form", "transitions"}, {"picked", "a-transitions"}, {"reason", "it is nearer"}},
-                        {{"form", "paper"}, {"picked", "b"}, {"reason", "nothing else can be done"}}};
+  const json choices = {{{"method", "transitions"}, {"picked", "a-transitions"}, {"reason", "it is nearer"}},
+                        {{"method", "paper"}, {"picked", "b"}, {"reason", "nothing else can be done"}}};
   const std::string trust =
-      Text(Summarise({{"design", {{"selected", "a-transitions"}, {"form_choices", choices}}}})["trust"]);
+      Text(Summarise({{"design", {{"selected", "a-transitions"}, {"method_choices", choices}}}})["trust"]);
   EXPECT_THAT(trust, HasSubstr("transitions was taken, as it is nearer."));
   EXPECT_THAT(trust, Not(HasSubstr("paper"))) << "of a setting that was not selected";
 }

@@ -31,11 +31,11 @@ json FitRecord(const FitEvidence& fit, const std::vector<std::string>& names) {
   return record;
 }
 
-/// The design whose fit tells of the whole: the selected setting's best, or that of the first form which it stands for.
+/// The design whose fit tells of the whole: the selected setting's best, or that of the first method which it stands for.
 const Candidate& ToldBy(const std::vector<Candidate>& candidates, const SelectionResult& result,
-                        const std::vector<FormChoice>& choices) {
+                        const std::vector<MethodChoice>& choices) {
   std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;
-  for (const FormChoice& choice : choices) {
+  for (const MethodChoice& choice : choices) {
     if (choice.picked == setting) setting = choice.setting;
   }
   const auto of = std::ranges::find(result.settings, setting, &SettingScore::setting);
@@ -45,7 +45,7 @@ const Candidate& ToldBy(const std::vector<Candidate>& candidates, const Selectio
 }  // namespace
 
 json DesignRecord(const RunConfig& config, const ParameterSpace& space, const std::vector<Candidate>& candidates,
-                  const SelectionResult& result, const std::vector<FormChoice>& choices,
+                  const SelectionResult& result, const std::vector<MethodChoice>& choices,
                   const std::vector<bool>& has_effect, const std::vector<std::string>& channels) {
   const SettingScore& selected = result.settings[static_cast<size_t>(result.selected_setting)];
   std::vector<Designer> mixture;
@@ -103,7 +103,7 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
     // What a parameter may not do for its bound, others seem to ask for.
     if (!at_bounds.empty()) design["fit"]["suspects"] = json::array();
   }
-  for (const FormChoice& choice : choices) design["form_choices"].push_back(ToJson(choice));
+  for (const MethodChoice& choice : choices) design["method_choices"].push_back(ToJson(choice));
   design["log2"] = std::numbers::ln2;
   design["nominal_common"] = result.nominal_common;
   for (const SettingScore& setting : result.settings) {
@@ -119,7 +119,7 @@ json DesignRecord(const RunConfig& config, const ParameterSpace& space, const st
                        {"learning_progress", candidate.learning_progress}});
     }
     design["settings"].push_back({{"name", setting.setting},
-                                  {"form", candidates[static_cast<size_t>(setting.candidates[0])].form},
+                                  {"method", candidates[static_cast<size_t>(setting.candidates[0])].method},
                                   {"c", setting.c},
                                   {"common", setting.common},
                                   {"design_deviation", setting.design_deviation},

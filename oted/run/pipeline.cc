@@ -112,7 +112,7 @@ void Pipeline::CloneBehavior() {
 
 void Pipeline::Design() {
   std::map<std::string, SettingDesigns> settings;
-  for (const auto& [setting, design] : config_.DesignSettings()) settings[setting] = {design, setting};
+  for (const auto& [setting, design] : designs_) settings[setting] = {design, setting};
   DesignAll(settings);
 }
 
@@ -136,7 +136,7 @@ void Pipeline::DesignAll(const std::map<std::string, SettingDesigns>& settings) 
   // The bar knows all the work before any of it starts.
   for (const Job& job : jobs) {
     const std::string name = directory_.NameOf(directory_.design_seed(job.setting, job.seed));
-    context_.log->Progress("design", name, 0, job.designs.config.n_iterations, "");
+    context_.log->Progress("design", name, 0, job.designs.config.n_iterations(), "");
   }
   const RunContext share = context_.ShareOf(jobs.size());
   ParallelFor(static_cast<int>(jobs.size()), context_.n_threads, [&](int i) {
@@ -149,13 +149,19 @@ void Pipeline::DesignAll(const std::map<std::string, SettingDesigns>& settings) 
                            .Stage(job.designs.drawn_as)
                            .Index(static_cast<uint64_t>(job.seed));
     directory_.Begin(folder, DesignFingerprint(job.setting));
-    const DesignResult design =
-        LearnDesign(*factory_, dataset_, clone.get(), config, key, folder, directory_.NameOf(folder), share);
+    const DesignResult design = LearnDesign({.factory = *factory_,
+                                             .dataset = dataset_,
+                                             .clone = clone.get(),
+                                             .key = key,
+                                             .folder = folder,
+                                             .run_name = directory_.NameOf(folder),
+                                             .context = share},
+                                            config);
     NpzArrays arrays;
     design.g.Save(arrays);
     WriteNpz(arrays, folder / "discriminator.npz");
     if (design.clone) design.clone->Save(folder / "policy.npz");
-    json q = design.q.ToJson(config.lambda);
+    json q = design.q.ToJson(config.adversarial.lambda);
     q["learning_progress"] = design.learning_progress;
     if (design.fit) q["fit"] = ToJson(*design.fit);
     directory_.Complete(folder / "q.json", q, DesignFingerprint(job.setting));
@@ -190,16 +196,16 @@ void Pipeline::AddCandidates(const std::string& setting, const DesignConfig& des
     const json q = ReadJson(folder / "q.json");
     Candidate candidate;
     candidate.setting = setting;
-    candidate.form = design.form;
+    candidate.method = Describe(design.method).name;
     candidate.seed = seed;
     candidate.q = Designer::FromJson(q, factory_->parameters(), (folder / "q.json").string());
-    candidate.evidence = design.Evidence(factory_->spec());
+    candidate.evidence = design.adversarial.Evidence(factory_->spec());
     Rng unused(0);
-    candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.Discriminator(), unused,
+    candidate.g = Discriminator(DatasetFeatures(dataset_, candidate.evidence), design.discriminator, unused,
                                 FeatureShape(factory_->spec(), candidate.evidence));
     candidate.g.Restore(ReadNpz(folder / "discriminator.npz"), (folder / "discriminator.npz").string());
     candidate.learning_progress = q.value("learning_progress", 0.0);
-    if (design.clone_updates > 0) candidate.clone = LoadPolicy(folder / "policy.npz");
+    if (design.adversarial.clone_updates > 0) candidate.clone = LoadPolicy(folder / "policy.npz");
     if (q.contains("fit")) candidate.fit = FitEvidenceFromJson(q.at("fit"));
     candidates->push_back(std::move(candidate));
   }
@@ -213,15 +219,15 @@ void Pipeline::SelectSimulator() {
   const std::vector<bool>& has_effect = ParametersWithEffect();
 
   std::vector<Candidate> candidates;
-  for (const auto& [setting, design] : config_.DesignSettings()) AddCandidates(setting, design, &candidates);
+  for (const auto& [setting, design] : designs_) AddCandidates(setting, design, &candidates);
   const auto select = [&] {
     return ::oted::SelectSimulator(*factory_, dataset_, clone.get(), candidates, config_.selection,
                                    RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("simulator selection"),
                                    context_);
   };
   SelectionResult result = select();
-  const std::vector<FormChoice> choices = ChooseForms(candidates, result);
-  if (DesignInChosenForms(choices, &candidates)) result = select();
+  const std::vector<MethodChoice> choices = ChooseMethods(candidates, result);
+  if (DesignInChosenMethods(choices, &candidates)) result = select();
   json design = DesignRecord(config_, factory_->parameters(), candidates, result, choices, has_effect,
                              factory_->spec().observation_names);
   design["dataset"] = {{"path", config_.data.path}, {"sha256", dataset_.sha256}, {"n_transitions", dataset_.size()}};

@@ -27,7 +27,7 @@
 #include "oted/run/run_directory.h"
 #include "oted/run/training_ground.h"
 #include "oted/sim/simulator.h"
-#include "oted/stages/design/form_choice.h"
+#include "oted/stages/design/method_choice.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
 
 namespace oted {
@@ -62,7 +62,7 @@ class Pipeline {
   };
   /// Everything that can be wrong with the request; nothing has been written yet. @return `out`
   const std::filesystem::path& CheckRequest(const std::filesystem::path& out);
-  /// The forms that need settable states become one that does not, where the task has none.
+  /// Settles the method of every setting, and its settings, for this simulator.
   void AdaptDesign();
   /// Results and checkpoints that lie in the directory are of this configuration. @throws UsageError
   void CheckDirectory() const;
@@ -78,16 +78,16 @@ class Pipeline {
   void DesignAll(const std::map<std::string, SettingDesigns>& settings);
   /// What the designs of a setting left, to be scored.
   void AddCandidates(const std::string& setting, const DesignConfig& design, std::vector<Candidate>* candidates) const;
-  /// Of every setting whose form was left to auto, the form and why (oted/stages/design/form_choice.h).
-  std::vector<FormChoice> ChooseForms(const std::vector<Candidate>& candidates, const SelectionResult& result) const;
-  /// By designs from part of the logs, judged on the rest. @param first  the best design in the first form
-  FormChoice ChooseByTrial(const std::string& setting, const DesignConfig& design, const Candidate& first) const;
-  /// Designs in the forms that took the place of first ones. @return whether there were any
-  bool DesignInChosenForms(const std::vector<FormChoice>& choices, std::vector<Candidate>* candidates);
+  /// Of every setting whose method was left to auto, the method and why (oted/stages/design/method_choice.h).
+  std::vector<MethodChoice> ChooseMethods(const std::vector<Candidate>& candidates, const SelectionResult& result) const;
+  /// By designs from part of the logs, judged on the rest. @param first  the best design by the first method
+  MethodChoice ChooseByTrial(const std::string& setting, const Candidate& first) const;
+  /// Designs by the methods that took the place of first ones. @return whether there were any
+  bool DesignInChosenMethods(const std::vector<MethodChoice>& choices, std::vector<Candidate>* candidates);
   std::string CloneFingerprint() const;
   std::string DesignFingerprint(const std::string& setting) const;
   std::string TrialFingerprint(const std::string& setting, const DesignConfig& design) const;
-  std::string FormChoiceFingerprint(const std::string& setting) const;
+  std::string MethodChoiceFingerprint(const std::string& setting) const;
   std::string SelectionFingerprint() const;
   /// Of an agent that trains in `where`: "designed", "undesigned", or a baseline's name.
   std::string AgentFingerprint(const std::string& where) const;
@@ -117,8 +117,9 @@ class Pipeline {
   std::unique_ptr<SimulatorFactory> factory_;
   std::string model_sha256_;
   std::vector<bool> has_effect_;  // empty until measured
-  // By the name of the setting that they would be: forms that may take the place of one that was left to auto.
-  std::map<std::string, SettingDesigns> other_forms_;
+  // By the name of the setting that they would be: methods that may take the place of one that was left to auto.
+  std::map<std::string, DesignConfig> designs_;  ///< of every setting, as this simulator has them
+  std::map<std::string, SettingDesigns> other_methods_;
   RunDirectory directory_;
 };
 

@@ -63,8 +63,8 @@ TEST_F(PipelineTest, ItsResultsHaveTheDocumentedFields) {
   EXPECT_EQ(dataset.at("n_episodes"), 8);
   EXPECT_EQ(dataset.at("sha256"), Sha256OfFile(Demos()));
   const RunConfig resolved = RunConfig::FromTomlFile((Whole() / "run.toml").string());
-  EXPECT_EQ(resolved.ToJson(), TinyConfig().ToJson()) << "form = auto stays: design.json says what it became";
-  EXPECT_EQ(design.at("form_choices").at(0).at("form"), "trajectories");
+  EXPECT_EQ(resolved.ToJson(), TinyConfig().ToJson()) << "method = auto stays: design.json says what it became";
+  EXPECT_EQ(design.at("method_choices").at(0).at("method"), "trajectories");
 }
 
 TEST_F(PipelineTest, TheTruthChangesNothingThatTheDesignWrites) {

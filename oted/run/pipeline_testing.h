@@ -74,17 +74,19 @@ inline RunConfig TinyConfig() {
     hidden = [16]
     max_steps = 60
     check_interval = 20
-    [design]
+    [design.adversarial]
     n_iterations = 3
     n_sims = 4
     n_steps = 20
-    discriminator_hidden = [16]
-    discriminator_steps = 5
-    discriminator_batch = 32
-    trajectory_rows = 32
-    trajectory_window = 4
-    trajectory_starts = 1
-    trajectory_coarse = 4
+    [design.discriminator]
+    hidden = [16]
+    steps = 5
+    batch = 32
+    [design.trajectories]
+    rows = 32
+    window = 4
+    starts = 1
+    coarse = 4
     [selection]
     n_seeds = 2
     n_sims = 2

@@ -37,7 +37,7 @@ RunConfig ConfigOf(const DensityStudy& study, const DensityCell& cell) {
   RunConfig config;
   config.task.name = "MiniGrid-Obstacles-10x10";
   for (const std::string& assignment : study.assignments) config.Set(assignment);
-  config.design.designer = cell.designer;
+  config.Set("design.designer=" + cell.designer);
   return config;
 }
 
@@ -86,12 +86,19 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
   const CloneResult clone = CloneBehavior(logs, factory.spec(), config.clone, key.Stage("clone"), "clone", own);
   const DesignConfig design = config.design.Resolved(factory.parameters(), factory.spec());
   const DesignResult result =
-      LearnDesign(factory, logs, clone.policy.get(), design, key.Stage("design"), scratch, "design", own);
+      LearnDesign({.factory = factory,
+                   .dataset = logs,
+                   .clone = clone.policy.get(),
+                   .key = key.Stage("design"),
+                   .folder = scratch,
+                   .run_name = "design",
+                   .context = own},
+                  design);
   const double seconds = ThreadSeconds() - start;
   fs::remove_all(scratch);
 
   // By iteration, and what came of it. Behind the design g is trained against a q that does not move.
-  curve.modes.resize(std::min(curve.modes.size(), static_cast<size_t>(design.n_iterations)));
+  curve.modes.resize(std::min(curve.modes.size(), static_cast<size_t>(design.n_iterations())));
   curve.modes.push_back(result.q.Mode()[0]);
   const Designer::Interval interval = result.q.CentralInterval(0.9)[0];
   json modes = json::array();
@@ -125,7 +132,7 @@ json IdentityOf(const RunConfig& config, const DensityStudy& study, const Densit
           {"policy", study.policy},
           {"realised", RealisedDensity(TaskOf(config), cell.target)},
           {"assignments", study.assignments},
-          {"discriminator_steps", design.discriminator_steps}};
+          {"discriminator_steps", design.discriminator.steps}};
 }
 
 double NearestOnGrid(double density) { return kGrid * std::round(density / kGrid); }

@@ -187,7 +187,7 @@ json IdentityOf(const Table1Study& study, const Table1Cell& cell) {
                    {"steps", cell.method == "bc" ? json() : AgentSettings(config).at("n_steps")},
                    {"agents", cell.method == "bc" ? json() : json(config.agents.n_agents)},
                    {"assignments", study.assignments}};
-  if (cell.method == "oted") identity["form"] = study.form;
+  if (cell.method == "oted") identity["design_method"] = study.design_method;
   if (study.algorithm != "sac" && cell.method != "bc") identity["algorithm"] = study.algorithm;
   if (cell.method == "is" || cell.method == "undesigned") identity["start"] = config.agents.undesigned_at;
   return identity;
@@ -246,7 +246,7 @@ std::vector<Table1Cell> Table1Study::Cells() const {
 RunConfig Table1Study::ConfigOf(const Table1Cell& cell, int64_t seed) const {
   DesignStudy study;
   study.data_folder = data_folder;
-  study.form = form;
+  study.design_method = design_method;
   study.grid = false;
   study.assignments = {"agents.algorithm=" + algorithm, fmt::format("{}.n_steps={}", algorithm, steps),
                        "agents.n_agents=1", "agents.undesigned=false"};

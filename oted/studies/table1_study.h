@@ -42,7 +42,7 @@ struct Table1Study {
   std::vector<std::string> parameters = {"friction", "gain", "gravity", "all"};
   std::vector<std::string> methods = KnownMethods();
   std::string data_folder = "examples/data";  ///< holds TASK-DATASET.hdf5
-  std::string form = "auto";                  ///< of the design
+  std::string design_method = "auto";
   std::string algorithm = "sac";              ///< of the agents: the paper's, or "crossq"
   /// Where the un-designed simulator and interval search begin, for the target is the nominal simulator itself: the
   /// shipped shifted target (0.6, 1.3, 1.2) seen the other way round.

@@ -52,8 +52,8 @@ class BaselinesTest(program.HopperTest):
             "[task]", 'name = "MiniGrid-Obstacles-10x10"', "[data]", f'path = "{ROOT}/examples/data/minigrid-expert.hdf5"',
             "[parameters]", 'density = { field = "env/density", range = [0.0, 0.6], scale = "absolute" }',
             "[truth]", "density = 0.26", "[selection]", "n_seeds = 1", "n_sims = 2", "judge_steps = 4",
-            "[clone]", "max_steps = 40", "check_interval = 20", "[design]", "n_iterations = 2", "n_sims = 8",
-            "discriminator_steps = 4", "[agents]", "n_agents = 1", "selection_episodes = 2", "target_episodes = 4",
+            "[clone]", "max_steps = 40", "check_interval = 20", "[design.images]", "n_iterations = 2",
+            "n_sims = 8", "[design.adversarial]", "n_sims = 8", "[design.discriminator]", "steps = 4", "[agents]", "n_agents = 1", "selection_episodes = 2", "target_episodes = 4",
             "[ppo]", "n_steps = 2048", "eval_interval = 2048", "hidden = [8]", "filters = [4]", "n_epochs = 1",
             "batch_size = 256", "eval_episodes = 4", "[baselines]", 'run = ["dr", "is", "bc_dr"]', "is_reference = 0.9"]))
         result = program.oted("run", config, "--out", self.out, "--quiet")

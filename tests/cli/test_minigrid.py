@@ -83,7 +83,7 @@ class TestMinigrid(ProgramTest):
         words = ("--task", TASK, "--param", DENSITY, "--data", self.demos, "--out", out)
         self.assertOneLine(oted("train", *words, "--set", "agents.algorithm=sac"), USAGE, "discrete actions", "ppo")
         self.assertFalse(out.exists())
-        self.assertOneLine(oted("design", *words, "--set", "design.form=images", "--set", "design.discriminator=sas"),
+        self.assertOneLine(oted("design", *words, "--set", "design.method=images", "--set", "design.adversarial.evidence=sas"),
                            USAGE, "images", "sa")
 
     def config(self, *lines):
@@ -92,8 +92,8 @@ class TestMinigrid(ProgramTest):
             "[task]", f'name = "{TASK}"', "[data]", f'path = "{self.demos}"', "[parameters]",
             'density = { field = "env/density", range = [0.0, 0.6], scale = "absolute" }',
             "[truth]", "density = 0.4", "[selection]", "n_seeds = 2", "n_sims = 4", "judge_steps = 20",
-            "[clone]", "max_steps = 200", "[design]", "n_iterations = 25", "n_sims = 64",
-            "discriminator_steps = 20", *lines, "[agents]", "selection_episodes = 4",
+            "[clone]", "max_steps = 200", "[design.images]", "n_iterations = 25", "n_sims = 64",
+            "[design.adversarial]", "n_sims = 64", "[design.discriminator]", "steps = 20", "[design]", *lines, "[agents]", "selection_episodes = 4",
             "target_episodes = 50", "[ppo]", "n_steps = 12000", "eval_interval = 6000", "learning_rate = 0.001",
             "batch_size = 256", "n_epochs = 4", "hidden = [32]", "filters = [8, 8]"]))
         return file

@@ -190,7 +190,7 @@ std::vector<FuzzFormat> FuzzFormats(const fs::path& folder) {
   discriminator.name = "discriminator";
   discriminator.file = "discriminator.npz";
   discriminator.names = {discriminator.file};
-  DiscriminatorOptions g_options;
+  DiscriminatorConfig g_options;
   g_options.hidden = {4};
   Rng g_rng(1);
   const Discriminator g(small.observations, g_options, g_rng);

@@ -106,7 +106,7 @@ void MinigridSimulator::Reset(int lane, Rng& rng) {
 bool MinigridSimulator::SetStateFromObservation(int, std::span<const double>) {
   throw UsageError(
       fmt::format("task '{}' has no settable state, since an observation does not show the whole of it; "
-                  "start at its resets (design.form = \"paper\")",
+                  "start at its resets (design.method = \"paper\")",
                   setup_->task.name));
 }
 

@@ -30,7 +30,7 @@ struct SelectionConfig {
 /// One design: hyperparameters h with seed i, and what it learned.
 struct Candidate {
   std::string setting;
-  std::string form;  ///< design.form of the setting
+  std::string method;  ///< design.method of the setting
   int seed = 0;
   Designer q;
   Discriminator g;
@@ -38,8 +38,8 @@ struct Candidate {
   double learning_progress = 0;  ///< mean reward during training
   std::shared_ptr<const Policy>
       clone;                       ///< of the design itself, where clone and design were trained jointly; else null
-  std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of forms that replay windows
-  bool superseded = false;         ///< scored, but its setting is not selected: another form of it was preferred
+  std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of methods that replay windows
+  bool superseded = false;         ///< scored, but its setting is not selected: another method was preferred
 };
 
 struct CandidateScore {

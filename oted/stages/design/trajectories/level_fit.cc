@@ -118,7 +118,7 @@ bool LevelFit::TryOtherStarts(Rng& rng) {
       starts.push_back(*start);
     }
     const FittedStarts fitted =
-        FitStarts(replayer_, windows, std::move(starts), z, likelihood, kStartStep * scale_, kOtherStartIterations);
+        FitStarts(replayer_, std::move(starts), {windows, z, likelihood, kStartStep * scale_, kOtherStartIterations});
     for (size_t k = 0; k < which.size(); ++k) {
       const size_t w = which[k];
       if (!(likelihood.Cost(fitted.residuals[k]) < likelihood.Cost(residuals_[w]))) continue;

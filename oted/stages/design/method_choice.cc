@@ -1,4 +1,4 @@
-#include "oted/stages/design/form_choice.h"
+#include "oted/stages/design/method_choice.h"
 
 #include <fmt/format.h>
 
@@ -14,9 +14,12 @@ namespace oted {
 
 using nlohmann::json;
 
-const std::vector<std::string>& OtherForms() {
-  static const std::vector<std::string> forms = {"transitions", "least-squares"};
-  return forms;
+std::vector<DesignMethod> OtherMethods() {
+  std::vector<DesignMethod> methods;
+  for (const MethodDescription& described : DesignMethods()) {
+    if (described.tried_by_auto) methods.push_back(described.method);
+  }
+  return methods;
 }
 
 namespace {
@@ -39,45 +42,45 @@ std::string Nearness(double gain) {
 
 }  // namespace
 
-FormChoice ChooseByCapability(const DesignConfig& resolved, const SimulatorSpec& spec) {
-  FormChoice choice;
-  choice.form = resolved.form;
+MethodChoice ChooseByCapability(DesignMethod method, const SimulatorSpec& spec) {
+  MethodChoice choice;
+  choice.method = method;
   choice.reason = !spec.image_shape.empty() ? "the task shows images"
                   : !spec.can_set_state
-                      ? "the task cannot be set to a logged state, which the other forms need"
-                      : "sensors are among the parameters, which trajectories cannot fit; other forms were not tried";
+                      ? "the task cannot be set to a logged state, which the other methods need"
+                      : "sensors are among the parameters, which trajectories cannot fit; other methods were not tried";
   return choice;
 }
 
-bool AsksForOtherForms(const Designer& q, const FitEvidence& fit) {
+bool AsksForOtherMethods(const Designer& q, const FitEvidence& fit) {
   return JudgeFit(q, fit) == DesignVerdict::kOutsideFamily;
 }
 
-FormChoice KeepFirstForm(const Designer& q, const FitEvidence& fit) {
-  FormChoice choice;
-  choice.form = "trajectories";
+MethodChoice KeepFirstMethod(const Designer& q, const FitEvidence& fit) {
+  MethodChoice choice;
+  choice.method = DesignMethod::kTrajectories;
   choice.reason = fmt::format(
       "noise alone explains {:.0f} % of the logged windows, no channel drifts, no parameter ended at a bound and "
-      "nothing else is asked for: no other form was tried",
+      "nothing else is asked for: no other method was tried",
       100 * fit.explained);
-  if (AsksForOtherForms(q, fit)) {
+  if (AsksForOtherMethods(q, fit)) {
     choice.reason =
         "its answer is outside the family, but too little of the logs can be held out and replayed to compare others";
   }
   return choice;
 }
 
-FormChoice ChooseByHeldOut(const std::vector<std::string>& forms, const std::vector<std::vector<double>>& modes,
+MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std::vector<std::vector<double>>& modes,
                            const HeldOutErrors& errors) {
-  OTED_CHECK(forms.size() == modes.size() && errors.of.size() == forms.size() + 1 &&
+  OTED_CHECK(methods.size() == modes.size() && errors.of.size() == methods.size() + 1 &&
              errors.n_windows >= kFewestWindows);
-  FormChoice choice;
+  MethodChoice choice;
   choice.n_windows = errors.n_windows;
   choice.n_steps = errors.n_steps;
   choice.nominal_error = GeometricMean(errors.of.back());
   size_t taken = 0;
-  for (size_t k = 0; k < forms.size(); ++k) {
-    TriedForm tried{.form = forms[k], .mode = modes[k], .error = GeometricMean(errors.of[k])};
+  for (size_t k = 0; k < methods.size(); ++k) {
+    TriedMethod tried{.method = methods[k], .mode = modes[k], .error = GeometricMean(errors.of[k])};
     std::vector<double> log_ratios;
     for (size_t w = 0; w < errors.of[k].size(); ++w) {
       const double ratio = std::max(errors.of[0][w], 1e-12) / std::max(errors.of[k][w], 1e-12);
@@ -89,35 +92,35 @@ FormChoice ChooseByHeldOut(const std::vector<std::string>& forms, const std::vec
     const bool surely = tried.gain > std::max(kLeastGain, kStandardErrors * tried.gain_std);
     if (surely && tried.gain > choice.tried[taken].gain) taken = k;
   }
-  const TriedForm &first = choice.tried.front(), &best = choice.tried[taken];
-  choice.form = best.form;
+  const TriedMethod &first = choice.tried.front(), &best = choice.tried[taken];
+  choice.method = best.method;
   std::string others;
   for (size_t k = 1; k < choice.tried.size(); ++k) {
-    others += fmt::format("{}{} {}", k > 1 ? ", " : "", choice.tried[k].form, Nearness(choice.tried[k].gain));
+    others += fmt::format("{}{} {}", k > 1 ? ", " : "", Describe(choice.tried[k].method).name, Nearness(choice.tried[k].gain));
   }
   const std::string windows = fmt::format("{} held-out windows of {} control steps", choice.n_windows, choice.n_steps);
   if (taken == 0) {
     choice.reason = fmt::format(
-        "its answer is outside the family, but none of the other forms replays {} surely nearer to the log (error "
+        "its answer is outside the family, but none of the other methods replays {} surely nearer to the log (error "
         "{:.3g}): {}",
         windows, first.error, others);
   } else {
     choice.reason = fmt::format(
-        "the answer of {} is outside the family, and of all forms this one replays {} nearest to the log: {} (error "
+        "the answer of {} is outside the family, and of all methods this one replays {} nearest to the log: {} (error "
         "{:.3g} against {:.3g})",
-        first.form, windows, Nearness(best.gain), best.error, first.error);
+        Describe(first.method).name, windows, Nearness(best.gain), best.error, first.error);
   }
   return choice;
 }
 
-json ToJson(const FormChoice& choice) {
+json ToJson(const MethodChoice& choice) {
   json tried = json::array();
-  for (const TriedForm& t : choice.tried) {
+  for (const TriedMethod& t : choice.tried) {
     tried.push_back(
-        {{"form", t.form}, {"mode", t.mode}, {"error", t.error}, {"gain", t.gain}, {"gain_std", t.gain_std}});
+        {{"method", Describe(t.method).name}, {"mode", t.mode}, {"error", t.error}, {"gain", t.gain}, {"gain_std", t.gain_std}});
   }
   json record = {{"setting", choice.setting},
-                 {"form", choice.form},
+                 {"method", Describe(choice.method).name},
                  {"picked", choice.picked},
                  {"reason", choice.reason},
                  {"tried", tried}};
@@ -128,9 +131,9 @@ json ToJson(const FormChoice& choice) {
   return record;
 }
 
-FormChoice FormChoiceFromJson(const json& record) {
-  FormChoice choice{.setting = record.at("setting"),
-                    .form = record.at("form"),
+MethodChoice MethodChoiceFromJson(const json& record) {
+  MethodChoice choice{.setting = record.at("setting"),
+                    .method = MethodNamed(record.at("method").get<std::string>()),
                     .picked = record.at("picked"),
                     .reason = record.at("reason"),
                     .n_windows = record.value("n_windows", 0),
@@ -138,7 +141,7 @@ FormChoice FormChoiceFromJson(const json& record) {
                     .nominal_error = record.value("nominal_error", 0.0),
                     .tried = {}};
   for (const auto& t : record.at("tried")) {
-    choice.tried.push_back({.form = t.at("form"),
+    choice.tried.push_back({.method = MethodNamed(t.at("method").get<std::string>()),
                             .mode = t.at("mode"),
                             .error = t.at("error"),
                             .gain = t.at("gain"),
