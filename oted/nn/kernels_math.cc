@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "oted/nn/kernels.h"
 #include "oted/nn/vectorised.h"
 
 namespace oted::kernels {
