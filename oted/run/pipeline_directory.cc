@@ -47,9 +47,9 @@ void Pipeline::AdaptDesign() {
     for (const DesignMethod method : OtherMethods()) {
       const std::string other = fmt::format("{}-{}", name, Describe(method).name);
       if (config_.settings.contains(other)) {
-        throw UsageError(fmt::format(
-            "design.settings.{} has the name that '{}' takes when auto picks the method {}; choose another", other,
-            name, Describe(method).name));
+        throw UsageError(
+            fmt::format("design.settings.{} has the name that '{}' takes when auto picks the method {}; choose another",
+                        other, name, Describe(method).name));
       }
       other_methods_[other] = {choice.Resolved(method, spec), name};
     }
