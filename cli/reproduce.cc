@@ -140,7 +140,8 @@ void AddTable1(Program& program, CLI::App& reproduce) {
   verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
   verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
   verb->add_option("--methods", study.methods, "bc, dr, is, bc_dr, oted, undesigned")->capture_default_str();
-  verb->add_option("--design-method", study.design_method, "design.method; paper: Algorithm 1 to the letter")->capture_default_str();
+  verb->add_option("--design-method", study.design_method, "design.method; paper: Algorithm 1 to the letter")
+      ->capture_default_str();
   verb->add_option("--algorithm", study.algorithm, "how agents learn: sac, as the paper's, or crossq")
       ->check(CLI::IsMember({"sac", "crossq"}))
       ->capture_default_str();

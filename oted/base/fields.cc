@@ -109,22 +109,22 @@ void Field::FromJson(const json& value, std::string_view where) const {
       [&](const auto& out) {
         using Bound = std::decay_t<decltype(out)>;
         if constexpr (std::is_pointer_v<Bound>) {
-        using T = std::remove_pointer_t<Bound>;
-        T parsed{};
-        if constexpr (IsVector<T>::value) {
-          if (!value.is_array()) fail(wanted);
-          for (const json& element : value) {
-            typename T::value_type scalar{};
-            if (!ReadScalar(element, scalar) || !InRange(range, scalar)) fail(wanted);
-            parsed.push_back(scalar);
+          using T = std::remove_pointer_t<Bound>;
+          T parsed{};
+          if constexpr (IsVector<T>::value) {
+            if (!value.is_array()) fail(wanted);
+            for (const json& element : value) {
+              typename T::value_type scalar{};
+              if (!ReadScalar(element, scalar) || !InRange(range, scalar)) fail(wanted);
+              parsed.push_back(scalar);
+            }
+          } else {
+            if (!ReadScalar(value, parsed) || !InRange(range, parsed)) fail(wanted);
           }
-        } else {
-          if (!ReadScalar(value, parsed) || !InRange(range, parsed)) fail(wanted);
-        }
-        if constexpr (std::is_same_v<T, std::string>) {
-          check_choice(parsed);
-        }
-        *out = std::move(parsed);
+          if constexpr (std::is_same_v<T, std::string>) {
+            check_choice(parsed);
+          }
+          *out = std::move(parsed);
         }
       },
       target);

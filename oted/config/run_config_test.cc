@@ -324,7 +324,8 @@ TEST(RunConfig, SetRefusesWhatItDoesNotKnow) {
 }
 
 TEST(RunConfig, SetHoldsForEverySettingOfTheDesign) {
-  RunConfig config = WithSection("[design.settings.a.adversarial]\nhorizon = 5\n[design.settings.b]\nmethod = \"paper\"\n");
+  RunConfig config =
+      WithSection("[design.settings.a.adversarial]\nhorizon = 5\n[design.settings.b]\nmethod = \"paper\"\n");
   config.Set("design.adversarial.n_sims=8");
   EXPECT_EQ(config.DesignSettings().at("a").Assumed().adversarial.n_sims, 8);
   EXPECT_EQ(config.DesignSettings().at("b").Assumed().adversarial.n_sims, 8);

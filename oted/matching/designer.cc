@@ -9,7 +9,8 @@
 
 namespace oted {
 
-Designer::Designer(ParameterSpace space, double initial_std) : space_(space), kind_(GaussianSearch(space, initial_std)) {}
+Designer::Designer(ParameterSpace space, double initial_std)
+    : space_(space), kind_(GaussianSearch(space, initial_std)) {}
 
 Designer::Designer(ParameterSpace space, const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance)
     : space_(space), kind_(GaussianSearch(space, mean, covariance)) {}
@@ -161,8 +162,8 @@ GaussianSearch GaussianFromJson(const nlohmann::json& q, const ParameterSpace& s
   const auto mean = q.at("mean").get<std::vector<double>>();
   const auto cov = q.at("cov").get<std::vector<std::vector<double>>>();
   if (mean.size() != static_cast<size_t>(space.size()) || cov.size() != mean.size()) {
-    throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration",
-                                where, mean.size(), space.size()));
+    throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration", where,
+                                mean.size(), space.size()));
   }
   Eigen::MatrixXd covariance(space.size(), space.size());
   for (size_t i = 0; i < mean.size(); ++i) {

@@ -167,13 +167,13 @@ TEST_F(WriteReportTest, FormsThatWereTriedStandWithTheirErrorsAndTheTakenOneIsMa
     return json{{"method", form}, {"error", error}, {"gain", gain}, {"gain_std", 0.01}};
   };
   design["method_choices"] = {{{"setting", "paper"},
-                             {"method", "transitions"},
-                             {"picked", "paper"},
-                             {"reason", "it is nearest"},
-                             {"n_windows", 48},
-                             {"n_steps", 10},
-                             {"nominal_error", 9.75},
-                             {"tried", {tried("trajectories", 3.25, 0), tried("transitions", 2.5, 0.26)}}}};
+                               {"method", "transitions"},
+                               {"picked", "paper"},
+                               {"reason", "it is nearest"},
+                               {"n_windows", 48},
+                               {"n_steps", 10},
+                               {"nominal_error", 9.75},
+                               {"tried", {tried("trajectories", 3.25, 0), tried("transitions", 2.5, 0.26)}}}};
   WriteJson(folder_ / "design.json", design);
   WriteReport(folder_.path());
   EXPECT_TRUE(RunPython(kCheckPage, folder_));
@@ -203,10 +203,10 @@ TEST_F(WriteReportTest, HostileNamesStayText) {
   design["settings"][0]["method"] = hostile;
   design["model"] = {{hostile, hostile}};
   design["method_choices"] = {{{"setting", hostile},
-                             {"method", hostile},
-                             {"picked", hostile},
-                             {"reason", hostile},
-                             {"tried", {{{"method", hostile}, {"error", hostile}}}}}};
+                               {"method", hostile},
+                               {"picked", hostile},
+                               {"reason", hostile},
+                               {"tried", {{{"method", hostile}, {"error", hostile}}}}}};
   WriteJson(folder_ / "design.json", design);
   json evaluation = ReadJson(folder_ / "evaluation.json");
   evaluation["task"] = hostile;

@@ -199,8 +199,8 @@ void AddMethodChoice(const json& report, json* trust) {
   if (!report.contains("design")) return;
   for (const json& choice : ListAt(report["design"], "method_choices")) {
     if (TextAt(choice, "picked") != TextAt(report["design"], "selected")) continue;
-    trust->push_back(fmt::format("The method of the design was left open; {} was taken, as {}.", TextAt(choice, "method"),
-                                 TextAt(choice, "reason")));
+    trust->push_back(fmt::format("The method of the design was left open; {} was taken, as {}.",
+                                 TextAt(choice, "method"), TextAt(choice, "reason")));
   }
 }
 

@@ -31,7 +31,8 @@ json FitRecord(const FitEvidence& fit, const std::vector<std::string>& names) {
   return record;
 }
 
-/// The design whose fit tells of the whole: the selected setting's best, or that of the first method which it stands for.
+/// The design whose fit tells of the whole: the selected setting's best, or that of the first method which it stands
+/// for.
 const Candidate& ToldBy(const std::vector<Candidate>& candidates, const SelectionResult& result,
                         const std::vector<MethodChoice>& choices) {
   std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;

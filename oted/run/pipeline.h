@@ -79,7 +79,8 @@ class Pipeline {
   /// What the designs of a setting left, to be scored.
   void AddCandidates(const std::string& setting, const DesignConfig& design, std::vector<Candidate>* candidates) const;
   /// Of every setting whose method was left to auto, the method and why (oted/stages/design/method_choice.h).
-  std::vector<MethodChoice> ChooseMethods(const std::vector<Candidate>& candidates, const SelectionResult& result) const;
+  std::vector<MethodChoice> ChooseMethods(const std::vector<Candidate>& candidates,
+                                          const SelectionResult& result) const;
   /// By designs from part of the logs, judged on the rest. @param first  the best design by the first method
   MethodChoice ChooseByTrial(const std::string& setting, const Candidate& first) const;
   /// Designs by the methods that took the place of first ones. @return whether there were any

@@ -32,16 +32,16 @@ class TrialLog : public NullSink {
 }  // namespace
 
 std::vector<MethodChoice> Pipeline::ChooseMethods(const std::vector<Candidate>& candidates,
-                                              const SelectionResult& result) const {
+                                                  const SelectionResult& result) const {
   std::vector<MethodChoice> choices;
   for (const auto& [setting, asked] : config_.DesignSettings()) {
     if (asked.method) continue;
     const DesignConfig& design = designs_.at(setting);
     const auto scored = std::ranges::find(result.settings, setting, &SettingScore::setting);
     const Candidate& best = candidates[static_cast<size_t>(scored->best_candidate)];
-    MethodChoice choice = !best.fit                               ? ChooseByCapability(design.method, factory_->spec())
-                        : !AsksForOtherMethods(best.q, *best.fit) ? KeepFirstMethod(best.q, *best.fit)
-                                                                : ChooseByTrial(setting, best);
+    MethodChoice choice = !best.fit ? ChooseByCapability(design.method, factory_->spec())
+                          : !AsksForOtherMethods(best.q, *best.fit) ? KeepFirstMethod(best.q, *best.fit)
+                                                                    : ChooseByTrial(setting, best);
     choice.setting = setting;
     choice.picked = choice.method == design.method ? setting : setting + "-" + Describe(choice.method).name;
     choices.push_back(std::move(choice));

@@ -85,15 +85,14 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
   const double start = ThreadSeconds();
   const CloneResult clone = CloneBehavior(logs, factory.spec(), config.clone, key.Stage("clone"), "clone", own);
   const DesignConfig design = config.design.Resolved(factory.parameters(), factory.spec());
-  const DesignResult result =
-      LearnDesign({.factory = factory,
-                   .dataset = logs,
-                   .clone = clone.policy.get(),
-                   .key = key.Stage("design"),
-                   .folder = scratch,
-                   .run_name = "design",
-                   .context = own},
-                  design);
+  const DesignResult result = LearnDesign({.factory = factory,
+                                           .dataset = logs,
+                                           .clone = clone.policy.get(),
+                                           .key = key.Stage("design"),
+                                           .folder = scratch,
+                                           .run_name = "design",
+                                           .context = own},
+                                          design);
   const double seconds = ThreadSeconds() - start;
   fs::remove_all(scratch);
 

@@ -101,7 +101,7 @@ TEST(DensityStudy, SeedsThatAreThereAreNotRunAgainAndOthersSettingsAreRefused) {
   DensityStudy study;
   study.n_seeds = 2;
   // As small as a design can be: what is under test is the bookkeeping.
-  study.assignments = {"clone.max_steps=1",        "design.images.n_iterations=2",  "design.images.n_sims=4",
+  study.assignments = {"clone.max_steps=1",           "design.images.n_iterations=2", "design.images.n_sims=4",
                        "design.adversarial.n_sims=4", "design.adversarial.n_steps=8", "design.discriminator.steps=1"};
   NullSink log;
   const RunContext one{&log, nullptr, 1}, two{&log, nullptr, 2};

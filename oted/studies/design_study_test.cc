@@ -18,9 +18,13 @@ json Setting(const char* name, std::vector<std::vector<double>> modes, double de
              double common) {
   json seeds = json::array();
   for (const auto& mode : modes) seeds.push_back({{"mode", mode}});
-  return {
-      {"name", name},     {"method", "paper"}, {"design_deviation", deviation}, {"learning_progress", progress}, {"c", c},
-      {"common", common}, {"seeds", seeds}};
+  return {{"name", name},
+          {"method", "paper"},
+          {"design_deviation", deviation},
+          {"learning_progress", progress},
+          {"c", c},
+          {"common", common},
+          {"seeds", seeds}};
 }
 
 /// Three settings whose errors are 0.1, 0.2 and 0.6.

@@ -43,7 +43,7 @@ struct Table1Study {
   std::vector<std::string> methods = KnownMethods();
   std::string data_folder = "examples/data";  ///< holds TASK-DATASET.hdf5
   std::string design_method = "auto";
-  std::string algorithm = "sac";              ///< of the agents: the paper's, or "crossq"
+  std::string algorithm = "sac";  ///< of the agents: the paper's, or "crossq"
   /// Where the un-designed simulator and interval search begin, for the target is the nominal simulator itself: the
   /// shipped shifted target (0.6, 1.3, 1.2) seen the other way round.
   std::map<std::string, double> guess = {{"friction", 1.67}, {"gain", 0.77}, {"gravity", 0.83}};

@@ -143,10 +143,10 @@ DesignConfig DesignChoice::Resolved(DesignMethod wanted, const SimulatorSpec& sp
   DesignConfig config = For(wanted);
   AdversarialConfig& settings = config.adversarial;
   if (settings.clone_updates > 0 && (spec.n_discrete_actions > 0 || !spec.image_shape.empty())) {
-    throw UsageError(
-        fmt::format("design.adversarial.clone_updates trains the clone by ValueDICE, which takes continuous actions and "
-                    "no images; set it to 0 for task '{}'",
-                    spec.task));
+    throw UsageError(fmt::format(
+        "design.adversarial.clone_updates trains the clone by ValueDICE, which takes continuous actions and "
+        "no images; set it to 0 for task '{}'",
+        spec.task));
   }
   if (!spec.can_set_state && settings.starts == RolloutStarts::kDataset) {
     const AdversarialConfig paper = DesignConfig::For(DesignMethod::kPaper).adversarial;

@@ -67,11 +67,13 @@ DesignResult LearnByReplay(const DesignProblem& problem, const DesignConfig& con
 }
 
 DesignResult LearnByTrajectories(const DesignProblem& problem, const DesignConfig& config) {
-  return LearnByReplay(problem, config, [&](const ReplayProblem& p) { return MatchTrajectories(p, config.trajectories); });
+  return LearnByReplay(problem, config,
+                       [&](const ReplayProblem& p) { return MatchTrajectories(p, config.trajectories); });
 }
 
 DesignResult LearnByLeastSquares(const DesignProblem& problem, const DesignConfig& config) {
-  return LearnByReplay(problem, config, [&](const ReplayProblem& p) { return FitLeastSquares(p, config.least_squares); });
+  return LearnByReplay(problem, config,
+                       [&](const ReplayProblem& p) { return FitLeastSquares(p, config.least_squares); });
 }
 
 DesignResult LearnByDropo(const DesignProblem& problem, const DesignConfig& config) {

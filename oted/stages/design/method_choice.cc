@@ -71,7 +71,7 @@ MethodChoice KeepFirstMethod(const Designer& q, const FitEvidence& fit) {
 }
 
 MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std::vector<std::vector<double>>& modes,
-                           const HeldOutErrors& errors) {
+                             const HeldOutErrors& errors) {
   OTED_CHECK(methods.size() == modes.size() && errors.of.size() == methods.size() + 1 &&
              errors.n_windows >= kFewestWindows);
   MethodChoice choice;
@@ -96,7 +96,8 @@ MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std
   choice.method = best.method;
   std::string others;
   for (size_t k = 1; k < choice.tried.size(); ++k) {
-    others += fmt::format("{}{} {}", k > 1 ? ", " : "", Describe(choice.tried[k].method).name, Nearness(choice.tried[k].gain));
+    others += fmt::format("{}{} {}", k > 1 ? ", " : "", Describe(choice.tried[k].method).name,
+                          Nearness(choice.tried[k].gain));
   }
   const std::string windows = fmt::format("{} held-out windows of {} control steps", choice.n_windows, choice.n_steps);
   if (taken == 0) {
@@ -116,8 +117,11 @@ MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std
 json ToJson(const MethodChoice& choice) {
   json tried = json::array();
   for (const TriedMethod& t : choice.tried) {
-    tried.push_back(
-        {{"method", Describe(t.method).name}, {"mode", t.mode}, {"error", t.error}, {"gain", t.gain}, {"gain_std", t.gain_std}});
+    tried.push_back({{"method", Describe(t.method).name},
+                     {"mode", t.mode},
+                     {"error", t.error},
+                     {"gain", t.gain},
+                     {"gain_std", t.gain_std}});
   }
   json record = {{"setting", choice.setting},
                  {"method", Describe(choice.method).name},
@@ -133,13 +137,13 @@ json ToJson(const MethodChoice& choice) {
 
 MethodChoice MethodChoiceFromJson(const json& record) {
   MethodChoice choice{.setting = record.at("setting"),
-                    .method = MethodNamed(record.at("method").get<std::string>()),
-                    .picked = record.at("picked"),
-                    .reason = record.at("reason"),
-                    .n_windows = record.value("n_windows", 0),
-                    .n_steps = record.value("n_steps", 0),
-                    .nominal_error = record.value("nominal_error", 0.0),
-                    .tried = {}};
+                      .method = MethodNamed(record.at("method").get<std::string>()),
+                      .picked = record.at("picked"),
+                      .reason = record.at("reason"),
+                      .n_windows = record.value("n_windows", 0),
+                      .n_steps = record.value("n_steps", 0),
+                      .nominal_error = record.value("nominal_error", 0.0),
+                      .tried = {}};
   for (const auto& t : record.at("tried")) {
     choice.tried.push_back({.method = MethodNamed(t.at("method").get<std::string>()),
                             .mode = t.at("mode"),

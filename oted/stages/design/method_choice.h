@@ -12,9 +12,9 @@
 
 namespace oted {
 
-/// Of the table (design_method.h), the methods that auto tries where the answer of its first, `trajectories`, is outside the family: what is likeliest
-/// need not be the best simulator where none is right. The paper's own method is not among them: from a clone's rollouts
-/// it came nowhere near, in more time (docs/design_forms.md#auto).
+/// Of the table (design_method.h), the methods that auto tries where the answer of its first, `trajectories`, is
+/// outside the family: what is likeliest need not be the best simulator where none is right. The paper's own method is
+/// not among them: from a clone's rollouts it came nowhere near, in more time (docs/design_forms.md#auto).
 std::vector<DesignMethod> OtherMethods();
 
 /// What a method, learning from part of the logs, made of the rest.
@@ -27,13 +27,13 @@ struct TriedMethod {
 };
 
 struct MethodChoice {
-  std::string setting;           ///< whose method was left open
+  std::string setting;                                ///< whose method was left open
   DesignMethod method = DesignMethod::kTrajectories;  ///< that is taken
-  std::string picked;            ///< the setting that holds its designs: `setting` itself where the first method is taken
-  std::string reason;            ///< one sentence
-  int n_windows = 0;             ///< held out; 0 where no other method was tried
-  int n_steps = 0;               ///< control steps of each
-  double nominal_error = 0;      ///< of the un-designed simulator
+  std::string picked;        ///< the setting that holds its designs: `setting` itself where the first method is taken
+  std::string reason;        ///< one sentence
+  int n_windows = 0;         ///< held out; 0 where no other method was tried
+  int n_steps = 0;           ///< control steps of each
+  double nominal_error = 0;  ///< of the un-designed simulator
   std::vector<TriedMethod> tried;  ///< the first method first; empty where no other was needed
 };
 
@@ -55,7 +55,7 @@ inline constexpr int kFewestWindows = 25;
 /// @param modes   of each method
 /// @param errors  of each method, and behind them of the un-designed simulator
 MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std::vector<std::vector<double>>& modes,
-                           const HeldOutErrors& errors);
+                             const HeldOutErrors& errors);
 inline constexpr double kLeastGain = 0.02;  ///< of the logarithm of the error
 
 nlohmann::json ToJson(const MethodChoice& choice);

@@ -46,11 +46,13 @@ TEST(ChooseByHeldOut, ChanceDoesNotTakeTheChoiceFromTheFirstMethod) {
   EXPECT_THAT(choice.reason, HasSubstr("none of the other methods"));
   EXPECT_THAT(choice.reason, HasSubstr("transitions"));
   EXPECT_THAT(choice.reason, HasSubstr("paper"));
-  EXPECT_EQ(ChooseByHeldOut(kMethods, kModes, ErrorsOf({-0.03, 0.5}, 0.01)).method, DesignMethod::kTransitions) << "unless it is sure";
+  EXPECT_EQ(ChooseByHeldOut(kMethods, kModes, ErrorsOf({-0.03, 0.5}, 0.01)).method, DesignMethod::kTransitions)
+      << "unless it is sure";
 }
 
 TEST(ChooseByHeldOut, AGainThatNobodyWouldNoticeIsNone) {
-  EXPECT_EQ(ChooseByHeldOut(kMethods, kModes, ErrorsOf({-0.5 * kLeastGain, 0.5}, 0)).method, DesignMethod::kTrajectories);
+  EXPECT_EQ(ChooseByHeldOut(kMethods, kModes, ErrorsOf({-0.5 * kLeastGain, 0.5}, 0)).method,
+            DesignMethod::kTrajectories);
 }
 
 TEST(ChooseByHeldOut, OneWindowThatBreaksDoesNotDecide) {

@@ -200,14 +200,13 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 
   Rng init = key.Stage("initialisation").MakeRng();
-  DesignState state{
-      start,
-      Discriminator(dataset_features, discriminator, init, FeatureShape(factory.spec(), evidence)),
-      SampleReplay(config.replay_iterations),
-      0,
-      0,
-      {},
-      0};
+  DesignState state{start,
+                    Discriminator(dataset_features, discriminator, init, FeatureShape(factory.spec(), evidence)),
+                    SampleReplay(config.replay_iterations),
+                    0,
+                    0,
+                    {},
+                    0};
   const std::filesystem::path checkpoint = folder / "checkpoint.npz";
   if (learns_q && std::filesystem::exists(checkpoint)) state.Restore(checkpoint, joint ? &*joint : nullptr);
 

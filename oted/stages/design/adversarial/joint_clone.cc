@@ -15,7 +15,8 @@ ValueDiceUpdate MakeUpdate(const TanhGaussianPolicy& clone, const AdversarialCon
 
 }  // namespace
 
-JointClone::JointClone(const TanhGaussianPolicy& clone, const Dataset& logs, const AdversarialConfig& config, RngKey key)
+JointClone::JointClone(const TanhGaussianPolicy& clone, const Dataset& logs, const AdversarialConfig& config,
+                       RngKey key)
     : config_(config), logs_(logs, clone), update_(MakeUpdate(clone, config, key)), policy_(clone) {}
 
 void JointClone::Add(const std::vector<LaneExperience>& experience) {

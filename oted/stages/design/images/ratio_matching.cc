@@ -162,8 +162,9 @@ Designer MatchRatios(const RatioProblem& problem, const ImagesConfig& config, co
   const ParameterSpace& space = factory.parameters();
   const Array2<double> logged = DatasetFeatures(dataset, evidence);
   if (logged.rows() == 0) {
-    throw DataError(fmt::format("no episode of dataset '{}' has the {} steps that one sample holds; lower design.adversarial.stack",
-                                dataset.path, evidence.stack));
+    throw DataError(
+        fmt::format("no episode of dataset '{}' has the {} steps that one sample holds; lower design.adversarial.stack",
+                    dataset.path, evidence.stack));
   }
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
   std::deque<std::vector<SimulatorSamples>> replay;

@@ -70,8 +70,8 @@ class Likelihood {
         replayer_(factory.Make(kDropoLanes, n_threads), dataset),
         inverse_scale_(ChannelScales(dataset).cwiseInverse()) {
     Rng rng = key.MakeRng();
-    windows_ = DrawStartable(replayer_, dataset, factory.spec(), config.horizon,
-                             config.transitions * config.horizon, rng);
+    windows_ =
+        DrawStartable(replayer_, dataset, factory.spec(), config.horizon, config.transitions * config.horizon, rng);
     starts_ = LoggedStarts(replayer_, windows_);
   }
 
@@ -112,10 +112,11 @@ FieldList DropoConfig::Fields() {
   fields.Add("transitions", &transitions, "logged states predicted, at most", AtLeast(1));
   fields.Add("samples", &samples, "draws of z for each prediction", AtLeast(2));
   fields.Add("budget", &budget, "distributions that CMA-ES tries", AtLeast(1));
-  fields.Add("epsilon", &epsilon,
-             "added to each predicted variance, in units of the channel's variance in the logs; with sensor noise twice "
-             "the noise's",
-             Above(0));
+  fields.Add(
+      "epsilon", &epsilon,
+      "added to each predicted variance, in units of the channel's variance in the logs; with sensor noise twice "
+      "the noise's",
+      Above(0));
   fields.Add("learn_epsilon", &learn_epsilon, "CMA-ES finds epsilon, from the value above on");
   return fields;
 }

@@ -12,11 +12,11 @@ namespace oted {
 
 /// [design.dropo]
 struct DropoConfig {
-  int horizon = 1;              ///< lambda: control steps from a logged state to the one that is predicted
-  int transitions = 100;      ///< logged states that are predicted, at most
-  int samples = 20;           ///< draws of the parameters for each prediction
-  int budget = 800;             ///< distributions that CMA-ES tries
-  double epsilon = 1e-5;        ///< added to every variance of a prediction, in channel scales squared
+  int horizon = 1;             ///< lambda: control steps from a logged state to the one that is predicted
+  int transitions = 100;       ///< logged states that are predicted, at most
+  int samples = 20;            ///< draws of the parameters for each prediction
+  int budget = 800;            ///< distributions that CMA-ES tries
+  double epsilon = 1e-5;       ///< added to every variance of a prediction, in channel scales squared
   bool learn_epsilon = false;  ///< CMA-ES moves it too, between 1e-15 and 0.1, from `epsilon`
 
   FieldList Fields();

@@ -24,8 +24,8 @@ ReplayFit Fit(const Dataset& logs, const DropoConfig& config = {}, int n_threads
               const PointMassOptions& task = {}) {
   NullSink log;
   const RunContext context{.log = &log, .n_threads = n_threads};
-  return FitDropo({PointMassFactory(task), logs, Prior::Uniform(3), RngKey(1), [](int, int, const VectorXd&) {}, context},
-                  config);
+  return FitDropo(
+      {PointMassFactory(task), logs, Prior::Uniform(3), RngKey(1), [](int, int, const VectorXd&) {}, context}, config);
 }
 
 std::vector<double> Z(const ReplayFit& fit) { return ToZ(PointMass::MakeParameters(), fit.mean); }

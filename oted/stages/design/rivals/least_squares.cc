@@ -23,7 +23,7 @@ constexpr double kSmallDecrease = 1e-10;  // of the cost, relative: converged
 class Predictions {
  public:
   Predictions(const SimulatorFactory& factory, const Dataset& dataset, const LeastSquaresConfig& config, RngKey key,
-          int n_threads)
+              int n_threads)
       : space_(factory.parameters()),
         replayer_(factory.Make(kLeastSquaresLanes, n_threads), dataset),
         inverse_scale_(ChannelScales(dataset).cwiseInverse()) {

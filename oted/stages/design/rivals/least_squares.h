@@ -9,7 +9,7 @@ namespace oted {
 
 /// [design.least_squares]
 struct LeastSquaresConfig {
-  int horizon = 2;    ///< control steps that are predicted from each logged state
+  int horizon = 2;  ///< control steps that are predicted from each logged state
   int rows = 1000;  ///< logged transitions that are predicted, at most
   int starts = 5;   ///< of the parameters: the nominal ones, then uniform draws
 

@@ -22,9 +22,9 @@ ReplayFit Fit(const Dataset& logs, const LeastSquaresConfig& config = {}, int n_
               const PointMassOptions& task = {}) {
   NullSink log;
   const RunContext context{.log = &log, .n_threads = n_threads};
-  return FitLeastSquares({PointMassFactory(task), logs, Prior::Uniform(3), RngKey(1),
-                          [](int, int, const Eigen::VectorXd&) {}, context},
-                         config);
+  return FitLeastSquares(
+      {PointMassFactory(task), logs, Prior::Uniform(3), RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
+      config);
 }
 
 std::vector<double> Z(const ReplayFit& fit) { return ToZ(PointMass::MakeParameters(), fit.mean); }

@@ -49,9 +49,9 @@ std::vector<Suspect> SuspectsOf(double factor, uint64_t seed) {
   NullSink log;
   const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, 0.5}, 20), 0.02, RngKey(seed));
   const RunContext context{.log = &log, .n_threads = 1};
-  return MatchTrajectories({GainFactory(), logs, Prior::Uniform(1), RngKey(seed),
-                            [](int, int, const Eigen::VectorXd&) {}, context},
-                           {.rows = 400, .starts = 2, .coarse = 16})
+  return MatchTrajectories(
+             {GainFactory(), logs, Prior::Uniform(1), RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
+             {.rows = 400, .starts = 2, .coarse = 16})
       .evidence->suspects;
 }
 

@@ -102,7 +102,7 @@ ReplayFit MatchTrajectories(const ReplayProblem& problem, const TrajectoriesConf
   const int n_total = config.starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations +
                       n_levels * kRounds * kRoundIterations;
   int n_done = 0, n_planned = 0;
-  const auto tell = [&, &progress = problem.progress, &context = problem.context](const VectorXd& x) {
+  const auto tell = [&](const VectorXd& x) {
     progress(++n_done, n_total, x);
     context.ThrowIfStopped();
   };
