@@ -18,6 +18,7 @@
 #include "oted/base/statistics.h"
 #include "oted/config/run_config.h"
 #include "oted/sim/minigrid/density_likelihood.h"
+#include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/task_policy.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/design.h"
