@@ -88,7 +88,7 @@ void RunConfig::Set(const std::string& assignment) {
   const size_t equals = assignment.find('='), dot = assignment.find('.');
   if (equals == std::string::npos || dot == std::string::npos || dot > equals) {
     throw UsageError(
-        fmt::format("--set {}: wanted section.key=value, for example --set selection.n_seeds=5", assignment));
+        fmt::format("--set {}: wanted section.key=value, for example --set design.trajectories.window=8", assignment));
   }
   const std::string name = assignment.substr(0, dot), key = assignment.substr(dot + 1, equals - dot - 1);
   const std::string value = assignment.substr(equals + 1), where = "--set " + assignment;

@@ -118,7 +118,7 @@ class TestRequest(HopperTest):
         self.assertRefused(self.design(task="Ant-v5"), USAGE, "Ant-v5", "Hopper-v5")
 
     def test_unknown_key_and_section(self):
-        self.assertRefused(self.design("--set", "design.n_iteratons=3"), USAGE, "did you mean 'n_iterations'?")
+        self.assertRefused(self.design("--set", "design.adversarial.n_iteratons=3"), USAGE, "did you mean 'n_iterations'?")
         self.assertRefused(self.design("--set", "desing.n_iterations=3"), USAGE, "did you mean 'design'?")
         self.assertRefused(self.design("--set", "design.adversarial.n_iterations=0"), USAGE, "n_iterations is 0", "[1, inf)")
 
