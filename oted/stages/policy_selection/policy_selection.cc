@@ -21,8 +21,8 @@ PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::v
   ParallelFor(n_agents * n_modes, context.n_threads, [&](int cell) {
     context.ThrowIfStopped();
     const size_t j = static_cast<size_t>(cell / n_modes), i = static_cast<size_t>(cell % n_modes);
-    episodes[static_cast<size_t>(cell)] = RunPolicy(
-        factory, *agents[j], {.z = {modes[i]}, .n_episodes = n_episodes, .key = key, .noise = noise});
+    episodes[static_cast<size_t>(cell)] =
+        RunPolicy(factory, *agents[j], {.z = {modes[i]}, .n_episodes = n_episodes, .key = key, .noise = noise});
     context.log->Progress("select", "policies", ++n_done, n_agents * n_modes, "");
   });
 
