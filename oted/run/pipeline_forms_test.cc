@@ -89,7 +89,7 @@ class FormsTest : public testing::Test {
       n_steps = 20
       judge_steps = 20
     )",
-                                                       path, form),
+                                                       path, method),
                                            "forms.toml");
     config.parameters = PointMass::MakeParameters().specs();
     return config;
