@@ -1,5 +1,7 @@
 // oted collect: demonstrations of a policy in a target. oted behavior: the policies themselves.
 
+#include "oted/collect/collect.h"
+
 #include <fmt/format.h>
 
 #include <memory>
@@ -9,11 +11,10 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/statistics.h"
 #include "oted/collect/demonstrations.h"
-#include "oted/collect/excitation.h"
 #include "oted/data/dataset_files.h"
 #include "oted/run/run_inputs.h"
-#include "oted/sim/task_policy.h"
 
 namespace oted::cli {
 
@@ -47,67 +48,21 @@ RunConfig TargetOf(const CollectOptions& options) {
   return config;
 }
 
-/// `n` episodes of the policy that `name` stands for: one of the task's own, an excitation, or a file.
-Dataset CollectNamed(const std::string& name, const SimulatorFactory& factory, const std::vector<double>& z, int n,
-                     RngKey key, int n_threads) {
-  const SimulatorSpec& spec = factory.spec();
-  if (factory.has_expert()) {
-    const TaskPolicy policy = TaskPolicyNamed(name);
-    return n > 0 ? CollectTaskPolicy(factory, z, policy, n, key, n_threads) : Dataset();
-  }
-  if (const auto excitation = Excitation::Parse(name)) {
-    return n > 0 ? CollectExcitation(factory, z, *excitation, n, key, n_threads) : Dataset();
-  }
-  const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(name);
-  if (policy.obs_dim() != spec.obs_dim() || policy.act_dim() != spec.act_dim) {
-    throw DataError(fmt::format(
-        "policy '{}' maps {} observations to {} actions, task '{}' has {} and {}; name a policy of this task", name,
-        policy.obs_dim(), policy.act_dim(), spec.task, spec.obs_dim(), spec.act_dim));
-  }
-  return n > 0 ? CollectDemonstrations(factory, z, policy, n, key, n_threads) : Dataset();
-}
-
-void Write(Dataset& dataset, const SimulatorSpec& spec, const CollectOptions& options) {
-  dataset.period_s = spec.control_period_s;
-  dataset.observation_names = spec.observation_names;
-  dataset.action_names = spec.action_names;
-  WriteOptions write;
-  write.environment = options.task;
-  write.action_low = spec.action_low;
-  write.action_high = spec.action_high;
-  write.n_discrete_actions = spec.n_discrete_actions;
-  if (!spec.image_shape.empty() && !spec.observation_levels.empty()) {
-    write.image_shape = spec.image_shape;
-    write.index_name = "direction";  // as Minigrid's own observations call it
-    write.n_index = spec.observation_levels.back();
-  }
-  WriteDataset(dataset, options.output, write);
-}
-
 void Collect(const CollectOptions& options) {
   const RunConfig config = TargetOf(options);
   const auto factory = MakeSimulatorFactory(config.task, config.parameters);
-  const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
   NullSink log;
-  const RunContext context = MakeContext(log, options.threads);
-  const RngKey key = RngKey(static_cast<uint64_t>(std::max(1L, options.seed))).Stage("collect");
-  Dataset dataset;
-  const int n_policies = static_cast<int>(options.policies.size());
-  for (int p = 0; p < n_policies; ++p) {
-    // Two policies share the episodes; the later one takes what is odd: medium-expert is two medium and three expert.
-    const int n = options.n_episodes * (p + 1) / n_policies - options.n_episodes * p / n_policies;
-    const Dataset logs = CollectNamed(options.policies[static_cast<size_t>(p)], *factory, z, n,
-                                      key.Index(static_cast<uint64_t>(p)), context.n_threads);
-    if (logs.size() > 0) dataset.Append(logs);
-  }
-  Write(dataset, factory->spec(), options);
-  double sum = 0;
+  const CollectJob job{.factory = *factory,
+                       .z = TargetParameters(factory->parameters(), config.truth),
+                       .policies = options.policies,
+                       .n_episodes = options.n_episodes,
+                       .key = RngKey(static_cast<uint64_t>(std::max(1L, options.seed))).Stage("collect"),
+                       .n_threads = MakeContext(log, options.threads).n_threads};
+  const Dataset dataset = Collect(job);
+  WriteDataset(dataset, options.output, WriteOptionsFor(factory->spec(), options.task));
   const std::vector<double> returns = dataset.EpisodeReturns();
-  for (const double r : returns) sum += r;
-  const int decimals = ReturnDecimals(returns, 1);
-  fmt::print(
-      "{}: {} transitions in {} episodes{}\n", options.output, dataset.size(), dataset.Episodes().size(),
-      returns.empty() ? "" : fmt::format(", mean return {:.{}f}", sum / static_cast<double>(returns.size()), decimals));
+  fmt::print("{}: {} transitions in {} episodes{}\n", options.output, dataset.size(), dataset.Episodes().size(),
+             returns.empty() ? "" : fmt::format(", mean return {:.{}f}", Mean(returns), ReturnDecimals(returns, 1)));
 }
 
 }  // namespace
@@ -176,8 +131,8 @@ void AddBehaviorVerb(Program& program) {
     }
     TerminalSink terminal(options->quiet);
     FileSink log(options->out, &terminal);
-    std::variant<SacConfig, CrossQConfig> agent = config.sac;
-    if (options->algorithm == "crossq") agent = config.crossq;
+    std::variant<SacConfig, CrossQConfig> agent = config.algorithms.sac;
+    if (options->algorithm == "crossq") agent = config.algorithms.crossq;
     const BehaviorPolicies policies =
         TrainBehaviorPolicies(*factory, agent, static_cast<uint64_t>(std::max(1L, options->seed)), options->out,
                               MakeContext(log, options->threads));

@@ -15,7 +15,7 @@
 
 namespace oted {
 
-/// How well the logs can be told from the un-designed simulator (docs/data_checks.md).
+/// How well the logs can be told from the nominal simulator (docs/data_checks.md).
 enum class GapVerdict { kNone, kSmall, kClear };
 std::string ToString(GapVerdict verdict);
 /// None below an area under the curve of 0.55, clear from 0.75 on.

@@ -14,6 +14,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/base/toml.h"
+#include "oted/config/former_names.h"
 #include "oted/config/toml_text.h"
 #include "oted/config/toml_writer.h"
 #include "oted/sim/presets.h"
@@ -61,7 +62,7 @@ FieldList ReportConfig::Fields() {
   fields.AddChoice("motion", &motion,
                    "pictures of logged, nominal and designed motion: where OpenGL is there, always (an error without), "
                    "or never",
-                   {"auto", "true", "false"});
+                   NamedValues<Motion>{{Motion::kAuto, "auto"}, {Motion::kTrue, "true"}, {Motion::kFalse, "false"}});
   fields.Add("replay_steps", &replay_steps, "control steps for which logged actions are replayed from a logged state",
              AtLeast(1));
   return fields;
@@ -79,9 +80,18 @@ void CheckName(const std::string& what, const std::string& name) {
 }  // namespace
 
 std::vector<FieldList> PlainSections(RunConfig& config) {
-  return {config.task.Fields(),   config.task.grid.Fields(), config.data.Fields(),      config.run.Fields(),
-          config.clone.Fields(),  config.selection.Fields(), config.agents.Fields(),    config.sac.Fields("sac"),
-          config.crossq.Fields(), config.ppo.Fields(),       config.baselines.Fields(), config.report.Fields()};
+  return {config.task.Fields(),
+          config.task.grid.Fields(),
+          config.data.Fields(),
+          config.run.Fields(),
+          config.clone.Fields(),
+          config.selection.Fields(),
+          config.agents.Fields(),
+          config.algorithms.sac.Fields(),
+          config.algorithms.crossq.Fields(),
+          config.algorithms.ppo.Fields(),
+          config.baselines.Fields(),
+          config.report.Fields()};
 }
 
 void RunConfig::Set(const std::string& assignment) {
@@ -103,6 +113,7 @@ void RunConfig::Set(const std::string& assignment) {
     for (auto& [unused, setting] : settings) setting.SetText(key, value, where);
     return;
   }
+  RefuseFormerName(name, key, where);
   std::vector<std::string> names = {"design"};
   for (const FieldList& section : PlainSections(*this)) {
     names.push_back(section.section());

@@ -288,7 +288,7 @@ TEST(RunConfig, SetTakesAnySetting) {
   config.Set("run.strict=true");
   EXPECT_EQ(config.design.Assumed().adversarial.n_iterations, 5);
   EXPECT_THAT(config.clone.hidden, ElementsAre(32, 16));
-  EXPECT_EQ(config.sac.n_steps, 100'000);
+  EXPECT_EQ(config.algorithms.sac.n_steps, 100'000);
   config.Set("design.trajectories.window=8");
   config.Set("design.designer=categorical");
   EXPECT_EQ(config.design.Assumed().trajectories.window, 8);
@@ -378,13 +378,13 @@ TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
   discrete.task = "Grid";
   discrete.n_discrete_actions = 3;
   RunConfig config;
-  EXPECT_EQ(config.agents.AlgorithmFor(continuous), "crossq");
-  EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
+  EXPECT_EQ(config.agents.AlgorithmFor(continuous), AgentAlgorithm::kCrossq);
+  EXPECT_EQ(config.agents.AlgorithmFor(discrete), AgentAlgorithm::kPpo);
   config.Set("agents.algorithm=crossq");
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(discrete); }),
               testing::AllOf(HasSubstr("agents.algorithm is crossq"), HasSubstr("set it to ppo")));
   config.Set("agents.algorithm=ppo");
-  EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
+  EXPECT_EQ(config.agents.AlgorithmFor(discrete), AgentAlgorithm::kPpo);
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(continuous); }),
               testing::AllOf(HasSubstr("agents.algorithm is ppo"), HasSubstr("'Mine' has continuous actions")));
   config.Set("agents.algorithm=sac");

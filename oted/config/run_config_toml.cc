@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/config/former_names.h"
 #include "oted/config/parameters_toml.h"
 #include "oted/config/run_config.h"
 #include "oted/config/toml_reader.h"
@@ -51,6 +52,7 @@ void ReadSection(const toml::table& table, const std::string& file_name, FieldLi
   for (const auto& [key, node] : table) {
     const std::string setting = fmt::format("{}.{}", section.section(), key.str()), at = TomlPlace(file_name, node);
     if (setting == "task.quantities") continue;
+    RefuseFormerName(section.section(), key.str(), at);
     json value = TomlToJson(node, at);
     // A count or a word, a choice that may be a truth value: the fields are text.
     if (setting == "data.episodes" && value.is_number_integer()) value = value.dump();

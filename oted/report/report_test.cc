@@ -95,7 +95,7 @@ TEST_F(WriteReportTest, TheJsonIsWhatTheFilesHoldWithASummary) {
 TEST_F(WriteReportTest, BaselinesStandBesideTheAgents) {
   run_.WriteAll();
   std::filesystem::create_directories(folder_ / "baselines/is");
-  std::filesystem::copy(folder_ / "undesigned/2", folder_ / "baselines/is/2", std::filesystem::copy_options::recursive);
+  std::filesystem::copy(folder_ / "nominal/2", folder_ / "baselines/is/2", std::filesystem::copy_options::recursive);
   WriteReport(folder_.path());
   EXPECT_TRUE(RunPython(std::string(kCheckPage) + R"(
 assert 'agent 2, interval search' in text, 'its curve'

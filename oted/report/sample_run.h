@@ -121,7 +121,7 @@ class SampleRun {
   }
 
   void WriteAgents() const {
-    for (const auto& [group, gain] : {std::pair("agents", 1900.0), std::pair("undesigned", 1100.0)}) {
+    for (const auto& [group, gain] : {std::pair("agents", 1900.0), std::pair("nominal", 1100.0)}) {
       for (int agent = 1; agent <= 3; ++agent) {
         const auto folder = dir_ / group / std::to_string(agent);
         WriteJson(folder / "agent.json", {{"schema", "oted.agent/1"},
@@ -168,7 +168,7 @@ class SampleRun {
                                          {"policies",
                                           {policy("random", "random", 18.2, 9.1, 0.0),
                                            policy("clone", "clone of the logged behaviour", 904.1, 212.0, 28.4),
-                                           policy("sac_undesigned", "SAC, original simulator", 612.8, 180.4, 19.4),
+                                           policy("sac_nominal", "SAC, nominal simulator", 612.8, 180.4, 19.4),
                                            policy("oted_sac", "OTED-SAC", 1731.5, 93.2, 53.8)}}});
   }
 

@@ -46,10 +46,10 @@ std::string Chart(const json& design, double log2) {
                      {"mode", seed_names.size() == 1 ? "markers" : "lines"},
                      {"x", x},
                      {"y", std::vector<double>(seed_names.size(), *nominal)},
-                     {"name", "original simulator"},
+                     {"name", "nominal simulator"},
                      {"line", {{"color", "var:--nominal"}, {"width", 2}}},
                      {"marker", {{"color", "var:--nominal"}, {"symbol", "line-ew-open"}, {"size", 40}}}});
-    key.Add("line", "--nominal", "original simulator, common judge");
+    key.Add("line", "--nominal", "nominal simulator, common judge");
   }
   figure.layout() = {{"barmode", "group"},
                      {"bargap", 0.35},
@@ -77,7 +77,7 @@ std::string TriedMethods(const json& design) {
                  FormatSpread(NumberAt(tried, "gain"), NumberAt(tried, "gain_std"))},
                 taken);
     }
-    table.Row({"<em>original simulator</em>", FormatNumber(NumberAt(choice, "nominal_error")), "–"});
+    table.Row({"<em>nominal simulator</em>", FormatNumber(NumberAt(choice, "nominal_error")), "–"});
     html += table.Html();
   }
   return html;
@@ -109,7 +109,7 @@ Section SelectionSection(const json& report) {
               chosen);
   }
   if (const auto nominal = NumberAt(design, "nominal_common")) {
-    table.Row({"<em>original simulator</em>", "", "", FormatScore(Minus(nominal, log2)), "–", "–", "–"});
+    table.Row({"<em>nominal simulator</em>", "", "", FormatScore(Minus(nominal, log2)), "–", "–", "–"});
   }
   section.html += table.Html() +
                   "<p class=\"note\">Own judge: the paper's score E[&minus;log(1&minus;g)] of the discriminator that "

@@ -70,7 +70,7 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   refuse("data.action_delay=1");
   refuse("agents.selection_episodes=3");
   refuse("agents.train_in=samples");
-  refuse("agents.undesigned_at=1.5,1.5");
+  refuse("agents.nominal_at=1.5,1.5");
   RunConfig config = TinyConfig();
   config.parameters[0].high = 1.9;
   EXPECT_THROW(RunPipeline(config, copy), UsageError);

@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <set>
@@ -115,12 +116,12 @@ inline RunConfig TinyConfig() {
 }
 
 inline void RunPipeline(const RunConfig& config, const std::filesystem::path& out, Watch& watch,
-                        void (Pipeline::*call)() = &Pipeline::Run) {
+                        const std::function<void(Pipeline&)>& call = &Pipeline::Run) {
   Pipeline pipeline(config, out, {.log = &watch, .stop = &watch.stop, .n_threads = 1});
-  (pipeline.*call)();
+  call(pipeline);
 }
 inline void RunPipeline(const RunConfig& config, const std::filesystem::path& out,
-                        void (Pipeline::*call)() = &Pipeline::Run) {
+                        const std::function<void(Pipeline&)>& call = &Pipeline::Run) {
   Watch watch;
   RunPipeline(config, out, watch, call);
 }
@@ -159,7 +160,7 @@ class PipelineTest : public testing::Test {
   /// The whole run up to its design.
   std::filesystem::path CopyWithoutAgents(const std::string& name) const {
     std::filesystem::copy(Whole(), Fresh(name), std::filesystem::copy_options::recursive);
-    for (const char* made : {"agents", "undesigned", "policy_selection.json", "evaluation.json", "policy.onnx"}) {
+    for (const char* made : {"agents", "nominal", "policy_selection.json", "evaluation.json", "policy.onnx"}) {
       std::filesystem::remove_all(Fresh(name) / made);
     }
     return Fresh(name);

@@ -84,7 +84,7 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
   ModeCurve curve;
   const RunContext own{&curve, context.stop, 1};
   const double start = ThreadSeconds();
-  const CloneResult clone = CloneBehavior(logs, factory.spec(), config.clone, key.Stage("clone"), "clone", own);
+  const CloneResult clone = CloneBehavior({logs, factory.spec(), config.clone, key.Stage("clone"), "clone", own});
   const DesignConfig design = config.design.Resolved(factory.parameters(), factory.spec());
   const DesignResult result = LearnDesign({.factory = factory,
                                            .dataset = logs,

@@ -96,7 +96,7 @@ RunConfig DesignStudy::ConfigOf(const StudyCell& cell) const {
   config.run.seed = seed;
   config.run.threads = threads;
   config.selection.n_seeds = n_seeds;
-  config.report.motion = "false";
+  config.report.motion = Motion::kFalse;
   config.Set("design.method=" + design_method);
   for (const std::string& assignment : assignments) config.Set(assignment);
   if (grid) {

@@ -164,14 +164,14 @@ class TestResult(HopperTest):
         for name in ("run.toml", "versions.json", "dataset.json", "clone/policy.npz", "clone/clone.json",
                      "clone/curves.csv", "design/default/1/q.json", "design/default/2/q.json",
                      "design/default/1/curves.csv", "design.json", "agents/1/policy.npz", "agents/1/agent.json",
-                     "agents/1/curves.csv", "agents/1/policy.onnx", "undesigned/1/policy.npz", "undesigned/1/policy.onnx",
+                     "agents/1/curves.csv", "agents/1/policy.onnx", "nominal/1/policy.npz", "nominal/1/policy.onnx",
                      "policy.onnx", "policy_selection.json", "evaluation.json",
                      "report.html", "report.json"):
             self.assertTrue((self.out / name).is_file(), name)
         self.assertTrue(list(self.out.glob("design/default/1/events.out.tfevents.*")))
         leftovers = [n for n in files_below(self.out) if ".tmp-" in n or "checkpoint" in n]
         self.assertEqual(leftovers, [])
-        for word in ("random actions", "clone of the logs", "un-designed simulator", "OTED-CrossQ"):
+        for word in ("random actions", "clone of the logs", "nominal simulator", "OTED-CrossQ"):
             self.assertIn(word, result.stdout)
         self.assertEqual(json.loads((self.out / "dataset.json").read_text())["n_episodes"], 8)
         versions = json.loads((self.out / "versions.json").read_text())

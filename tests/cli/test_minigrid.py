@@ -111,14 +111,14 @@ class TestMinigrid(ProgramTest):
         self.assertNotIn("constant_channels", result.stderr)
         evaluation = json.loads((out / "evaluation.json").read_text())
         returns = {p["name"]: p["mean_return"] for p in evaluation["policies"]}
-        self.assertEqual(list(returns), ["random", "clone", "ppo_undesigned", "oted_ppo", "expert"])
+        self.assertEqual(list(returns), ["random", "clone", "ppo_nominal", "oted_ppo", "expert"])
         self.assertEqual(returns["expert"], max(returns.values()))
         scores = {p["name"]: p["score"] for p in evaluation["policies"]}
         self.assertEqual((scores["random"], scores["expert"]), (0, 100))
         self.assertIn("OTED-PPO", result.stdout)
         self.agents_are_whole(out)
         design = json.loads((out / "design.json").read_text())
-        # Far from the un-designed 0.2, with settings so small.
+        # Far from the nominal 0.2, with settings so small.
         self.assertLess(abs(design["parameters"][0]["mode"] - 0.4), 0.12)
         self.assertTrue((out / "export" / "q.json").exists())
         self.assertFalse((out / "export" / "designed.xml").exists())
@@ -156,7 +156,7 @@ class TestMinigrid(ProgramTest):
         self.assertEqual(logits.shape, (50, 3))
         # What is missing is made again, byte for byte, at another number of threads.
         before = {name: (out / name).read_bytes() for name in ("agents/1/policy.npz", "policy_selection.json", "policy.onnx")}
-        for folder in ("agents", "undesigned"):
+        for folder in ("agents", "nominal"):
             shutil.rmtree(out / folder)
         for name in ("policy_selection.json", "policy.onnx"):
             (out / name).unlink()

@@ -75,7 +75,7 @@ class TaskFiles(ProgramTest):
         task = tomllib.loads((EXAMPLES / f"{name}.toml").read_text())
         self.assertEqual([p["name"] for p in design["parameters"]], list(task["parameters"]))
         self.assertEqual([p["truth"] for p in evaluation["parameters"]], list(task["truth"].values()))
-        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "crossq_undesigned", "oted_crossq"})
+        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "crossq_nominal", "oted_crossq"})
         self.assertEqual(design["task"], task["task"]["name"])
         # What was simulated lies beside what came of it.
         compiled = (self.out / "model/compiled.mjb").read_bytes()

@@ -33,7 +33,7 @@ struct MethodChoice {
   std::string reason;        ///< one sentence
   int n_windows = 0;         ///< held out; 0 where no other method was tried
   int n_steps = 0;           ///< control steps of each
-  double nominal_error = 0;  ///< of the un-designed simulator
+  double nominal_error = 0;  ///< of the nominal simulator
   std::vector<TriedMethod> tried;  ///< the first method first; empty where no other was needed
 };
 
@@ -53,7 +53,7 @@ inline constexpr int kFewestWindows = 25;
 /// kLeastGain, and by two standard errors, so that chance does not decide: the first tells intervals and verdicts too.
 /// @param methods   the first method first
 /// @param modes   of each method
-/// @param errors  of each method, and behind them of the un-designed simulator
+/// @param errors  of each method, and behind them of the nominal simulator
 MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std::vector<std::vector<double>>& modes,
                              const HeldOutErrors& errors);
 inline constexpr double kLeastGain = 0.02;  ///< of the logarithm of the error

@@ -23,8 +23,8 @@ PolicySelectionResult SelectIn(const SimulatorFactory& factory, const std::vecto
   NullSink log;
   std::vector<const Policy*> policies;
   for (const TanhGaussianPolicy& agent : agents) policies.push_back(&agent);
-  return SelectPolicy(factory, policies, modes, n_episodes, ActionNoise::kMean, RngKey(9),
-                      {.log = &log, .n_threads = n_threads});
+  return SelectPolicy(
+      {factory, policies, modes, n_episodes, ActionNoise::kMean, RngKey(9), {.log = &log, .n_threads = n_threads}});
 }
 
 PolicySelectionResult Select(const std::vector<TanhGaussianPolicy>& agents, int n_threads = 1) {
