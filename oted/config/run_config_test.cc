@@ -372,6 +372,13 @@ TEST(RunConfig, ThreadsAreAllOfThemUnlessSaid) {
   EXPECT_EQ(config.Threads(), 3);
 }
 
+TEST(RunConfig, AFormerNameOfASettingIsToldThePresentOne) {
+  EXPECT_THAT(Refusal("[agents]\nundesigned = false\n"), HasSubstr("agents.undesigned is now agents.nominal"));
+  RunConfig config;
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.Set("agents.undesigned_at=1,1"); }),
+              HasSubstr("agents.undesigned_at is now agents.nominal_at"));
+}
+
 TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
   SimulatorSpec continuous, discrete;
   continuous.task = "Mine";
