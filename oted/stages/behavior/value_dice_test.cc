@@ -36,7 +36,7 @@ CloneConfig SmallConfig() {
   config.method = CloneMethod::kValueDice;
   config.hidden = {};
   config.max_steps = 100;
-  config.valuedice_start = "random";
+  config.valuedice_start = ValueDiceStart::kRandomWeights;
   config.valuedice_updates = 6'000;
   config.valuedice_batch = 128;
   config.valuedice_hidden = {32, 32};
