@@ -45,9 +45,10 @@ bench-peers: setup  ## the part of it beside Stable-Baselines3, sbx, RLtools, En
 fuzz: setup  ## damaged files for every reader under the sanitizers: MINUTES=60 SEED=1
 	@scripts/fuzz.sh $(MINUTES) $(SEED)
 
-lint: setup  ## formatting and the rules on who may include whom
+lint: setup  ## formatting, the rules on who may include whom, sizes of functions
 	@scripts/check_format.sh
 	@.venv/bin/python tests/lint_includes.py
+	@.venv/bin/python tests/lint_sizes.py
 
 format: setup  ## clang-format every source in place
 	@scripts/check_format.sh --fix

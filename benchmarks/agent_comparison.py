@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Does an agent trained in the designed simulators beat one trained in the un-designed simulator, and the clone?
+"""Does an agent trained in the designed simulators beat one trained in the nominal simulator, and the clone?
 
   benchmarks/agent_comparison.py [--study quickstart|tasks] [--seeds 10] [--parallel 2] [--oted build/release/oted]
 
 quickstart  examples/quickstart.toml, whole pipeline, one run per seed.
 tasks       the same comparison on every task, one agent each at equal steps: the target has half the friction, 0.7 of the
-            gain and 1.3 of the gravity of the un-designed simulator; demonstrations by the shipped medium policy.
+            gain and 1.3 of the gravity of the nominal simulator; demonstrations by the shipped medium policy.
 Every run leaves one JSON file in benchmarks/results/agents; a run whose file exists is not made again. Prints the table.
 """
 
@@ -60,12 +60,12 @@ def run(study, seed, oted, file, steps):
 
 
 def table(study, records):
-    print(f"\n### {study}\n\n| seed | clone | SAC, un-designed | OTED-SAC | mean parameter error |\n|---|---|---|---|---|")
+    print(f"\n### {study}\n\n| seed | clone | SAC, nominal | OTED-SAC | mean parameter error |\n|---|---|---|---|---|")
     for r in records:
         v = r["returns"]
-        print(f"| {r['seed']} | {v['clone']:.0f} | {v['sac_undesigned']:.0f} | **{v['oted_sac']:.0f}** | "
+        print(f"| {r['seed']} | {v['clone']:.0f} | {v['sac_nominal']:.0f} | **{v['oted_sac']:.0f}** | "
               f"{statistics.mean(r['errors'].values()):.3f} |")
-    for other in ("sac_undesigned", "clone"):
+    for other in ("sac_nominal", "clone"):
         differences = [r["returns"]["oted_sac"] - r["returns"][other] for r in records]
         mean, n = statistics.mean(differences), len(differences)
         wins = sum(d > 0 for d in differences)

@@ -26,13 +26,13 @@ N_SEEDS = 5
 # Two rivals in two ways each, as their users would have to know: that long predictions through contact have local minima, and
 # that under noise epsilon must be learned.
 FORMS = {
-    "trajectories": ["design.form=trajectories"],
-    "least-squares": ["design.form=least-squares"],
-    "least-squares-5-steps": ["design.form=least-squares", "design.least_squares_horizon=5"],
-    "dropo": ["design.form=dropo"],
-    "dropo-learned-epsilon": ["design.form=dropo", "design.dropo_learn_epsilon=true"],
-    "transitions": ["design.form=transitions"],
-    "paper": ["design.form=paper"],
+    "trajectories": ["design.method=trajectories"],
+    "least-squares": ["design.method=least-squares"],
+    "least-squares-5-steps": ["design.method=least-squares", "design.least_squares.horizon=5"],
+    "dropo": ["design.method=dropo"],
+    "dropo-learned-epsilon": ["design.method=dropo", "design.dropo.learn_epsilon=true"],
+    "transitions": ["design.method=transitions"],
+    "paper": ["design.method=paper"],
 }
 
 

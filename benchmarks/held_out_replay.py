@@ -102,7 +102,7 @@ def run_case(oted, case, noise, forms, file):
                       "common": design["settings"][0]["common"], "commit": commit(), **replay_errors(data, z)}
             if form == "auto":
                 # What each form made of four fifths of the logs, as auto saw it and as it is.
-                result["choice"] = design["form_choices"][0]
+                result["choice"] = design["method_choices"][0]
                 for tried in result["choice"]["tried"]:
                     tried["truth"] = replay_errors(data, tried["mode"])
             record["forms"][form] = result
@@ -118,10 +118,10 @@ def print_table(out):
         forms = record["forms"]
         name, _, factor = OFF[record["case"]]
         error = [f"{forms[form]['10']['geometric']:.4f}" for form in FORMS]
-        choice = forms.get("auto", {}).get("choice", {"tried": [], "form": ""})
-        tried = [f"{t['form']} {t['error']:.3g} ({t['truth']['10']['geometric']:.4f})" for t in choice["tried"]]
+        choice = forms.get("auto", {}).get("choice", {"tried": [], "method": ""})
+        tried = [f"{t['method']} {t['error']:.3g} ({t['truth']['10']['geometric']:.4f})" for t in choice["tried"]]
         judged = max(FORMS, key=lambda form: forms[form]["common"])
-        print(f"| {name} {factor}, {record['noise']:g} | {', '.join(error)} | {', '.join(tried)} | {choice['form']} | {judged} |")
+        print(f"| {name} {factor}, {record['noise']:g} | {', '.join(error)} | {', '.join(tried)} | {choice['method']} | {judged} |")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 // Our side of sac_peers.py: SAC on one thread, a slice at a time.
 //   sac_worker updates OBS_DIM ACT_DIM     whole updates on noise, drawing the batch included
 //   sac_worker products OBS_DIM ACT_DIM    an update's matrix products by the linked BLAS
-//   sac_worker training TASK FOLDER        TrainSac, one update per environment step; a slice is 256 steps
+//   sac_worker training TASK FOLDER        TrainAgent, one update per environment step; a slice is 256 steps
 //   sac_worker losses OBS_DIM ACT_DIM FOLDER STEPS  leaves start.npz, what the learner holds, and STEP.npz for each
 //                                          update: its batch and its losses
 // Of the others, a line "SECONDS" on stdin asks for a slice of that much CPU time; the answer is "COUNT CPU_SECONDS
@@ -72,8 +72,15 @@ void Train(const std::string& task, const std::string& folder) {
   SliceSink sink;
   RunContext context;
   context.log = &sink;
-  TrainSac(
-      factory, [](Rng&) { return std::vector<double>{}; }, {{}}, config, RngKey(1), folder, "agent", context);
+  DrawnEpisodes source([](Rng&) { return std::vector<double>{}; });
+  TrainAgent({.factory = factory,
+              .source = source,
+              .eval_parameters = {{}},
+              .key = RngKey(1),
+              .folder = folder,
+              .run_name = "agent",
+              .context = context},
+             config);
 }
 
 void WriteLosses(int obs_dim, int act_dim, const std::filesystem::path& folder, int n_steps) {

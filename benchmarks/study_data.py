@@ -19,7 +19,7 @@ DATA = ("medium", "medium-noisy")  # noisy: standard deviation NOISE on every ob
 NOISE = 0.02
 # Trajectory matching alone. Neither the clone nor the classifiers have a say in q, its intervals or its verdicts: they are kept
 # short. The form is what auto begins with; outside the family auto tries others too, and the verdicts stay those of this one.
-MATCHING_ALONE = ("design.form=trajectories", "clone.max_steps=100", "design.discriminator_steps=1", "selection.judge_steps=20",
+MATCHING_ALONE = ("design.method=trajectories", "clone.max_steps=100", "design.discriminator.steps=1", "selection.judge_steps=20",
                   "selection.n_sims=2", "selection.n_steps=20")
 
 

@@ -1,5 +1,7 @@
 // oted collect: demonstrations of a policy in a target. oted behavior: the policies themselves.
 
+#include "oted/collect/collect.h"
+
 #include <fmt/format.h>
 
 #include <memory>
@@ -9,20 +11,63 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/statistics.h"
 #include "oted/collect/demonstrations.h"
-#include "oted/collect/excitation.h"
+#include "oted/data/dataset_files.h"
 #include "oted/run/run_inputs.h"
-#include "oted/sim/minigrid/expert.h"
 
 namespace oted::cli {
 
+namespace {
+
+struct CollectOptions : Options {
+  std::vector<std::string> policies;
+  std::string output;
+  int n_episodes = 5;
+  double noise = 0;
+};
+
+/// The task, its parameters and their true values. A file that describes the whole study says what its target is.
+RunConfig TargetOf(const CollectOptions& options) {
+  RunConfig config = options.task.ends_with(".toml") ? RunConfig::FromTomlFile(options.task) : RunConfig();
+  config.task = TaskConfig::FromArgument(options.task);
+  if (!options.parameters.empty()) config.parameters.clear();
+  for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
+  if (!options.truth.empty() || !options.parameters.empty()) config.truth.clear();
+  for (const std::string& text : options.truth) config.SetTruth(text);
+  if (options.noise > 0) {
+    // A name that no parameter of the user's can have.
+    const std::string name = "--noise";
+    config.parameters.push_back({.name = name,
+                                 .field = "obs/*/noise_std",
+                                 .low = 0,
+                                 .high = options.noise,
+                                 .scale = ParameterScale::kAbsolute});
+    config.truth[name] = options.noise;
+  }
+  return config;
+}
+
+void Collect(const CollectOptions& options) {
+  const RunConfig config = TargetOf(options);
+  const auto factory = MakeSimulatorFactory(config.task, config.parameters);
+  NullSink log;
+  const CollectJob job{.factory = *factory,
+                       .z = TargetParameters(factory->parameters(), config.truth),
+                       .policies = options.policies,
+                       .n_episodes = options.n_episodes,
+                       .key = RngKey(static_cast<uint64_t>(std::max(1L, options.seed))).Stage("collect"),
+                       .n_threads = MakeContext(log, options.threads).n_threads};
+  const Dataset dataset = Collect(job);
+  WriteDataset(dataset, options.output, WriteOptionsFor(factory->spec(), options.task));
+  const std::vector<double> returns = dataset.EpisodeReturns();
+  fmt::print("{}: {} transitions in {} episodes{}\n", options.output, dataset.size(), dataset.Episodes().size(),
+             returns.empty() ? "" : fmt::format(", mean return {:.{}f}", Mean(returns), ReturnDecimals(returns, 1)));
+}
+
+}  // namespace
+
 void AddCollectVerb(Program& program) {
-  struct CollectOptions : Options {
-    std::vector<std::string> policies;
-    std::string output;
-    int n_episodes = 5;
-    double noise = 0;
-  };
   CLI::App* verb =
       program.app.add_subcommand("collect", "log demonstrations of a policy in a simulator that stands for the target");
   auto options = std::make_shared<CollectOptions>();
@@ -50,82 +95,7 @@ void AddCollectVerb(Program& program) {
   verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
   verb->add_option("--out", options->output, "dataset to write: .hdf5 (D4RL layout), .npz, .csv, or NAME-v0 (Minari)")
       ->required();
-  verb->callback([options] {
-    // A file that describes the whole study says what its target is.
-    RunConfig config = options->task.ends_with(".toml") ? RunConfig::FromTomlFile(options->task) : RunConfig();
-    config.task = TaskConfig::FromArgument(options->task);
-    if (!options->parameters.empty()) config.parameters.clear();
-    for (const std::string& text : options->parameters) config.parameters.push_back(ParseParameterSpec(text));
-    if (!options->truth.empty() || !options->parameters.empty()) config.truth.clear();
-    for (const std::string& text : options->truth) config.SetTruth(text);
-    if (options->noise > 0) {
-      // A name that no parameter of the user's can have.
-      const std::string name = "--noise";
-      config.parameters.push_back({.name = name,
-                                   .field = "obs/*/noise_std",
-                                   .low = 0,
-                                   .high = options->noise,
-                                   .scale = ParameterScale::kAbsolute});
-      config.truth[name] = options->noise;
-    }
-    const auto factory = MakeSimulatorFactory(config.task, config.parameters);
-    const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
-    NullSink log;
-    const RunContext context = MakeContext(log, options->threads);
-    const RngKey key = RngKey(static_cast<uint64_t>(std::max(1L, options->seed))).Stage("collect");
-    Dataset dataset;
-    const auto* minigrid = dynamic_cast<const MinigridSimulatorFactory*>(&factory->plant());
-    const int n_policies = static_cast<int>(options->policies.size());
-    for (int p = 0; p < n_policies; ++p) {
-      // Two policies share the episodes; the later one takes what is odd: medium-expert is two medium and three expert.
-      const int n = options->n_episodes * (p + 1) / n_policies - options->n_episodes * p / n_policies;
-      const std::string& name = options->policies[static_cast<size_t>(p)];
-      const RngKey policy_key = key.Index(static_cast<uint64_t>(p));
-      if (minigrid != nullptr) {
-        const MinigridPolicy policy = MinigridPolicyNamed(name);
-        if (n > 0) {
-          dataset.Append(CollectMinigridDemonstrations(*minigrid, z, policy, n, policy_key, context.n_threads));
-        }
-        continue;
-      }
-      if (const auto excitation = Excitation::Parse(name)) {
-        if (n > 0) dataset.Append(CollectExcitation(*factory, z, *excitation, n, policy_key, context.n_threads));
-        continue;
-      }
-      const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(name);
-      if (policy.obs_dim() != factory->spec().obs_dim() || policy.act_dim() != factory->spec().act_dim) {
-        throw DataError(fmt::format(
-            "policy '{}' maps {} observations to {} actions, task '{}' has {} and {}; name a policy of this task", name,
-            policy.obs_dim(), policy.act_dim(), config.task.name, factory->spec().obs_dim(), factory->spec().act_dim));
-      }
-      if (n > 0) {
-        dataset.Append(CollectDemonstrations(*factory, z, policy, n, policy_key, context.n_threads));
-      }
-    }
-    const SimulatorSpec& spec = factory->spec();
-    dataset.period_s = spec.control_period_s;
-    dataset.observation_names = spec.observation_names;
-    dataset.action_names = spec.action_names;
-    WriteOptions write;
-    write.environment = options->task;
-    write.action_low = spec.action_low;
-    write.action_high = spec.action_high;
-    write.n_discrete_actions = spec.n_discrete_actions;
-    if (minigrid != nullptr) {
-      write.image_shape = spec.image_shape;
-      write.index_name = "direction";
-      write.n_index = 4;
-    }
-    WriteDataset(dataset, options->output, write);
-    double sum = 0;
-    const std::vector<double> returns = dataset.EpisodeReturns();
-    for (const double r : returns) sum += r;
-    const int decimals = ReturnDecimals(returns, 1);
-    fmt::print("{}: {} transitions in {} episodes{}\n", options->output, dataset.size(), dataset.Episodes().size(),
-               returns.empty()
-                   ? ""
-                   : fmt::format(", mean return {:.{}f}", sum / static_cast<double>(returns.size()), decimals));
-  });
+  verb->callback([options] { Collect(*options); });
 }
 
 void AddBehaviorVerb(Program& program) {
@@ -151,7 +121,7 @@ void AddBehaviorVerb(Program& program) {
     for (const std::string& assignment : options->assignments) config.Set(assignment);
     const TaskConfig task = TaskConfig::FromArgument(options->task);
     const auto factory = MakeSimulatorFactory(task, {});
-    if (IsMinigridTask(task.name)) {
+    if (factory->has_expert()) {
       throw UsageError(
           fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert", task.name));
     }
@@ -161,8 +131,8 @@ void AddBehaviorVerb(Program& program) {
     }
     TerminalSink terminal(options->quiet);
     FileSink log(options->out, &terminal);
-    std::variant<SacConfig, CrossQConfig> agent = config.sac;
-    if (options->algorithm == "crossq") agent = config.crossq;
+    std::variant<SacConfig, CrossQConfig> agent = config.algorithms.sac;
+    if (options->algorithm == "crossq") agent = config.algorithms.crossq;
     const BehaviorPolicies policies =
         TrainBehaviorPolicies(*factory, agent, static_cast<uint64_t>(std::max(1L, options->seed)), options->out,
                               MakeContext(log, options->threads));

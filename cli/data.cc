@@ -11,6 +11,8 @@
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/checks/data_check.h"
+#include "oted/checks/data_record.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/run/run_inputs.h"
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <sstream>
 
+#include "oted/data/checks_dynamics.h"
+
 namespace oted::cli {
 namespace {
 

@@ -14,6 +14,7 @@
 #include "oted/base/parallel.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
+#include "oted/stages/design/design_method.h"
 
 namespace oted::cli {
 
@@ -111,17 +112,55 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_flag("--require-identified", options.require_identified, "exit with 4 when a parameter is not identified");
 }
 
-std::string SettingsHelp(const std::vector<std::string>& sections) {
-  RunConfig defaults;
-  std::string text = "Settings (in the configuration file, or with --set section.key=value):\n";
-  for (const FieldList& section : AllFields(defaults)) {
-    if (!sections.empty() && std::ranges::find(sections, section.section()) == sections.end()) continue;
+namespace {
+
+std::string FieldHelp(const Field& field, const std::string& default_value) {
+  const std::string range = field.range.ToString();
+  return fmt::format("  {:<28} {} ({}{}) [default: {}]\n", field.name, field.help, field.TypeName(),
+                     range.empty() ? "" : " in " + range, default_value);
+}
+
+/// The methods of the design, and the settings of its sections.
+std::string DesignHelp() {
+  DesignChoice defaults;
+  DesignConfig config = defaults.Assumed();
+  std::string text;
+  for (const FieldList& section : config.Sections()) {
     text += fmt::format("\n[{}]\n", section.section());
+    if (section.section() == "design") text += FieldHelp(defaults.MethodField(), "\"auto\"");
     for (const Field& field : section.fields()) {
-      const std::string range = field.range.ToString();
-      text += fmt::format("  {:<28} {} ({}{}) [default: {}]\n", field.name, field.help, field.TypeName(),
-                          range.empty() ? "" : " in " + range, field.ToJson().dump());
+      text += FieldHelp(field, DefaultInWords(section.section(), field.name));
     }
+  }
+  return text;
+}
+
+std::string MethodsHelp() {
+  std::string text = "Methods of the design (design.method):\n";
+  for (const MethodDescription& method : DesignMethods()) {
+    std::string sections;
+    for (const std::string& name : method.sections) sections += fmt::format("[design.{}], ", name);
+    text += fmt::format("  {:<14} {} (needs: {}; settings: {}[design.adversarial], [design.discriminator])\n",
+                        method.name, method.summary, NeedsInWords(method), sections);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string SettingsHelp(const std::vector<std::string>& sections) {
+  const auto wanted = [&](const std::string& name) {
+    return sections.empty() || std::ranges::find(sections, name) != sections.end();
+  };
+  RunConfig defaults;
+  std::string text = wanted("design") ? MethodsHelp() + "\n" : "";
+  text += "Settings (in the configuration file, or with --set section.key=value):\n";
+  for (const FieldList& section : PlainSections(defaults)) {
+    if (wanted(section.section())) {
+      text += fmt::format("\n[{}]\n", section.section());
+      for (const Field& field : section.fields()) text += FieldHelp(field, field.ToJson().dump());
+    }
+    if (section.section() == "clone" && wanted("design")) text += DesignHelp();
   }
   return text;
 }
@@ -155,14 +194,7 @@ RunConfig ResolveConfig(const Options& options) {
   if (options.n_seeds > 0) config.selection.n_seeds = options.n_seeds;
   if (!options.device.empty()) config.Set("agents.device=" + options.device);
   if (options.strict) config.run.strict = true;
-  // The form sets other settings' defaults, so it comes before them, wherever it stands.
-  const auto is_form = [](const std::string& assignment) { return assignment.starts_with("design.form="); };
-  for (const std::string& assignment : options.assignments) {
-    if (is_form(assignment)) config.Set(assignment);
-  }
-  for (const std::string& assignment : options.assignments) {
-    if (!is_form(assignment)) config.Set(assignment);
-  }
+  for (const std::string& assignment : options.assignments) config.Set(assignment);
   config.task.Resolve();
   return config;
 }

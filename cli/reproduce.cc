@@ -48,14 +48,14 @@ void RunCell(const DesignStudy& study, const StudyCell& cell, const StudyOptions
              const std::string& command_line, const std::filesystem::path& file) {
   const std::filesystem::path folder = options.out / "runs" / cell.Name();
   const auto start = std::chrono::steady_clock::now();
+  nlohmann::json record;
   {
     TerminalSink terminal(options.quiet);
     FileSink log(folder, &terminal);
     Pipeline pipeline(study.ConfigOf(cell), folder, MakeContext(log, study.threads));
-    pipeline.SelectSimulator();
+    record = ScoreCell(cell, pipeline.SelectSimulator().record.ToJson());
   }
   WriteReport(folder);
-  nlohmann::json record = ScoreCell(cell, ReadJson(folder / "design.json"));
   record["seed"] = study.seed;
   record["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   record["command"] = command_line;
@@ -82,7 +82,7 @@ void AddDesignStudy(Program& program, CLI::App& reproduce, const std::string& na
   verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")->capture_default_str();
   verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
   verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
-  verb->add_option("--form", study.form, "design.form of every cell")->capture_default_str();
+  verb->add_option("--design-method", study.design_method, "design.method of every cell")->capture_default_str();
   verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(CLI::PositiveNumber)->capture_default_str();
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
   verb->add_option("--seed", study.seed, "names every random stream")->capture_default_str();
@@ -131,16 +131,18 @@ void AddDensityStudy(Program& program, CLI::App& reproduce) {
 }
 
 void AddTable1(Program& program, CLI::App& reproduce) {
-  CLI::App* verb = reproduce.add_subcommand(
-      "table1", "scores in the target of the clone, DR, IS, BC+DR, OTED and un-designed agents, beside the paper's");
+  CLI::App* verb = reproduce.add_subcommand("table1",
+                                            "scores in the target of the clone, DR, IS, BC+DR, OTED and of agents in "
+                                            "the nominal simulator, beside the paper's");
   auto options = std::make_shared<Table1Options>();
   Table1Study& study = options->study;
   AddStudyOptions(*verb, *options);
   verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")->capture_default_str();
   verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
   verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
-  verb->add_option("--methods", study.methods, "bc, dr, is, bc_dr, oted, undesigned")->capture_default_str();
-  verb->add_option("--form", study.form, "design.form; paper: Algorithm 1 to the letter")->capture_default_str();
+  verb->add_option("--methods", study.methods, "bc, dr, is, bc_dr, oted, nominal")->capture_default_str();
+  verb->add_option("--design-method", study.design_method, "design.method; paper: Algorithm 1 to the letter")
+      ->capture_default_str();
   verb->add_option("--algorithm", study.algorithm, "how agents learn: sac, as the paper's, or crossq")
       ->check(CLI::IsMember({"sac", "crossq"}))
       ->capture_default_str();
@@ -154,7 +156,7 @@ void AddTable1(Program& program, CLI::App& reproduce) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   verb->add_option("--guess", options->guess,
-                   "name=value: where the un-designed simulator is and interval search begins [default: friction=1.67 "
+                   "name=value: where the nominal simulator is and interval search begins [default: friction=1.67 "
                    "gain=0.77 gravity=0.83]");
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
   verb->callback([&program, &study, options] {

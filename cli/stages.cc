@@ -14,7 +14,7 @@ struct StageVerb {
   const char* name;
   const char* help;
   std::vector<std::string> sections;
-  void (Pipeline::*call)();
+  std::function<void(Pipeline&)> call;
 };
 
 void AddStageVerb(Program& program, const StageVerb& stage) {
@@ -25,7 +25,7 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
   verb->callback([&program, options, call = stage.call] {
     {
       Session session(*options, program.command_line);
-      (session.pipeline().*call)();
+      call(session.pipeline());
       WriteExports(options->out);
       WriteReport(options->out);
     }

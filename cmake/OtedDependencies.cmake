@@ -27,6 +27,13 @@ find_path(PROTOZERO_INCLUDE_DIR protozero/pbf_writer.hpp REQUIRED)
 add_library(protozero INTERFACE)
 target_include_directories(protozero SYSTEM INTERFACE ${PROTOZERO_INCLUDE_DIR})
 
+# libzip's own CMake config also asks for its command-line tools.
+find_path(ZIP_INCLUDE_DIR zip.h REQUIRED)
+find_library(ZIP_LIBRARY zip REQUIRED)
+add_library(libzip INTERFACE)
+target_include_directories(libzip SYSTEM INTERFACE ${ZIP_INCLUDE_DIR})
+target_link_libraries(libzip INTERFACE ${ZIP_LIBRARY})
+
 # libwebp comes without a CMake config.
 find_path(WEBP_INCLUDE_DIR webp/encode.h REQUIRED)
 find_library(WEBP_LIBRARY webp REQUIRED)

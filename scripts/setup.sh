@@ -70,7 +70,7 @@ find_python() {
 }
 
 # Libraries and programs that only dpkg knows of.
-readonly BUILD_PACKAGES=(ca-certificates python3-dev libhdf5-dev zlib1g-dev libcli11-dev libtomlplusplus-dev
+readonly BUILD_PACKAGES=(ca-certificates python3-dev libhdf5-dev zlib1g-dev libzip-dev libcli11-dev libtomlplusplus-dev
   nlohmann-json3-dev libfmt-dev libeigen3-dev libmuparser-dev libyaml-cpp-dev libprotozero-dev libssl-dev libwebp-dev)
 readonly TEST_PACKAGES=(libgtest-dev libgmock-dev libbenchmark-dev libegl1 libgl1-mesa-dri)
 

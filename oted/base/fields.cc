@@ -81,42 +81,60 @@ std::string Field::TypeName() const {
 }
 
 json Field::ToJson() const {
-  return std::visit([](auto* value) { return json(*value); }, target);
+  if (const auto* named = std::get_if<NamedTarget>(&target)) return named->get();
+  return std::visit(
+      [](const auto& value) {
+        if constexpr (std::is_pointer_v<std::decay_t<decltype(value)>>) return json(*value);
+        return json();
+      },
+      target);
 }
 
 void Field::FromJson(const json& value, std::string_view where) const {
   const auto fail = [&](const std::string& wanted) {
     throw UsageError(fmt::format("{}: {} is {}, wanted {}", where, name, value.dump(), wanted));
   };
+  const auto check_choice = [&](const std::string& chosen) {
+    if (choices.empty() || std::find(choices.begin(), choices.end(), chosen) != choices.end()) return;
+    fail("one of " + TypeName() + DidYouMean(chosen, choices));
+  };
+  if (const auto* named = std::get_if<NamedTarget>(&target)) {
+    if (!value.is_string()) fail("one of " + TypeName());
+    check_choice(value.get<std::string>());
+    named->set(value.get<std::string>());
+    return;
+  }
   const std::string wanted = range.ToString().empty() ? TypeName() : TypeName() + " in " + range.ToString();
   std::visit(
-      [&](auto* out) {
-        using T = std::remove_pointer_t<decltype(out)>;
-        T parsed{};
-        if constexpr (IsVector<T>::value) {
-          if (!value.is_array()) fail(wanted);
-          for (const json& element : value) {
-            typename T::value_type scalar{};
-            if (!ReadScalar(element, scalar) || !InRange(range, scalar)) fail(wanted);
-            parsed.push_back(scalar);
+      [&](const auto& out) {
+        using Bound = std::decay_t<decltype(out)>;
+        if constexpr (std::is_pointer_v<Bound>) {
+          using T = std::remove_pointer_t<Bound>;
+          T parsed{};
+          if constexpr (IsVector<T>::value) {
+            if (!value.is_array()) fail(wanted);
+            for (const json& element : value) {
+              typename T::value_type scalar{};
+              if (!ReadScalar(element, scalar) || !InRange(range, scalar)) fail(wanted);
+              parsed.push_back(scalar);
+            }
+          } else {
+            if (!ReadScalar(value, parsed) || !InRange(range, parsed)) fail(wanted);
           }
-        } else {
-          if (!ReadScalar(value, parsed) || !InRange(range, parsed)) fail(wanted);
-        }
-        if constexpr (std::is_same_v<T, std::string>) {
-          if (!choices.empty() && std::find(choices.begin(), choices.end(), parsed) == choices.end()) {
-            fail("one of " + TypeName() + DidYouMean(parsed, choices));
+          if constexpr (std::is_same_v<T, std::string>) {
+            check_choice(parsed);
           }
+          *out = std::move(parsed);
         }
-        *out = std::move(parsed);
       },
       target);
 }
 
 void Field::FromText(std::string_view text, std::string_view where) const {
-  const bool is_text = std::holds_alternative<std::string*>(target);
-  const bool is_list = target.index() >= 5;
+  const bool is_text = std::holds_alternative<std::string*>(target) || std::holds_alternative<NamedTarget>(target);
   const bool is_text_list = std::holds_alternative<std::vector<std::string>*>(target);
+  const bool is_list = is_text_list || std::holds_alternative<std::vector<int>*>(target) ||
+                       std::holds_alternative<std::vector<double>*>(target);
   const auto parse = [&](const std::string& part) {
     json value = json::parse(part, nullptr, false);
     return value.is_discarded() ? json(part) : value;

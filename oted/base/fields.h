@@ -11,10 +11,12 @@
 ///   };
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -35,10 +37,28 @@ inline Range Above(double low) { return {.low = low, .low_open = true, .high_ope
 inline Range Between(double low, double high) { return {.low = low, .high = high}; }
 inline Range AboveUpTo(double low, double high) { return {.low = low, .high = high, .low_open = true}; }
 
+/// The values of an enum with their names, in the order in which they are documented.
+template <class E>
+using NamedValues = std::vector<std::pair<E, std::string>>;
+
+/// @throws std::out_of_range when `value` has no name
+template <class E>
+const std::string& NameOf(const NamedValues<E>& names, const E& value) {
+  size_t i = 0;
+  while (i < names.size() && !(names[i].first == value)) ++i;
+  return names.at(i).second;
+}
+
+/// Reads and writes an enum by the names of its values.
+struct NamedTarget {
+  std::function<std::string()> get;
+  std::function<void(const std::string& name)> set;
+};
+
 /// One setting, bound to the struct it was listed from.
 struct Field {
   using Target = std::variant<bool*, int*, int64_t*, double*, std::string*, std::vector<int>*, std::vector<double>*,
-                              std::vector<std::string>*>;
+                              std::vector<std::string>*, NamedTarget>;
   std::string name;
   Target target;
   std::string help;  ///< what it is, with its unit
@@ -61,6 +81,21 @@ class FieldList {
   explicit FieldList(std::string section) : section_(std::move(section)) {}
   void Add(std::string name, Field::Target target, std::string help, Range range = {});
   void AddChoice(std::string name, std::string* target, std::string help, std::vector<std::string> choices);
+  template <class E>
+  void AddChoice(std::string name, E* target, std::string help, const NamedValues<E>& names) {
+    std::vector<std::string> choices;
+    for (const auto& [unused, choice] : names) choices.push_back(choice);
+    const auto set = [target, names](const std::string& wanted) {
+      for (const auto& [value, choice] : names) {
+        if (choice == wanted) *target = value;
+      }
+    };
+    fields_.push_back({std::move(name),
+                       NamedTarget{[target, names] { return NameOf(names, *target); }, set},
+                       std::move(help),
+                       {},
+                       std::move(choices)});
+  }
 
   const std::string& section() const { return section_; }
   const std::vector<Field>& fields() const { return fields_; }

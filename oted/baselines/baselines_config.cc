@@ -9,25 +9,31 @@
 
 namespace oted {
 
-const std::vector<std::string>& BaselinesConfig::Known() {
-  static const std::vector<std::string> known = {"dr", "is", "bc_dr"};
-  return known;
+const NamedValues<Baseline>& BaselineNames() {
+  static const NamedValues<Baseline> names = {
+      {Baseline::kDomainRandomization, "dr"}, {Baseline::kIntervalSearch, "is"}, {Baseline::kBcDr, "bc_dr"}};
+  return names;
 }
 
-bool BaselinesConfig::Runs(const std::string& name) const { return std::ranges::find(run, name) != run.end(); }
+bool BaselinesConfig::Runs(Baseline baseline) const {
+  return std::ranges::find(run, NameOf(BaselineNames(), baseline)) != run.end();
+}
 
-std::vector<std::string> BaselinesConfig::Agents() const {
-  std::vector<std::string> agents;
-  if (Runs("dr") || (Runs("bc_dr") && bc_dr.collector == "dr")) agents.push_back("dr");
-  if (Runs("is")) agents.push_back("is");
+std::vector<Baseline> BaselinesConfig::Agents() const {
+  std::vector<Baseline> agents;
+  const bool collects = Runs(Baseline::kBcDr) && bc_dr.collector == Collector::kRandomizedAgent;
+  if (Runs(Baseline::kDomainRandomization) || collects) agents.push_back(Baseline::kDomainRandomization);
+  if (Runs(Baseline::kIntervalSearch)) agents.push_back(Baseline::kIntervalSearch);
   return agents;
 }
 
 void BaselinesConfig::Check() const {
+  std::vector<std::string> known;
+  for (const auto& [unused, name] : BaselineNames()) known.push_back(name);
   for (size_t i = 0; i < run.size(); ++i) {
-    if (std::ranges::find(Known(), run[i]) == Known().end()) {
-      throw UsageError(fmt::format("baselines.run has '{}', wanted some of {}{}", run[i], fmt::join(Known(), ", "),
-                                   DidYouMean(run[i], Known())));
+    if (std::ranges::find(known, run[i]) == known.end()) {
+      throw UsageError(fmt::format("baselines.run has '{}', wanted some of {}{}", run[i], fmt::join(known, ", "),
+                                   DidYouMean(run[i], known)));
     }
     if (std::find(run.begin(), run.begin() + static_cast<ptrdiff_t>(i), run[i]) !=
         run.begin() + static_cast<ptrdiff_t>(i)) {
@@ -54,7 +60,7 @@ FieldList BaselinesConfig::Fields() {
              "is: return that counts as 1; 0: that of D4RL's expert, where the task has it");
   fields.AddChoice("bc_dr_collector", &bc_dr.collector,
                    "bc_dr: who acts in the randomised simulators, the agent trained in them or the clone of the logs",
-                   {"dr", "clone"});
+                   NamedValues<Collector>{{Collector::kRandomizedAgent, "dr"}, {Collector::kClone, "clone"}});
   fields.Add("bc_dr_ratio", &bc_dr.ratio, "bc_dr: simulated transitions for each logged one", AboveUpTo(0, 1000));
   return fields;
 }

@@ -10,15 +10,21 @@
 
 namespace oted {
 
+enum class Baseline {
+  kDomainRandomization,  ///< "dr"
+  kIntervalSearch,       ///< "is"
+  kBcDr,                 ///< "bc_dr"
+};
+const NamedValues<Baseline>& BaselineNames();
+
 struct BaselinesConfig {
-  std::vector<std::string> run;  ///< of Known()
+  std::vector<std::string> run;  ///< names of baselines
   IntervalSearchConfig is;
   BcDrConfig bc_dr;
 
-  static const std::vector<std::string>& Known();
-  bool Runs(const std::string& name) const;
-  /// Those that are agents, in the order of Known(): with "bc_dr" also "dr", where its agent collects.
-  std::vector<std::string> Agents() const;
+  bool Runs(Baseline baseline) const;
+  /// Those that are agents: with BC+DR also DR, where its agent collects.
+  std::vector<Baseline> Agents() const;
   /// @throws UsageError for a name that is none of them, or given twice
   void Check() const;
   FieldList Fields();

@@ -53,13 +53,13 @@ Dataset CollectUnderRandomization(const SimulatorFactory& factory, const Policy&
   return logs.Select(episodes);
 }
 
-CloneResult CloneWithSimulated(const Dataset& logs, const SimulatorFactory& factory, const Policy& collector,
-                               double ratio, const CloneConfig& config, RngKey key, const std::string& run_name,
-                               const RunContext& context) {
-  const int n = std::max(1, static_cast<int>(std::lround(ratio * logs.size())));
-  Dataset both = Bare(logs);
-  both.Append(Bare(CollectUnderRandomization(factory, collector, n, key.Stage("collection"), context.n_threads)));
-  return CloneBehavior(both, factory.spec(), config, key.Stage("clone"), run_name, context);
+CloneResult CloneWithSimulated(const CloneJob& job, const SimulatorFactory& factory, const Policy& collector,
+                               double ratio) {
+  const int n = std::max(1, static_cast<int>(std::lround(ratio * job.dataset.size())));
+  Dataset both = Bare(job.dataset);
+  both.Append(
+      Bare(CollectUnderRandomization(factory, collector, n, job.key.Stage("collection"), job.context.n_threads)));
+  return CloneBehavior({both, job.spec, job.config, job.key.Stage("clone"), job.run_name, job.context});
 }
 
 }  // namespace oted

@@ -12,9 +12,12 @@
 
 namespace oted {
 
+/// Who acts in the randomised simulators: the agent trained in them, or the clone of the logs.
+enum class Collector { kRandomizedAgent, kClone };
+
 struct BcDrConfig {
-  std::string collector = "dr";  ///< who acts in the randomised simulators: "dr", the agent trained there, or "clone"
-  double ratio = 1;              ///< simulated transitions for each logged one
+  Collector collector = Collector::kRandomizedAgent;
+  double ratio = 1;  ///< simulated transitions for each logged one
 };
 
 /// The first `n` transitions of whole episodes of `policy` with sampled actions, z drawn uniformly over the ranges for
@@ -22,9 +25,9 @@ struct BcDrConfig {
 Dataset CollectUnderRandomization(const SimulatorFactory& factory, const Policy& policy, int n, RngKey key,
                                   int n_threads);
 
-/// A clone of the logs and of ratio * logs.size() simulated transitions, every transition of either weighing the same.
-CloneResult CloneWithSimulated(const Dataset& logs, const SimulatorFactory& factory, const Policy& collector,
-                               double ratio, const CloneConfig& config, RngKey key, const std::string& run_name,
-                               const RunContext& context);
+/// A clone of the logs `job.dataset` and of ratio * logs.size() simulated transitions, every transition of either
+/// weighing the same.
+CloneResult CloneWithSimulated(const CloneJob& job, const SimulatorFactory& factory, const Policy& collector,
+                               double ratio);
 
 }  // namespace oted

@@ -59,8 +59,9 @@ TEST(BcDr, RecoversAKnownPolicyAlsoWhereOnlyTheSimulatedDataShowIt) {
   NullSink log;
   const RunContext context{&log, nullptr, 1};
   const Dataset logs = LogsOfOneSide();
-  const CloneResult both = CloneWithSimulated(logs, factory, known, 2.0, Small(), RngKey(4), "bc_dr", context);
-  const CloneResult alone = CloneBehavior(logs, factory.spec(), Small(), RngKey(4), "clone", context);
+  const CloneResult both =
+      CloneWithSimulated({logs, factory.spec(), Small(), RngKey(4), "bc_dr", context}, factory, known, 2.0);
+  const CloneResult alone = CloneBehavior({logs, factory.spec(), Small(), RngKey(4), "clone", context});
   double worst = 0, worst_alone = 0;
   for (const double x : {-0.8, -0.5, -0.2, 0.2, 0.5, 0.8}) {
     const double truth = std::tanh(kSlope * x);

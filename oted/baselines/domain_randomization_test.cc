@@ -77,8 +77,15 @@ TEST(DomainRandomization, EveryTrainingEpisodeHasADrawOfItsOwn) {
   config.n_lanes = 2;
   config.hidden = {4};
   config.eval_episodes = 1;
-  TrainSac(factory, DrawUniformly(factory.parameters()), UniformDraws(factory.parameters(), 1, RngKey(1)), config,
-           RngKey(5), folder.path(), "baselines/dr/1", {.log = &log, .n_threads = 1});
+  DrawnEpisodes source(DrawUniformly(factory.parameters()));
+  TrainAgent({.factory = factory,
+              .source = source,
+              .eval_parameters = UniformDraws(factory.parameters(), 1, RngKey(1)),
+              .key = RngKey(5),
+              .folder = folder.path(),
+              .run_name = "baselines/dr/1",
+              .context = {.log = &log, .n_threads = 1}},
+             config);
   ASSERT_GE(gains.size(), 1000u);
   for (double& gain : gains) gain = (gain - 0.2) / 1.8;
   EXPECT_LT(KolmogorovStatistic(gains), 1.95);

@@ -141,8 +141,15 @@ struct Training {
     config.eval_episodes = 1;
     config.keep = "last";
     NullSink log;
-    return TrainSac(PointMassFactory({.max_episode_steps = 5}), search, {{1, 1, 0}}, config, RngKey(5), folder,
-                    "baselines/is/1", {&log, stop, 1}, observer);
+    return TrainAgent({.factory = PointMassFactory({.max_episode_steps = 5}),
+                       .source = search,
+                       .eval_parameters = {{1, 1, 0}},
+                       .key = RngKey(5),
+                       .folder = folder,
+                       .run_name = "baselines/is/1",
+                       .context = {&log, stop, 1},
+                       .observer = observer},
+                      config);
   }
 };
 
@@ -181,7 +188,15 @@ TEST(IntervalSearch, OfDiscreteActionsTooAStoppedTrainingGoesOnToTheSameBytes) {
                          const EvaluationObserver& observe) {
     IntervalSearch search(factory.parameters(), {0.3}, {.episodes = 3}, {0, 1});
     NullSink log;
-    TrainPpo(factory, search, {{0.3}}, config, RngKey(5), folder, "baselines/is/1", {&log, stop, 1}, observe);
+    TrainAgent({.factory = factory,
+                .source = search,
+                .eval_parameters = {{0.3}},
+                .key = RngKey(5),
+                .folder = folder,
+                .run_name = "baselines/is/1",
+                .context = {&log, stop, 1},
+                .observer = observe},
+               config);
     return std::pair(search.Low(), search.High());
   };
   const TestFolder whole, parts;

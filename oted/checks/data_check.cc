@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/checks/engine_check.h"
+#include "oted/data/checks_dynamics.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/effects.h"
 
@@ -66,7 +67,7 @@ void AddOneStep(const OneStepError& e, const SimulatorSpec& spec, std::vector<Fi
   findings.push_back(
       {.check = "one_step_error",
        .severity = useless ? Severity::kWarning : Severity::kNote,
-       .what = fmt::format("set to s and given a, the un-designed {} misses s' by {:.2g} of its change (median over "
+       .what = fmt::format("set to s and given a, the nominal {} misses s' by {:.2g} of its change (median over "
                            "channels, {} rows)",
                            spec.task, e.median_ratio, e.n_rows),
        .count = e.n_rows,
@@ -107,14 +108,14 @@ void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, s
   const GapVerdict verdict = VerdictOf(s);
   const std::string meaning =
       verdict == GapVerdict::kNone
-          ? "no gap was seen: agents can be trained in the un-designed simulator; a gap smaller than what so many "
+          ? "no gap was seen: agents can be trained in the nominal simulator; a gap smaller than what so many "
             "transitions show may remain"
       : verdict == GapVerdict::kSmall ? "a small gap: a design may close it, and it may not change what agents learn"
                                       : "a clear gap: a design is worth its time";
   findings.push_back(
       {.check = "gap",
        .severity = Severity::kNote,
-       .what = fmt::format("a classifier tells logs from the un-designed {} with an area under the curve of {:.3f} "
+       .what = fmt::format("a classifier tells logs from the nominal {} with an area under the curve of {:.3f} "
                            "(0.5: blind, 1: always), accuracy {:.2f}, common score {:.3f} (log 2 = {:.3f}: blind); "
                            "held out, on {} logged transitions",
                            spec.task, s.auc, s.accuracy, s.common, std::numbers::ln2, n_transitions),
@@ -230,7 +231,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
       return check;  // one half alone has no state that can be set: clipped_observations tells
     }
   } else {
-    const CloneResult clone = CloneBehavior(dataset, spec, {}, key.Stage("clone"), "check", context);
+    const CloneResult clone = CloneBehavior({dataset, spec, {}, key.Stage("clone"), "check", context});
     check.gap = JudgeSimulator(*factory, halves, clone.policy.get(), {factory->parameters().Nominal()},
                                CommonEvidence(spec, kGapSteps), kJudgeSteps, key.Stage("gap"));
   }

@@ -2,21 +2,20 @@
 /// Everything that can be told of logged data before a design: the checks that need no simulator, and with one the
 /// one-step error, the task's terminals, the parameters' effects, and whether there is a gap at all.
 
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "oted/base/log.h"
 #include "oted/data/checks.h"
-#include "oted/data/describe.h"
+#include "oted/data/checks_dynamics.h"
 #include "oted/matching/judge.h"
 #include "oted/sim/one_step.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {
 
-/// How well the logs can be told from the un-designed simulator (docs/data_checks.md).
+/// How well the logs can be told from the nominal simulator (docs/data_checks.md).
 enum class GapVerdict { kNone, kSmall, kClear };
 std::string ToString(GapVerdict verdict);
 /// None below an area under the curve of 0.55, clear from 0.75 on.
@@ -36,12 +35,5 @@ TaskFacts FactsOf(const SimulatorSpec& spec);
 ///   for an effect on the logged episodes.
 /// Never throws for what the data hold. Equal seeds give equal results at any number of threads.
 DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uint64_t seed, const RunContext& context);
-
-/// oted.data_check/1 and oted.data_info/1 (docs/file_formats.md). `spec` may be null.
-nlohmann::json DataCheckRecord(const Dataset& dataset, const SimulatorSpec* spec, const DataCheck& check);
-nlohmann::json DataInfoRecord(const Dataset& dataset, const SimulatorSpec* spec, const DatasetSummary& summary);
-
-/// What writing `wanted` and reading it back as `got` changed, one sentence each; empty when nothing.
-std::vector<std::string> Losses(const Dataset& wanted, const Dataset& got);
 
 }  // namespace oted

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/log.h"
+#include "oted/checks/data_record.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 

@@ -1,4 +1,4 @@
-// What `oted data` prints as JSON, and what a conversion lost.
+#include "oted/checks/data_record.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "oted/checks/data_check.h"
+#include "oted/data/checks_dynamics.h"
 
 namespace oted {
 

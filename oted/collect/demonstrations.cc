@@ -50,8 +50,15 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
   const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
   DrawnEpisodes source([&](Rng&) { return nominal; });
   const auto train = [&](const auto& config) {
-    return TrainAgent(factory, source, {nominal}, config, key, folder, "behavior", context,
-                      [&](int64_t step, const Policy& policy, double) { policy.Save(snapshot(step)); });
+    return TrainAgent({.factory = factory,
+                       .source = source,
+                       .eval_parameters = {nominal},
+                       .key = key,
+                       .folder = folder,
+                       .run_name = "behavior",
+                       .context = context,
+                       .observer = [&](int64_t step, const Policy& policy, double) { policy.Save(snapshot(step)); }},
+                      config);
   };
   const ReplayAgent training = std::visit(train, agent);
 
@@ -60,7 +67,9 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
 
   BehaviorPolicies result;
   const auto judge = [&](const TanhGaussianPolicy& policy) {
-    return EvaluatePolicy(factory, policy, {nominal}, kJudgeEpisodes, context.n_threads, key.Stage("judge"));
+    return MeanReturn(RunPolicy(
+        factory, policy,
+        {.z = {nominal}, .n_episodes = kJudgeEpisodes, .key = key.Stage("judge"), .n_threads = context.n_threads}));
   };
   result.expert_step = training.eval_steps[best];
   result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));

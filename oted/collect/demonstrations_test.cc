@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/rl/policy_evaluation.h"
 #include "oted/sim/testing.h"
 
@@ -116,8 +117,9 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
     if (step > policies.expert_step) break;
     const TanhGaussianPolicy snapshot =
         TanhGaussianPolicy::Load(folder.path() / "snapshots" / (std::to_string(step) + ".npz"));
-    const double mean_return =
-        EvaluatePolicy(factory, snapshot, {nominal}, 20, 1, RngKey(3).Stage("behavior policies").Stage("judge"));
+    const double mean_return = MeanReturn(
+        RunPolicy(factory, snapshot,
+                  {.z = {nominal}, .n_episodes = 20, .key = RngKey(3).Stage("behavior policies").Stage("judge")}));
     const double distance = std::abs(mean_return - policies.expert_return / 3);
     if (distance < nearest) nearest_step = step;
     nearest = std::min(nearest, distance);

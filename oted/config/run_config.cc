@@ -14,6 +14,7 @@
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/base/toml.h"
+#include "oted/config/former_names.h"
 #include "oted/config/toml_text.h"
 #include "oted/config/toml_writer.h"
 #include "oted/sim/presets.h"
@@ -61,7 +62,7 @@ FieldList ReportConfig::Fields() {
   fields.AddChoice("motion", &motion,
                    "pictures of logged, nominal and designed motion: where OpenGL is there, always (an error without), "
                    "or never",
-                   {"auto", "true", "false"});
+                   NamedValues<Motion>{{Motion::kAuto, "auto"}, {Motion::kTrue, "true"}, {Motion::kFalse, "false"}});
   fields.Add("replay_steps", &replay_steps, "control steps for which logged actions are replayed from a logged state",
              AtLeast(1));
   return fields;
@@ -78,10 +79,18 @@ void CheckName(const std::string& what, const std::string& name) {
 
 }  // namespace
 
-std::vector<FieldList> AllFields(RunConfig& config) {
-  return {config.task.Fields(),     config.task.grid.Fields(), config.data.Fields(),      config.run.Fields(),
-          config.clone.Fields(),    config.design.Fields(),    config.selection.Fields(), config.agents.Fields(),
-          config.sac.Fields("sac"), config.crossq.Fields(),    config.ppo.Fields(),       config.baselines.Fields(),
+std::vector<FieldList> PlainSections(RunConfig& config) {
+  return {config.task.Fields(),
+          config.task.grid.Fields(),
+          config.data.Fields(),
+          config.run.Fields(),
+          config.clone.Fields(),
+          config.selection.Fields(),
+          config.agents.Fields(),
+          config.algorithms.sac.Fields(),
+          config.algorithms.crossq.Fields(),
+          config.algorithms.ppo.Fields(),
+          config.baselines.Fields(),
           config.report.Fields()};
 }
 
@@ -89,27 +98,26 @@ void RunConfig::Set(const std::string& assignment) {
   const size_t equals = assignment.find('='), dot = assignment.find('.');
   if (equals == std::string::npos || dot == std::string::npos || dot > equals) {
     throw UsageError(
-        fmt::format("--set {}: wanted section.key=value, for example --set design.n_iterations=50", assignment));
+        fmt::format("--set {}: wanted section.key=value, for example --set design.trajectories.window=8", assignment));
   }
   const std::string name = assignment.substr(0, dot), key = assignment.substr(dot + 1, equals - dot - 1);
   const std::string value = assignment.substr(equals + 1), where = "--set " + assignment;
-  if (name == "design" && key == "form") {
-    if (!settings.empty()) {
-      throw UsageError(fmt::format("{}: each of design.settings has its own form; set form in [design.settings.{}]",
-                                   where, settings.begin()->first));
+  if (name == "design") {
+    if (key == "method" && !settings.empty()) {
+      throw UsageError(
+          fmt::format("{}: each of design.settings has a method of its own; set method in [design.settings.{}]", where,
+                      settings.begin()->first));
     }
-    design = DesignConfig::ForForm(value);
-  }
-  std::vector<std::string> names;
-  for (const FieldList& section : AllFields(*this)) {
-    names.push_back(section.section());
-    if (section.section() != name) continue;
-    section.Find(key, where).FromText(value, where);
+    design.SetText(key, value, where);
     // A setting named on the command line holds for every h.
-    if (name == "design") {
-      for (auto& [unused, setting] : settings) setting.Fields().Find(key, where).FromText(value, where);
-    }
+    for (auto& [unused, setting] : settings) setting.SetText(key, value, where);
     return;
+  }
+  RefuseFormerName(name, key, where);
+  std::vector<std::string> names = {"design"};
+  for (const FieldList& section : PlainSections(*this)) {
+    names.push_back(section.section());
+    if (section.section() == name) return section.Find(key, where).FromText(value, where);
   }
   throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, name, DidYouMean(name, names),
                                fmt::join(names, ", ")));
@@ -174,9 +182,8 @@ void RunConfig::Check() const {
   design.Check();
   for (const auto& [name, setting] : settings) setting.Check();
   baselines.Check();
-  const bool used = settings.empty()
-                        ? design.prior == "gaussian"
-                        : std::ranges::any_of(settings, [](const auto& s) { return s.second.prior == "gaussian"; });
+  const bool used = std::ranges::any_of(
+      DesignSettings(), [](const auto& setting) { return setting.second.Assumed().prior == "gaussian"; });
   for (const ParameterSpec& spec : parameters) {
     if (!spec.prior || used) continue;
     throw UsageError(
@@ -193,7 +200,7 @@ std::vector<double> RunConfig::TruthVector() const {
 
 int RunConfig::Threads() const { return run.threads > 0 ? run.threads : AvailableThreads(); }
 
-std::map<std::string, DesignConfig> RunConfig::DesignSettings() const {
+std::map<std::string, DesignChoice> RunConfig::DesignSettings() const {
   if (!settings.empty()) return settings;
   return {{"default", design}};
 }

@@ -4,19 +4,18 @@
 #include <cstdint>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "oted/baselines/baselines_config.h"
 #include "oted/data/data_options.h"
-#include "oted/rl/crossq.h"
-#include "oted/rl/ppo.h"
-#include "oted/rl/sac.h"
 #include "oted/sim/minigrid/task.h"
 #include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/parameter_space.h"
-#include "oted/stages/behavior/clone.h"
-#include "oted/stages/design/design_config.h"
+#include "oted/stages/agent/algorithm.h"
+#include "oted/stages/behavior/clone_config.h"
+#include "oted/stages/design/design_choice.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
 
 namespace oted {
@@ -59,24 +58,35 @@ struct RunSettings {
   FieldList Fields();
 };
 
+/// Where agents of the design train, drawn anew for each episode.
+enum class TrainIn {
+  kModes,    ///< "modes": a mode of the seeds' q (Algorithm 2)
+  kSamples,  ///< "samples": a sample of one of them (Sec. 4, step 3)
+  kBest,     ///< "best": always the best-scoring seed's mode
+};
+const NamedValues<TrainIn>& TrainInNames();
+
 /// Stages 4 and 5: which agents, how many, and how they are compared.
 struct AgentsConfig {
-  std::string algorithm = "auto";
+  std::optional<AgentAlgorithm> algorithm;  ///< none: auto
   int n_agents = 2;
-  std::string train_in = "modes";
+  TrainIn train_in = TrainIn::kModes;
   std::string device = "cpu";
-  bool undesigned = true;
-  std::vector<double> undesigned_at;  ///< z; empty: nominal
+  bool nominal = true;             ///< with a known truth, also train agents in the nominal simulator
+  std::vector<double> nominal_at;  ///< z of that simulator; empty: the parameters' nominal values
   int selection_episodes = 10;
   int target_episodes = 20;
-  /// "sac", "crossq" or "ppo", as the task's actions ask for. @throws UsageError when `algorithm` does not take them
-  std::string AlgorithmFor(const SimulatorSpec& spec) const;
+  /// As the task's actions ask for. @throws UsageError when `algorithm` does not take them
+  AgentAlgorithm AlgorithmFor(const SimulatorSpec& spec) const;
   FieldList Fields();
 };
 
+/// Whether the report shows films: "auto" where they can be drawn.
+enum class Motion { kAuto, kTrue, kFalse };
+
 /// What the report shows beyond the results.
 struct ReportConfig {
-  std::string motion = "auto";
+  Motion motion = Motion::kAuto;
   int replay_steps = 50;
   FieldList Fields();
 };
@@ -90,20 +100,21 @@ struct RunConfig {
   std::vector<std::string> presets;
   RunSettings run;
   CloneConfig clone;
-  DesignConfig design;
+  DesignChoice design;
   /// Hyperparameter settings h of Sec. 4.2: what each changes in `design`. Without any there is one, "default".
-  std::map<std::string, DesignConfig> settings;
+  std::map<std::string, DesignChoice> settings;
   SelectionConfig selection;
   AgentsConfig agents;
-  SacConfig sac;
-  CrossQConfig crossq;
-  PpoConfig ppo;
+  AlgorithmSettings algorithms;  ///< [sac], [crossq] and [ppo]
   BaselinesConfig baselines;
   ReportConfig report;
   /// The true parameters, where a study knows them: read by evaluation and report only.
   std::map<std::string, double> truth;
 
-  /// @throws UsageError for settings of an algorithm that agents do not learn by: they would do nothing; as CheckLearns
+  /// The algorithm of a task's agents. @throws as AgentsConfig::AlgorithmFor
+  const AlgorithmEntry& Algorithm(const SimulatorSpec& spec) const { return EntryOf(agents.AlgorithmFor(spec)); }
+  /// @throws UsageError for settings of an algorithm that agents do not learn by: they would do nothing; as the check
+  /// of the one that they learn by
   void CheckAgentSettings(const SimulatorSpec& spec) const;
 
   /// Reads TOML. Paths in it are relative to its folder. @throws UsageError with file and line, DataError when
@@ -126,11 +137,11 @@ struct RunConfig {
   std::vector<double> TruthVector() const;
   /// Threads to use: run.threads, or all that the process may use.
   int Threads() const;
-  /// Settings of the design with the default filled in.
-  std::map<std::string, DesignConfig> DesignSettings() const;
+  /// The hyperparameter settings of the design; "default" where none is named.
+  std::map<std::string, DesignChoice> DesignSettings() const;
 };
 
-/// Every section's fields, bound to `config`; for help texts.
-std::vector<FieldList> AllFields(RunConfig& config);
+/// Every section's fields, bound to `config`, but for those of the design (DesignChoice).
+std::vector<FieldList> PlainSections(RunConfig& config);
 
 }  // namespace oted

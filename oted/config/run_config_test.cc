@@ -64,12 +64,12 @@ TEST(RunConfig, ReadsBackWhatItWrites) {
     mid-1 = { field = "geom/*/friction[0]", range = [0.2, 2.0] }
     [clone]
     hidden = [32, 16]
-    [design]
+    [design.adversarial]
     lambda = 1e-3
     [design.settings.paper]
-    form = "paper"
-    n_sims = 7
-    [design.settings.short]
+    method = "paper"
+    adversarial.n_sims = 7
+    [design.settings.short.adversarial]
     horizon = 3
     [selection]
     score = "paper"
@@ -91,10 +91,10 @@ TEST(RunConfig, ReadsBackWhatItWrites) {
   EXPECT_EQ(again.data.path, config.data.path);
   EXPECT_EQ(again.data.episodes, "5");
   EXPECT_EQ(again.sac.n_steps, 100'000);
-  EXPECT_EQ(again.settings.at("paper").n_sims, 7);
-  EXPECT_EQ(again.settings.at("paper").starts, "initial");
-  EXPECT_EQ(again.settings.at("short").horizon, 3);
-  EXPECT_EQ(again.settings.at("short").lambda, 1e-3) << "a setting starts from [design]";
+  EXPECT_EQ(again.settings.at("paper").Assumed().adversarial.n_sims, 7);
+  EXPECT_EQ(again.settings.at("paper").Assumed().adversarial.starts, RolloutStarts::kInitial);
+  EXPECT_EQ(again.settings.at("short").Assumed().adversarial.horizon, 3);
+  EXPECT_EQ(again.settings.at("short").Assumed().adversarial.lambda, 1e-3) << "a setting starts from [design]";
 }
 
 TEST(RunConfig, DefaultsReadBackToo) {
@@ -110,11 +110,11 @@ TEST(RunConfig, PriorsReadBackAndTheirPathsLieBesideTheFile) {
   const std::string text =
       "[parameters]\na = { field = \"opt/a\", range = [0, 2], prior = { mean = 0.5, std = 0.1 } }\n"
       "[design]\nprior = \"gaussian\"\n[design.settings.next]\nprior = \"runs/first\"\n"
-      "[design.settings.same]\nlambda = 1.0\n";
+      "[design.settings.same.adversarial]\nlambda = 1.0\n";
   const RunConfig config = RunConfig::FromToml(text, "configs/x.toml");
   EXPECT_EQ(config.parameters[0].prior->mean, 0.5);
-  EXPECT_EQ(config.settings.at("next").prior, "configs/runs/first");
-  EXPECT_EQ(config.settings.at("same").prior, "gaussian");
+  EXPECT_EQ(config.settings.at("next").Assumed().prior, "configs/runs/first");
+  EXPECT_EQ(config.settings.at("same").Assumed().prior, "gaussian");
   const RunConfig again = RunConfig::FromToml(config.ToToml(), "run.toml");
   EXPECT_EQ(again.ToJson(), config.ToJson());
   EXPECT_EQ(again.parameters[0].prior->std, 0.1);
@@ -135,12 +135,20 @@ TEST(RunConfig, ParametersOnOneLineKeepTheirOrder) {
   EXPECT_THAT(Names(config), ElementsAre("b", "a"));
 }
 
-TEST(RunConfig, APresetComesBeforeItsOverridesWhereverItStands) {
-  const RunConfig config = WithSection("[design]\nhorizon = 50\nform = \"paper\"\n");
-  EXPECT_EQ(config.design.horizon, 50);
-  EXPECT_EQ(config.design.starts, "initial");
-  EXPECT_EQ(config.design.actions, "clone");
-  EXPECT_EQ(config.design.n_steps, DesignConfig::ForForm("paper").n_steps);
+TEST(RunConfig, TheMethodsDefaultsGiveWayToSettingsWhereverTheyStand) {
+  const RunConfig config = WithSection("[design]\nadversarial.horizon = 50\nmethod = \"paper\"\n");
+  const DesignConfig design = config.design.Assumed();
+  EXPECT_EQ(design.adversarial.horizon, 50);
+  EXPECT_EQ(design.adversarial.starts, RolloutStarts::kInitial);
+  EXPECT_EQ(design.adversarial.actions, RolloutActions::kClone);
+  EXPECT_EQ(design.adversarial.n_steps, DesignConfig::For(DesignMethod::kPaper).adversarial.n_steps);
+}
+
+TEST(RunConfig, WhatAMethodWouldSetIsNoSettingInTheWrittenFile) {
+  const RunConfig again = RunConfig::FromToml(WithSection("").ToToml(), "run.toml");
+  EXPECT_FALSE(again.design.method);
+  EXPECT_EQ(again.design.For(DesignMethod::kPaper).ToJson(), DesignConfig::For(DesignMethod::kPaper).ToJson())
+      << "another method than the first begins with its own defaults";
 }
 
 TEST(RunConfig, RelativeDataLieBesideTheFile) {
@@ -203,12 +211,17 @@ TEST(RunConfig, AnUnknownNameIsRefusedWithTheNearestAndItsLine) {
   const std::string section = Refusal("[selecton]\nn_seeds = 3\n");
   EXPECT_THAT(section, HasSubstr("here.toml:9"));
   EXPECT_THAT(section, HasSubstr("did you mean 'selection'?"));
-  const std::string form = Refusal("[design]\nform = \"papr\"\n");
-  EXPECT_THAT(form, HasSubstr("here.toml:10"));
-  EXPECT_THAT(form, HasSubstr("did you mean 'paper'?"));
-  const std::string in_setting = Refusal("[design.settings.x]\nhorizn = 5\n");
-  EXPECT_THAT(in_setting, HasSubstr("here.toml:9"));
+  const std::string method = Refusal("[design]\nmethod = \"papr\"\n");
+  EXPECT_THAT(method, HasSubstr("here.toml:10"));
+  EXPECT_THAT(method, HasSubstr("did you mean 'paper'?"));
+  const std::string in_setting = Refusal("[design.settings.x]\nadversarial.horizn = 5\n");
+  EXPECT_THAT(in_setting, HasSubstr("here.toml:10"));
   EXPECT_THAT(in_setting, HasSubstr("did you mean 'horizon'?"));
+  const std::string former = Refusal("[design]\nform = \"paper\"\n");
+  EXPECT_THAT(former, HasSubstr("here.toml:10"));
+  EXPECT_THAT(former, HasSubstr("design.form is now design.method"));
+  const std::string inner = Refusal("[design.trajectry]\nwindow = 8\n");
+  EXPECT_THAT(inner, HasSubstr("did you mean 'design.trajectories'?"));
   const std::string truth = Refusal("[truth]\nfricton = 1\ngravity = 1\n");
   EXPECT_THAT(truth, HasSubstr("truth.fricton"));
   EXPECT_THAT(truth, HasSubstr("did you mean 'friction'?"));
@@ -220,13 +233,13 @@ TEST(RunConfig, AnUnknownNameIsRefusedWithTheNearestAndItsLine) {
 TEST(RunConfig, AValueOutsideItsRangeOrTypeIsRefusedWithWhatItTakes) {
   EXPECT_THAT(Refusal("[sac]\ngamma = 1.5\n"), HasSubstr("gamma is 1.5"));
   EXPECT_THAT(Refusal("[sac]\nbatch_size = 0\n"), HasSubstr("[1, inf)"));
-  EXPECT_THAT(Refusal("[design]\nn_sims = 1\n"), HasSubstr("n_sims is 1"));
-  EXPECT_THAT(Refusal("[design]\nn_sims = 2.5\n"), HasSubstr("int"));
-  EXPECT_THAT(Refusal("[design]\nreward = \"papre\"\n"), HasSubstr("did you mean 'paper'?"));
+  EXPECT_THAT(Refusal("[design.adversarial]\nn_sims = 1\n"), HasSubstr("n_sims is 1"));
+  EXPECT_THAT(Refusal("[design.adversarial]\nn_sims = 2.5\n"), HasSubstr("int"));
+  EXPECT_THAT(Refusal("[design.adversarial]\nreward = \"papre\"\n"), HasSubstr("did you mean 'paper'?"));
   EXPECT_THAT(Refusal("[run]\nstrict = 1\n"), HasSubstr("true|false"));
   EXPECT_THAT(Refusal("[run]\nseed = 2024-01-01\n"), HasSubstr("dates"));
   EXPECT_THAT(Refusal("[design]\nsettings = 3\n"), HasSubstr("[design.settings.NAME]"));
-  EXPECT_THAT(Refusal("[design.settings.\"../up\"]\nhorizon = 3\n"), HasSubstr("'../up'"));
+  EXPECT_THAT(Refusal("[design.settings.\"../up\"]\nadversarial.horizon = 3\n"), HasSubstr("'../up'"));
   for (const char* episodes : {"0", "-3", "\"five\"", "\"\"", "\"5 \"", "99999999999999999", "2.5"}) {
     EXPECT_THAT(MessageOf<UsageError>([&] {
                   Parse(fmt::format("[task]\nname = \"Hopper-v5\"\n[data]\nepisodes = {}\n"
@@ -262,7 +275,7 @@ TEST(RunConfig, BrokenTomlIsRefusedWithItsLine) {
 
 TEST(RunConfig, SetTakesAnySetting) {
   RunConfig config = Parse(kMinimal);
-  config.Set("design.n_iterations=5");
+  config.Set("design.adversarial.n_iterations=5");
   config.Set("clone.hidden=32,16");
   config.Set("sac.n_steps=1e5");
   config.Set("data.path=a=b.hdf5");
@@ -273,9 +286,13 @@ TEST(RunConfig, SetTakesAnySetting) {
   config.Set("data.time=t");
   config.Set("data.action_delay=2");
   config.Set("run.strict=true");
-  EXPECT_EQ(config.design.n_iterations, 5);
+  EXPECT_EQ(config.design.Assumed().adversarial.n_iterations, 5);
   EXPECT_THAT(config.clone.hidden, ElementsAre(32, 16));
-  EXPECT_EQ(config.sac.n_steps, 100'000);
+  EXPECT_EQ(config.algorithms.sac.n_steps, 100'000);
+  config.Set("design.trajectories.window=8");
+  config.Set("design.designer=categorical");
+  EXPECT_EQ(config.design.Assumed().trajectories.window, 8);
+  EXPECT_EQ(config.design.Assumed().designer, DesignerKind::kCategorical);
   EXPECT_EQ(config.data.path, "a=b.hdf5") << "the first '=' ends the key";
   EXPECT_EQ(config.data.episodes, "5");
   const DataOptions options = config.data.Options();
@@ -297,29 +314,30 @@ TEST(RunConfig, AMalformedInlineTableIsAnErrorWithItsLine) {
 TEST(RunConfig, SetRefusesWhatItDoesNotKnow) {
   RunConfig config = Parse(kMinimal);
   const auto refusal = [&](const std::string& text) { return MessageOf<UsageError>([&] { config.Set(text); }); };
-  EXPECT_THAT(refusal("design.n_iteratons=5"), HasSubstr("did you mean 'n_iterations'?"));
-  EXPECT_THAT(refusal("desing.n_iterations=5"), HasSubstr("did you mean 'design'?"));
-  EXPECT_THAT(refusal("design.n_iterations=0"), HasSubstr("[1, inf)"));
-  EXPECT_THAT(refusal("design.n_iterations=five"), HasSubstr("\"five\""));
-  EXPECT_THAT(refusal("design.n_iterations="), HasSubstr("design.n_iterations="));
+  EXPECT_THAT(refusal("design.adversarial.n_iteratons=5"), HasSubstr("did you mean 'n_iterations'?"));
+  EXPECT_THAT(refusal("desing.prior=uniform"), HasSubstr("did you mean 'design'?"));
+  EXPECT_THAT(refusal("design.adversarial.n_iterations=0"), HasSubstr("[1, inf)"));
+  EXPECT_THAT(refusal("design.adversarial.n_iterations=five"), HasSubstr("\"five\""));
+  EXPECT_THAT(refusal("design.adversarial.n_iterations="), HasSubstr("design.adversarial.n_iterations="));
   EXPECT_THAT(refusal("n_iterations=5"), HasSubstr("section.key=value"));
-  EXPECT_THAT(refusal("design.n_iterations"), HasSubstr("section.key=value"));
+  EXPECT_THAT(refusal("design.adversarial.n_iterations"), HasSubstr("section.key=value"));
 }
 
 TEST(RunConfig, SetHoldsForEverySettingOfTheDesign) {
-  RunConfig config = WithSection("[design.settings.a]\nhorizon = 5\n[design.settings.b]\nform = \"paper\"\n");
-  config.Set("design.n_sims=8");
-  EXPECT_EQ(config.DesignSettings().at("a").n_sims, 8);
-  EXPECT_EQ(config.DesignSettings().at("b").n_sims, 8);
-  EXPECT_EQ(config.DesignSettings().at("a").horizon, 5);
-  EXPECT_THAT(MessageOf<UsageError>([&] { config.Set("design.form=paper"); }), HasSubstr("design.settings.a"))
-      << "a form would undo what each setting changes";
+  RunConfig config =
+      WithSection("[design.settings.a.adversarial]\nhorizon = 5\n[design.settings.b]\nmethod = \"paper\"\n");
+  config.Set("design.adversarial.n_sims=8");
+  EXPECT_EQ(config.DesignSettings().at("a").Assumed().adversarial.n_sims, 8);
+  EXPECT_EQ(config.DesignSettings().at("b").Assumed().adversarial.n_sims, 8);
+  EXPECT_EQ(config.DesignSettings().at("a").Assumed().adversarial.horizon, 5);
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.Set("design.method=paper"); }), HasSubstr("design.settings.a"))
+      << "each setting may have a method of its own";
 }
 
 TEST(RunConfig, WithoutSettingsThereIsOneCalledDefault) {
-  const RunConfig config = WithSection("[design]\nhorizon = 7\n");
+  const RunConfig config = WithSection("[design.adversarial]\nhorizon = 7\n");
   ASSERT_EQ(config.DesignSettings().size(), 1u);
-  EXPECT_EQ(config.DesignSettings().at("default").horizon, 7);
+  EXPECT_EQ(config.DesignSettings().at("default").Assumed().adversarial.horizon, 7);
 }
 
 TEST(RunConfig, TruthIsNamedWholeOrNotAtAll) {
@@ -354,19 +372,26 @@ TEST(RunConfig, ThreadsAreAllOfThemUnlessSaid) {
   EXPECT_EQ(config.Threads(), 3);
 }
 
+TEST(RunConfig, AFormerNameOfASettingIsToldThePresentOne) {
+  EXPECT_THAT(Refusal("[agents]\nundesigned = false\n"), HasSubstr("agents.undesigned is now agents.nominal"));
+  RunConfig config;
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.Set("agents.undesigned_at=1,1"); }),
+              HasSubstr("agents.undesigned_at is now agents.nominal_at"));
+}
+
 TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
   SimulatorSpec continuous, discrete;
   continuous.task = "Mine";
   discrete.task = "Grid";
   discrete.n_discrete_actions = 3;
   RunConfig config;
-  EXPECT_EQ(config.agents.AlgorithmFor(continuous), "crossq");
-  EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
+  EXPECT_EQ(config.agents.AlgorithmFor(continuous), AgentAlgorithm::kCrossq);
+  EXPECT_EQ(config.agents.AlgorithmFor(discrete), AgentAlgorithm::kPpo);
   config.Set("agents.algorithm=crossq");
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(discrete); }),
               testing::AllOf(HasSubstr("agents.algorithm is crossq"), HasSubstr("set it to ppo")));
   config.Set("agents.algorithm=ppo");
-  EXPECT_EQ(config.agents.AlgorithmFor(discrete), "ppo");
+  EXPECT_EQ(config.agents.AlgorithmFor(discrete), AgentAlgorithm::kPpo);
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(continuous); }),
               testing::AllOf(HasSubstr("agents.algorithm is ppo"), HasSubstr("'Mine' has continuous actions")));
   config.Set("agents.algorithm=sac");

@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/config/former_names.h"
 #include "oted/config/parameters_toml.h"
 #include "oted/config/run_config.h"
 #include "oted/config/toml_reader.h"
@@ -37,19 +38,6 @@ void ReadQuantities(const toml::node& node, const std::string& file, std::map<st
   }
 }
 
-DesignConfig FormAt(const std::string& form, const std::string& where) {
-  try {
-    return DesignConfig::ForForm(form);
-  } catch (const UsageError& e) {
-    throw UsageError(fmt::format("{}: {}", where, e.what()));
-  }
-}
-
-/// The path among what design.prior can be, likewise.
-void PlacePrior(DesignConfig& design, const std::string& file_name) {
-  if (design.prior != "uniform" && design.prior != "gaussian") design.prior = BesideFile(design.prior, file_name);
-}
-
 toml::table Parsed(const std::string& text, const std::string& file_name) {
   CheckTomlCharacters(text, file_name);
   try {
@@ -59,11 +47,12 @@ toml::table Parsed(const std::string& text, const std::string& file_name) {
   }
 }
 
-/// A section of plain settings. What is no setting in it, [design.settings] and [task.quantities], is read apart.
+/// A section of plain settings. What is no setting in it, [task.quantities], is read apart.
 void ReadSection(const toml::table& table, const std::string& file_name, FieldList& section) {
   for (const auto& [key, node] : table) {
     const std::string setting = fmt::format("{}.{}", section.section(), key.str()), at = TomlPlace(file_name, node);
-    if (setting == "design.settings" || setting == "task.quantities") continue;
+    if (setting == "task.quantities") continue;
+    RefuseFormerName(section.section(), key.str(), at);
     json value = TomlToJson(node, at);
     // A count or a word, a choice that may be a truth value: the fields are text.
     if (setting == "data.episodes" && value.is_number_integer()) value = value.dump();
@@ -72,26 +61,72 @@ void ReadSection(const toml::table& table, const std::string& file_name, FieldLi
   }
 }
 
-/// [design.settings.NAME]: the settings h start from [design] and change what they name.
-std::map<std::string, DesignConfig> ReadDesignSettings(const toml::node& node, const DesignConfig& design,
-                                                       const std::string& file_name) {
-  if (!node.is_table()) {
-    throw UsageError(fmt::format("{}: design.settings is no table; write [design.settings.NAME] for each setting",
-                                 TomlPlace(file_name, node)));
-  }
-  std::map<std::string, DesignConfig> settings;
-  for (const auto& [key, changed] : *node.as_table()) {
-    const std::string at = TomlPlace(file_name, changed);
-    const json changes = TomlToJson(changed, at);
-    DesignConfig setting = design;
-    if (changes.is_object() && changes.contains("form") && changes["form"].is_string()) {
-      setting = FormAt(changes["form"].get<std::string>(), at);
+/// [design], or one of [design.settings]: settings, and sections of them.
+void ReadDesign(const toml::table& table, const std::string& file_name, DesignChoice& design) {
+  for (const auto& [key, node] : table) {
+    const std::string name(key.str()), at = TomlPlace(file_name, node);
+    if (name == "settings") continue;
+    if (const toml::table* section = node.as_table()) {
+      for (const auto& [inner, value] : *section) {
+        const std::string place = TomlPlace(file_name, value);
+        design.Set(fmt::format("{}.{}", name, inner.str()), TomlToJson(value, place), place);
+      }
+      continue;
     }
-    setting.Fields().FromJson(changes, at);
-    if (changes.contains("prior")) PlacePrior(setting, file_name);
+    json value = TomlToJson(node, at);
+    // The path among what a prior can be is relative to the file's folder.
+    if (name == "prior" && value.is_string() && value != "uniform" && value != "gaussian") {
+      value = BesideFile(value.get<std::string>(), file_name);
+    }
+    design.Set(name, value, at);
+  }
+}
+
+/// [design.settings.NAME]: the settings h start from [design] and change what they name.
+std::map<std::string, DesignChoice> ReadDesignSettings(const toml::node& node, const DesignChoice& design,
+                                                       const std::string& file_name) {
+  const auto refuse = [](const std::string& at) {
+    throw UsageError(fmt::format("{}: design.settings is no table; write [design.settings.NAME] for each setting", at));
+  };
+  if (!node.is_table()) refuse(TomlPlace(file_name, node));
+  std::map<std::string, DesignChoice> settings;
+  for (const auto& [key, changed] : *node.as_table()) {
+    if (!changed.is_table()) refuse(TomlPlace(file_name, changed));
+    DesignChoice setting = design;
+    ReadDesign(*changed.as_table(), file_name, setting);
     settings[std::string(key.str())] = setting;
   }
   return settings;
+}
+
+void WriteFields(std::ostream& out, const std::vector<Field>& fields, bool with_help) {
+  for (const Field& field : fields) {
+    out << field.name << " = ";
+    WriteTomlValue(out, field.ToJson());
+    if (with_help) out << "  # " << field.help;
+    out << "\n";
+  }
+}
+
+/// A default that differs between methods is a comment: what a file says counts as given, whatever method runs.
+void WriteDesign(std::ostream& out, const std::string& name, const DesignChoice& design, bool with_help) {
+  DesignChoice choice = design;
+  DesignConfig config = design.Assumed();
+  for (const FieldList& section : config.Sections()) {
+    const std::string below = section.section().substr(std::string("design").size());
+    out << "\n[" << name << below << "]\n";
+    if (below.empty()) WriteFields(out, {choice.MethodField()}, with_help);
+    for (const Field& field : section.fields()) {
+      const std::string key = below.empty() ? field.name : below.substr(1) + "." + field.name;
+      if (!design.Has(key) && DependsOnMethod(section.section(), field.name)) {
+        out << "# " << field.name << ": " << DefaultInWords(section.section(), field.name);
+        if (with_help) out << "  # " << field.help;
+        out << "\n";
+      } else {
+        WriteFields(out, {field}, with_help);
+      }
+    }
+  }
 }
 
 }  // namespace
@@ -100,12 +135,8 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
                               const std::string& parameter_file) {
   const toml::table document = Parsed(text, file_name);
   RunConfig config;
-  // The form of the design sets other defaults, so it is read before them.
-  if (const toml::value<std::string>* form = document["design"]["form"].as_string()) {
-    config.design = FormAt(form->get(), TomlPlace(file_name, *form));
-  }
-  std::vector<FieldList> sections = AllFields(config);
-  std::vector<std::string> names = {"parameters", "truth"};
+  std::vector<FieldList> sections = PlainSections(config);
+  std::vector<std::string> names = {"parameters", "truth", "design"};
   for (const FieldList& section : sections) names.push_back(section.section());
   for (const auto& [key, node] : document) {
     const std::string name(key.str());
@@ -118,6 +149,8 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
     if (name == "parameters") {
       config.presets = PresetsFromToml(table, file_name);
       config.parameters = ParametersFromToml(table, file_name, parameter_file);
+    } else if (name == "design") {
+      ReadDesign(table, file_name, config.design);
     } else if (name == "truth") {
       for (const auto& [parameter, value] : table) {
         const std::string at = TomlPlace(file_name, value), what(parameter.str());
@@ -135,7 +168,6 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
   if (const toml::node* quantities = document["task"]["quantities"].node()) {
     ReadQuantities(*quantities, file_name, config.task.model.quantities);
   }
-  PlacePrior(config.design, file_name);
   if (const toml::node* settings = document["design"]["settings"].node()) {
     config.settings = ReadDesignSettings(*settings, config.design, file_name);
   }
@@ -161,10 +193,11 @@ RunConfig RunConfig::FromTomlFile(const std::string& path, const std::string& pa
 json RunConfig::ToJson() const {
   RunConfig copy = *this;
   json object;
-  for (const FieldList& section : AllFields(copy)) object[section.section()] = section.ToJson();
+  for (const FieldList& section : PlainSections(copy)) object[section.section()] = section.ToJson();
   object["task"] = task.ToJson();
   if (!task.is_grid()) object.erase("grid");
-  for (auto& [name, setting] : copy.settings) object["design"]["settings"][name] = setting.Fields().ToJson();
+  object["design"] = design.ToJson();
+  for (const auto& [name, setting] : settings) object["design"]["settings"][name] = setting.ToJson();
   object["parameters"] = json::object();
   if (!presets.empty()) object["parameters"]["preset"] = presets;
   for (const ParameterSpec& spec : parameters) object["parameters"][spec.name] = ParameterToJson(spec);
@@ -176,18 +209,14 @@ std::string RunConfig::ToToml() const {
   RunConfig copy = *this;
   std::ostringstream out;
   out << "# The resolved configuration of this run: every setting, defaults included.\n";
-  for (const FieldList& section : AllFields(copy)) {
+  for (const FieldList& section : PlainSections(copy)) {
     if (section.section() == "grid") continue;  // with the task
     if (section.section() == "task") {
       out << "\n" << task.ToToml();
       continue;
     }
     out << "\n[" << section.section() << "]\n";
-    for (const Field& field : section.fields()) {
-      out << field.name << " = ";
-      WriteTomlValue(out, field.ToJson());
-      out << "  # " << field.help << "\n";
-    }
+    WriteFields(out, section.fields(), true);
     if (section.section() == "run") {
       out << "\n[parameters]\n";
       if (!presets.empty()) out << "preset = " << json(presets).dump() << "\n";
@@ -197,16 +226,9 @@ std::string RunConfig::ToToml() const {
         out << "\n";
       }
     }
-    if (section.section() == "design") {
-      for (auto& [name, setting] : copy.settings) {
-        out << "\n[design.settings." << name << "]\n";
-        const FieldList fields = setting.Fields();
-        for (const Field& field : fields.fields()) {
-          out << field.name << " = ";
-          WriteTomlValue(out, field.ToJson());
-          out << "\n";
-        }
-      }
+    if (section.section() == "clone") {
+      WriteDesign(out, "design", design, true);
+      for (const auto& [name, setting] : settings) WriteDesign(out, "design.settings." + name, setting, false);
     }
   }
   if (!truth.empty()) {

@@ -6,6 +6,10 @@
 #include <span>
 
 #include "oted/base/error.h"
+#include "oted/data/checks_channels.h"
+#include "oted/data/checks_dynamics.h"
+#include "oted/data/checks_rows.h"
+#include "oted/data/checks_states.h"
 
 namespace oted {
 namespace {

@@ -1,12 +1,10 @@
-// Checks of single channels: constant, clipped, outside their bounds, quantised, half precision.
+#include "oted/data/checks_channels.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
-
-#include "oted/data/checks.h"
 
 namespace oted {
 namespace {

@@ -1,4 +1,4 @@
-// Control rate and measurement noise, from one linear fit of the change per step.
+#include "oted/data/checks_dynamics.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "oted/data/checks.h"
 #include "oted/data/linear_fit.h"
 
 namespace oted {

@@ -1,4 +1,4 @@
-// Checks of rows and episodes: duplicates, rows that stand still, boundaries, lengths, amount.
+#include "oted/data/checks_rows.h"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,6 @@
 #include <cmath>
 #include <cstring>
 #include <string_view>
-
-#include "oted/data/checks.h"
 
 namespace oted {
 namespace {

@@ -1,12 +1,10 @@
-// Observations against infos/qpos and infos/qvel.
+#include "oted/data/checks_states.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
-
-#include "oted/data/checks.h"
 
 namespace oted {
 namespace {

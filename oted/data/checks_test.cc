@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "oted/base/rng.h"
+#include "oted/data/checks_dynamics.h"
 #include "oted/data/linear_fit.h"
 
 namespace oted::checks_test {

@@ -14,8 +14,4 @@ namespace oted {
 /// @throws DataError naming file, line and column.
 Recording ReadCsv(const std::string& path, const DataOptions& options);
 
-/// Writes what ReadCsv gives back to the last bit: one row per transition and one for each final observation, names as
-/// "obs.NAME" and "act.NAME". .csv.gz is compressed. @throws DataError, also when s' is not the next row's s.
-void WriteCsv(const Dataset& dataset, const std::string& path);
-
 }  // namespace oted

@@ -5,6 +5,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/testing.h"
 
 namespace oted::csv_dataset_test {

@@ -1,4 +1,4 @@
-// The writing side of csv_dataset.h.
+#include "oted/data/csv_dataset_write.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,6 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/data/csv.h"
-#include "oted/data/csv_dataset.h"
 #include "oted/data/gzip.h"
 
 namespace oted {

@@ -1,4 +1,4 @@
-// Datasets from and to files, by format.
+#include "oted/data/dataset_files.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,8 +12,8 @@
 #include "oted/base/fields.h"
 #include "oted/base/files.h"
 #include "oted/data/csv_dataset.h"
+#include "oted/data/csv_dataset_write.h"
 #include "oted/data/d4rl_hdf5.h"
-#include "oted/data/dataset.h"
 #include "oted/data/minari.h"
 #include "oted/data/npz.h"
 

@@ -10,6 +10,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/testing.h"
 
 namespace oted::minari_test {

@@ -39,7 +39,8 @@ using NpzArrays = std::map<std::string, NpyArray>;
 /// @throws DataError naming file and array.
 NpzArrays ReadNpz(const std::filesystem::path& path);
 
-/// Writes a deflated archive, atomically and with a fixed time stamp: equal arrays give equal bytes. Below 4 GiB.
+/// Writes a deflated archive, atomically and with a fixed time stamp: equal arrays give equal bytes. Each array is
+/// below 4 GiB.
 /// @throws DataError
 void WriteNpz(const NpzArrays& arrays, const std::filesystem::path& path);
 /// The same, to and from memory.

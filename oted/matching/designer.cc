@@ -1,294 +1,204 @@
 #include "oted/matching/designer.h"
 
-#include <algorithm>
-#include <cmath>
+#include <fmt/format.h>
 
-#include "oted/base/bisection.h"
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
 #include "oted/base/error.h"
 
 namespace oted {
-namespace {
-
-// Narrower than this, q would no longer explore: 0.0005 of the range at its middle.
-constexpr double kLogStdMinX = -6.2;
-// Wider than this, draws crowd at both bounds.
-constexpr double kLogStdMaxX = 0.75;
-// |mean| at most this: u in [0.0025, 0.9975], so that a mode at a bound can still move away.
-constexpr double kMeanMaxX = 6.0;
-
-/// Quantile of the standard normal by bisection on erfc; only for reports.
-double NormalQuantile(double p) {
-  return Bisect(-10, 10, 80, [&](double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)) < p; });
-}
-
-}  // namespace
-
-double LogitToUnit(double x) { return 1.0 / (1.0 + std::exp(-x)); }
-
-std::vector<double> LogitToZ(const ParameterSpace& space, std::span<const double> x) {
-  std::vector<double> u(x.size());
-  std::transform(x.begin(), x.end(), u.begin(), LogitToUnit);
-  return space.FromUnit(u);
-}
-
-std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double> z) {
-  std::vector<double> x = space.ToUnit(z);
-  for (double& value : x) value = std::clamp(std::log(value / (1.0 - value)), -kMeanMaxX, kMeanMaxX);
-  return x;
-}
 
 Designer::Designer(ParameterSpace space, double initial_std)
-    : space_(std::move(space)),
-      prior_(Prior::Uniform(space_.size())),
-      mean_(static_cast<size_t>(space_.size()), 0.0),
-      log_std_(static_cast<size_t>(space_.size()), std::log(initial_std)),
-      correlation_factor_(Eigen::MatrixXd::Identity(space_.size(), space_.size())) {}
+    : space_(space), kind_(GaussianSearch(space, initial_std)) {}
 
 Designer::Designer(ParameterSpace space, const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance)
-    : Designer(std::move(space), 1.0) {
-  OTED_CHECK(mean.size() == space_.size() && covariance.rows() == space_.size() && covariance.cols() == space_.size());
-  mean_.assign(mean.begin(), mean.end());
-  const Eigen::VectorXd std = covariance.diagonal().cwiseSqrt();
-  for (int i = 0; i < space_.size(); ++i) log_std_[static_cast<size_t>(i)] = std::log(std[i]);
-  const Eigen::MatrixXd correlation = std.cwiseInverse().asDiagonal() * covariance * std.cwiseInverse().asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> cholesky(correlation);
-  OTED_CHECK(cholesky.info() == Eigen::Success && correlation.allFinite());
-  correlation_factor_ = cholesky.matrixL();
-}
+    : space_(space), kind_(GaussianSearch(space, mean, covariance)) {}
 
-Designer Designer::OnGrid(ParameterSpace space, double step) {
-  Designer designer(std::move(space), 1.0);
-  designer.grid_ = GridDistribution(designer.space_, step);
-  designer.grid_step_ = step;
-  return designer;
+Designer Designer::OnGrid(ParameterSpace space, double step) { return Designer(space, GridSearch(space, step)); }
+
+const GridDistribution* Designer::grid() const {
+  const auto* on_grid = std::get_if<GridSearch>(&kind_);
+  return on_grid == nullptr ? nullptr : &on_grid->grid();
 }
 
 void Designer::SetPrior(const Prior& prior) {
   OTED_CHECK(prior.size() == size());
-  prior_ = prior;
-  if (!grid_) return;
-  if (prior_.uniform) {
-    grid_->SetPrior({});
-    return;
-  }
-  if (prior_.values.empty()) {
-    // The Gaussian's mass over the step around each value, and over all beyond at either end; never none at all.
-    constexpr double kLeast = 1e-6;
-    Designer gaussian(space_, prior.mean, prior.Covariance());
-    for (int i = 0; i < size(); ++i) {
-      const std::vector<double>& at = grid_->values(i);
-      std::vector<double> masses;
-      double below = 0;
-      for (size_t k = 0; k < at.size(); ++k) {
-        const double up_to = k + 1 == at.size() ? 1.0 : gaussian.Cumulative(i, 0.5 * (at[k] + at[k + 1]));
-        masses.push_back(std::max(up_to - below, kLeast));
-        below = up_to;
-      }
-      prior_.values.push_back(std::move(masses));
-    }
-  }
-  grid_->SetPrior(prior_.values);
+  std::visit([&](auto& q) { q.SetPrior(prior); }, kind_);
 }
 
-void Designer::StartAtPrior(double initial_std) {
-  if (grid_) {
-    grid_->SetState(grid_->PriorState());
-    return;
-  }
-  const Eigen::VectorXd std = prior_.Std();
-  for (int i = 0; i < size(); ++i) {
-    const size_t at = static_cast<size_t>(i);
-    mean_[at] = std::clamp(prior_.mean[i], -kMeanMaxX, kMeanMaxX);
-    const double narrower = prior_.uniform ? 0.0 : std::log(std[i] / kPriorStd);
-    log_std_[at] =
-        prior_.uniform ? std::log(initial_std) : std::clamp(std::log(initial_std) + narrower, kLogStdMinX, kLogStdMaxX);
-  }
-  correlation_factor_.setIdentity();
-}
-
-Eigen::MatrixXd Designer::Correlation() const { return correlation_factor_ * correlation_factor_.transpose(); }
-
-Eigen::MatrixXd Designer::Covariance() const {
-  Eigen::VectorXd std(size());
-  for (int i = 0; i < size(); ++i) std[i] = std::exp(log_std_[static_cast<size_t>(i)]);
-  return std.asDiagonal() * Correlation() * std.asDiagonal();
-}
-
-std::vector<Designer::Sample> Designer::DrawBatch(int n, Rng& rng) const {
-  std::vector<Sample> draws;
-  if (grid_) {
-    for (std::vector<double>& x : grid_->DrawEvenly(n, rng)) draws.push_back({x, grid_->ValuesAt(x)});
-    return draws;
-  }
-  for (int k = 0; k < n; ++k) draws.push_back(k % 2 == 0 ? Draw(rng) : Mirror(draws.back()));
-  return draws;
-}
-
-Designer::Sample Designer::Draw(Rng& rng) const {
-  if (grid_) {
-    const std::vector<double> x = grid_->Draw(rng);
-    return {x, grid_->ValuesAt(x)};
-  }
-  Eigen::VectorXd independent(size());
-  for (double& noise : independent) noise = rng.Normal();
-  Sample sample;
-  for (int i = 0; i < size(); ++i) {
-    const double noise = correlation_factor_.row(i).head(i + 1).dot(independent.head(i + 1));
-    const size_t at = static_cast<size_t>(i);
-    sample.x.push_back(mean_[at] + std::exp(log_std_[at]) * noise);
-  }
-  sample.z = LogitToZ(space_, sample.x);
-  return sample;
-}
-
-Designer::Sample Designer::Mirror(const Sample& sample) const {
-  Sample mirrored;
-  for (size_t i = 0; i < mean_.size(); ++i) mirrored.x.push_back(2.0 * mean_[i] - sample.x[i]);
-  mirrored.z = LogitToZ(space_, mirrored.x);
-  return mirrored;
-}
-
-std::vector<double> Designer::Mode() const { return grid_ ? grid_->Mode() : LogitToZ(space_, mean_); }
-
-std::vector<double> Designer::Std() const {
-  if (grid_) return grid_->Std();
-  std::vector<double> std = log_std_;
-  for (double& value : std) value = std::exp(value);
-  return StdOf(mean_, std);
-}
-
-std::vector<double> Designer::PriorStd() const {
-  if (grid_) {
-    GridDistribution p = *grid_;
-    p.SetState(p.PriorState());
-    return p.Std();
-  }
-  const Eigen::VectorXd std = prior_.Std();
-  return StdOf({prior_.mean.begin(), prior_.mean.end()}, {std.begin(), std.end()});
-}
-
-std::vector<double> Designer::StdOf(const std::vector<double>& mean, const std::vector<double>& std_of_x) const {
-  std::vector<double> std(mean.size());
-  for (size_t i = 0; i < mean.size(); ++i) {
-    // dz/dx by central difference through the transform and the parameter's own scale.
-    std::vector<double> up = mean, down = mean;
-    up[i] += 1e-4;
-    down[i] -= 1e-4;
-    const double slope = (LogitToZ(space_, up)[i] - LogitToZ(space_, down)[i]) / 2e-4;
-    const ParameterSpec& spec = space_[static_cast<int>(i)];
-    std[i] = std::min(slope * std_of_x[i], (spec.high - spec.low) / std::sqrt(12.0));
-  }
-  return std;
-}
-
-double Designer::Cumulative(int i, double x) const {
-  if (grid_) return grid_->Cumulative(i, x);
-  std::vector<double> z = Mode();
-  const size_t at = static_cast<size_t>(i);
-  z[at] = x;
-  const double noise = (ZToLogit(space_, z)[at] - mean_[at]) / std::exp(log_std_[at]);
-  return 0.5 * std::erfc(-noise / std::sqrt(2.0));
-}
-
-std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
-  if (grid_) {
-    std::vector<Interval> intervals;
-    for (int i = 0; i < size(); ++i) {
-      const auto quantile = [&](double p) {
-        return Bisect(space_[i].low, space_[i].high, 60, [&](double z) { return grid_->Cumulative(i, z) < p; });
-      };
-      intervals.push_back({quantile(0.5 - 0.5 * mass), quantile(0.5 + 0.5 * mass)});
-    }
-    return intervals;
-  }
-  const double quantile = NormalQuantile(0.5 + 0.5 * mass);
-  std::vector<double> low = mean_, high = mean_;
-  for (size_t i = 0; i < mean_.size(); ++i) {
-    low[i] -= quantile * std::exp(log_std_[i]);
-    high[i] += quantile * std::exp(log_std_[i]);
-  }
-  const std::vector<double> z_low = LogitToZ(space_, low), z_high = LogitToZ(space_, high);
-  std::vector<Interval> intervals;
-  for (size_t i = 0; i < mean_.size(); ++i) intervals.push_back({z_low[i], z_high[i]});
-  return intervals;
-}
-
-double Designer::KlToPrior() const {
-  if (grid_) return grid_->KlToPrior();
-  double kl = 0;
-  if (!prior_.uniform) {
-    const Eigen::MatrixXd covariance = Covariance();
-    const Eigen::VectorXd shift = Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean;
-    kl = 0.5 * ((prior_.precision * covariance).trace() + shift.dot(prior_.precision * shift) - size());
-    kl += prior_.factor.diagonal().array().log().sum() - correlation_factor_.diagonal().array().log().sum();
-    for (const double log_std : log_std_) kl -= log_std;
-    return kl;
-  }
-  for (size_t i = 0; i < mean_.size(); ++i) {
-    const double ratio = std::exp(log_std_[i]) / kPriorStd, shift = mean_[i] / kPriorStd;
-    kl += 0.5 * (ratio * ratio + shift * shift - 1.0) - std::log(ratio);
-  }
-  // The prior is uncorrelated: correlation adds the logarithm of its determinant alone.
-  return kl - correlation_factor_.diagonal().array().log().sum();
-}
-
-void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda,
-                      double step_mean, double step_log_std) {
+void Designer::Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, const AscentSteps& steps) {
   OTED_CHECK(draws.size() == advantages.size() && !draws.empty());
-  if (grid_) {
-    std::vector<std::vector<double>> indices;
-    for (const Sample& draw : draws) indices.push_back(draw.x);
-    grid_->Ascend(indices, advantages, lambda, step_mean);
-    return;
-  }
-  OTED_CHECK(correlation_factor_.isIdentity(0));
-  const double n = static_cast<double>(draws.size());
-  const Eigen::VectorXd pull =
-      prior_.precision * (Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean);
-  for (size_t i = 0; i < mean_.size(); ++i) {
-    const double std = std::exp(log_std_[i]);
-    const auto at = static_cast<Eigen::Index>(i);
-    const double variance_ratio =
-        prior_.uniform ? std * std / (kPriorStd * kPriorStd) : std * std * prior_.precision(at, at);
-    const double towards_prior = prior_.uniform ? mean_[i] * variance_ratio : std * std * pull[at];
-    double score_mean = 0, score_log_std = 0;
-    for (size_t k = 0; k < draws.size(); ++k) {
-      const double noise = (draws[k].x[i] - mean_[i]) / std;
-      score_mean += advantages[k] * noise / n;
-      score_log_std += advantages[k] * (noise * noise - 1.0) / n;
-    }
-    const double natural_mean = std * score_mean - lambda * towards_prior;
-    const double natural_log_std = 0.5 * (score_log_std - lambda * (variance_ratio - 1.0));
-    // No parameter moves by more than its own spread, nor its spread by more than a third, in one step.
-    mean_[i] += std::clamp(step_mean * natural_mean, -std, std);
-    mean_[i] = std::clamp(mean_[i], -kMeanMaxX, kMeanMaxX);
-    log_std_[i] += std::clamp(step_log_std * natural_log_std, -0.3, 0.3);
-    log_std_[i] = std::clamp(log_std_[i], kLogStdMinX, kLogStdMaxX);
-  }
-}
-
-std::vector<double> Designer::State() const {
-  if (grid_) return grid_->State();
-  std::vector<double> state = mean_;
-  state.insert(state.end(), log_std_.begin(), log_std_.end());
-  return state;
-}
-
-void Designer::SetState(const std::vector<double>& state) {
-  if (grid_) {
-    grid_->SetState(state);
-    return;
-  }
-  OTED_CHECK(state.size() == 2 * mean_.size());
-  const auto middle = state.begin() + static_cast<ptrdiff_t>(mean_.size());
-  Restore({state.begin(), middle}, {middle, state.end()});
+  std::visit([&](auto& q) { q.Ascend(draws, advantages, steps); }, kind_);
 }
 
 void Designer::Restore(std::vector<double> mean, std::vector<double> log_std) {
-  OTED_CHECK(mean.size() == mean_.size() && log_std.size() == mean_.size());
-  mean_ = std::move(mean);
-  log_std_ = std::move(log_std);
-  correlation_factor_.setIdentity();
+  std::get<GaussianSearch>(kind_).Restore(std::move(mean), std::move(log_std));
+}
+
+void Designer::StartAtPrior(double initial_std) {
+  return std::visit([&](auto& q) { return q.StartAtPrior(initial_std); }, kind_);
+}
+
+const Prior& Designer::prior() const {
+  return std::visit([&](const auto& q) -> const Prior& { return q.prior(); }, kind_);
+}
+
+std::vector<double> Designer::PriorStd() const {
+  return std::visit([&](const auto& q) { return q.PriorStd(); }, kind_);
+}
+
+Designer::Sample Designer::Draw(Rng& rng) const {
+  return std::visit([&](const auto& q) { return q.Draw(rng); }, kind_);
+}
+
+std::vector<Designer::Sample> Designer::DrawBatch(int n, Rng& rng) const {
+  return std::visit([&](const auto& q) { return q.DrawBatch(n, rng); }, kind_);
+}
+
+std::vector<double> Designer::Mode() const {
+  return std::visit([&](const auto& q) { return q.Mode(); }, kind_);
+}
+
+std::vector<double> Designer::Std() const {
+  return std::visit([&](const auto& q) { return q.Std(); }, kind_);
+}
+
+std::vector<Designer::Interval> Designer::CentralInterval(double mass) const {
+  return std::visit([&](const auto& q) { return q.CentralInterval(mass); }, kind_);
+}
+
+double Designer::Cumulative(int i, double x) const {
+  return std::visit([&](const auto& q) { return q.Cumulative(i, x); }, kind_);
+}
+
+double Designer::KlToPrior() const {
+  return std::visit([&](const auto& q) { return q.KlToPrior(); }, kind_);
+}
+
+Eigen::MatrixXd Designer::Covariance() const {
+  return std::visit([&](const auto& q) { return q.Covariance(); }, kind_);
+}
+
+Eigen::MatrixXd Designer::Correlation() const {
+  return std::visit([&](const auto& q) { return q.Correlation(); }, kind_);
+}
+
+std::vector<double> Designer::State() const {
+  return std::visit([&](const auto& q) { return q.State(); }, kind_);
+}
+
+void Designer::SetState(const std::vector<double>& state) {
+  return std::visit([&](auto& q) { return q.SetState(state); }, kind_);
+}
+
+nlohmann::json Designer::ToJson(double lambda) const {
+  nlohmann::json q;
+  q["schema"] = "oted.q/1";
+  for (const ParameterSpec& spec : space_.specs()) {
+    q["parameters"].push_back(spec.name);
+    q["bounds"].push_back({spec.low, spec.high});
+    q["scale"].push_back(spec.logarithmic ? "log" : "linear");
+  }
+  q["lambda"] = lambda;
+  q["mode"] = Mode();
+  std::visit([&](const auto& own) { own.AddToJson(q); }, kind_);
+  return q;
+}
+
+namespace {
+
+void CheckParameter(const nlohmann::json& q, const ParameterSpace& space, size_t i, const std::string& where) {
+  const ParameterSpec& spec = space[static_cast<int>(i)];
+  const bool same_scale = !q.contains("scale") || q.at("scale").at(i) == (spec.logarithmic ? "log" : "linear");
+  if (q.at("parameters").at(i) == spec.name && q.at("bounds").at(i) == nlohmann::json{spec.low, spec.high} &&
+      same_scale) {
+    return;
+  }
+  throw DataError(fmt::format("parameter {} of '{}' is not '{}' in [{:g}, {:g}]{}; use the run's own configuration",
+                              i + 1, where, spec.name, spec.low, spec.high, spec.logarithmic ? " on a log scale" : ""));
+}
+
+GridSearch GridFromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
+  const double step = q.at("grid_step").get<double>();
+  if (!(step > 0))
+    throw DataError(fmt::format("'{}' has no positive grid_step; make it again with 'oted design'", where));
+  GridSearch q_of_grid(space, step);
+  const auto probabilities = q.at("probabilities").get<std::vector<std::vector<double>>>();
+  if (probabilities.size() != static_cast<size_t>(space.size())) {
+    throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration", where,
+                                probabilities.size(), space.size()));
+  }
+  for (size_t i = 0; i < probabilities.size(); ++i) {
+    CheckParameter(q, space, i, where);
+    const int parameter = static_cast<int>(i);
+    if (probabilities[i].size() != q_of_grid.grid().values(parameter).size() ||
+        !std::ranges::all_of(probabilities[i], [](double p) { return p > 0 && p <= 1; })) {
+      throw DataError(
+          fmt::format("'{}' has no probability in (0, 1] for each value of '{}'; make it again with "
+                      "'oted design'",
+                      where, space[parameter].name));
+    }
+    q_of_grid.SetProbabilities(parameter, probabilities[i]);
+  }
+  if (q.contains("prior") && q.at("prior").contains("probabilities")) {
+    Prior prior = q_of_grid.prior();
+    prior.uniform = false;
+    prior.values = q.at("prior").at("probabilities").get<std::vector<std::vector<double>>>();
+    bool fits = prior.values.size() == probabilities.size();
+    for (size_t i = 0; fits && i < probabilities.size(); ++i) {
+      fits = prior.values[i].size() == probabilities[i].size() &&
+             std::ranges::all_of(prior.values[i], [](double p) { return p > 0 && p <= 1; });
+    }
+    if (!fits)
+      throw DataError(
+          fmt::format("the prior in '{}' does not fit its values; make it again with 'oted design'", where));
+    q_of_grid.SetPrior(prior);
+  }
+  return q_of_grid;
+}
+
+GaussianSearch GaussianFromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
+  const auto mean = q.at("mean").get<std::vector<double>>();
+  const auto cov = q.at("cov").get<std::vector<std::vector<double>>>();
+  if (mean.size() != static_cast<size_t>(space.size()) || cov.size() != mean.size()) {
+    throw DataError(fmt::format("'{}' has {} parameters, the configuration {}; use the run's own configuration", where,
+                                mean.size(), space.size()));
+  }
+  Eigen::MatrixXd covariance(space.size(), space.size());
+  for (size_t i = 0; i < mean.size(); ++i) {
+    const ParameterSpec& spec = space[static_cast<int>(i)];
+    CheckParameter(q, space, i, where);
+    if (cov[i].size() != mean.size() || !(cov[i][i] > 0)) {
+      throw DataError(
+          fmt::format("'{}' has no positive variance of '{}'; make it again with 'oted design'", where, spec.name));
+    }
+    for (size_t j = 0; j < mean.size(); ++j) covariance(static_cast<int>(i), static_cast<int>(j)) = cov[i][j];
+  }
+  if (!covariance.isApprox(covariance.transpose()) ||
+      Eigen::LLT<Eigen::MatrixXd>(covariance).info() != Eigen::Success) {
+    throw DataError(
+        fmt::format("the covariance in '{}' is not positive definite; make it again with 'oted design'", where));
+  }
+  GaussianSearch gaussian(space, Eigen::Map<const Eigen::VectorXd>(mean.data(), space.size()), covariance);
+  if (q.contains("prior")) gaussian.SetPrior(Prior::FromJson(q.at("prior"), space.size(), where));
+  return gaussian;
+}
+
+}  // namespace
+
+Designer Designer::FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where) {
+  try {
+    if (q.at("schema") != "oted.q/1" || (q.at("kind") != "gaussian" && q.at("kind") != "categorical")) {
+      throw DataError(fmt::format(
+          "'{}' is not a Gaussian or categorical q(z) of schema oted.q/1; make it again with 'oted design'", where));
+    }
+    if (q.at("kind") == "categorical") return Designer(space, GridFromJson(q, space, where));
+    return Designer(space, GaussianFromJson(q, space, where));
+  } catch (const nlohmann::json::exception& e) {
+    throw DataError(
+        fmt::format("'{}' is not a q(z) of schema oted.q/1 ({}); make it again with 'oted design'", where, e.what()));
+  }
 }
 
 }  // namespace oted

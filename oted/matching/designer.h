@@ -3,27 +3,22 @@
 
 #include <Eigen/Dense>
 #include <nlohmann/json_fwd.hpp>
-#include <optional>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "oted/base/rng.h"
-#include "oted/matching/grid_distribution.h"
+#include "oted/matching/gaussian_search.h"
+#include "oted/matching/grid_search.h"
+#include "oted/matching/logits.h"
 #include "oted/matching/prior.h"
 #include "oted/sim/parameter_space.h"
 
 namespace oted {
 
-/// The search coordinates of q: x in R^d; u = 1 / (1 + exp(-x)) lies in the unit cube, ParameterSpace maps it into the
-/// bounds. Beyond |x| = 6 (0.25 % of the range) ZToLogit stops: a value on its bound has no finite logit.
-double LogitToUnit(double x);
-std::vector<double> LogitToZ(const ParameterSpace& space, std::span<const double> x);
-std::vector<double> ZToLogit(const ParameterSpace& space, std::span<const double> z);
-
-/// Of two kinds. A categorical one holds probabilities of grid values (grid_distribution.h); its x are their indices.
-/// Otherwise it is a Gaussian over x, with diagonal covariance while it is learned by policy gradient. The prior p is
-/// uniform or nearly so (Prior::Uniform), unless another is set.
+/// Of two kinds: a Gaussian over x, or probabilities of grid values. The prior p is uniform or nearly so
+/// (Prior::Uniform), unless another is set.
 class Designer {
  public:
   static constexpr double kPriorStd = Prior::kUniformStd;
@@ -37,39 +32,31 @@ class Designer {
   /// Uniform over the multiples of `step` within each parameter's bounds. @throws UsageError where there are too few
   static Designer OnGrid(ParameterSpace space, double step);
   /// Null for a Gaussian.
-  const GridDistribution* grid() const { return grid_ ? &*grid_ : nullptr; }
+  const GridDistribution* grid() const;
 
   /// Replaces p; q stays.
   void SetPrior(const Prior& prior);
   /// Puts q at p: a Gaussian at its mean, with `initial_std` where p is uniform and narrower as p is; a grid's
   /// probabilities to p's.
   void StartAtPrior(double initial_std);
-  const Prior& prior() const { return prior_; }
+  const Prior& prior() const;
   /// Standard deviation of z under p, at most that of the uniform distribution.
   std::vector<double> PriorStd() const;
 
   const ParameterSpace& space() const { return space_; }
   int size() const { return space_.size(); }
 
-  /// One draw: x, and z = z(x).
-  struct Sample {
-    std::vector<double> x;
-    std::vector<double> z;
-  };
+  using Sample = SearchSample;
   Sample Draw(Rng& rng) const;
   /// `n` draws with less noise in their mean: of a Gaussian in mirrored pairs, of a grid shared out evenly.
   std::vector<Sample> DrawBatch(int n, Rng& rng) const;
-  /// The draw on the other side of the mean; of a Gaussian only, as all that speaks of x, mean and log_std.
-  Sample Mirror(const Sample& sample) const;
 
   /// The paper's mode of q: z at the mean of x, or the most probable grid value.
   std::vector<double> Mode() const;
   /// Standard deviation of z in its own units, to first order in x at the mode, at most that of the uniform prior.
   std::vector<double> Std() const;
+  using Interval = SearchInterval;
   /// Central interval of z holding `mass` of q: the image of the Gaussian's.
-  struct Interval {
-    double low, high;
-  };
   std::vector<Interval> CentralInterval(double mass) const;
   /// P(z_i <= x).
   double Cumulative(int i, double x) const;
@@ -80,19 +67,18 @@ class Designer {
   Eigen::MatrixXd Covariance() const;
   Eigen::MatrixXd Correlation() const;
 
-  /// One ascent step on E_q[R] - lambda KL(q, p) (Eq. 3) from draws and their advantages.
-  ///   d/d mean    = mean_k A_k (x_k - mean) / std^2      - lambda P (mean - prior mean)
-  ///   d/d log std = mean_k A_k ((x_k - mean)^2/std^2 - 1) - lambda (std^2 P_ii - 1),   P the prior's precision,
-  /// both multiplied by the inverse Fisher information (std^2 and 1/2): the natural gradient, so that the step does not
-  /// depend on the width of q (docs/deviations.md#natural-gradient). Of an uncorrelated q only.
-  void Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, double lambda, double step_mean,
-              double step_log_std);
+  /// One ascent step on E_q[R] - lambda KL(q, p) (Eq. 3) from draws and their advantages; each kind says how.
+  void Ascend(const std::vector<Sample>& draws, std::span<const double> advantages, const AscentSteps& steps);
 
-  const std::vector<double>& mean() const { return mean_; }
-  const std::vector<double>& log_std() const { return log_std_; }
   /// What learning changes: mean and log_std of an uncorrelated Gaussian, or all probabilities.
   std::vector<double> State() const;
   void SetState(const std::vector<double>& state);
+
+  /// The draw on the other side of the mean. Of a Gaussian only, as what follows; a grid throws
+  /// std::bad_variant_access.
+  Sample Mirror(const Sample& sample) const { return gaussian().Mirror(sample); }
+  const std::vector<double>& mean() const { return gaussian().mean(); }
+  const std::vector<double>& log_std() const { return gaussian().log_std(); }
   /// Sets an uncorrelated q.
   void Restore(std::vector<double> mean, std::vector<double> log_std);
 
@@ -102,15 +88,12 @@ class Designer {
   static Designer FromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where);
 
  private:
-  static Designer CategoricalFromJson(const nlohmann::json& q, const ParameterSpace& space, const std::string& where);
-  ParameterSpace space_;
-  std::vector<double> StdOf(const std::vector<double>& mean, const std::vector<double>& std) const;
+  using Kind = std::variant<GaussianSearch, GridSearch>;
+  Designer(ParameterSpace space, Kind kind) : space_(std::move(space)), kind_(std::move(kind)) {}
+  const GaussianSearch& gaussian() const { return std::get<GaussianSearch>(kind_); }
 
-  Prior prior_;
-  std::vector<double> mean_, log_std_;
-  std::optional<GridDistribution> grid_;
-  double grid_step_ = 0;
-  Eigen::MatrixXd correlation_factor_;  // lower triangular: of x over the standard deviations
+  ParameterSpace space_;
+  Kind kind_;
 };
 
 }  // namespace oted

@@ -30,7 +30,7 @@ void ExpectAscentAgainstTheKl(const MakeQ& at, const std::vector<double>& mean, 
   const double h = 1e-6, lambda = 0.3;
   Designer stepped = at(mean, log_std);
   Rng rng(1);
-  stepped.Ascend({stepped.Draw(rng)}, std::vector{0.0}, lambda, step, step);
+  stepped.Ascend({stepped.Draw(rng)}, std::vector{0.0}, {lambda, step, step});
   for (size_t i = 0; i < 2; ++i) {
     std::vector<double> up = mean, down = mean;
     up[i] += h;
@@ -65,7 +65,7 @@ TEST(Designer, TheRewardsGradientIsThatOfItsExpectation) {
     const auto& x = draws.back().x;
     advantages.push_back(b * x[0] + c * x[1] * x[1] - baseline);
   }
-  designer.Ascend(draws, advantages, 0, step, step);
+  designer.Ascend(draws, advantages, {0, step, step});
   EXPECT_NEAR((designer.mean()[0] - mean[0]) / step, var0 * b, 0.01);
   EXPECT_NEAR((designer.mean()[1] - mean[1]) / step, var1 * 2 * c * mean[1], 0.01);
   EXPECT_NEAR((designer.log_std()[0] - log_std[0]) / step, 0, 0.01);
@@ -88,7 +88,7 @@ TEST(Designer, AscendsToTheMaximumAndLeavesWhatHasNoEffectAtThePrior) {
       mean += rewards.back() / 32;
     }
     for (double& r : rewards) r -= mean;
-    designer.Ascend(draws, rewards, 0.01, 0.2, 0.1);
+    designer.Ascend(draws, rewards, {0.01, 0.2, 0.1});
   }
   EXPECT_NEAR(designer.Mode()[0], 0.2 + 1.8 * truth_u, 0.03);
   EXPECT_LT(std::exp(designer.log_std()[0]), 0.35);
@@ -214,7 +214,7 @@ TEST(Designer, WithoutRewardItSettlesAtAGaussianPriorWithoutItsCorrelation) {
   Designer q = At({2.0, 2.0}, {0.0, 0.0});
   q.SetPrior(Narrow());
   Rng rng(2);
-  for (int step = 0; step < 600; ++step) q.Ascend({q.Draw(rng)}, std::vector{0.0}, 1.0, 0.1, 0.1);
+  for (int step = 0; step < 600; ++step) q.Ascend({q.Draw(rng)}, std::vector{0.0}, {1.0, 0.1, 0.1});
   EXPECT_NEAR(q.mean()[0], 0.5, 1e-3);
   EXPECT_NEAR(q.mean()[1], -0.2, 1e-3);
   // The diagonal Gaussian nearest in KL(q, p) has the conditional variances, 1 / P_ii.

@@ -7,6 +7,17 @@
 
 namespace oted {
 
+FieldList DiscriminatorConfig::Fields() {
+  FieldList fields("design.discriminator");
+  fields.Add("hidden", &hidden, "widths of g's hidden layers", AtLeast(1));
+  fields.Add("filters", &filters, "filters of g's 3x3 convolutions; of images alone", AtLeast(1));
+  fields.Add("learning_rate", &learning_rate, "Adam's step size for g", Above(0));
+  fields.Add("weight_decay", &weight_decay, "L2 penalty on g", AtLeast(0));
+  fields.Add("steps", &steps, "gradient steps on g per iteration", AtLeast(1));
+  fields.Add("batch", &batch, "samples of each kind per gradient step", AtLeast(1));
+  return fields;
+}
+
 double MinusLogOneMinusG(double logit) { return std::max(logit, 0.0) + std::log1p(std::exp(-std::abs(logit))); }
 
 namespace {
@@ -16,12 +27,12 @@ constexpr float kBound = 10.0f;
 
 }  // namespace
 
-Discriminator::Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng,
+Discriminator::Discriminator(const Array2<double>& dataset_features, const DiscriminatorConfig& config, Rng& rng,
                              const InputShape& shape)
-    : net_(dataset_features, shape, {options.hidden, options.filters, true}, 1, kBound) {
+    : net_(dataset_features, shape, {config.hidden, config.filters, true}, 1, kBound) {
   net_.Initialize(rng);
-  adam_ = Adam(net_.n_parameters(), {.learning_rate = static_cast<float>(options.learning_rate),
-                                     .weight_decay = static_cast<float>(options.weight_decay)});
+  adam_ = Adam(net_.n_parameters(), {.learning_rate = static_cast<float>(config.learning_rate),
+                                     .weight_decay = static_cast<float>(config.weight_decay)});
   gradient_.resize(net_.n_parameters());
 }
 

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "oted/base/fields.h"
 #include "oted/base/rng.h"
 #include "oted/data/npz.h"
 #include "oted/matching/experience.h"
@@ -12,12 +13,15 @@
 
 namespace oted {
 
-struct DiscriminatorOptions {
+struct DiscriminatorConfig {
   std::vector<int> hidden = {256, 256};
   std::vector<int> filters = {16};  ///< of each 3x3 convolution where the features hold an image, means over its places
   double learning_rate = 3e-4;
   double weight_decay = 1e-4;
-  int batch_size = 256;  ///< of each kind
+  int steps = 60;   ///< gradient steps per iteration
+  int batch = 256;  ///< samples of each kind per gradient step
+  /// [design.discriminator]
+  FieldList Fields();
 };
 
 /// g(x) = sigmoid(f(x)) on features x of Experience: (s, a) or (s, a, s' - s), normalised, or with convolutions where s
@@ -27,7 +31,7 @@ class Discriminator {
   Discriminator() = default;
   /// The normaliser is fitted on the dataset's features.
   /// @param shape  what the features are (FeatureShape); by default: quantities
-  Discriminator(const Array2<double>& dataset_features, const DiscriminatorOptions& options, Rng& rng,
+  Discriminator(const Array2<double>& dataset_features, const DiscriminatorConfig& config, Rng& rng,
                 const InputShape& shape = {});
 
   /// One step on Eq. 2: E_sim[-log(1 - g)] + E_D[-log g], on mini-batches drawn by the caller: rows of raw features.

@@ -23,7 +23,7 @@ Array2<double> Draw(int n, double mean, Rng& rng) {
 }
 
 Discriminator Make(uint64_t seed = 1,
-                   const DiscriminatorOptions& options = {.hidden = {32, 32}, .learning_rate = 2e-3}) {
+                   const DiscriminatorConfig& options = {.hidden = {32, 32}, .learning_rate = 2e-3}) {
   Rng rng(seed);
   return Discriminator(Draw(2000, kDataMean, rng), options, rng);
 }

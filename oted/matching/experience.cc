@@ -125,8 +125,8 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   }
   if (!spec.can_set_state) {
     throw DataError(
-        fmt::format("task '{}' cannot be set to a logged state; use --set design.starts=initial "
-                    "--set design.actions=clone",
+        fmt::format("task '{}' cannot be set to a logged state; use --set design.adversarial.starts=initial "
+                    "--set design.adversarial.actions=clone",
                     spec.task));
   }
   const std::vector<double> nominal = simulator_->parameters().Nominal();
@@ -142,7 +142,7 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   if (windows_.empty()) {
     throw DataError(
         fmt::format("no state of dataset '{}' can be set in task '{}' (velocities at the observation's clip?); "
-                    "use --set design.starts=initial --set design.actions=clone",
+                    "use --set design.adversarial.starts=initial --set design.adversarial.actions=clone",
                     dataset.path, spec.task));
   }
 }

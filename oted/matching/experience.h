@@ -9,9 +9,9 @@
 
 #include "oted/base/array2.h"
 #include "oted/data/dataset.h"
-#include "oted/matching/log_window.h"
 #include "oted/nn/encoder.h"
 #include "oted/nn/policy.h"
+#include "oted/sim/log_window.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {

@@ -281,7 +281,7 @@ TEST(ExperienceGatherer, ASimulatorWithoutSettableStatesIsADataErrorWithTheRemed
   const Dataset dataset = MakeDataset();
   const std::string message =
       MessageOf<DataError>([&] { Gather(dataset, {}, {kTruth}, nullptr, {.can_set_state = false}); });
-  EXPECT_NE(message.find("--set design.starts=initial"), std::string::npos) << message;
+  EXPECT_NE(message.find("--set design.adversarial.starts=initial"), std::string::npos) << message;
 }
 
 TEST(ExperienceGatherer, StepsThatAreKeptAreTheRolloutsOneAfterTheOther) {

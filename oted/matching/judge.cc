@@ -8,12 +8,12 @@
 
 #include "oted/base/error.h"
 #include "oted/matching/discriminator.h"
-#include "oted/matching/log_window.h"
+#include "oted/sim/log_window.h"
 
 namespace oted {
 namespace {
 
-const DiscriminatorOptions kImageJudge = {.hidden = {32}, .filters = {16}, .learning_rate = 1e-3};
+const DiscriminatorConfig kImageJudge = {.hidden = {32}, .filters = {16}, .learning_rate = 1e-3};
 
 Array2<double> DrawRows(const Array2<double>& from, int n, Rng& rng) {
   Array2<double> rows(n, from.cols());
@@ -110,7 +110,7 @@ JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&
   constexpr int kCheckInterval = 20;
   // Images are slow to look at, and few logged ones teach nothing finer.
   const int batch = shape.image.empty() ? 256 : 64;
-  const DiscriminatorOptions options = shape.image.empty() ? DiscriminatorOptions() : kImageJudge;
+  const DiscriminatorConfig options = shape.image.empty() ? DiscriminatorConfig() : kImageJudge;
   JudgeScore score;
   score.auc = 0;
   for (int h = 0; h < 2; ++h) {

@@ -13,7 +13,7 @@ namespace {
 constexpr double kIdentifiedBelow = 0.25;  // of the prior's standard deviation
 constexpr double kWeakBelow = 0.6;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
-constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the un-designed simulator
+constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the nominal simulator
 constexpr double kMatchMargin = 0.35;
 constexpr double kDriftAbove = 1.4;      // times the noise of short windows, of one channel
 constexpr double kDriftTogether = 1.15;  // the same, of all channels together

@@ -11,7 +11,7 @@ namespace oted {
 
 enum class ParameterVerdict { kIdentified, kWeak, kNotIdentified };
 enum class DesignVerdict {
-  kNoGap,          ///< the un-designed simulator already matches the logs
+  kNoGap,          ///< the nominal simulator already matches the logs
   kGapClosed,      ///< the designed simulator matches the logs
   kOutsideFamily,  ///< no simulator in this family matches the logs
 };
@@ -33,7 +33,7 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
                                                   const std::vector<bool>& has_effect);
 
 /// From the common score (held-out cross-entropy of a judge; log 2 where logs and simulator cannot be told apart). No
-/// gap: the un-designed simulator is within 0.1 nats of log 2 and the design wins less than 0.005 over it. Gap closed:
+/// gap: the nominal simulator is within 0.1 nats of log 2 and the design wins less than 0.005 over it. Gap closed:
 /// the designed simulator is within 0.35 nats of log 2, or has closed at least half of the gap.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 

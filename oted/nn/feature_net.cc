@@ -154,7 +154,7 @@ void FeaturePass::Backward(const FeatureNet& net, const float* dy, float* gradie
   if (const auto* conv = std::get_if<ConvNet>(&net.net_)) {
     conv_.Backward(*conv, dy, n_, gradient);
   } else {
-    mlp_.Backward(std::get<Mlp>(net.net_), extra_.data(), dy, n_, gradient, nullptr);
+    mlp_.Backward(std::get<Mlp>(net.net_), extra_.data(), dy, n_, {.parameters = gradient});
   }
 }
 

@@ -51,14 +51,6 @@ void NormalisedGradient(const float* dh, const float* slope, const float* consta
 void NormalisedRowProductsGradient(const float* dy, const float* w, const float* slope, const float* constant, float* h,
                                    float* column_sums, int rows, int cols);
 
-/// y[i] = exp(x[i]), log(x[i]), tanh(x[i]) to a few units in the last place, or 1e-7 where tanh is near zero.
-/// y may be x.
-void Exp(const float* x, float* y, size_t n);
-void Log(const float* x, float* y, size_t n);
-void Tanh(const float* x, float* y, size_t n);
-/// 2n standard normals of 2n uniforms (Box and Muller 1958), the first n in (0, 1], the others in [0, 1).
-void NormalsFromUniforms(const float* uniforms, float* normals, size_t n);
-
 /// One Adam step (Kingma and Ba 2015) on n parameters; `step_size` and `inverse_sqrt_correction` carry the bias
 /// corrections: p -= step_size * m / (sqrt(v) * inverse_sqrt_correction + epsilon).
 struct AdamArguments {

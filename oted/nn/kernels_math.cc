@@ -1,6 +1,5 @@
-// Compiled with -ffast-math (CMakeLists.txt): loops over exp, log, tanh, sin, cos become calls of the C library's
-// vector versions, good to 4 units in the last place, and divisions and square roots become the processor's estimates
-// with a step of Newton's method. NaN stays NaN; of infinities nothing is promised.
+#include "oted/nn/kernels_math.h"
+
 #include <cmath>
 #include <numbers>
 

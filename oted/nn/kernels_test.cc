@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "oted/base/rng.h"
+#include "oted/nn/kernels_math.h"
 
 namespace oted::kernels {
 namespace {

@@ -64,18 +64,18 @@ const float* MlpPass::Forward(const Mlp& mlp, const float* x, int batch) {
   return x;
 }
 
-void MlpPass::Backward(const Mlp& mlp, const float* x, const float* dy, int batch, float* parameter_gradient, float* dx,
-                       InputColumns columns) {
-  Backward(mlp, x, dy, batch, nullptr, parameter_gradient, dx, columns);
+void MlpPass::Backward(const Mlp& mlp, const float* x, const float* dy, int batch, const MlpGradients& out) {
+  Propagate(mlp, x, dy, batch, nullptr, out);
 }
 
 void MlpPass::BackwardRows(const Mlp& mlp, std::span<const int> rows, const float* dy, float* dx,
                            InputColumns columns) {
-  Backward(mlp, nullptr, dy, static_cast<int>(rows.size()), rows.data(), nullptr, dx, columns);
+  Propagate(mlp, nullptr, dy, static_cast<int>(rows.size()), rows.data(), {.x = dx, .columns = columns});
 }
 
-void MlpPass::Backward(const Mlp& mlp, const float* x, const float* dy, int batch, const int* rows,
-                       float* parameter_gradient, float* dx, InputColumns columns) {
+void MlpPass::Propagate(const Mlp& mlp, const float* x, const float* dy, int batch, const int* rows,
+                        const MlpGradients& out) {
+  const auto& [parameter_gradient, dx, columns] = out;
   const kernels::FlushDenormals flush;
   OTED_CHECK(fresh_);
   fresh_ = false;

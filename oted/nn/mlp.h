@@ -43,6 +43,13 @@ struct InputColumns {
   int begin = 0, end = 0;
 };
 
+/// Where a backward pass writes d loss / d ...
+struct MlpGradients {
+  float* parameters = nullptr;  ///< (n_parameters), overwritten; null when not wanted
+  float* x = nullptr;           ///< (batch, columns.end - columns.begin), overwritten; null when not wanted
+  InputColumns columns = {};    ///< of x
+};
+
 /// The activations of one network on one batch, kept from Forward for one Backward, which writes its gradients over
 /// them: what an update touches should fit the processor's cache. Reuses its memory from call to call.
 class MlpPass {
@@ -51,12 +58,9 @@ class MlpPass {
   const float* Forward(const Mlp& mlp, const float* x, int batch);
 
   /// Back-propagates dy = d loss / d output of the last Forward, on its leading `batch` rows. Once per Forward.
-  /// @param x                   the input of that Forward; not read without `parameter_gradient`
-  /// @param dy                  (batch, out)
-  /// @param parameter_gradient  n_parameters, overwritten; null when not wanted
-  /// @param dx                  (batch, columns.end - columns.begin), overwritten; null when not wanted
-  void Backward(const Mlp& mlp, const float* x, const float* dy, int batch, float* parameter_gradient, float* dx,
-                InputColumns columns = {});
+  /// @param x   the input of that Forward; not read without `out.parameters`
+  /// @param dy  (batch, out)
+  void Backward(const Mlp& mlp, const float* x, const float* dy, int batch, const MlpGradients& out);
 
   /// d loss / d input alone, on some rows of the last Forward: row i of dy and dx belongs to its row rows[i]. In place
   /// of Backward.
@@ -66,8 +70,8 @@ class MlpPass {
   void BackwardRows(const Mlp& mlp, std::span<const int> rows, const float* dy, float* dx, InputColumns columns);
 
  private:
-  void Backward(const Mlp& mlp, const float* x, const float* dy, int batch, const int* rows, float* parameter_gradient,
-                float* dx, InputColumns columns);
+  /// @param rows  as BackwardRows'; null: all of the batch
+  void Propagate(const Mlp& mlp, const float* x, const float* dy, int batch, const int* rows, const MlpGradients& out);
 
   std::vector<AlignedVector<float>> activations_;  // per layer: (batch, out)
   bool fresh_ = false;                             // no Backward has written over them yet

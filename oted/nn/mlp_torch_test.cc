@@ -43,13 +43,13 @@ TEST(MlpAgainstAutograd, OutputParameterGradientAndInputGradientAgree) {
       const torch::Tensor got = ToTensor(dx, s.batch, width);
       EXPECT_LT((got - tdx).abs().max().item<double>(), kRelative * tdx.abs().max().item<double>());
     };
-    pass.Backward(mlp, x.data(), dy.data(), s.batch, gradient.data(), dx.data(), columns);
+    pass.Backward(mlp, x.data(), dy.data(), s.batch, {gradient.data(), dx.data(), columns});
     EXPECT_LT(MaxDifference(gradient, expected_gradient), kRelative * Largest(expected_gradient));
     expect_dx();
     // Without the parameters' gradient other passes are used.
     dx.assign(dx.size(), NAN);
     pass.Forward(mlp, x.data(), s.batch);
-    pass.Backward(mlp, x.data(), dy.data(), s.batch, nullptr, dx.data(), columns);
+    pass.Backward(mlp, x.data(), dy.data(), s.batch, {.x = dx.data(), .columns = columns});
     expect_dx();
   }
 }
@@ -92,7 +92,7 @@ TEST(MlpAgainstAutograd, BackwardOnTheLeadingRowsIgnoresTheOthers) {
   MlpPass pass;
   pass.Forward(mlp, x.data(), batch);
   std::vector<float> gradient(mlp.n_parameters());
-  pass.Backward(mlp, x.data(), dy.data(), leading, gradient.data(), nullptr);
+  pass.Backward(mlp, x.data(), dy.data(), leading, {.parameters = gradient.data()});
   const std::vector<double> expected = Flattened(reference.parameters, true);
   EXPECT_LT(MaxDifference(gradient, expected), kRelative * Largest(expected));
 }

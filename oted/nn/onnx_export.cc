@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "oted/base/files.h"
+#include "oted/nn/onnx_export_categorical.h"
 #include "oted/nn/onnx_graph.h"
 
 namespace oted {

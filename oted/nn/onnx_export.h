@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <string>
 
-#include "oted/nn/categorical_policy.h"
 #include "oted/nn/onnx_graph.h"
 #include "oted/nn/tanh_gaussian.h"
 
@@ -18,13 +17,6 @@ namespace oted {
 /// A sampled action is centre + half range * tanh(mean + exp(log_std) * noise), noise ~ N(0, 1); action_low and
 /// action_high are added to `metadata` for it. Equal policies and metadata give equal bytes.
 std::string OnnxBytes(const TanhGaussianPolicy& policy, const OnnxMetadata& metadata);
-
-/// The same for a policy over discrete actions, with one-hot encoding, normalisation and convolutions in its graph:
-///   input   observation (batch, obs_dim), raw, an image flattened as the task shows it
-///   output  action      (batch, 1), int64, the most probable one
-///           logits      (batch, n_actions): action i has the probability softmax(logits)_i
-/// n_actions is added to `metadata`.
-std::string OnnxBytes(const CategoricalPolicy& policy, const OnnxMetadata& metadata);
 
 /// That of whichever policy it is.
 std::string OnnxBytes(const Policy& policy, const OnnxMetadata& metadata);

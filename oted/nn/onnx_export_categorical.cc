@@ -1,8 +1,6 @@
-// A policy over discrete actions as an ONNX graph: the encoder, convolutions, linear layers, the most probable action.
+#include "oted/nn/onnx_export_categorical.h"
 
 #include <fmt/format.h>
-
-#include "oted/nn/onnx_export.h"
 
 namespace oted {
 namespace {

@@ -1,5 +1,7 @@
 // The truths: onnx's own checker, onnxruntime, and the policy's own network.
 
+#include "oted/nn/onnx_export_categorical.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -158,7 +158,7 @@ json Gather(const fs::path& run_dir) {
   if (!clone["result"].is_null() || !clone["curves"].empty()) report["clone"] = std::move(clone);
   GatherDesignSeeds(run_dir, &report);
   add("agents", Agents(run_dir / "agents"));
-  add("undesigned", Agents(run_dir / "undesigned"));
+  add("nominal", Agents(run_dir / "nominal"));
   add("baselines", Baselines(run_dir / "baselines"));
   add("parameters", Parameters(report));
   if (report.contains("evaluation")) add("policies", ListAt(report["evaluation"], "policies"));

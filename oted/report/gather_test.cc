@@ -31,7 +31,7 @@ TEST(GatherReportTest, HoldsWhatTheFilesHold) {
   EXPECT_EQ(report["shown_setting"], "paper");
   ASSERT_EQ(report["design_seeds"].size(), 3u);
   ASSERT_EQ(report["agents"].size(), 3u);
-  EXPECT_EQ(report["undesigned"][1]["result"]["eval_return"], 1020.0);
+  EXPECT_EQ(report["nominal"][1]["result"]["eval_return"], 1020.0);
   const Curve curve = ReadCurves(folder / "design/paper/2/curves.csv").At("design/mode/gain");
   const json& points = report["design_seeds"][1]["curves"]["design/mode/gain"];
   ASSERT_EQ(points.size(), curve.size());
@@ -45,7 +45,7 @@ TEST(GatherReportTest, AgentsOfBaselinesCarryTheirBaselinesName) {
   EXPECT_FALSE(GatherReport(folder.path()).contains("baselines"));
   for (const char* name : {"dr", "is"}) {
     std::filesystem::create_directories(std::filesystem::path(folder / "baselines") / name);
-    std::filesystem::copy(folder / "undesigned/2", std::filesystem::path(folder / "baselines") / name / "2",
+    std::filesystem::copy(folder / "nominal/2", std::filesystem::path(folder / "baselines") / name / "2",
                           std::filesystem::copy_options::recursive);
   }
   WriteFileAtomically(folder / "baselines/bc_dr/clone.json", R"({"schema": "oted.clone/1"})");
@@ -53,7 +53,7 @@ TEST(GatherReportTest, AgentsOfBaselinesCarryTheirBaselinesName) {
   ASSERT_EQ(report["baselines"].size(), 2u) << "BC+DR is no agent";
   EXPECT_EQ(report["baselines"][0]["baseline"], "dr");
   EXPECT_EQ(report["baselines"][1]["baseline"], "is");
-  EXPECT_EQ(report["baselines"][1]["result"], report["undesigned"][1]["result"]);
+  EXPECT_EQ(report["baselines"][1]["result"], report["nominal"][1]["result"]);
 }
 
 TEST(GatherReportTest, EveryParameterMeetsItsTruthByName) {

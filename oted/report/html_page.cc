@@ -10,7 +10,14 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
+#include "oted/report/page_assets.h"
+#include "oted/report/sections_agents.h"
+#include "oted/report/sections_behavior.h"
+#include "oted/report/sections_design.h"
+#include "oted/report/sections_record.h"
+#include "oted/report/sections_replay.h"
+#include "oted/report/sections_result.h"
+#include "oted/report/sections_selection.h"
 
 namespace oted {
 namespace {
@@ -60,15 +67,16 @@ std::string HtmlDocument(std::string_view title, std::string_view navigation, st
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n"
       "<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n"
-      "<link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n",
+      "<link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
       kPolicy, title, PageStyle());
   page += fmt::format("<nav aria-label=\"Contents\"><div>{}</div></nav>\n<main>\n", navigation);
   page += body;
   page += fmt::format("<footer>{}</footer>\n</main>\n", footer);
   page += "<script>";
   page += plotly_js;
-  page += "</script>\n<script>";
-  page += PageScript();
+  page += "</script>\n<script>\n";
+  page += PlotsScript();
+  page += "\n";
   page += PlayerScript();
   page += "</script>\n</body>\n</html>\n";
   return page;

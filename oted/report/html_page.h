@@ -21,9 +21,4 @@ std::string HtmlPage(const nlohmann::json& report, std::string_view plotly_js);
 /// when the program was built. @throws DataError when there is none
 std::string PlotlyJs();
 
-/// The page's style sheet and scripts (page_style.cc, page_script.cc, page_player.cc).
-std::string_view PageStyle();
-std::string_view PageScript();
-std::string_view PlayerScript();
-
 }  // namespace oted

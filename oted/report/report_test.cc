@@ -4,6 +4,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
 
@@ -94,7 +95,7 @@ TEST_F(WriteReportTest, TheJsonIsWhatTheFilesHoldWithASummary) {
 TEST_F(WriteReportTest, BaselinesStandBesideTheAgents) {
   run_.WriteAll();
   std::filesystem::create_directories(folder_ / "baselines/is");
-  std::filesystem::copy(folder_ / "undesigned/2", folder_ / "baselines/is/2", std::filesystem::copy_options::recursive);
+  std::filesystem::copy(folder_ / "nominal/2", folder_ / "baselines/is/2", std::filesystem::copy_options::recursive);
   WriteReport(folder_.path());
   EXPECT_TRUE(RunPython(std::string(kCheckPage) + R"(
 assert 'agent 2, interval search' in text, 'its curve'
@@ -163,16 +164,16 @@ TEST_F(WriteReportTest, FormsThatWereTriedStandWithTheirErrorsAndTheTakenOneIsMa
   run_.WriteDesign();
   json design = ReadJson(folder_ / "design.json");
   const auto tried = [](const char* form, double error, double gain) {
-    return json{{"form", form}, {"error", error}, {"gain", gain}, {"gain_std", 0.01}};
+    return json{{"method", form}, {"error", error}, {"gain", gain}, {"gain_std", 0.01}};
   };
-  design["form_choices"] = {{{"setting", "paper"},
-                             {"form", "transitions"},
-                             {"picked", "paper"},
-                             {"reason", "it is nearest"},
-                             {"n_windows", 48},
-                             {"n_steps", 10},
-                             {"nominal_error", 9.75},
-                             {"tried", {tried("trajectories", 3.25, 0), tried("transitions", 2.5, 0.26)}}}};
+  design["method_choices"] = {{{"setting", "paper"},
+                               {"method", "transitions"},
+                               {"picked", "paper"},
+                               {"reason", "it is nearest"},
+                               {"n_windows", 48},
+                               {"n_steps", 10},
+                               {"nominal_error", 9.75},
+                               {"tried", {tried("trajectories", 3.25, 0), tried("transitions", 2.5, 0.26)}}}};
   WriteJson(folder_ / "design.json", design);
   WriteReport(folder_.path());
   EXPECT_TRUE(RunPython(kCheckPage, folder_));
@@ -199,13 +200,13 @@ TEST_F(WriteReportTest, HostileNamesStayText) {
   design["warnings"] = {hostile};
   design["selected"] = hostile;
   design["settings"][0]["name"] = hostile;
-  design["settings"][0]["form"] = hostile;
+  design["settings"][0]["method"] = hostile;
   design["model"] = {{hostile, hostile}};
-  design["form_choices"] = {{{"setting", hostile},
-                             {"form", hostile},
-                             {"picked", hostile},
-                             {"reason", hostile},
-                             {"tried", {{{"form", hostile}, {"error", hostile}}}}}};
+  design["method_choices"] = {{{"setting", hostile},
+                               {"method", hostile},
+                               {"picked", hostile},
+                               {"reason", hostile},
+                               {"tried", {{{"method", hostile}, {"error", hostile}}}}}};
   WriteJson(folder_ / "design.json", design);
   json evaluation = ReadJson(folder_ / "evaluation.json");
   evaluation["task"] = hostile;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "oted/base/files.h"
+#include "oted/data/dataset_files.h"
 #include "oted/report/curves.h"
 
 namespace oted {
@@ -99,14 +100,14 @@ class SampleRun {
                  {{"seed", 3}, {"mode", {0.71, 1.29, 1.23}}}}},
                {"settings",
                 {{{"name", "paper"},
-                  {"form", "clone, (s, a)"},
+                  {"method", "clone, (s, a)"},
                   {"c", 0.676},
                   {"common", 0.665},
                   {"design_deviation", 0.021},
                   {"learning_progress", 0.31},
                   {"seeds", seeds(0.68, 0.673)}},
                  {{"name", "long"},
-                  {"form", "clone, (s, a)"},
+                  {"method", "clone, (s, a)"},
                   {"c", 0.69},
                   {"common", 0.57},
                   {"design_deviation", 0.113},
@@ -120,7 +121,7 @@ class SampleRun {
   }
 
   void WriteAgents() const {
-    for (const auto& [group, gain] : {std::pair("agents", 1900.0), std::pair("undesigned", 1100.0)}) {
+    for (const auto& [group, gain] : {std::pair("agents", 1900.0), std::pair("nominal", 1100.0)}) {
       for (int agent = 1; agent <= 3; ++agent) {
         const auto folder = dir_ / group / std::to_string(agent);
         WriteJson(folder / "agent.json", {{"schema", "oted.agent/1"},
@@ -167,7 +168,7 @@ class SampleRun {
                                          {"policies",
                                           {policy("random", "random", 18.2, 9.1, 0.0),
                                            policy("clone", "clone of the logged behaviour", 904.1, 212.0, 28.4),
-                                           policy("sac_undesigned", "SAC, original simulator", 612.8, 180.4, 19.4),
+                                           policy("sac_nominal", "SAC, nominal simulator", 612.8, 180.4, 19.4),
                                            policy("oted_sac", "OTED-SAC", 1731.5, 93.2, 53.8)}}});
   }
 

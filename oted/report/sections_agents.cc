@@ -1,11 +1,11 @@
-// Stages 4 and 5: the agents, and which of them is used.
+#include "oted/report/sections_agents.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {
@@ -49,13 +49,13 @@ std::string ReturnMatrix(const json& selection) {
 Section AgentsSection(const json& report) {
   Section section{"agents", "Agents", "Training the agents", ""};
   const json& agents = ListAt(report, "agents");
-  const json& undesigned = ListAt(report, "undesigned");
+  const json& nominal = ListAt(report, "nominal");
   const json& baselines = ListAt(report, "baselines");
-  if (agents.empty() && undesigned.empty() && baselines.empty()) return section;
+  if (agents.empty() && nominal.empty() && baselines.empty()) return section;
   section.html =
       "<p>Agents learn in the designed simulators, in one drawn anew for each episode. Returns here are earned in the "
       "simulators that each agent trains in, not in the target: those of different simulators do not compare.";
-  if (!undesigned.empty()) section.html += " For comparison, the same training in the original simulator alone.";
+  if (!nominal.empty()) section.html += " For comparison, the same training in the nominal simulator alone.";
   if (!baselines.empty()) {
     section.html +=
         " Baselines learn by the same algorithm without the logs: with parameters drawn from their whole ranges "
@@ -76,7 +76,7 @@ Section AgentsSection(const json& report) {
                FormatNumber(NumberAt(result, "eval_return"))});
   };
   for (const json& agent : agents) add_agent(agent, "designed simulators", "var:--designed", "solid");
-  for (const json& agent : undesigned) add_agent(agent, "original simulator", "var:--nominal", "solid");
+  for (const json& agent : nominal) add_agent(agent, "nominal simulator", "var:--nominal", "solid");
   for (const json& agent : baselines) {
     const std::string name = TextAt(agent, "baseline");
     add_agent(agent, BaselineName(name), "var:--low", name == "is" ? "dot" : "solid");
@@ -84,7 +84,7 @@ Section AgentsSection(const json& report) {
   figure.SetXTitle("step");
   PlotKey key;
   if (!agents.empty()) key.Add("line", "--designed", "in the designed simulators");
-  if (!undesigned.empty()) key.Add("line", "--nominal", "in the original simulator");
+  if (!nominal.empty()) key.Add("line", "--nominal", "in the nominal simulator");
   if (!baselines.empty()) key.Add("line", "--low", "baselines");
   section.html += WithKey(key, figure.Html("wide")) + table.Html();
   return section;

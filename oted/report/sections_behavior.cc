@@ -1,9 +1,9 @@
-// Stage 1: the logs and the clone.
+#include "oted/report/sections_behavior.h"
+
 #include <fmt/format.h>
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 

@@ -1,4 +1,5 @@
-// Stage 2: the distribution over the parameters and its discriminator.
+#include "oted/report/sections_design.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -6,7 +7,6 @@
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {

@@ -1,8 +1,8 @@
-// What was run, and what went wrong.
+#include "oted/report/sections_record.h"
+
 #include <fmt/format.h>
 
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {

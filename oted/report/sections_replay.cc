@@ -1,11 +1,11 @@
-// What people look at first: the logs beside what the original and the designed simulator make of the same actions.
+#include "oted/report/sections_replay.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {
@@ -38,7 +38,7 @@ std::string ErrorFigure(const json& replay) {
   if (!replay.contains("error")) return "";
   const json& error = replay["error"];
   Figure figure("Distance from the logs after so much time, in standard deviations of the logs");
-  for (const auto& [name, label, style] : {std::tuple("nominal", "original simulator", kNominal),
+  for (const auto& [name, label, style] : {std::tuple("nominal", "nominal simulator", kNominal),
                                            std::tuple("designed", "designed simulator", kDesigned)}) {
     if (!error.contains(name)) continue;
     const auto curve = [&](const char* quantile) { return OverTime(ListAt(error[name], quantile), Period(replay)); };
@@ -51,7 +51,7 @@ std::string ErrorFigure(const json& replay) {
   figure.SetXTitle(AxisTitle(replay));
   figure.layout()["yaxis"] = {{"rangemode", "tozero"}};
   PlotKey key;
-  key.Add("line", "--nominal", "original simulator, median stretch")
+  key.Add("line", "--nominal", "nominal simulator, median stretch")
       .Add("line", "--designed", "designed simulator, median stretch")
       .Add("dash", "--soft", "a quarter of the stretches lies below, a quarter above");
   return WithKey(key, figure.Html("wide short"));
@@ -65,14 +65,14 @@ std::string ChannelFigures(const json& replay) {
     const auto add = [&](const char* key, const char* name, const LineStyle& style) {
       figure.AddCurve(OverTime(ListAt(channels[i], key), Period(replay)), name, style);
     };
-    add("nominal", "original simulator", kNominal);
+    add("nominal", "nominal simulator", kNominal);
     add("designed", "designed simulator", kDesigned);
     add("logged", "logged", kLogged);
     figure.SetXTitle(AxisTitle(replay));
     figures += figure.Html("small");
   }
   PlotKey key;
-  key.Add("dots", "--truth", "logged").Add("line", "--nominal", "original simulator");
+  key.Add("dots", "--truth", "logged").Add("line", "--nominal", "nominal simulator");
   key.Add("line", "--designed", "designed simulator");
   return WithKey(key, FigureGrid(figures));
 }
@@ -128,7 +128,7 @@ std::string Pictures(const json& images) {
       "<p>How episodes begin, as the agent sees it: walls are brown, free cells light, what is hidden dark, the goal "
       "green. The simulators' grids are draws; only how full they are can be compared.</p>\n";
   for (const auto& [name, label] : {std::pair("logged", "Logged"), std::pair("designed", "Designed simulator"),
-                                    std::pair("nominal", "Original simulator")}) {
+                                    std::pair("nominal", "Nominal simulator")}) {
     html += fmt::format("<p>{}</p>\n<p>", label);
     for (const json& cells : ListAt(images, name)) html += Picture(cells, columns, rows);
     html += "</p>\n";
@@ -167,7 +167,7 @@ Section ReplaySection(const json& report) {
   section.html += ChannelFigures(replay);
   if (const size_t n = ListAt(replay, "channels").size(); n > kMostChannels) {
     section.html += fmt::format(
-        "<p class=\"note\">The {} of {} observed channels in which the original simulator errs most; all of them are "
+        "<p class=\"note\">The {} of {} observed channels in which the nominal simulator errs most; all of them are "
         "in "
         "motion/replay.json.</p>\n",
         kMostChannels, n);

@@ -1,10 +1,10 @@
-// What came out: the parameters and the policies.
+#include "oted/report/sections_result.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {

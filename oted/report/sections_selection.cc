@@ -1,11 +1,11 @@
-// Stage 3: which setting of the design is used.
+#include "oted/report/sections_selection.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "oted/report/figure.h"
 #include "oted/report/json_values.h"
-#include "oted/report/sections.h"
 
 namespace oted {
 namespace {
@@ -46,10 +46,10 @@ std::string Chart(const json& design, double log2) {
                      {"mode", seed_names.size() == 1 ? "markers" : "lines"},
                      {"x", x},
                      {"y", std::vector<double>(seed_names.size(), *nominal)},
-                     {"name", "original simulator"},
+                     {"name", "nominal simulator"},
                      {"line", {{"color", "var:--nominal"}, {"width", 2}}},
                      {"marker", {{"color", "var:--nominal"}, {"symbol", "line-ew-open"}, {"size", 40}}}});
-    key.Add("line", "--nominal", "original simulator, common judge");
+    key.Add("line", "--nominal", "nominal simulator, common judge");
   }
   figure.layout() = {{"barmode", "group"},
                      {"bargap", 0.35},
@@ -58,26 +58,26 @@ std::string Chart(const json& design, double log2) {
   return key.Html() + figure.Html("wide");
 }
 
-// What each form made of held-out logs, where the form was left open and more than one was tried.
-std::string TriedForms(const json& design) {
+// What each method made of held-out logs, where the method was left open and more than one was tried.
+std::string TriedMethods(const json& design) {
   std::string html;
-  for (const json& choice : ListAt(design, "form_choices")) {
+  for (const json& choice : ListAt(design, "method_choices")) {
     if (ListAt(choice, "tried").empty()) continue;
     html += fmt::format(
-        "<p>The form of setting <em>{}</em> was left open, and the answer of the first one was outside the family: "
-        "each form learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
+        "<p>The method of setting <em>{}</em> was left open, and the answer of the first one was outside the family: "
+        "each method learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
         "Errors are in units of each channel's noise, or of a hundredth of its spread where that is more.</p>\n",
         Escape(TextAt(choice, "setting")), FormatCount(NumberAt(choice, "n_windows")),
         FormatCount(NumberAt(choice, "n_steps")));
     HtmlTable table;
     table.Column("Form", HtmlTable::Align::kText).Column("Error").Column("Log ratio to the first");
     for (const json& tried : ListAt(choice, "tried")) {
-      const bool taken = TextAt(tried, "form") == TextAt(choice, "form");
-      table.Row({SelectedName(TextAt(tried, "form"), taken), FormatNumber(NumberAt(tried, "error")),
+      const bool taken = TextAt(tried, "method") == TextAt(choice, "method");
+      table.Row({SelectedName(TextAt(tried, "method"), taken), FormatNumber(NumberAt(tried, "error")),
                  FormatSpread(NumberAt(tried, "gain"), NumberAt(tried, "gain_std"))},
                 taken);
     }
-    table.Row({"<em>original simulator</em>", FormatNumber(NumberAt(choice, "nominal_error")), "–"});
+    table.Row({"<em>nominal simulator</em>", FormatNumber(NumberAt(choice, "nominal_error")), "–"});
     html += table.Html();
   }
   return html;
@@ -102,14 +102,14 @@ Section SelectionSection(const json& report) {
   const std::string selected = TextAt(design, "selected");
   for (const json& setting : ListAt(design, "settings")) {
     const bool chosen = TextAt(setting, "name") == selected;
-    table.Row({SelectedName(TextAt(setting, "name"), chosen), Escape(TextAt(setting, "form")),
+    table.Row({SelectedName(TextAt(setting, "name"), chosen), Escape(TextAt(setting, "method")),
                FormatCount(ListAt(setting, "seeds").size()), FormatScore(Minus(NumberAt(setting, "common"), log2)),
                FormatScore(Minus(NumberAt(setting, "c"), log2)), FormatNumber(NumberAt(setting, "design_deviation")),
                FormatNumber(NumberAt(setting, "learning_progress"))},
               chosen);
   }
   if (const auto nominal = NumberAt(design, "nominal_common")) {
-    table.Row({"<em>original simulator</em>", "", "", FormatScore(Minus(nominal, log2)), "–", "–", "–"});
+    table.Row({"<em>nominal simulator</em>", "", "", FormatScore(Minus(nominal, log2)), "–", "–", "–"});
   }
   section.html += table.Html() +
                   "<p class=\"note\">Own judge: the paper's score E[&minus;log(1&minus;g)] of the discriminator that "
@@ -120,7 +120,7 @@ Section SelectionSection(const json& report) {
                   "progress: mean reward over the design (higher is better). Of settings, or seeds, with the same "
                   "score the first is "
                   "used.</p>\n" +
-                  TriedForms(design) + Chart(design, log2);
+                  TriedMethods(design) + Chart(design, log2);
   return section;
 }
 

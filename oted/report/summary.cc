@@ -65,7 +65,7 @@ std::string GapClosed(const Match& match) {
 
 std::string Headline(const json& report, const std::string& verdict) {
   if (verdict == "gap_closed") return GapClosed(MatchOf(report));
-  if (verdict == "no_gap") return "The original simulator already matches the logs: there is no gap to close.";
+  if (verdict == "no_gap") return "The nominal simulator already matches the logs: there is no gap to close.";
   if (verdict == "outside_family") return "No simulator in this family matches the logs.";
   if (report.contains("design")) return "A simulator has been designed; no verdict was recorded.";
   if (report.contains("design_seeds")) return "The design is not complete yet.";
@@ -144,7 +144,7 @@ void AddReplay(const json& report, json* trust, json* unknown) {
 }
 
 void AddPolicies(const json& report, json* found) {
-  std::optional<double> ours, clone, undesigned;
+  std::optional<double> ours, clone, nominal;
   std::string baselines;
   const auto add_baseline = [&](const char* words, std::optional<double> value) {
     if (value) baselines += fmt::format("; {} {}", words, FormatNumber(value));
@@ -154,7 +154,7 @@ void AddPolicies(const json& report, json* found) {
     const std::string name = TextAt(policy, "name");
     if (name.starts_with("oted_")) ours = value;
     if (name == "clone") clone = value;
-    if (name.ends_with("_undesigned")) undesigned = value;
+    if (name.ends_with("_nominal")) nominal = value;
     if (name == "bc_dr") {
       add_baseline("a clone of logs and randomised simulators", value);
     } else if (name.ends_with("_dr")) {
@@ -167,7 +167,7 @@ void AddPolicies(const json& report, json* found) {
   std::string text =
       fmt::format("In the target, the policy trained in the designed simulators returns {}", FormatNumber(ours));
   if (clone) text += fmt::format("; the clone of the logged behaviour {}", FormatNumber(clone));
-  if (undesigned) text += fmt::format("; a policy trained in the original simulator {}", FormatNumber(undesigned));
+  if (nominal) text += fmt::format("; a policy trained in the nominal simulator {}", FormatNumber(nominal));
   found->push_back(text + baselines + ".");
 }
 
@@ -194,13 +194,13 @@ void AddSuspects(const json& fit, json* found) {
                   texts.size() == 1 ? "it" : "one of them, perhaps of all", texts.size() == 1 ? "it" : "the first"));
 }
 
-// Which form of the design was taken where that was left open, and why.
-void AddFormChoice(const json& report, json* trust) {
+// Which method of the design was taken where that was left open, and why.
+void AddMethodChoice(const json& report, json* trust) {
   if (!report.contains("design")) return;
-  for (const json& choice : ListAt(report["design"], "form_choices")) {
+  for (const json& choice : ListAt(report["design"], "method_choices")) {
     if (TextAt(choice, "picked") != TextAt(report["design"], "selected")) continue;
-    trust->push_back(fmt::format("The form of the design was left open; {} was taken, as {}.", TextAt(choice, "form"),
-                                 TextAt(choice, "reason")));
+    trust->push_back(fmt::format("The method of the design was left open; {} was taken, as {}.",
+                                 TextAt(choice, "method"), TextAt(choice, "reason")));
   }
 }
 
@@ -292,7 +292,7 @@ json Summarise(const json& report) {
   json trust = json::array();
   AddFit(report, &found, &trust);
   AddMatch(report, &trust);
-  AddFormChoice(report, &trust);
+  AddMethodChoice(report, &trust);
   json unknown = Unknown(report, verdict);
   AddReplay(report, &trust, &unknown);
   AddError(report, &trust);

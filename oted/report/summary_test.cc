@@ -107,10 +107,10 @@ TEST(SummariseTest, WhatIsNotSearchedAndOffByTheLogsIsNamedWithItsFactor) {
 }
 
 TEST(SummariseTest, SaysWhichFormWasTakenWhereItWasLeftOpenAndWhy) {
-  const json choices = {{{"form", "transitions"}, {"picked", "a-transitions"}, {"reason", "it is nearer"}},
-                        {{"form", "paper"}, {"picked", "b"}, {"reason", "nothing else can be done"}}};
+  const json choices = {{{"method", "transitions"}, {"picked", "a-transitions"}, {"reason", "it is nearer"}},
+                        {{"method", "paper"}, {"picked", "b"}, {"reason", "nothing else can be done"}}};
   const std::string trust =
-      Text(Summarise({{"design", {{"selected", "a-transitions"}, {"form_choices", choices}}}})["trust"]);
+      Text(Summarise({{"design", {{"selected", "a-transitions"}, {"method_choices", choices}}}})["trust"]);
   EXPECT_THAT(trust, HasSubstr("transitions was taken, as it is nearer."));
   EXPECT_THAT(trust, Not(HasSubstr("paper"))) << "of a setting that was not selected";
 }
@@ -142,11 +142,11 @@ TEST(SummariseTest, ComparesThePoliciesByName) {
   const json summary = Summarise({{"policies",
                                    {{{"name", "oted_sac"}, {"mean_return", 1731.5}},
                                     {{"name", "clone"}, {"mean_return", 904.1}},
-                                    {{"name", "sac_undesigned"}, {"mean_return", 612.8}}}}});
+                                    {{"name", "sac_nominal"}, {"mean_return", 612.8}}}}});
   EXPECT_THAT(Text(summary["found"]), testing::AllOf(HasSubstr("returns 1,732"),
                                                      HasSubstr("clone of the logged "
                                                                "behaviour 904"),
-                                                     HasSubstr("original simulator 613")));
+                                                     HasSubstr("nominal simulator 613")));
 }
 
 TEST(SummariseTest, BaselinesFollow) {
@@ -162,11 +162,10 @@ TEST(SummariseTest, BaselinesFollow) {
 
 TEST(SummariseTest, AgentsOfEitherAlgorithmAreNamed) {
   const json summary = Summarise({{"policies",
-                                   {{{"name", "ppo_undesigned"}, {"mean_return", 0.917}},
+                                   {{{"name", "ppo_nominal"}, {"mean_return", 0.917}},
                                     {{"name", "oted_ppo"}, {"mean_return", 0.929}},
                                     {{"name", "expert"}, {"mean_return", 0.96}}}}});
-  EXPECT_THAT(Text(summary["found"]),
-              testing::AllOf(HasSubstr("returns 0.929"), HasSubstr("original simulator 0.917")));
+  EXPECT_THAT(Text(summary["found"]), testing::AllOf(HasSubstr("returns 0.929"), HasSubstr("nominal simulator 0.917")));
 }
 
 }  // namespace oted::summary_test

@@ -21,10 +21,7 @@ FieldList CrossQConfig::Fields() {
   return fields;
 }
 
-ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
-                        const std::vector<std::vector<double>>& eval_parameters, const CrossQConfig& config, RngKey key,
-                        const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                        const EvaluationObserver& observer) {
+ReplayAgent TrainAgent(const AgentJob& job, const CrossQConfig& config) {
   const auto make_update = [&](const TanhGaussianPolicy& actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     const CrossQUpdateOptions options{.learning_rate = config.learning_rate,
                                       .beta1 = config.beta1,
@@ -37,8 +34,7 @@ ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
     if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
     return std::make_unique<CrossQUpdate>(std::move(update));
   };
-  return TrainByReplay(factory, source, eval_parameters, config, "crossq", make_update, key, folder, run_name, context,
-                       observer);
+  return TrainByReplay(job, config, "crossq", make_update);
 }
 
 }  // namespace oted

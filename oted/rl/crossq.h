@@ -26,9 +26,6 @@ struct CrossQConfig : ReplayConfig {
 
 /// Trains one agent by TrainByReplay; `hidden` is of the actor.
 /// @throws as TrainByReplay
-ReplayAgent TrainCrossQ(const SimulatorFactory& factory, EpisodeSource& source,
-                        const std::vector<std::vector<double>>& eval_parameters, const CrossQConfig& config, RngKey key,
-                        const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                        const EvaluationObserver& observer = {});
+ReplayAgent TrainAgent(const AgentJob& job, const CrossQConfig& config);
 
 }  // namespace oted

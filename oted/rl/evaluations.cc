@@ -14,11 +14,14 @@ void Evaluations::Begin(const Learner& learner, std::vector<std::pair<std::strin
   now_.parameters = learner.PolicyParameters();
   now_.policy = learner.MakePolicy(now_.parameters);
   now_.figures = std::move(figures);
-  const bool beside = setting_.context.n_threads > 1;
+  const bool beside = job_.context.n_threads > 1;
   now_.episodes = std::async(beside ? std::launch::async : std::launch::deferred, [this] {
-    return RunPolicy(setting_.factory, *now_.policy, setting_.eval_parameters, setting_.schedule.eval_episodes,
-                     std::max(1, setting_.context.n_threads - 1), setting_.key.Stage("evaluation"),
-                     setting_.schedule.noise);
+    return RunPolicy(job_.factory, *now_.policy,
+                     {.z = job_.eval_parameters,
+                      .n_episodes = schedule_.eval_episodes,
+                      .key = job_.key.Stage("evaluation"),
+                      .n_threads = std::max(1, job_.context.n_threads - 1),
+                      .noise = schedule_.noise});
   });
   if (!beside) Finish();
 }
@@ -32,20 +35,20 @@ bool Evaluations::Finish() {
   const std::vector<EpisodeResult> episodes = now_.episodes.get();
   const double eval_return = MeanReturn(episodes);
   Keep(eval_return, CountDiverged(episodes));
-  if (setting_.observer) setting_.observer(now_.step, *now_.policy, eval_return);
+  if (job_.observer) job_.observer(now_.step, *now_.policy, eval_return);
   curve_.eval_steps.push_back(now_.step);
   curve_.eval_returns.push_back(eval_return);
-  LogSink& log = *setting_.context.log;
-  log.Scalar(setting_.run_name, "eval/mean_reward", now_.step, eval_return);
-  for (const auto& [name, value] : now_.figures) log.Scalar(setting_.run_name, name, now_.step, value);
+  LogSink& log = *job_.context.log;
+  log.Scalar(job_.run_name, "eval/mean_reward", now_.step, eval_return);
+  for (const auto& [name, value] : now_.figures) log.Scalar(job_.run_name, name, now_.step, value);
   return true;
 }
 
 void Evaluations::Keep(double eval_return, int n_diverged) {
-  const auto failed = [&](int n) { return n == setting_.schedule.eval_episodes; };
+  const auto failed = [&](int n) { return n == schedule_.eval_episodes; };
   const bool better =
       failed(n_diverged) != failed(curve_.n_diverged) ? failed(curve_.n_diverged) : eval_return > curve_.eval_return;
-  if (setting_.schedule.keep != "last" && !curve_.eval_returns.empty() && !better) return;
+  if (schedule_.keep != "last" && !curve_.eval_returns.empty() && !better) return;
   curve_.eval_return = eval_return;
   curve_.n_diverged = n_diverged;
   curve_.kept = now_.parameters;

@@ -17,17 +17,9 @@ namespace oted {
 /// threads.
 class Evaluations {
  public:
-  struct Setting {
-    const SimulatorFactory& factory;
-    const std::vector<std::vector<double>>& eval_parameters;
-    const TrainingSchedule& schedule;
-    RngKey key;
-    const std::string& run_name;
-    const RunContext& context;
-    const EvaluationObserver& observer;
-  };
-  /// What `setting` refers to must outlive it.
-  Evaluations(const Setting& setting, LearningCurve& curve) : setting_(setting), curve_(curve) {}
+  /// What it is given must outlive it.
+  Evaluations(const AgentJob& job, const TrainingSchedule& schedule, LearningCurve& curve)
+      : job_(job), schedule_(schedule), curve_(curve) {}
 
   /// Of the learner's present policy; the last one must be finished. With one thread it is finished on return.
   /// @param figures  of the training until now, for the log
@@ -39,7 +31,8 @@ class Evaluations {
  private:
   void Keep(double eval_return, int n_diverged);
 
-  Setting setting_;
+  const AgentJob& job_;
+  const TrainingSchedule& schedule_;
   LearningCurve& curve_;
   struct {
     int64_t step = 0;

@@ -4,9 +4,9 @@
 
 namespace oted {
 
-void GeneralizedAdvantages(std::span<const float> rewards, std::span<const float> values, std::span<const StepEnd> ends,
-                           std::span<const float> last_values, double gamma, double lambda, std::span<float> advantages,
-                           std::span<float> returns) {
+void GeneralizedAdvantages(const RolloutSteps& steps, double gamma, double lambda, const Advantages& out) {
+  const auto& [rewards, values, ends, last_values] = steps;
+  const auto& [advantages, returns] = out;
   const size_t n = last_values.size(), size = rewards.size();
   OTED_CHECK(n > 0 && size % n == 0 && values.size() == size && ends.size() == size && advantages.size() == size &&
              returns.size() == size);

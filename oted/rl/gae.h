@@ -13,13 +13,19 @@ enum class StepEnd : uint8_t {
   kDropped,  ///< the step means nothing: no advantage, and the step before bootstraps through its state
 };
 
-/// For steps t = 0, ..., T - 1 of n lanes, all arrays (T, n), row-major:
+/// Steps t = 0, ..., T - 1 of n lanes: arrays (T, n), row-major.
+struct RolloutSteps {
+  std::span<const float> rewards, values;
+  std::span<const StepEnd> ends;
+  std::span<const float> last_values;  ///< (n) of the states after the last step; not read where it ended an episode
+};
+/// Likewise (T, n), overwritten: 0 and V(s_t) for dropped steps.
+struct Advantages {
+  std::span<float> advantages, returns;
+};
+
 ///   delta_t = r_t + gamma V(s_{t+1}) - V(s_t),   A_t = delta_t + gamma lambda A_{t+1},   return_t = A_t + V(s_t),
 /// where nothing follows the end of an episode, and after a dropped step A starts anew.
-/// @param last_values  (n) of the states after the last step; not read where that step ended an episode
-/// @param advantages, returns  (T, n), overwritten; 0 and V(s_t) for dropped steps
-void GeneralizedAdvantages(std::span<const float> rewards, std::span<const float> values, std::span<const StepEnd> ends,
-                           std::span<const float> last_values, double gamma, double lambda, std::span<float> advantages,
-                           std::span<float> returns);
+void GeneralizedAdvantages(const RolloutSteps& steps, double gamma, double lambda, const Advantages& out);
 
 }  // namespace oted

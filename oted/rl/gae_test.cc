@@ -15,7 +15,7 @@ Estimate Estimated(const std::vector<float>& rewards, const std::vector<float>& 
                    const std::vector<StepEnd>& ends, const std::vector<float>& last_values, double gamma,
                    double lambda) {
   Estimate out{std::vector<float>(rewards.size()), std::vector<float>(rewards.size())};
-  GeneralizedAdvantages(rewards, values, ends, last_values, gamma, lambda, out.advantages, out.returns);
+  GeneralizedAdvantages({rewards, values, ends, last_values}, gamma, lambda, {out.advantages, out.returns});
   return out;
 }
 

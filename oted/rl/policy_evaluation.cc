@@ -30,18 +30,13 @@ PolicyEvaluation EvaluateBatchPolicy(const SimulatorFactory& factory, const Batc
 }
 
 std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
-                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
-                                     RngKey key, ActionNoise noise) {
+                                     const PolicyEpisodes& episodes) {
+  const auto& [z, n_episodes, key, n_threads, noise] = episodes;
   OTED_CHECK(!z.empty());
   const auto simulator = factory.Make(n_episodes, n_threads);
   std::vector<std::vector<double>> lane_z;
   for (int k = 0; k < n_episodes; ++k) lane_z.push_back(z[static_cast<size_t>(k) % z.size()]);
   return RunEpisodes(*simulator, lane_z, AsBatchPolicy(policy, noise, key.Stage("actions").MakeRng()), key);
-}
-
-double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
-                      int n_episodes, int n_threads, RngKey key, ActionNoise noise) {
-  return MeanReturn(RunPolicy(factory, policy, z, n_episodes, n_threads, key, noise));
 }
 
 }  // namespace oted

@@ -20,12 +20,16 @@ struct PolicyEvaluation {
 PolicyEvaluation EvaluateBatchPolicy(const SimulatorFactory& factory, const BatchPolicy& policy,
                                      const std::vector<double>& z, int n_episodes, int n_threads, RngKey key);
 
-/// `n_episodes` episodes of the policy, by default of its deterministic action; episode k runs in `z[k mod z.size()]`.
+/// Episodes in which a policy is looked at.
+struct PolicyEpisodes {
+  std::vector<std::vector<double>> z;  ///< at least one; episode k runs in z[k mod z.size()]
+  int n_episodes = 0;
+  RngKey key;  ///< episode k starts from key.Index(k)
+  int n_threads = 1;
+  ActionNoise noise = ActionNoise::kMean;
+};
+/// What became of them; MeanReturn says how good the policy is.
 std::vector<EpisodeResult> RunPolicy(const SimulatorFactory& factory, const Policy& policy,
-                                     const std::vector<std::vector<double>>& z, int n_episodes, int n_threads,
-                                     RngKey key, ActionNoise noise = ActionNoise::kMean);
-/// Their mean return; a diverged episode counts as the lowest of them (ComparableReturns).
-double EvaluatePolicy(const SimulatorFactory& factory, const Policy& policy, const std::vector<std::vector<double>>& z,
-                      int n_episodes, int n_threads, RngKey key, ActionNoise noise = ActionNoise::kMean);
+                                     const PolicyEpisodes& episodes);
 
 }  // namespace oted

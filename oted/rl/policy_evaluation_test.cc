@@ -51,7 +51,7 @@ TEST(EvaluateBatchPolicy, CountsTheWaysInWhichEpisodesEnd) {
   EXPECT_EQ(broken.min_return, lowest);
 }
 
-TEST(EvaluatePolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
+TEST(RunPolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
   TanhGaussianPolicy policy(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
   policy.net().parameters()[4] = 0.5f;  // mean action tanh(0.5), whatever the state
   const RngKey key(6);
@@ -62,7 +62,7 @@ TEST(EvaluatePolicy, RunsEpisodeKInTheKthParametersAndRepeatsThem) {
     const double x0 = rng.Uniform(-1, 1), step = 0.1 * std::tanh(0.5) * z[k % 2][0];
     for (int t = 1; t <= 20; ++t) expected -= std::pow(x0 + step * t, 2) / 5;
   }
-  EXPECT_NEAR(EvaluatePolicy(PointMassFactory(), policy, z, 5, 1, key), expected, 1e-5);
+  EXPECT_NEAR(MeanReturn(RunPolicy(PointMassFactory(), policy, {.z = z, .n_episodes = 5, .key = key})), expected, 1e-5);
 }
 
 }  // namespace oted::policy_evaluation_test

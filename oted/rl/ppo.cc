@@ -172,8 +172,8 @@ class PpoTraining : public Learner {
     }
     std::vector<float> last_values;
     for (const int lane : lanes_) last_values.push_back(ValueOf(lane));
-    GeneralizedAdvantages(rewards_, values_, ends_, last_values, config_.gamma, config_.gae_lambda, advantages_,
-                          returns_);
+    GeneralizedAdvantages({rewards_, values_, ends_, last_values}, config_.gamma, config_.gae_lambda,
+                          {advantages_, returns_});
   }
 
   /// What the step at `row` of the rollout came to, and a new episode where one ended.
@@ -268,30 +268,18 @@ class PpoTraining : public Learner {
 
 }  // namespace
 
-PpoResult TrainPpo(const SimulatorFactory& factory, EpisodeSource& source,
-                   const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
-                   const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const EvaluationObserver& observer) {
-  if (factory.spec().n_discrete_actions == 0) {
-    throw UsageError(
-        fmt::format("task '{}' has continuous actions, PPO takes discrete ones alone", factory.spec().task));
+PpoResult TrainAgent(const AgentJob& job, const PpoConfig& config) {
+  const SimulatorSpec& spec = job.factory.spec();
+  if (spec.n_discrete_actions == 0) {
+    throw UsageError(fmt::format("task '{}' has continuous actions, PPO takes discrete ones alone", spec.task));
   }
-  PpoTraining training(factory, source, config, key, context.n_threads);
+  PpoTraining training(job.factory, job.source, config, job.key, job.context.n_threads);
   PpoResult result;
   static_cast<LearningCurve&>(result) = TrainInSegments(
-      training, factory, eval_parameters,
-      {config.n_steps, config.eval_interval, config.eval_episodes, config.keep, config.EvaluationNoise()}, key, folder,
-      run_name, context, observer);
+      training, job,
+      {config.n_steps, config.eval_interval, config.eval_episodes, config.keep, config.EvaluationNoise()});
   result.policy = training.PolicyOf(result.kept);
   return result;
-}
-
-PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
-                   const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
-                   const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const EvaluationObserver& observer) {
-  DrawnEpisodes source(episode_parameters);
-  return TrainPpo(factory, source, eval_parameters, config, key, folder, run_name, context, observer);
 }
 
 }  // namespace oted

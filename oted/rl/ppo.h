@@ -51,13 +51,6 @@ struct PpoResult : LearningCurve {
 /// bootstraps through its last state. Indices in an observation are one-hot, quantities in spreads of a first play with
 /// random actions, cut to +-10.
 /// @throws UsageError for a task with continuous actions; as TrainInSegments
-PpoResult TrainPpo(const SimulatorFactory& factory, EpisodeSource& source,
-                   const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
-                   const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const EvaluationObserver& observer = {});
-PpoResult TrainPpo(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
-                   const std::vector<std::vector<double>>& eval_parameters, const PpoConfig& config, RngKey key,
-                   const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                   const EvaluationObserver& observer = {});
+PpoResult TrainAgent(const AgentJob& job, const PpoConfig& config);
 
 }  // namespace oted

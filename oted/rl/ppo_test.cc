@@ -41,8 +41,16 @@ struct Training {
 
   PpoResult operator()() const {
     NullSink log;
-    return TrainPpo(CorridorFactory(options), parameters, {{0.0}}, config, RngKey(seed), folder, "agent",
-                    {&log, stop, n_threads}, observer);
+    DrawnEpisodes source(parameters);
+    return TrainAgent({.factory = CorridorFactory(options),
+                       .source = source,
+                       .eval_parameters = {{0.0}},
+                       .key = RngKey(seed),
+                       .folder = folder,
+                       .run_name = "agent",
+                       .context = {&log, stop, n_threads},
+                       .observer = observer},
+                      config);
   }
 };
 
@@ -60,7 +68,8 @@ TEST_P(TrainPpoOn, FindsTheShortestWayToEitherEnd) {
   run.config.learning_rate = 3e-3;
   run.config.gamma = 0.9;  // without it there is no hurry
   const PpoResult result = run();
-  const auto episodes = RunPolicy(CorridorFactory(run.options), result.policy, {{0.0}}, 40, 1, RngKey(77));
+  const auto episodes =
+      RunPolicy(CorridorFactory(run.options), result.policy, {.z = {{0.0}}, .n_episodes = 40, .key = RngKey(77)});
   for (const EpisodeResult& episode : episodes) {
     EXPECT_EQ(episode.end, LaneStatus::kTerminated);
     EXPECT_EQ(episode.n_steps, 2) << "from the middle";
@@ -180,9 +189,15 @@ TEST(TrainPpo, TimeLimitsAreBootstrappedThrough) {
   config.learning_rate = 1e-2;
   config.max_grad_norm = 10;
   NullSink log;
-  TrainPpo(TreadmillFactory({.max_episode_steps = 2, .endless_reward = true}),
-           [](Rng&) { return std::vector<double>{0.0}; }, {{0.0}}, config, RngKey(1), folder.path(), "agent",
-           {&log, nullptr, 1});
+  DrawnEpisodes source([](Rng&) { return std::vector<double>{0.0}; });
+  TrainAgent({.factory = TreadmillFactory({.max_episode_steps = 2, .endless_reward = true}),
+              .source = source,
+              .eval_parameters = {{0.0}},
+              .key = RngKey(1),
+              .folder = folder.path(),
+              .run_name = "agent",
+              .context = {&log, nullptr, 1}},
+             config);
   EXPECT_NEAR(ValueOfStart(folder.path(), config), 5, 0.1);
 }
 
@@ -212,12 +227,16 @@ TEST(TrainPpo, EachEpisodeRunsWithParametersDrawnAnew) {
 TEST(TrainPpo, ContinuousActionsAreRefused) {
   const TestFolder folder;
   NullSink log;
+  DrawnEpisodes source([](Rng&) { return std::vector<double>{1, 1, 0}; });
   EXPECT_NE(MessageOf<UsageError>([&] {
-              TrainPpo(PointMassFactory(),
-                       [](Rng&) {
-                         return std::vector<double>{1, 1, 0};
-                       },
-                       {{1, 1, 0}}, SmallConfig(), RngKey(1), folder.path(), "agent", {&log, nullptr, 1});
+              TrainAgent({.factory = PointMassFactory(),
+                          .source = source,
+                          .eval_parameters = {{1, 1, 0}},
+                          .key = RngKey(1),
+                          .folder = folder.path(),
+                          .run_name = "agent",
+                          .context = {&log, nullptr, 1}},
+                         SmallConfig());
             }).find("continuous"),
             std::string::npos);
 }

@@ -4,6 +4,7 @@
 
 #include "oted/base/error.h"
 #include "oted/nn/kernels.h"
+#include "oted/nn/kernels_math.h"
 
 namespace oted {
 

@@ -233,21 +233,18 @@ class ReplayTraining : public Learner {
 
 }  // namespace
 
-ReplayAgent TrainByReplay(const SimulatorFactory& factory, EpisodeSource& source,
-                          const std::vector<std::vector<double>>& eval_parameters, const ReplayConfig& config,
-                          const std::string& algorithm, const MakeReplayUpdate& make_update, RngKey key,
-                          const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                          const EvaluationObserver& observer) {
-  if (factory.spec().n_discrete_actions > 0) {
+ReplayAgent TrainByReplay(const AgentJob& job, const ReplayConfig& config, const std::string& algorithm,
+                          const MakeReplayUpdate& make_update) {
+  const SimulatorSpec& spec = job.factory.spec();
+  if (spec.n_discrete_actions > 0) {
     throw UsageError(
-        fmt::format("task '{}' has discrete actions, {} takes continuous ones alone", factory.spec().task, algorithm));
+        fmt::format("task '{}' has discrete actions, {} takes continuous ones alone", spec.task, algorithm));
   }
   config.CheckLearns(algorithm);
-  ReplayTraining training(factory, source, config, make_update, key, context.n_threads);
+  ReplayTraining training(job.factory, job.source, config, make_update, job.key, job.context.n_threads);
   ReplayAgent result;
-  static_cast<LearningCurve&>(result) = TrainInSegments(
-      training, factory, eval_parameters, {config.n_steps, config.eval_interval, config.eval_episodes, config.keep},
-      key, folder, run_name, context, observer);
+  static_cast<LearningCurve&>(result) =
+      TrainInSegments(training, job, {config.n_steps, config.eval_interval, config.eval_episodes, config.keep});
   result.policy = training.PolicyOf(result.kept);
   return result;
 }

@@ -77,10 +77,7 @@ struct ReplayAgent : LearningCurve {
 /// from all transitions but the newest `n_lanes`, and the policy that acts is no older for it.
 /// @param algorithm  its section of the configuration, for errors
 /// @throws UsageError for a task with discrete actions, and as CheckLearns; as TrainInSegments
-ReplayAgent TrainByReplay(const SimulatorFactory& factory, EpisodeSource& source,
-                          const std::vector<std::vector<double>>& eval_parameters, const ReplayConfig& config,
-                          const std::string& algorithm, const MakeReplayUpdate& make_update, RngKey key,
-                          const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                          const EvaluationObserver& observer);
+ReplayAgent TrainByReplay(const AgentJob& job, const ReplayConfig& config, const std::string& algorithm,
+                          const MakeReplayUpdate& make_update);
 
 }  // namespace oted

@@ -46,15 +46,21 @@ struct Training {
   ReplayAgent In(const SimulatorFactory& factory) const {
     NullSink nothing;
     const RunContext context{log != nullptr ? log : &nothing, stop, n_threads};
-    if (algorithm == "sac") {
-      return TrainSac(factory, parameters, {kNominal}, config, RngKey(seed), folder, "agent", context, observer);
-    }
+    DrawnEpisodes source(parameters);
+    const AgentJob job = {.factory = factory,
+                          .source = source,
+                          .eval_parameters = {kNominal},
+                          .key = RngKey(seed),
+                          .folder = folder,
+                          .run_name = "agent",
+                          .context = context,
+                          .observer = observer};
+    if (algorithm == "sac") return TrainAgent(job, config);
     CrossQConfig crossq;
     static_cast<ReplayConfig&>(crossq) = config;
     crossq.critic_hidden = config.hidden;
     crossq.renorm_warmup = 200;
-    DrawnEpisodes source(parameters);
-    return TrainCrossQ(factory, source, {kNominal}, crossq, RngKey(seed), folder, "agent", context, observer);
+    return TrainAgent(job, crossq);
   }
 };
 
@@ -104,7 +110,8 @@ TEST_P(EitherAlgorithm, SolvesThePointMassToNearItsAnalyticOptimum) {
     optimal += OptimalReturn(x0, 20) / kEpisodes;
     idle -= 20 * x0 * x0 / kEpisodes;
   }
-  const double reached = EvaluatePolicy(PointMassFactory(), result.policy, {kNominal}, kEpisodes, 1, key);
+  const double reached =
+      MeanReturn(RunPolicy(PointMassFactory(), result.policy, {.z = {kNominal}, .n_episodes = kEpisodes, .key = key}));
   EXPECT_LE(reached, optimal + 1e-9) << "better than the optimum: the evaluation is wrong";
   EXPECT_GT(reached, optimal + 0.05 * (idle - optimal)) << "optimum " << optimal << ", doing nothing " << idle;
 }
@@ -398,8 +405,15 @@ class BrokenInTheFirstEvaluation : public PointMassFactory {
 TEST(TrainByReplay, AnEvaluationInWhichEveryEpisodeDivergedIsNotTheBest) {
   const TestFolder folder;
   NullSink log;
-  const ReplayAgent result = TrainSac(BrokenInTheFirstEvaluation(), [](Rng&) { return kNominal; }, {kNominal},
-                                      SmallConfig(), RngKey(5), folder.path(), "agent", {&log, nullptr, 1});
+  DrawnEpisodes source([](Rng&) { return kNominal; });
+  const ReplayAgent result = TrainAgent({.factory = BrokenInTheFirstEvaluation(),
+                                         .source = source,
+                                         .eval_parameters = {kNominal},
+                                         .key = RngKey(5),
+                                         .folder = folder.path(),
+                                         .run_name = "agent",
+                                         .context = {&log, nullptr, 1}},
+                                        SmallConfig());
   ASSERT_EQ(result.eval_returns.size(), 2u);
   ASSERT_EQ(result.eval_returns[0], 0);
   ASSERT_LT(result.eval_returns[1], 0);

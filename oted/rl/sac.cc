@@ -17,10 +17,7 @@ FieldList SacConfig::Fields(const std::string& section) {
   return fields;
 }
 
-ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
-                     const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
-                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const EvaluationObserver& observer) {
+ReplayAgent TrainAgent(const AgentJob& job, const SacConfig& config) {
   const auto make_update = [&](TanhGaussianPolicy actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     actor.net().Initialize(rng);
     const SacUpdateOptions options{.learning_rate = config.learning_rate,
@@ -31,16 +28,7 @@ ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
     if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
     return std::make_unique<SacUpdate>(std::move(update));
   };
-  return TrainByReplay(factory, source, eval_parameters, config, "sac", make_update, key, folder, run_name, context,
-                       observer);
-}
-
-ReplayAgent TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
-                     const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
-                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const EvaluationObserver& observer) {
-  DrawnEpisodes source(episode_parameters);
-  return TrainSac(factory, source, eval_parameters, config, key, folder, run_name, context, observer);
+  return TrainByReplay(job, config, "sac", make_update);
 }
 
 }  // namespace oted

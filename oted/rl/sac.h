@@ -18,13 +18,6 @@ struct SacConfig : ReplayConfig {
 
 /// Trains one agent by TrainByReplay; `hidden` is of actor and critics.
 /// @throws as TrainByReplay
-ReplayAgent TrainSac(const SimulatorFactory& factory, EpisodeSource& source,
-                     const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
-                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const EvaluationObserver& observer = {});
-ReplayAgent TrainSac(const SimulatorFactory& factory, const EpisodeParameters& episode_parameters,
-                     const std::vector<std::vector<double>>& eval_parameters, const SacConfig& config, RngKey key,
-                     const std::filesystem::path& folder, const std::string& run_name, const RunContext& context,
-                     const EvaluationObserver& observer = {});
+ReplayAgent TrainAgent(const AgentJob& job, const SacConfig& config);
 
 }  // namespace oted

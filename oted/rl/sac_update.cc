@@ -72,7 +72,8 @@ ReplayLosses SacUpdate::StepCritics(const TransitionBatch& batch, float alpha) {
       losses.mean_q += 0.5 * q[b] / static_cast<double>(n);
       dq_[b] = error / static_cast<float>(n);
     }
-    critic_pass_[0].Backward(critics_[i], batch.joint.data(), dq_.data(), batch.size, critic_gradient_.data(), nullptr);
+    critic_pass_[0].Backward(critics_[i], batch.joint.data(), dq_.data(), batch.size,
+                             {.parameters = critic_gradient_.data()});
     // The targets follow at once: nothing below reads them in this step, and the critics are in the cache.
     critic_adam_[i].Step(critics_[i].parameters(), critic_gradient_, target_critics_[i].parameters(),
                          static_cast<float>(options_.tau));
@@ -87,8 +88,8 @@ double SacUpdate::StepActor(const TransitionBatch& batch, float alpha) {
   // The actor's activations at s are still those of ForwardActor: its parameters have not moved since.
   actor_dout_.resize(static_cast<size_t>(batch.size) * static_cast<size_t>(actor_.net().out()));
   actions_.Backward(actor_out_, batch.noise.data(), action_gradient_.dq_da(), alpha, batch.size, actor_dout_.data());
-  actor_pass_.Backward(actor_.net(), batch.observations.data(), actor_dout_.data(), batch.size, actor_gradient_.data(),
-                       nullptr);
+  actor_pass_.Backward(actor_.net(), batch.observations.data(), actor_dout_.data(), batch.size,
+                       {.parameters = actor_gradient_.data()});
   actor_adam_.Step(actor_.net().parameters(), actor_gradient_);
   return loss;
 }

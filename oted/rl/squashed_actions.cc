@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "oted/nn/kernels.h"
+#include "oted/nn/kernels_math.h"
 #include "oted/nn/tanh_gaussian.h"
 
 namespace oted {

@@ -91,20 +91,18 @@ void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const std::filesy
 
 }  // namespace
 
-LearningCurve TrainInSegments(Learner& learner, const SimulatorFactory& factory,
-                              const std::vector<std::vector<double>>& eval_parameters, const TrainingSchedule& schedule,
-                              RngKey key, const std::filesystem::path& folder, const std::string& run_name,
-                              const RunContext& context, const EvaluationObserver& observer) {
+LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const TrainingSchedule& schedule) {
   LearningCurve curve;
-  Evaluations evaluations({factory, eval_parameters, schedule, key, run_name, context, observer}, curve);
-  if (std::filesystem::exists(folder / "checkpoint.npz")) {
-    RestoreCheckpoint(learner, curve, folder);
+  const RunContext& context = job.context;
+  Evaluations evaluations(job, schedule, curve);
+  if (std::filesystem::exists(job.folder / "checkpoint.npz")) {
+    RestoreCheckpoint(learner, curve, job.folder);
     // A run that was killed may have left a segment without its evaluation.
     if (curve.eval_steps.empty() || curve.eval_steps.back() < learner.n_steps()) evaluations.Begin(learner, {});
   }
   const auto progress = [&] {
     evaluations.FinishIfReady();
-    context.log->Progress("train", run_name, std::min(learner.n_steps(), schedule.n_steps), schedule.n_steps,
+    context.log->Progress("train", job.run_name, std::min(learner.n_steps(), schedule.n_steps), schedule.n_steps,
                           curve.eval_returns.empty() ? "" : ReturnNote(curve.eval_returns.back()));
   };
   while (learner.n_steps() < schedule.n_steps) {
@@ -112,11 +110,11 @@ LearningCurve TrainInSegments(Learner& learner, const SimulatorFactory& factory,
     evaluations.Finish();
     evaluations.Begin(learner, Figures(learner));
     progress();
-    SaveCheckpoint(learner, curve, folder);
-    if (context.StopRequested() && evaluations.Finish()) SaveCheckpoint(learner, curve, folder);
+    SaveCheckpoint(learner, curve, job.folder);
+    if (context.StopRequested() && evaluations.Finish()) SaveCheckpoint(learner, curve, job.folder);
     context.ThrowIfStopped();
   }
-  if (evaluations.Finish()) SaveCheckpoint(learner, curve, folder);
+  if (evaluations.Finish()) SaveCheckpoint(learner, curve, job.folder);
   return curve;
 }
 

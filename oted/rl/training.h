@@ -113,17 +113,25 @@ class Learner {
 /// Sees every evaluated policy in turn: a recorder of snapshots. `step` control steps had been made.
 using EvaluationObserver = std::function<void(int64_t step, const Policy& policy, double eval_return)>;
 
+/// One agent to train: where its episodes take place, and what becomes of it. What it refers to must outlive it.
+struct AgentJob {
+  const SimulatorFactory& factory;
+  EpisodeSource& source;
+  /// (n, parameters): the simulators in which its checkpoints are compared; episode k runs in row k mod n.
+  std::vector<std::vector<double>> eval_parameters;
+  RngKey key;
+  std::filesystem::path folder;  ///< of this agent: checkpoint.npz while it trains
+  std::string run_name;          ///< its learning curve's in the log
+  RunContext context;
+  EvaluationObserver observer = {};
+};
+
 /// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes, ends with
-/// an evaluation of the policy (episode k in `eval_parameters[k mod size]`) and a checkpoint in `folder`,
-/// so that a stopped run that goes on gives the same bytes as one that was not stopped. With more than one thread the
-/// next segment does not wait for the evaluation. The kept policy is that of the highest mean return (or the last); an
-/// evaluation in which every episode diverged is below any other.
-/// @param folder  of this agent: checkpoint.npz while it trains. Its learning curve goes to the log under `run_name`.
+/// an evaluation of the policy and a checkpoint, so that a stopped run that goes on gives the same bytes as one that
+/// was not stopped. With more than one thread the next segment does not wait for the evaluation. The kept policy is
+/// that of the highest mean return (or the last); an evaluation in which every episode diverged is below any other.
 /// @throws Interrupted at a segment's end when a stop was requested; DataError for a checkpoint that does not fit.
-LearningCurve TrainInSegments(Learner& learner, const SimulatorFactory& factory,
-                              const std::vector<std::vector<double>>& eval_parameters, const TrainingSchedule& schedule,
-                              RngKey key, const std::filesystem::path& folder, const std::string& run_name,
-                              const RunContext& context, const EvaluationObserver& observer);
+LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const TrainingSchedule& schedule);
 
 /// A checkpoint's array of `size` numbers, stored as T. @throws DataError
 template <class T>

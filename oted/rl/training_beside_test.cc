@@ -106,8 +106,14 @@ struct WatchedTraining {
       actor.net().Initialize(rng);
       return std::make_unique<WatchedUpdate>(std::move(actor), on_update);
     };
-    TrainByReplay(WatchedFactory(before_step), source, {kNominal}, config, "watched", make, RngKey(3), folder.path(),
-                  "agent", {&log, nullptr, n_threads}, {});
+    TrainByReplay({.factory = WatchedFactory(before_step),
+                   .source = source,
+                   .eval_parameters = {kNominal},
+                   .key = RngKey(3),
+                   .folder = folder.path(),
+                   .run_name = "agent",
+                   .context = {&log, nullptr, n_threads}},
+                  config, "watched", make);
   }
 };
 

@@ -6,6 +6,7 @@
 #include "oted/base/error.h"
 #include "oted/nn/gemm.h"
 #include "oted/nn/kernels.h"
+#include "oted/nn/kernels_math.h"
 
 namespace oted {
 namespace {
@@ -116,8 +117,8 @@ double ValueDiceUpdate::ObjectiveGradient(const ValueDiceBatch& batch) {
     dnu_[n_joint + i] = static_cast<float>(-of_start);
   }
   da_.resize(n_pairs * static_cast<size_t>(actor_.act_dim()));
-  critic_pass_.Backward(critic_, pairs_.data(), dnu_.data(), static_cast<int>(n_pairs), critic_gradient_.data(),
-                        da_.data(), {obs_dim, width});
+  critic_pass_.Backward(critic_, pairs_.data(), dnu_.data(), static_cast<int>(n_pairs),
+                        {critic_gradient_.data(), da_.data(), {obs_dim, width}});
   // J does not depend on a constant in nu. What rounding leaves of its derivative, Adam would blow up to a full step.
   critic_gradient_[critic_.layers().back().bias] = 0;
   return largest + std::log(sum) - linear;
@@ -154,7 +155,7 @@ double ValueDiceUpdate::StepActor(const ValueDiceBatch& batch) {
     }
   }
   actor_pass_.Backward(actor_.net(), batch.observations.data(), actor_dout_.data(), static_cast<int>(rows),
-                       actor_gradient_.data(), nullptr);
+                       {.parameters = actor_gradient_.data()});
   const double orthogonality = AddOrthogonality();
   actor_adam_.Step(actor_.net().parameters(), actor_gradient_);
   return orthogonality;

@@ -9,6 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/config/run_config.h"
+#include "oted/run/records.h"
 #include "oted/run/run_directory.h"
 #include "oted/sim/mujoco/export_mjcf.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
@@ -20,77 +21,69 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// A seed of the selected setting, and its mode.
-struct Member {
-  int seed = 0;
-  std::vector<double> mode;
-};
+using Member = DesignRecord::Member;
 
 // A finished design, read from its run directory.
-struct Design {
+struct FinishedDesign {
   fs::path folder;
   RunConfig config;
-  json record;  // design.json
-  std::vector<Member> members;
-  size_t best = 0;  // of the members
+  DesignRecord record;
+  size_t best = 0;  // of record.mixture
 };
 
-size_t BestMember(const json& record, const std::vector<Member>& members) {
+size_t BestMember(const DesignRecord& record) {
   // The parameters' modes are the best-scoring seed's.
-  std::vector<double> mode;
-  for (const json& parameter : record.at("parameters")) mode.push_back(parameter.at("mode").get<double>());
-  const auto found = std::ranges::find_if(members, [&](const Member& m) { return m.mode == mode; });
-  if (found == members.end()) throw DataError("design.json: no member of the mixture has the parameters' modes");
-  return static_cast<size_t>(found - members.begin());
+  const auto found = std::ranges::find(record.mixture, record.BestMode(), &Member::mode);
+  if (found == record.mixture.end()) {
+    throw DataError("design.json: no member of the mixture has the parameters' modes");
+  }
+  return static_cast<size_t>(found - record.mixture.begin());
 }
 
-Design ReadDesign(const fs::path& folder) {
-  if (!fs::exists(folder / "design.json")) {
+// @throws DataError unless the design is one of the parameters of its run.toml
+void CheckBelongs(const FinishedDesign& design, const std::string& file) {
+  const auto foreign = [&](const std::string& why) {
+    return DataError(fmt::format(
+        "'{}' is not the design of this directory's run.toml ({}); make it again with 'oted design'", file, why));
+  };
+  const auto& parameters = design.record.parameters;
+  if (parameters.size() != design.config.parameters.size()) throw foreign("another number of parameters");
+  for (size_t i = 0; i < parameters.size(); ++i) {
+    const ParameterSpec& spec = design.config.parameters[i];
+    if (parameters[i].name != spec.name || parameters[i].field != spec.field) {
+      throw foreign(fmt::format("parameter '{}'", spec.name));
+    }
+  }
+  for (const Member& member : design.record.mixture) {
+    if (member.mode.size() != parameters.size()) throw foreign("a mode of another length");
+  }
+}
+
+FinishedDesign ReadDesign(const fs::path& folder) {
+  const fs::path file = folder / "design.json";
+  if (!fs::exists(file)) {
     throw UsageError(
         fmt::format("'{}' holds no design.json; name a run directory, and make the design first: oted design "
                     "--out {}",
                     folder.string(), folder.string()));
   }
-  Design design;
-  design.folder = folder;
-  design.config = RunConfig::FromTomlFile((folder / "run.toml").string());
-  design.record = ReadJson(folder / "design.json");
-  const auto foreign = [&](const std::string& why) {
-    return DataError(
-        fmt::format("'{}' is not the design of this directory's run.toml ({}); make it again with 'oted "
-                    "design'",
-                    (folder / "design.json").string(), why));
-  };
-  try {
-    const json& parameters = design.record.at("parameters");
-    if (parameters.size() != design.config.parameters.size()) throw foreign("another number of parameters");
-    for (size_t i = 0; i < parameters.size(); ++i) {
-      const ParameterSpec& spec = design.config.parameters[i];
-      if (parameters[i].at("name") != spec.name || parameters[i].at("field") != spec.field) {
-        throw foreign(fmt::format("parameter '{}'", spec.name));
-      }
-    }
-    for (const json& member : design.record.at("mixture")) {
-      design.members.push_back({member.at("seed").get<int>(), member.at("mode").get<std::vector<double>>()});
-      if (design.members.back().mode.size() != parameters.size()) throw foreign("a mode of another length");
-    }
-    design.best = BestMember(design.record, design.members);
-  } catch (const json::exception& e) {
-    throw foreign(e.what());
-  }
+  FinishedDesign design{folder, RunConfig::FromTomlFile((folder / "run.toml").string()),
+                        DesignRecord::FromJson(ReadJson(file), file.string())};
+  CheckBelongs(design, file.string());
+  design.best = BestMember(design.record);
   return design;
 }
 
-std::vector<Member> SelectMembers(const Design& design, const std::string& which) {
-  if (which == "best") return {design.members[design.best]};
-  if (which == "all") return design.members;
+std::vector<Member> SelectMembers(const FinishedDesign& design, const std::string& which) {
+  if (which == "best") return {design.record.mixture[design.best]};
+  if (which == "all") return design.record.mixture;
   int seed = 0;
   const char* end = which.data() + which.size();
   const auto [rest, error] = std::from_chars(which.data(), end, seed);
-  const auto found = std::ranges::find_if(design.members, [&](const Member& m) { return m.seed == seed; });
-  if (error != std::errc{} || rest != end || found == design.members.end()) {
+  const auto found = std::ranges::find_if(design.record.mixture, [&](const Member& m) { return m.seed == seed; });
+  if (error != std::errc{} || rest != end || found == design.record.mixture.end()) {
     std::vector<int> seeds;
-    for (const Member& m : design.members) seeds.push_back(m.seed);
+    for (const Member& m : design.record.mixture) seeds.push_back(m.seed);
     throw UsageError(fmt::format("member '{}' is none of the design's: wanted best, all, or a seed, {}", which,
                                  fmt::join(seeds, ", ")));
   }
@@ -98,31 +91,27 @@ std::vector<Member> SelectMembers(const Design& design, const std::string& which
 }
 
 // "friction = 0.549 +- 0.047 x nominal ..." for each parameter, with z as in `mode`.
-std::string ParameterLines(const json& parameters, const std::vector<double>& mode) {
+std::string ParameterLines(const DesignRecord& record, const std::vector<double>& mode) {
   std::string text;
-  for (size_t i = 0; i < parameters.size(); ++i) {
-    const json& p = parameters[i];
+  for (size_t i = 0; i < record.parameters.size(); ++i) {
+    const DesignRecord::Parameter& p = record.parameters[i];
     text += fmt::format("  {} = {:.6g} +- {:.2g} [{}], 90 % interval [{:.4g}, {:.4g}], nominal {:.6g}, {}: {}\n",
-                        p.at("name").get<std::string>(), mode[i], p.at("std").get<double>(),
-                        p.at("unit").get<std::string>(), p.at("interval90")[0].get<double>(),
-                        p.at("interval90")[1].get<double>(), p.at("nominal").get<double>(),
-                        p.at("field").get<std::string>(), p.at("verdict").get<std::string>());
+                        p.name, mode[i], p.std, p.unit, p.interval90_low, p.interval90_high, p.nominal, p.field,
+                        ToString(p.verdict));
   }
   return text;
 }
 
 // What made a file: of this run, and of no place or time.
-std::string Origin(const Design& design, const Member& member) {
-  const json& record = design.record;
-  const std::string data = fs::path(record.at("dataset").at("path").get<std::string>()).filename().string();
+std::string Origin(const FinishedDesign& design, const Member& member) {
+  const DesignRecord& record = design.record;
   return fmt::format(
       "Made by oted {} with MuJoCo {} for {}: design {}, run.seed {}, setting {}, design seed {} of {}.\n"
       "Logs: {} (sha256 {}).\nVerdict: {}.\nParameters (z +- spread of q over all seeds):\n{}",
-      record.at("versions").at("oted").get<std::string>(), record.at("versions").at("mujoco").get<std::string>(),
-      record.at("task").get<std::string>(), record.value("fingerprint", "?"), design.config.run.seed,
-      record.at("selected").get<std::string>(), member.seed, design.members.size(), data,
-      record.at("dataset").at("sha256").get<std::string>().substr(0, 16), record.at("verdict").get<std::string>(),
-      ParameterLines(record.at("parameters"), member.mode));
+      record.oted_version, record.mujoco_version, record.task, record.fingerprint.empty() ? "?" : record.fingerprint,
+      design.config.run.seed, record.selected, member.seed, record.mixture.size(),
+      fs::path(record.dataset.path).filename().string(), record.dataset.sha256.substr(0, 16), ToString(record.verdict),
+      ParameterLines(record, member.mode));
 }
 
 // Whether a parameter is one of the model; others act on what the agent sees and does, and MJCF has no place for them.
@@ -131,7 +120,7 @@ bool IsInModel(const ParameterSpec& spec) {
   return owner != "action" && owner != "obs" && owner != "env";
 }
 
-std::string NotInTheModel(const Design& design) {
+std::string NotInTheModel(const FinishedDesign& design) {
   std::string names;
   for (const ParameterSpec& spec : design.config.parameters) {
     if (!IsInModel(spec)) names += (names.empty() ? "" : ", ") + spec.name;
@@ -158,14 +147,14 @@ std::vector<double> ModelPart(const RunConfig& config, const std::vector<double>
   return in_model;
 }
 
-std::vector<ExportedFile> ExportModels(const Design& design, const ExportRequest& request) {
+std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const ExportRequest& request) {
   const std::vector<Member> members = SelectMembers(design, request.member);
   if (design.config.task.is_grid()) {
     throw UsageError(
         fmt::format("task '{}' is a grid world and has no MJCF; write its q(z) with --q", design.config.task.name));
   }
   const MujocoSimulatorFactory factory = ModelFactory(design.config);
-  if (design.record.at("model").at("sha256") != factory.model_sha256()) {
+  if (design.record.model_sha256 != factory.model_sha256()) {
     throw DataError(
         fmt::format("'{}' is no longer the model that the design was made with (its SHA-256 differs); restore "
                     "it, or make the design again",
@@ -186,11 +175,11 @@ std::vector<ExportedFile> ExportModels(const Design& design, const ExportRequest
 }
 
 // The selected setting's q of every seed, each with the same weight: what stage 4 draws from.
-json Mixture(const Design& design) {
-  json mixture = {{"schema", "oted.q/1"}, {"kind", "mixture"}, {"best_seed", design.members[design.best].seed}};
-  const std::string setting = design.record.at("selected").get<std::string>();
+json MixtureJson(const FinishedDesign& design) {
+  json mixture = {{"schema", "oted.q/1"}, {"kind", "mixture"}, {"best_seed", design.record.mixture[design.best].seed}};
+  const std::string& setting = design.record.selected;
   const RunDirectory directory(design.folder);
-  for (const Member& member : design.members) {
+  for (const Member& member : design.record.mixture) {
     const fs::path path = directory.design_seed(setting, member.seed) / "q.json";
     json q = ReadJson(path);
     if (q.value("schema", "") != "oted.q/1" || q.value("mode", std::vector<double>{}) != member.mode) {
@@ -199,29 +188,29 @@ json Mixture(const Design& design) {
     }
     q.erase("fingerprint");
     q["seed"] = member.seed;
-    q["weight"] = 1.0 / static_cast<double>(design.members.size());
+    q["weight"] = 1.0 / static_cast<double>(design.record.mixture.size());
     for (const char* shared : {"parameters", "bounds", "scale"}) mixture[shared] = q.at(shared);
     mixture["components"].push_back(std::move(q));
   }
-  for (const json& p : design.record.at("parameters")) {
-    mixture["fields"].push_back(p.at("field"));
-    mixture["units"].push_back(p.at("unit"));
-    mixture["nominal"].push_back(p.at("nominal"));
+  for (const DesignRecord::Parameter& p : design.record.parameters) {
+    mixture["fields"].push_back(p.field);
+    mixture["units"].push_back(p.unit);
+    mixture["nominal"].push_back(p.nominal);
   }
-  mixture["task"] = design.record.at("task");
-  mixture["model_sha256"] = design.record.at("model").at("sha256");
-  mixture["verdict"] = design.record.at("verdict");
+  mixture["task"] = design.record.task;
+  mixture["model_sha256"] = design.record.model_sha256;
+  mixture["verdict"] = ToString(design.record.verdict);
   return mixture;
 }
 
-std::string Sysid(const Design& design) {
-  const Member& best = design.members[design.best];
+std::string Sysid(const FinishedDesign& design) {
+  const Member& best = design.record.mixture[design.best];
   std::vector<SysidParameter> parameters;
   for (size_t i = 0; i < design.config.parameters.size(); ++i) {
-    const json& p = design.record.at("parameters")[i];
+    const DesignRecord::Parameter& p = design.record.parameters[i];
     SysidParameter parameter{.spec = design.config.parameters[i], .value = best.mode[i]};
-    parameter.spec.nominal = p.at("nominal").get<double>();
-    parameter.spec.unit = p.at("unit").get<std::string>();
+    parameter.spec.nominal = p.nominal;
+    parameter.spec.unit = p.unit;
     parameters.push_back(parameter);
   }
   return SysidText(parameters,
@@ -243,12 +232,12 @@ ExportRequest DefaultExports(const fs::path& run_directory) {
 }
 
 std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequest& request) {
-  const Design design = ReadDesign(run_directory);
+  const FinishedDesign design = ReadDesign(run_directory);
   std::vector<ExportedFile> written;
   try {
     if (!request.mjcf.empty()) written = ExportModels(design, request);
     if (!request.q.empty()) {
-      WriteJson(request.q, Mixture(design));
+      WriteJson(request.q, MixtureJson(design));
       written.push_back({"q(z), mixture of all seeds", request.q});
     }
     if (!request.sysid.empty()) {

@@ -1,5 +1,5 @@
 #pragma once
-/// The whole method of "Targeted Environment Design from Offline Data", as five calls in the paper's order.
+/// The whole method of "Targeted Environment Design from Offline Data", as calls in the paper's order.
 ///
 ///   Pipeline pipeline(config, "runs/hopper", context);
 ///   pipeline.CloneBehavior();      // stage 1, Sec. 4 step 1:  mu-hat from D
@@ -10,25 +10,21 @@
 ///   pipeline.SelectPolicy();       // stage 5, Sec. 4.2:       the best pi_j
 ///   pipeline.EvaluateInTarget();   // only where a study knows the truth
 ///
-/// Each call reads what earlier ones left in the run directory, skips what is complete there, and goes on from where it
-/// was stopped. The truth is read by the last call alone.
+/// Each call runs the missing calls before it, reads what is complete in the run directory, and goes on from where it
+/// was stopped. What a call gave is handed on in memory. The truth is read by the last call alone.
 
 #include <filesystem>
-#include <map>
-#include <memory>
-#include <nlohmann/json_fwd.hpp>
-#include <string>
+#include <optional>
 #include <vector>
 
 #include "oted/base/log.h"
 #include "oted/config/run_config.h"
-#include "oted/data/dataset.h"
-#include "oted/nn/policy.h"
-#include "oted/run/run_directory.h"
-#include "oted/run/training_ground.h"
-#include "oted/sim/simulator.h"
-#include "oted/stages/design/form_choice.h"
-#include "oted/stages/simulator_selection/simulator_selection.h"
+#include "oted/run/agents_step.h"
+#include "oted/run/clone_step.h"
+#include "oted/run/design_step.h"
+#include "oted/run/records.h"
+#include "oted/run/run_setup.h"
+#include "oted/run/selection_step.h"
 
 namespace oted {
 
@@ -37,89 +33,30 @@ class Pipeline {
   /// Reads and checks data, model and parameters; nothing is written before all of that is right.
   /// @throws UsageError, DataError
   Pipeline(RunConfig config, const std::filesystem::path& out, RunContext context);
-  ~Pipeline();
 
-  void CloneBehavior();
-  void Design();
-  void SelectSimulator();
+  const ClonedBehavior& CloneBehavior();
+  const std::vector<oted::Design>& Design();
+  const SelectedDesign& SelectSimulator();
   void ReplayLogs();
-  void TrainAgents();
-  void SelectPolicy();
-  void EvaluateInTarget();
+  const Agents& TrainAgents();
+  const PolicySelectionRecord& SelectPolicy();
+  /// @return none where the truth is not known
+  const std::optional<EvaluationRecord>& EvaluateInTarget();
   /// All of the above; up to ReplayLogs for a task without a reward, with a warning.
   void Run();
 
-  const RunConfig& config() const { return config_; }
-  const RunDirectory& directory() const { return directory_; }
-  const Dataset& dataset() const { return dataset_; }
+  const RunConfig& config() const { return run_.config; }
+  const RunDirectory& directory() const { return run_.directory; }
+  const Dataset& dataset() const { return run_.dataset; }
 
  private:
-  struct AgentJob;
-  /// The designs of one setting.
-  struct SettingDesigns {
-    DesignConfig config;
-    std::string drawn_as;  ///< the setting that names their random streams
-  };
-  /// Everything that can be wrong with the request; nothing has been written yet. @return `out`
-  const std::filesystem::path& CheckRequest(const std::filesystem::path& out);
-  /// The forms that need settable states become one that does not, where the task has none.
-  void AdaptDesign();
-  /// Results and checkpoints that lie in the directory are of this configuration. @throws UsageError
-  void CheckDirectory() const;
-  /// @throws UsageError when report.motion asks for pictures and none can be drawn
-  void CheckCanDraw() const;
-  void WriteProvenance() const;
-  /// The model file, its task file and the compiled model, into model/.
-  void KeepModel() const;
-  /// What task and model are, for fingerprints.
-  nlohmann::json TaskIdentity() const;
-  const std::vector<bool>& ParametersWithEffect();
-  /// The designs of all seeds of these settings, as far as they are not complete.
-  void DesignAll(const std::map<std::string, SettingDesigns>& settings);
-  /// What the designs of a setting left, to be scored.
-  void AddCandidates(const std::string& setting, const DesignConfig& design, std::vector<Candidate>* candidates) const;
-  /// Of every setting whose form was left to auto, the form and why (oted/stages/design/form_choice.h).
-  std::vector<FormChoice> ChooseForms(const std::vector<Candidate>& candidates, const SelectionResult& result) const;
-  /// By designs from part of the logs, judged on the rest. @param first  the best design in the first form
-  FormChoice ChooseByTrial(const std::string& setting, const DesignConfig& design, const Candidate& first) const;
-  /// Designs in the forms that took the place of first ones. @return whether there were any
-  bool DesignInChosenForms(const std::vector<FormChoice>& choices, std::vector<Candidate>* candidates);
-  std::string CloneFingerprint() const;
-  std::string DesignFingerprint(const std::string& setting) const;
-  std::string TrialFingerprint(const std::string& setting, const DesignConfig& design) const;
-  std::string FormChoiceFingerprint(const std::string& setting) const;
-  std::string SelectionFingerprint() const;
-  /// Of an agent that trains in `where`: "designed", "undesigned", or a baseline's name.
-  std::string AgentFingerprint(const std::string& where) const;
-  /// The folder of agent `index` that trains there.
-  std::filesystem::path AgentFolder(const std::string& where, int index) const;
-  /// Where agents train, designed ones first.
-  std::vector<std::string> AgentGrounds() const;
-  /// Of the m agents that train in `where`, the index of the one that does best there.
-  int BestAgent(const std::string& where) const;
-  /// The clone of the logs and of data collected under domain randomisation.
-  void CloneUnderRandomization();
-  std::string BcDrFingerprint() const;
-  std::string PolicySelectionFingerprint() const;
-  std::string EvaluationFingerprint() const;
-  std::vector<std::vector<double>> MixtureModes() const;
-  DesignedSimulators Designed() const;
-  /// How clones and agents act where they are judged.
-  ActionNoise JudgedNoise() const;
-  /// policy.onnx of the agent in `folder`, from its policy.npz, at `path`.
-  void ExportAgent(const std::filesystem::path& folder, const std::string& fingerprint,
-                   const std::filesystem::path& path) const;
-  bool ComparesUndesigned() const { return config_.agents.undesigned && !config_.truth.empty(); }
-
-  RunConfig config_;
-  RunContext context_;
-  Dataset dataset_;
-  std::unique_ptr<SimulatorFactory> factory_;
-  std::string model_sha256_;
-  std::vector<bool> has_effect_;  // empty until measured
-  // By the name of the setting that they would be: forms that may take the place of one that was left to auto.
-  std::map<std::string, SettingDesigns> other_forms_;
-  RunDirectory directory_;
+  RunSetup run_;
+  std::optional<ClonedBehavior> clone_;
+  std::optional<std::vector<oted::Design>> designs_;
+  std::optional<SelectedDesign> selected_;
+  std::optional<Agents> agents_;
+  std::optional<PolicySelectionRecord> policy_;
+  std::optional<EvaluationRecord> evaluation_;
 };
 
 }  // namespace oted

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 RunConfig WithBaselines() {
   RunConfig config = TinyConfig();
   config.agents.n_agents = 1;
-  config.baselines.run = BaselinesConfig::Known();
+  config.baselines.run = {"dr", "is", "bc_dr"};
   config.baselines.is.episodes = 1;
   return config;
 }
@@ -33,13 +33,13 @@ const fs::path& WholeWithBaselines() {
 TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
   const fs::path& out = WholeWithBaselines();
   const auto plain = Bytes(Whole()), with = Bytes(out);
-  for (const char* file : {"design.json", "clone/policy.npz", "agents/1/policy.npz", "undesigned/1/policy.npz"}) {
+  for (const char* file : {"design.json", "clone/policy.npz", "agents/1/policy.npz", "nominal/1/policy.npz"}) {
     EXPECT_EQ(with.at(file), plain.at(file)) << file;
   }
   for (const std::string name : {"dr", "is"}) {
     const std::string folder = "baselines/" + name + "/1/";
     EXPECT_TRUE(with.contains(folder + "policy.onnx")) << name;
-    EXPECT_NE(with.at(folder + "policy.npz"), with.at("undesigned/1/policy.npz")) << name;
+    EXPECT_NE(with.at(folder + "policy.npz"), with.at("nominal/1/policy.npz")) << name;
     EXPECT_EQ(ReadJson(out / folder / "agent.json").at("baseline"), name);
   }
   EXPECT_TRUE(with.contains("baselines/bc_dr/policy.onnx"));
@@ -49,7 +49,7 @@ TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
   std::vector<std::string> names;
   const json evaluation = ReadJson(out / "evaluation.json");
   for (const json& policy : evaluation.at("policies")) names.push_back(policy.at("name"));
-  EXPECT_THAT(names, testing::ElementsAre("random", "clone", "bc_dr", "crossq_dr", "crossq_is", "crossq_undesigned",
+  EXPECT_THAT(names, testing::ElementsAre("random", "clone", "bc_dr", "crossq_dr", "crossq_is", "crossq_nominal",
                                           "oted_crossq"));
 }
 
@@ -58,7 +58,7 @@ TEST_F(PipelineTest, AgentsTrainInModesSamplesOrTheBestSimulator) {
     RunConfig config = TinyConfig();
     config.truth.clear();
     config.agents.n_agents = 1;
-    config.agents.train_in = train_in;
+    config.Set("agents.train_in=" + train_in);
     config.selection.n_seeds = n_seeds;
     const fs::path out = CopyWithoutAgents(train_in + std::to_string(n_seeds));
     if (n_seeds != 2) fs::remove(out / "design.json");

@@ -1,4 +1,4 @@
-// design.form = "auto" from end to end, on a point mass whose logs the family can or cannot explain.
+// design.method = "auto" from end to end, on a point mass whose logs the family can or cannot explain.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,6 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/config/task_registry.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/run/pipeline_testing.h"
@@ -47,7 +48,7 @@ class FormsTest : public testing::Test {
   }
 
   /// Thirty episodes of the point mass, pushed or not.
-  RunConfig Config(bool pushed, const std::string& form = "auto") {
+  RunConfig Config(bool pushed, const std::string& method = "auto") {
     const std::string path = folder_ / (pushed ? "pushed.npz" : "plain.npz");
     if (!fs::exists(path)) {
       Pushed target(30);
@@ -66,25 +67,29 @@ class FormsTest : public testing::Test {
       max_steps = 20
       check_interval = 10
       [design]
-      form = "{}"
+      method = "{}"
+      [design.adversarial]
       n_iterations = 12
       n_sims = 8
       n_steps = 20
-      discriminator_hidden = [16]
-      discriminator_steps = 5
-      discriminator_batch = 32
-      trajectory_starts = 1
-      trajectory_coarse = 8
-      trajectory_rows = 200
-      least_squares_rows = 200
-      least_squares_starts = 2
+      [design.discriminator]
+      hidden = [16]
+      steps = 5
+      batch = 32
+      [design.trajectories]
+      starts = 1
+      coarse = 8
+      rows = 200
+      [design.least_squares]
+      rows = 200
+      starts = 2
       [selection]
       n_seeds = 2
       n_sims = 2
       n_steps = 20
       judge_steps = 20
     )",
-                                                       path, form),
+                                                       path, method),
                                            "forms.toml");
     config.parameters = PointMass::MakeParameters().specs();
     return config;
@@ -114,35 +119,35 @@ json Q(const fs::path& folder) {
 TEST_F(FormsTest, WhereTheFamilyIsRightTheFirstFormIsTakenAndNoOtherRuns) {
   const json design = Select(Config(false), "auto"), by_name = Select(Config(false, "trajectories"), "name");
   EXPECT_EQ(design.at("verdict"), "gap_closed");
-  const json& choice = design.at("form_choices").at(0);
-  EXPECT_EQ(choice.at("form"), "trajectories");
+  const json& choice = design.at("method_choices").at(0);
+  EXPECT_EQ(choice.at("method"), "trajectories");
   EXPECT_EQ(choice.at("picked"), "default");
   EXPECT_THAT(choice.at("reason").get<std::string>(), HasSubstr("noise alone explains"));
   EXPECT_TRUE(choice.at("tried").empty());
-  EXPECT_FALSE(fs::exists(Out("auto") / "design/default/forms"));
-  EXPECT_FALSE(by_name.contains("form_choices")) << "nothing was left open";
+  EXPECT_FALSE(fs::exists(Out("auto") / "design/default/methods"));
+  EXPECT_FALSE(by_name.contains("method_choices")) << "nothing was left open";
   for (const char* seed : {"1", "2"}) {
     EXPECT_EQ(Q(Out("auto") / "design/default" / seed), Q(Out("name") / "design/default" / seed));
   }
   EXPECT_EQ(design.at("parameters"), by_name.at("parameters"));
-  EXPECT_EQ(RunConfig::FromTomlFile(Out("auto") / "run.toml").design.form, "auto")
+  EXPECT_EQ(RunConfig::FromTomlFile(Out("auto") / "run.toml").design.method, std::nullopt)
       << "the next verb leaves it open too";
 }
 
 TEST_F(FormsTest, WhereItIsWrongTheOthersAreTriedOnHeldOutLogsAndTheNearestIsTaken) {
   const json design = Select(Config(true), "auto");
   EXPECT_EQ(design.at("verdict"), "outside_family");
-  const json& choice = design.at("form_choices").at(0);
+  const json& choice = design.at("method_choices").at(0);
   ASSERT_EQ(choice.at("tried").size(), 3u);
-  EXPECT_EQ(choice["tried"][0].at("form"), "trajectories");
+  EXPECT_EQ(choice["tried"][0].at("method"), "trajectories");
   std::string nearest = "trajectories";  // unless another is so beyond chance
   double most = kLeastGain;
   for (const json& tried : choice["tried"]) {
     const double gain = tried.at("gain");
     EXPECT_NEAR(std::log(choice["tried"][0].at("error").get<double>() / tried.at("error").get<double>()), gain, 1e-6);
-    if (gain > std::max(most, 2 * tried.at("gain_std").get<double>())) nearest = tried.at("form"), most = gain;
+    if (gain > std::max(most, 2 * tried.at("gain_std").get<double>())) nearest = tried.at("method"), most = gain;
   }
-  EXPECT_EQ(choice.at("form"), nearest);
+  EXPECT_EQ(choice.at("method"), nearest);
   EXPECT_THAT(choice.at("reason").get<std::string>(), HasSubstr("held-out windows"));
   EXPECT_GT(choice.at("nominal_error"), choice["tried"][0].at("error"));
 }
@@ -150,22 +155,22 @@ TEST_F(FormsTest, WhereItIsWrongTheOthersAreTriedOnHeldOutLogsAndTheNearestIsTak
 TEST_F(FormsTest, AFormThatIsNearerTakesThePlaceOfTheFirstAndTheFitStillTellsTheVerdict) {
   Select(Config(true), "auto");
   // The first form's trial, made worse than any.
-  const fs::path forms = Out("auto") / "design/default/forms", file = forms / "trajectories/q.json";
+  const fs::path forms = Out("auto") / "design/default/methods", file = forms / "trajectories/q.json";
   json trial = ReadJson(file);
   trial["mean"] = {-5, -5, 0};
   WriteJson(file, trial);
   fs::remove(forms / "choice.json");
   fs::remove(Out("auto") / "design.json");
   const json design = Select(Config(true), "auto");
-  const json& choice = design.at("form_choices").at(0);
-  const std::string form = choice.at("form"), picked = "default-" + form;
+  const json& choice = design.at("method_choices").at(0);
+  const std::string form = choice.at("method"), picked = "default-" + form;
   ASSERT_NE(form, "trajectories");
   EXPECT_THAT(choice.at("reason").get<std::string>(), HasSubstr("nearest to the log"));
   EXPECT_EQ(choice.at("picked"), picked);
   EXPECT_EQ(design.at("selected"), picked);
   ASSERT_EQ(design.at("settings").size(), 2u) << "both are scored";
   for (const json& setting : design["settings"]) {
-    EXPECT_EQ(setting.at("form"), setting.at("name") == picked ? form : "trajectories");
+    EXPECT_EQ(setting.at("method"), setting.at("name") == picked ? form : "trajectories");
   }
   EXPECT_EQ(design.at("verdict"), "outside_family");
   EXPECT_TRUE(design.contains("fit"));
@@ -187,7 +192,7 @@ TEST_F(FormsTest, AStopWhileFormsAreTriedGoesOnToTheSameBytes) {
   for (const int64_t at : {1, 12}) {
     const std::string name = fmt::format("stopped-{}", at);
     Watch watch;
-    watch.stop_stage = "forms";
+    watch.stop_stage = "methods";
     watch.stop_at = at;
     EXPECT_THROW(Select(Config(true), name, watch), Interrupted);
     EXPECT_FALSE(fs::exists(Out(name) / "design.json"));

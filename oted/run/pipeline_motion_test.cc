@@ -44,19 +44,19 @@ TEST(PipelineReplayTest, PicturesAreDrawnWhereTheyCanBeAndOtherwiseANoteSaysWhy)
   const TestFolder folder;
   RunConfig config = TinyConfig();
   config.report.replay_steps = 5;
-  config.report.motion = "auto";
+  config.report.motion = Motion::kAuto;
   ::setenv("MUJOCO_GL", "off", 1);
   RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_THAT(ReadJson(folder.path() / "motion/motion.json")["note"].get<std::string>(), HasSubstr("MUJOCO_GL=off"));
   const std::string replay = ReadFile(folder / "motion/replay.json");
-  config.report.motion = "true";
+  config.report.motion = Motion::kTrue;
   NullSink log;
   EXPECT_THAT(MessageOf<UsageError>([&] { Pipeline(config, folder.path(), {.log = &log}); }),
               testing::AllOf(HasSubstr("report.motion"), HasSubstr("MUJOCO_GL=off")));
   ::unsetenv("MUJOCO_GL");
 
   // The next call draws what the first could not; the curves do not depend on it.
-  config.report.motion = "auto";
+  config.report.motion = Motion::kAuto;
   RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_EQ(ReadFile(folder / "motion/replay.json"), replay);
   const json motion = ReadJson(folder.path() / "motion/motion.json");
@@ -65,7 +65,7 @@ TEST(PipelineReplayTest, PicturesAreDrawnWhereTheyCanBeAndOtherwiseANoteSaysWhy)
   for (const char* name : {"logged", "nominal", "designed"}) {
     EXPECT_GT(fs::file_size(folder.path() / "motion" / (std::string(name) + ".webp")), 1000u);
   }
-  config.report.motion = "false";
+  config.report.motion = Motion::kFalse;
   RunPipeline(config, folder.path(), &Pipeline::ReplayLogs);
   EXPECT_FALSE(fs::exists(folder.path() / "motion/logged.webp"));
 }

@@ -63,14 +63,14 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   };
   refuse("run.seed=2");
   refuse("clone.max_steps=61");
-  refuse("design.lambda=0.02");
+  refuse("design.adversarial.lambda=0.02");
   refuse("selection.judge_steps=21");
   refuse("crossq.gamma=0.98");
   refuse("data.episodes=7");
   refuse("data.action_delay=1");
   refuse("agents.selection_episodes=3");
   refuse("agents.train_in=samples");
-  refuse("agents.undesigned_at=1.5,1.5");
+  refuse("agents.nominal_at=1.5,1.5");
   RunConfig config = TinyConfig();
   config.parameters[0].high = 1.9;
   EXPECT_THROW(RunPipeline(config, copy), UsageError);
@@ -88,7 +88,7 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
 TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
   // Algorithm 1 keeps checkpoints; trajectory matching, which takes seconds, begins anew.
   RunConfig tiny = TinyConfig();
-  tiny.design.form = "transitions";
+  tiny.design.method = DesignMethod::kTransitions;
   const fs::path out = Fresh("stopped"), undisturbed = Fresh("undisturbed");
   RunPipeline(tiny, undisturbed);
   for (const auto& [stage, at] : {std::pair{"design", 2}, std::pair{"train", 150}}) {
@@ -98,7 +98,7 @@ TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
     EXPECT_THROW(RunPipeline(tiny, out, watch), Interrupted) << stage;
     EXPECT_FALSE(fs::exists(out / "evaluation.json"));
     RunConfig other = tiny;
-    other.Set("design.lambda=0.02");
+    other.Set("design.adversarial.lambda=0.02");
     other.Set("crossq.gamma=0.98");
     EXPECT_THROW(RunPipeline(other, out), UsageError) << "work of other settings would be gone on with: " << stage;
   }

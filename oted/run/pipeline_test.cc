@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/data/dataset_files.h"
 #include "oted/nn/onnx_policy.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/run/pipeline_testing.h"
@@ -26,7 +27,7 @@ TEST_F(PipelineTest, LeavesTheDocumentedFilesAndNoOthers) {
     for (const char* file : {"q.json", "discriminator.npz"}) {
       wanted.insert(std::string("design/default/") + k + "/" + file);
     }
-    for (const char* folder : {"agents/", "undesigned/"}) {
+    for (const char* folder : {"agents/", "nominal/"}) {
       wanted.insert(std::string(folder) + k + "/policy.npz");
       wanted.insert(std::string(folder) + k + "/agent.json");
       wanted.insert(std::string(folder) + k + "/policy.onnx");
@@ -52,7 +53,7 @@ TEST_F(PipelineTest, ItsResultsHaveTheDocumentedFields) {
   const json evaluation = ReadJson(Whole() / "evaluation.json");
   std::vector<std::string> policies;
   for (const json& policy : evaluation.at("policies")) policies.push_back(policy.at("name"));
-  EXPECT_THAT(policies, testing::ElementsAre("random", "clone", "crossq_undesigned", "oted_crossq"));
+  EXPECT_THAT(policies, testing::ElementsAre("random", "clone", "crossq_nominal", "oted_crossq"));
   EXPECT_EQ(evaluation["parameters"][1].at("truth"), 0.6);
   const json selection = ReadJson(Whole() / "policy_selection.json");
   EXPECT_EQ(selection.at("simulators").size(), 2u);
@@ -62,8 +63,8 @@ TEST_F(PipelineTest, ItsResultsHaveTheDocumentedFields) {
   EXPECT_EQ(dataset.at("n_episodes"), 8);
   EXPECT_EQ(dataset.at("sha256"), Sha256OfFile(Demos()));
   const RunConfig resolved = RunConfig::FromTomlFile((Whole() / "run.toml").string());
-  EXPECT_EQ(resolved.ToJson(), TinyConfig().ToJson()) << "form = auto stays: design.json says what it became";
-  EXPECT_EQ(design.at("form_choices").at(0).at("form"), "trajectories");
+  EXPECT_EQ(resolved.ToJson(), TinyConfig().ToJson()) << "method = auto stays: design.json says what it became";
+  EXPECT_EQ(design.at("method_choices").at(0).at("method"), "trajectories");
 }
 
 TEST_F(PipelineTest, TheTruthChangesNothingThatTheDesignWrites) {
@@ -92,7 +93,7 @@ TEST_F(PipelineTest, EveryAgentLeavesAnOnnxFileThatActsAsItDoesAndTheSelectedOne
   const std::string selected = std::to_string(ReadJson(out / "policy_selection.json").at("selected").get<int>());
   EXPECT_EQ(ReadFile(out / "policy.onnx"), ReadFile(out / "agents" / selected / "policy.onnx"));
   const auto before = Bytes(out);
-  for (const char* folder : {"agents/1", "agents/2", "undesigned/1", "undesigned/2"}) {
+  for (const char* folder : {"agents/1", "agents/2", "nominal/1", "nominal/2"}) {
     const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(out / folder / "policy.npz");
     const OnnxPolicy onnx = OnnxPolicy::Load(out / folder / "policy.onnx");
     EXPECT_EQ(onnx.metadata().at("task"), "Hopper-v5");
@@ -157,7 +158,7 @@ TEST_F(PipelineTest, AWrongRequestIsRefusedBeforeAnythingIsWritten) {
   config.parameters[1].field = "geom/*/frction[0]";
   refuse(config, "frction");
   config = TinyConfig();
-  config.agents.algorithm = "ppo";
+  config.agents.algorithm = AgentAlgorithm::kPpo;
   refuse(config, "continuous actions");
 }
 

@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <set>
@@ -15,6 +16,7 @@
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/collect/demonstrations.h"
+#include "oted/data/dataset_files.h"
 #include "oted/nn/policy.h"
 #include "oted/run/pipeline.h"
 #include "oted/run/run_inputs.h"
@@ -73,17 +75,19 @@ inline RunConfig TinyConfig() {
     hidden = [16]
     max_steps = 60
     check_interval = 20
-    [design]
+    [design.adversarial]
     n_iterations = 3
     n_sims = 4
     n_steps = 20
-    discriminator_hidden = [16]
-    discriminator_steps = 5
-    discriminator_batch = 32
-    trajectory_rows = 32
-    trajectory_window = 4
-    trajectory_starts = 1
-    trajectory_coarse = 4
+    [design.discriminator]
+    hidden = [16]
+    steps = 5
+    batch = 32
+    [design.trajectories]
+    rows = 32
+    window = 4
+    starts = 1
+    coarse = 4
     [selection]
     n_seeds = 2
     n_sims = 2
@@ -112,12 +116,12 @@ inline RunConfig TinyConfig() {
 }
 
 inline void RunPipeline(const RunConfig& config, const std::filesystem::path& out, Watch& watch,
-                        void (Pipeline::*call)() = &Pipeline::Run) {
+                        const std::function<void(Pipeline&)>& call = &Pipeline::Run) {
   Pipeline pipeline(config, out, {.log = &watch, .stop = &watch.stop, .n_threads = 1});
-  (pipeline.*call)();
+  call(pipeline);
 }
 inline void RunPipeline(const RunConfig& config, const std::filesystem::path& out,
-                        void (Pipeline::*call)() = &Pipeline::Run) {
+                        const std::function<void(Pipeline&)>& call = &Pipeline::Run) {
   Watch watch;
   RunPipeline(config, out, watch, call);
 }
@@ -156,7 +160,7 @@ class PipelineTest : public testing::Test {
   /// The whole run up to its design.
   std::filesystem::path CopyWithoutAgents(const std::string& name) const {
     std::filesystem::copy(Whole(), Fresh(name), std::filesystem::copy_options::recursive);
-    for (const char* made : {"agents", "undesigned", "policy_selection.json", "evaluation.json", "policy.onnx"}) {
+    for (const char* made : {"agents", "nominal", "policy_selection.json", "evaluation.json", "policy.onnx"}) {
       std::filesystem::remove_all(Fresh(name) / made);
     }
     return Fresh(name);

@@ -7,9 +7,11 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/run/fingerprint.h"
 
 namespace oted::run_directory_test {
 
+using nlohmann::json;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -35,58 +37,93 @@ TEST(RunDirectory, PathsAreThoseOfTheFormat) {
   EXPECT_EQ(directory.NameOf(directory.clone()), "clone");
   EXPECT_EQ(directory.NameOf(directory.design_seed("paper", 3)), "design/paper/3");
   EXPECT_EQ(directory.NameOf(directory.agent(2)), "agents/2");
-  EXPECT_EQ(directory.NameOf(directory.undesigned(1)), "undesigned/1");
+  EXPECT_EQ(directory.NameOf(directory.nominal(1)), "nominal/1");
 }
+
+Artifact Clone(const RunDirectory& directory, const std::string& fingerprint) {
+  return {directory.clone() / "clone.json", "a/1", fingerprint};
+}
+Artifact OnTop(const RunDirectory& directory, const std::string& fingerprint) {
+  return {directory.root() / "design.json", "a/1", fingerprint};
+}
+json Loss() { return {{"schema", "a/1"}, {"loss", 0.5}}; }
 
 TEST(RunDirectory, AResultIsCompleteForItsOwnSettingsOnly) {
   const TestFolder folder;
   const RunDirectory directory(folder.path());
-  const fs::path file = directory.clone() / "clone.json";
-  EXPECT_FALSE(directory.IsComplete(file, "aa"));
-  directory.Complete(file, {{"loss", 0.5}}, "aa");
-  EXPECT_TRUE(directory.IsComplete(file, "aa"));
-  EXPECT_EQ(ReadJson(file).at("loss"), 0.5);
-  const std::string message = MessageOf<UsageError>([&] { directory.IsComplete(file, "bb"); });
-  EXPECT_THAT(message, HasSubstr(file.string()));
+  const Artifact mine = Clone(directory, "aa");
+  EXPECT_FALSE(directory.IsComplete(mine));
+  directory.Once(mine, Loss);
+  EXPECT_TRUE(directory.IsComplete(mine));
+  EXPECT_EQ(ReadJson(mine.file).at("loss"), 0.5);
+  const std::string message = MessageOf<UsageError>([&] { directory.IsComplete(Clone(directory, "bb")); });
+  EXPECT_THAT(message, HasSubstr(mine.file.string()));
   EXPECT_THAT(message, HasSubstr("remove '" + directory.clone().string() + "'"));
 
-  directory.Complete(directory.root() / "design.json", {}, "aa");
-  EXPECT_THAT(MessageOf<UsageError>([&] { directory.IsComplete(directory.root() / "design.json", "bb"); }),
+  directory.Once(OnTop(directory, "aa"), Loss);
+  EXPECT_THAT(MessageOf<UsageError>([&] { directory.IsComplete(OnTop(directory, "bb")); }),
               HasSubstr("remove '" + (directory.root() / "design.json").string() + "'"))
       << "never the whole run";
+}
+
+TEST(RunDirectory, AnArtefactIsMadeOnceAndWhatWasMadeIsWhatIsRead) {
+  const TestFolder folder;
+  const RunDirectory directory(folder.path());
+  int n_made = 0;
+  const auto make = [&] {
+    ++n_made;
+    return Loss();
+  };
+  const json made = directory.Once(Clone(directory, "aa"), make), read = directory.Once(Clone(directory, "aa"), make);
+  EXPECT_EQ(n_made, 1);
+  EXPECT_EQ(made, read);
+  EXPECT_EQ(made.at("fingerprint"), "aa");
+  fs::remove(directory.clone() / "clone.json");
+  directory.Once(Clone(directory, "bb"), make);
+  EXPECT_EQ(n_made, 2);
 }
 
 TEST(RunDirectory, AResultThatIsNotJsonIsAnErrorNotComplete) {
   const TestFolder folder;
   const RunDirectory directory(folder.path());
   WriteFileAtomically(folder / "design.json", "{\"fingerpr");
-  EXPECT_THROW(directory.IsComplete(folder / "design.json", "aa"), DataError);
-  for (const char* text : {"[1, 2]", "3", "{\"fingerprint\": 5}"}) {
+  EXPECT_THROW(directory.IsComplete(OnTop(directory, "aa")), DataError);
+}
+
+TEST(RunDirectory, ARecordOfAnotherVersionIsRefusedInOneLine) {
+  const TestFolder folder;
+  const RunDirectory directory(folder.path());
+  for (const char* text : {"[1, 2]", "3", "{\"fingerprint\": 5}", "{\"schema\": \"a/1\"}",
+                           "{\"fingerprint\": \"aa\", \"schema\": \"a/0\"}"}) {
     WriteFileAtomically(folder / "design.json", text);
-    EXPECT_THROW(directory.IsComplete(folder / "design.json", "aa"), Error) << text;
+    EXPECT_THAT(MessageOf<UsageError>([&] { directory.IsComplete(OnTop(directory, "aa")); }),
+                HasSubstr("made by another version of oted; choose another --out"))
+        << text;
   }
 }
 
 TEST(RunDirectory, ACheckpointIsGoneOnWithUnderItsOwnSettingsOnly) {
   const TestFolder folder;
   const RunDirectory directory(folder.path());
-  const fs::path unit = directory.agent(1);
-  directory.CheckCheckpoint(unit, "aa");
-  directory.Begin(unit, "aa");
-  directory.Begin(unit, "bb");  // no work has been saved yet
-  WriteFileAtomically(unit / "checkpoint.npz", "work");
-  directory.Begin(unit, "bb");
-  EXPECT_THAT(MessageOf<UsageError>([&] { directory.Begin(unit, "aa"); }), HasSubstr(unit.string()));
-  EXPECT_THROW(directory.CheckCheckpoint(unit, "aa"), UsageError);
-  directory.RemoveCheckpoint(unit);
-  EXPECT_TRUE(fs::is_empty(unit));
+  const fs::path unit = directory.clone();
+  const auto stopped = [&]() -> json {
+    WriteFileAtomically(unit / "checkpoint.npz", "work");
+    throw Interrupted("stopped");
+  };
+  EXPECT_THROW(directory.Once(Clone(directory, "bb"), stopped), Interrupted);
+  EXPECT_THAT(MessageOf<UsageError>([&] { directory.Once(Clone(directory, "aa"), Loss); }), HasSubstr(unit.string()));
+  EXPECT_THROW(directory.Check(Clone(directory, "aa")), UsageError);
+  directory.Check(Clone(directory, "bb"));
+  directory.Once(Clone(directory, "bb"), Loss);
+  EXPECT_FALSE(fs::exists(unit / "checkpoint.npz"));
+  EXPECT_FALSE(fs::exists(unit / "checkpoint.json"));
 
+  fs::remove(unit / "clone.json");
   WriteFileAtomically(unit / "checkpoint.npz", "of nobody knows what");
-  EXPECT_THROW(directory.Begin(unit, "aa"), UsageError);
+  EXPECT_THROW(directory.Once(Clone(directory, "bb"), Loss), UsageError);
 }
 
 TEST(Fingerprint, EqualInputsAgreeAndAnyChangeShows) {
-  using nlohmann::json;
   EXPECT_EQ(Fingerprint(json{{"a", 1}, {"b", 0.1}}), Fingerprint(json{{"b", 0.1}, {"a", 1}}));
   EXPECT_NE(Fingerprint(json{{"a", 1}}), Fingerprint(json{{"a", 2}}));
   EXPECT_NE(Fingerprint(json{{"a", 0.1}}), Fingerprint(json{{"a", std::nextafter(0.1, 1)}}));

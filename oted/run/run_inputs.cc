@@ -5,6 +5,7 @@
 
 #include "oted/base/error.h"
 #include "oted/config/task_registry.h"
+#include "oted/data/dataset_files.h"
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"

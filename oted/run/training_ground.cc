@@ -6,7 +6,7 @@
 #include "oted/base/error.h"
 #include "oted/baselines/domain_randomization.h"
 #include "oted/baselines/interval_search.h"
-#include "oted/run/run_directory.h"
+#include "oted/run/fingerprint.h"
 #include "oted/stages/agent/agent.h"
 
 namespace oted {
@@ -19,65 +19,73 @@ TrainingGround Drawn(EpisodeParameters draw, std::vector<std::vector<double>> ev
   return {std::make_unique<DrawnEpisodes>(std::move(draw)), std::move(evaluate_in)};
 }
 
+RngKey BaselinesKey(const RunConfig& config) {
+  return RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines");
+}
+
 /// Over the whole range, and the same for every agent of a run, so that their returns compare.
 std::vector<std::vector<double>> EvaluationDraws(const RunConfig& config, const SimulatorFactory& factory) {
-  const int n = WithAgentSettings(config, factory.spec(), [](const auto& agent) { return agent.eval_episodes; });
-  return UniformDraws(factory.parameters(), n,
-                      RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines").Stage("evaluation"));
+  const int n = config.Algorithm(factory.spec()).eval_episodes(config.algorithms);
+  return UniformDraws(factory.parameters(), n, BaselinesKey(config).Stage("evaluation"));
+}
+
+TrainingGround IntervalGround(const RunConfig& config, const SimulatorFactory& factory) {
+  const IntervalSearchConfig& settings = config.baselines.is;
+  const ParameterSpace& space = factory.parameters();
+  const std::vector<double> start = space.FromUnit(space.ToUnit(NominalParameters(config.agents, space)));
+  const ReturnScale scale = ScaleOf(factory, settings, start, BaselinesKey(config).Stage("random actions"));
+  return {std::make_unique<IntervalSearch>(space, start, settings, scale), EvaluationDraws(config, factory)};
 }
 
 }  // namespace
 
-TrainingGround DesignedGround(const AgentsConfig& config, const DesignedSimulators& designed) {
-  if (config.train_in == "best") return Drawn(DrawModes({designed.best}), {designed.best});
-  return Drawn(config.train_in == "samples" ? DrawSamples(designed.q) : DrawModes(designed.modes), designed.modes);
+const NamedValues<Ground>& GroundNames() {
+  static const NamedValues<Ground> names = {{Ground::kDesigned, "designed"},
+                                            {Ground::kNominal, "nominal"},
+                                            {Ground::kDomainRandomization, "dr"},
+                                            {Ground::kIntervalSearch, "is"}};
+  return names;
 }
 
-std::vector<double> UndesignedParameters(const AgentsConfig& config, const ParameterSpace& space) {
-  return config.undesigned_at.empty() ? space.Nominal() : config.undesigned_at;
+TrainingGround DesignedGround(TrainIn train_in, const DesignedSimulators& designed) {
+  if (train_in == TrainIn::kBest) return Drawn(DrawModes({designed.best}), {designed.best});
+  return Drawn(train_in == TrainIn::kSamples ? DrawSamples(designed.q) : DrawModes(designed.modes), designed.modes);
 }
 
-TrainingGround ComparedGround(const std::string& name, const RunConfig& config, const SimulatorFactory& factory) {
+std::vector<double> NominalParameters(const AgentsConfig& config, const ParameterSpace& space) {
+  return config.nominal_at.empty() ? space.Nominal() : config.nominal_at;
+}
+
+TrainingGround ComparedGround(Ground ground, const RunConfig& config, const SimulatorFactory& factory) {
   const ParameterSpace& space = factory.parameters();
-  if (name == "dr") return Drawn(DrawUniformly(space), EvaluationDraws(config, factory));
-  const std::vector<double> z = UndesignedParameters(config.agents, space);
-  if (name == "is") {
-    const IntervalSearchConfig& settings = config.baselines.is;
-    const std::vector<double> start = space.FromUnit(space.ToUnit(z));
-    const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines").Stage("random actions");
-    return {std::make_unique<IntervalSearch>(space, start, settings, ScaleOf(factory, settings, start, key)),
-            EvaluationDraws(config, factory)};
+  switch (ground) {
+    case Ground::kDomainRandomization:
+      return Drawn(DrawUniformly(space), EvaluationDraws(config, factory));
+    case Ground::kIntervalSearch:
+      return IntervalGround(config, factory);
+    case Ground::kNominal: {
+      const std::vector<double> z = NominalParameters(config.agents, space);
+      return Drawn(DrawModes({z}), {z});
+    }
+    case Ground::kDesigned:
+      break;
   }
-  OTED_CHECK(name == "undesigned");
-  return Drawn(DrawModes({z}), {z});
+  throw InternalError("designed simulators are no ground to compare with");
 }
 
-json ComparedIdentity(const std::string& name, const RunConfig& config, const ParameterSpace& space) {
+json ComparedIdentity(Ground ground, const RunConfig& config, const ParameterSpace& space) {
   json identity = json::array();
-  if (name != "undesigned") identity = {name, ParameterIdentity(space)};
-  if (name == "is") {
+  if (ground != Ground::kNominal) identity = {NameOf(GroundNames(), ground), ParameterIdentity(space)};
+  if (ground == Ground::kIntervalSearch) {
     const IntervalSearchConfig& is = config.baselines.is;
     identity.push_back({is.boundary, is.episodes, is.step, is.grow, is.shrink, is.reference});
   }
-  if (name != "dr" && !config.agents.undesigned_at.empty()) identity.push_back(config.agents.undesigned_at);
+  if (ground != Ground::kDomainRandomization && !config.agents.nominal_at.empty()) {
+    identity.push_back(config.agents.nominal_at);
+  }
   return identity;
 }
 
-RngKey BcDrKey(const RunConfig& config) {
-  return RngKey(static_cast<uint64_t>(config.run.seed)).Stage("baselines").Stage("bc_dr");
-}
-
-LearningCurve TrainAgentIn(const TrainingGround& ground, const SimulatorFactory& factory, const RunConfig& config,
-                           int index, const std::filesystem::path& folder, const std::string& run_name,
-                           const RunContext& context) {
-  const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("agent").Index(static_cast<uint64_t>(index));
-  const auto train = [&](auto algorithm) -> LearningCurve {
-    if constexpr (requires { algorithm.device; }) algorithm.device = config.agents.device;
-    auto agent = TrainAgent(factory, *ground.episodes, ground.evaluate_in, algorithm, key, folder, run_name, context);
-    agent.policy.Save(folder / "policy.npz");
-    return agent;
-  };
-  return WithAgentSettings(config, factory.spec(), train);
-}
+RngKey BcDrKey(const RunConfig& config) { return BaselinesKey(config).Stage("bc_dr"); }
 
 }  // namespace oted

@@ -27,6 +27,23 @@ void CheckDisjoint(const ParameterSpace& space, const std::vector<ChannelSetup::
   }
 }
 
+/// What lies between controller and plant has no shape: the plant is drawn with its own part of z.
+class PlantRenderer : public Renderer {
+ public:
+  PlantRenderer(std::shared_ptr<const ChannelSetup> setup, std::unique_ptr<Renderer> plant)
+      : setup_(std::move(setup)), plant_(std::move(plant)) {}
+  const std::vector<uint8_t>& Draw(std::span<const double> z, std::span<const double> pose) override {
+    return plant_->Draw(setup_->PlantParameters(z), pose);
+  }
+  int width() const override { return plant_->width(); }
+  int height() const override { return plant_->height(); }
+  const std::string& description() const override { return plant_->description(); }
+
+ private:
+  std::shared_ptr<const ChannelSetup> setup_;
+  std::unique_ptr<Renderer> plant_;
+};
+
 }  // namespace
 
 ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> specs, PlantMaker make_plant)
@@ -85,10 +102,10 @@ std::unique_ptr<SimulatorFactory> ChannelSimulatorFactory::With(const std::vecto
   return std::make_unique<ChannelSimulatorFactory>(std::move(all), make_plant_);
 }
 
-std::vector<double> ChannelSimulatorFactory::PlantParameters(std::span<const double> z) const {
-  std::vector<double> values;
-  for (const int i : setup_->to_plant) values.push_back(z[static_cast<size_t>(i)]);
-  return values;
+std::unique_ptr<Renderer> ChannelSimulatorFactory::MakeRenderer(int width, int height, std::string* why_not) const {
+  std::unique_ptr<Renderer> plant = plant_->MakeRenderer(width, height, why_not);
+  if (plant == nullptr) return nullptr;
+  return std::make_unique<PlantRenderer>(setup_, std::move(plant));
 }
 
 std::unique_ptr<SimulatorFactory> WithChannels(const std::vector<ParameterSpec>& specs,

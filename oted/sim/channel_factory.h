@@ -27,11 +27,11 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   std::vector<ParameterOffer> Offers() const override { return plant_->Offers(); }
   PathInfo Describe(const std::string& path) const override;
   std::string model_sha256() const override { return plant_->model_sha256(); }
-  const SimulatorFactory& plant() const override { return plant_->plant(); }
+  std::string why_not_settable() const override { return plant_->why_not_settable(); }
+  bool has_expert() const override { return plant_->has_expert(); }
+  std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
   std::vector<ParameterSpec> Suspects() const override { return plant_->Suspects(); }
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
-  /// The part of z that is the plant's own.
-  std::vector<double> PlantParameters(std::span<const double> z) const;
 
  protected:
   const std::shared_ptr<const ChannelSetup>& setup() const { return setup_; }

@@ -25,7 +25,7 @@ std::unique_ptr<SimulatorFactory> Make(std::vector<ParameterSpec> channels, bool
 
 TEST(WithChannels, WithoutChannelParametersIsThePlantsOwnFactory) {
   EXPECT_NE(dynamic_cast<PointMassFactory*>(Make({}).get()), nullptr);
-  EXPECT_NE(dynamic_cast<const PointMassFactory*>(&Make({Channel("d", "action/delay")})->plant()), nullptr);
+  EXPECT_EQ(dynamic_cast<PointMassFactory*>(Make({Channel("d", "action/delay")}).get()), nullptr);
 }
 
 TEST(WithChannels, ParametersKeepTheUsersOrderAndThePlantGetsItsOwn) {
@@ -35,8 +35,42 @@ TEST(WithChannels, ParametersKeepTheUsersOrderAndThePlantGetsItsOwn) {
   EXPECT_EQ(space[0].name, "delay");
   EXPECT_EQ(space[1].name, "gain");
   EXPECT_THAT(space.Nominal(), ElementsAre(0, 1, 1, 1));
-  const std::vector<double> z = {3, 1.5, 0.4, 0.2};
-  EXPECT_THAT(static_cast<const ChannelSimulatorFactory&>(*factory).PlantParameters(z), ElementsAre(1.5, 0.4, 0.2));
+  const auto simulator = factory->Make(1, 1);
+  simulator->SetParameters(0, std::vector<double>{0, 1.5, 0.4, 0.2});
+  ASSERT_TRUE(simulator->SetStateFromObservation(0, std::vector<double>{0, 1}));
+  const double action = 1;
+  const std::vector<int> lanes = {0};
+  simulator->Step(lanes, {&action, 1});
+  EXPECT_DOUBLE_EQ(simulator->observation(0)[1], 0.6 * 1 + 1.5 * 1) << "(1 - damping) v + gain a";
+}
+
+TEST(WithChannels, WhatThePlantCannotDoTheWrappedOneSaysInItsWords) {
+  const PointMassFactory plant;
+  const auto wrapped = Make({Channel("d", "action/delay")});
+  std::string of_plant, of_wrapped;
+  EXPECT_EQ(plant.MakeRenderer(8, 8, &of_plant), nullptr);
+  EXPECT_EQ(wrapped->MakeRenderer(8, 8, &of_wrapped), nullptr);
+  EXPECT_THAT(of_wrapped, HasSubstr("'PointMass' cannot be drawn"));
+  EXPECT_EQ(of_wrapped, of_plant);
+  EXPECT_FALSE(wrapped->has_expert());
+  Rng rng(1);
+  double action = 0;
+  EXPECT_THAT(
+      [&] {
+        wrapped->Make(1, 1)->TakeTaskPolicy(TaskPolicy::kExpert, 0, rng, {&action, 1});
+      },
+      ThrowsMessage<UsageError>(HasSubstr("no policy of its own")));
+}
+
+TEST(WithChannels, TheTasksEndIsThePlantsWithoutTheBias) {
+  std::vector<ParameterSpec> specs = PointMass::MakeParameters().specs();
+  specs.push_back(Channel("bias", "obs/x/bias", -1, 1));
+  const auto factory = WithChannels(
+      specs, [](const auto&) { return std::make_unique<PointMassFactory>(PointMassOptions{.terminate_beyond = 0.9}); });
+  const auto simulator = factory->Make(1, 1);
+  simulator->SetParameters(0, std::vector<double>{1, 1, 0.5, 0.3});
+  EXPECT_EQ(simulator->EndsAt(0, std::vector<double>{1.1, 0}), false);
+  EXPECT_EQ(simulator->EndsAt(0, std::vector<double>{1.3, 0}), true);
 }
 
 TEST(WithChannels, UnitsAreControlStepsOrTheObservationsOwn) {

@@ -101,7 +101,7 @@ ChannelField ResolveChannelParameter(const SimulatorSpec& spec, ParameterSpec& p
   if (parameter.low > 0 || parameter.high < 0) {
     throw UsageError(fmt::format(
         "parameter '{}': got bounds [{}, {}] for '{}', wanted a range that holds 0, its value in the "
-        "un-designed simulator{}",
+        "nominal simulator{}",
         parameter.name, parameter.low, parameter.high, parameter.field, parameter.logarithmic ? "; drop 'log'" : ""));
   }
   if (parameter.low < 0 && field.quantity != ChannelQuantity::kBias) {

@@ -27,6 +27,12 @@ Rng NoiseAfter(std::span<const double> observation) {
 
 }  // namespace
 
+std::vector<double> ChannelSetup::PlantParameters(std::span<const double> z) const {
+  std::vector<double> values;
+  for (const int i : to_plant) values.push_back(z[static_cast<size_t>(i)]);
+  return values;
+}
+
 // ---------------------------------------------------------------- memory
 
 void ChannelSimulator::Memory::Resize(int n_rows, int width) {
@@ -71,9 +77,7 @@ ChannelSimulator::ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, st
 
 void ChannelSimulator::SetParameters(int lane, std::span<const double> z) {
   setup_->space.CheckInside(z);
-  std::vector<double> plant_z;
-  for (const int i : setup_->to_plant) plant_z.push_back(z[static_cast<size_t>(i)]);
-  plant_->SetParameters(lane, plant_z);
+  plant_->SetParameters(lane, setup_->PlantParameters(z));
   Lane& l = At(lane);
   for (const auto& [index, field] : setup_->channels) {
     const double value = z[static_cast<size_t>(index)];
@@ -117,6 +121,13 @@ bool ChannelSimulator::SetStateFromLog(int lane, std::span<const double> observa
   const int n_back = std::min(static_cast<int>(std::ceil(*std::max_element(delay.begin(), delay.end()))), n_before);
   return StartBack(lane, observation, before, n_back, true) || StartBack(lane, observation, before, 0, true) ||
          StartBack(lane, observation, before, 0, false);
+}
+
+std::optional<bool> ChannelSimulator::EndsAt(int lane, std::span<const double> observation) {
+  if (!SetStateFromObservation(lane, observation)) return std::nullopt;
+  // A copy: the plant writes the rows that it shows.
+  const std::span<const double> state = plant_->observation(lane);
+  return plant_->EndsAt(lane, std::vector<double>(state.begin(), state.end()));
 }
 
 bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back,

@@ -33,6 +33,8 @@ struct ChannelSetup {
     ChannelField field;
   };
   std::vector<Parameter> channels;
+  /// The part of z that is the plant's own.
+  std::vector<double> PlantParameters(std::span<const double> z) const;
   int longest_action_delay = 0;       ///< [control steps], rounded up
   int longest_observation_delay = 0;  ///< likewise
   int n_noisy = 0;                    ///< observations that have a noise parameter
@@ -60,11 +62,19 @@ class ChannelSimulator : public Simulator {
   /// actions also fill the action delay. Where the episode is too young for that, it begins at its first logged row. A
   /// state that the plant refuses less its bias or that far back is set as it was logged.
   bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) override;
+  /// The plant's rule, applied to the observation less the bias.
+  std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
 
   std::span<const double> observation(int lane) const override;
   double reward(int lane) const override { return plant_->reward(lane); }
   LaneStatus status(int lane) const override;
+  /// The plant's true pose, and below its policies, which see its true state.
+  std::span<const double> pose(int lane) const override { return plant_->pose(lane); }
+  std::vector<double> pose_rates(int lane) const override { return plant_->pose_rates(lane); }
+  void TakeTaskPolicy(TaskPolicy policy, int lane, Rng& rng, std::span<double> action) const override {
+    plant_->TakeTaskPolicy(policy, lane, rng, action);
+  }
 
  private:
   /// The latest rows of a sequence.

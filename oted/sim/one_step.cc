@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/sim/log_window.h"
 
 namespace oted {
 namespace {
@@ -56,7 +57,8 @@ OneStepError Measure(Simulator& simulator, const Dataset& d, const std::vector<i
   };
   for (const int row : rows) {
     const int lane = static_cast<int>(lanes.size());
-    if (!simulator.SetStateFromObservation(lane, d.observations.row(row))) {
+    const LoggedHistory before = HistoryBefore(d, WindowAt(d, row, 1));
+    if (!simulator.SetStateFromLog(lane, d.observations.row(row), before)) {
       ++result.n_unsettable;
       continue;
     }

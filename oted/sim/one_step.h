@@ -1,5 +1,5 @@
 #pragma once
-/// Logged transitions repeated one by one in the un-designed simulator: what differs within a single control step?
+/// Logged transitions repeated one by one in the nominal simulator: what differs within a single control step?
 
 #include <map>
 #include <vector>

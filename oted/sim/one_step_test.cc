@@ -41,7 +41,7 @@ TEST(OneStep, TheLogsOwnSimulatorMissesNothing) {
 }
 
 TEST(OneStep, TheErrorIsThatOfTheGain) {
-  // v' = gain a: the un-designed v' is short by 0.3 a, and x' by a tenth of that.
+  // v' = gain a: the nominal v' is short by 0.3 a, and x' by a tenth of that.
   const Dataset d = Log(1.3);
   const OneStepError e = MeasureOneStep(PointMassFactory(), d, 1000, 2);
   double square = 0;

@@ -24,7 +24,7 @@ struct ParameterSpec {
   ParameterScale scale = ParameterScale::kNominal;
   bool logarithmic = false;        ///< search in log z; needs low > 0
   std::string unit = "x nominal";  ///< shown in reports
-  double nominal = 1.0;            ///< z of the un-designed simulator; filled in by the simulator for kAbsolute
+  double nominal = 1.0;            ///< z of the nominal simulator; filled in by the simulator for kAbsolute
   /// What a parameter file takes the nominal value of a kAbsolute to be: a model with another is refused.
   std::optional<double> wanted_nominal = std::nullopt;
   /// What is believed of z before any log is read: mean and standard deviation, in z's unit.

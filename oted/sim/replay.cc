@@ -8,8 +8,18 @@
 #include <numeric>
 
 #include "oted/base/error.h"
+#include "oted/sim/log_window.h"
 
 namespace oted {
+namespace {
+
+/// Puts a lane into the state of a logged row, with what was logged before it: what a delay has yet to deliver.
+bool SetToRow(Simulator& simulator, int lane, const Dataset& dataset, int row) {
+  return simulator.SetStateFromLog(lane, dataset.observations.row(row),
+                                   HistoryBefore(dataset, WindowAt(dataset, row, 1)));
+}
+
+}  // namespace
 
 std::vector<int> ReplayStarts(Simulator& simulator, const Dataset& dataset, int n_steps, int n_windows) {
   if (!simulator.spec().can_set_state) {
@@ -27,7 +37,7 @@ std::vector<int> ReplayStarts(Simulator& simulator, const Dataset& dataset, int 
   for (size_t i = 0; i < wanted; ++i) {
     const size_t end = rows.size() * (i + 1) / wanted;
     for (next = std::max(next, rows.size() * i / wanted); next < end; ++next) {
-      if (!simulator.SetStateFromObservation(0, dataset.observations.row(rows[next]))) continue;
+      if (!SetToRow(simulator, 0, dataset, rows[next])) continue;
       starts.push_back(rows[next++]);
       break;
     }
@@ -70,7 +80,7 @@ std::vector<Array2<double>> ReplayWindows(Simulator& simulator, const Dataset& d
     simulator.SetParameters(lane, z);
     const int begin = begins[static_cast<size_t>(lane)];
     // What determines a state at one z may not at another: such a window is as good as diverged.
-    started[static_cast<size_t>(lane)] = simulator.SetStateFromObservation(lane, dataset.observations.row(begin));
+    started[static_cast<size_t>(lane)] = SetToRow(simulator, lane, dataset, begin);
   }
   record(0);
   Array2<double> actions(n_lanes, dataset.act_dim());

@@ -6,16 +6,15 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/sim/channel_factory.h"
 #include "oted/sim/testing.h"
 
 namespace oted::replay_test {
 
 using testing::ElementsAre;
 
-/// `n_episodes` of 20 steps of the point mass at `gain`, with actions that swing.
-Dataset Log(double gain, int n_episodes) {
-  PointMass mass(PointMassOptions{}, 1, 1);
-  mass.SetParameters(0, std::vector{gain, 0.5, 0.0});
+/// `n_episodes` of 20 steps of lane 0, with actions that swing.
+Dataset LogOf(Simulator& mass, int n_episodes) {
   Dataset d;
   const std::vector<int> lanes = {0};
   for (int i = 0; i < 20 * n_episodes; ++i) {
@@ -32,8 +31,15 @@ Dataset Log(double gain, int n_episodes) {
   return d;
 }
 
+/// The same of the point mass at `gain`.
+Dataset SwingLog(double gain, int n_episodes) {
+  PointMass mass(PointMassOptions{}, 1, 1);
+  mass.SetParameters(0, std::vector{gain, 0.5, 0.0});
+  return LogOf(mass, n_episodes);
+}
+
 TEST(ReplayTest, TheTrueParametersReproduceTheLogToTheLastBit) {
-  const Dataset d = Log(1.3, 4);
+  const Dataset d = SwingLog(1.3, 4);
   PointMass mass(PointMassOptions{}, 3, 1);
   const std::vector<int> begins = {0, 25, 70};
   const auto windows = ReplayWindows(mass, d, begins, 10, std::vector{1.3, 0.5, 0.0});
@@ -41,8 +47,28 @@ TEST(ReplayTest, TheTrueParametersReproduceTheLogToTheLastBit) {
   for (size_t i = 0; i < begins.size(); ++i) EXPECT_EQ(windows[i], LoggedWindow(d, begins[i], 10));
 }
 
+TEST(ReplayTest, ALogMadeWithADelayIsReproducedFromAnyWindowAtTheTrueDelay) {
+  std::vector<ParameterSpec> specs = PointMass::MakeParameters().specs();
+  specs.push_back({.name = "delay", .field = "action/delay", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute});
+  const auto factory = WithChannels(specs, [](const auto&) { return std::make_unique<PointMassFactory>(); });
+  const std::vector<double> truth = {1.3, 0.5, 0.0, 2.5};
+  const auto target = factory->Make(1, 1);
+  target->SetParameters(0, truth);
+  const Dataset d = LogOf(*target, 4);
+  const auto simulator = factory->Make(4, 1);
+  const std::vector<int> begins = {0, 1, 25, 70};
+  const auto windows = ReplayWindows(*simulator, d, begins, 10, truth);
+  for (size_t i = 0; i < begins.size(); ++i) {
+    const std::vector<double> error = ReplayError(LoggedWindow(d, begins[i], 10), windows[i], ChannelSpreads(d));
+    EXPECT_THAT(error, testing::Each(testing::Le(1e-12))) << "from row " << begins[i];
+  }
+  // Without the delay the same windows part from the log.
+  const auto prompt = ReplayWindows(*simulator, d, begins, 10, std::vector{1.3, 0.5, 0.0, 0.0});
+  EXPECT_GT(ReplayError(LoggedWindow(d, 25, 10), prompt[2], ChannelSpreads(d))[1], 0.1);
+}
+
 TEST(ReplayTest, AWrongGainPartsFromTheLogAsTheEquationsSay) {
-  const Dataset d = Log(1.0, 1);
+  const Dataset d = SwingLog(1.0, 1);
   PointMass mass(PointMassOptions{}, 1, 1);
   const auto windows = ReplayWindows(mass, d, std::vector{3}, 2, std::vector{1.5, 0.5, 0.0});
   const Array2<double> logged = LoggedWindow(d, 3, 2);
@@ -53,7 +79,7 @@ TEST(ReplayTest, AWrongGainPartsFromTheLogAsTheEquationsSay) {
 }
 
 TEST(ReplayTest, StartsLieWithinEpisodesAndAreSpreadOverAllOfThem) {
-  const Dataset d = Log(1.0, 4);
+  const Dataset d = SwingLog(1.0, 4);
   PointMass mass(PointMassOptions{}, 1, 1);
   const std::vector<int> starts = ReplayStarts(mass, d, 15, 4);
   ASSERT_EQ(starts.size(), 4u);
@@ -66,7 +92,7 @@ TEST(ReplayTest, StartsLieWithinEpisodesAndAreSpreadOverAllOfThem) {
 }
 
 TEST(ReplayTest, AStateThatCannotBeSetIsSteppedOver) {
-  const Dataset d = Log(1.0, 1);
+  const Dataset d = SwingLog(1.0, 1);
   PointMass mass(PointMassOptions{.velocity_clip = 0.8}, 1, 1);
   for (const int start : ReplayStarts(mass, d, 2, 100)) EXPECT_LT(std::abs(d.observations(start, 1)), 0.8);
   PointMass stiff(PointMassOptions{.can_set_state = false}, 1, 1);
@@ -74,7 +100,7 @@ TEST(ReplayTest, AStateThatCannotBeSetIsSteppedOver) {
 }
 
 TEST(ReplayTest, FromADivergenceOnNothingIsKnownAndTheErrorIsInfinite) {
-  const Dataset d = Log(1.0, 1);
+  const Dataset d = SwingLog(1.0, 1);
   PointMass mass(PointMassOptions{.diverge_beyond = 1e-3}, 1, 1);
   int calls = 0;
   const auto windows =
@@ -97,7 +123,7 @@ TEST(ReplayErrorTest, IsTheRootMeanSquareInUnitsOfTheSpreads) {
 }
 
 TEST(ReplayErrorTest, ASpreadIsTheStandardDeviationAndZeroWhereNothingMoves) {
-  Dataset d = Log(1.0, 2);
+  Dataset d = SwingLog(1.0, 2);
   for (int i = 0; i < d.size(); ++i) d.observations(i, 0) = i % 2 == 0 ? 1 : 5;
   for (int i = 0; i < d.size(); ++i) d.observations(i, 1) = 0.1;
   EXPECT_THAT(ChannelSpreads(d), ElementsAre(testing::DoubleNear(2, 1e-12), 0.0));

@@ -17,11 +17,20 @@ double SimulatorSpec::NormalizedScore(double episode_return) const {
   return 100.0 * (episode_return - return_random) / (return_expert - return_random);
 }
 
+void Simulator::TakeTaskPolicy(TaskPolicy, int, Rng&, std::span<double>) const {
+  throw UsageError(fmt::format("task '{}' has no policy of its own; give a policy file", spec().task));
+}
+
 PathInfo SimulatorFactory::Describe(const std::string& path) const {
   for (const ParameterSpec& parameter : parameters().specs()) {
     if (parameter.field == path) return {{{path, parameter.nominal}}, parameter.unit, "declared by the simulator"};
   }
   throw UsageError(fmt::format("parameter path '{}' names nothing in simulator '{}'", path, spec().task));
+}
+
+std::unique_ptr<Renderer> SimulatorFactory::MakeRenderer(int, int, std::string* why_not) const {
+  *why_not = fmt::format("task '{}' cannot be drawn: its simulator has no renderer", spec().task);
+  return nullptr;
 }
 
 }  // namespace oted

@@ -12,6 +12,7 @@
 #include "oted/base/rng.h"
 #include "oted/sim/parameter_info.h"
 #include "oted/sim/parameter_space.h"
+#include "oted/sim/renderer.h"
 
 namespace oted {
 
@@ -58,6 +59,12 @@ struct LoggedHistory {
   std::span<const double> actions;       ///< (n, act_dim): row k was given at observation k
 };
 
+/// A policy that a task brings along. It acts on a lane's true state, which no observation need show.
+enum class TaskPolicy {
+  kExpert,  ///< the best that can be done
+  kMedium,  ///< the expert with mistakes
+};
+
 /// N lanes. Not thread-safe; one object may use several threads inside, with equal bytes at any number of them.
 /// A lane starts undefined: Reset or SetStateFromObservation it before its first Step.
 class Simulator {
@@ -102,6 +109,19 @@ class Simulator {
   virtual std::span<const double> observation(int lane) const = 0;
   virtual double reward(int lane) const = 0;
   virtual LaneStatus status(int lane) const = 0;
+
+  /// Where the parts of one lane are, for a Renderer of its factory: generalised positions [m, rad]. Empty where
+  /// nothing can be drawn.
+  virtual std::span<const double> pose(int lane) const {
+    (void)lane;
+    return {};
+  }
+  /// How fast each number of the lane's pose changes [m/s, rad/s]; 0 for one that has no velocity of its own, such as
+  /// those of a quaternion.
+  virtual std::vector<double> pose_rates(int lane) const { return std::vector<double>(pose(lane).size(), 0.0); }
+  /// Writes the action (act_dim) that a policy of the task takes in the lane's true state. `rng` is the policy's own.
+  /// @throws UsageError unless the factory's has_expert().
+  virtual void TakeTaskPolicy(TaskPolicy policy, int lane, Rng& rng, std::span<double> action) const;
 };
 
 /// Makes simulators of one task that differ in their number of lanes and threads only. Thread-safe.
@@ -124,8 +144,14 @@ class SimulatorFactory {
   /// The SHA-256 of the model file that is simulated, or another text that changes when the simulated thing does: what
   /// was computed with another one is not used again. "" where the task's name says it all.
   virtual std::string model_sha256() const { return ""; }
-  /// The factory of the plant itself, without what wraps it (sensors, delays).
-  virtual const SimulatorFactory& plant() const { return *this; }
+  /// Why a lane cannot be set to an observed state, for a sentence's end; "" where it can or no reason is known.
+  virtual std::string why_not_settable() const { return ""; }
+  /// Whether the task brings its own policies along: Simulator::TakeTaskPolicy.
+  virtual bool has_expert() const { return false; }
+  /// Draws poses of this task's simulators.
+  /// @param width, height  of the pictures [pixels], multiples of 4
+  /// @return null where nothing can be drawn; `why_not` says why in one line
+  virtual std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const;
 };
 
 }  // namespace oted

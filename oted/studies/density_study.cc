@@ -18,7 +18,8 @@
 #include "oted/base/statistics.h"
 #include "oted/config/run_config.h"
 #include "oted/sim/minigrid/density_likelihood.h"
-#include "oted/sim/minigrid/expert.h"
+#include "oted/sim/minigrid/minigrid_simulator.h"
+#include "oted/sim/task_policy.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/design.h"
 #include "oted/studies/cell_record.h"
@@ -37,7 +38,7 @@ RunConfig ConfigOf(const DensityStudy& study, const DensityCell& cell) {
   RunConfig config;
   config.task.name = "MiniGrid-Obstacles-10x10";
   for (const std::string& assignment : study.assignments) config.Set(assignment);
-  config.design.designer = cell.designer;
+  config.Set("design.designer=" + cell.designer);
   return config;
 }
 
@@ -75,23 +76,29 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
              const fs::path& scratch, const RunContext& context) {
   const MinigridSimulatorFactory factory = FactoryOf(config);
   const RngKey key = RngKey(static_cast<uint64_t>(seed)).Stage("minigrid design");
-  const Dataset logs = CollectMinigridDemonstrations(factory, {cell.target}, MinigridPolicyNamed(study.policy),
-                                                     cell.n_demonstrations, key.Stage("demonstrations"), 1);
+  const Dataset logs = CollectTaskPolicy(factory, {cell.target}, TaskPolicyNamed(study.policy), cell.n_demonstrations,
+                                         key.Stage("demonstrations"), 1);
   DensityLikelihood likelihood(TaskOf(config));
   likelihood.Add(logs);
 
   ModeCurve curve;
   const RunContext own{&curve, context.stop, 1};
   const double start = ThreadSeconds();
-  const CloneResult clone = CloneBehavior(logs, factory.spec(), config.clone, key.Stage("clone"), "clone", own);
+  const CloneResult clone = CloneBehavior({logs, factory.spec(), config.clone, key.Stage("clone"), "clone", own});
   const DesignConfig design = config.design.Resolved(factory.parameters(), factory.spec());
-  const DesignResult result =
-      LearnDesign(factory, logs, clone.policy.get(), design, key.Stage("design"), scratch, "design", own);
+  const DesignResult result = LearnDesign({.factory = factory,
+                                           .dataset = logs,
+                                           .clone = clone.policy.get(),
+                                           .key = key.Stage("design"),
+                                           .folder = scratch,
+                                           .run_name = "design",
+                                           .context = own},
+                                          design);
   const double seconds = ThreadSeconds() - start;
   fs::remove_all(scratch);
 
   // By iteration, and what came of it. Behind the design g is trained against a q that does not move.
-  curve.modes.resize(std::min(curve.modes.size(), static_cast<size_t>(design.n_iterations)));
+  curve.modes.resize(std::min(curve.modes.size(), static_cast<size_t>(design.n_iterations())));
   curve.modes.push_back(result.q.Mode()[0]);
   const Designer::Interval interval = result.q.CentralInterval(0.9)[0];
   json modes = json::array();
@@ -125,7 +132,7 @@ json IdentityOf(const RunConfig& config, const DensityStudy& study, const Densit
           {"policy", study.policy},
           {"realised", RealisedDensity(TaskOf(config), cell.target)},
           {"assignments", study.assignments},
-          {"discriminator_steps", design.discriminator_steps}};
+          {"discriminator_steps", design.discriminator.steps}};
 }
 
 double NearestOnGrid(double density) { return kGrid * std::round(density / kGrid); }
@@ -217,7 +224,7 @@ std::vector<DensityCell> DensityStudy::Cells() const {
     throw UsageError(fmt::format("target density {}, wanted one between {} and {}, the range that is searched", target,
                                  kLow, kHigh));
   }
-  MinigridPolicyNamed(policy);
+  TaskPolicyNamed(policy);
   const std::vector<std::string> known = {"gaussian", "categorical"};
   std::vector<DensityCell> cells;
   for (const std::string& designer : designers) {

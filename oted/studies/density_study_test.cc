@@ -101,8 +101,8 @@ TEST(DensityStudy, SeedsThatAreThereAreNotRunAgainAndOthersSettingsAreRefused) {
   DensityStudy study;
   study.n_seeds = 2;
   // As small as a design can be: what is under test is the bookkeeping.
-  study.assignments = {"clone.max_steps=1", "design.n_iterations=2", "design.n_sims=4", "design.n_steps=8",
-                       "design.discriminator_steps=1"};
+  study.assignments = {"clone.max_steps=1",           "design.images.n_iterations=2", "design.images.n_sims=4",
+                       "design.adversarial.n_sims=4", "design.adversarial.n_steps=8", "design.discriminator.steps=1"};
   NullSink log;
   const RunContext one{&log, nullptr, 1}, two{&log, nullptr, 2};
   const DensityCell cell{2, 0.2, "gaussian"};
@@ -120,7 +120,7 @@ TEST(DensityStudy, SeedsThatAreThereAreNotRunAgainAndOthersSettingsAreRefused) {
   const json fresh = RunDensityCell(study, cell, folder / "b.json", "words", two);
   for (size_t i = 0; i < 3; ++i) EXPECT_EQ(fresh["seeds"][i]["mode"], more["seeds"][i]["mode"]);
 
-  study.assignments.push_back("design.lambda=0.1");
+  study.assignments.push_back("design.adversarial.lambda=0.1");
   EXPECT_THAT(MessageOf<UsageError>([&] { RunDensityCell(study, cell, folder / "a.json", "words", one); }),
               HasSubstr("take another --out"));
 }

@@ -96,19 +96,20 @@ RunConfig DesignStudy::ConfigOf(const StudyCell& cell) const {
   config.run.seed = seed;
   config.run.threads = threads;
   config.selection.n_seeds = n_seeds;
-  config.report.motion = "false";
-  config.design = DesignConfig::ForForm(form);
+  config.report.motion = Motion::kFalse;
+  config.Set("design.method=" + design_method);
   for (const std::string& assignment : assignments) config.Set(assignment);
   if (grid) {
     // The paper does not tell its grid. A third of the rollouts' length, a third of g's steps, the other reward.
-    for (const int horizon : {config.design.horizon, config.design.horizon / 3}) {
-      for (const int steps : {config.design.discriminator_steps, config.design.discriminator_steps / 3}) {
+    const DesignConfig usual = config.design.Assumed();
+    for (const int horizon : {usual.adversarial.horizon, usual.adversarial.horizon / 3}) {
+      for (const int steps : {usual.discriminator.steps, usual.discriminator.steps / 3}) {
         for (const char* reward : {"paper", "log_ratio"}) {
-          DesignConfig setting = config.design;
-          setting.horizon = horizon;
-          setting.discriminator_steps = steps;
-          setting.reward = reward;
-          config.settings[fmt::format("h{}-g{}-{}", horizon, steps, reward)] = setting;
+          DesignChoice& setting = config.settings[fmt::format("h{}-g{}-{}", horizon, steps, reward)];
+          setting = config.design;
+          setting.Set("adversarial.horizon", horizon, "the study's pool");
+          setting.Set("discriminator.steps", steps, "the study's pool");
+          setting.Set("adversarial.reward", reward, "the study's pool");
         }
       }
     }
@@ -138,7 +139,7 @@ json ScoreCell(const StudyCell& cell, const json& design) {
     }
     errors.push_back(Mean(of_seeds));
     json entry = {{"name", setting.at("name")},
-                  {"form", setting.at("form")},
+                  {"method", setting.at("method")},
                   {"error", errors.back()},
                   {"error_std", StandardDeviation(of_seeds)},
                   {"modes", modes}};

@@ -25,9 +25,9 @@ struct DesignStudy {
   std::vector<std::string> datasets = {"medium", "medium-expert", "expert"};
   std::vector<std::string> parameters = {"all"};
   std::string data_folder = "examples/data";  ///< holds TASK-DATASET.hdf5
-  std::string form = "paper";
+  std::string design_method = "paper";
   std::vector<std::string> assignments;  ///< "section.key=value", for every cell; the pool is made from the result
-  bool grid = true;                      ///< a pool of eight settings to select from; otherwise the form's own
+  bool grid = true;                      ///< a pool of eight settings to select from; otherwise the method's own
   int n_seeds = 3;                       ///< designs per setting
   int64_t seed = 1;
   int threads = 0;

@@ -18,9 +18,13 @@ json Setting(const char* name, std::vector<std::vector<double>> modes, double de
              double common) {
   json seeds = json::array();
   for (const auto& mode : modes) seeds.push_back({{"mode", mode}});
-  return {
-      {"name", name},     {"form", "paper"}, {"design_deviation", deviation}, {"learning_progress", progress}, {"c", c},
-      {"common", common}, {"seeds", seeds}};
+  return {{"name", name},
+          {"method", "paper"},
+          {"design_deviation", deviation},
+          {"learning_progress", progress},
+          {"c", c},
+          {"common", common},
+          {"seeds", seeds}};
 }
 
 /// Three settings whose errors are 0.1, 0.2 and 0.6.
@@ -84,7 +88,7 @@ TEST(DesignStudy, Table2HasNineCellsAndEightSettingsFigure2ThirtySixAndOne) {
   const RunConfig config = table2.ConfigOf(table2.Cells()[0]);
   EXPECT_EQ(config.settings.size(), 8u);
   std::set<std::string> distinct;
-  for (auto [name, setting] : config.settings) distinct.insert(setting.Fields().ToJson().dump());
+  for (auto [name, setting] : config.settings) distinct.insert(setting.ToJson().dump());
   EXPECT_EQ(distinct.size(), 8u) << "no two settings are the same";
   EXPECT_EQ(config.parameters.size(), 3u);
   EXPECT_EQ(figure2.ConfigOf(figure2.Cells()[0]).parameters.size(), 1u);

@@ -18,6 +18,8 @@
 #include "oted/baselines/bc_dr.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/rl/policy_evaluation.h"
+#include "oted/run/agents_step.h"
+#include "oted/run/fingerprint.h"
 #include "oted/run/pipeline.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/training_ground.h"
@@ -32,40 +34,59 @@ namespace fs = std::filesystem;
 
 constexpr const char* kTable1Schema = "oted.table1_cell/1";
 
-bool SeesLogs(const std::string& method) { return method == "bc" || method == "bc_dr" || method == "oted"; }
-
-/// The method whose work bc_dr begins from.
-std::string CollectorOf(const RunConfig& config) { return config.baselines.bc_dr.collector == "dr" ? "dr" : "bc"; }
-
-Table1Cell CellOf(const std::string& method, const StudyCell& cell) {
-  return {cell.task, SeesLogs(method) ? cell.dataset : "", method == "bc" ? "" : cell.parameters, method};
+bool SeesLogs(Table1Method method) {
+  return method == Table1Method::kBc || method == Table1Method::kBcDr || method == Table1Method::kOted;
 }
 
-/// Of the algorithm that the study names.
+/// The method whose work BC+DR begins from.
+Table1Method CollectorOf(const RunConfig& config) {
+  return config.baselines.bc_dr.collector == Collector::kRandomizedAgent ? Table1Method::kDr : Table1Method::kBc;
+}
+
+/// Where the agents of a method train that is no design.
+Ground GroundOf(Table1Method method) {
+  switch (method) {
+    case Table1Method::kDr:
+      return Ground::kDomainRandomization;
+    case Table1Method::kIs:
+      return Ground::kIntervalSearch;
+    case Table1Method::kNominal:
+      return Ground::kNominal;
+    default:
+      throw InternalError("a method without agents of its own");
+  }
+}
+
+Table1Cell CellOf(Table1Method method, const StudyCell& cell) {
+  return {cell.task, SeesLogs(method) ? cell.dataset : "", method == Table1Method::kBc ? "" : cell.parameters, method};
+}
+
+/// The algorithm that the study names, and its settings.
+const AlgorithmEntry& AlgorithmOf(const RunConfig& config) {
+  return EntryOf(config.agents.algorithm.value_or(AgentAlgorithm::kSac));
+}
 json AgentSettings(const RunConfig& config) {
-  CrossQConfig crossq = config.crossq;
-  SacConfig sac = config.sac;
-  return config.agents.algorithm == "crossq" ? crossq.Fields().ToJson() : sac.Fields().ToJson();
+  AlgorithmSettings settings = config.algorithms;
+  return AlgorithmOf(config).fields(settings).ToJson();
 }
 
 /// One seed of a cell, at work.
 class Job {
  public:
-  Job(const Table1Study& study, const Table1Cell& cell, int64_t seed, const fs::path& runs, LogSink& log, int n_threads,
-      const RunContext& context)
+  Job(const Table1Study& study, const Table1Cell& cell, int64_t seed, const fs::path& runs, const RunContext& context)
       : cell_(cell),
         config_(study.ConfigOf(cell, seed)),
         runs_(runs),
         folder_(runs / cell.Name() / std::to_string(seed)),
-        context_{&log, context.stop, n_threads} {
-    config_.run.threads = n_threads;
+        context_(context) {
+    config_.run.threads = context.n_threads;
   }
 
   json Run(const std::function<void(const fs::path&)>& run_complete) {
-    if (cell_.method == "oted") return RunWhole(run_complete);
+    if (cell_.method == Table1Method::kOted) return RunWhole(run_complete);
     factory_ = MakeSimulatorFactory(config_.task, config_.parameters);
-    if (cell_.method == "bc") return RunClone(false);
-    return cell_.method == "bc_dr" ? RunClone(true) : RunAgents();
+    if (!SeesLogs(cell_.method)) return RunAgents();
+    return RunClone(cell_.method == Table1Method::kBcDr);
   }
 
  private:
@@ -83,35 +104,34 @@ class Job {
             {"score", factory_->spec().NormalizedScore(result.mean_return)}};
   }
 
+  TrainedRecord RunAgent(const RunDirectory& directory, int index) const {
+    const fs::path folder = directory.agent(index);
+    const Ground ground = GroundOf(cell_.method);
+    const Artifact artifact{
+        folder / "agent.json", AgentRecord::kSchema,
+        Fingerprint({AgentSettings(config_), config_.run.seed, config_.task.Identity(), factory_->model_sha256(),
+                     ComparedIdentity(ground, config_, factory_->parameters())})};
+    TrainedRecord agent;
+    agent.record = OnceAs<AgentRecord>(directory, artifact, [&] {
+      agent = TrainOneAgent({*factory_, config_, ground, index, folder, directory.NameOf(folder), context_},
+                            ComparedGround(ground, config_, *factory_));
+      return agent.record;
+    });
+    if (agent.policy == nullptr) agent.policy = LoadPolicy(folder / "policy.npz");
+    return agent;
+  }
+
   json RunAgents() {
     const RunDirectory directory(folder_);
-    const json settings = AgentSettings(config_);
-    json best;
+    TrainedRecord best;
     for (int j = 1; j <= config_.agents.n_agents; ++j) {
-      const fs::path folder = directory.agent(j);
-      const std::string fingerprint =
-          Fingerprint({settings, config_.run.seed, config_.task.Identity(), factory_->model_sha256(),
-                       ComparedIdentity(cell_.method, config_, factory_->parameters())});
-      if (!directory.IsComplete(folder / "agent.json", fingerprint)) {
-        const TrainingGround ground = ComparedGround(cell_.method, config_, *factory_);
-        directory.Begin(folder, fingerprint);
-        const LearningCurve curve =
-            TrainAgentIn(ground, *factory_, config_, j, folder, directory.NameOf(folder), context_);
-        json record = {{"schema", "oted.agent/1"},        {"agent", j},
-                       {"baseline", cell_.method},        {"designed", false},
-                       {"seed", config_.run.seed},        {"n_steps", settings.at("n_steps")},
-                       {"eval_return", curve.eval_return}};
-        for (const auto& [name, value] : ground.episodes->Figures()) record["episodes"][name] = value;
-        directory.Complete(folder / "agent.json", record, fingerprint);
-        directory.RemoveCheckpoint(folder);
-      }
-      const json agent = ReadJson(folder / "agent.json");
-      if (best.is_null() || agent.at("eval_return") > best.at("eval_return")) best = agent;
+      TrainedRecord agent = RunAgent(directory, j);
+      if (best.policy == nullptr || agent.record.eval_return > best.record.eval_return) best = std::move(agent);
     }
-    LoadPolicy(directory.agent(best.at("agent").get<int>()) / "policy.npz")->Save(PolicyFile());
+    best.policy->Save(PolicyFile());
     json result = Judge();
-    result["eval_return"] = best.at("eval_return");
-    if (best.contains("episodes")) result["episodes"] = best.at("episodes");
+    result["eval_return"] = best.record.eval_return;
+    for (const auto& [name, value] : best.record.episodes) result["episodes"][name] = value;
     return result;
   }
 
@@ -120,12 +140,12 @@ class Job {
     logs.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
     const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("clone");
     const auto clone = [&] {
-      if (!with_simulated) return CloneBehavior(logs, factory_->spec(), config_.clone, key, "clone", context_);
-      const std::string method = CollectorOf(config_);
-      const Table1Cell collector = CellOf(method, {cell_.task, cell_.dataset, cell_.parameters});
+      CloneJob job{logs, factory_->spec(), config_.clone, key, "clone", context_};
+      if (!with_simulated) return CloneBehavior(job);
+      job.key = BcDrKey(config_);
+      const Table1Cell collector = CellOf(CollectorOf(config_), {cell_.task, cell_.dataset, cell_.parameters});
       const auto policy = LoadPolicy(runs_ / collector.Name() / std::to_string(config_.run.seed) / "policy.npz");
-      return CloneWithSimulated(logs, *factory_, *policy, config_.baselines.bc_dr.ratio, config_.clone,
-                                BcDrKey(config_), "clone", context_);
+      return CloneWithSimulated(job, *factory_, *policy, config_.baselines.bc_dr.ratio);
     };
     clone().policy->Save(PolicyFile());
     json result = Judge();
@@ -136,20 +156,24 @@ class Job {
 
   json RunWhole(const std::function<void(const fs::path&)>& run_complete) {
     Pipeline pipeline(config_, folder_, context_);
-    pipeline.EvaluateInTarget();
+    const std::optional<EvaluationRecord>& evaluation = pipeline.EvaluateInTarget();
     if (run_complete) run_complete(folder_);
-    const json evaluation = ReadJson(folder_ / "evaluation.json"), design = ReadJson(folder_ / "design.json");
+    OTED_CHECK(evaluation);
     json result;
-    for (const json& policy : evaluation.at("policies")) {
-      if (!policy.at("name").get<std::string>().starts_with("oted_")) continue;
-      for (const char* key : {"mean_return", "std_return", "n_diverged", "score"}) result[key] = policy.at(key);
+    for (const EvaluationRecord::PolicyResult& policy : evaluation->policies) {
+      if (!policy.name.starts_with("oted_")) continue;
+      result = {{"mean_return", policy.mean_return},
+                {"std_return", policy.std_return},
+                {"n_diverged", policy.n_diverged},
+                {"score", policy.score ? json(*policy.score) : json()}};
     }
-    for (const json& parameter : evaluation.at("parameters")) {
-      result["errors"][parameter.at("name").get<std::string>()] = parameter.at("absolute_error");
+    for (const EvaluationRecord::Parameter& parameter : evaluation->parameters) {
+      result["errors"][parameter.name] = parameter.absolute_error;
     }
-    result["verdict"] = design.at("verdict");
-    result["data_sha256"] = design.at("dataset").at("sha256");
-    result["n_transitions"] = design.at("dataset").at("n_transitions");
+    const DesignRecord& design = pipeline.SelectSimulator().record;
+    result["verdict"] = ToString(design.verdict);
+    result["data_sha256"] = design.dataset.sha256;
+    result["n_transitions"] = design.dataset.n_transitions;
     return result;
   }
 
@@ -180,16 +204,19 @@ std::string LabelOf(const Table1Cell& cell, int64_t seed) { return fmt::format("
 /// What a cell's results depend on, beside its seeds.
 json IdentityOf(const Table1Study& study, const Table1Cell& cell) {
   const RunConfig config = study.ConfigOf(cell, study.first_seed);
+  const bool has_agents = cell.method != Table1Method::kBc;
   json identity = {{"task", cell.task},
                    {"dataset", cell.dataset.empty() ? json() : json(cell.dataset)},
                    {"parameters", cell.parameters.empty() ? json() : json(cell.parameters)},
-                   {"method", cell.method},
-                   {"steps", cell.method == "bc" ? json() : AgentSettings(config).at("n_steps")},
-                   {"agents", cell.method == "bc" ? json() : json(config.agents.n_agents)},
+                   {"method", NameOf(Table1MethodNames(), cell.method)},
+                   {"steps", has_agents ? AgentSettings(config).at("n_steps") : json()},
+                   {"agents", has_agents ? json(config.agents.n_agents) : json()},
                    {"assignments", study.assignments}};
-  if (cell.method == "oted") identity["form"] = study.form;
-  if (study.algorithm != "sac" && cell.method != "bc") identity["algorithm"] = study.algorithm;
-  if (cell.method == "is" || cell.method == "undesigned") identity["start"] = config.agents.undesigned_at;
+  if (cell.method == Table1Method::kOted) identity["design_method"] = study.design_method;
+  if (config.agents.algorithm != AgentAlgorithm::kSac && has_agents) identity["algorithm"] = study.algorithm;
+  if (cell.method == Table1Method::kIs || cell.method == Table1Method::kNominal) {
+    identity["start"] = config.agents.nominal_at;
+  }
   return identity;
 }
 
@@ -197,14 +224,25 @@ json IdentityOf(const Table1Study& study, const Table1Cell& cell) {
 
 std::string Table1Cell::Name() const {
   std::string name = task;
-  for (const std::string& part : {dataset, parameters, method}) {
+  for (const std::string& part : {dataset, parameters, NameOf(Table1MethodNames(), method)}) {
     if (!part.empty()) name += "-" + part;
   }
   return name;
 }
 
+const NamedValues<Table1Method>& Table1MethodNames() {
+  static const NamedValues<Table1Method> names = {{Table1Method::kBc, "bc"},     {Table1Method::kDr, "dr"},
+                                                  {Table1Method::kIs, "is"},     {Table1Method::kBcDr, "bc_dr"},
+                                                  {Table1Method::kOted, "oted"}, {Table1Method::kNominal, "nominal"}};
+  return names;
+}
+
 const std::vector<std::string>& Table1Study::KnownMethods() {
-  static const std::vector<std::string> known = {"bc", "dr", "is", "bc_dr", "oted", "undesigned"};
+  static const std::vector<std::string> known = [] {
+    std::vector<std::string> names;
+    for (const auto& [unused, name] : Table1MethodNames()) names.push_back(name);
+    return names;
+  }();
   return known;
 }
 
@@ -220,10 +258,14 @@ void Table1Study::SetGuess(const std::string& assignment) {
 }
 
 std::vector<Table1Cell> Table1Study::Cells() const {
+  std::vector<Table1Method> wanted;
   for (const std::string& method : methods) {
-    if (std::ranges::find(KnownMethods(), method) != KnownMethods().end()) continue;
-    throw UsageError(fmt::format("method '{}', wanted some of {}{}", method, fmt::join(KnownMethods(), "|"),
-                                 DidYouMean(method, KnownMethods())));
+    const auto known = std::ranges::find(Table1MethodNames(), method, &std::pair<Table1Method, std::string>::second);
+    if (known == Table1MethodNames().end()) {
+      throw UsageError(fmt::format("method '{}', wanted some of {}{}", method, fmt::join(KnownMethods(), "|"),
+                                   DidYouMean(method, KnownMethods())));
+    }
+    wanted.push_back(known->first);
   }
   DesignStudy study;
   study.tasks = tasks;
@@ -234,9 +276,9 @@ std::vector<Table1Cell> Table1Study::Cells() const {
     if (std::ranges::find(cells, cell) == cells.end()) cells.push_back(cell);
   };
   for (const StudyCell& at : study.Cells()) {
-    for (const std::string& method : methods) {
+    for (const Table1Method method : wanted) {
       const Table1Cell cell = CellOf(method, at);
-      if (method == "bc_dr") add(CellOf(CollectorOf(ConfigOf(cell, first_seed)), at));
+      if (method == Table1Method::kBcDr) add(CellOf(CollectorOf(ConfigOf(cell, first_seed)), at));
       add(cell);
     }
   }
@@ -246,16 +288,16 @@ std::vector<Table1Cell> Table1Study::Cells() const {
 RunConfig Table1Study::ConfigOf(const Table1Cell& cell, int64_t seed) const {
   DesignStudy study;
   study.data_folder = data_folder;
-  study.form = form;
+  study.design_method = design_method;
   study.grid = false;
   study.assignments = {"agents.algorithm=" + algorithm, fmt::format("{}.n_steps={}", algorithm, steps),
-                       "agents.n_agents=1", "agents.undesigned=false"};
+                       "agents.n_agents=1", "agents.nominal=false"};
   study.assignments.insert(study.assignments.end(), assignments.begin(), assignments.end());
   RunConfig config = study.ConfigOf({cell.task, cell.dataset, cell.parameters});
   config.task.Resolve();
   config.run.seed = seed;
   if (cell.dataset.empty()) config.data.path.clear();
-  for (const ParameterSpec& spec : config.parameters) config.agents.undesigned_at.push_back(guess.at(spec.name));
+  for (const ParameterSpec& spec : config.parameters) config.agents.nominal_at.push_back(guess.at(spec.name));
   return config;
 }
 
@@ -278,13 +320,14 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
       if (records[i].Has(seed)) continue;
       const RunConfig config = study.ConfigOf(cells[i], seed);
       config.baselines.Check();
-      if (cells[i].method == "is") CheckIntervalSearch(config.baselines.is, SpecOf(config.task));
+      if (cells[i].method == Table1Method::kIs) CheckIntervalSearch(config.baselines.is, SpecOf(config.task));
       if (!cells[i].dataset.empty() && !fs::exists(config.data.path)) {
         throw DataError(
             fmt::format("'{}' does not exist; name the folder with TASK-DATASET.hdf5 by --data", config.data.path));
       }
-      ParameterSpace(config.parameters).CheckInside(config.agents.undesigned_at);
-      (cells[i].method == "bc_dr" ? second : first).push_back({i, seed, cells[i].method == "oted"});
+      ParameterSpace(config.parameters).CheckInside(config.agents.nominal_at);
+      (cells[i].method == Table1Method::kBcDr ? second : first)
+          .push_back({i, seed, cells[i].method == Table1Method::kOted});
     }
   }
   std::stable_sort(first.begin(), first.end(), [](const Missing& a, const Missing& b) {
@@ -293,7 +336,7 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
   // The bar knows all the training before any of it starts.
   for (const Missing& job : first) {
     const RunConfig config = study.ConfigOf(cells[job.cell], job.seed);
-    for (int j = 1; cells[job.cell].method != "bc" && j <= config.agents.n_agents; ++j) {
+    for (int j = 1; cells[job.cell].method != Table1Method::kBc && j <= config.agents.n_agents; ++j) {
       JobSink(*context.log, LabelOf(cells[job.cell], job.seed))
           .Progress("train", fmt::format("agents/{}", j), 0, AgentSettings(config).at("n_steps"), "");
     }
@@ -309,7 +352,7 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
       const fs::path folder = out / "runs" / name / std::to_string(seed);
       const std::unique_ptr<LogSink> log = hooks.keep_curves ? hooks.keep_curves(folder, &progress) : nullptr;
       const auto start = std::chrono::steady_clock::now();
-      Job job(study, cells[i], seed, out / "runs", log ? *log : progress, n_threads, context);
+      Job job(study, cells[i], seed, out / "runs", {log ? log.get() : &progress, context.stop, n_threads});
       json entry = job.Run(hooks.run_complete);
       const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
       entry["seconds"] = std::round(10 * seconds.count()) / 10;

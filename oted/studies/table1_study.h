@@ -16,12 +16,23 @@
 
 namespace oted {
 
+enum class Table1Method {
+  kBc,       ///< "bc"
+  kDr,       ///< "dr"
+  kIs,       ///< "is"
+  kBcDr,     ///< "bc_dr"
+  kOted,     ///< "oted"
+  kNominal,  ///< "nominal": an agent in the guess's simulator
+};
+/// In the paper's order, and the agent in the guess's simulator.
+const NamedValues<Table1Method>& Table1MethodNames();
+
 /// One method on what it depends on: agents that see no logs serve all of a task's datasets, a clone all parameters.
 struct Table1Cell {
   std::string task;
-  std::string dataset;     ///< "" for dr, is, undesigned
+  std::string dataset;     ///< "" for dr, is, nominal
   std::string parameters;  ///< "friction", "gain", "gravity", "all"; "" for bc
-  std::string method;      ///< of Table1Study::KnownMethods()
+  Table1Method method = Table1Method::kOted;
 
   /// "hopper-medium-all-oted", "hopper-all-dr", "hopper-medium-bc"
   std::string Name() const;
@@ -42,17 +53,17 @@ struct Table1Study {
   std::vector<std::string> parameters = {"friction", "gain", "gravity", "all"};
   std::vector<std::string> methods = KnownMethods();
   std::string data_folder = "examples/data";  ///< holds TASK-DATASET.hdf5
-  std::string form = "auto";                  ///< of the design
-  std::string algorithm = "sac";              ///< of the agents: the paper's, or "crossq"
-  /// Where the un-designed simulator and interval search begin, for the target is the nominal simulator itself: the
-  /// shipped shifted target (0.6, 1.3, 1.2) seen the other way round.
+  std::string design_method = "auto";
+  std::string algorithm = "sac";  ///< of the agents: the paper's, or "crossq"
+  /// Where the nominal simulator of the study is and interval search begins, for the target is the nominal simulator
+  /// itself: the shipped shifted target (0.6, 1.3, 1.2) seen the other way round.
   std::map<std::string, double> guess = {{"friction", 1.67}, {"gain", 0.77}, {"gravity", 0.83}};
   std::vector<std::string> assignments;  ///< "section.key=value", for every cell
   int64_t steps = 200'000;               ///< control steps of one agent
   int n_seeds = 1;
   int64_t first_seed = 1;
 
-  /// bc, dr, is, bc_dr, oted, undesigned: the paper's order, and the agent in the guess's simulator.
+  /// The names of all methods.
   static const std::vector<std::string>& KnownMethods();
   /// "name=value", as typed. @throws UsageError
   void SetGuess(const std::string& assignment);

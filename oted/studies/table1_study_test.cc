@@ -78,9 +78,9 @@ TEST(Table1Study, BcDrBringsWhatItCollectsWith) {
 TEST(Table1Study, TheWholePaperHas36CellsOfOtedAndNineOfTheClone) {
   int oted = 0, bc = 0, dr = 0;
   for (const Table1Cell& cell : Table1Study().Cells()) {
-    oted += cell.method == "oted";
-    bc += cell.method == "bc";
-    dr += cell.method == "dr";
+    oted += cell.method == Table1Method::kOted;
+    bc += cell.method == Table1Method::kBc;
+    dr += cell.method == Table1Method::kDr;
   }
   EXPECT_EQ(oted, 36);
   EXPECT_EQ(bc, 9);
@@ -88,22 +88,22 @@ TEST(Table1Study, TheWholePaperHas36CellsOfOtedAndNineOfTheClone) {
 }
 
 TEST(Table1Study, TheTargetIsNominalAndTheGuessIsNot) {
-  const Table1Study study = Tiny({"undesigned"});
+  const Table1Study study = Tiny({"nominal"});
   const RunConfig config = study.ConfigOf(study.Cells()[0], 7);
   EXPECT_EQ(config.run.seed, 7);
-  EXPECT_EQ(config.sac.n_steps, 200);
+  EXPECT_EQ(config.algorithms.sac.n_steps, 200);
   EXPECT_THAT(config.TruthVector(), ElementsAre(1, 1, 1));
-  EXPECT_THAT(config.agents.undesigned_at, ElementsAre(1.67, 0.77, 0.83));
+  EXPECT_THAT(config.agents.nominal_at, ElementsAre(1.67, 0.77, 0.83));
   Table1Study other = study;
   other.SetGuess("gain=0.5");
-  EXPECT_THAT(other.ConfigOf(other.Cells()[0], 7).agents.undesigned_at, ElementsAre(1.67, 0.5, 0.83));
+  EXPECT_THAT(other.ConfigOf(other.Cells()[0], 7).agents.nominal_at, ElementsAre(1.67, 0.5, 0.83));
   for (const char* wrong : {"gain", "gain=", "gain=x", "mass=1"}) EXPECT_THROW(other.SetGuess(wrong), UsageError);
 }
 
 TEST(Table1Study, ResultsDoNotDependOnThreadsNorOnBeingMadeInOneGo) {
   const TestFolder whole, parts;
   const Table1Study study = [] {
-    Table1Study s = Tiny({"bc", "dr", "is", "bc_dr", "undesigned"});
+    Table1Study s = Tiny({"bc", "dr", "is", "bc_dr", "nominal"});
     s.n_seeds = 2;
     return s;
   }();
@@ -155,7 +155,7 @@ TEST(Table1Study, SeedsOfOtherSettingsAreRefused) {
 
 TEST(Table1Study, AGuessOutsideTheRangeAndMissingDataAreToldBeforeAnythingRuns) {
   const TestFolder folder;
-  Table1Study study = Tiny({"undesigned", "bc"});
+  Table1Study study = Tiny({"nominal", "bc"});
   study.SetGuess("gravity=3");
   EXPECT_THAT(MessageOf<UsageError>([&] { RunStudy(study, folder.path()); }), HasSubstr("gravity"));
   study = Tiny({"dr", "bc"});

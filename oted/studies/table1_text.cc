@@ -53,8 +53,8 @@ const char* PaperFigure(const std::string& row, const std::string& parameters, c
   return parameters == "gravity" ? line.gravity : line.all;
 }
 
-const std::map<std::string, const char*> kTitles = {
-    {"bc", "BC"}, {"dr", "DR"}, {"is", "IS"}, {"bc_dr", "BC+DR"}, {"oted", "OTED"}, {"undesigned", "un-designed"}};
+const std::map<std::string, const char*> kTitles = {{"bc", "BC"},       {"dr", "DR"},     {"is", "IS"},
+                                                    {"bc_dr", "BC+DR"}, {"oted", "OTED"}, {"nominal", "nominal"}};
 
 std::string Score(const json& record) {
   std::vector<double> scores;
@@ -82,8 +82,8 @@ std::string Table1(const Table1Study& study, const std::vector<json>& records) {
     const bool there = std::ranges::any_of(records, [&](const json& r) { return r.at("method") == method; });
     if (!there) continue;
     methods.push_back(method);
-    text += fmt::format(" {} |{}", kTitles.at(method), method == "undesigned" ? "" : " paper |");
-    rule += method == "undesigned" ? "---|" : "---|---|";
+    text += fmt::format(" {} |{}", kTitles.at(method), method == "nominal" ? "" : " paper |");
+    rule += method == "nominal" ? "---|" : "---|---|";
   }
   text += "\n" + rule + "\n";
   for (const std::string& task : study.tasks) {
@@ -102,7 +102,7 @@ std::string Table1(const Table1Study& study, const std::vector<json>& records) {
             }
           }
           text += fmt::format(" {} |", ours);
-          if (method != "undesigned") text += fmt::format(" {} |", PaperFigure(row, parameters, method));
+          if (method != "nominal") text += fmt::format(" {} |", PaperFigure(row, parameters, method));
         }
         text += "\n";
       }

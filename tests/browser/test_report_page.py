@@ -43,7 +43,7 @@ max_steps = 40
 check_interval = 20
 [design.settings.short]
 [design.settings.paper]
-form = "paper"
+method = "paper"
 [selection]
 n_seeds = 2
 n_sims = 2
@@ -64,8 +64,8 @@ eval_episodes = 1
 [report]
 replay_steps = 15
 """
-TINY = ["n_iterations=6", "n_sims=4", "n_steps=20", "discriminator_hidden=16", "discriminator_steps=5",
-        "discriminator_batch=32"]
+TINY = ["adversarial.n_iterations=6", "adversarial.n_sims=4", "adversarial.n_steps=20", "discriminator.hidden=16",
+        "discriminator.steps=5", "discriminator.batch=32"]
 
 VIEWS = {"desktop": dict(width=1280, height=800), "phone": dict(width=390, height=844, mobile=True)}
 MODES = {"light": False, "dark": True}

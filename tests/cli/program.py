@@ -22,10 +22,10 @@ GRAVITY = "gravity=opt/gravity[2]:0.2:2.0"
 # Contact friction is the larger of the two geoms', and the foot's is 2: the floor's below that has no effect.
 FLOOR = "floor=geom/floor/friction[0]:0.2:1.0"
 TINY_DESIGN = [
-    "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.n_iterations=3", "design.n_sims=4",
-    "design.n_steps=20", "design.discriminator_hidden=16", "design.discriminator_steps=5",
-    "design.discriminator_batch=32", "design.trajectory_rows=32", "design.trajectory_window=4",
-    "design.trajectory_starts=1", "design.trajectory_coarse=4", "selection.n_seeds=2", "selection.n_sims=2",
+    "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.adversarial.n_iterations=3", "design.adversarial.n_sims=4",
+    "design.adversarial.n_steps=20", "design.discriminator.hidden=16", "design.discriminator.steps=5",
+    "design.discriminator.batch=32", "design.trajectories.rows=32", "design.trajectories.window=4",
+    "design.trajectories.starts=1", "design.trajectories.coarse=4", "selection.n_seeds=2", "selection.n_sims=2",
     "selection.n_steps=20", "selection.judge_steps=20",
 ]
 TINY = TINY_DESIGN + [

@@ -26,7 +26,7 @@ class BaselinesTest(program.HopperTest):
         for words in ("clone of logs and data under DR (BC+DR)", "CrossQ, domain randomisation (DR)", "CrossQ, interval search (IS)"):
             self.assertIn(words, result.stdout)
         names = [p["name"] for p in json.loads((self.out / "evaluation.json").read_text())["policies"]]
-        self.assertEqual(names, ["random", "clone", "bc_dr", "crossq_dr", "crossq_is", "crossq_undesigned", "oted_crossq"])
+        self.assertEqual(names, ["random", "clone", "bc_dr", "crossq_dr", "crossq_is", "crossq_nominal", "oted_crossq"])
         page = (self.out / "report.html").read_text()
         self.assertIn("agent 1, domain randomisation", page)
         self.assertIn("CrossQ, interval search (IS)", page)
@@ -52,14 +52,14 @@ class BaselinesTest(program.HopperTest):
             "[task]", 'name = "MiniGrid-Obstacles-10x10"', "[data]", f'path = "{ROOT}/examples/data/minigrid-expert.hdf5"',
             "[parameters]", 'density = { field = "env/density", range = [0.0, 0.6], scale = "absolute" }',
             "[truth]", "density = 0.26", "[selection]", "n_seeds = 1", "n_sims = 2", "judge_steps = 4",
-            "[clone]", "max_steps = 40", "check_interval = 20", "[design]", "n_iterations = 2", "n_sims = 8",
-            "discriminator_steps = 4", "[agents]", "n_agents = 1", "selection_episodes = 2", "target_episodes = 4",
+            "[clone]", "max_steps = 40", "check_interval = 20", "[design.images]", "n_iterations = 2",
+            "n_sims = 8", "[design.adversarial]", "n_sims = 8", "[design.discriminator]", "steps = 4", "[agents]", "n_agents = 1", "selection_episodes = 2", "target_episodes = 4",
             "[ppo]", "n_steps = 2048", "eval_interval = 2048", "hidden = [8]", "filters = [4]", "n_epochs = 1",
             "batch_size = 256", "eval_episodes = 4", "[baselines]", 'run = ["dr", "is", "bc_dr"]', "is_reference = 0.9"]))
         result = program.oted("run", config, "--out", self.out, "--quiet")
         self.assertIn(result.returncode, (0, program.NO_SIMULATOR), result.stderr)
         names = [p["name"] for p in json.loads((self.out / "evaluation.json").read_text())["policies"]]
-        self.assertEqual(names, ["random", "clone", "bc_dr", "ppo_dr", "ppo_is", "ppo_undesigned", "oted_ppo", "expert"])
+        self.assertEqual(names, ["random", "clone", "bc_dr", "ppo_dr", "ppo_is", "ppo_nominal", "oted_ppo", "expert"])
         shutil.rmtree(self.out)
         config.write_text(config.read_text().replace("is_reference", "is_step"))
         self.assertRefused(program.oted("run", config, "--out", self.out, "--quiet"), program.USAGE, "baselines.is_reference")
@@ -67,8 +67,8 @@ class BaselinesTest(program.HopperTest):
     def test_wrong_requests_are_refused_before_anything_is_written(self):
         for setting, named in (("baselines.run=domain", "dr, is, bc_dr"), ("baselines.run=dr,dr", "twice"),
                                ("baselines.run=bcdr", "did you mean 'bc_dr'"),
-                               ("agents.undesigned_at=1,1", "got 2 parameter values, wanted 1"),
-                               ("agents.undesigned_at=3", "widen its range"), ("agents.train_in=mode", "modes")):
+                               ("agents.nominal_at=1,1", "got 2 parameter values, wanted 1"),
+                               ("agents.nominal_at=3", "widen its range"), ("agents.train_in=mode", "modes")):
             self.assertRefused(self.run_hopper("run", "--set", setting), program.USAGE, named)
         self.assertRefused(self.run_hopper("run", "--set", "baselines.run=is", "--set", "baselines.is_shrink=0.3"), program.USAGE,
                            "is_shrink", "is_grow")
@@ -87,12 +87,12 @@ class Table1Test(program.HopperTest):
         run = self.folder / "run"
         words = ("run", "--task", "Hopper-v5", "--data", ROOT / "examples/data/hopper-medium.hdf5", "--param", GAIN,
                  "--truth", "gain=1", "--seed", "3", "--out", run, "--quiet", "--set", ALL,
-                 "--set", "agents.undesigned_at=0.77")
+                 "--set", "agents.nominal_at=0.77")
         ran = program.oted(*words, *program.sets(program.TINY))
         self.assertIn(ran.returncode, (0, program.NO_SIMULATOR), ran.stderr)
         of_run = {p["name"]: p for p in json.loads((run / "evaluation.json").read_text())["policies"]}
         for cell, name in (("hopper-medium-bc", "clone"), ("hopper-gain-dr", "crossq_dr"), ("hopper-gain-is", "crossq_is"),
-                           ("hopper-medium-gain-bc_dr", "bc_dr"), ("hopper-gain-undesigned", "crossq_undesigned"),
+                           ("hopper-medium-gain-bc_dr", "bc_dr"), ("hopper-gain-nominal", "crossq_nominal"),
                            ("hopper-medium-gain-oted", "oted_crossq")):
             record = json.loads((self.out / f"{cell}.json").read_text())
             self.assertEqual(record["schema"], "oted.table1_cell/1")
@@ -105,7 +105,7 @@ class Table1Test(program.HopperTest):
                 self.assertEqual(seed[key], of_run[name][key], (cell, key))
         score = {name: f"{p['score']:.1f}" for name, p in of_run.items()}
         self.assertIn(f"| hopper-medium | gain | {score['clone']} | 29.0 | {score['crossq_dr']} | 73.9 | {score['crossq_is']} | 20.9 | "
-                      f"{score['bc_dr']} | 30.0 (0.1) | {score['oted_crossq']} | 94.2 (8.6) | {score['crossq_undesigned']} |",
+                      f"{score['bc_dr']} | 30.0 (0.1) | {score['oted_crossq']} | 94.2 (8.6) | {score['crossq_nominal']} |",
                       result.stdout)
         self.assertTrue((self.out / "runs/hopper-medium-gain-oted/3/report.html").is_file())
         self.assertTrue((self.out / "runs/hopper-gain-dr/3/agents/1/curves.csv").is_file())
@@ -124,7 +124,7 @@ class Table1Test(program.HopperTest):
                            "another --out")
 
     def test_wrong_requests_are_one_line(self):
-        for words, code, named in ((("--methods", "mbop"), program.USAGE, "bc|dr|is|bc_dr|oted|undesigned"),
+        for words, code, named in ((("--methods", "mbop"), program.USAGE, "bc|dr|is|bc_dr|oted|nominal"),
                                    (("--guess", "mass=2"), program.USAGE, "friction="),
                                    (("--guess", "gain=4"), program.USAGE, "gain")):
             self.assertRefused(self.table1(*words), code, named)

@@ -116,13 +116,13 @@ class TestOutput(HopperTest):
         self.assertOneLine(oted("design", "--out", self.out), USAGE, "q.json")
 
     def test_joint_training_leaves_a_clone_of_each_seed(self):
-        words = self.words() + sets(["design.form=paper", "design.horizon=20", "design.n_steps=20",
-                                     "design.clone_updates=2"])
+        words = self.words() + sets(["design.method=paper", "design.adversarial.horizon=20", "design.adversarial.n_steps=20",
+                                     "design.adversarial.clone_updates=2"])
         self.assertIn(oted("design", *words).returncode, (0, NO_SIMULATOR))
         common = (self.out / "clone/policy.npz").read_bytes()
         clones = [(self.out / f"design/default/{seed}/policy.npz").read_bytes() for seed in (1, 2)]
         self.assertEqual(len({common, *clones}), 3)
-        self.assertOneLine(oted("design", *words, "--set", "design.form=trajectories"), USAGE, "design.clone_updates")
+        self.assertOneLine(oted("design", *words, "--set", "design.method=trajectories"), USAGE, "clone_updates")
 
     def test_valuedice_of_discrete_actions_is_a_usage_error(self):
         data = pathlib.Path(__file__).resolve().parents[2] / "examples/data/minigrid-expert.hdf5"
@@ -164,14 +164,14 @@ class TestResult(HopperTest):
         for name in ("run.toml", "versions.json", "dataset.json", "clone/policy.npz", "clone/clone.json",
                      "clone/curves.csv", "design/default/1/q.json", "design/default/2/q.json",
                      "design/default/1/curves.csv", "design.json", "agents/1/policy.npz", "agents/1/agent.json",
-                     "agents/1/curves.csv", "agents/1/policy.onnx", "undesigned/1/policy.npz", "undesigned/1/policy.onnx",
+                     "agents/1/curves.csv", "agents/1/policy.onnx", "nominal/1/policy.npz", "nominal/1/policy.onnx",
                      "policy.onnx", "policy_selection.json", "evaluation.json",
                      "report.html", "report.json"):
             self.assertTrue((self.out / name).is_file(), name)
         self.assertTrue(list(self.out.glob("design/default/1/events.out.tfevents.*")))
         leftovers = [n for n in files_below(self.out) if ".tmp-" in n or "checkpoint" in n]
         self.assertEqual(leftovers, [])
-        for word in ("random actions", "clone of the logs", "un-designed simulator", "OTED-CrossQ"):
+        for word in ("random actions", "clone of the logs", "nominal simulator", "OTED-CrossQ"):
             self.assertIn(word, result.stdout)
         self.assertEqual(json.loads((self.out / "dataset.json").read_text())["n_episodes"], 8)
         versions = json.loads((self.out / "versions.json").read_text())
@@ -192,7 +192,7 @@ class TestResult(HopperTest):
         self.assertLessEqual(changed, {"versions.json", "report.html", "report.json"})
 
     def test_without_strict_a_parameter_without_effect_is_a_warning_and_not_identified(self):
-        result = self.design("--json", "--set", "design.n_iterations=1", parameters=(GRAVITY, FLOOR))
+        result = self.design("--json", "--set", "design.adversarial.n_iterations=1", parameters=(GRAVITY, FLOOR))
         self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
         warnings = [line for line in result.stderr.splitlines() if line.startswith("warning:")]
         self.assertEqual(len(warnings), 1, result.stderr)
@@ -201,7 +201,7 @@ class TestResult(HopperTest):
         verdicts = {p["name"]: p["verdict"] for p in design["parameters"]}
         self.assertEqual(verdicts["floor"], "not_identified")
         self.assertEqual(result.returncode, NO_SIMULATOR if design["verdict"] == "outside_family" else 0)
-        required = self.design("--require-identified", "--set", "design.n_iterations=1", parameters=(GRAVITY, FLOOR))
+        required = self.design("--require-identified", "--set", "design.adversarial.n_iterations=1", parameters=(GRAVITY, FLOOR))
         self.assertEqual(required.returncode, NO_SIMULATOR, required.stderr)
 
     def test_help_has_units_and_defaults(self):
@@ -220,9 +220,9 @@ class TestResult(HopperTest):
 
 
 class TestStopping(HopperTest):
-    LONG = ["design.form=transitions"] + [
-        s for s in TINY if not s.startswith(("design.n_iterations", "design.n_sims"))] + [
-        "design.n_iterations=120", "design.n_sims=16"]
+    LONG = ["design.method=transitions"] + [
+        s for s in TINY if not s.startswith(("design.adversarial.n_iterations", "design.adversarial.n_sims"))] + [
+        "design.adversarial.n_iterations=120", "design.adversarial.n_sims=16"]
 
     def test_ctrl_c_and_the_same_command_again(self):
         command = [program.OTED, "design", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--param", GRAVITY,
@@ -245,7 +245,7 @@ class TestStopping(HopperTest):
 
         # Other settings would mix two designs.
         before = files_below(self.out)
-        mixed = oted(*command[1:], self.out, "--set", "design.lambda=0.5")
+        mixed = oted(*command[1:], self.out, "--set", "design.adversarial.lambda=0.5")
         self.assertOneLine(mixed, USAGE, "choose another --out")
         self.assertEqual(files_below(self.out), before)
 

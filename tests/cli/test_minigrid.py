@@ -83,7 +83,7 @@ class TestMinigrid(ProgramTest):
         words = ("--task", TASK, "--param", DENSITY, "--data", self.demos, "--out", out)
         self.assertOneLine(oted("train", *words, "--set", "agents.algorithm=sac"), USAGE, "discrete actions", "ppo")
         self.assertFalse(out.exists())
-        self.assertOneLine(oted("design", *words, "--set", "design.form=images", "--set", "design.discriminator=sas"),
+        self.assertOneLine(oted("design", *words, "--set", "design.method=images", "--set", "design.adversarial.evidence=sas"),
                            USAGE, "images", "sa")
 
     def config(self, *lines):
@@ -92,8 +92,8 @@ class TestMinigrid(ProgramTest):
             "[task]", f'name = "{TASK}"', "[data]", f'path = "{self.demos}"', "[parameters]",
             'density = { field = "env/density", range = [0.0, 0.6], scale = "absolute" }',
             "[truth]", "density = 0.4", "[selection]", "n_seeds = 2", "n_sims = 4", "judge_steps = 20",
-            "[clone]", "max_steps = 200", "[design]", "n_iterations = 25", "n_sims = 64",
-            "discriminator_steps = 20", *lines, "[agents]", "selection_episodes = 4",
+            "[clone]", "max_steps = 200", "[design.images]", "n_iterations = 25", "n_sims = 64",
+            "[design.adversarial]", "n_sims = 64", "[design.discriminator]", "steps = 20", "[design]", *lines, "[agents]", "selection_episodes = 4",
             "target_episodes = 50", "[ppo]", "n_steps = 12000", "eval_interval = 6000", "learning_rate = 0.001",
             "batch_size = 256", "n_epochs = 4", "hidden = [32]", "filters = [8, 8]"]))
         return file
@@ -111,14 +111,14 @@ class TestMinigrid(ProgramTest):
         self.assertNotIn("constant_channels", result.stderr)
         evaluation = json.loads((out / "evaluation.json").read_text())
         returns = {p["name"]: p["mean_return"] for p in evaluation["policies"]}
-        self.assertEqual(list(returns), ["random", "clone", "ppo_undesigned", "oted_ppo", "expert"])
+        self.assertEqual(list(returns), ["random", "clone", "ppo_nominal", "oted_ppo", "expert"])
         self.assertEqual(returns["expert"], max(returns.values()))
         scores = {p["name"]: p["score"] for p in evaluation["policies"]}
         self.assertEqual((scores["random"], scores["expert"]), (0, 100))
         self.assertIn("OTED-PPO", result.stdout)
         self.agents_are_whole(out)
         design = json.loads((out / "design.json").read_text())
-        # Far from the un-designed 0.2, with settings so small.
+        # Far from the nominal 0.2, with settings so small.
         self.assertLess(abs(design["parameters"][0]["mode"] - 0.4), 0.12)
         self.assertTrue((out / "export" / "q.json").exists())
         self.assertFalse((out / "export" / "designed.xml").exists())
@@ -156,7 +156,7 @@ class TestMinigrid(ProgramTest):
         self.assertEqual(logits.shape, (50, 3))
         # What is missing is made again, byte for byte, at another number of threads.
         before = {name: (out / name).read_bytes() for name in ("agents/1/policy.npz", "policy_selection.json", "policy.onnx")}
-        for folder in ("agents", "undesigned"):
+        for folder in ("agents", "nominal"):
             shutil.rmtree(out / folder)
         for name in ("policy_selection.json", "policy.onnx"):
             (out / name).unlink()

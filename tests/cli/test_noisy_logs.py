@@ -127,25 +127,21 @@ n_seeds = 1
 n_sims = 4
 n_steps = 20
 judge_steps = 10
-[design]
+[design.adversarial]
 n_sims = 4
 n_steps = 20
-discriminator_steps = 2
-discriminator_hidden = [8]
+[design.discriminator]
+steps = 2
+hidden = [8]
 [design.settings.matching]
-form = "trajectories"
-trajectory_rows = 64
-trajectory_coarse = 4
-trajectory_starts = 1
+method = "trajectories"
+trajectories = { rows = 64, coarse = 4, starts = 1 }
 [design.settings.squares]
-form = "least-squares"
-least_squares_rows = 100
-least_squares_starts = 1
+method = "least-squares"
+least_squares = { rows = 100, starts = 1 }
 [design.settings.likelihood]
-form = "dropo"
-dropo_transitions = 20
-dropo_samples = 4
-dropo_budget = 60
+method = "dropo"
+dropo = { transitions = 20, samples = 4, budget = 60 }
 """
 
     def test_every_form_leaves_a_q_in_the_same_record(self):

@@ -118,9 +118,9 @@ class TestRequest(HopperTest):
         self.assertRefused(self.design(task="Ant-v5"), USAGE, "Ant-v5", "Hopper-v5")
 
     def test_unknown_key_and_section(self):
-        self.assertRefused(self.design("--set", "design.n_iteratons=3"), USAGE, "did you mean 'n_iterations'?")
+        self.assertRefused(self.design("--set", "design.adversarial.n_iteratons=3"), USAGE, "did you mean 'n_iterations'?")
         self.assertRefused(self.design("--set", "desing.n_iterations=3"), USAGE, "did you mean 'design'?")
-        self.assertRefused(self.design("--set", "design.n_iterations=0"), USAGE, "n_iterations is 0", "[1, inf)")
+        self.assertRefused(self.design("--set", "design.adversarial.n_iterations=0"), USAGE, "n_iterations is 0", "[1, inf)")
 
     def test_unknown_parameter_path(self):
         for path, needle in (("geom/*/frction[0]", "friction"), ("gem/*/friction[0]", "geom"),
@@ -165,7 +165,7 @@ class TestRequest(HopperTest):
             self.assertRefused(self.design("--device", "cuda"), USAGE, "device cuda", "leave agents.device at cpu")
 
     def test_contradicting_settings(self):
-        self.assertRefused(self.design("--set", "design.starts=initial"), USAGE, "design.actions")
+        self.assertRefused(self.design("--set", "design.adversarial.starts=initial"), USAGE, "design.adversarial.actions")
 
     def test_evaluate_without_truth(self):
         result = oted("evaluate", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", self.out)

@@ -39,10 +39,10 @@ class ReproduceTest(program.HopperTest):
         shutil.copyfile(ROOT / "examples/data/hopper-medium.hdf5", data / "hopper-expert.hdf5")
         out = self.folder / "figure2"
         result = program.oted("reproduce", "figure2", "--task", "hopper", "--dataset", "expert", "--parameters", "gain",
-                          "--seeds", "1", "--form", "trajectories", "--data", data, "--out", out, "--quiet",
+                          "--seeds", "1", "--design-method", "trajectories", "--data", data, "--out", out, "--quiet",
                           *program.sets([s for s in program.TINY if "design." not in s and "n_seeds" not in s]),
-                          *program.sets(["design.discriminator_steps=1", "design.trajectory_rows=128", "design.trajectory_coarse=8",
-                                      "design.trajectory_starts=1"]))
+                          *program.sets(["design.discriminator.steps=1", "design.trajectories.rows=128", "design.trajectories.coarse=8",
+                                      "design.trajectories.starts=1"]))
         self.assertEqual(result.returncode, 0, result.stderr)
         record = json.loads((out / "hopper-expert-gain.json").read_text())
         self.assertLess(record["settings"][0]["error"], 1e-5)

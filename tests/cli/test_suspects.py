@@ -13,7 +13,7 @@ import program
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
-QUICK = program.sets(program.TINY + ["design.trajectory_rows=96", "design.trajectory_window=16", "selection.n_seeds=1",
+QUICK = program.sets(program.TINY + ["design.trajectories.rows=96", "design.trajectories.window=16", "selection.n_seeds=1",
                              "report.motion=false"])
 
 
@@ -48,7 +48,7 @@ class SuspectsTest(unittest.TestCase):
         self.assertAlmostEqual(first["factor"], 0.7, delta=0.1)
         self.assertIn("not searched, but off by the logs: joint/*/damping, about 0.7", result.stdout)
         self.assertIn("form: trajectories, as its answer is outside the family", result.stdout)
-        tried = {form["form"]: form["error"] for form in design["form_choices"][0]["tried"]}
+        tried = {method["method"]: method["error"] for method in design["method_choices"][0]["tried"]}
         self.assertEqual(set(tried), {"trajectories", "transitions", "least-squares"})
         self.assertIn("joint/*/damping (about 0.7", (self.folder / "gain/report.html").read_text())
         for file, schema in (("design.json", "oted.design.1"), ("design/default/1/q.json", "oted.q.1")):
@@ -60,7 +60,7 @@ class SuspectsTest(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(design["fit"]["suspects"], [])
         self.assertIn("form: trajectories, as noise alone explains", result.stdout)
-        self.assertEqual(design["form_choices"][0]["tried"], [])
+        self.assertEqual(design["method_choices"][0]["tried"], [])
         for parameter, truth in zip(design["parameters"], (1.2, 0.7)):
             self.assertAlmostEqual(parameter["mode"], truth, delta=1e-4)
         self.assertNotIn("not searched", result.stdout)

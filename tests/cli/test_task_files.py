@@ -75,7 +75,7 @@ class TaskFiles(ProgramTest):
         task = tomllib.loads((EXAMPLES / f"{name}.toml").read_text())
         self.assertEqual([p["name"] for p in design["parameters"]], list(task["parameters"]))
         self.assertEqual([p["truth"] for p in evaluation["parameters"]], list(task["truth"].values()))
-        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "crossq_undesigned", "oted_crossq"})
+        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "crossq_nominal", "oted_crossq"})
         self.assertEqual(design["task"], task["task"]["name"])
         # What was simulated lies beside what came of it.
         compiled = (self.out / "model/compiled.mjb").read_bytes()
@@ -105,7 +105,7 @@ class TaskFiles(ProgramTest):
         effects = oted("params", "check", robot, "--json")
         self.assertEqual(effects.returncode, 0, effects.stderr)
         result = oted("design", robot, "--out", self.out, "--threads", 1, "--quiet", *sets(
-            [s for s in SETTINGS if not s.startswith("design.trajectory")]))
+            [s for s in SETTINGS if not s.startswith("design.trajectories")]))
         self.assertEqual(result.returncode, 0, result.stderr)
         design = json.loads((self.out / "design.json").read_text())
         self.assertAlmostEqual(design["parameters"][0]["mode"], 2.5, delta=0.01)
@@ -165,15 +165,15 @@ class TaskFiles(ProgramTest):
         self.assertOneLine(oted("train", "--out", self.out), USAGE, "task.reward")
         self.assertOneLine(oted("behavior", "--task", task, "--out", self.folder / "b"), USAGE, "task.reward")
 
-    def test_without_settable_states_the_design_takes_the_form_that_needs_none(self):
+    def test_without_settable_states_the_design_takes_the_method_that_needs_none(self):
         task = self.cart('observations = ["joint/slide/qpos"]')
         data = self.log(task)
         result = oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK)
         self.assertIn(result.returncode, (0, 4), result.stderr)
         self.assertIn("joint/slide/qvel", result.stderr)
-        settings = tomllib.loads((self.out / "run.toml").read_text())["design"]
-        self.assertEqual((settings["starts"], settings["actions"], settings["horizon"]), ("initial", "clone", 300))
-        # The same command goes on: the adapted form is what the results are of.
+        self.assertIn("starts = initial, actions = clone, horizon = 300", result.stderr)
+        self.assertEqual(tomllib.loads((self.out / "run.toml").read_text())["design"]["method"], "auto")
+        # The same command goes on: the adapted method is what the results are of.
         self.assertIn(oted("select-simulator", "--out", self.out, "--threads", 1).returncode, (0, 4))
 
     def test_episodes_may_start_where_the_logs_did(self):

@@ -239,6 +239,31 @@ TEST_P(SimulatorConformance, TheClockTruncatesALaneThatDoesNotEndEarlier) {
   }
 }
 
+TEST_P(SimulatorConformance, WhatTheFactorySaysItCanDoItsSimulatorsDo) {
+  const std::unique_ptr<Simulator> simulator = factory_->Make(1, 1);
+  Rng rng = RngKey(1).MakeRng();
+  simulator->Reset(0, rng);
+  EXPECT_EQ(simulator->pose_rates(0).size(), simulator->pose(0).size());
+  std::string why_not;
+  const std::unique_ptr<Renderer> renderer = factory_->MakeRenderer(32, 32, &why_not);
+  if (renderer == nullptr) {
+    EXPECT_NE(why_not, "") << "it cannot be drawn, and nobody is told why";
+  } else {
+    EXPECT_EQ(renderer->Draw(ParametersOf(0), simulator->pose(0)).size(), 3u * 32 * 32);
+  }
+  EXPECT_TRUE(!spec().can_set_state || factory_->why_not_settable().empty());
+  std::vector<double> action(static_cast<size_t>(spec().act_dim));
+  if (factory_->has_expert()) {
+    simulator->TakeTaskPolicy(TaskPolicy::kExpert, 0, rng, action);
+    for (size_t k = 0; k < action.size(); ++k) {
+      EXPECT_GE(action[k], spec().action_low[k]);
+      EXPECT_LE(action[k], spec().action_high[k]);
+    }
+  } else {
+    EXPECT_THROW(simulator->TakeTaskPolicy(TaskPolicy::kExpert, 0, rng, action), UsageError);
+  }
+}
+
 GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(SimulatorConformance);
 
 }  // namespace oted

@@ -12,8 +12,10 @@
 #include "oted/base/files.h"
 #include "oted/config/run_config.h"
 #include "oted/data/csv_dataset.h"
+#include "oted/data/csv_dataset_write.h"
 #include "oted/data/d4rl_hdf5.h"
 #include "oted/data/dataset.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/gzip.h"
 #include "oted/data/hdf5_writer.h"
 #include "oted/data/minari.h"
@@ -188,7 +190,7 @@ std::vector<FuzzFormat> FuzzFormats(const fs::path& folder) {
   discriminator.name = "discriminator";
   discriminator.file = "discriminator.npz";
   discriminator.names = {discriminator.file};
-  DiscriminatorOptions g_options;
+  DiscriminatorConfig g_options;
   g_options.hidden = {4};
   Rng g_rng(1);
   const Discriminator g(small.observations, g_options, g_rng);

@@ -11,9 +11,11 @@
 #include <vector>
 
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/stages/design/design.h"
+#include "oted/stages/design/design_choice.h"
 
 namespace oted::design_recovery_long_test {
 
@@ -60,9 +62,9 @@ void ExpectRecovery(const Target& target, const Dataset& logs, double largest_er
   const RunContext context{.log = &log, .n_threads = 2};
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const TestFolder folder;
-    const DesignConfig config = DesignConfig().Resolved(factory.parameters(), factory.spec());
+    const DesignConfig config = DesignChoice().Resolved(factory.parameters(), factory.spec());
     const DesignResult design =
-        LearnDesign(factory, logs, nullptr, config, RngKey(seed), folder.path(), "design/default/1", context);
+        LearnDesign({factory, logs, nullptr, RngKey(seed), folder.path(), "design/default/1", context}, config);
     const std::vector<double> mode = design.q.Mode();
     const double error = MeanError(mode, truth);
     fmt::print("{} seed {}: friction {:.3f}, gain {:.3f}, gravity {:.3f}; mean absolute error {:.3f}\n",

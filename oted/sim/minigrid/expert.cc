@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "oted/base/error.h"
-#include "oted/base/fields.h"
+#include "oted/sim/task_policy.h"
 
 namespace oted {
 
@@ -81,64 +81,13 @@ MinigridPolicy MinigridMedium(double mistakes, TieBreak ties) {
   };
 }
 
-MinigridPolicy MinigridPolicyNamed(const std::string& name) {
-  if (name == "expert") return MinigridExpert();
-  if (name == "medium") return MinigridMedium();
-  throw UsageError(fmt::format("got policy '{}'{}, wanted expert or medium for a MiniGrid task", name,
-                               DidYouMean(name, {"expert", "medium"})));
-}
-
-BatchPolicy OnTrueStates(const MinigridSimulator& simulator, const MinigridPolicy& policy, Rng rng) {
-  return [&simulator, policy, rng](std::span<const double>, int n, std::span<double> actions) mutable {
-    // The rows are those of the lanes that run, in their order.
-    size_t row = 0;
-    for (int lane = 0; lane < simulator.n_lanes(); ++lane) {
-      if (simulator.status(lane) == LaneStatus::kRunning) actions[row++] = policy(simulator.state(lane), rng);
-    }
-    OTED_CHECK(row == static_cast<size_t>(n));
-  };
-}
-
 Dataset CollectMinigridDemonstrations(const MinigridSimulatorFactory& factory, const std::vector<double>& z,
                                       const MinigridPolicy& policy, int n_episodes, RngKey key, int n_threads) {
   if (n_episodes < 1) throw UsageError(fmt::format("got {} episodes, wanted at least 1", n_episodes));
   const auto simulator = factory.MakeMinigrid(n_episodes, n_threads);
-  std::vector<int> running;
-  std::vector<Rng> streams;
-  for (int lane = 0; lane < n_episodes; ++lane) {
-    const RngKey episode = key.Index(static_cast<uint64_t>(lane));
-    simulator->SetParameters(lane, z);
-    Rng start = episode.Stage("start").MakeRng();
-    simulator->Reset(lane, start);
-    streams.push_back(episode.Stage("policy").MakeRng());
-    running.push_back(lane);
-  }
-  std::vector<Dataset> logs(static_cast<size_t>(n_episodes));
-  std::vector<double> actions(static_cast<size_t>(n_episodes));
-  while (!running.empty()) {
-    for (const int lane : running) {
-      const auto i = static_cast<size_t>(lane);
-      actions[i] = policy(simulator->state(lane), streams[i]);
-      logs[i].observations.AppendRow(simulator->observation(lane));
-      logs[i].actions.AppendRow({&actions[i], 1});
-    }
-    simulator->Step(running, actions);
-    std::vector<int> still_running;
-    for (const int lane : running) {
-      Dataset& log = logs[static_cast<size_t>(lane)];
-      const LaneStatus status = simulator->status(lane);
-      log.next_observations.AppendRow(simulator->observation(lane));
-      // D4RL's files hold float32: what is logged is what is read back.
-      log.rewards.push_back(static_cast<double>(static_cast<float>(simulator->reward(lane))));
-      log.terminals.push_back(status == LaneStatus::kTerminated);
-      log.timeouts.push_back(status == LaneStatus::kTruncated);
-      if (status == LaneStatus::kRunning) still_running.push_back(lane);
-    }
-    running = std::move(still_running);
-  }
-  Dataset dataset;
-  for (const Dataset& log : logs) dataset.Append(log);
-  return dataset;
+  return LogOnTrueStates(*simulator, z, key, [&](int lane, Rng& rng, std::span<double> action) {
+    action[0] = policy(simulator->state(lane), rng);
+  });
 }
 
 }  // namespace oted

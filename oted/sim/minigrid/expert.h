@@ -2,14 +2,12 @@
 /// Behaviour in a grid world by someone who sees the whole of it: shortest paths, and shortest paths with mistakes.
 
 #include <functional>
-#include <string>
 #include <vector>
 
 #include "oted/base/rng.h"
 #include "oted/data/dataset.h"
 #include "oted/sim/minigrid/grid.h"
 #include "oted/sim/minigrid/minigrid_simulator.h"
-#include "oted/sim/rollout.h"
 
 namespace oted {
 
@@ -51,14 +49,7 @@ MinigridPolicy MinigridExpert(TieBreak ties = TieBreak::kFixed);
 /// @throws UsageError unless mistakes is in [0, 1]
 MinigridPolicy MinigridMedium(double mistakes = 0.3, TieBreak ties = TieBreak::kFixed);
 
-/// "expert" or "medium", with the settings above. @throws UsageError for another name
-MinigridPolicy MinigridPolicyNamed(const std::string& name);
-
-/// `policy` in RunEpisodes, on the true states of `simulator`, which must outlive it and be the one that runs.
-BatchPolicy OnTrueStates(const MinigridSimulator& simulator, const MinigridPolicy& policy, Rng rng);
-
-/// Logs `n_episodes` episodes at parameters `z`: observations (N, obs_dim), actions (N, 1), rewards, terminals and
-/// timeouts, and nothing that names `z`. Episode i depends on key and i alone.
+/// LogOnTrueStates of `n_episodes` episodes in lanes of their own. @throws UsageError unless there is at least one
 Dataset CollectMinigridDemonstrations(const MinigridSimulatorFactory& factory, const std::vector<double>& z,
                                       const MinigridPolicy& policy, int n_episodes, RngKey key, int n_threads);
 

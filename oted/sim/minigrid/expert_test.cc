@@ -8,6 +8,9 @@
 #include <set>
 
 #include "oted/base/testing.h"
+#include "oted/data/dataset_files.h"
+#include "oted/sim/channel_factory.h"
+#include "oted/sim/task_policy.h"
 
 namespace oted::expert_test {
 
@@ -130,7 +133,7 @@ TEST(OnTrueStates, InRunEpisodesTheExpertTakesTheShortestPathOfEachLanesOwnGrid)
   const std::vector<std::vector<double>> z(kLanes, {0.3});
   const RngKey key(8);
   const auto simulator = factory.MakeMinigrid(kLanes, 1);
-  const auto episodes = RunEpisodes(*simulator, z, OnTrueStates(*simulator, MinigridExpert(), Rng(1)), key);
+  const auto episodes = RunEpisodes(*simulator, z, OnTrueStates(*simulator, TaskPolicy::kExpert, Rng(1)), key);
   const auto starts = factory.MakeMinigrid(kLanes, 1);
   std::set<int> lengths;
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -143,6 +146,27 @@ TEST(OnTrueStates, InRunEpisodesTheExpertTakesTheShortestPathOfEachLanesOwnGrid)
     lengths.insert(episode.n_steps);
   }
   EXPECT_GT(lengths.size(), 1u) << "lanes that end at different times are the case";
+}
+
+TEST(CollectTaskPolicy, LogsTheGridsOwnPoliciesAlsoBehindAnActionDelay) {
+  const MinigridSimulatorFactory factory(Task("wall", true), {kDensity});
+  const auto collect = [](const SimulatorFactory& from, std::vector<double> z, TaskPolicy policy) {
+    return CollectTaskPolicy(from, z, policy, 10, RngKey(4), 1);
+  };
+  for (const auto& [name, policy] : {std::pair("expert", MinigridExpert()), std::pair("medium", MinigridMedium())}) {
+    const Dataset direct = CollectMinigridDemonstrations(factory, {0.25}, policy, 10, RngKey(4), 1);
+    EXPECT_EQ(collect(factory, {0.25}, TaskPolicyNamed(name)).actions, direct.actions) << name;
+  }
+  const ParameterSpec delay = {
+      .name = "delay", .field = "action/delay", .low = 0, .high = 2, .scale = ParameterScale::kAbsolute};
+  const auto delayed = WithChannels({kDensity, delay}, [](std::vector<ParameterSpec> own) {
+    return std::make_unique<MinigridSimulatorFactory>(Task("wall", true), std::move(own));
+  });
+  EXPECT_TRUE(delayed->has_expert());
+  EXPECT_EQ(delayed->why_not_settable(), factory.why_not_settable());
+  EXPECT_EQ(collect(*delayed, {0.25, 0}, TaskPolicy::kExpert).observations,
+            collect(factory, {0.25}, TaskPolicy::kExpert).observations);
+  EXPECT_THROW(TaskPolicyNamed("best"), UsageError);
 }
 
 TEST(CollectMinigridDemonstrations, ComesBackFromAFileAsItWas) {

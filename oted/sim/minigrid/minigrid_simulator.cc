@@ -6,6 +6,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
+#include "oted/sim/minigrid/expert.h"
 #include "oted/sim/minigrid/generate.h"
 #include "oted/sim/minigrid/view.h"
 
@@ -105,7 +106,7 @@ void MinigridSimulator::Reset(int lane, Rng& rng) {
 bool MinigridSimulator::SetStateFromObservation(int, std::span<const double>) {
   throw UsageError(
       fmt::format("task '{}' has no settable state, since an observation does not show the whole of it; "
-                  "start at its resets (design.form = \"paper\")",
+                  "start at its resets (design.method = \"paper\")",
                   setup_->task.name));
 }
 
@@ -176,6 +177,11 @@ void MinigridSimulator::Observe(int lane) {
     minigrid::EncodeView(state, setup_->rules.see_through_walls, row);
   }
   row[row.size() - 2] = state.direction;
+}
+
+void MinigridSimulator::TakeTaskPolicy(TaskPolicy policy, int lane, Rng& rng, std::span<double> action) const {
+  const MinigridPolicy choose = policy == TaskPolicy::kExpert ? MinigridExpert() : MinigridMedium();
+  action[0] = choose(state(lane), rng);
 }
 
 std::span<const double> MinigridSimulator::observation(int lane) const {

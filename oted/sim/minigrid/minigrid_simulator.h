@@ -47,6 +47,9 @@ class MinigridSimulator : public Simulator {
   double reward(int lane) const override { return At(lane).reward; }
   LaneStatus status(int lane) const override { return At(lane).status; }
 
+  /// Shortest paths for someone who sees the whole grid (oted/sim/minigrid/expert.h).
+  void TakeTaskPolicy(TaskPolicy policy, int lane, Rng& rng, std::span<double> action) const override;
+
   /// The true grid, the agent and what it carries.
   const minigrid::State& state(int lane) const { return At(lane).state; }
   /// Starts an episode in `state`, whose grid has the task's size; the clock goes on from state.step_count.
@@ -94,6 +97,8 @@ class MinigridSimulatorFactory : public SimulatorFactory {
 
   const SimulatorSpec& spec() const override { return setup_->spec; }
   const ParameterSpace& parameters() const override { return setup_->space; }
+  std::string why_not_settable() const override { return "an observation does not show the whole of it"; }
+  bool has_expert() const override { return true; }
   const MinigridTask& task() const { return setup_->task; }
   /// @throws UsageError unless both numbers are at least 1.
   std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override;

@@ -104,7 +104,7 @@ FieldList MinigridTask::Fields() {
                    "anything but an empty cell or the goal ends it with reward -1",
                    {"block", "terminate"});
   if (!obstacles) return fields;
-  fields.Add("density", &density, "of the un-designed simulator: probability of an obstacle in a free cell",
+  fields.Add("density", &density, "of the nominal simulator: probability of an obstacle in a free cell",
              {.low = 0, .high = 1, .high_open = true});
   fields.AddChoice("obstacle", &obstacle, "wall, lava, or balls that move one cell a step", {"wall", "lava", "ball"});
   fields.AddChoice("placement", &placement,
@@ -132,7 +132,7 @@ FieldList GridSettings::Fields() {
   fields.AddChoice("see_through_walls", &see_through_walls,
                    "no cell of the view is hidden behind a wall; task: as the task has it", {"task", "true", "false"});
   fields.Add("max_steps", &max_steps, "time limit [steps]; 0: Minigrid's own, 4 size^2 (FourRooms: 100)", AtLeast(0));
-  fields.Add("density", &density, "of the un-designed MiniGrid-Obstacles: probability of an obstacle in a free cell",
+  fields.Add("density", &density, "of the nominal MiniGrid-Obstacles: probability of an obstacle in a free cell",
              {.low = 0, .high = 1, .high_open = true});
   return fields;
 }

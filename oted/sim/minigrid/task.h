@@ -32,7 +32,7 @@ struct MinigridTask {
   bool see_through_walls = false;
   std::string observation = "view";     ///< "view": 7 x 7 x 3 around the agent; "grid": the whole, size x size x 3
   std::string collision = "block";      ///< "block" or "terminate"
-  double density = 0.2;                 ///< of the un-designed simulator
+  double density = 0.2;                 ///< of the nominal simulator
   std::string obstacle = "wall";        ///< "wall", "lava" or "ball"
   std::string placement = "bernoulli";  ///< "bernoulli": each free cell with probability density; "count"
   bool solvable = true;                 ///< grids without a path from start to goal are drawn again

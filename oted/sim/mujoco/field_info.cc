@@ -19,8 +19,11 @@ constexpr const char* kPolynomial = "coefficients of its higher-order terms";
 constexpr const char* kOrientation = "orientation in the parent's frame, a quaternion";
 
 // MuJoCo has no units of its own; these hold for a model in metres, kilograms, seconds and radians.
-const std::map<std::string_view, Row>& Table() {
-  static const std::map<std::string_view, Row> table = {
+using Rows = std::map<std::string_view, Row>;
+
+/// Of bodies, their geoms and sites, and of what holds them together.
+Rows BodyFields() {
+  return {
       {"geom_solmix", {{"1"}, "weight of its contact parameters where two geoms meet"}},
       {"geom_solref", {{"s", "1"}, kSolverReference}},
       {"geom_solimp", {{"1", "1", "m", "1", "1"}, kSolverImpedance}},
@@ -43,6 +46,25 @@ const std::map<std::string_view, Row>& Table() {
       {"body_inertia", {{"kg m^2"}, "principal moments of inertia"}},
       {"body_gravcomp", {{"1"}, "part of its weight that is compensated"}},
       {"body_margin", {{"m"}, "largest margin of its geoms"}},
+      {"site_size", {{"m"}, "size: of touch sensors the volume that they watch"}},
+      {"site_pos", {{"m"}, "position in its body's frame: where a sensor sits"}},
+      {"site_quat", {{"1"}, kOrientation}},
+      {"eq_solref", {{"s", "1"}, kSolverReference}},
+      {"eq_solimp", {{"1"}, kSolverImpedance}},
+      {"eq_data", {{"1"}, "what the constraint holds: anchors, poses or coefficients"}},
+      {"pair_solref", {{"s", "1"}, kSolverReference}},
+      {"pair_solreffriction", {{"s", "1"}, kSolverReference}},
+      {"pair_solimp", {{"1", "1", "m", "1", "1"}, kSolverImpedance}},
+      {"pair_margin", {{"m"}, "distance at which contact forces begin"}},
+      {"pair_gap", {{"m"}, "part of the margin without force"}},
+      {"pair_adhesion", {{"N"}, "adhesive force of its contacts"}},
+      {"pair_friction", {{"1", "1", "m", "m", "m"}, "friction of this pair: two sliding, torsional, two rolling"}},
+  };
+}
+
+/// Of joints, and of what drives them.
+Rows JointFields() {
+  return {
       {"jnt_solref", {{"s", "1"}, kSolverReference}},
       {"jnt_solimp", {{"1", "1", "m | rad", "1", "1"}, kSolverImpedance}},
       {"jnt_pos", {{"m"}, "its anchor in the body's frame"}},
@@ -72,9 +94,6 @@ const std::map<std::string_view, Row>& Table() {
       {"actuator_ctrlrange", {{"1"}, "limits of its control: low, high"}},
       {"actuator_gear", {{"1"}, "transmission; [0] scales length and force"}},
       {"actuator_lengthrange", {{kRotational}, "range of its length: low, high"}},
-      {"site_size", {{"m"}, "size: of touch sensors the volume that they watch"}},
-      {"site_pos", {{"m"}, "position in its body's frame: where a sensor sits"}},
-      {"site_quat", {{"1"}, kOrientation}},
       {"tendon_width", {{"m"}, "width, as it is drawn"}},
       {"tendon_solref_lim", {{"s", "1"}, kSolverReference}},
       {"tendon_solimp_lim", {{"1"}, kSolverImpedance}},
@@ -91,16 +110,12 @@ const std::map<std::string_view, Row>& Table() {
       {"tendon_frictionloss", {{"N"}, "dry friction"}},
       {"tendon_lengthspring", {{"m"}, "lengths between which its spring is slack: low, high"}},
       {"tendon_springyield", {{"m"}, "deflection at which its spring yields"}},
-      {"eq_solref", {{"s", "1"}, kSolverReference}},
-      {"eq_solimp", {{"1"}, kSolverImpedance}},
-      {"eq_data", {{"1"}, "what the constraint holds: anchors, poses or coefficients"}},
-      {"pair_solref", {{"s", "1"}, kSolverReference}},
-      {"pair_solreffriction", {{"s", "1"}, kSolverReference}},
-      {"pair_solimp", {{"1", "1", "m", "1", "1"}, kSolverImpedance}},
-      {"pair_margin", {{"m"}, "distance at which contact forces begin"}},
-      {"pair_gap", {{"m"}, "part of the margin without force"}},
-      {"pair_adhesion", {{"N"}, "adhesive force of its contacts"}},
-      {"pair_friction", {{"1", "1", "m", "m", "m"}, "friction of this pair: two sliding, torsional, two rolling"}},
+  };
+}
+
+/// Of the whole model.
+Rows OptionFields() {
+  return {
       {"impratio", {{"1"}, "frictional over normal impedance of contacts: higher slips less"}},
       {"tolerance", {{"1"}, "solver: relative improvement at which it stops"}},
       {"ls_tolerance", {{"1"}, "solver: tolerance of its line search"}},
@@ -117,6 +132,15 @@ const std::map<std::string_view, Row>& Table() {
       {"o_solimp", {{"1", "1", "m", "1", "1"}, "contacts' solimp, where override is on"}},
       {"o_friction", {{"1", "1", "m", "m", "m"}, "contacts' friction, where override is on"}},
   };
+}
+
+const Rows& Table() {
+  static const Rows table = [] {
+    Rows all = BodyFields();
+    all.merge(JointFields());
+    all.merge(OptionFields());
+    return all;
+  }();
   return table;
 }
 

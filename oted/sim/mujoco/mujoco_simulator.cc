@@ -12,6 +12,7 @@
 #include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/model_suspects.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
+#include "oted/sim/mujoco/render.h"
 
 namespace oted {
 namespace {
@@ -101,6 +102,15 @@ MujocoSimulator::ExpandedField MujocoSimulator::Expand(const std::string& array)
 
 std::span<const double> MujocoSimulator::qpos(int lane) const { return qpos_.row(lane); }
 std::span<const double> MujocoSimulator::qvel(int lane) const { return qvel_.row(lane); }
+std::vector<double> MujocoSimulator::pose_rates(int lane) const {
+  const mjModel& model = *setup_->loaded.model;
+  std::vector<double> rates(static_cast<size_t>(model.nq), 0.0);
+  for (int joint = 0; joint < model.njnt; ++joint) {
+    if (model.jnt_type[joint] != mjJNT_SLIDE && model.jnt_type[joint] != mjJNT_HINGE) continue;
+    rates[static_cast<size_t>(model.jnt_qposadr[joint])] = qvel(lane)[static_cast<size_t>(model.jnt_dofadr[joint])];
+  }
+  return rates;
+}
 std::span<const double> MujocoSimulator::IntegrationState(int lane) const { return state_.row(lane); }
 
 void MujocoSimulator::CopyModel(int lane, mjModel_& model) const {
@@ -275,7 +285,10 @@ const mjModel_& MujocoSimulatorFactory::model() const { return *setup_->loaded.m
 const mjSpec_& MujocoSimulatorFactory::model_spec() const { return *setup_->loaded.spec; }
 std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
 std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
-const std::string& MujocoSimulatorFactory::why_not_settable() const { return setup_->why_not_settable; }
+std::string MujocoSimulatorFactory::why_not_settable() const { return setup_->why_not_settable; }
+std::unique_ptr<Renderer> MujocoSimulatorFactory::MakeRenderer(int width, int height, std::string* why_not) const {
+  return MujocoRenderer::Make(*this, width, height, why_not);
+}
 
 std::vector<ParameterOffer> MujocoSimulatorFactory::Offers() const { return ModelOffers(*setup_->loaded.model); }
 PathInfo MujocoSimulatorFactory::Describe(const std::string& path) const {

@@ -54,6 +54,9 @@ class MujocoSimulator : public Simulator {
   double reward(int lane) const override { return lanes_[static_cast<size_t>(lane)].reward; }
   LaneStatus status(int lane) const override { return lanes_[static_cast<size_t>(lane)].status; }
 
+  std::span<const double> pose(int lane) const override { return qpos(lane); }
+  std::vector<double> pose_rates(int lane) const override;
+
   /// The lane's whole state, as mj_getState(mjSTATE_INTEGRATION) gives it: positions, velocities, warm start, controls.
   std::span<const double> IntegrationState(int lane) const;
   /// Restores it; the episode clock starts at zero. @throws UsageError when the length is wrong.
@@ -129,12 +132,13 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   /// The same, with MuJoCo's own state at hand.
   std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
 
-  int frame_skip() const;                       ///< physics steps per control step
-  const mjModel_& model() const;                ///< the pristine model, compiled
-  const mjSpec_& model_spec() const;            ///< what it was compiled from
-  std::string model_path() const;               ///< the model file that was loaded
-  std::string model_sha256() const override;    ///< of the compiled pristine model
-  const std::string& why_not_settable() const;  ///< "" where the state can be set from an observation
+  int frame_skip() const;                     ///< physics steps per control step
+  const mjModel_& model() const;              ///< the pristine model, compiled
+  const mjSpec_& model_spec() const;          ///< what it was compiled from
+  std::string model_path() const;             ///< the model file that was loaded
+  std::string model_sha256() const override;  ///< of the compiled pristine model
+  std::string why_not_settable() const override;
+  std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
   std::vector<ParameterOffer> Offers() const override;
   PathInfo Describe(const std::string& path) const override;
   std::vector<ParameterSpec> Suspects() const override;

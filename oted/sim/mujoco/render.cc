@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <mujoco/mjbatch.h>
-#include <webp/encode.h>
 
 #include <algorithm>
 #include <csetjmp>
@@ -66,7 +65,7 @@ mjvCamera ChooseCamera(const mjModel& model) {
 
 }  // namespace
 
-struct Renderer::Scene {
+struct MujocoRenderer::Scene {
   Scene(std::unique_ptr<RenderContext> gl_context, const MujocoSimulatorFactory& factory, int width_, int height_)
       : gl(std::move(gl_context)),
         simulator(factory.MakeMujoco(1, 1)),
@@ -122,14 +121,14 @@ struct Renderer::Scene {
   std::vector<uint8_t> bottom_up, picture;
 };
 
-Renderer::Renderer(std::unique_ptr<Scene> scene) : scene_(std::move(scene)) {}
-Renderer::~Renderer() = default;
-int Renderer::width() const { return scene_->width; }
-int Renderer::height() const { return scene_->height; }
-const std::string& Renderer::description() const { return scene_->gl->description(); }
+MujocoRenderer::MujocoRenderer(std::unique_ptr<Scene> scene) : scene_(std::move(scene)) {}
+MujocoRenderer::~MujocoRenderer() = default;
+int MujocoRenderer::width() const { return scene_->width; }
+int MujocoRenderer::height() const { return scene_->height; }
+const std::string& MujocoRenderer::description() const { return scene_->gl->description(); }
 
-std::unique_ptr<Renderer> Renderer::Make(const MujocoSimulatorFactory& factory, int width, int height,
-                                         std::string* why_not) {
+std::unique_ptr<MujocoRenderer> MujocoRenderer::Make(const MujocoSimulatorFactory& factory, int width, int height,
+                                                     std::string* why_not) {
   OTED_CHECK(width > 0 && height > 0 && width % 4 == 0 && height % 4 == 0);
   auto gl = RenderContext::Make(why_not);
   if (gl == nullptr) return nullptr;
@@ -138,10 +137,10 @@ std::unique_ptr<Renderer> Renderer::Make(const MujocoSimulatorFactory& factory, 
     *why_not = fmt::format("MuJoCo cannot draw with {}: {}", scene->gl->description(), t_message);
     return nullptr;
   }
-  return std::unique_ptr<Renderer>(new Renderer(std::move(scene)));
+  return std::unique_ptr<MujocoRenderer>(new MujocoRenderer(std::move(scene)));
 }
 
-const std::vector<uint8_t>& Renderer::Draw(std::span<const double> z, std::span<const double> qpos) {
+const std::vector<uint8_t>& MujocoRenderer::Draw(std::span<const double> z, std::span<const double> qpos) {
   Scene& scene = *scene_;
   OTED_CHECK(static_cast<int>(qpos.size()) == scene.model->nq);
   scene.simulator->SetParameters(0, z);
@@ -156,16 +155,6 @@ const std::vector<uint8_t>& Renderer::Draw(std::span<const double> z, std::span<
                 scene.picture.begin() + static_cast<ptrdiff_t>(y * row));
   }
   return scene.picture;
-}
-
-std::string EncodeWebp(std::span<const uint8_t> rgb, int width, int height, double quality) {
-  OTED_CHECK(rgb.size() == 3 * static_cast<size_t>(width) * static_cast<size_t>(height));
-  uint8_t* bytes = nullptr;
-  const size_t size = WebPEncodeRGB(rgb.data(), width, height, 3 * width, static_cast<float>(quality), &bytes);
-  OTED_CHECK(size > 0);
-  const std::string file(reinterpret_cast<const char*>(bytes), size);
-  WebPFree(bytes);
-  return file;
 }
 
 }  // namespace oted

@@ -7,7 +7,8 @@
 #include <numeric>
 
 #include "oted/base/testing.h"
-#include "oted/sim/mujoco/film.h"
+#include "oted/sim/channel_factory.h"
+#include "oted/sim/film.h"
 #include "oted/sim/mujoco/render_context.h"
 
 #if defined(__SANITIZE_ADDRESS__)
@@ -38,7 +39,7 @@ class RenderTest : public testing::Test {
  protected:
   void SetUp() override {
     std::string why_not;
-    renderer_ = Renderer::Make(factory_, kWidth, kHeight, &why_not);
+    renderer_ = factory_.MakeRenderer(kWidth, kHeight, &why_not);
     if (renderer_ == nullptr) GTEST_SKIP() << why_not;
   }
   std::vector<double> Standing() { return {0, 1.25, 0, 0, 0, 0}; }
@@ -64,7 +65,7 @@ TEST(RenderContextTest, TurnedOffItSaysSo) {
   EXPECT_THAT(why_not, HasSubstr("MUJOCO_GL=off"));
   const MujocoSimulatorFactory factory("Hopper-v5", {});
   why_not.clear();
-  EXPECT_EQ(Renderer::Make(factory, kWidth, kHeight, &why_not), nullptr);
+  EXPECT_EQ(factory.MakeRenderer(kWidth, kHeight, &why_not), nullptr);
   EXPECT_THAT(why_not, HasSubstr("unset it"));
 }
 
@@ -98,17 +99,17 @@ TEST_F(RenderTest, AStripHoldsEveryPoseInItsPlace) {
   PoseTrack track{{1.0}, Array2<double>(10, 6)};
   for (int t = 0; t < 10; ++t) {
     const std::vector<double> pose = Standing();
-    std::copy(pose.begin(), pose.end(), track.qpos.row(t).begin());
-    track.qpos(t, 3) = -0.1 * t;
+    std::copy(pose.begin(), pose.end(), track.poses.row(t).begin());
+    track.poses(t, 3) = -0.1 * t;
   }
-  track.qpos(9, 0) = NAN;  // shows the pose before it
+  track.poses(9, 0) = NAN;  // shows the pose before it
   const FilmStrip strip = DrawFilm(*renderer_, track);
   EXPECT_EQ(strip.columns, 8);
   EXPECT_EQ(strip.n_frames, 10);
   const TestFolder folder;
   WriteFileAtomically(folder / "strip.webp", strip.webp);
   const auto save = [&](int t) {
-    const auto& rgb = renderer_->Draw(track.z, track.qpos.row(t));
+    const auto& rgb = renderer_->Draw(track.z, track.poses.row(t));
     WriteFileAtomically(folder / fmt::format("{}.rgb", t), {reinterpret_cast<const char*>(rgb.data()), rgb.size()});
   };
   save(0);
@@ -127,6 +128,38 @@ for t in (0, 8):
 assert np.abs(frame(9) - frame(8)).mean() < 2
 )",
                         folder));
+}
+
+/// Hopper with the parameter of RenderTest and an action delay before it.
+std::unique_ptr<SimulatorFactory> DelayedHopper() {
+  return WithChannels(
+      {{.name = "delay", .field = "action/delay", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute},
+       {.name = "torso", .field = "geom/torso_geom/size[0]", .low = 0.2, .high = 3}},
+      [](std::vector<ParameterSpec> own) {
+        return std::make_unique<MujocoSimulatorFactory>("Hopper-v5", std::move(own));
+      });
+}
+
+TEST_F(RenderTest, ATaskWithAnActionDelayIsDrawnAsOneWithout) {
+  const auto delayed = DelayedHopper();
+  std::string why_not;
+  const auto renderer = delayed->MakeRenderer(kWidth, kHeight, &why_not);
+  ASSERT_NE(renderer, nullptr) << why_not;
+  const auto simulator = delayed->Make(1, 1), plain = factory_.Make(1, 1);
+  simulator->SetParameters(0, std::vector{2.0, 3.0});
+  plain->SetParameters(0, std::vector{3.0});
+  Array2<double> observations(1, 11, 0.1);
+  observations(0, 0) = 1.25;
+  const Array2<double> poses = PosesOfObservations(*simulator, observations);
+  EXPECT_EQ(poses, PosesOfObservations(*plain, observations));
+  EXPECT_EQ(DrawFilm(*renderer, {{2.0, 3.0}, poses}).webp, DrawFilm(*renderer_, {{3.0}, poses}).webp);
+}
+
+TEST(RenderContextTest, WithoutOpenGlATaskWithAnActionDelaySaysTheSame) {
+  const ScopedGl off("off");
+  std::string why_not;
+  EXPECT_EQ(DelayedHopper()->MakeRenderer(kWidth, kHeight, &why_not), nullptr);
+  EXPECT_THAT(why_not, HasSubstr("MUJOCO_GL=off"));
 }
 
 TEST(PosesOfObservationsTest, TheRootTravelsByItsLoggedVelocity) {

@@ -9,6 +9,7 @@
 
 #include "oted/base/statistics.h"
 #include "oted/base/testing.h"
+#include "oted/rl/sac.h"
 #include "oted/sim/testing.h"
 
 namespace oted::agent_test {
@@ -64,14 +65,25 @@ SacConfig NoLearning(int64_t n_steps) {
   return config;
 }
 
+void Train(Episodes* episodes, EpisodeSource& where, const std::vector<std::vector<double>>& evaluate_in,
+           const SacConfig& config) {
+  const TestFolder folder;
+  NullSink log;
+  TrainAgent({.factory = RecordingFactory(episodes),
+              .source = where,
+              .eval_parameters = evaluate_in,
+              .key = RngKey(5),
+              .folder = folder.path(),
+              .run_name = "agents/1",
+              .context = {.log = &log, .n_threads = 1}},
+             config);
+}
+
 TEST(TrainAgent, DrawsAModeUniformlyAndAnewForEachEpisode) {
   const std::vector<std::vector<double>> modes = {{0.5, 1, 0}, {1.0, 1, 0}, {1.5, 1, 0}};
   Episodes episodes;
-  const TestFolder folder;
-  NullSink log;
   DrawnEpisodes where(DrawModes(modes));
-  TrainAgent(RecordingFactory(&episodes), where, modes, NoLearning(7200), RngKey(5), folder.path(), "agents/1",
-             {.log = &log, .n_threads = 1});
+  Train(&episodes, where, modes, NoLearning(7200));
 
   std::map<double, int> counts;
   int n = 0, repeats = 0, pairs = 0;
@@ -93,11 +105,8 @@ TEST(TrainAgent, DrawsAModeUniformlyAndAnewForEachEpisode) {
 
 TEST(TrainAgent, WithOneModeEveryEpisodeHasIt) {
   Episodes episodes;
-  const TestFolder folder;
-  NullSink log;
   DrawnEpisodes where(DrawModes({{1.3, 1, 0}}));
-  TrainAgent(RecordingFactory(&episodes), where, {{1.3, 1, 0}}, NoLearning(80), RngKey(5), folder.path(), "agents/1",
-             {.log = &log, .n_threads = 1});
+  Train(&episodes, where, {{1.3, 1, 0}}, NoLearning(80));
   ASSERT_FALSE(episodes.gains.empty());
   for (const auto& [size, lanes] : episodes.gains) {
     for (const auto& [lane, gains] : lanes) {
@@ -116,11 +125,8 @@ TEST(TrainAgent, SamplesHaveTheMeanAndTheSpreadOfTheirQ) {
     return Designer(space, Eigen::Vector3d(mean, 0, 0), Eigen::Vector3d(std * std, 0.01, 0.01).asDiagonal());
   };
   Episodes episodes;
-  const TestFolder folder;
-  NullSink log;
   DrawnEpisodes where(DrawSamples({q(-1, 0.3), q(1, 0.1)}));
-  TrainAgent(RecordingFactory(&episodes), where, {{1, 1, 0}}, NoLearning(7200), RngKey(5), folder.path(), "agents/1",
-             {.log = &log, .n_threads = 1});
+  Train(&episodes, where, {{1, 1, 0}}, NoLearning(7200));
 
   std::vector<double> low, high;
   std::set<double> distinct;

@@ -92,7 +92,7 @@ class TanhGaussianLearner : public CloneLearner {
     }
     const float* out = pass_.Forward(policy_.net(), x_.data(), batch);
     const double loss = NegativeLogLikelihood(out, u_.data(), batch, policy_.act_dim(), dout_.data());
-    pass_.Backward(policy_.net(), x_.data(), dout_.data(), batch, gradient, nullptr);
+    pass_.Backward(policy_.net(), x_.data(), dout_.data(), batch, {.parameters = gradient});
     return loss;
   }
 
@@ -187,8 +187,8 @@ double LogLoss(const TanhGaussianPolicy& policy, const Dataset& dataset, const s
   return NegativeLogLikelihood(out, gathered.u.data(), gathered.n, policy.act_dim(), nullptr);
 }
 
-CloneResult CloneByLikelihood(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                              const std::string& run_name, const RunContext& context) {
+CloneResult CloneByLikelihood(const CloneJob& job) {
+  const auto& [dataset, spec, config, key, run_name, context, unused] = job;
   dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   Rng rng = key.MakeRng();
   const CloneRowSplit rows = SplitCloneRows(dataset, config.held_out, rng);
@@ -204,7 +204,7 @@ CloneResult CloneByLikelihood(const Dataset& dataset, const SimulatorSpec& spec,
                                    .weight_decay = static_cast<float>(config.weight_decay)});
   std::vector<size_t> picks(static_cast<size_t>(std::min(config.batch_size, learner->n_train())));
   AlignedVector<float> gradient(n_parameters);
-  CloneResult best{learner->Copy(), 0, INFINITY, 0, "bc", {}};
+  CloneResult best{learner->Copy(), 0, INFINITY, 0, CloneMethod::kBehavioralCloning, {}};
   double train_loss = 0;
   for (int step = 1, stale = 0; step <= config.max_steps && stale < config.patience; ++step) {
     for (size_t& pick : picks) pick = rng.Below(static_cast<uint64_t>(learner->n_train()));
@@ -219,7 +219,7 @@ CloneResult CloneByLikelihood(const Dataset& dataset, const SimulatorSpec& spec,
     context.log->Progress("clone", run_name, step, config.max_steps,
                           fmt::format("held-out loss {:.3f}", held_out_loss));
     if (held_out_loss < best.held_out_loss) {
-      best = {learner->Copy(), train_loss, held_out_loss, step, "bc", {}};
+      best = {learner->Copy(), train_loss, held_out_loss, step, CloneMethod::kBehavioralCloning, {}};
       stale = 0;
     } else {
       ++stale;

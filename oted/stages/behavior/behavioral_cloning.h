@@ -24,10 +24,9 @@ CloneRowSplit SplitCloneRows(const Dataset& dataset, double held_out, Rng& rng);
 /// or, of discrete actions, of a categorical one: -log P(a | s), with convolutions where s is an image.
 /// The change of variables a = tanh(u) does not depend on the policy and is left out. The policy with the lowest
 /// held-out loss is kept, and the search ends after `patience` checks without a better one. The rows are split by the
-/// first draws of `key`.
-/// @throws DataError when `dataset` does not fit `spec`, or an action is no index below spec.n_discrete_actions.
-CloneResult CloneByLikelihood(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                              const std::string& run_name, const RunContext& context);
+/// first draws of `job.key`.
+/// @throws DataError when `job.dataset` does not fit `job.spec`, or an action is no index below its n_discrete_actions.
+CloneResult CloneByLikelihood(const CloneJob& job);
 
 /// That loss of a policy on some rows.
 double LogLoss(const TanhGaussianPolicy& policy, const Dataset& dataset, const std::vector<int>& rows);

@@ -66,7 +66,7 @@ class Recorder : public NullSink {
 
 CloneResult Clone(const Dataset& dataset, const CloneConfig& config, LogSink* log = nullptr) {
   NullSink nothing;
-  return CloneBehavior(dataset, Spec(), config, RngKey(4), "clone", {log != nullptr ? log : &nothing, nullptr, 1});
+  return CloneBehavior({dataset, Spec(), config, RngKey(4), "clone", {log != nullptr ? log : &nothing, nullptr, 1}});
 }
 
 const TanhGaussianPolicy& PolicyOf(const CloneResult& clone) {
@@ -155,18 +155,18 @@ TEST(CloneBehavior, WrongDimensionsAreADataError) {
   spec.observation_shape = {4};
   NullSink log;
   const Dataset dataset = MakeDataset(50, 5);
-  MessageOf<DataError>([&] { CloneBehavior(dataset, spec, {}, RngKey(1), "clone", {&log, nullptr, 1}); });
+  MessageOf<DataError>([&] { CloneBehavior({dataset, spec, {}, RngKey(1), "clone", {&log, nullptr, 1}}); });
   spec = Spec();
   spec.act_dim = 3;
   spec.action_low = {-1, -1, -1};
   spec.action_high = {1, 1, 1};
-  MessageOf<DataError>([&] { CloneBehavior(dataset, spec, {}, RngKey(1), "clone", {&log, nullptr, 1}); });
+  MessageOf<DataError>([&] { CloneBehavior({dataset, spec, {}, RngKey(1), "clone", {&log, nullptr, 1}}); });
 }
 
 TEST(CloneBehavior, AStopIsAnInterruption) {
   const std::atomic<bool> stop = true;
   NullSink log;
-  EXPECT_THROW(CloneBehavior(MakeDataset(100, 6), Spec(), SmallConfig(), RngKey(1), "clone", {&log, &stop, 1}),
+  EXPECT_THROW(CloneBehavior({MakeDataset(100, 6), Spec(), SmallConfig(), RngKey(1), "clone", {&log, &stop, 1}}),
                Interrupted);
 }
 
@@ -206,7 +206,7 @@ TEST(CloneBehavior, OfImagesAndDiscreteActionsRecoversTheProbabilities) {
   config.hidden = {16};
   config.max_steps = 1500;
   NullSink log;
-  const CloneResult clone = CloneBehavior(GridLogs(3000), GridSpec(), config, RngKey(1), "clone", {&log, nullptr, 1});
+  const CloneResult clone = CloneBehavior({GridLogs(3000), GridSpec(), config, RngKey(1), "clone", {&log, nullptr, 1}});
   // 0.5 x H(direction known) + 0.5 x entropy of 0.9 and 0.1, less where direction 1 makes both the same: a third.
   const double floor = 0.5 * (2.0 / 3) * (-0.9 * std::log(0.9) - 0.1 * std::log(0.1));
   EXPECT_LT(clone.held_out_loss, floor + 0.05);
@@ -233,7 +233,7 @@ TEST(CloneBehavior, AnActionThatIsNoIndexIsADataError) {
   CloneConfig config = SmallConfig();
   config.filters = {8};
   const std::string message = MessageOf<DataError>([&] {
-    CloneBehavior(dataset, GridSpec(), config, RngKey(1), "clone", {&log, nullptr, 1});
+    CloneBehavior({dataset, GridSpec(), config, RngKey(1), "clone", {&log, nullptr, 1}});
   });
   EXPECT_NE(message.find("[7]"), std::string::npos) << message;
 }
@@ -244,7 +244,8 @@ TEST(CloneBehavior, SameSeedSameBytesAndAnotherSeedOthers) {
   NullSink log;
   const Dataset dataset = MakeDataset(500, 7);
   const auto bytes = [&](uint64_t seed, int n_threads) {
-    const CloneResult clone = CloneBehavior(dataset, Spec(), config, RngKey(seed), "clone", {&log, nullptr, n_threads});
+    const CloneResult clone =
+        CloneBehavior({dataset, Spec(), config, RngKey(seed), "clone", {&log, nullptr, n_threads}});
     return PolicyOf(clone).net().parameters();
   };
   EXPECT_EQ(bytes(1, 1), bytes(1, 2));

@@ -6,13 +6,17 @@
 
 namespace oted {
 
-CloneResult CloneBehavior(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                          const std::string& run_name, const RunContext& context, const SimulatorFactory* nominal) {
-  dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
-  const std::string method = config.MethodFor(spec);
-  if (method == "auto") return ChooseClone(dataset, spec, config, key, run_name, context, nominal);
-  if (method == "valuedice") return CloneByValueDice(dataset, spec, config, key, run_name, context);
-  return CloneByLikelihood(dataset, spec, config, key, run_name, context);
+CloneResult CloneBehavior(const CloneJob& job) {
+  job.dataset.CheckFits(job.spec.task, job.spec.obs_dim(), job.spec.act_dim);
+  switch (job.config.MethodFor(job.spec)) {
+    case CloneMethod::kAuto:
+      return ChooseClone(job);
+    case CloneMethod::kValueDice:
+      return CloneByValueDice(job);
+    case CloneMethod::kBehavioralCloning:
+      break;
+  }
+  return CloneByLikelihood(job);
 }
 
 }  // namespace oted

@@ -31,16 +31,24 @@ struct CloneResult {
   double train_loss = 0;           ///< negative log likelihood per transition, in u = atanh(a) or of the index [nats]
   double held_out_loss = 0;        ///< the same on held-out transitions, at the kept step
   int n_steps = 0;                 ///< gradient steps of the kept policy
-  std::string method = "bc";       ///< "bc" or "valuedice"
-  std::optional<CloneChoice> choice;  ///< of clone.method = "auto"
+  CloneMethod method = CloneMethod::kBehavioralCloning;  ///< that was used; never kAuto
+  std::optional<CloneChoice> choice;                     ///< of clone.method = "auto"
 };
 
-/// The clone by `config.method`: CloneByLikelihood, CloneByValueDice, or what ChooseClone finds.
-/// @param nominal  the simulator in which `auto` lets its two clones act, as M(nominal); may be null
+/// What is imitated and how, and where the curves go.
+struct CloneJob {
+  const Dataset& dataset;
+  const SimulatorSpec& spec;
+  const CloneConfig& config;
+  RngKey key;
+  std::string run_name;  ///< of its curves in the log
+  RunContext context;
+  const SimulatorFactory* nominal = nullptr;  ///< in which `auto` lets its two clones act, at nominal; may be null
+};
+
+/// The clone by `job.config.method`: CloneByLikelihood, CloneByValueDice, or what ChooseClone finds.
 /// @throws DataError when `dataset` does not fit `spec`, or an action is no index below spec.n_discrete_actions;
 ///         UsageError for ValueDICE of discrete actions or images; Interrupted when a stop was requested
-CloneResult CloneBehavior(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                          const std::string& run_name, const RunContext& context,
-                          const SimulatorFactory* nominal = nullptr);
+CloneResult CloneBehavior(const CloneJob& job);
 
 }  // namespace oted

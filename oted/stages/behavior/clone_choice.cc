@@ -34,37 +34,37 @@ MethodEvidence EvidenceOf(const CloneResult& clone, const Dataset& logs, const D
   return evidence;
 }
 
+/// Passes progress on and keeps curves to itself.
+class ProgressOnly : public NullSink {
+ public:
+  explicit ProgressOnly(LogSink* log) : log_(log) {}
+  void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
+                std::string_view note) override {
+    log_->Progress(stage, label, done, total, note);
+  }
+
+ private:
+  LogSink* log_;
+};
+
 }  // namespace
 
-CloneResult ChooseClone(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                        const std::string& run_name, const RunContext& context, const SimulatorFactory* nominal,
-                        int judge_steps) {
-  const HeldOutParts parts = HoldOut(dataset, key.Stage("choice"));
+CloneResult ChooseClone(const CloneJob& job, int judge_steps) {
+  const HeldOutParts parts = HoldOut(job.dataset, job.key.Stage("choice"));
   // Their curves would stand among those of the clone that is kept.
-  class WithoutCurves : public NullSink {
-   public:
-    explicit WithoutCurves(LogSink* log) : log_(log) {}
-    void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
-                  std::string_view note) override {
-      log_->Progress(stage, label, done, total, note);
-    }
-
-   private:
-    LogSink* log_;
-  } quiet(context.log);
-  RunContext own = context;
+  ProgressOnly quiet(job.context.log);
+  RunContext own = job.context;
   own.log = &quiet;
-  const RngKey trial = key.Stage("trial");
-  const CloneResult bc = CloneByLikelihood(parts.learn, spec, config, trial, run_name, own);
-  const CloneResult valuedice = CloneByValueDice(parts.learn, spec, config, trial, run_name, own);
+  const CloneJob trial{parts.learn, job.spec, job.config, job.key.Stage("trial"), job.run_name, own};
+  const CloneResult bc = CloneByLikelihood(trial), valuedice = CloneByValueDice(trial);
 
   CloneChoice choice;
   choice.n_held_out = parts.judge.size();
-  const RngKey judge = key.Stage("judge");
-  choice.bc = EvidenceOf(bc, dataset, parts.judge, nominal, judge_steps, judge);
-  choice.valuedice = EvidenceOf(valuedice, dataset, parts.judge, nominal, judge_steps, judge);
+  const RngKey judge = job.key.Stage("judge");
+  choice.bc = EvidenceOf(bc, job.dataset, parts.judge, job.nominal, judge_steps, judge);
+  choice.valuedice = EvidenceOf(valuedice, job.dataset, parts.judge, job.nominal, judge_steps, judge);
   bool takes_valuedice = false;
-  if (nominal != nullptr) {
+  if (job.nominal != nullptr) {
     const double gain = *choice.valuedice.closeness - *choice.bc.closeness;
     takes_valuedice = gain > kMargin;
     choice.reason = fmt::format(
@@ -79,8 +79,7 @@ CloneResult ChooseClone(const Dataset& dataset, const SimulatorSpec& spec, const
         "transition)",
         gain > 0 ? "likelier" : "no likelier", gain);
   }
-  CloneResult result = takes_valuedice ? CloneByValueDice(dataset, spec, config, key, run_name, context)
-                                       : CloneByLikelihood(dataset, spec, config, key, run_name, context);
+  CloneResult result = takes_valuedice ? CloneByValueDice(job) : CloneByLikelihood(job);
   result.choice = std::move(choice);
   return result;
 }

@@ -17,11 +17,8 @@ namespace oted {
 ///     the nominal simulator gets wrong counts against both.
 /// ValueDICE is taken where its experience is harder to tell by more than kMargin; without a simulator, where it finds
 /// the held-out actions likelier. What is taken learns from all the logs, as it would have by its own name.
-/// @param nominal      may be null
 /// @param judge_steps  gradient steps of each judge
-CloneResult ChooseClone(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                        const std::string& run_name, const RunContext& context, const SimulatorFactory* nominal,
-                        int judge_steps = 200);
+CloneResult ChooseClone(const CloneJob& job, int judge_steps = 200);
 
 /// Of a judge's score [nats]: what another seed of the judge changes.
 inline constexpr double kMargin = 0.01;

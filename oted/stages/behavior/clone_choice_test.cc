@@ -33,7 +33,7 @@ Dataset Demonstrations(int n_episodes) {
 
 CloneConfig SmallConfig() {
   CloneConfig config;
-  config.method = "auto";
+  config.method = CloneMethod::kAuto;
   config.hidden = {16};
   config.max_steps = 800;
   config.valuedice_updates = 20;
@@ -46,9 +46,8 @@ CloneResult Clone(const Dataset& logs, const CloneConfig& config, bool with_simu
   NullSink log;
   const PointMassFactory factory(Options());
   const RunContext context{&log, nullptr, 1};
-  if (config.method != "auto") return CloneBehavior(logs, factory.spec(), config, RngKey(3), "clone", context);
-  return ChooseClone(logs, factory.spec(), config, RngKey(3), "clone", context, with_simulator ? &factory : nullptr,
-                     40);
+  const CloneJob job{logs, factory.spec(), config, RngKey(3), "clone", context, with_simulator ? &factory : nullptr};
+  return config.method == CloneMethod::kAuto ? ChooseClone(job, 40) : CloneBehavior(job);
 }
 
 const AlignedVector<float>& Weights(const CloneResult& clone) {
@@ -58,14 +57,14 @@ const AlignedVector<float>& Weights(const CloneResult& clone) {
 TEST(ChooseClone, ThrowsOutAValueDiceThatWasSpoiltAndGivesWhatBehaviouralCloningGivesAlone) {
   const Dataset logs = Demonstrations(25);
   CloneConfig config = SmallConfig();  // from random weights with next to no updates
-  config.valuedice_start = "random";
+  config.valuedice_start = ValueDiceStart::kRandomWeights;
   const CloneResult kept = Clone(logs, config, true);
-  EXPECT_EQ(kept.method, "bc");
+  EXPECT_EQ(kept.method, CloneMethod::kBehavioralCloning);
   ASSERT_TRUE(kept.choice);
   EXPECT_LT(kept.choice->bc.held_out_loss, kept.choice->valuedice.held_out_loss);
   EXPECT_GT(*kept.choice->bc.closeness, *kept.choice->valuedice.closeness + kMargin);
   EXPECT_LE(*kept.choice->bc.closeness, std::log(2.0) + 1e-9);
-  config.method = "bc";
+  config.method = CloneMethod::kBehavioralCloning;
   EXPECT_EQ(Weights(kept), Weights(Clone(logs, config, true)));
 }
 
@@ -81,9 +80,9 @@ TEST(ChooseClone, ThrowsOutABehaviouralCloneThatWasSpoiltAndGivesWhatValueDiceGi
   config.valuedice_discount = 0;  // with a future its spread comes out narrow
   config.valuedice_penalty = 1;
   const CloneResult kept = Clone(logs, config, false);
-  EXPECT_EQ(kept.method, "valuedice") << kept.choice->reason;
+  EXPECT_EQ(kept.method, CloneMethod::kValueDice) << kept.choice->reason;
   EXPECT_FALSE(kept.choice->bc.closeness);
-  config.method = "valuedice";
+  config.method = CloneMethod::kValueDice;
   EXPECT_EQ(Weights(kept), Weights(Clone(logs, config, false)));
 }
 

@@ -6,13 +6,18 @@
 
 namespace oted {
 
+const NamedValues<CloneMethod>& CloneMethodNames() {
+  static const NamedValues<CloneMethod> names = {
+      {CloneMethod::kBehavioralCloning, "bc"}, {CloneMethod::kValueDice, "valuedice"}, {CloneMethod::kAuto, "auto"}};
+  return names;
+}
+
 FieldList CloneConfig::Fields() {
   FieldList fields("clone");
-  fields.AddChoice(
-      "method", &method,
-      "how the logs are imitated: behavioural cloning, ValueDICE, or whichever of the two imitates held-out "
-      "episodes better",
-      {"bc", "valuedice", "auto"});
+  fields.AddChoice("method", &method,
+                   "how the logs are imitated: behavioural cloning, ValueDICE, or whichever of the two imitates "
+                   "held-out episodes better",
+                   CloneMethodNames());
   fields.Add("hidden", &hidden, "widths of the policy's hidden layers", AtLeast(1));
   fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; of images alone", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
@@ -24,7 +29,8 @@ FieldList CloneConfig::Fields() {
   fields.Add("check_interval", &check_interval, "gradient steps between checks of the held-out loss", AtLeast(1));
   fields.AddChoice("valuedice_start", &valuedice_start,
                    "of valuedice: the policy that it begins with, the behavioural clone or random weights",
-                   {"bc", "random"});
+                   NamedValues<ValueDiceStart>{{ValueDiceStart::kBehavioralClone, "bc"},
+                                               {ValueDiceStart::kRandomWeights, "random"}});
   fields.Add("valuedice_updates", &valuedice_updates, "of valuedice: updates of critic and policy", AtLeast(1));
   fields.Add("valuedice_batch", &valuedice_batch, "of valuedice: transitions per update", AtLeast(2));
   fields.Add("valuedice_hidden", &valuedice_hidden, "of valuedice: widths of the critic's hidden layers", AtLeast(1));
@@ -48,15 +54,15 @@ ValueDiceOptions CloneConfig::ValueDice() const {
           .orthogonal = valuedice_orthogonal};
 }
 
-std::string CloneConfig::MethodFor(const SimulatorSpec& spec) const {
+CloneMethod CloneConfig::MethodFor(const SimulatorSpec& spec) const {
   const bool fits = spec.n_discrete_actions == 0 && spec.image_shape.empty();
   if (fits) return method;
-  if (method == "valuedice") {
+  if (method == CloneMethod::kValueDice) {
     throw UsageError(fmt::format(
         "clone.method is valuedice, which takes continuous actions and no images; task '{}' has {}; set it to bc",
         spec.task, spec.n_discrete_actions > 0 ? "discrete actions" : "images"));
   }
-  return "bc";
+  return CloneMethod::kBehavioralCloning;
 }
 
 }  // namespace oted

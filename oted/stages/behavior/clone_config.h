@@ -1,7 +1,6 @@
 #pragma once
 /// Settings of stage 1, the clone.
 
-#include <string>
 #include <vector>
 
 #include "oted/base/fields.h"
@@ -10,8 +9,18 @@
 
 namespace oted {
 
+enum class CloneMethod {
+  kBehavioralCloning,  ///< "bc"
+  kValueDice,          ///< "valuedice"
+  kAuto,               ///< "auto": whichever of the two imitates held-out episodes better
+};
+const NamedValues<CloneMethod>& CloneMethodNames();
+
+/// The policy that ValueDICE begins with.
+enum class ValueDiceStart { kBehavioralClone, kRandomWeights };
+
 struct CloneConfig {
-  std::string method = "bc";
+  CloneMethod method = CloneMethod::kBehavioralCloning;
   std::vector<int> hidden = {256, 256};
   std::vector<int> filters = {16, 32};
   double learning_rate = 1e-3;
@@ -22,7 +31,7 @@ struct CloneConfig {
   int patience = 10;
   int check_interval = 100;
 
-  std::string valuedice_start = "bc";
+  ValueDiceStart valuedice_start = ValueDiceStart::kBehavioralClone;
   int valuedice_updates = 6'000;
   int valuedice_batch = 256;
   std::vector<int> valuedice_hidden = {256, 256};
@@ -34,9 +43,9 @@ struct CloneConfig {
 
   FieldList Fields();
   ValueDiceOptions ValueDice() const;
-  /// "bc", "valuedice" or "auto", as far as the task's actions allow.
+  /// `method` as far as the task's actions allow: behavioural cloning is all that discrete ones do.
   /// @throws UsageError for ValueDICE of discrete actions or images
-  std::string MethodFor(const SimulatorSpec& spec) const;
+  CloneMethod MethodFor(const SimulatorSpec& spec) const;
 };
 
 }  // namespace oted

@@ -15,28 +15,30 @@ namespace {
 /// Before that many updates a critic tells noise: a tenth of them, and no more than this.
 constexpr int kLongestWarmUp = 500;
 
-TanhGaussianPolicy Start(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                         const std::string& run_name, const RunContext& context, int& n_steps) {
-  if (config.valuedice_start == "bc") {
-    const CloneResult clone = CloneByLikelihood(dataset, spec, config, key, run_name, context);
+/// @param n_steps  gets the gradient steps that were made for it
+TanhGaussianPolicy Start(const CloneJob& job, int& n_steps) {
+  const CloneConfig& config = job.config;
+  if (config.valuedice_start == ValueDiceStart::kBehavioralClone) {
+    const CloneResult clone = CloneByLikelihood(job);
     n_steps = clone.n_steps;
     return dynamic_cast<const TanhGaussianPolicy&>(*clone.policy);
   }
-  TanhGaussianPolicy policy(Normalizer::Fit(dataset.observations), config.hidden, spec.action_low, spec.action_high);
-  Rng rng = key.Stage("start").MakeRng();
+  TanhGaussianPolicy policy(Normalizer::Fit(job.dataset.observations), config.hidden, job.spec.action_low,
+                            job.spec.action_high);
+  Rng rng = job.key.Stage("start").MakeRng();
   policy.net().Initialize(rng);
   return policy;
 }
 
 }  // namespace
 
-CloneResult CloneByValueDice(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                             const std::string& run_name, const RunContext& context) {
+CloneResult CloneByValueDice(const CloneJob& job) {
+  const auto& [dataset, spec, config, key, run_name, context, unused] = job;
   dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   Rng split = key.MakeRng();
   const CloneRowSplit rows = SplitCloneRows(dataset, config.held_out, split);
   int n_before = 0;
-  TanhGaussianPolicy start = Start(dataset, spec, config, key, run_name, context, n_before);
+  TanhGaussianPolicy start = Start(job, n_before);
 
   const ImitationRows logged(dataset, start, rows.train);
   Rng rng = key.Stage("valuedice").MakeRng();
@@ -61,7 +63,7 @@ CloneResult CloneByValueDice(const Dataset& dataset, const SimulatorSpec& spec, 
           LogLoss(update.actor(), dataset, rows.train),
           LogLoss(update.actor(), dataset, rows.held_out),
           n_before + config.valuedice_updates,
-          "valuedice",
+          CloneMethod::kValueDice,
           {}};
 }
 

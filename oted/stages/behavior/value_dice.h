@@ -15,7 +15,6 @@ namespace oted {
 /// critic learns against it for kWarmUp updates before it moves. The last policy is kept. Rows are held out as in
 /// behavioural cloning, and tell nothing but the loss that is reported.
 /// @throws DataError when `dataset` does not fit `spec`; Interrupted: a stopped fit begins anew
-CloneResult CloneByValueDice(const Dataset& dataset, const SimulatorSpec& spec, const CloneConfig& config, RngKey key,
-                             const std::string& run_name, const RunContext& context);
+CloneResult CloneByValueDice(const CloneJob& job);
 
 }  // namespace oted

@@ -33,10 +33,10 @@ Dataset Demonstrations(int n_episodes, uint64_t seed) {
 
 CloneConfig SmallConfig() {
   CloneConfig config;
-  config.method = "valuedice";
+  config.method = CloneMethod::kValueDice;
   config.hidden = {};
   config.max_steps = 100;
-  config.valuedice_start = "random";
+  config.valuedice_start = ValueDiceStart::kRandomWeights;
   config.valuedice_updates = 6'000;
   config.valuedice_batch = 128;
   config.valuedice_hidden = {32, 32};
@@ -48,7 +48,7 @@ CloneConfig SmallConfig() {
 
 CloneResult Clone(const Dataset& dataset, const CloneConfig& config, uint64_t seed = 3, int n_threads = 1) {
   NullSink log;
-  return CloneBehavior(dataset, PointMass::MakeSpec({}), config, RngKey(seed), "clone", {&log, nullptr, n_threads});
+  return CloneBehavior({dataset, PointMass::MakeSpec({}), config, RngKey(seed), "clone", {&log, nullptr, n_threads}});
 }
 
 const TanhGaussianPolicy& PolicyOf(const CloneResult& clone) {
@@ -59,7 +59,7 @@ TEST(CloneByValueDice, RecoversALinearGaussianExpertFromFiveDemonstrations) {
   const Dataset logs = Demonstrations(5, 1);
   ASSERT_EQ(logs.size(), 300);
   const CloneResult clone = Clone(logs, SmallConfig());
-  EXPECT_EQ(clone.method, "valuedice");
+  EXPECT_EQ(clone.method, CloneMethod::kValueDice);
   // The mean action where the expert goes, and the spread, beside a policy of random weights.
   CloneConfig untrained = SmallConfig();
   untrained.valuedice_updates = 1;
@@ -86,11 +86,11 @@ TEST(CloneByValueDice, RecoversALinearGaussianExpertFromFiveDemonstrations) {
 TEST(CloneByValueDice, FromTheBehaviouralCloneItsFirstPolicyIsThatClone) {
   const Dataset logs = Demonstrations(5, 1);
   CloneConfig config = SmallConfig();
-  config.valuedice_start = "bc";
+  config.valuedice_start = ValueDiceStart::kBehavioralClone;
   config.valuedice_updates = 1;
   config.valuedice_actor_rate = 1e-12;
   CloneConfig behavioural = config;
-  behavioural.method = "bc";
+  behavioural.method = CloneMethod::kBehavioralCloning;
   const CloneResult bc = Clone(logs, behavioural), valuedice = Clone(logs, config);
   EXPECT_EQ(PolicyOf(bc).net().parameters(), PolicyOf(valuedice).net().parameters());
   EXPECT_NEAR(bc.held_out_loss, valuedice.held_out_loss, 1e-9) << "the same rows are held out";
@@ -110,7 +110,8 @@ TEST(CloneByValueDice, SameSeedSameBytesAtAnyNumberOfThreadsAndAfterAStop) {
   const std::atomic<bool> stop = true;
   NullSink log;
   config.check_interval = 10;
-  EXPECT_THROW(CloneBehavior(logs, PointMass::MakeSpec({}), config, RngKey(1), "clone", {&log, &stop, 1}), Interrupted);
+  EXPECT_THROW(CloneBehavior({logs, PointMass::MakeSpec({}), config, RngKey(1), "clone", {&log, &stop, 1}}),
+               Interrupted);
   EXPECT_EQ(first, bytes(1, 1));
 }
 
@@ -118,12 +119,12 @@ TEST(CloneByValueDice, OfDiscreteActionsIsAUsageErrorAndAutoIsBehaviouralCloning
   SimulatorSpec spec = PointMass::MakeSpec({});
   spec.n_discrete_actions = 3;
   CloneConfig config;
-  config.method = "valuedice";
+  config.method = CloneMethod::kValueDice;
   const std::string message = MessageOf<UsageError>([&] { config.MethodFor(spec); });
   EXPECT_NE(message.find("discrete"), std::string::npos) << message;
-  config.method = "auto";
-  EXPECT_EQ(config.MethodFor(spec), "bc");
-  EXPECT_EQ(config.MethodFor(PointMass::MakeSpec({})), "auto");
+  config.method = CloneMethod::kAuto;
+  EXPECT_EQ(config.MethodFor(spec), CloneMethod::kBehavioralCloning);
+  EXPECT_EQ(config.MethodFor(PointMass::MakeSpec({})), CloneMethod::kAuto);
 }
 
 }  // namespace oted::value_dice_test

@@ -14,14 +14,14 @@ namespace oted::channels_design_test {
 constexpr size_t kGain = 0, kDamping = 1, kChannel = 3;
 
 DesignConfig SmallConfig() {
-  DesignConfig config = DesignConfig::ForForm("transitions");
-  config.n_sims = 24;
-  config.n_steps = 40;
-  config.n_iterations = 150;
-  config.discriminator_hidden = {48, 48};
-  config.discriminator_learning_rate = 1e-3;
-  config.discriminator_steps = 30;
-  config.discriminator_batch = 128;
+  DesignConfig config = DesignConfig::For(DesignMethod::kTransitions);
+  config.adversarial.n_sims = 24;
+  config.adversarial.n_steps = 40;
+  config.adversarial.n_iterations = 150;
+  config.discriminator.hidden = {48, 48};
+  config.discriminator.learning_rate = 1e-3;
+  config.discriminator.steps = 30;
+  config.discriminator.batch = 128;
   return config;
 }
 
@@ -32,10 +32,10 @@ std::vector<double> Design(const SimulatorFactory& factory, double channel, int 
   NullSink log;
   const RunContext context{.log = &log, .n_threads = 1};
   DesignConfig config = SmallConfig();
-  config.n_iterations = n_iterations;
-  config.horizon = horizon;
+  config.adversarial.n_iterations = n_iterations;
+  config.adversarial.horizon = horizon;
   const DesignResult design =
-      LearnDesign(factory, logs, nullptr, config, RngKey(1), folder.path(), "design/test/1", context);
+      LearnDesign({factory, logs, nullptr, RngKey(1), folder.path(), "design/test/1", context}, config);
   const std::vector<double> mode = design.q.Mode();
   for (size_t i = 0; i < mode.size(); ++i) {
     testing::Test::RecordProperty("mode_" + std::to_string(i), std::to_string(mode[i]));

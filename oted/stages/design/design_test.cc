@@ -12,6 +12,7 @@
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/design_method.h"
 
 namespace oted::design_test {
 
@@ -19,14 +20,14 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 constexpr size_t kGain = 0, kDamping = 1, kIdle = 2;
 
 DesignConfig SmallConfig() {
-  DesignConfig config = DesignConfig::ForForm("transitions");
-  config.n_sims = 24;
-  config.n_steps = 40;
-  config.n_iterations = 60;
-  config.discriminator_hidden = {48, 48};
-  config.discriminator_learning_rate = 1e-3;
-  config.discriminator_steps = 40;
-  config.discriminator_batch = 128;
+  DesignConfig config = DesignConfig::For(DesignMethod::kTransitions);
+  config.adversarial.n_sims = 24;
+  config.adversarial.n_steps = 40;
+  config.adversarial.n_iterations = 60;
+  config.discriminator.hidden = {48, 48};
+  config.discriminator.learning_rate = 1e-3;
+  config.discriminator.steps = 40;
+  config.discriminator.batch = 128;
   return config;
 }
 
@@ -48,7 +49,7 @@ DesignResult Learn(const DesignConfig& config, const std::filesystem::path& fold
                    uint64_t seed = 1) {
   NullSink log;
   RunContext context{.log = &log, .n_threads = n_threads};
-  return LearnDesign(factory, logs, nullptr, config, RngKey(seed), folder, "design/test/1", context);
+  return LearnDesign({factory, logs, nullptr, RngKey(seed), folder, "design/test/1", context}, config);
 }
 
 void ExpectSameBits(const DesignResult& a, const DesignResult& b) {
@@ -87,14 +88,14 @@ TEST(LearnDesign, ATruthOnABoundIsApproachedAndANominalValueOnABoundHoldsNothing
 TEST(LearnDesign, GivesTheSameBitsAtAnyNumberOfThreads) {
   const TestFolder one, two;
   DesignConfig config = SmallConfig();
-  config.n_iterations = 12;
+  config.adversarial.n_iterations = 12;
   ExpectSameBits(Learn(config, one.path(), 1), Learn(config, two.path(), 2));
 }
 
 TEST(LearnDesign, AnotherSeedIsAnotherDesign) {
   const TestFolder one, two;
   DesignConfig config = SmallConfig();
-  config.n_iterations = 3;
+  config.adversarial.n_iterations = 3;
   const PointMassFactory factory;
   const Dataset logs = PointMassLogs(kTruth, 4);
   EXPECT_NE(Learn(config, one.path(), 1, factory, logs, 1).q.mean(),
@@ -104,14 +105,15 @@ TEST(LearnDesign, AnotherSeedIsAnotherDesign) {
 TEST(LearnDesign, AStoppedDesignGoesOnAsIfItHadNot) {
   const TestFolder whole_folder, stopped_folder;
   DesignConfig config = SmallConfig();
-  config.n_iterations = 24;
+  config.adversarial.n_iterations = 24;
   const DesignResult whole = Learn(config, whole_folder.path());
   // Before and after the replay is full, and twice in one design.
   for (const int64_t at : {7, 17}) {
     StopAt log(at);
     const RunContext context{.log = &log, .stop = &log.stop};
-    EXPECT_THROW(LearnDesign(PointMassFactory(), PointMassLogs(kTruth, 8), nullptr, config, RngKey(1),
-                             stopped_folder.path(), "design/test/1", context),
+    EXPECT_THROW(LearnDesign({PointMassFactory(), PointMassLogs(kTruth, 8), nullptr, RngKey(1), stopped_folder.path(),
+                              "design/test/1", context},
+                             config),
                  Interrupted);
     EXPECT_TRUE(std::filesystem::exists(stopped_folder / "checkpoint.npz"));
   }
@@ -140,23 +142,24 @@ Dataset LinearLogs(const std::vector<double>& z) {
 }
 
 DesignConfig JointConfig() {
-  DesignConfig config = DesignConfig::ForForm("paper");
-  config.horizon = config.n_steps = 20;
-  config.n_sims = 8;
-  config.n_iterations = 12;
-  config.discriminator_hidden = {16};
-  config.discriminator_steps = 5;
-  config.discriminator_batch = 32;
-  config.clone_updates = 6;
-  config.clone_rate = 1e-2;
+  DesignConfig config = DesignConfig::For(DesignMethod::kPaper);
+  config.adversarial.horizon = config.adversarial.n_steps = 20;
+  config.adversarial.n_sims = 8;
+  config.adversarial.n_iterations = 12;
+  config.discriminator.hidden = {16};
+  config.discriminator.steps = 5;
+  config.discriminator.batch = 32;
+  config.adversarial.clone_updates = 6;
+  config.adversarial.clone_rate = 1e-2;
   return config;
 }
 
 DesignResult LearnJointly(const DesignConfig& config, const std::filesystem::path& folder, LogSink* log,
                           const std::atomic<bool>* stop = nullptr, int n_threads = 1) {
   const TanhGaussianPolicy clone = LinearClone(0);
-  return LearnDesign(PointMassFactory(), LinearLogs({1.0, 0.6, 0.5}), &clone, config, RngKey(1), folder,
-                     "design/test/1", {.log = log, .stop = stop, .n_threads = n_threads});
+  const RunContext context{.log = log, .stop = stop, .n_threads = n_threads};
+  return LearnDesign(
+      {PointMassFactory(), LinearLogs({1.0, 0.6, 0.5}), &clone, RngKey(1), folder, "design/test/1", context}, config);
 }
 
 TEST(LearnDesign, JointTrainingBringsAWrongCloneTowardsTheLogs) {
@@ -168,7 +171,7 @@ TEST(LearnDesign, JointTrainingBringsAWrongCloneTowardsTheLogs) {
   EXPECT_LT(slope, -0.1) << "from 0 towards -1";
   EXPECT_GT(slope, -1.2);
   DesignConfig config = JointConfig();
-  config.clone_updates = 0;
+  config.adversarial.clone_updates = 0;
   EXPECT_FALSE(LearnJointly(config, without.path(), &log).clone);
 }
 
@@ -186,22 +189,23 @@ TEST(LearnDesign, JointTrainingGoesOnAfterAStopAndAtAnyNumberOfThreadsWithTheSam
   EXPECT_EQ(threads.clone->net().parameters(), whole.clone->net().parameters());
 }
 
-TEST(LearnDesign, FormsThatReplayTheLogFindTheTruthAndBeginAnewWhenStopped) {
-  for (const std::string form : {"trajectories", "least-squares", "dropo"}) {
-    SCOPED_TRACE(form);
+TEST(LearnDesign, MethodsThatReplayTheLogFindTheTruthAndBeginAnewWhenStopped) {
+  for (const DesignMethod method : {DesignMethod::kTrajectories, DesignMethod::kLeastSquares, DesignMethod::kDropo}) {
+    SCOPED_TRACE(Describe(method).name);
     const TestFolder whole_folder, stopped_folder;
     DesignConfig config = SmallConfig();
-    config.form = form;
-    config.discriminator_steps = 5;
-    config.trajectory_coarse = 8;
-    config.dropo_budget = 300;
+    config.method = method;
+    config.discriminator.steps = 5;
+    config.trajectories.coarse = 8;
+    config.dropo.budget = 300;
     const DesignResult whole = Learn(config, whole_folder.path());
     EXPECT_NEAR(whole.q.Mode()[kGain], kTruth[kGain], 0.1);
     EXPECT_NEAR(whole.q.Mode()[kDamping], kTruth[kDamping], 0.1);
     StopAt log(2);
     const RunContext context{.log = &log, .stop = &log.stop};
-    EXPECT_THROW(LearnDesign(PointMassFactory(), PointMassLogs(kTruth, 8), nullptr, config, RngKey(1),
-                             stopped_folder.path(), "design/test/1", context),
+    EXPECT_THROW(LearnDesign({PointMassFactory(), PointMassLogs(kTruth, 8), nullptr, RngKey(1), stopped_folder.path(),
+                              "design/test/1", context},
+                             config),
                  Interrupted);
     ExpectSameBits(Learn(config, stopped_folder.path()), whole);
   }
@@ -239,7 +243,7 @@ class BreakingFactory : public PointMassFactory {
 
 TEST(LearnDesign, LeavesTheRegionWhereThePhysicsBreaks) {
   DesignConfig config = SmallConfig();
-  config.n_iterations = 30;
+  config.adversarial.n_iterations = 30;
   const TestFolder above, below;
   const auto breaks_above = Learn(config, above.path(), 1, BreakingFactory(true, false));
   const auto breaks_below = Learn(config, below.path(), 1, BreakingFactory(false, true));
@@ -249,9 +253,9 @@ TEST(LearnDesign, LeavesTheRegionWhereThePhysicsBreaks) {
 
 TEST(LearnDesign, LambdaHoldsQAtThePrior) {
   DesignConfig free = SmallConfig(), held = SmallConfig();
-  free.n_iterations = held.n_iterations = 25;
-  free.lambda = 0;
-  held.lambda = 1;
+  free.adversarial.n_iterations = held.adversarial.n_iterations = 25;
+  free.adversarial.lambda = 0;
+  held.adversarial.lambda = 1;
   const TestFolder one, two;
   const double kl_free = Learn(free, one.path()).q.KlToPrior(), kl_held = Learn(held, two.path()).q.KlToPrior();
   EXPECT_GT(kl_free, 1.0) << "the logs teach something";
@@ -260,10 +264,10 @@ TEST(LearnDesign, LambdaHoldsQAtThePrior) {
 
 TEST(LearnDesign, ABlindDiscriminatorsRewardIsLog2AndItsLogRatio0) {
   DesignConfig config = SmallConfig();
-  config.n_iterations = 1;
+  config.adversarial.n_iterations = 1;
   const TestFolder one, two;
   EXPECT_NEAR(Learn(config, one.path()).learning_progress, std::log(2.0), 0.15);
-  config.reward = "log_ratio";
+  config.adversarial.reward = DesignReward::kLogRatio;
   EXPECT_NEAR(Learn(config, two.path()).learning_progress, 0.0, 0.3);
 }
 
@@ -278,10 +282,12 @@ TEST(LearnDesign, LogsItsCurvesUnderTheDocumentedNames) {
     std::map<std::string, std::vector<int64_t>> steps;
   } curves;
   DesignConfig config = SmallConfig();
-  config.n_iterations = 3;
+  config.adversarial.n_iterations = 3;
   const TestFolder folder;
-  LearnDesign(PointMassFactory(), PointMassLogs(kTruth, 4), nullptr, config, RngKey(1), folder.path(), "design/test/1",
-              {.log = &curves});
+  const RunContext context{.log = &curves};
+  LearnDesign(
+      {PointMassFactory(), PointMassLogs(kTruth, 4), nullptr, RngKey(1), folder.path(), "design/test/1", context},
+      config);
   for (const char* key : {"design/reward", "design/kl", "design/discriminator_loss", "design/discriminator_accuracy",
                           "design/mode/gain", "design/std/gain", "design/mode/idle"}) {
     EXPECT_THAT(curves.steps[key], testing::ElementsAre(1, 2, 3)) << key;
@@ -290,12 +296,12 @@ TEST(LearnDesign, LogsItsCurvesUnderTheDocumentedNames) {
 
 TEST(LearnDesign, WherePhysicsAlwaysBreaksNothingIsLearned) {
   DesignConfig config = SmallConfig();
-  config.n_iterations = 5;
-  config.lambda = 0;
+  config.adversarial.n_iterations = 5;
+  config.adversarial.lambda = 0;
   const TestFolder folder;
   const auto design = Learn(config, folder.path(), 1, BreakingFactory(true, true));
   EXPECT_THAT(design.q.mean(), testing::Each(0.0));
-  EXPECT_THAT(design.q.log_std(), testing::Each(testing::DoubleEq(std::log(config.initial_std))));
+  EXPECT_THAT(design.q.log_std(), testing::Each(testing::DoubleEq(std::log(config.adversarial.initial_std))));
 }
 
 TEST(LearnDesign, RefusesDataOfAnotherTaskAndContradictingSettings) {
@@ -306,7 +312,7 @@ TEST(LearnDesign, RefusesDataOfAnotherTaskAndContradictingSettings) {
   EXPECT_THAT(MessageOf<DataError>([&] { Learn(SmallConfig(), folder.path(), 1, PointMassFactory(), wrong); }),
               testing::HasSubstr("task 'PointMass'"));
   DesignConfig config = SmallConfig();
-  config.starts = "initial";
+  config.adversarial.starts = RolloutStarts::kInitial;
   EXPECT_THROW(Learn(config, folder.path()), UsageError);
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }

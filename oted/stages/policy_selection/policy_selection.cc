@@ -10,19 +10,21 @@
 
 namespace oted {
 
-PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<const Policy*>& agents,
-                                   const std::vector<std::vector<double>>& modes, int n_episodes, ActionNoise noise,
-                                   RngKey key, const RunContext& context) {
+PolicySelectionResult SelectPolicy(const PolicySelectionJob& job) {
+  const std::vector<const Policy*>& agents = job.agents;
+  const std::vector<std::vector<double>>& modes = job.modes;
+  const int n_episodes = job.n_episodes;
   OTED_CHECK(!agents.empty() && !modes.empty());
   const int n_agents = static_cast<int>(agents.size()), n_modes = static_cast<int>(modes.size());
   PolicySelectionResult result;
   std::vector<std::vector<EpisodeResult>> episodes(static_cast<size_t>(n_agents * n_modes));
   std::atomic<int> n_done{0};
-  ParallelFor(n_agents * n_modes, context.n_threads, [&](int cell) {
-    context.ThrowIfStopped();
+  ParallelFor(n_agents * n_modes, job.context.n_threads, [&](int cell) {
+    job.context.ThrowIfStopped();
     const size_t j = static_cast<size_t>(cell / n_modes), i = static_cast<size_t>(cell % n_modes);
-    episodes[static_cast<size_t>(cell)] = RunPolicy(factory, *agents[j], {modes[i]}, n_episodes, 1, key, noise);
-    context.log->Progress("select", "policies", ++n_done, n_agents * n_modes, "");
+    episodes[static_cast<size_t>(cell)] = RunPolicy(
+        job.factory, *agents[j], {.z = {modes[i]}, .n_episodes = n_episodes, .key = job.key, .noise = job.noise});
+    job.context.log->Progress("select", "policies", ++n_done, n_agents * n_modes, "");
   });
 
   // A diverged episode counts as the lowest return of all that are compared here, not only of its own cell.

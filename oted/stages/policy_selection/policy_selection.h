@@ -16,12 +16,21 @@ struct PolicySelectionResult {
   int selected = 0;                          ///< index of the agent with the highest mean
 };
 
-/// Steps 3 and 4: evaluates every policy pi_j in every M(z_i), `n_episodes` episodes each acting as `noise` says, and
+/// Which agents are compared, and where.
+struct PolicySelectionJob {
+  const SimulatorFactory& factory;
+  std::vector<const Policy*> agents;       ///< (m), at least one
+  std::vector<std::vector<double>> modes;  ///< (n simulators, parameters), at least one
+  int n_episodes = 1;                      ///< per agent and simulator
+  ActionNoise noise = ActionNoise::kMean;  ///< how they act
+  RngKey key;
+  RunContext context;
+};
+
+/// Steps 3 and 4: evaluates every policy pi_j in every M(z_i), `n_episodes` episodes each, and
 /// picks the highest average. All agents meet the same start states. A diverged episode is a failure: it counts as the
 /// lowest return of all episodes of all agents. Among equal averages the agent with fewer of them is taken, then the
 /// first.
-PolicySelectionResult SelectPolicy(const SimulatorFactory& factory, const std::vector<const Policy*>& agents,
-                                   const std::vector<std::vector<double>>& modes, int n_episodes, ActionNoise noise,
-                                   RngKey key, const RunContext& context);
+PolicySelectionResult SelectPolicy(const PolicySelectionJob& job);
 
 }  // namespace oted

@@ -23,8 +23,8 @@ PolicySelectionResult SelectIn(const SimulatorFactory& factory, const std::vecto
   NullSink log;
   std::vector<const Policy*> policies;
   for (const TanhGaussianPolicy& agent : agents) policies.push_back(&agent);
-  return SelectPolicy(factory, policies, modes, n_episodes, ActionNoise::kMean, RngKey(9),
-                      {.log = &log, .n_threads = n_threads});
+  return SelectPolicy(
+      {factory, policies, modes, n_episodes, ActionNoise::kMean, RngKey(9), {.log = &log, .n_threads = n_threads}});
 }
 
 PolicySelectionResult Select(const std::vector<TanhGaussianPolicy>& agents, int n_threads = 1) {
@@ -65,7 +65,8 @@ TEST(SelectPolicy, WhoBreaksThePhysicsDoesNotWinByAnEarlyEnd) {
   const std::vector<std::vector<double>> modes = {{2.0, 0.2, 0}};
   const auto result = SelectIn(factory, agents, modes, 6);
   ASSERT_EQ(result.n_diverged, (std::vector<int>{6, 0}));
-  EXPECT_GT(MeanReturn(RunPolicy(factory, agents[0], modes, 6, 1, RngKey(9))), result.mean_return[1])
+  EXPECT_GT(MeanReturn(RunPolicy(factory, agents[0], {.z = modes, .n_episodes = 6, .key = RngKey(9)})),
+            result.mean_return[1])
       << "the case tests nothing when the early end is no advantage";
   EXPECT_EQ(result.selected, 1);
   EXPECT_LE(result.mean_return[0], result.mean_return[1]);

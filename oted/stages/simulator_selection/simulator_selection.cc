@@ -12,12 +12,20 @@
 
 namespace oted {
 
+const NamedValues<SelectionScore>& SelectionScoreNames() {
+  static const NamedValues<SelectionScore> names = {{SelectionScore::kCommon, "common"},
+                                                    {SelectionScore::kPaper, "paper"},
+                                                    {SelectionScore::kDesignDeviation, "design_deviation"},
+                                                    {SelectionScore::kLearningProgress, "learning_progress"}};
+  return names;
+}
+
 FieldList SelectionConfig::Fields() {
   FieldList fields("selection");
   fields.Add("n_seeds", &n_seeds, "seeded designs per setting (n in the paper)", AtLeast(1));
   fields.AddChoice("score", &score,
                    "what ranks the settings: the common judge, or the paper's c, design deviation or learning progress",
-                   {"common", "paper", "design_deviation", "learning_progress"});
+                   SelectionScoreNames());
   fields.Add("n_sims", &n_sims, "draws z ~ q per candidate", AtLeast(1));
   fields.Add("n_steps", &n_steps, "control steps per draw", AtLeast(1));
   fields.Add("judge_steps", &judge_steps, "gradient steps of the common judge", AtLeast(1));
@@ -81,20 +89,27 @@ std::vector<double> DistancesToMean(const std::vector<Candidate>& candidates, co
   return distances;
 }
 
-double RankingScore(const SettingScore& setting, const std::string& score) {
-  if (score == "common") return setting.common;
-  if (score == "paper") return setting.c;
-  if (score == "design_deviation") return -setting.design_deviation;
+double RankingScore(const SettingScore& setting, SelectionScore score) {
+  switch (score) {
+    case SelectionScore::kCommon:
+      return setting.common;
+    case SelectionScore::kPaper:
+      return setting.c;
+    case SelectionScore::kDesignDeviation:
+      return -setting.design_deviation;
+    case SelectionScore::kLearningProgress:
+      break;
+  }
   return setting.learning_progress;
 }
 
 /// Of a setting's seeds the best-scoring; of tied ones that nearest to the mean of all.
 int BestSeed(const std::vector<int>& seeds, const std::vector<Candidate>& candidates,
-             const std::vector<CandidateScore>& scores, const std::string& score) {
+             const std::vector<CandidateScore>& scores, SelectionScore score) {
   const std::vector<double> distance = DistancesToMean(candidates, seeds);
   const auto score_of = [&](size_t i) {
     const CandidateScore& of = scores[static_cast<size_t>(seeds[i])];
-    return score == "paper" ? of.c : of.common;
+    return score == SelectionScore::kPaper ? of.c : of.common;
   };
   size_t best = 0;
   for (size_t i = 1; i < seeds.size(); ++i) {
@@ -104,52 +119,49 @@ int BestSeed(const std::vector<int>& seeds, const std::vector<Candidate>& candid
   return seeds[best];
 }
 
-}  // namespace
-
-SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                                std::vector<Candidate>& candidates, const SelectionConfig& config, RngKey key,
-                                const RunContext& context) {
-  OTED_CHECK(!candidates.empty());
-  const JudgeHalves halves = SplitForJudge(dataset);
-  const EvidenceConfig common_evidence = CommonEvidence(factory.spec(), config.n_steps);
-  SelectionResult result;
-  result.candidates.resize(candidates.size());
+/// Steps 2 and 3 for every candidate, and the common score of the nominal simulator.
+void ScoreCandidates(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates, SelectionResult& result) {
+  const JudgeHalves halves = SplitForJudge(job.dataset);
+  const EvidenceConfig common_evidence = CommonEvidence(job.factory.spec(), job.config.n_steps);
+  const auto common = [&](const std::vector<std::vector<double>>& z) {
+    // One key for all: every candidate is judged on the same windows by a judge with the same initial weights.
+    const RngKey judge = job.key.Stage("common");
+    if (!job.factory.spec().can_set_state) {
+      return JudgeSimulator(job.factory, halves, job.clone, z, common_evidence, job.config.judge_steps, judge).common;
+    }
+    const int n_rows = job.config.n_sims * job.config.n_steps;
+    return JudgeReplays(job.factory, halves, z, n_rows, job.config.judge_steps, judge).common;
+  };
   const int n = static_cast<int>(candidates.size());
+  result.candidates.resize(candidates.size());
   std::atomic<int> n_done{0};
-  ParallelFor(n + 1, context.n_threads, [&](int i) {
-    context.ThrowIfStopped();
-    const auto common = [&](const std::vector<std::vector<double>>& z) {
-      // One key for all: every candidate is judged on the same windows by a judge with the same initial weights.
-      const RngKey judge = key.Stage("common");
-      return factory.spec().can_set_state
-                 ? JudgeReplays(factory, halves, z, config.n_sims * config.n_steps, config.judge_steps, judge).common
-                 : JudgeSimulator(factory, halves, clone, z, common_evidence, config.judge_steps, judge).common;
-    };
+  ParallelFor(n + 1, job.context.n_threads, [&](int i) {
+    job.context.ThrowIfStopped();
     if (i == n) {
-      const std::vector<std::vector<double>> nominal(static_cast<size_t>(config.n_sims),
-                                                     factory.parameters().Nominal());
-      result.nominal_common = common(nominal);
+      result.nominal_common =
+          common(std::vector(static_cast<size_t>(job.config.n_sims), job.factory.parameters().Nominal()));
     } else {
       Candidate& candidate = candidates[static_cast<size_t>(i)];
-      const RngKey own = key.Stage(candidate.setting).Index(static_cast<uint64_t>(candidate.seed));
+      const RngKey own = job.key.Stage(candidate.setting).Index(static_cast<uint64_t>(candidate.seed));
       CandidateScore& score = result.candidates[static_cast<size_t>(i)];
-      score.c = PaperScore(factory, dataset, clone, candidate, config, own.Stage("c"));
-      score.common = common(DrawParameters(candidate.q, config.n_sims, own.Stage("common")));
+      score.c = PaperScore(job.factory, job.dataset, job.clone, candidate, job.config, own.Stage("c"));
+      score.common = common(DrawParameters(candidate.q, job.config.n_sims, own.Stage("common")));
     }
-    context.log->Progress("select", "simulators", ++n_done, n + 1, "");
+    job.context.log->Progress("select", "simulators", ++n_done, n + 1, "");
   });
+}
 
-  // Steps 4 and 5: average over seeds, pick the best.
-  for (int i = 0; i < n; ++i) {
-    const std::string& name = candidates[static_cast<size_t>(i)].setting;
-    auto found = std::find_if(result.settings.begin(), result.settings.end(),
-                              [&](const SettingScore& s) { return s.setting == name; });
+/// Step 4: every setting's scores, averaged over its seeds.
+void ScoreSettings(const std::vector<Candidate>& candidates, SelectionResult& result) {
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const std::string& name = candidates[i].setting;
+    auto found = std::ranges::find(result.settings, name, &SettingScore::setting);
     if (found == result.settings.end()) {
       result.settings.push_back({});
       result.settings.back().setting = name;
       found = result.settings.end() - 1;
     }
-    found->candidates.push_back(i);
+    found->candidates.push_back(static_cast<int>(i));
   }
   for (SettingScore& setting : result.settings) {
     const double n_seeds = static_cast<double>(setting.candidates.size());
@@ -160,20 +172,21 @@ SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& 
     }
     setting.design_deviation = DesignDeviation(candidates, setting.candidates);
   }
+}
+
+/// Step 5: the best setting, and of each the best seed.
+void PickBest(const std::vector<Candidate>& candidates, SelectionScore score, SelectionResult& result) {
   // A judge that sees nothing leaves candidates tied at log 2: then the setting whose seeds agree best wins, and of its
   // seeds the one nearest their mean.
   const auto better_setting = [&](const SettingScore& x, const SettingScore& y) {
-    const double score_x = RankingScore(x, config.score), score_y = RankingScore(y, config.score);
+    const double score_x = RankingScore(x, score), score_y = RankingScore(y, score);
     return std::abs(score_x - score_y) > kTie ? score_x > score_y : x.design_deviation < y.design_deviation;
-  };
-  const auto is_eligible = [&](const SettingScore& setting) {
-    return !candidates[static_cast<size_t>(setting.candidates[0])].superseded;
   };
   result.selected_setting = -1;
   for (size_t s = 0; s < result.settings.size(); ++s) {
     SettingScore& setting = result.settings[s];
-    setting.best_candidate = BestSeed(setting.candidates, candidates, result.candidates, config.score);
-    if (!is_eligible(setting)) continue;
+    setting.best_candidate = BestSeed(setting.candidates, candidates, result.candidates, score);
+    if (candidates[static_cast<size_t>(setting.candidates[0])].superseded) continue;
     if (result.selected_setting < 0 ||
         better_setting(setting, result.settings[static_cast<size_t>(result.selected_setting)])) {
       result.selected_setting = static_cast<int>(s);
@@ -181,6 +194,16 @@ SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& 
   }
   OTED_CHECK(result.selected_setting >= 0);
   result.best_candidate = result.settings[static_cast<size_t>(result.selected_setting)].best_candidate;
+}
+
+}  // namespace
+
+SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates) {
+  OTED_CHECK(!candidates.empty());
+  SelectionResult result;
+  ScoreCandidates(job, candidates, result);
+  ScoreSettings(candidates, result);
+  PickBest(candidates, job.config.score, result);
   return result;
 }
 

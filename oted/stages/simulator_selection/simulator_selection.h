@@ -17,9 +17,18 @@
 
 namespace oted {
 
+/// What ranks the settings.
+enum class SelectionScore {
+  kCommon,            ///< "common": the common judge's
+  kPaper,             ///< "paper": the paper's c
+  kDesignDeviation,   ///< "design_deviation"
+  kLearningProgress,  ///< "learning_progress"
+};
+const NamedValues<SelectionScore>& SelectionScoreNames();
+
 struct SelectionConfig {
   int n_seeds = 3;
-  std::string score = "common";
+  SelectionScore score = SelectionScore::kCommon;
   int n_sims = 16;
   int n_steps = 200;
   int judge_steps = 400;
@@ -30,7 +39,7 @@ struct SelectionConfig {
 /// One design: hyperparameters h with seed i, and what it learned.
 struct Candidate {
   std::string setting;
-  std::string form;  ///< design.form of the setting
+  std::string method;  ///< design.method of the setting
   int seed = 0;
   Designer q;
   Discriminator g;
@@ -38,8 +47,18 @@ struct Candidate {
   double learning_progress = 0;  ///< mean reward during training
   std::shared_ptr<const Policy>
       clone;                       ///< of the design itself, where clone and design were trained jointly; else null
-  std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of forms that replay windows
-  bool superseded = false;         ///< scored, but its setting is not selected: another form of it was preferred
+  std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of methods that replay windows
+  bool superseded = false;         ///< scored, but its setting is not selected: another method was preferred
+};
+
+/// What candidates are judged by.
+struct SimulatorSelectionJob {
+  const SimulatorFactory& factory;
+  const Dataset& dataset;
+  const Policy* clone;  ///< may be null when every candidate's evidence replays actions
+  const SelectionConfig& config;
+  RngKey key;
+  RunContext context;
 };
 
 struct CandidateScore {
@@ -63,15 +82,13 @@ struct SelectionResult {
   std::vector<SettingScore> settings;
   int selected_setting = 0;   ///< index into settings, by config.score
   int best_candidate = 0;     ///< of the selected setting
-  double nominal_common = 0;  ///< the common score of the un-designed simulator: is there a gap at all?
+  double nominal_common = 0;  ///< the common score of the nominal simulator: is there a gap at all?
 };
 
 /// Scores of differently strong discriminators are not comparable (a blind g gives log 2 on any simulator), so beside
 /// the paper's c every candidate is judged by one common protocol: a fresh discriminator, trained on one half of the
 /// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score).
-/// @param clone  may be null when every candidate's evidence replays actions
-SelectionResult SelectSimulator(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                                std::vector<Candidate>& candidates, const SelectionConfig& config, RngKey key,
-                                const RunContext& context);
+/// @param candidates  at least one; their g are evaluated
+SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates);
 
 }  // namespace oted

@@ -41,7 +41,7 @@ SelectionResult Select(const Dataset& logs, std::vector<Candidate> candidates, c
                        int n_threads = 1) {
   NullSink log;
   const RunContext context{.log = &log, .n_threads = n_threads};
-  return SelectSimulator(PointMassFactory(), logs, nullptr, candidates, config, RngKey(3), context);
+  return SelectSimulator({PointMassFactory(), logs, nullptr, config, RngKey(3), context}, candidates);
 }
 
 TEST(SelectSimulator, ACandidateAtTheTruthOutranksOneFarAway) {
@@ -52,7 +52,7 @@ TEST(SelectSimulator, ACandidateAtTheTruthOutranksOneFarAway) {
   EXPECT_LT(result.candidates[0].common, kLog2 - 0.2);
   EXPECT_EQ(result.settings[static_cast<size_t>(result.selected_setting)].setting, "true");
   EXPECT_EQ(result.best_candidate, 1);
-  EXPECT_LT(result.nominal_common, kLog2 - 0.1) << "the un-designed simulator has gain and damping wrong";
+  EXPECT_LT(result.nominal_common, kLog2 - 0.1) << "the nominal simulator has gain and damping wrong";
 }
 
 TEST(SelectSimulator, ASettingWhosePlaceAnotherTookIsScoredAndNeverSelected) {
@@ -112,7 +112,7 @@ TEST(SelectSimulator, ASettingsScoresAreMeansOverItsSeeds) {
   candidates[3].learning_progress = 3;
   SelectionConfig config = SmallConfig();
   config.judge_steps = 20;
-  config.score = "design_deviation";
+  config.score = SelectionScore::kDesignDeviation;
   const auto by_deviation = Select(logs, candidates, config);
   ASSERT_EQ(by_deviation.settings.size(), 2u);
   const SettingScore &agree = by_deviation.settings[0], &differ = by_deviation.settings[1];
@@ -125,7 +125,7 @@ TEST(SelectSimulator, ASettingsScoresAreMeansOverItsSeeds) {
   EXPECT_EQ(by_deviation.settings[static_cast<size_t>(by_deviation.selected_setting)].setting, "agree")
       << "the lowest deviation wins";
 
-  config.score = "learning_progress";
+  config.score = SelectionScore::kLearningProgress;
   const auto by_progress = Select(logs, candidates, config);
   EXPECT_EQ(by_progress.settings[static_cast<size_t>(by_progress.selected_setting)].setting, "differ")
       << "the highest progress wins";

@@ -43,16 +43,18 @@ class SampleReplay {
   std::deque<std::vector<Array2<double>>> iterations_;
 };
 
-double Reward(double logit, bool log_ratio) { return log_ratio ? logit : MinusLogOneMinusG(logit); }
+double RewardOf(double logit, DesignReward kind) {
+  return kind == DesignReward::kLogRatio ? logit : MinusLogOneMinusG(logit);
+}
 
 /// Lines 2: the mean reward of each z; diverged or empty ones get the lowest of the others.
-std::vector<double> Rewards(const std::vector<LaneExperience>& experience, Discriminator& g, bool log_ratio) {
+std::vector<double> Rewards(const std::vector<LaneExperience>& experience, Discriminator& g, DesignReward kind) {
   std::vector<double> rewards(experience.size(), std::numeric_limits<double>::quiet_NaN());
   double lowest = std::numeric_limits<double>::infinity();
   for (size_t k = 0; k < experience.size(); ++k) {
     if (experience[k].diverged || experience[k].features.rows() == 0) continue;
     double sum = 0;
-    for (const double logit : g.Logits(experience[k].features)) sum += Reward(logit, log_ratio);
+    for (const double logit : g.Logits(experience[k].features)) sum += RewardOf(logit, kind);
     rewards[k] = sum / experience[k].features.rows();
     lowest = std::min(lowest, rewards[k]);
   }
@@ -141,13 +143,13 @@ struct DesignState {
 };
 
 /// Line 4. Returns means over the steps.
-Discriminator::StepResult UpdateDiscriminator(const DesignConfig& config, const Array2<double>& dataset_features,
+Discriminator::StepResult UpdateDiscriminator(const DiscriminatorConfig& config, const Array2<double>& dataset_features,
                                               Rng& rng, DesignState& state) {
   Discriminator::StepResult mean;
   if (state.replay.empty()) return mean;
-  const int batch = config.discriminator_batch;
+  const int batch = config.batch;
   Array2<double> data_rows(batch, dataset_features.cols()), sim_rows(batch, dataset_features.cols());
-  for (int step = 0; step < config.discriminator_steps; ++step) {
+  for (int step = 0; step < config.steps; ++step) {
     for (int i = 0; i < batch; ++i) {
       const auto data_row =
           dataset_features.row(static_cast<int>(rng.Below(static_cast<uint64_t>(dataset_features.rows()))));
@@ -156,8 +158,8 @@ Discriminator::StepResult UpdateDiscriminator(const DesignConfig& config, const 
       std::copy(sim_row.begin(), sim_row.end(), sim_rows.row(i).begin());
     }
     const Discriminator::StepResult result = state.g.Step(data_rows, sim_rows);
-    mean.loss += result.loss / config.discriminator_steps;
-    mean.accuracy += result.accuracy / config.discriminator_steps;
+    mean.loss += result.loss / config.steps;
+    mean.accuracy += result.accuracy / config.steps;
   }
   return mean;
 }
@@ -183,10 +185,10 @@ void LogIteration(const DesignState& state, const std::vector<double>& rewards,
 
 }  // namespace
 
-DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                                const DesignConfig& config, const Designer& start, bool learns_q, RngKey key,
-                                const std::filesystem::path& folder, const std::string& run_name,
-                                const RunContext& context) {
+DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialConfig& config,
+                                const DiscriminatorConfig& discriminator, const Designer& start, bool learns_q) {
+  const auto& [factory, dataset, given_clone, key, folder, run_name, context] = problem;
+  const Policy* clone = given_clone;
   EvidenceConfig evidence = config.Evidence(factory.spec());
   const Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
   std::optional<JointClone> joint;
@@ -198,14 +200,13 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
 
   Rng init = key.Stage("initialisation").MakeRng();
-  DesignState state{
-      start,
-      Discriminator(dataset_features, config.Discriminator(), init, FeatureShape(factory.spec(), evidence)),
-      SampleReplay(config.replay_iterations),
-      0,
-      0,
-      {},
-      0};
+  DesignState state{start,
+                    Discriminator(dataset_features, discriminator, init, FeatureShape(factory.spec(), evidence)),
+                    SampleReplay(config.replay_iterations),
+                    0,
+                    0,
+                    {},
+                    0};
   const std::filesystem::path checkpoint = folder / "checkpoint.npz";
   if (learns_q && std::filesystem::exists(checkpoint)) state.Restore(checkpoint, joint ? &*joint : nullptr);
 
@@ -220,12 +221,12 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     std::vector<LaneExperience> experience = gatherer.Gather(z, iteration_key.Stage("rollouts"));
 
     // 2: estimate the discriminator's output on it, before g is updated.
-    const std::vector<double> rewards = Rewards(experience, state.g, config.reward == "log_ratio");
+    const std::vector<double> rewards = Rewards(experience, state.g, config.reward);
 
     // 3: update q. In the first iteration g is still blind and its rewards are noise.
     if (learns_q && state.iteration > 0) {
-      state.q.Ascend(draws, Standardize(rewards, config.reward_floor), config.lambda, config.step_mean,
-                     config.step_log_std);
+      state.q.Ascend(draws, Standardize(rewards, config.reward_floor),
+                     {.lambda = config.lambda, .mean = config.step_mean, .log_std = config.step_log_std});
     }
 
     // 4: update g on (E, D).
@@ -233,7 +234,7 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     std::vector<Array2<double>> by_lane;
     for (LaneExperience& lane : experience) by_lane.push_back(std::move(lane.features));
     state.replay.Add(std::move(by_lane));
-    const Discriminator::StepResult discriminator = UpdateDiscriminator(config, dataset_features, rng, state);
+    const Discriminator::StepResult step = UpdateDiscriminator(discriminator, dataset_features, rng, state);
 
     // 5: update the clone. In the first iteration its critic is blind.
     if (joint) {
@@ -245,7 +246,7 @@ DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& 
     ++state.iteration;
     if (learns_q && state.iteration > (1 - config.average) * config.n_iterations) state.AddToAverage();
     state.reward_sum += Mean(rewards);
-    LogIteration(state, rewards, discriminator, config.n_iterations, run_name, *context.log);
+    LogIteration(state, rewards, step, config.n_iterations, run_name, *context.log);
     if (learns_q && (context.StopRequested() || state.iteration % kCheckpointInterval == 0)) {
       state.Save(checkpoint, joint ? &*joint : nullptr);
     }

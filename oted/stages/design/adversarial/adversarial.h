@@ -1,10 +1,8 @@
 #pragma once
 /// Algorithm 1 of the paper (Sec. 4.1): q(z) by policy gradient against a discriminator g.
 
-#include <filesystem>
-#include <string>
-
-#include "oted/stages/design/design.h"
+#include "oted/stages/design/adversarial/adversarial_config.h"
+#include "oted/stages/design/design_problem.h"
 
 namespace oted {
 
@@ -18,10 +16,7 @@ namespace oted {
 /// A z whose physics broke down gets the lowest reward of the batch.
 /// @param start     q of the first iteration
 /// @param learns_q  false leaves out line 3: g is trained against a q that is known already
-/// @param clone, folder, run_name, context  as LearnDesign
-DesignResult LearnAdversarially(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                                const DesignConfig& config, const Designer& start, bool learns_q, RngKey key,
-                                const std::filesystem::path& folder, const std::string& run_name,
-                                const RunContext& context);
+DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialConfig& config,
+                                const DiscriminatorConfig& discriminator, const Designer& start, bool learns_q);
 
 }  // namespace oted

@@ -8,14 +8,15 @@ namespace {
 constexpr int kBatch = 256;
 const std::vector<int> kCriticHidden = {256, 256};
 
-ValueDiceUpdate MakeUpdate(const TanhGaussianPolicy& clone, const DesignConfig& config, RngKey key) {
+ValueDiceUpdate MakeUpdate(const TanhGaussianPolicy& clone, const AdversarialConfig& config, RngKey key) {
   Rng rng = key.MakeRng();
   return {clone, kCriticHidden, {.actor_learning_rate = config.clone_rate, .replay_share = config.clone_replay}, rng};
 }
 
 }  // namespace
 
-JointClone::JointClone(const TanhGaussianPolicy& clone, const Dataset& logs, const DesignConfig& config, RngKey key)
+JointClone::JointClone(const TanhGaussianPolicy& clone, const Dataset& logs, const AdversarialConfig& config,
+                       RngKey key)
     : config_(config), logs_(logs, clone), update_(MakeUpdate(clone, config, key)), policy_(clone) {}
 
 void JointClone::Add(const std::vector<LaneExperience>& experience) {

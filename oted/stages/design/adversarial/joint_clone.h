@@ -8,7 +8,7 @@
 #include "oted/data/npz.h"
 #include "oted/matching/experience.h"
 #include "oted/rl/value_dice_update.h"
-#include "oted/stages/design/design_config.h"
+#include "oted/stages/design/adversarial/adversarial_config.h"
 
 namespace oted {
 
@@ -18,7 +18,7 @@ namespace oted {
 class JointClone {
  public:
   /// @param clone  to begin with; its spread and its normaliser are kept
-  JointClone(const TanhGaussianPolicy& clone, const Dataset& logs, const DesignConfig& config, RngKey key);
+  JointClone(const TanhGaussianPolicy& clone, const Dataset& logs, const AdversarialConfig& config, RngKey key);
 
   /// The clone as it is now: the object stays the same, what it does changes with Update.
   const TanhGaussianPolicy& policy() const { return policy_; }
@@ -32,7 +32,7 @@ class JointClone {
   void Restore(const NpzArrays& arrays, const std::string& where);
 
  private:
-  const DesignConfig& config_;
+  const AdversarialConfig& config_;
   ImitationRows logs_;
   std::deque<ImitationRows> replay_;
   ValueDiceUpdate update_;

@@ -11,6 +11,7 @@
 
 #include "oted/base/error.h"
 #include "oted/stages/design/images/posterior.h"
+#include "oted/stages/design/images/ratio_estimator.h"
 
 namespace oted {
 namespace {
@@ -29,11 +30,11 @@ struct SimulatorSamples {
 };
 
 /// Line 4: g learns to tell the simulators of the replay apart.
-double UpdateRatios(const std::deque<std::vector<SimulatorSamples>>& replay, const RatioMatchingOptions& options,
+double UpdateRatios(const std::deque<std::vector<SimulatorSamples>>& replay, const DiscriminatorConfig& settings,
                     RatioEstimator& g, Rng& rng) {
-  const int n_sims = std::max(2, options.batch / kSamplesPerSimulator);
+  const int n_sims = std::max(2, settings.batch / kSamplesPerSimulator);
   double mean_loss = 0;
-  for (int step = 0; step < options.steps_per_iteration; ++step) {
+  for (int step = 0; step < settings.steps; ++step) {
     std::vector<std::span<const double>> samples;
     std::vector<int> of;
     Array2<double> u;
@@ -46,7 +47,7 @@ double UpdateRatios(const std::deque<std::vector<SimulatorSamples>>& replay, con
         of.push_back(k);
       }
     }
-    mean_loss += g.Step(samples, of, u) / options.steps_per_iteration;
+    mean_loss += g.Step(samples, of, u) / settings.steps;
   }
   return mean_loss;
 }
@@ -92,7 +93,7 @@ struct Calibration {
 };
 
 /// Step 2.
-Calibration Calibrate(const Array2<double>& logged, const RatioMatchingOptions& options, const ParameterSpace& space,
+Calibration Calibrate(const Array2<double>& logged, const ImagesConfig& config, const ParameterSpace& space,
                       ExperienceGatherer& gatherer, RatioEstimator& g, RngKey key, const RunContext& context) {
   constexpr int kBatches = 4;
   const int d = space.size();
@@ -100,10 +101,10 @@ Calibration Calibrate(const Array2<double>& logged, const RatioMatchingOptions& 
   const MatrixXd prior_precision = MatrixXd::Identity(d, d) / (Designer::kPriorStd * Designer::kPriorStd);
   Calibration calibration{VectorXd::Zero(d), 1};
   VectorXd x = wanted;
-  for (int round = 0; round < options.n_calibrations; ++round) {
+  for (int round = 0; round < config.n_calibrations; ++round) {
     context.ThrowIfStopped();
     const RngKey round_key = key.Stage("round").Index(static_cast<uint64_t>(round));
-    const std::vector<std::vector<double>> z(static_cast<size_t>(options.n_sims),
+    const std::vector<std::vector<double>> z(static_cast<size_t>(config.n_sims),
                                              LogitToZ(space, {x.data(), static_cast<size_t>(d)}));
     Array2<double> features;
     for (int batch = 0; batch < kBatches; ++batch) {
@@ -124,31 +125,61 @@ Calibration Calibrate(const Array2<double>& logged, const RatioMatchingOptions& 
   return calibration;
 }
 
+/// log p(logs | z) at each row of u, moved and flattened as the calibration asks for.
+std::vector<double> CalibratedLikelihoods(const Array2<double>& features, const Array2<double>& u,
+                                          const Calibration& calibration, RatioEstimator& g) {
+  Array2<double> moved = u;
+  for (int k = 0; k < u.rows(); ++k) {
+    for (int i = 0; i < u.cols(); ++i) {
+      const double inside = std::clamp(u(k, i), kUnitEdge, 1 - kUnitEdge);  // on a bound the logit is infinite
+      moved(k, i) = 1 / (1 + (1 / inside - 1) * std::exp(-calibration.delta[i]));
+    }
+  }
+  std::vector<double> values = g.LogLikelihoods(features, moved);
+  for (double& value : values) value *= calibration.c;
+  return values;
+}
+
+/// An untrained g whose encoder is fitted on these samples.
+std::unique_ptr<RatioEstimator> Untrained(const std::vector<SimulatorSamples>& samples, const InputShape& shape,
+                                          const ImagesConfig& config, const DiscriminatorConfig& settings, Rng& init) {
+  Array2<double> seen;
+  for (const SimulatorSamples& one : samples) {
+    for (int i = 0; i < one.rows.rows(); ++i) seen.AppendRow(one.rows.row(i));
+  }
+  const RatioOptions options{.size = {.hidden = settings.hidden, .filters = settings.filters, .mean_pool = false},
+                             .learning_rate = settings.learning_rate,
+                             .n_steps = config.n_iterations * settings.steps};
+  return std::make_unique<RatioEstimator>(seen, shape, static_cast<int>(samples.front().u.size()), options, init);
+}
+
 }  // namespace
 
-Designer MatchRatios(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                     const RatioMatchingOptions& options, const Designer& prior, RngKey key,
-                     const RatioProgress& progress, const RunContext& context) {
+Designer MatchRatios(const RatioProblem& problem, const ImagesConfig& config, const DiscriminatorConfig& settings) {
+  const auto& [factory, dataset, clone, own_evidence, prior, key, progress, context] = problem;
+  EvidenceConfig evidence = own_evidence;
+  evidence.common_starts = false;
   const ParameterSpace& space = factory.parameters();
-  const Array2<double> logged = DatasetFeatures(dataset, options.evidence);
+  const Array2<double> logged = DatasetFeatures(dataset, evidence);
   if (logged.rows() == 0) {
-    throw DataError(fmt::format("no episode of dataset '{}' has the {} steps that one sample holds; lower design.stack",
-                                dataset.path, options.evidence.stack));
+    throw DataError(
+        fmt::format("no episode of dataset '{}' has the {} steps that one sample holds; lower design.adversarial.stack",
+                    dataset.path, evidence.stack));
   }
-  ExperienceGatherer gatherer(factory.Make(options.n_sims, context.n_threads), dataset, clone, options.evidence);
+  ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
   std::deque<std::vector<SimulatorSamples>> replay;
   std::unique_ptr<RatioEstimator> g;
   Rng init = key.Stage("initialisation").MakeRng();
   Designer q = prior;
   int n_barren = 0;
-  for (int iteration = 0; iteration < options.n_iterations; ++iteration) {
+  for (int iteration = 0; iteration < config.n_iterations; ++iteration) {
     context.ThrowIfStopped();
     const RngKey iteration_key = key.Stage("iteration").Index(static_cast<uint64_t>(iteration));
     Rng rng = iteration_key.MakeRng();
 
     // 1: gather experience, z uniform.
     std::vector<std::vector<double>> z;
-    for (int k = 0; k < options.n_sims; ++k) z.push_back(space.SampleUniform(rng));
+    for (int k = 0; k < config.n_sims; ++k) z.push_back(space.SampleUniform(rng));
     std::vector<SimulatorSamples> gathered;
     std::vector<LaneExperience> experience = gatherer.Gather(z, iteration_key.Stage("rollouts"));
     for (size_t k = 0; k < z.size(); ++k) {
@@ -157,22 +188,15 @@ Designer MatchRatios(const SimulatorFactory& factory, const Dataset& dataset, co
     }
     if (gathered.size() >= 2) {
       replay.push_back(std::move(gathered));
-      if (static_cast<int>(replay.size()) > options.replay_iterations) replay.pop_front();
+      if (static_cast<int>(replay.size()) > config.replay_iterations) replay.pop_front();
     } else if (++n_barren == kPatience) {
       throw DataError("the physics broke down in nearly all simulators of the range; narrow the parameters' ranges");
     }
     if (replay.empty()) continue;
 
     // 4: update g, in simulators alone.
-    if (!g) {
-      Array2<double> seen;
-      for (const SimulatorSamples& one : replay.front()) {
-        for (int i = 0; i < one.rows.rows(); ++i) seen.AppendRow(one.rows.row(i));
-      }
-      g = std::make_unique<RatioEstimator>(seen, FeatureShape(factory.spec(), options.evidence), space.size(),
-                                           options.estimator, init);
-    }
-    const double loss = UpdateRatios(replay, options, *g, rng);
+    if (!g) g = Untrained(replay.front(), FeatureShape(factory.spec(), evidence), config, settings, init);
+    const double loss = UpdateRatios(replay, settings, *g, rng);
 
     // 2 and 3: what g says of the logs is the reward of every z, and q its posterior.
     const Array2<double> features = g->Features(logged);
@@ -184,19 +208,8 @@ Designer MatchRatios(const SimulatorFactory& factory, const Dataset& dataset, co
   if (!g) return q;
 
   const Array2<double> features = g->Features(logged);
-  const Calibration calibration = Calibrate(features, options, space, gatherer, *g, key.Stage("calibration"), context);
-  const auto likelihoods = [&](const Array2<double>& u) {
-    Array2<double> moved = u;
-    for (int k = 0; k < u.rows(); ++k) {
-      for (int i = 0; i < u.cols(); ++i) {
-        const double inside = std::clamp(u(k, i), kUnitEdge, 1 - kUnitEdge);  // on a bound the logit is infinite
-        moved(k, i) = 1 / (1 + (1 / inside - 1) * std::exp(-calibration.delta[i]));
-      }
-    }
-    std::vector<double> values = g->LogLikelihoods(features, moved);
-    for (double& value : values) value *= calibration.c;
-    return values;
-  };
+  const Calibration calibration = Calibrate(features, config, space, gatherer, *g, key.Stage("calibration"), context);
+  const auto likelihoods = [&](const Array2<double>& u) { return CalibratedLikelihoods(features, u, calibration, *g); };
   return Posterior(prior, likelihoods, key.Stage("posterior"));
 }
 

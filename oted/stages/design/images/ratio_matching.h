@@ -17,31 +17,31 @@
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
 #include "oted/matching/designer.h"
+#include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
 #include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
-#include "oted/stages/design/images/ratio_estimator.h"
+#include "oted/stages/design/images/images_config.h"
 
 namespace oted {
-
-struct RatioMatchingOptions {
-  EvidenceConfig evidence;
-  RatioOptions estimator;  ///< n_steps is that of all iterations
-  int n_iterations = 80;
-  int n_sims = 128;  ///< simulators per iteration, z uniform over the bounds
-  int steps_per_iteration = 30;
-  int batch = 128;             ///< samples per step
-  int replay_iterations = 10;  ///< whose samples g is trained on
-  int n_calibrations = 2;      ///< times that z is moved
-};
 
 /// Called after each iteration with q as it stands and g's mean loss.
 using RatioProgress = std::function<void(int iteration, const Designer& q, double loss)>;
 
-/// @param prior  the kind of q, and its parameters
+/// What a design by ratios is given. What it refers to must outlive it.
+struct RatioProblem {
+  const SimulatorFactory& factory;
+  const Dataset& dataset;
+  const Policy* clone;  ///< null where logged actions are replayed
+  EvidenceConfig evidence;
+  const Designer& prior;  ///< the kind of q, and its parameters
+  RngKey key;
+  const RatioProgress& progress;
+  const RunContext& context;
+};
+
+/// @param g  network, batches and step sizes of the discriminator
 /// @throws DataError when nearly all simulators of the range diverge; Interrupted
-Designer MatchRatios(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone,
-                     const RatioMatchingOptions& options, const Designer& prior, RngKey key,
-                     const RatioProgress& progress, const RunContext& context);
+Designer MatchRatios(const RatioProblem& problem, const ImagesConfig& config, const DiscriminatorConfig& g);
 
 }  // namespace oted

@@ -20,11 +20,11 @@ class SmallRooms : public testing::Test {
   SmallRooms() {
     // Uniformly random actions; and as their clone, a network that has seen nothing.
     logs_ = CollectMinigridDemonstrations(factory_, {kTruth}, MinigridMedium(1.0), 60, RngKey(1), 1);
-    config_ = DesignConfig::ForForm("images");
-    config_.n_iterations = 20;
-    config_.n_sims = 64;
-    config_.discriminator_filters = {8};
-    config_.discriminator_hidden = {16};
+    config_ = DesignConfig::For(DesignMethod::kImages);
+    config_.images.n_iterations = 20;
+    config_.images.n_sims = 64;
+    config_.discriminator.filters = {8};
+    config_.discriminator.hidden = {16};
     Rng init = RngKey(2).MakeRng();
     clone_ = CategoricalPolicy(logs_.observations, ObservationShape(factory_.spec()), {{8}, {4}, false},
                                factory_.spec().n_discrete_actions);
@@ -33,8 +33,11 @@ class SmallRooms : public testing::Test {
 
   Designer Design(const Designer& prior, RngKey key, int n_threads = 1) const {
     NullSink log;
-    return MatchRatios(factory_, logs_, &clone_, config_.Ratios(factory_.spec()), prior, key,
-                       [](int, const Designer&, double) {}, {&log, nullptr, n_threads});
+    const RatioProgress nothing = [](int, const Designer&, double) {};
+    const RunContext context{&log, nullptr, n_threads};
+    const EvidenceConfig evidence = config_.adversarial.Evidence(factory_.spec());
+    return MatchRatios({factory_, logs_, &clone_, evidence, prior, key, nothing, context}, config_.images,
+                       config_.discriminator);
   }
   double Yardstick() const {
     DensityLikelihood likelihood(task_);
@@ -65,13 +68,13 @@ TEST_F(SmallRooms, ACategoricalDesignerPutsItsWeightOnTheGridValuesAround) {
 }
 
 TEST_F(SmallRooms, TheThreadsDoNotChangeTheBytes) {
-  config_.n_iterations = 2;
+  config_.images.n_iterations = 2;
   const Designer prior(factory_.parameters(), 1.0);
   EXPECT_EQ(Design(prior, RngKey(5), 1).State(), Design(prior, RngKey(5), 2).State());
 }
 
 TEST_F(SmallRooms, EpisodesShorterThanASampleAreADataError) {
-  config_.horizon = config_.stack = 200;
+  config_.adversarial.horizon = config_.adversarial.stack = 200;
   EXPECT_THAT(MessageOf<DataError>([&] { Design(Designer(factory_.parameters(), 1.0), RngKey(6)); }),
               testing::HasSubstr("200 steps"));
 }

@@ -53,7 +53,7 @@ HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held
   const double freedom = static_cast<double>(spec.obs_dim()) * errors.n_steps;  // beyond the start that was fitted
   for (const std::vector<double>& parameters : z) {
     const FittedStarts fitted =
-        FitStarts(replayer, windows, readings, parameters, likelihood, start_step, kReplayedStartIterations);
+        FitStarts(replayer, readings, {windows, parameters, likelihood, start_step, kReplayedStartIterations});
     std::vector<double> of_windows;
     for (const VectorXd& residual : fitted.residuals) {
       double error = kBrokenDownError;

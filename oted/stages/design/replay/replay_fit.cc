@@ -65,7 +65,7 @@ std::vector<VectorXd> LoggedStarts(const WindowReplayer& replayer, const std::ve
 void ThrowNothingStartable(const Dataset& dataset, const SimulatorSpec& spec, int length) {
   throw DataError(fmt::format(
       "no state of dataset '{}' can be set in task '{}' (velocities at the observation's clip, or episodes under {} "
-      "transitions?); use --set design.form=paper",
+      "transitions?); use --set design.method=paper",
       dataset.path, spec.task, length));
 }
 

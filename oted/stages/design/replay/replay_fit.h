@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "oted/base/log.h"
 #include "oted/data/dataset.h"
 #include "oted/matching/fit_evidence.h"
 #include "oted/matching/prior.h"
@@ -19,11 +20,21 @@ namespace oted {
 struct ReplayFit {
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;
-  std::optional<FitEvidence> evidence;  ///< of forms that estimate the logs' noise
+  std::optional<FitEvidence> evidence;  ///< of methods that estimate the logs' noise
 };
 
 /// Called after each step of a fit: how many were made, of how many at most, and the present x.
 using FitProgress = std::function<void(int done, int total, const Eigen::VectorXd& x)>;
+
+/// What such a design is given. What it refers to must outlive it.
+struct ReplayProblem {
+  const SimulatorFactory& factory;
+  const Dataset& dataset;
+  const Prior& prior;
+  RngKey key;
+  const FitProgress& progress;
+  const RunContext& context;
+};
 
 inline constexpr double kMaxX = 6.0;            ///< |x| at most this, as the designer's
 inline constexpr double kSmallestNoise = 3e-8;  ///< of a channel, over its scale: the rounding of logs in float32

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "oted/data/dataset.h"
-#include "oted/matching/log_window.h"
+#include "oted/sim/log_window.h"
 #include "oted/sim/simulator.h"
 
 namespace oted {

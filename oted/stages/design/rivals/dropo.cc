@@ -31,20 +31,20 @@ struct Candidate {
   double outside;  // squared distance of y to the box
 };
 
-Candidate Decode(const VectorXd& y, int n, const DropoOptions& options) {
+Candidate Decode(const VectorXd& y, int n, const DropoConfig& config) {
   const VectorXd inside = y.cwiseMax(0.0).cwiseMin(kWidth);
   Candidate c{.mean = (2 * inside.head(n).array() / kWidth - 1) * kMaxX,
               .std = inside.segment(n, n).unaryExpr([](double v) { return OnLogScale(v, kSmallestStd, kLargestStd); }),
-              .epsilon = options.epsilon,
+              .epsilon = config.epsilon,
               .outside = (y - inside).squaredNorm()};
-  if (options.learns_epsilon) c.epsilon = OnLogScale(inside[2 * n], kSmallestEpsilon, kLargestEpsilon);
+  if (config.learn_epsilon) c.epsilon = OnLogScale(inside[2 * n], kSmallestEpsilon, kLargestEpsilon);
   return c;
 }
 
-VectorXd Start(int n, const DropoOptions& options) {
-  VectorXd y = VectorXd::Constant(2 * n + (options.learns_epsilon ? 1 : 0), kWidth / 2);
-  if (options.learns_epsilon) {
-    const double position = std::log(options.epsilon / kSmallestEpsilon) / std::log(kLargestEpsilon / kSmallestEpsilon);
+VectorXd Start(int n, const DropoConfig& config) {
+  VectorXd y = VectorXd::Constant(2 * n + (config.learn_epsilon ? 1 : 0), kWidth / 2);
+  if (config.learn_epsilon) {
+    const double position = std::log(config.epsilon / kSmallestEpsilon) / std::log(kLargestEpsilon / kSmallestEpsilon);
     y[2 * n] = kWidth * std::clamp(position, 0.0, 1.0);
   }
   return y;
@@ -64,14 +64,14 @@ MatrixXd CutNormals(int rows, int cols, Rng& rng) {
 
 class Likelihood {
  public:
-  Likelihood(const SimulatorFactory& factory, const Dataset& dataset, const DropoOptions& options, RngKey key,
+  Likelihood(const SimulatorFactory& factory, const Dataset& dataset, const DropoConfig& config, RngKey key,
              int n_threads)
       : space_(factory.parameters()),
         replayer_(factory.Make(kDropoLanes, n_threads), dataset),
         inverse_scale_(ChannelScales(dataset).cwiseInverse()) {
     Rng rng = key.MakeRng();
-    windows_ = DrawStartable(replayer_, dataset, factory.spec(), options.horizon,
-                             options.n_transitions * options.horizon, rng);
+    windows_ =
+        DrawStartable(replayer_, dataset, factory.spec(), config.horizon, config.transitions * config.horizon, rng);
     starts_ = LoggedStarts(replayer_, windows_);
   }
 
@@ -106,6 +106,21 @@ class Likelihood {
 
 }  // namespace
 
+FieldList DropoConfig::Fields() {
+  FieldList fields("design.dropo");
+  fields.Add("horizon", &horizon, "lambda, control steps up to the state that is predicted", AtLeast(1));
+  fields.Add("transitions", &transitions, "logged states predicted, at most", AtLeast(1));
+  fields.Add("samples", &samples, "draws of z for each prediction", AtLeast(2));
+  fields.Add("budget", &budget, "distributions that CMA-ES tries", AtLeast(1));
+  fields.Add(
+      "epsilon", &epsilon,
+      "added to each predicted variance, in units of the channel's variance in the logs; with sensor noise twice "
+      "the noise's",
+      Above(0));
+  fields.Add("learn_epsilon", &learn_epsilon, "CMA-ES finds epsilon, from the value above on");
+  return fields;
+}
+
 double PredictionLogDensity(const MatrixXd& predictions, const VectorXd& observed, double epsilon) {
   const VectorXd mean = predictions.colwise().mean();
   const MatrixXd centred = predictions.rowwise() - mean.transpose();
@@ -118,28 +133,28 @@ double PredictionLogDensity(const MatrixXd& predictions, const VectorXd& observe
                  static_cast<double>(error.size()) * std::log(2 * std::numbers::pi));
 }
 
-ReplayFit FitDropo(const SimulatorFactory& factory, const Dataset& dataset, const DropoOptions& options, RngKey key,
-                   const FitProgress& progress, const RunContext& context) {
-  Likelihood likelihood(factory, dataset, options, key.Stage("transitions"), context.n_threads);
+ReplayFit FitDropo(const ReplayProblem& problem, const DropoConfig& config) {
+  const auto& [factory, dataset, unused_prior, key, progress, context] = problem;
+  Likelihood likelihood(factory, dataset, config, key.Stage("transitions"), context.n_threads);
   const int n = factory.parameters().size();
-  CmaEs search(Start(n, options), kSigma);
-  const int n_generations = std::max(1, options.budget / search.population());
+  CmaEs search(Start(n, config), kSigma);
+  const int n_generations = std::max(1, config.budget / search.population());
   for (int generation = 0; generation < n_generations; ++generation) {
     Rng rng = key.Stage("generation").Index(static_cast<uint64_t>(generation)).MakeRng();
     const std::vector<VectorXd> points = search.Ask(rng);
-    const MatrixXd normals = CutNormals(options.n_samples, n, rng);
+    const MatrixXd normals = CutNormals(config.samples, n, rng);
     std::vector<double> costs;
     for (const VectorXd& point : points) {
-      const Candidate candidate = Decode(point, n, options);
+      const Candidate candidate = Decode(point, n, config);
       const double cost = -likelihood.LogDensity(candidate, normals);
       // Outside of the box the cost is that of its edge and more, so that the search comes back.
       costs.push_back(cost + (1 + std::abs(cost)) * candidate.outside);
       context.ThrowIfStopped();
     }
     search.Tell(points, costs);
-    progress(generation + 1, n_generations, Decode(search.mean(), n, options).mean);
+    progress(generation + 1, n_generations, Decode(search.mean(), n, config).mean);
   }
-  const Candidate found = Decode(search.mean(), n, options);
+  const Candidate found = Decode(search.mean(), n, config);
   return {.mean = found.mean, .covariance = found.std.cwiseAbs2().asDiagonal(), .evidence = {}};
 }
 

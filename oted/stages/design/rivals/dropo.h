@@ -5,20 +5,21 @@
 
 #include <Eigen/Dense>
 
-#include "oted/base/log.h"
-#include "oted/data/dataset.h"
-#include "oted/sim/simulator.h"
+#include "oted/base/fields.h"
 #include "oted/stages/design/replay/replay_fit.h"
 
 namespace oted {
 
-struct DropoOptions {
-  int horizon = 1;              ///< lambda: control steps from a logged state to the one that is predicted
-  int n_transitions = 100;      ///< logged states that are predicted, at most
-  int n_samples = 20;           ///< draws of the parameters for each prediction
-  int budget = 800;             ///< distributions that CMA-ES tries
-  double epsilon = 1e-5;        ///< added to every variance of a prediction, in channel scales squared
-  bool learns_epsilon = false;  ///< CMA-ES moves it too, between 1e-15 and 0.1, from `epsilon`
+/// [design.dropo]
+struct DropoConfig {
+  int horizon = 1;             ///< lambda: control steps from a logged state to the one that is predicted
+  int transitions = 100;       ///< logged states that are predicted, at most
+  int samples = 20;            ///< draws of the parameters for each prediction
+  int budget = 800;            ///< distributions that CMA-ES tries
+  double epsilon = 1e-5;       ///< added to every variance of a prediction, in channel scales squared
+  bool learn_epsilon = false;  ///< CMA-ES moves it too, between 1e-15 and 0.1, from `epsilon`
+
+  FieldList Fields();
 };
 
 /// Maximises over q = N(mean, diag(std^2)) in the search coordinates x, cut off at two spreads,
@@ -29,8 +30,7 @@ struct DropoOptions {
 /// channel in units of its standard deviation over the logs. By CMA-ES, whose every generation draws its own standard
 /// normals, the same for all of its distributions. The covariance is that of the q found: the spread of the target's
 /// parameters that the logs show, not the uncertainty of an estimate.
-ReplayFit FitDropo(const SimulatorFactory& factory, const Dataset& dataset, const DropoOptions& options, RngKey key,
-                   const FitProgress& progress, const RunContext& context);
+ReplayFit FitDropo(const ReplayProblem& problem, const DropoConfig& config);
 
 /// log N(observed; mean and covariance of the rows of `predictions`, to whose diagonal epsilon is added). At least two
 /// rows; epsilon > 0.

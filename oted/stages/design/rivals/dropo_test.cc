@@ -20,11 +20,12 @@ using Eigen::VectorXd;
 constexpr size_t kGain = 0, kDamping = 1;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
-ReplayFit Fit(const Dataset& logs, const DropoOptions& options = {}, int n_threads = 1,
+ReplayFit Fit(const Dataset& logs, const DropoConfig& config = {}, int n_threads = 1,
               const PointMassOptions& task = {}) {
   NullSink log;
-  return FitDropo(PointMassFactory(task), logs, options, RngKey(1), [](int, int, const VectorXd&) {},
-                  {.log = &log, .n_threads = n_threads});
+  const RunContext context{.log = &log, .n_threads = n_threads};
+  return FitDropo(
+      {PointMassFactory(task), logs, Prior::Uniform(3), RngKey(1), [](int, int, const VectorXd&) {}, context}, config);
 }
 
 std::vector<double> Z(const ReplayFit& fit) { return ToZ(PointMass::MakeParameters(), fit.mean); }
@@ -73,7 +74,7 @@ TEST(FitDropo, TheSpreadOfQIsThatOfTheTargetsParameters) {
   Dataset logs;
   Rng rng(4);
   for (int episode = 0; episode < 60; ++episode) logs.Append(PointMassLogs({rng.Uniform(1.0, 1.6), 0.6, 0.5}, 1));
-  const ReplayFit fit = Fit(logs, {.n_transitions = 300, .n_samples = 30, .budget = 1500});
+  const ReplayFit fit = Fit(logs, {.transitions = 300, .samples = 30, .budget = 1500});
   const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
   EXPECT_NEAR(q.Mode()[kGain], 1.3, 0.06);
   // A uniform distribution's spread, for which the cut-off Gaussian stands at 0.88 of its own.
@@ -83,7 +84,7 @@ TEST(FitDropo, TheSpreadOfQIsThatOfTheTargetsParameters) {
 }
 
 TEST(FitDropo, ALearnedEpsilonFindsTheTruthToo) {
-  const std::vector<double> z = Z(Fit(PointMassLogs(kTruth, 8), {.epsilon = 1e-3, .learns_epsilon = true}));
+  const std::vector<double> z = Z(Fit(PointMassLogs(kTruth, 8), {.epsilon = 1e-3, .learn_epsilon = true}));
   EXPECT_NEAR(z[kGain], 1.5, 0.02);
   EXPECT_NEAR(z[kDamping], 0.6, 0.02);
 }
@@ -97,7 +98,7 @@ TEST(FitDropo, GivesTheSameBytesAtAnyThreadCount) {
 
 TEST(FitDropo, LogsWhoseStatesCannotBeSetAreADataErrorWithTheRemedy) {
   EXPECT_THAT(MessageOf<DataError>([] { Fit(PointMassLogs(kTruth, 5), {}, 1, {.velocity_clip = 0}); }),
-              testing::HasSubstr("design.form=paper"));
+              testing::HasSubstr("design.method=paper"));
 }
 
 }  // namespace oted::dropo_test

@@ -20,18 +20,18 @@ constexpr double kBrokenError = 10;       // of every number of a window that br
 constexpr double kSmallDecrease = 1e-10;  // of the cost, relative: converged
 
 /// The windows' residuals as a function of u in the unit cube.
-class Problem {
+class Predictions {
  public:
-  Problem(const SimulatorFactory& factory, const Dataset& dataset, const LeastSquaresOptions& options, RngKey key,
-          int n_threads)
+  Predictions(const SimulatorFactory& factory, const Dataset& dataset, const LeastSquaresConfig& config, RngKey key,
+              int n_threads)
       : space_(factory.parameters()),
         replayer_(factory.Make(kLeastSquaresLanes, n_threads), dataset),
         inverse_scale_(ChannelScales(dataset).cwiseInverse()) {
     int horizon = 1;
     for (const Episode& episode : dataset.Episodes())
-      horizon = std::max(horizon, std::min(options.horizon, episode.size()));
+      horizon = std::max(horizon, std::min(config.horizon, episode.size()));
     Rng rng = key.MakeRng();
-    windows_ = DrawStartable(replayer_, dataset, factory.spec(), horizon, options.n_rows, rng);
+    windows_ = DrawStartable(replayer_, dataset, factory.spec(), horizon, config.rows, rng);
     starts_ = LoggedStarts(replayer_, windows_);
   }
 
@@ -130,33 +130,41 @@ VectorXd ToX(const VectorXd& u) {
 
 }  // namespace
 
-ReplayFit FitLeastSquares(const SimulatorFactory& factory, const Dataset& dataset, const LeastSquaresOptions& options,
-                          const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context) {
+FieldList LeastSquaresConfig::Fields() {
+  FieldList fields("design.least_squares");
+  fields.Add("horizon", &horizon, "control steps predicted from each state", AtLeast(1));
+  fields.Add("rows", &rows, "logged transitions predicted, at most", AtLeast(1));
+  fields.Add("starts", &starts, "starting points, the nominal parameters first", AtLeast(1));
+  return fields;
+}
+
+ReplayFit FitLeastSquares(const ReplayProblem& problem, const LeastSquaresConfig& config) {
+  const auto& [factory, dataset, prior, key, progress, context] = problem;
   const ParameterSpace& space = factory.parameters();
-  Problem problem(factory, dataset, options, key.Stage("windows"), context.n_threads);
-  const int n = problem.n_parameters(), n_total = options.n_starts * kMaxIterations;
+  Predictions predictions(factory, dataset, config, key.Stage("windows"), context.n_threads);
+  const int n = predictions.n_parameters(), n_total = config.starts * kMaxIterations;
   Rng rng = key.Stage("starts").MakeRng();
 
   VectorXd best_u;
   double best_cost = std::numeric_limits<double>::infinity();
-  for (int start = 0; start < options.n_starts; ++start) {
+  for (int start = 0; start < config.starts; ++start) {
     const std::vector<double> nominal = space.ToUnit(space.Nominal());
     VectorXd u = Eigen::Map<const VectorXd>(nominal.data(), n).cwiseMax(kStartMargin).cwiseMin(1 - kStartMargin);
     if (start > 0) {
       for (double& coordinate : u) coordinate = rng.Uniform(kStartMargin, 1 - kStartMargin);
     }
-    std::vector<VectorXd> residuals = problem.Residuals(u);
-    double cost = problem.Cost(residuals), damping = 1e-3;
+    std::vector<VectorXd> residuals = predictions.Residuals(u);
+    double cost = predictions.Cost(residuals), damping = 1e-3;
     bool converged = false;
     for (int iteration = 0; iteration < kMaxIterations && !converged; ++iteration) {
       MatrixXd hessian;
       VectorXd descent;
-      problem.Linearize(u, residuals, hessian, descent);
+      predictions.Linearize(u, residuals, hessian, descent);
       converged = true;  // unless a step makes the cost smaller
       for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
         const VectorXd tried = u + BoxStep(u, hessian, descent, damping);
-        std::vector<VectorXd> there = problem.Residuals(tried);
-        const double its_cost = problem.Cost(there);
+        std::vector<VectorXd> there = predictions.Residuals(tried);
+        const double its_cost = predictions.Cost(there);
         if (its_cost < cost) {
           converged = cost - its_cost < kSmallDecrease * cost;
           u = tried;
@@ -178,14 +186,14 @@ ReplayFit FitLeastSquares(const SimulatorFactory& factory, const Dataset& datase
 
   ReplayFit fit;
   fit.mean = ToX(best_u);
-  const std::vector<VectorXd> residuals = problem.Residuals(best_u);
+  const std::vector<VectorXd> residuals = predictions.Residuals(best_u);
   MatrixXd hessian;
   VectorXd descent;
-  problem.Linearize(best_u, residuals, hessian, descent);
+  predictions.Linearize(best_u, residuals, hessian, descent);
   // From u to x: du/dx = u (1 - u), there where x is.
   const VectorXd u = fit.mean.unaryExpr(&LogitToUnit);
   const VectorXd slope = u.array() * (1 - u.array());
-  const MatrixXd precision = slope.asDiagonal() * hessian * slope.asDiagonal() / problem.MeanSquare(residuals);
+  const MatrixXd precision = slope.asDiagonal() * hessian * slope.asDiagonal() / predictions.MeanSquare(residuals);
   fit.covariance = (precision + prior.precision).inverse();
   if (!prior.uniform) {
     fit.mean += fit.covariance * (prior.precision * (prior.mean - fit.mean));

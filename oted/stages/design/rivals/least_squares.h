@@ -2,17 +2,18 @@
 /// Multi-start least squares on multi-step predictions: what identification tools do, here as a rival of trajectory
 /// matching under the same report. Not in the paper; docs/design_forms.md says when it is enough.
 
-#include "oted/base/log.h"
-#include "oted/data/dataset.h"
-#include "oted/sim/simulator.h"
+#include "oted/base/fields.h"
 #include "oted/stages/design/replay/replay_fit.h"
 
 namespace oted {
 
-struct LeastSquaresOptions {
-  int horizon = 2;    ///< control steps that are predicted from each logged state
-  int n_rows = 1000;  ///< logged transitions that are predicted, at most
-  int n_starts = 5;   ///< of the parameters: the nominal ones, then uniform draws
+/// [design.least_squares]
+struct LeastSquaresConfig {
+  int horizon = 2;  ///< control steps that are predicted from each logged state
+  int rows = 1000;  ///< logged transitions that are predicted, at most
+  int starts = 5;   ///< of the parameters: the nominal ones, then uniform draws
+
+  FieldList Fields();
 };
 
 /// Minimises, over the parameters in the unit cube of their bounds,
@@ -29,7 +30,6 @@ struct LeastSquaresOptions {
 /// that what has no effect stays as wide as it. A prior that is not uniform also draws the estimate, as it would that
 /// of a linear plant: the least squares themselves know none. It holds where residuals are independent and starts
 /// exact: under sensor noise it is far too narrow.
-ReplayFit FitLeastSquares(const SimulatorFactory& factory, const Dataset& dataset, const LeastSquaresOptions& options,
-                          const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context);
+ReplayFit FitLeastSquares(const ReplayProblem& problem, const LeastSquaresConfig& config);
 
 }  // namespace oted

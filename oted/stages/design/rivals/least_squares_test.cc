@@ -18,11 +18,13 @@ constexpr size_t kGain = 0, kDamping = 1;
 constexpr int kIdle = 2;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
-ReplayFit Fit(const Dataset& logs, const LeastSquaresOptions& options = {}, int n_threads = 1,
+ReplayFit Fit(const Dataset& logs, const LeastSquaresConfig& config = {}, int n_threads = 1,
               const PointMassOptions& task = {}) {
   NullSink log;
-  return FitLeastSquares(PointMassFactory(task), logs, options, Prior::Uniform(3), RngKey(1),
-                         [](int, int, const Eigen::VectorXd&) {}, {.log = &log, .n_threads = n_threads});
+  const RunContext context{.log = &log, .n_threads = n_threads};
+  return FitLeastSquares(
+      {PointMassFactory(task), logs, Prior::Uniform(3), RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
+      config);
 }
 
 std::vector<double> Z(const ReplayFit& fit) { return ToZ(PointMass::MakeParameters(), fit.mean); }
@@ -52,8 +54,8 @@ TEST(FitLeastSquares, AGaussianPriorAndItsEstimateAddUpAsTwoGaussiansDo) {
   const Prior prior = Prior::Gaussian(Eigen::Vector3d(-1, 0, 1.5), 0.01 * Eigen::Matrix3d::Identity());
   const ReplayFit alone = Fit(logs);
   NullSink log;
-  const ReplayFit under = FitLeastSquares(PointMassFactory(), logs, {}, prior, RngKey(1),
-                                          [](int, int, const Eigen::VectorXd&) {}, {.log = &log});
+  const ReplayFit under = FitLeastSquares(
+      {PointMassFactory(), logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, {.log = &log}}, {});
   const Eigen::Matrix3d of_logs =
       alone.covariance.inverse() - Eigen::Matrix3d::Identity() / (Designer::kPriorStd * Designer::kPriorStd);
   const Eigen::Matrix3d precision = of_logs + prior.precision;
@@ -72,7 +74,7 @@ TEST(FitLeastSquares, NoiseInTheStartsBiasesItAsErrorsInVariablesDo) {
   double velocity_variance = 0;
   for (int i = 0; i < clean.size(); ++i) velocity_variance += std::pow(clean.observations(i, 1), 2) / clean.size();
   const double shrunk = 0.4 * velocity_variance / (velocity_variance + noise * noise);
-  const std::vector<double> z = Z(Fit(logs, {.horizon = 1, .n_rows = 8000, .n_starts = 2}));
+  const std::vector<double> z = Z(Fit(logs, {.horizon = 1, .rows = 8000, .starts = 2}));
   EXPECT_NEAR(1 - z[kDamping], shrunk, 0.02);
   EXPECT_GT(0.4 - shrunk, 0.08) << "the bias is there to be seen";
 }
@@ -110,7 +112,7 @@ TEST(FitLeastSquares, GivesTheSameBytesAtAnyThreadCount) {
 
 TEST(FitLeastSquares, LogsWhoseStatesCannotBeSetAreADataErrorWithTheRemedy) {
   EXPECT_THAT(MessageOf<DataError>([] { Fit(PointMassLogs(kTruth, 5), {}, 1, {.velocity_clip = 0}); }),
-              testing::HasSubstr("design.form=paper"));
+              testing::HasSubstr("design.method=paper"));
 }
 
 }  // namespace oted::least_squares_test

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/data/checks_dynamics.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/trajectories/noise_estimate.h"
 #include "oted/stages/design/trajectories/start_fit.h"
@@ -117,7 +118,7 @@ bool LevelFit::TryOtherStarts(Rng& rng) {
       starts.push_back(*start);
     }
     const FittedStarts fitted =
-        FitStarts(replayer_, windows, std::move(starts), z, likelihood, kStartStep * scale_, kOtherStartIterations);
+        FitStarts(replayer_, std::move(starts), {windows, z, likelihood, kStartStep * scale_, kOtherStartIterations});
     for (size_t k = 0; k < which.size(); ++k) {
       const size_t w = which[k];
       if (!(likelihood.Cost(fitted.residuals[k]) < likelihood.Cost(residuals_[w]))) continue;

@@ -7,9 +7,8 @@ namespace oted {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-FittedStarts FitStarts(WindowReplayer& replayer, const std::vector<LogWindow>& windows, std::vector<VectorXd> starts,
-                       const std::vector<double>& z, const WindowLikelihood& likelihood, const VectorXd& start_step,
-                       int n_iterations) {
+FittedStarts FitStarts(WindowReplayer& replayer, std::vector<VectorXd> starts, const StartProblem& problem) {
+  const auto& [windows, z, likelihood, start_step, n_iterations] = problem;
   FittedStarts fitted{std::move(starts), {}};
   fitted.residuals = replayer.Residuals(windows, fitted.starts, z);
   std::vector<double> damping(windows.size(), 1e-2);

@@ -14,11 +14,17 @@ struct FittedStarts {
   std::vector<Eigen::VectorXd> starts, residuals;
 };
 
+/// Which starts are fitted, and how. What it refers to must outlive the call.
+struct StartProblem {
+  const std::vector<LogWindow>& windows;
+  const std::vector<double>& z;
+  const WindowLikelihood& likelihood;
+  Eigen::VectorXd start_step;  ///< (obs_dim): of forward differences
+  int n_iterations;
+};
+
 /// Levenberg-Marquardt, window by window: each keeps the better of its two starts at every step.
-/// @param starts      where to begin; noisy readings, say
-/// @param start_step  (obs_dim): of forward differences
-FittedStarts FitStarts(WindowReplayer& replayer, const std::vector<LogWindow>& windows,
-                       std::vector<Eigen::VectorXd> starts, const std::vector<double>& z,
-                       const WindowLikelihood& likelihood, const Eigen::VectorXd& start_step, int n_iterations);
+/// @param starts  where to begin; noisy readings, say
+FittedStarts FitStarts(WindowReplayer& replayer, std::vector<Eigen::VectorXd> starts, const StartProblem& problem);
 
 }  // namespace oted

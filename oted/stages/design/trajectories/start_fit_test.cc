@@ -20,7 +20,7 @@ TEST(FitStarts, FindsTheWeightedLeastSquaresStartOfALinearPlant) {
   const std::vector<VectorXd> readings = {replayer.Logged(windows[0], 0), replayer.Logged(windows[1], 0)};
   const WindowLikelihood likelihood(VectorXd::Constant(2, 0.05 * 0.05), 6);
   const VectorXd step = VectorXd::Constant(2, 1e-4);
-  const FittedStarts fitted = FitStarts(replayer, windows, readings, kTruth, likelihood, step, 6);
+  const FittedStarts fitted = FitStarts(replayer, readings, {windows, kTruth, likelihood, step, 6});
 
   // The plant is linear in its start: one solve from anywhere gives the answer.
   const auto linear = replayer.Linearize(windows, readings, kTruth, {}, {}, {step, step});
@@ -35,7 +35,9 @@ TEST(FitStarts, FindsTheWeightedLeastSquaresStartOfALinearPlant) {
 TEST(FitStarts, WithoutWindowsThereIsNothingToFit) {
   const Dataset logs = PointMassLogs(kTruth, 1);
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 16, 1), logs);
-  EXPECT_TRUE(FitStarts(replayer, {}, {}, kTruth, {VectorXd::Ones(2), 2}, VectorXd::Ones(2), 3).starts.empty());
+  const std::vector<LogWindow> none;
+  const WindowLikelihood likelihood(VectorXd::Ones(2), 2);
+  EXPECT_TRUE(FitStarts(replayer, {}, {none, kTruth, likelihood, VectorXd::Ones(2), 3}).starts.empty());
 }
 
 }  // namespace oted::start_fit_test

@@ -48,8 +48,10 @@ class GainFactory : public PointMassFactory {
 std::vector<Suspect> SuspectsOf(double factor, uint64_t seed) {
   NullSink log;
   const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, 0.5}, 20), 0.02, RngKey(seed));
-  return MatchTrajectories(GainFactory(), logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2}, Prior::Uniform(1),
-                           RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, {.log = &log, .n_threads = 1})
+  const RunContext context{.log = &log, .n_threads = 1};
+  return MatchTrajectories(
+             {GainFactory(), logs, Prior::Uniform(1), RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
+             {.rows = 400, .starts = 2, .coarse = 16})
       .evidence->suspects;
 }
 

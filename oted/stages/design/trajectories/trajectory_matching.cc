@@ -86,22 +86,22 @@ Level Leading(const Level& level, size_t n) {
 
 }  // namespace
 
-ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
-                            const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context) {
+ReplayFit MatchTrajectories(const ReplayProblem& problem, const TrajectoriesConfig& config) {
+  const auto& [factory, dataset, prior, key, progress, context] = problem;
   const ParameterSpace& space = factory.parameters();
   const int n_lanes = WindowReplayer::LinearizationLanes(space.size(), factory.spec().obs_dim());
   WindowReplayer replayer(factory.Make(n_lanes, context.n_threads), dataset);
   const VectorXd scale = ChannelScales(dataset);
   int longest = kFirstWindow;
   for (const Episode& episode : dataset.Episodes()) {
-    while (longest * 2 <= std::min(options.max_window, episode.size())) longest *= 2;
+    while (longest * 2 <= std::min(config.window, episode.size())) longest *= 2;
   }
   Rng rng = key.MakeRng();
-  const Level first = FirstLevel(replayer, dataset, longest, options.n_rows, rng);
+  const Level first = FirstLevel(replayer, dataset, longest, config.rows, rng);
   if (first.windows.empty()) ThrowNothingStartable(dataset, factory.spec(), kFirstWindow);
   int n_levels = 1;
   for (int length = kFirstWindow; length < longest; length *= 2) ++n_levels;
-  const int n_total = options.n_starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations +
+  const int n_total = config.starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations +
                       n_levels * kRounds * kRoundIterations;
   int n_done = 0, n_planned = 0;
   const auto tell = [&](const VectorXd& x) {
@@ -113,7 +113,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
   const Level few = Leading(first, 40), third = Leading(first, std::max<size_t>(40, first.windows.size() / 3));
   std::vector<std::pair<double, VectorXd>> candidates;
   const VectorXd nominal = NominalStart(space);
-  for (int k = 0; k < options.n_coarse; ++k) {
+  for (int k = 0; k < config.coarse; ++k) {
     VectorXd x = nominal;
     if (k > 0) {
       for (double& coordinate : x) coordinate = rng.Normal();
@@ -126,7 +126,7 @@ ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& data
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   VectorXd x = candidates.front().second;
   double best = std::numeric_limits<double>::infinity();
-  for (int s = 0; s < std::min(options.n_starts, options.n_coarse); ++s) {
+  for (int s = 0; s < std::min(config.starts, config.coarse); ++s) {
     LevelFit fit(replayer, space, prior, scale, third, candidates[static_cast<size_t>(s)].second);
     n_planned += kStartIterations;
     Descend(fit, kStartIterations, tell);

@@ -3,19 +3,10 @@
 /// simulator replays, with the windows' start states unknown as well as z. Not in the paper; see
 /// docs/deviations.md#trajectory-matching.
 
-#include "oted/base/log.h"
-#include "oted/data/dataset.h"
-#include "oted/sim/simulator.h"
 #include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/trajectories_config.h"
 
 namespace oted {
-
-struct TrajectoryOptions {
-  int max_window = 16;  ///< control steps of the longest windows; levels 2, 4, ... up to it
-  int n_rows = 960;     ///< logged transitions that are matched, at most
-  int n_coarse = 64;    ///< parameters drawn from the prior to find where to start
-  int n_starts = 3;     ///< of them, refined at the first level
-};
 
 /// Minimises over x and over the start state s_w of every window w
 ///
@@ -35,7 +26,6 @@ struct TrajectoryOptions {
 /// not count (LevelFit::TryOtherStarts, CountExplainedAlone).
 ///
 /// The last step and the covariance: level_fit.h, Finish, and stretch_estimate.h.
-ReplayFit MatchTrajectories(const SimulatorFactory& factory, const Dataset& dataset, const TrajectoryOptions& options,
-                            const Prior& prior, RngKey key, const FitProgress& progress, const RunContext& context);
+ReplayFit MatchTrajectories(const ReplayProblem& problem, const TrajectoriesConfig& config);
 
 }  // namespace oted

@@ -22,15 +22,17 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
 ReplayFit MatchUnder(const Prior& prior, const Dataset& logs) {
   NullSink log;
-  return MatchTrajectories(PointMassFactory(), logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2}, prior, RngKey(1),
-                           [](int, int, const Eigen::VectorXd&) {}, {.log = &log});
+  return MatchTrajectories(
+      {PointMassFactory(), logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, {.log = &log}},
+      {.rows = 400, .starts = 2, .coarse = 16});
 }
 
 ReplayFit Match(const Dataset& logs, const SimulatorFactory& factory, uint64_t seed, int n_threads = 1) {
   NullSink log;
-  return MatchTrajectories(factory, logs, {.n_rows = 400, .n_coarse = 16, .n_starts = 2},
-                           Prior::Uniform(factory.parameters().size()), RngKey(seed),
-                           [](int, int, const Eigen::VectorXd&) {}, {.log = &log, .n_threads = n_threads});
+  const Prior prior = Prior::Uniform(factory.parameters().size());
+  const RunContext context{.log = &log, .n_threads = n_threads};
+  return MatchTrajectories({factory, logs, prior, RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
+                           {.rows = 400, .starts = 2, .coarse = 16});
 }
 
 ReplayFit Match(const Dataset& logs, uint64_t seed = 1, int n_threads = 1, const PointMassOptions& options = {}) {
@@ -153,7 +155,7 @@ TEST(MatchTrajectories, GivesTheSameBytesAtAnyThreadCount) {
 TEST(MatchTrajectories, LogsWhoseStatesCannotBeSetAreADataErrorWithTheRemedy) {
   const Dataset logs = PointMassLogs(kTruth, 5);
   EXPECT_THAT(MessageOf<DataError>([&] { Match(logs, 1, 1, {.velocity_clip = 0}); }),
-              testing::HasSubstr("design.form=paper"));
+              testing::HasSubstr("design.method=paper"));
 }
 
 }  // namespace oted::trajectory_matching_test

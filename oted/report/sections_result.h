@@ -1,0 +1,14 @@
+#pragma once
+/// What came out: the parameters and the policies.
+/// Each takes the content of report.json; its `html` is empty when the run has nothing for it.
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "oted/report/html_text.h"
+
+namespace oted {
+
+Section ParametersSection(const nlohmann::json& report);
+Section PoliciesSection(const nlohmann::json& report);
+
+}  // namespace oted

@@ -1,0 +1,59 @@
+#pragma once
+/// Stage 4 of a run: agents in the designed simulators, and those to compare with.
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "oted/nn/policy.h"
+#include "oted/run/records.h"
+#include "oted/run/run_setup.h"
+#include "oted/run/selection_step.h"
+
+namespace oted {
+
+/// A policy, and the file that it came to.
+struct StoredPolicy {
+  std::shared_ptr<const Policy> policy;
+  std::string source;  ///< its name in the run and what it was made from
+};
+
+struct TrainedRecord : StoredPolicy {
+  AgentRecord record;
+};
+
+/// What stage 4 leaves.
+struct Agents {
+  std::map<Ground, std::vector<TrainedRecord>> of;  ///< m agents of each ground
+  StoredPolicy bc_dr;                               ///< the clone of the baseline BC+DR; null where it is not run
+
+  /// Of the agents that train there, the one that does best there.
+  const TrainedRecord& Best(Ground ground) const;
+};
+
+/// @throws UsageError for a task without a reward
+void CheckHasReward(const RunSetup& run);
+
+/// policy.npz, policy.onnx and agent.json of every agent, each in a folder of its own.
+Agents TrainAgents(const RunSetup& run, const SelectedDesign& design, const Policy& clone);
+
+/// An agent's policy.npz in `job.folder`. Agents of the same index have the same random streams wherever they train: a
+/// paired comparison.
+struct AgentTraining {
+  const SimulatorFactory& factory;
+  const RunConfig& config;
+  Ground ground = Ground::kDesigned;
+  int index = 1;  ///< from 1
+  std::filesystem::path folder;
+  std::string run_name;  ///< of its curves
+  RunContext context;
+};
+/// @param where  the ground's simulators
+TrainedRecord TrainOneAgent(const AgentTraining& training, TrainingGround where);
+
+/// `policy` as ONNX. Equal runs give equal bytes: it says what it was made from, not where it lies.
+void ExportPolicy(const RunSetup& run, const StoredPolicy& policy, const std::filesystem::path& path);
+
+}  // namespace oted

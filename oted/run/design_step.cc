@@ -1,0 +1,97 @@
+#include "oted/run/design_step.h"
+
+#include <memory>
+#include <utility>
+
+#include "oted/base/parallel.h"
+#include "oted/run/artifacts.h"
+#include "oted/stages/design/design.h"
+#include "oted/stages/design/design_method.h"
+
+namespace oted {
+namespace {
+
+namespace fs = std::filesystem;
+
+Design Make(const RunSetup& run, const std::string& setting, int seed, const Policy& clone, const RunContext& share) {
+  const SettingDesigns& designs = run.Designs(setting);
+  const fs::path folder = run.directory.design_seed(setting, seed);
+  const Artifact artifact = DesignArtifact(run, setting, seed);
+  Design design{.setting = setting, .seed = seed, .record = {}, .discriminator = {}, .clone = nullptr};
+  const auto make = [&] {
+    DesignResult result =
+        LearnDesign({.factory = *run.factory,
+                     .dataset = run.dataset,
+                     .clone = &clone,
+                     .key = run.Key("design").Stage(designs.drawn_as).Index(static_cast<uint64_t>(seed)),
+                     .folder = folder,
+                     .run_name = run.directory.NameOf(folder),
+                     .context = share},
+                    designs.config);
+    result.g.Save(design.discriminator);
+    WriteNpz(design.discriminator, folder / "discriminator.npz");
+    if (result.clone) {
+      result.clone->Save(folder / "policy.npz");
+      design.clone = std::make_shared<TanhGaussianPolicy>(*std::move(result.clone));
+    }
+    return QRecord{std::move(result.q), designs.config.adversarial.lambda, result.learning_progress,
+                   std::move(result.fit)}
+        .ToJson();
+  };
+  design.record = QRecord::FromJson(run.directory.Once(artifact, make), run.parameters(), artifact.file.string());
+  return design;
+}
+
+}  // namespace
+
+std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, SettingDesigns>& settings,
+                                const Policy& clone) {
+  std::vector<std::pair<std::string, int>> jobs;  // setting, seed
+  size_t n_missing = 0;
+  for (const auto& [setting, designs] : settings) {
+    for (int seed = 1; seed <= run.config.selection.n_seeds; ++seed) {
+      jobs.emplace_back(setting, seed);
+      if (run.directory.IsComplete(DesignArtifact(run, setting, seed))) continue;
+      if (n_missing++ == 0) ParametersWithEffect(run);
+    }
+  }
+  // The bar knows all the work before any of it starts.
+  for (const auto& [setting, seed] : jobs) {
+    if (run.directory.IsComplete(DesignArtifact(run, setting, seed))) continue;
+    const std::string name = run.directory.NameOf(run.directory.design_seed(setting, seed));
+    run.context.log->Progress("design", name, 0, settings.at(setting).config.n_iterations(), "");
+  }
+  const RunContext share = run.context.ShareOf(n_missing);
+  std::vector<Design> designs(jobs.size());
+  ParallelFor(static_cast<int>(jobs.size()), run.context.n_threads, [&](int i) {
+    run.context.ThrowIfStopped();
+    const auto& [setting, seed] = jobs[static_cast<size_t>(i)];
+    designs[static_cast<size_t>(i)] = Make(run, setting, seed, clone, share);
+  });
+  return designs;
+}
+
+Candidate AsCandidate(const RunSetup& run, const Design& design) {
+  const DesignConfig& config = run.Designs(design.setting).config;
+  const fs::path folder = run.directory.design_seed(design.setting, design.seed);
+  Candidate candidate;
+  candidate.setting = design.setting;
+  candidate.method = Describe(config.method).name;
+  candidate.seed = design.seed;
+  candidate.q = design.record.q;
+  candidate.evidence = config.adversarial.Evidence(run.spec());
+  Rng unused(0);
+  candidate.g = Discriminator(DatasetFeatures(run.dataset, candidate.evidence), config.discriminator, unused,
+                              FeatureShape(run.spec(), candidate.evidence));
+  const fs::path file = folder / "discriminator.npz";
+  candidate.g.Restore(design.discriminator.empty() ? ReadNpz(file) : design.discriminator, file.string());
+  candidate.learning_progress = design.record.learning_progress.value_or(0);
+  candidate.clone = design.clone;
+  if (candidate.clone == nullptr && config.adversarial.clone_updates > 0) {
+    candidate.clone = LoadPolicy(folder / "policy.npz");
+  }
+  candidate.fit = design.record.fit;
+  return candidate;
+}
+
+}  // namespace oted

@@ -1,0 +1,121 @@
+#include "oted/run/method_choice_step.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "oted/base/parallel.h"
+#include "oted/matching/held_out.h"
+#include "oted/run/artifacts.h"
+#include "oted/run/records.h"
+#include "oted/stages/design/design.h"
+#include "oted/stages/design/design_method.h"
+
+namespace oted {
+namespace {
+
+/// Curves of trials would stand among those of designs: their progress alone is told, as a stage of its own.
+class TrialLog : public NullSink {
+ public:
+  explicit TrialLog(LogSink* log) : log_(log) {}
+  void Progress(std::string_view, std::string_view label, int64_t done, int64_t total, std::string_view note) override {
+    log_->Progress("methods", label, done, total, note);
+  }
+
+ private:
+  LogSink* log_;
+};
+
+/// The first method and those that may take its place.
+std::vector<DesignConfig> TriedDesigns(const RunSetup& run, const std::string& setting) {
+  std::vector<DesignConfig> designs = {run.settings.at(setting).config};
+  for (const DesignMethod method : OtherMethods()) {
+    designs.push_back(run.other_methods.at(setting + "-" + Describe(method).name).config);
+  }
+  return designs;
+}
+
+/// The mode of every method's q, learned from part of the logs.
+std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::string& setting,
+                                            const std::vector<DesignConfig>& designs, const Dataset& learn,
+                                            const Policy& clone) {
+  TrialLog log(run.context.log);
+  size_t n_missing = 0;
+  for (const DesignConfig& design : designs) {
+    const Artifact artifact = TrialArtifact(run, setting, design);
+    if (run.directory.IsComplete(artifact)) continue;
+    ++n_missing;
+    log.Progress("", run.directory.NameOf(artifact.file.parent_path()), 0, design.n_iterations(), "");
+  }
+  RunContext share = run.context.ShareOf(n_missing);
+  share.log = &log;
+  std::vector<std::vector<double>> modes(designs.size());
+  ParallelFor(static_cast<int>(designs.size()), run.context.n_threads, [&](int i) {
+    run.context.ThrowIfStopped();
+    const DesignConfig& config = designs[static_cast<size_t>(i)];
+    const Artifact artifact = TrialArtifact(run, setting, config);
+    const auto make = [&] {
+      const std::filesystem::path folder = artifact.file.parent_path();
+      DesignResult result = LearnDesign({.factory = *run.factory,
+                                         .dataset = learn,
+                                         .clone = &clone,
+                                         .key = run.Key("forms").Stage(setting).Stage("trial"),
+                                         .folder = folder,
+                                         .run_name = run.directory.NameOf(folder),
+                                         .context = share},
+                                        config);
+      return QRecord{std::move(result.q), config.adversarial.lambda, {}, {}}.ToJson();
+    };
+    const auto record = run.directory.Once(artifact, make);
+    modes[static_cast<size_t>(i)] = QRecord::FromJson(record, run.parameters(), artifact.file.string()).q.Mode();
+  });
+  return modes;
+}
+
+/// By designs from part of the logs, judged on the rest. @param first  the best design by the first method
+MethodChoice ChooseByTrial(const RunSetup& run, const std::string& setting, const Candidate& first,
+                           const Policy& clone) {
+  const HeldOutParts parts = HoldOut(run.dataset, run.Key("forms").Stage(setting).Stage("parts"));
+  const auto replay = [&](const Dataset& logs, const std::vector<std::vector<double>>& z) {
+    return ReplayHeldOut(*run.factory, logs, z, *first.fit, run.context.n_threads);
+  };
+  const Artifact artifact = MethodChoiceArtifact(run, setting);
+  if (!run.directory.IsComplete(artifact)) {
+    for (const Dataset* part : {&parts.learn, &parts.judge}) {
+      if (replay(*part, {}).n_windows < kFewestWindows) return KeepFirstMethod(first.q, *first.fit);
+    }
+  }
+  const auto make = [&] {
+    const std::vector<DesignConfig> designs = TriedDesigns(run, setting);
+    const std::vector<std::vector<double>> modes = TrialModes(run, setting, designs, parts.learn, clone);
+    std::vector<std::vector<double>> compared = modes;
+    compared.push_back(run.parameters().Nominal());
+    std::vector<DesignMethod> methods;
+    for (const DesignConfig& design : designs) methods.push_back(design.method);
+    MethodChoiceRecord record{ChooseByHeldOut(methods, modes, replay(parts.judge, compared))};
+    record.choice.setting = setting;
+    return record;
+  };
+  return OnceAs<MethodChoiceRecord>(run.directory, artifact, make).choice;
+}
+
+}  // namespace
+
+std::vector<MethodChoice> ChooseMethods(const RunSetup& run, const std::vector<Candidate>& candidates,
+                                        const SelectionResult& result, const Policy& clone) {
+  std::vector<MethodChoice> choices;
+  for (const auto& [setting, asked] : run.config.DesignSettings()) {
+    if (asked.method) continue;
+    const DesignMethod first = run.settings.at(setting).config.method;
+    const auto scored = std::ranges::find(result.settings, setting, &SettingScore::setting);
+    const Candidate& best = candidates[static_cast<size_t>(scored->best_candidate)];
+    MethodChoice choice = !best.fit                                 ? ChooseByCapability(first, run.spec())
+                          : !AsksForOtherMethods(best.q, *best.fit) ? KeepFirstMethod(best.q, *best.fit)
+                                                                    : ChooseByTrial(run, setting, best, clone);
+    choice.setting = setting;
+    choice.picked = choice.method == first ? setting : setting + "-" + Describe(choice.method).name;
+    choices.push_back(std::move(choice));
+  }
+  return choices;
+}
+
+}  // namespace oted

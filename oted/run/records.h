@@ -1,0 +1,179 @@
+#pragma once
+/// What the stages of a run leave, as types: one struct for each kind of record, with one codec (docs/file_formats.md).
+/// FromJson reads what ToJson wrote: it takes the file's name for errors, and throws DataError naming file and field.
+/// Numbers that are not finite are null in a file, and NaN again when read.
+
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "oted/config/run_config.h"
+#include "oted/matching/designer.h"
+#include "oted/matching/fit_evidence.h"
+#include "oted/matching/verdict.h"
+#include "oted/run/training_ground.h"
+#include "oted/stages/behavior/clone.h"
+#include "oted/stages/design/method_choice.h"
+#include "oted/stages/policy_selection/policy_selection.h"
+
+namespace oted {
+
+/// clone.json
+struct CloneRecord {
+  static constexpr const char* kSchema = "oted.clone/1";
+  CloneMethod method = CloneMethod::kBehavioralCloning;
+  double train_loss = 0, held_out_loss = 0;  ///< as CloneResult's
+  int n_steps = 0;
+  std::optional<CloneChoice> choice;
+
+  static CloneRecord Of(const CloneResult& clone);
+  nlohmann::json ToJson() const;
+  static CloneRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+/// q.json: one design.
+struct QRecord {
+  static constexpr const char* kSchema = "oted.q/1";
+  Designer q;
+  double lambda = 0;                        ///< of Eq. 3
+  std::optional<double> learning_progress;  ///< none of a trial
+  std::optional<FitEvidence> fit;           ///< only of methods that replay windows
+
+  nlohmann::json ToJson() const;
+  static QRecord FromJson(const nlohmann::json& record, const ParameterSpace& space, const std::string& where);
+};
+
+/// choice.json: why a setting's method was taken.
+struct MethodChoiceRecord {
+  static constexpr const char* kSchema = "oted.method_choice/1";
+  MethodChoice choice;
+
+  nlohmann::json ToJson() const;
+  static MethodChoiceRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+/// design.json: what the design found and how far to trust it.
+struct DesignRecord {
+  static constexpr const char* kSchema = "oted.design/1";
+  struct Parameter {
+    std::string name, field, unit;
+    double nominal = 0, low = 0, high = 0;  ///< z
+    double mode = 0, std = 0;               ///< of the best-scoring seed; spread over all seeds
+    double interval90_low = 0, interval90_high = 0;
+    ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
+  };
+  struct Member {
+    int seed = 0;
+    std::vector<double> mode, std;
+  };
+  struct Channel {
+    std::string name;
+    double noise_std = 0, short_noise_std = 0, long_noise_std = 0;
+    bool disagrees = false;
+  };
+  struct Fit {
+    int window = 0;
+    double explained = 0;
+    std::vector<Channel> channels;
+    std::vector<Suspect> suspects;
+  };
+  struct Seed : Member {
+    double c = 0, common = 0, learning_progress = 0;
+  };
+  struct Setting {
+    std::string name, method;
+    double c = 0, common = 0, design_deviation = 0, learning_progress = 0;
+    std::vector<Seed> seeds;
+  };
+  struct Source {
+    std::string path, sha256;
+    int n_transitions = 0;
+  };
+
+  std::string task;
+  std::vector<std::string> warnings;
+  std::vector<Parameter> parameters;
+  std::vector<std::vector<double>> correlation;
+  std::string selected;         ///< setting
+  std::vector<Member> mixture;  ///< its seeds: the simulators that agents train in
+  double score = 0;             ///< the selected setting's, by `score_name`
+  SelectionScore score_name = SelectionScore::kCommon;
+  DesignVerdict verdict = DesignVerdict::kNoGap;
+  std::optional<Fit> fit;
+  std::vector<MethodChoice> method_choices;  ///< of settings whose method was left to auto
+  double nominal_common = 0;
+  std::vector<Setting> settings;
+  Source dataset;
+  std::string model_sha256;
+  std::string oted_version, mujoco_version;
+  std::string fingerprint;  ///< as read; written by the run directory
+
+  std::vector<double> BestMode() const;
+  std::vector<std::vector<double>> MixtureModes() const;
+  nlohmann::json ToJson() const;
+  static DesignRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+/// agent.json
+struct AgentRecord {
+  static constexpr const char* kSchema = "oted.agent/1";
+  int agent = 1;  ///< from 1
+  Ground ground = Ground::kDesigned;
+  AgentAlgorithm algorithm = AgentAlgorithm::kSac;
+  TrainIn train_in = TrainIn::kModes;  ///< of designed ones
+  int64_t seed = 0;
+  int64_t n_steps = 0;
+  double eval_return = 0;                                ///< where it trained
+  std::vector<std::pair<std::string, double>> episodes;  ///< what its episodes ended with, by name
+
+  nlohmann::json ToJson() const;
+  static AgentRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+/// policy_selection.json
+struct PolicySelectionRecord {
+  static constexpr const char* kSchema = "oted.policy_selection/1";
+  struct Simulator {
+    int seed = 0;
+    std::vector<double> mode;
+  };
+  struct Agent {
+    int agent = 1;                ///< from 1
+    std::vector<double> returns;  ///< per simulator
+    double mean_return = 0;
+    int n_diverged = 0;
+  };
+  int selected = 1;  ///< agent, from 1
+  std::vector<Simulator> simulators;
+  std::vector<Agent> agents;
+
+  nlohmann::json ToJson() const;
+  static PolicySelectionRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+/// evaluation.json: every policy in the target.
+struct EvaluationRecord {
+  static constexpr const char* kSchema = "oted.evaluation/1";
+  struct Parameter {
+    std::string name, unit;
+    double nominal = 0, truth = 0, mode = 0, std = 0, absolute_error = 0;
+  };
+  struct PolicyResult {
+    std::string name, label;
+    double mean_return = 0, std_return = 0;
+    int n_diverged = 0;
+    std::optional<double> score;
+  };
+  std::string task;
+  int episodes = 0;
+  std::vector<Parameter> parameters;
+  std::vector<PolicyResult> policies;
+
+  nlohmann::json ToJson() const;
+  static EvaluationRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+}  // namespace oted

@@ -1,0 +1,123 @@
+#include "oted/run/records.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/testing.h"
+
+namespace oted::records_test {
+
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+
+json Clone() {
+  CloneRecord clone;
+  clone.method = CloneMethod::kValueDice;
+  clone.train_loss = 0.1;
+  clone.held_out_loss = 1.0 / 3;
+  clone.n_steps = 7;
+  clone.choice = {{.held_out_loss = 1, .closeness = {}}, {.held_out_loss = 2, .closeness = 0.5}, 30, "a reason"};
+  return clone.ToJson();
+}
+
+json Design() {
+  DesignRecord design;
+  design.task = "Hopper-v5";
+  design.warnings = {"one"};
+  design.parameters = {{.name = "gain",
+                        .field = "actuator/*/gainprm[0]",
+                        .unit = "x nominal",
+                        .nominal = 1,
+                        .low = 0.2,
+                        .high = 2,
+                        .mode = 1.3,
+                        .std = 0.1,
+                        .interval90_low = 1.1,
+                        .interval90_high = 1.5,
+                        .verdict = ParameterVerdict::kWeak}};
+  design.correlation = {{1.0}};
+  design.selected = "default";
+  design.mixture = {{1, {1.3}, {0.1}}};
+  design.score_name = SelectionScore::kPaper;
+  design.verdict = DesignVerdict::kOutsideFamily;
+  design.fit = {16, 0.9, {{"x", 0.1, 0.2, 0.3, true}}, {{"body/*/mass", 1.2, 0.1}}};
+  design.method_choices = {
+      {.setting = "default", .method = DesignMethod::kTrajectories, .picked = "default", .reason = "why", .tried = {}}};
+  DesignRecord::Seed seed;
+  seed.seed = 1;
+  seed.mode = seed.std = {1.0};
+  design.settings = {{.name = "default", .method = "trajectories", .c = 0.1, .seeds = {seed}}};
+  design.dataset = {"demos.hdf5", "ab", 100};
+  return design.ToJson();
+}
+
+json Agent() {
+  AgentRecord agent;
+  agent.ground = Ground::kIntervalSearch;
+  agent.algorithm = AgentAlgorithm::kCrossq;
+  agent.episodes = {{"interval/low/gain", 0.5}};
+  return agent.ToJson();
+}
+
+json PolicySelection() { return PolicySelectionRecord{2, {{1, {1.3}}}, {{1, {10}, 10, 0}, {2, {12}, 12, 1}}}.ToJson(); }
+
+json Evaluation() {
+  return EvaluationRecord{
+      "Hopper-v5", 20, {{"gain", "x nominal", 1, 1.2, 1.3, 0.1, 0.1}}, {{"clone", "clone of the logs", 5, 1, 0, {}}}}
+      .ToJson();
+}
+
+template <class Record>
+void ExpectRoundTrip(const json& record) {
+  EXPECT_EQ(Record::FromJson(record, "here.json").ToJson(), record);
+  for (const auto& [field, unused] : record.items()) {
+    json changed = record;
+    changed[field] = {{"neither", "nor"}};
+    try {
+      static_cast<void>(Record::FromJson(changed, "here.json").ToJson());
+    } catch (const DataError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("here.json")) << field;
+    }
+  }
+}
+
+TEST(Records, AreReadAsTheyWereWritten) {
+  ExpectRoundTrip<CloneRecord>(Clone());
+  ExpectRoundTrip<DesignRecord>(Design());
+  ExpectRoundTrip<AgentRecord>(Agent());
+  ExpectRoundTrip<PolicySelectionRecord>(PolicySelection());
+  ExpectRoundTrip<EvaluationRecord>(Evaluation());
+}
+
+TEST(Records, AMissingFieldAndAnotherSchemaAreErrorsWithFileAndField) {
+  json record = Clone();
+  record.erase("train_loss");
+  EXPECT_THAT(MessageOf<DataError>([&] { CloneRecord::FromJson(record, "clone.json"); }),
+              AllOf(HasSubstr("'clone.json'"), HasSubstr("'train_loss'")));
+  record = Clone();
+  record["method"] = "dagger";
+  EXPECT_THAT(MessageOf<DataError>([&] { CloneRecord::FromJson(record, "clone.json"); }),
+              AllOf(HasSubstr("'method'"), HasSubstr("'dagger' is unknown")));
+  record["schema"] = "oted.clone/9";
+  EXPECT_THAT(MessageOf<DataError>([&] { CloneRecord::FromJson(record, "clone.json"); }),
+              AllOf(HasSubstr("oted.clone/9"), HasSubstr("another version")));
+  json design = Design();
+  design["parameters"][0].erase("mode");
+  EXPECT_THAT(MessageOf<DataError>([&] { DesignRecord::FromJson(design, "design.json"); }),
+              AllOf(HasSubstr("parameters[0]"), HasSubstr("'mode'")));
+}
+
+TEST(Records, ANumberThatIsNotFiniteIsNullAndComesBackAsNan) {
+  AgentRecord agent;
+  agent.eval_return = NAN;
+  const json text = json::parse(agent.ToJson().dump());
+  EXPECT_TRUE(text.at("eval_return").is_null());
+  EXPECT_TRUE(std::isnan(AgentRecord::FromJson(text, "agent.json").eval_return));
+}
+
+}  // namespace oted::records_test

@@ -1,0 +1,139 @@
+#include "oted/run/replay_step.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/run/artifacts.h"
+#include "oted/run/record_reader.h"
+#include "oted/run/replay_record.h"
+#include "oted/sim/film.h"
+#include "oted/sim/log_window.h"
+#include "oted/sim/replay.h"
+
+namespace oted {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kWidth = 256, kHeight = 256;  // [pixels]
+constexpr int kMostFrames = 64;
+constexpr std::array<const char*, 3> kPanels = {"logged", "nominal", "designed"};
+
+/// The stretch of the logs that the report shows, and the two simulators that repeat it.
+struct ShownWindow {
+  int begin = 0;    ///< row of the logs
+  int n_steps = 0;  ///< control steps
+  std::vector<double> nominal, designed;
+};
+
+/// What an earlier call left, if it was made from the same; null otherwise. Unlike a stage's result it is simply made
+/// again.
+json ReadIfCurrent(const fs::path& file, const std::string& fingerprint) {
+  if (!fs::exists(file)) return nullptr;
+  json record = ReadJson(file);
+  return record.is_object() && record.value("fingerprint", "") == fingerprint ? record : json();
+}
+
+void WriteWithFingerprint(const fs::path& file, json& record, const std::string& fingerprint) {
+  record["fingerprint"] = fingerprint;
+  WriteJson(file, record);
+}
+
+/// Every `stride`-th pose.
+Array2<double> Thinned(const Array2<double>& poses, int stride) {
+  Array2<double> thinned;
+  for (int t = 0; t < poses.rows(); t += stride) thinned.AppendRow(poses.row(t));
+  return thinned;
+}
+
+Array2<double> ReplayedPoses(Simulator& simulator, const Dataset& dataset, const ShownWindow& window,
+                             const std::vector<double>& z) {
+  Array2<double> poses;
+  ReplayWindows(simulator, dataset, std::vector{window.begin}, window.n_steps, z,
+                [&](int) { poses.AppendRow(simulator.pose(0)); });
+  return poses;
+}
+
+/// How the robot moves in each panel, in the order of kPanels.
+std::array<PoseTrack, 3> Tracks(const RunSetup& run, const ShownWindow& window) {
+  const auto simulator = run.factory->Make(1, 1);
+  // The logged poses are drawn in the designed model's shape: the target's own is not known.
+  simulator->SetParameters(0, window.designed);
+  const Array2<double> logged = LoggedWindow(run.dataset, window.begin, window.n_steps);
+  return {{{window.designed, PosesOfObservations(*simulator, logged)},
+           {window.nominal, ReplayedPoses(*simulator, run.dataset, window, window.nominal)},
+           {window.designed, ReplayedPoses(*simulator, run.dataset, window, window.designed)}}};
+}
+
+/// Draws `window` into `folder`. @return motion.json, with a note in place of pictures where none can be drawn
+json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& folder) {
+  json motion = {{"schema", "oted.motion/1"}};
+  std::string why_not;
+  const auto renderer = run.factory->MakeRenderer(kWidth, kHeight, &why_not);
+  if (renderer == nullptr) {
+    motion["note"] = why_not;
+    return motion;
+  }
+  const std::array<PoseTrack, 3> tracks = Tracks(run, window);
+  const int stride = (window.n_steps + kMostFrames) / kMostFrames;
+  for (size_t i = 0; i < tracks.size(); ++i) {
+    const FilmStrip strip = DrawFilm(*renderer, {tracks[i].z, Thinned(tracks[i].poses, stride)});
+    const std::string file = fmt::format("{}.webp", kPanels[i]);
+    WriteFileAtomically(folder / file, strip.webp);
+    motion["panels"].push_back({{"name", kPanels[i]}, {"file", file}});
+    motion["columns"] = strip.columns;
+    motion["n_frames"] = strip.n_frames;
+  }
+  motion["width"] = kWidth;
+  motion["height"] = kHeight;
+  motion["frame_period_s"] = stride * run.spec().control_period_s;
+  motion["renderer"] = renderer->description();
+  return motion;
+}
+
+/// None where nothing could be replayed.
+std::optional<ShownWindow> ShownIn(const json& replay, const std::string& where) {
+  const RecordReader reader(replay, "oted.replay/1", where);
+  if (!reader.Has("window")) return std::nullopt;
+  return ShownWindow{reader.At("window").Get<int>("row"), reader.Get<int>("n_steps"), reader.Numbers("nominal"),
+                     reader.Numbers("designed")};
+}
+
+void RemoveMotion(const fs::path& folder) {
+  fs::remove(folder / "motion.json");
+  for (const char* name : kPanels) fs::remove(folder / fmt::format("{}.webp", name));
+}
+
+}  // namespace
+
+void CheckCanDraw(const RunConfig& config, const SimulatorFactory& factory) {
+  if (config.report.motion != Motion::kTrue) return;
+  std::string why_not;
+  if (factory.MakeRenderer(kWidth, kHeight, &why_not) != nullptr) return;
+  throw UsageError(fmt::format("report.motion is true, but {}; or set it to auto or false", why_not));
+}
+
+void ReplayLogs(const RunSetup& run, const DesignRecord& design) {
+  const Artifact artifact = ReplayArtifact(run);
+  const fs::path folder = artifact.file.parent_path();
+  json replay = ReadIfCurrent(artifact.file, artifact.fingerprint);
+  if (replay.is_null()) {
+    replay = MakeReplayRecord(*run.factory, run.dataset, run.config.report.replay_steps, run.parameters().Nominal(),
+                              design.BestMode(), run.context.n_threads);
+    WriteWithFingerprint(artifact.file, replay, artifact.fingerprint);
+  }
+  if (run.config.report.motion == Motion::kFalse) return RemoveMotion(folder);
+  const std::optional<ShownWindow> window = ShownIn(replay, artifact.file.string());
+  if (!window || ReadIfCurrent(folder / "motion.json", artifact.fingerprint).contains("panels")) return;
+  json motion = DrawMotion(run, *window, folder);
+  WriteWithFingerprint(folder / "motion.json", motion, artifact.fingerprint);
+}
+
+}  // namespace oted

@@ -1,0 +1,133 @@
+#include "oted/run/run_setup.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "oted/base/error.h"
+#include "oted/run/artifacts.h"
+#include "oted/run/replay_step.h"
+#include "oted/run/run_inputs.h"
+#include "oted/stages/design/design_method.h"
+#include "oted/stages/design/effects.h"
+#include "oted/stages/design/method_choice.h"
+
+namespace oted {
+namespace {
+
+constexpr int kEffectEpisodes = 3;
+
+RunConfig ExpandAndCheck(RunConfig config, const RunContext& context) {
+  config.task.Resolve();
+  std::vector<std::string> notes;
+  RunConfig expanded = ExpandPresets(std::move(config), &notes);
+  expanded.Check();
+  for (const std::string& note : notes) context.log->Warning("left out: " + note);
+  return expanded;
+}
+
+/// Of a setting whose method was left to auto: the methods that may take the first one's place.
+void AddOtherMethods(RunSetup& run, const std::string& setting, const DesignChoice& choice) {
+  for (const DesignMethod method : OtherMethods()) {
+    const std::string& name = Describe(method).name;
+    const std::string other = fmt::format("{}-{}", setting, name);
+    if (run.config.settings.contains(other)) {
+      throw UsageError(
+          fmt::format("design.settings.{} has the name that '{}' takes when auto picks the method {}; choose another",
+                      other, setting, name));
+    }
+    run.other_methods.emplace(other, SettingDesigns{choice.Resolved(method, run.spec()), setting});
+  }
+}
+
+/// Settles the method of every setting, and its settings, for this simulator.
+void ResolveDesigns(RunSetup& run) {
+  const SimulatorSpec& spec = run.spec();
+  bool adapted = false;
+  for (const auto& [name, choice] : run.config.DesignSettings()) {
+    const DesignConfig design = choice.Resolved(run.parameters(), spec);
+    // Of images auto has a method of its own: nothing was given up.
+    adapted = adapted || (!spec.can_set_state && design.method != DesignMethod::kImages &&
+                          (!choice.method || choice.Assumed().adversarial.starts == RolloutStarts::kDataset));
+    run.settings.emplace(name, SettingDesigns{design, name});
+    if (!choice.method && design.method == DesignMethod::kTrajectories) AddOtherMethods(run, name, choice);
+  }
+  if (!adapted) return;
+  const std::string why_not = run.factory->why_not_settable();
+  run.context.log->Warning(fmt::format(
+      "task '{}' cannot be set to a logged state{}: rollouts begin at the task's own starts and the clone acts "
+      "(design.adversarial.starts = initial, actions = clone, horizon = {})",
+      run.config.task.name, why_not.empty() ? "" : fmt::format(" ({})", why_not),
+      run.settings.begin()->second.config.adversarial.horizon));
+}
+
+void CheckRequest(RunSetup& run) {
+  const RunConfig& config = run.config;
+  const ParameterSpace& parameters = run.parameters();
+  run.dataset.CheckFits(config.task.name, run.spec().obs_dim(), run.spec().act_dim);
+  if (!config.truth.empty()) parameters.CheckInside(config.TruthVector());
+  if (!config.agents.nominal_at.empty()) parameters.CheckInside(config.agents.nominal_at);
+  config.CheckAgentSettings(run.spec());
+  if (config.baselines.Runs(Baseline::kIntervalSearch)) CheckIntervalSearch(config.baselines.is, run.spec());
+  config.clone.MethodFor(run.spec());
+  for (const auto& [name, designs] : run.settings) {
+    FeatureShape(run.spec(), designs.config.adversarial.Evidence(run.spec()));
+    designs.config.MakePrior(parameters);
+    designs.config.Check();  // once more, as the method that auto became
+  }
+  CheckCanDraw(config, *run.factory);
+  if (config.run.strict) ParametersWithEffect(run);
+}
+
+}  // namespace
+
+std::vector<Ground> RunSetup::Grounds() const {
+  std::vector<Ground> grounds = {Ground::kDesigned};
+  if (config.agents.nominal && !config.truth.empty()) grounds.push_back(Ground::kNominal);
+  for (const Baseline baseline : config.baselines.Agents()) {
+    grounds.push_back(baseline == Baseline::kIntervalSearch ? Ground::kIntervalSearch : Ground::kDomainRandomization);
+  }
+  return grounds;
+}
+
+std::filesystem::path RunSetup::AgentFolder(Ground ground, int index) const {
+  if (ground == Ground::kDesigned) return directory.agent(index);
+  if (ground == Ground::kNominal) return directory.nominal(index);
+  return directory.baseline(NameOf(GroundNames(), ground), index);
+}
+
+ActionNoise RunSetup::JudgedNoise() const { return config.Algorithm(spec()).noise(config.algorithms); }
+
+RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext context) {
+  RunConfig config = ExpandAndCheck(std::move(given), context);
+  context.n_threads = config.Threads();
+  Dataset dataset = ReadEpisodes(config.data, SpecOf(config.task));
+  auto factory = MakeSimulatorFactory(config.task, config.parameters, dataset.EpisodeStarts());
+  const std::string sha256 = factory->model_sha256();
+  RunSetup run{std::move(config), context, std::move(dataset), std::move(factory), sha256, {}, {}, RunDirectory()};
+  ResolveDesigns(run);
+  CheckRequest(run);
+  run.directory = RunDirectory(out);
+  for (const Artifact& artifact : AllArtifacts(run)) run.directory.Check(artifact);
+  return run;
+}
+
+const std::vector<bool>& ParametersWithEffect(RunSetup& run) {
+  if (!run.has_effect.empty()) return run.has_effect;
+  const auto effects =
+      MeasureEffects(*run.factory, run.dataset, kEffectEpisodes, run.Key("effects"), run.context.n_threads);
+  for (size_t i = 0; i < effects.size(); ++i) {
+    const ParameterSpec& spec = run.config.parameters[i];
+    run.has_effect.push_back(effects[i].largest_change > 0);
+    if (run.has_effect.back()) continue;
+    const std::string message = fmt::format(
+        "parameter '{}' ({}) changes nothing that the logged episodes show, from {} to {}: it will be reported as not "
+        "identified; check the path, or remove the parameter",
+        spec.name, spec.field, spec.low, spec.high);
+    if (run.config.run.strict) throw UsageError(message + " (run.strict)");
+    run.context.log->Warning(message);
+  }
+  return run.has_effect;
+}
+
+}  // namespace oted

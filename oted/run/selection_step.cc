@@ -1,0 +1,68 @@
+#include "oted/run/selection_step.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "oted/base/error.h"
+#include "oted/run/artifacts.h"
+#include "oted/run/design_record.h"
+#include "oted/run/method_choice_step.h"
+
+namespace oted {
+namespace {
+
+void Append(std::vector<Design>& designs, std::vector<Design> more) {
+  std::move(more.begin(), more.end(), std::back_inserter(designs));
+}
+
+/// Designs by the methods that take the place of first ones, which are no longer eligible.
+std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<MethodChoice>& choices, const Policy& clone,
+                                          std::vector<Candidate>& candidates) {
+  std::map<std::string, SettingDesigns> chosen;
+  for (const MethodChoice& choice : choices) {
+    if (choice.picked == choice.setting) continue;
+    chosen.emplace(choice.picked, run.other_methods.at(choice.picked));
+    for (Candidate& candidate : candidates) {
+      if (candidate.setting == choice.setting) candidate.superseded = true;
+    }
+  }
+  std::vector<Design> designs = MakeDesigns(run, chosen, clone);
+  for (const Design& design : designs) candidates.push_back(AsCandidate(run, design));
+  return designs;
+}
+
+DesignRecord Select(RunSetup& run, const Policy& clone, std::vector<Design>& designs) {
+  DesignFindings findings;
+  for (const Design& design : designs) findings.candidates.push_back(AsCandidate(run, design));
+  const SimulatorSelectionJob job{
+      *run.factory, run.dataset, &clone, run.config.selection, run.Key("simulator selection"), run.context};
+  findings.result = SelectSimulator(job, findings.candidates);
+  findings.choices = ChooseMethods(run, findings.candidates, findings.result, clone);
+  std::vector<Design> more = DesignByChosenMethods(run, findings.choices, clone, findings.candidates);
+  if (!more.empty()) findings.result = SelectSimulator(job, findings.candidates);
+  Append(designs, std::move(more));
+  findings.has_effect = ParametersWithEffect(run);
+  return MakeDesignRecord(run, findings);
+}
+
+}  // namespace
+
+SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const Policy& clone) {
+  SelectedDesign selected;
+  selected.record =
+      OnceAs<DesignRecord>(run.directory, SelectionArtifact(run), [&] { return Select(run, clone, designs); });
+  const std::string& setting = selected.record.selected;
+  if (std::ranges::find(designs, setting, &Design::setting) == designs.end()) {
+    Append(designs, MakeDesigns(run, {{setting, run.Designs(setting)}}, clone));
+  }
+  for (const DesignRecord::Member& member : selected.record.mixture) {
+    const auto of = std::ranges::find_if(
+        designs, [&](const Design& design) { return design.setting == setting && design.seed == member.seed; });
+    OTED_CHECK(of != designs.end());
+    selected.q.push_back(of->record.q);
+  }
+  return selected;
+}
+
+}  // namespace oted

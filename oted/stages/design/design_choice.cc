@@ -1,0 +1,183 @@
+#include "oted/stages/design/design_choice.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "oted/base/error.h"
+#include "oted/stages/design/design_method.h"
+
+namespace oted {
+namespace {
+
+using nlohmann::json;
+
+/// Keys of [design] as they once were, and what they are now.
+const std::map<std::string, std::string>& MovedKeys() {
+  static const std::map<std::string, std::string> moved = {
+      {"form", "method"},
+      {"discriminator", "adversarial.evidence"},
+      {"starts", "adversarial.starts"},
+      {"actions", "adversarial.actions"},
+      {"horizon", "adversarial.horizon"},
+      {"n_steps", "adversarial.n_steps"},
+      {"rows", "adversarial.rows"},
+      {"stack", "adversarial.stack"},
+      {"clone_noise", "adversarial.clone_noise"},
+      {"clone_updates", "adversarial.clone_updates"},
+      {"clone_replay", "adversarial.clone_replay"},
+      {"clone_rate", "adversarial.clone_rate"},
+      {"n_iterations", "adversarial.n_iterations"},
+      {"n_sims", "adversarial.n_sims"},
+      {"step_mean", "adversarial.step_mean"},
+      {"step_log_std", "adversarial.step_log_std"},
+      {"lambda", "adversarial.lambda"},
+      {"initial_std", "adversarial.initial_std"},
+      {"reward", "adversarial.reward"},
+      {"reward_floor", "adversarial.reward_floor"},
+      {"average", "adversarial.average"},
+      {"replay_iterations", "adversarial.replay_iterations"},
+      {"trajectory_window", "trajectories.window"},
+      {"trajectory_rows", "trajectories.rows"},
+      {"trajectory_starts", "trajectories.starts"},
+      {"trajectory_coarse", "trajectories.coarse"},
+      {"least_squares_horizon", "least_squares.horizon"},
+      {"least_squares_rows", "least_squares.rows"},
+      {"least_squares_starts", "least_squares.starts"},
+      {"dropo_horizon", "dropo.horizon"},
+      {"dropo_transitions", "dropo.transitions"},
+      {"dropo_samples", "dropo.samples"},
+      {"dropo_budget", "dropo.budget"},
+      {"dropo_epsilon", "dropo.epsilon"},
+      {"dropo_learn_epsilon", "dropo.learn_epsilon"},
+      {"discriminator_hidden", "discriminator.hidden"},
+      {"discriminator_filters", "discriminator.filters"},
+      {"discriminator_learning_rate", "discriminator.learning_rate"},
+      {"discriminator_weight_decay", "discriminator.weight_decay"},
+      {"discriminator_steps", "discriminator.steps"},
+      {"discriminator_batch", "discriminator.batch"}};
+  return moved;
+}
+
+/// The field of `key`, bound to `config`.
+Field FieldAt(DesignConfig& config, const std::string& key, std::string_view where) {
+  if (const auto moved = MovedKeys().find(key); moved != MovedKeys().end()) {
+    throw UsageError(fmt::format("{}: design.{} is now design.{}; rename it", where, key, moved->second));
+  }
+  const size_t dot = key.rfind('.');
+  const std::string section = dot == std::string::npos ? "design" : "design." + key.substr(0, dot);
+  std::vector<std::string> names;
+  for (const FieldList& fields : config.Sections()) {
+    names.push_back(fields.section());
+    if (fields.section() == section) return fields.Find(key.substr(dot == std::string::npos ? 0 : dot + 1), where);
+  }
+  throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, section,
+                               DidYouMean(section, names), fmt::join(names, ", ")));
+}
+
+json DefaultOf(DesignMethod method, const std::string& section, const std::string& name) {
+  DesignConfig config = DesignConfig::For(method);
+  for (const FieldList& fields : config.Sections()) {
+    if (fields.section() == section) return fields.Find(name, section).ToJson();
+  }
+  throw InternalError("no section " + section);
+}
+
+/// The methods whose default is another than that of trajectories.
+std::vector<std::pair<DesignMethod, json>> OtherDefaults(const std::string& section, const std::string& name) {
+  std::vector<std::pair<DesignMethod, json>> others;
+  const json usual = DefaultOf(DesignMethod::kTrajectories, section, name);
+  for (const MethodDescription& described : DesignMethods()) {
+    const json own = DefaultOf(described.method, section, name);
+    if (own != usual) others.emplace_back(described.method, own);
+  }
+  return others;
+}
+
+}  // namespace
+
+Field DesignChoice::MethodField() {
+  FieldList fields("design");
+  fields.AddChoice("method", &method,
+                   "how q is found; auto: trajectories where states can be set (others are tried where its answer is "
+                   "outside the family; transitions where a parameter is one of the sensors), images where there are "
+                   "some, otherwise paper",
+                   MethodNames());
+  return fields.fields().front();
+}
+
+void DesignChoice::Set(const std::string& key, const json& value, std::string_view where) {
+  if (key == "method") return MethodField().FromJson(value, where);
+  DesignConfig scratch;
+  const Field field = FieldAt(scratch, key, where);
+  field.FromJson(value, where);
+  given_[key] = field.ToJson();
+}
+
+void DesignChoice::SetText(const std::string& key, std::string_view text, std::string_view where) {
+  if (key == "method") return MethodField().FromText(text, where);
+  DesignConfig scratch;
+  const Field field = FieldAt(scratch, key, where);
+  field.FromText(text, where);
+  given_[key] = field.ToJson();
+}
+
+DesignConfig DesignChoice::For(DesignMethod wanted) const {
+  DesignConfig config = DesignConfig::For(wanted);
+  for (const auto& [key, value] : given_) FieldAt(config, key, "design").FromJson(value, "design");
+  return config;
+}
+
+DesignConfig DesignChoice::Resolved(const ParameterSpace& space, const SimulatorSpec& spec) const {
+  return Resolved(method.value_or(FirstMethodOfAuto(space, spec)), spec);
+}
+
+DesignConfig DesignChoice::Resolved(DesignMethod wanted, const SimulatorSpec& spec) const {
+  const MethodDescription& described = Describe(wanted);
+  if (described.needs.settable_state && !spec.can_set_state) {
+    throw UsageError(
+        fmt::format("design.method = \"{}\" sets logged states, which task '{}' does not take; use auto or paper",
+                    described.name, spec.task));
+  }
+  DesignConfig config = For(wanted);
+  AdversarialConfig& settings = config.adversarial;
+  if (settings.clone_updates > 0 && (spec.n_discrete_actions > 0 || !spec.image_shape.empty())) {
+    throw UsageError(fmt::format(
+        "design.adversarial.clone_updates trains the clone by ValueDICE, which takes continuous actions and "
+        "no images; set it to 0 for task '{}'",
+        spec.task));
+  }
+  if (!spec.can_set_state && settings.starts == RolloutStarts::kDataset) {
+    const AdversarialConfig paper = DesignConfig::For(DesignMethod::kPaper).adversarial;
+    settings.StartAtResets();
+    if (!Has("adversarial.horizon")) settings.horizon = paper.horizon;
+    if (!Has("adversarial.n_steps")) settings.n_steps = paper.n_steps;
+  }
+  return config;
+}
+
+void DesignChoice::Check() const {
+  if (method) return For(*method).Check();
+  Assumed().adversarial.Check();
+}
+
+json DesignChoice::ToJson() const {
+  json object = Assumed().ToJson();
+  object["method"] = NameOf(MethodNames(), method);
+  return object;
+}
+
+bool DependsOnMethod(const std::string& section, const std::string& name) {
+  return !OtherDefaults(section, name).empty();
+}
+
+std::string DefaultInWords(const std::string& section, const std::string& name) {
+  std::string words = DefaultOf(DesignMethod::kTrajectories, section, name).dump();
+  for (const auto& [method, value] : OtherDefaults(section, name)) {
+    words += fmt::format("; {}: {}", Describe(method).name, value.dump());
+  }
+  return words;
+}
+
+}  // namespace oted

@@ -1,0 +1,222 @@
+#include "oted/stages/design/design_method.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <functional>
+
+#include "oted/base/error.h"
+#include "oted/stages/design/adversarial/adversarial.h"
+#include "oted/stages/design/images/ratio_matching.h"
+#include "oted/stages/design/rivals/dropo.h"
+#include "oted/stages/design/rivals/least_squares.h"
+#include "oted/stages/design/trajectories/trajectory_matching.h"
+
+namespace oted {
+namespace {
+
+/// Iterations of Algorithm 1 without its line 3: enough for g to tell what there is to tell.
+constexpr int kDiscriminatorIterations = 10;
+
+void LogMode(const DesignProblem& problem, int done, int total, const std::vector<double>& z) {
+  const ParameterSpace& space = problem.factory.parameters();
+  std::string note;
+  for (int i = 0; i < space.size(); ++i) {
+    problem.context.log->Scalar(problem.run_name, "design/mode/" + space[i].name, done, z[static_cast<size_t>(i)]);
+    if (i < 4) note += fmt::format("{}{} {:.3f}", i > 0 ? "  " : "", space[i].name, z[static_cast<size_t>(i)]);
+  }
+  problem.context.log->Progress("design", problem.run_name, done, total, note);
+}
+
+RngKey KeyOf(const DesignProblem& problem, const DesignConfig& config) {
+  return problem.key.Stage(Describe(config.method).name);
+}
+
+/// g, which the paper's score c(h) needs, against a q that is known already.
+DesignResult ScoredByDiscriminator(const DesignProblem& problem, const DesignConfig& config, const Designer& q) {
+  AdversarialConfig against = config.adversarial;
+  against.n_iterations = kDiscriminatorIterations;
+  return LearnAdversarially(problem, against, config.discriminator, q, false);
+}
+
+DesignResult LearnByAlgorithm1(const DesignProblem& problem, const DesignConfig& config) {
+  return LearnAdversarially(problem, config.adversarial, config.discriminator,
+                            config.Start(problem.factory.parameters()), true);
+}
+
+DesignResult LearnByReplay(const DesignProblem& problem, const DesignConfig& config,
+                           const std::function<ReplayFit(const ReplayProblem&)>& fit_to) {
+  const ParameterSpace& space = problem.factory.parameters();
+  const Prior prior = config.Start(space).prior();
+  const FitProgress progress = [&](int done, int total, const Eigen::VectorXd& x) {
+    LogMode(problem, done, total + kDiscriminatorIterations,
+            LogitToZ(space, {x.data(), static_cast<size_t>(x.size())}));
+  };
+  const ReplayFit fit = fit_to({.factory = problem.factory,
+                                .dataset = problem.dataset,
+                                .prior = prior,
+                                .key = KeyOf(problem, config),
+                                .progress = progress,
+                                .context = problem.context});
+  Designer q(space, fit.mean, fit.covariance);
+  q.SetPrior(prior);
+  DesignResult result = ScoredByDiscriminator(problem, config, q);
+  result.fit = fit.evidence;
+  return result;
+}
+
+DesignResult LearnByTrajectories(const DesignProblem& problem, const DesignConfig& config) {
+  return LearnByReplay(problem, config,
+                       [&](const ReplayProblem& p) { return MatchTrajectories(p, config.trajectories); });
+}
+
+DesignResult LearnByLeastSquares(const DesignProblem& problem, const DesignConfig& config) {
+  return LearnByReplay(problem, config,
+                       [&](const ReplayProblem& p) { return FitLeastSquares(p, config.least_squares); });
+}
+
+DesignResult LearnByDropo(const DesignProblem& problem, const DesignConfig& config) {
+  return LearnByReplay(problem, config, [&](const ReplayProblem& p) { return FitDropo(p, config.dropo); });
+}
+
+DesignResult LearnByRatios(const DesignProblem& problem, const DesignConfig& config) {
+  const ParameterSpace& space = problem.factory.parameters();
+  const Designer prior = config.Start(space);
+  const int total = config.images.n_iterations + kDiscriminatorIterations;
+  const RatioProgress progress = [&](int done, const Designer& q, double loss) {
+    const std::vector<double> std = q.Std();
+    for (int i = 0; i < space.size(); ++i) {
+      problem.context.log->Scalar(problem.run_name, "design/std/" + space[i].name, done, std[static_cast<size_t>(i)]);
+    }
+    problem.context.log->Scalar(problem.run_name, "design/ratio_loss", done, loss);
+    LogMode(problem, done, total, q.Mode());
+  };
+  const RatioProblem to_match{.factory = problem.factory,
+                              .dataset = problem.dataset,
+                              .clone = problem.clone,
+                              .evidence = config.adversarial.Evidence(problem.factory.spec()),
+                              .prior = prior,
+                              .key = KeyOf(problem, config),
+                              .progress = progress,
+                              .context = problem.context};
+  return ScoredByDiscriminator(problem, config, MatchRatios(to_match, config.images, config.discriminator));
+}
+
+void SetPaperDefaults(DesignConfig& config) { config.adversarial.SetPaperDefaults(); }
+
+/// The first steps of each episode as one sample, and a small network: few images have little to say.
+void SetImagesDefaults(DesignConfig& config) {
+  config.adversarial.SetPaperDefaults();
+  config.adversarial.horizon = 8;
+  config.adversarial.stack = 8;
+  config.adversarial.n_steps = 24;
+  config.adversarial.n_sims = 128;
+  config.discriminator.hidden = {64};
+  config.discriminator.learning_rate = 2e-3;
+  config.discriminator.steps = 30;
+  config.discriminator.batch = 128;
+}
+
+bool HasImages(const SimulatorSpec& spec) { return !spec.image_shape.empty(); }
+
+}  // namespace
+
+const std::vector<MethodDescription>& DesignMethods() {
+  static const std::vector<MethodDescription> methods = {
+      {.method = DesignMethod::kTrajectories,
+       .name = "trajectories",
+       .summary = "windows of the log are replayed; z and the windows' start states are fitted together, every channel "
+                  "and window weighed by what it tells",
+       .needs = {.settable_state = true, .gaussian_q = true},
+       .sections = {"trajectories"},
+       .first_of_auto = [](const SimulatorSpec& spec,
+                           bool of_sensors) { return !HasImages(spec) && spec.can_set_state && !of_sensors; },
+       .learn = LearnByTrajectories},
+      {.method = DesignMethod::kTransitions,
+       .name = "transitions",
+       .summary = "Algorithm 1 on short replays of the logged actions from logged states, g(s, a, s')",
+       .is_algorithm1 = true,
+       .tried_by_auto = true,
+       .first_of_auto = [](const SimulatorSpec& spec,
+                           bool of_sensors) { return !HasImages(spec) && spec.can_set_state && of_sensors; },
+       .learn = LearnByAlgorithm1},
+      {.method = DesignMethod::kPaper,
+       .name = "paper",
+       .summary = "Algorithm 1 to the letter: the clone is rolled out from the initial states, g(s, a)",
+       .needs = {.clone = true},
+       .is_algorithm1 = true,
+       .first_of_auto = [](const SimulatorSpec& spec, bool) { return !HasImages(spec) && !spec.can_set_state; },
+       .set_defaults = SetPaperDefaults,
+       .learn = LearnByAlgorithm1},
+      {.method = DesignMethod::kLeastSquares,
+       .name = "least-squares",
+       .summary = "predictions from logged states, which are taken as exact: what identification tools do",
+       .needs = {.settable_state = true, .gaussian_q = true},
+       .sections = {"least_squares"},
+       .tried_by_auto = true,
+       .learn = LearnByLeastSquares},
+      {.method = DesignMethod::kDropo,
+       .name = "dropo",
+       .summary = "the distribution of parameters under which the logged next states are likeliest (DROPO)",
+       .needs = {.settable_state = true, .gaussian_q = true, .uniform_prior = true},
+       .sections = {"dropo"},
+       .learn = LearnByDropo},
+      {.method = DesignMethod::kImages,
+       .name = "images",
+       .summary = "a convolutional g that is told z is trained in simulators; q is its posterior given the first steps "
+                  "of each episode",
+       .needs = {.clone = true},
+       .sections = {"images"},
+       .first_of_auto = [](const SimulatorSpec& spec, bool) { return HasImages(spec); },
+       .set_defaults = SetImagesDefaults,
+       .learn = LearnByRatios}};
+  return methods;
+}
+
+const MethodDescription& Describe(DesignMethod method) {
+  return *std::ranges::find(DesignMethods(), method, &MethodDescription::method);
+}
+
+DesignMethod MethodNamed(const std::string& name) {
+  std::vector<std::string> names;
+  for (const MethodDescription& described : DesignMethods()) {
+    if (described.name == name) return described.method;
+    names.push_back(described.name);
+  }
+  throw UsageError(
+      fmt::format("design.method is '{}', wanted one of {}{}", name, fmt::join(names, "|"), DidYouMean(name, names)));
+}
+
+const NamedValues<std::optional<DesignMethod>>& MethodNames() {
+  static const auto names = [] {
+    NamedValues<std::optional<DesignMethod>> all = {{std::nullopt, "auto"}};
+    for (const MethodDescription& described : DesignMethods()) all.emplace_back(described.method, described.name);
+    return all;
+  }();
+  return names;
+}
+
+DesignMethod FirstMethodOfAuto(const ParameterSpace& space, const SimulatorSpec& spec) {
+  const bool of_sensors = std::ranges::any_of(
+      space.specs(), [](const ParameterSpec& parameter) { return parameter.field.starts_with("obs/"); });
+  for (const MethodDescription& described : DesignMethods()) {
+    if (described.first_of_auto != nullptr && described.first_of_auto(spec, of_sensors)) return described.method;
+  }
+  OTED_CHECK(false);
+  return DesignMethod::kPaper;
+}
+
+std::string NeedsInWords(const MethodDescription& described) {
+  std::string words;
+  const auto add = [&](bool needed, const char* what) {
+    if (needed) words += (words.empty() ? "" : ", ") + std::string(what);
+  };
+  add(described.needs.settable_state, "states that can be set");
+  add(described.needs.clone, "the clone");
+  add(described.needs.gaussian_q, "a Gaussian q");
+  add(described.needs.uniform_prior, "a uniform prior");
+  return words.empty() ? "nothing else" : words;
+}
+
+}  // namespace oted

@@ -1,0 +1,54 @@
+#pragma once
+/// The methods of the design, one row each: configuration, help, documentation, `auto` and LearnDesign read this table.
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "oted/sim/simulator.h"
+#include "oted/stages/design/design_config.h"
+#include "oted/stages/design/design_problem.h"
+
+namespace oted {
+
+/// What a method cannot do without, beside a simulator and its logs.
+struct MethodNeeds {
+  bool settable_state = false;  ///< the simulator can be set to a logged state
+  bool clone = false;           ///< by default the clone acts
+  bool gaussian_q = false;      ///< it finds no categorical q
+  bool uniform_prior = false;   ///< it takes no other prior
+};
+
+struct MethodDescription {
+  DesignMethod method;
+  std::string name;  ///< as in design.method
+  std::string summary;
+  MethodNeeds needs = {};
+  /// Its own sections of [design], beside [design.adversarial] and [design.discriminator], which all methods read.
+  std::vector<std::string> sections = {};
+  bool is_algorithm1 = false;
+  bool tried_by_auto = false;  ///< where the first method's answer is outside the family (method_choice.h)
+  /// Whether it is what auto begins with. Exactly one method of the table is, for every simulator.
+  /// @param of_sensors  some parameter belongs to the sensors (obs/...)
+  bool (*first_of_auto)(const SimulatorSpec& spec, bool of_sensors) = nullptr;
+  /// Where its defaults differ from the members' values; null where they do not.
+  void (*set_defaults)(DesignConfig& config) = nullptr;
+  DesignResult (*learn)(const DesignProblem& problem, const DesignConfig& config) = nullptr;
+};
+
+/// In the order in which they are documented.
+const std::vector<MethodDescription>& DesignMethods();
+const MethodDescription& Describe(DesignMethod method);
+/// @throws UsageError for another name
+DesignMethod MethodNamed(const std::string& name);
+
+/// What a user may name: the methods, and auto.
+const NamedValues<std::optional<DesignMethod>>& MethodNames();
+
+/// What auto begins with.
+DesignMethod FirstMethodOfAuto(const ParameterSpace& space, const SimulatorSpec& spec);
+
+/// "states that can be set, the clone", or "nothing else": what a method needs, in words.
+std::string NeedsInWords(const MethodDescription& described);
+
+}  // namespace oted
