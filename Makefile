@@ -10,11 +10,11 @@ BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetition
 export CMAKE CTEST JOBS
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-long quickstart bench bench-peers fuzz lint format clean
+.PHONY: help setup build build-cuda test test-long quickstart report-picture bench bench-peers fuzz lint format clean
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
-	@echo "  JOBS=N limits parallel jobs; OUT=DIR is quickstart's run directory; PYTHON=, CMAKE= choose the tools."
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "  JOBS=N limits parallel jobs; OUT=DIR is the run directory of quickstart and report-picture; PYTHON=, CMAKE= choose the tools."
 	@echo "  BENCH_ARGS='--benchmark_filter=Hopper' goes to every benchmark program."
 
 setup:  ## Debian packages and .venv (scripts/setup.sh); quick when nothing is missing
@@ -24,6 +24,10 @@ build:  ## the program: build/release/oted
 	@scripts/setup.sh build
 	@scripts/build.sh release
 
+build-cuda:  ## the same with libtorch, for --device cuda; downloads torch
+	@scripts/setup.sh cuda
+	@scripts/build.sh cuda
+
 test:  ## set-up, build, all tests but the long ones, sanitizers, lint; ends with "N passed, N failed"
 	@scripts/test.sh
 
@@ -32,6 +36,9 @@ test-long:  ## the tests that take minutes: known parameters recovered, agents t
 
 quickstart: build  ## the whole pipeline on five Hopper demonstrations, into runs/quickstart
 	@build/release/oted run examples/quickstart.toml --out $(OUT)
+
+report-picture: setup  ## docs/report.png from the report of a finished run: OUT=runs/quickstart
+	@.venv/bin/python scripts/report_picture.py $(OUT) docs/report.png
 
 bench: setup  ## build and run the benchmark programs (one core each, so give it a quiet machine)
 	@scripts/build.sh bench

@@ -6,7 +6,7 @@
 quickstart  examples/quickstart.toml, whole pipeline, one run per seed.
 tasks       the same comparison on every task, one agent each at equal steps: the target has half the friction, 0.7 of the
             gain and 1.3 of the gravity of the nominal simulator; demonstrations by the shipped medium policy.
-Every run leaves one JSON file in benchmarks/results/agents; a run whose file exists is not made again. Prints the table.
+Every run leaves one line in benchmarks/results/agents.jsonl; a run that is there is not made again. Prints the table.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import subprocess
 import tempfile
 import time
 
-from study_data import PARAMETERS, ROOT, TASKS, collect, commit, parameter_words, write_record
+from study_data import PARAMETERS, ROOT, TASKS, add_record, collect, commit, parameter_words, records
 
 TRUTH = {"friction": 0.5, "gain": 0.7, "gravity": 1.3}
 # Two-sided 95 % quantiles of Student's t by degrees of freedom, for the paired interval.
@@ -38,7 +38,7 @@ def command_of(study, seed, oted, out, steps):
             "--set", "sac.hidden=128,128", "--set", "sac.learning_rate=0.001", "--set", "sac.batch_size=128"]
 
 
-def run(study, seed, oted, file, steps):
+def run(study, seed, oted, steps):
     out = tempfile.mkdtemp(prefix="oted-agents-")
     start = time.monotonic()
     command = command_of(study, seed, oted, out, steps)
@@ -55,18 +55,17 @@ def run(study, seed, oted, file, steps):
               "command": " ".join(command).replace(out, "OUT").replace(str(oted), "oted"),
               "commit": commit()}
     shutil.rmtree(out, ignore_errors=True)
-    write_record(file, record)
     return record
 
 
-def table(study, records):
+def table(study, found):
     print(f"\n### {study}\n\n| seed | clone | SAC, nominal | OTED-SAC | mean parameter error |\n|---|---|---|---|---|")
-    for r in records:
+    for r in found:
         v = r["returns"]
         print(f"| {r['seed']} | {v['clone']:.0f} | {v['sac_nominal']:.0f} | **{v['oted_sac']:.0f}** | "
               f"{statistics.mean(r['errors'].values()):.3f} |")
     for other in ("sac_nominal", "clone"):
-        differences = [r["returns"]["oted_sac"] - r["returns"][other] for r in records]
+        differences = [r["returns"]["oted_sac"] - r["returns"][other] for r in found]
         mean, n = statistics.mean(differences), len(differences)
         wins = sum(d > 0 for d in differences)
         interval = f" +- {T95[n - 1] * statistics.stdev(differences) / math.sqrt(n):.0f} (95 %, paired)" if 1 < n <= 10 else ""
@@ -81,22 +80,25 @@ def main():
     parser.add_argument("--steps", type=int, default=100_000, help="of the study 'tasks': control steps per agent")
     parser.add_argument("--parallel", type=int, default=2)
     parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
-    parser.add_argument("--out", default=ROOT / "benchmarks/results/agents", type=pathlib.Path)
+    parser.add_argument("--out", default=ROOT / "benchmarks/results/agents.jsonl", type=pathlib.Path)
     parser.add_argument("--table", action="store_true", help="print the table of what is there; run nothing")
     arguments = parser.parse_args()
     studies = ["quickstart"] if arguments.study == "quickstart" else [arguments.task] if arguments.task else list(TASKS)
-    jobs = [(s, seed, arguments.out / s / f"{seed}.json") for s in studies for seed in range(1, arguments.seeds + 1)]
+    jobs = [(s, seed) for s in studies for seed in range(1, arguments.seeds + 1)]
     if not arguments.table:
         with concurrent.futures.ThreadPoolExecutor(arguments.parallel) as pool:
-            futures = [pool.submit(run, s, seed, arguments.oted.resolve(), file, arguments.steps) for s, seed, file in jobs
-                       if not file.exists()]
+            there = records(arguments.out)
+            futures = [pool.submit(run, s, seed, arguments.oted.resolve(), arguments.steps) for s, seed in jobs
+                       if f"{s}-{seed}" not in there]
             for future in concurrent.futures.as_completed(futures):
                 r = future.result()
+                add_record(arguments.out, f"{r['study']}-{r['seed']}", r)
                 print(r["study"], r["seed"], {k: round(v) for k, v in r["returns"].items()}, flush=True)
+    there = records(arguments.out)
     for study in studies:
-        records = [json.loads(file.read_text()) for s, _, file in jobs if s == study and file.exists()]
-        if records:
-            table(study, records)
+        found = [there[f"{s}-{seed}"] for s, seed in jobs if s == study and f"{s}-{seed}" in there]
+        if found:
+            table(study, found)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ same bytes whatever the number of threads, or the script ends with an error.
 
 import argparse
 import hashlib
-import json
 import os
 import pathlib
 import shutil
@@ -22,9 +21,9 @@ import tempfile
 import time
 
 from sac_peers import processor
-from study_data import MATCHING_ALONE, PARAMETERS, ROOT, TASKS, commit, parameter_words, write_record
+from study_data import MATCHING_ALONE, PARAMETERS, ROOT, TASKS, add_record, commit, parameter_words, records
 
-OUT = ROOT / "benchmarks/results/agent_scaling"
+OUT = ROOT / "benchmarks/results/agent_scaling.jsonl"
 
 
 def oted(program, verb, *words):
@@ -66,7 +65,7 @@ def run(arguments):
     name = arguments.task
     if arguments.lanes > 1 or arguments.updates_per_step != 1:
         name += f"-{arguments.lanes}-lanes-{arguments.updates_per_step:g}-updates"
-    write_record(OUT / f"{name}.json", {
+    add_record(OUT, name, {
         "task": arguments.task, "n_steps": arguments.steps, "n_lanes": arguments.lanes,
         "updates_per_step": arguments.updates_per_step, "n_cores": os.cpu_count(), "processor": processor(),
         "cases": [{"agents": agents, "threads": threads, "seconds": of} for (agents, threads), of in seconds.items()],
@@ -76,8 +75,7 @@ def run(arguments):
 def table():
     print("| task | agents | lanes, updates per step | s, one thread | two threads | steps per second of all, two threads "
           "| faster, by rounds |\n|" + "---|" * 7)
-    for file in sorted(OUT.glob("*.json")):
-        record = json.loads(file.read_text())
+    for record in records(OUT).values():
         seconds = {(case["agents"], case["threads"]): case["seconds"] for case in record["cases"]}
         for agents in sorted({agents for agents, _ in seconds}):
             one, two = seconds[agents, 1], seconds[agents, 2]

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """How near the design comes to a known truth: tasks x targets x data x forms, five seeds each.
 
-  benchmarks/design_accuracy.py [--oted build/release/oted] [--out benchmarks/results/design_accuracy] [--only SUBSTRING]
+  benchmarks/design_accuracy.py [--oted build/release/oted] [--out benchmarks/results/design_accuracy.jsonl] [--only SUBSTRING]
 
 Data are five episodes of the shipped medium policy: the shipped files, copies with sensor noise of standard deviation 0.02 on
 every observation (medium-noisy), and, for the target "drawn", episodes collected in a target drawn at random
-(study_data.py). Every cell runs `oted design` and leaves one JSON file; a cell whose file exists is not run again. Prints
-the table as Markdown. Errors are in multiples of the nominal value, mean over the three parameters.
+(study_data.py). Every cell runs `oted design` and leaves one line of JSON in --out; a cell that is there is not run again.
+Prints the table as Markdown. Errors are in multiples of the nominal value, mean over the three parameters.
 """
 
 import argparse
@@ -19,8 +19,8 @@ import subprocess
 import tempfile
 import time
 
-from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, number, records, run_missing, truth,
-                        write_record)
+from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, number, records_of, run_missing,
+                        truth)
 
 N_SEEDS = 5
 # Two rivals in two ways each, as their users would have to know: that long predictions through contact have local minima, and
@@ -42,7 +42,7 @@ def cells():
             yield cell
 
 
-def run(cell, oted, file, n_seeds):
+def run(cell, oted, n_seeds):
     out = tempfile.mkdtemp(prefix="oted-design-")
     data = logs(cell["task"], cell["target"], cell["data"], oted, out)
     command = [str(oted), "design", "--task", TASKS[cell["task"]], "--data", data, "--seed", "1", "--seeds", str(n_seeds),
@@ -65,13 +65,12 @@ def run(cell, oted, file, n_seeds):
         errors = [abs(mode - value) for mode, value in zip(seed["mode"], true)]
         seeds.append({"seed": seed["seed"], "mode": seed["mode"], "std": seed["std"], "errors": errors,
                       "mean_error": statistics.mean(errors), "c": seed["c"], "common": seed["common"]})
-    record = dict(cell, truth=true, seeds=seeds, mean_error=statistics.mean(s["mean_error"] for s in seeds),
+    return dict(cell, truth=true, seeds=seeds, mean_error=statistics.mean(s["mean_error"] for s in seeds),
                   worst_error=max(s["mean_error"] for s in seeds), verdict=design["verdict"],
                   nominal_common=design["nominal_common"], score=design["score"],
                   seconds_per_design_two_cores=seconds / n_seeds, cpu_seconds_per_design=cpu / n_seeds,
                   n_transitions=design["dataset"]["n_transitions"],
                   command=" ".join(command).replace(out, "OUT").replace(str(oted), "oted"), commit=commit())
-    write_record(file, record)
 
 
 def cpu_seconds():
@@ -83,7 +82,7 @@ def cpu_seconds():
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
-    parser.add_argument("--out", default=ROOT / "benchmarks/results/design_accuracy", type=pathlib.Path)
+    parser.add_argument("--out", default=ROOT / "benchmarks/results/design_accuracy.jsonl", type=pathlib.Path)
     parser.add_argument("--only", default="", help="cells whose name contains this")
     parser.add_argument("--seeds", default=N_SEEDS, type=int, help="of each cell")
     parser.add_argument("--table", action="store_true", help="print the table of what is there; run nothing")
@@ -91,12 +90,12 @@ def main():
     if not arguments.table:
         oted = arguments.oted.resolve()
         for name, record in run_missing(cells(), arguments.out, arguments.only,
-                                        lambda cell, file: run(cell, oted, file, arguments.seeds)):
+                                        lambda cell: run(cell, oted, arguments.seeds)):
             print(f"{name}: {record['mean_error']:.3f}", flush=True)
     print("| task | target | data | transitions | form | friction | gain | gravity | mean error | worst seed "
           "| s per design | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
-    for r in records(cells(), arguments.out):
+    for r in records_of(cells(), arguments.out):
         cpu = f"{r['cpu_seconds_per_design']:.0f}" if "cpu_seconds_per_design" in r else "-"
         by_parameter = [statistics.mean(s["errors"][i] for s in r["seeds"]) for i in range(3)]
         print(f"| {TASKS[r['task']]} | {r['target']} | {r['data']} | {r['n_transitions']} | {r['form']} | "

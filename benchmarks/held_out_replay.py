@@ -7,7 +7,7 @@
 Every case is a Hopper of which friction, gain and gravity are drawn and searched, and something that is not searched is off.
 The shipped medium policy logs five episodes for the designs, and five more without noise that no design sees: the simulator of
 each form is set to their states and takes their actions, and its error after 1 and 10 control steps is the truth here. Each case
-leaves one JSON file; forms that it holds are not run again. Needs mujoco and gymnasium (requirements-test.txt).
+leaves one line of JSON; forms that it holds are not run again. Needs mujoco and gymnasium (requirements-test.txt).
 """
 
 import argparse
@@ -21,7 +21,7 @@ import tempfile
 import time
 
 import numpy as np
-from study_data import HIGH, LOW, PARAMETERS, ROOT, collect, commit, write_record
+from study_data import HIGH, LOW, PARAMETERS, ROOT, add_record, collect, commit, records
 
 OFF = {1: ("damping", "joint/*/damping", 1.6), 2: ("armature", "joint/*/armature", 0.4), 3: ("torso", "body/torso/mass", 1.6)}
 FORMS = ("trajectories", "transitions", "least-squares", "paper")
@@ -79,10 +79,9 @@ def design_by(oted, form, case, logs, folder):
     return json.loads(result.stdout)["design"]
 
 
-def run_case(oted, case, noise, forms, file):
-    record = {"case": case, "noise": noise, "truth": truth_of(case), "forms": {}}
-    if file.exists():
-        record = json.loads(file.read_text())
+def run_case(oted, case, noise, forms, out):
+    name = f"hopper-{noise:g}-{case}"
+    record = records(out).get(name, {"case": case, "noise": noise, "truth": truth_of(case), "forms": {}})
     missing = [form for form in forms if form not in record["forms"]]
     if not missing:
         return
@@ -106,15 +105,14 @@ def run_case(oted, case, noise, forms, file):
                 for tried in result["choice"]["tried"]:
                     tried["truth"] = replay_errors(data, tried["mode"])
             record["forms"][form] = result
-            write_record(file, record)
-            print(file.name, form, json.dumps(result), flush=True)
+            add_record(out, name, record)
+            print(name, form, json.dumps(result), flush=True)
 
 
 def print_table(out):
     print(f"| off, noise | error after 10 steps: {', '.join(FORMS)} | auto: held-out error (its truth) of each form tried | auto "
           "takes | the common judge prefers |\n|---|---|---|---|---|")
-    for file in sorted(out.glob("hopper-*.json")):
-        record = json.loads(file.read_text())
+    for record in records(out).values():
         forms = record["forms"]
         name, _, factor = OFF[record["case"]]
         error = [f"{forms[form]['10']['geometric']:.4f}" for form in FORMS]
@@ -130,7 +128,7 @@ if __name__ == "__main__":
     parser.add_argument("--noise", type=float, nargs="*", default=[0, 0.02])
     parser.add_argument("--forms", nargs="*", default=["auto", *FORMS])
     parser.add_argument("--oted", type=pathlib.Path, default=ROOT / "build/release/oted")
-    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "benchmarks/results/held_out_replay")
+    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "benchmarks/results/held_out_replay.jsonl")
     parser.add_argument("--table", action="store_true")
     args = parser.parse_args()
     if args.table:
@@ -138,4 +136,4 @@ if __name__ == "__main__":
     else:
         for noise in args.noise:
             for case in args.cases:
-                run_case(args.oted.resolve(), case, noise, args.forms, args.out / f"hopper-{noise:g}-{case}.json")
+                run_case(args.oted.resolve(), case, noise, args.forms, args.out)

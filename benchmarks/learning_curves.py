@@ -5,7 +5,7 @@
   benchmarks/learning_curves.py --table         # docs/speed.md's
   benchmarks/learning_curves.py --plot          # docs/learning.svg
 
-Each agent trains in the nominal simulator on one thread and leaves one JSON file; one whose file exists is not trained
+Each agent trains in the nominal simulator on one thread and leaves one line of JSON; one that is there is not trained
 again, and one of ours that was stopped goes on where it was (build/learning). All train with a batch of 256, networks of
 2x256 (the small ones 64 and 2x64) and one update per step, and are looked at every 10,000 steps: five episodes of the mean
 action. Seconds are the process's CPU time until then (machines are shared), without evaluations for Stable-Baselines3 and with
@@ -29,9 +29,9 @@ from learners import LEARNERS
 from learning_plot import plot
 from learning_table import equal_steps, mark_of, tables
 from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
-from study_data import ROOT, TASKS, commit, write_record
+from study_data import ROOT, TASKS, add_record, commit, records
 
-OUT = ROOT / "benchmarks/results/learning"
+OUT = ROOT / "benchmarks/results/learning.jsonl"
 PLOT = ROOT / "docs/learning.svg"
 EVERY = 10_000
 EPISODES = 5
@@ -56,7 +56,7 @@ def ours(oted, learner, task, seed, steps, folder):
     while process.poll() is None:
         if (folder / f"snapshots/{EVERY * (len(seconds) + 1)}.npz").exists():
             seconds.append(before + cpu_seconds(process.pid))
-            write_record(noted, seconds)
+            noted.write_text(json.dumps(seconds))
         time.sleep(0.1)
     if process.returncode != 0:
         raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}")
@@ -87,16 +87,15 @@ def run(oted, learner, task, seed, steps):
     command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
     record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit(),
               "processor": processor()}
-    write_record(OUT / f"{task}-{learner}-{seed}.json", record | result)
+    add_record(OUT, f"{task}-{learner}-{seed}", record | result)
     shutil.rmtree(folder, ignore_errors=True)
     return f"{task} {learner} {seed}: best {max(result['returns']):.0f}, {result['cpu_seconds'][-1]:.0f} s of CPU"
 
 
-def records():
+def by_learner():
     """(task, learner) -> records by seed"""
     found = {}
-    for file in sorted(OUT.glob("*.json")):
-        record = json.loads(file.read_text())
+    for record in records(OUT).values():
         found.setdefault((record["task"], record["learner"]), []).append(record)
     return found
 
@@ -117,7 +116,7 @@ def main():
     parser.add_argument("--plot", action="store_true")
     arguments = parser.parse_args()
     if arguments.table or arguments.plot:
-        found = records()
+        found = by_learner()
         if arguments.table:
             print(tables(found), equal_steps(found), sep="\n", end="")
         if arguments.plot:
@@ -125,10 +124,11 @@ def main():
         return
     if any(LEARNERS[learner].algorithm is None for learner in arguments.learners):
         install()
+    there = records(OUT)
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         jobs = [pool.submit(run, arguments.oted, learner, task, seed, arguments.steps)
                 for seed in arguments.seeds for task in arguments.tasks for learner in arguments.learners
-                if not (OUT / f"{task}-{learner}-{seed}.json").exists()]
+                if f"{task}-{learner}-{seed}" not in there]
         for job in concurrent.futures.as_completed(jobs):
             print(job.result(), flush=True)
 

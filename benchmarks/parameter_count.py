@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Error and time of the default design over 1, 3, 10 and 20 parameters of HalfCheetah, on one and two threads.
 
-  benchmarks/parameter_count.py [--oted build/release/oted] [--out benchmarks/results/parameter_count] [--noise 0.02]
+  benchmarks/parameter_count.py [--oted build/release/oted] [--out benchmarks/results/parameter_count.jsonl] [--noise 0.02]
 
 Five episodes of the shipped medium policy in a target whose parameters are drawn from [0.6, 1.5]; bounds 0.2 and 2.0. One run is
-`oted design` with its defaults (three seeds), clone, discriminators, selection and report included. A run whose file
-exists is not made again; --table prints what is there. Errors are in multiples of the nominal value.
+`oted design` with its defaults (three seeds), clone, discriminators, selection and report included. A run that
+is in --out is not made again; --table prints what is there. Errors are in multiples of the nominal value.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import subprocess
 import tempfile
 import time
 
-from study_data import PARAMETERS, ROOT, TASKS, collect, commit, parameter_words, write_record
+from study_data import PARAMETERS, ROOT, TASKS, add_record, collect, commit, parameter_words, records
 
 TASK = "halfcheetah"
 LIMBS = [f"{side}{part}" for side in "bf" for part in ("thigh", "shin", "foot")]
@@ -32,7 +32,7 @@ SETS = {
 }
 
 
-def run(count, threads, noise, oted, file):
+def run(count, threads, noise, oted):
     rng = random.Random(f"{count} parameters")
     truth = {name: round(rng.uniform(0.6, 1.5), 3) for name in SETS[count]}
     with tempfile.TemporaryDirectory(prefix="oted-count-") as folder:
@@ -45,15 +45,15 @@ def run(count, threads, noise, oted, file):
     if result.returncode not in (0, 4):
         raise SystemExit(result.stderr)
     design = json.loads(result.stdout)["design"]
-    write_record(file, {
+    return {
         "task": TASKS[TASK], "parameters": count, "threads": threads, "noise": noise, "truth": truth, "seconds": round(seconds, 1),
         "designed": {p["name"]: {key: p[key] for key in ("mode", "interval90", "verdict")} for p in design["parameters"]},
-        "verdict": design["verdict"], "commit": commit()})
+        "verdict": design["verdict"], "commit": commit()}
 
 
-def print_table(records):
+def print_table(found):
     print("| parameters | noise | threads | mean error | largest | 90 % intervals hold | verdict | s |\n|---|---|---|---|---|---|---|---|")
-    for r in sorted(records, key=lambda r: (r["noise"], r["parameters"], r["threads"])):
+    for r in sorted(found, key=lambda r: (r["noise"], r["parameters"], r["threads"])):
         errors = [abs(p["mode"] - r["truth"][name]) for name, p in r["designed"].items()]
         held = sum(p["interval90"][0] <= r["truth"][name] <= p["interval90"][1] for name, p in r["designed"].items())
         print(f"| {r['parameters']} | {r['noise']:g} | {r['threads']} | {statistics.mean(errors):.1g} | {max(errors):.1g} | "
@@ -63,7 +63,7 @@ def print_table(records):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
-    parser.add_argument("--out", default=ROOT / "benchmarks/results/parameter_count", type=pathlib.Path)
+    parser.add_argument("--out", default=ROOT / "benchmarks/results/parameter_count.jsonl", type=pathlib.Path)
     parser.add_argument("--noise", default=0.0, type=float)
     parser.add_argument("--counts", default=list(SETS), choices=SETS, type=int, nargs="+")
     parser.add_argument("--threads", default=[2, 1], type=int, nargs="+")
@@ -72,10 +72,10 @@ def main():
     if not arguments.table:
         for threads in arguments.threads:
             for count in arguments.counts:
-                file = arguments.out / f"{count}-parameters-{arguments.noise:g}-noise-{threads}-threads.json"
-                if not file.exists():
-                    run(count, threads, arguments.noise, arguments.oted.resolve(), file)
-    print_table([json.loads(file.read_text()) for file in arguments.out.glob("*.json")])
+                name = f"{count}-parameters-{arguments.noise:g}-noise-{threads}-threads"
+                if name not in records(arguments.out):
+                    add_record(arguments.out, name, run(count, threads, arguments.noise, arguments.oted.resolve()))
+    print_table(records(arguments.out).values())
 
 
 if __name__ == "__main__":

@@ -34,8 +34,8 @@ import mujoco
 import numpy as np
 from mujoco import sysid
 
-from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, name_of, number, records, run_missing,
-                        truth, write_record)
+from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, name_of, number, records_of,
+                        run_missing, truth)
 
 MODELS = {"hopper": ("hopper.xml", 4, 10.0), "halfcheetah": ("half_cheetah.xml", 5, np.inf),
           "walker2d": ("walker2d_v5.xml", 4, 10.0)}  # file, physics steps per control step, clip of observed velocities
@@ -140,7 +140,7 @@ def residual_function(task, arrays, begins, n_steps, informed):
     return sysid.build_residual_fn(**options)
 
 
-def run(cell, oted, file):
+def run(cell, oted):
     way = cell["form"].removeprefix("sysid-")
     n_steps, informed = WAYS[way], way == "informed"
     with tempfile.TemporaryDirectory() as folder:
@@ -174,23 +174,23 @@ def run(cell, oted, file):
         errors = [abs(float(x) - value) for x, value in zip(best[1].x, true)]
         record |= {"x": [float(v) for v in best[1].x], "half_width_90": [float(v) for v in half_width], "errors": errors,
                    "mean_error": statistics.mean(errors)}
-    write_record(file, record)
+    return record
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path, help="writes the noisy data")
-    parser.add_argument("--out", default=ROOT / "benchmarks/results/rival_sysid", type=pathlib.Path)
+    parser.add_argument("--out", default=ROOT / "benchmarks/results/rival_sysid.jsonl", type=pathlib.Path)
     parser.add_argument("--only", default="", help="cells whose name contains this")
     parser.add_argument("--table", action="store_true", help="print the table of what is there; run nothing")
     arguments = parser.parse_args()
     if not arguments.table:
         oted = arguments.oted.resolve()
-        for name, record in run_missing(cells(), arguments.out, arguments.only, lambda cell, file: run(cell, oted, file)):
+        for name, record in run_missing(cells(), arguments.out, arguments.only, lambda cell: run(cell, oted)):
             print(f"{name}: {record.get('mean_error')}", flush=True)
     print("| task | target | data | form | friction | gain | gravity | mean error | 90 % half-widths | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|---|")
-    for r in records(cells(), arguments.out):
+    for r in records_of(cells(), arguments.out):
         found = "mean_error" in r
         print(f"| {TASKS[r['task']]} | {r['target']} | {r['data']} | {r['form']} | "
               + (" | ".join(number(e) for e in r["errors"]) if found else "- | - | -")

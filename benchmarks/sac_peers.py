@@ -7,7 +7,7 @@ Installs the peers into build/bench-peers (requirements-bench.txt; torch, gymnas
 RLtools learner, starts every learner, and then lets them run slices in turn, A B C ... A B C ..., so that what else the
 machine does falls on all alike. All are bound to one core and told to use one thread. Rates are medians over the rounds,
 per second of the learner's own CPU time and per second of wall time; ratios are medians of the rounds' ratios. Results:
-benchmarks/results/speed/PROCESSOR/PART.json, which docs/speed.md describes. Part `losses` times nothing: it holds our
+benchmarks/results/speed.jsonl, a line for each PROCESSOR/PART, which docs/speed.md describes. Part `losses` times nothing: it holds our
 losses against Stable-Baselines3's over LOSS_STEPS gradient steps from the same parameters, batches and noise. Where the processor is not Intel's,
 Stable-Baselines3 also runs with MKL told that it is (MKL_TOLD): its products are then as fast as the processor allows.
 """
@@ -23,11 +23,12 @@ import subprocess
 import sys
 import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from study_data import ROOT, add_record, records
+
 PEERS = ROOT / "build/bench-peers"
 PYTHON = PEERS / "bin/python"
 OURS = ROOT / "build/bench/benchmarks/sac_worker"
-RESULTS = ROOT / "benchmarks/results/speed"
+RESULTS = ROOT / "benchmarks/results/speed.jsonl"
 LOSS_STEPS = 60
 SIZES = {"Hopper-v5": (11, 3), "HalfCheetah-v5": (17, 6), "Walker2d-v5": (17, 6)}
 ONE_THREAD = {
@@ -209,9 +210,9 @@ def slug(name):
     return re.sub(r"[^a-z0-9]+", "-", name.lower().replace("(r)", "")).strip("-")
 
 
-def table(part, folder):
+def table(part, of_processor):
     """The part's results as the Markdown of docs/speed.md."""
-    results = json.loads((folder / f"{part}.json").read_text())["results"]
+    results = records(RESULTS)[f"{of_processor}/{part}"]["results"]
     if part == "losses":
         print(f"| | loss | ours, first step | theirs | ours, step {LOSS_STEPS} | theirs | largest difference |\n|" + "---|" * 7)
         for task, rows in results.items():
@@ -247,17 +248,15 @@ def main():
     parser.add_argument("--seconds", type=float, default=1.0, help="of CPU time, of each slice")
     parser.add_argument("--core", type=int, default=max(os.sched_getaffinity(0)), help="to which all are bound")
     parser.add_argument("--table", action="store_true", help="print what is there and run nothing")
-    parser.add_argument("--processor", default=slug(processor()), help="whose table: a folder below benchmarks/results/speed")
+    parser.add_argument("--processor", default=slug(processor()), help="whose table, as benchmarks/results/speed.jsonl has it")
     args = parser.parse_args()
-    folder = RESULTS / args.processor
     if args.table:
         for part in args.parts:
             print(f"\n{part}\n")
-            table(part, folder)
+            table(part, args.processor)
         return
     install()
     os.sched_setaffinity(0, {args.core})
-    folder.mkdir(parents=True, exist_ok=True)
     for part in args.parts:
         if part == "floor":
             results = floor()
@@ -266,9 +265,9 @@ def main():
         else:
             results = {task: measure(part, task, args.rounds, args.seconds) for task in args.tasks}
         record = {"processor": processor(), "one_core": True, "slice_cpu_seconds": args.seconds, "results": results}
-        (folder / f"{part}.json").write_text(json.dumps(record, indent=1) + "\n")
+        add_record(RESULTS, f"{args.processor}/{part}", record)
         print(f"\n{part}\n")
-        table(part, folder)
+        table(part, args.processor)
 
 
 if __name__ == "__main__":

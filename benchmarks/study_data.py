@@ -1,8 +1,10 @@
 """What the studies share: tasks, parameters, targets and logs (shipped ones, noisy copies and drawn targets, each made by one
-`oted` command, so that all read the same bytes), and cells that each leave one JSON file.
+`oted` command, so that all read the same bytes), and the file of a study: JSON lines, one for each cell.
 """
 
+import fcntl
 import json
+import os
 import pathlib
 import random
 import subprocess
@@ -76,25 +78,43 @@ def name_of(cell):
     return "-".join(cell.values())
 
 
-def run_missing(cells, out, only, run):
-    """run(cell, file) for each cell without a file whose name contains `only`; yields its name and what it left."""
+def run_missing(cells, study, only, run):
+    """Adds run(cell) for each cell that the study lacks and whose name contains `only`; yields its name and record."""
     for cell in cells:
-        file = out / f"{name_of(cell)}.json"
-        if not file.exists() and only in name_of(cell):
-            run(cell, file)
-            yield name_of(cell), json.loads(file.read_text())
+        name = name_of(cell)
+        if name not in records(study) and only in name:
+            record = run(cell)
+            add_record(study, name, record)
+            yield name, record
 
 
-def records(cells, out):
-    for cell in cells:
-        file = out / f"{name_of(cell)}.json"
-        if file.exists():
-            yield json.loads(file.read_text())
+def records_of(cells, study):
+    """The records of those cells that the study has, in the order of the cells."""
+    there = records(study)
+    return [there[name] for name in map(name_of, cells) if name in there]
 
 
-def write_record(file, record):
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(record, indent=1) + "\n")
+def records(study):
+    """The study's file: name of a cell -> its record, in the order of the names."""
+    if not study.exists():
+        return {}
+    lines = [json.loads(line) for line in study.read_text().splitlines()]
+    return {line.pop("cell"): line for line in lines}
+
+
+def add_record(study, name, record):
+    """Puts the record of one cell, new or not, into the study's file, which appears whole. Several processes may add at once."""
+    study.parent.mkdir(parents=True, exist_ok=True)
+    folder = os.open(study.parent, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        there = records(study) | {name: record}
+        text = "".join(json.dumps({"cell": cell} | there[cell], separators=(",", ":")) + "\n" for cell in sorted(there))
+        beside = study.with_name(f".{study.name}.{os.getpid()}")
+        beside.write_text(text)
+        beside.replace(study)
+    finally:
+        os.close(folder)
 
 
 def commit():

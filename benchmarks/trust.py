@@ -5,7 +5,7 @@
   benchmarks/trust.py --table
 
 Every case draws a target, lets the shipped medium policy demonstrate five episodes in it, designs from these with one
-seed and leaves one JSON file; a case whose file exists is not run again. The classes and what is right in each:
+seed and leaves one line of JSON; a case that is there is not run again. The classes and what is right in each:
 
   identified      friction, gain, gravity anywhere in [0.4, 1.7] (bounds 0.2, 2.0): each identified, the gap closed
   no_gap          the target is the nominal simulator: no gap
@@ -26,7 +26,7 @@ import subprocess
 import tempfile
 import time
 
-from study_data import HIGH, LOW, MATCHING_ALONE, PARAMETERS, ROOT, TASKS, collect, commit, write_record
+from study_data import HIGH, LOW, MATCHING_ALONE, PARAMETERS, ROOT, TASKS, add_record, collect, commit, records
 
 FIELDS = PARAMETERS | {"gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
                        "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]"}
@@ -56,7 +56,7 @@ def draw_case(kind, rng):
     return truth, searched
 
 
-def run_case(task, noise, kind, case, oted, file, extra):
+def run_case(task, noise, kind, case, oted, extra):
     rng = random.Random(f"{task}-{kind}-{case}")
     truth, searched = draw_case(kind, rng)
     with tempfile.TemporaryDirectory(prefix="oted-trust-") as folder:
@@ -73,14 +73,14 @@ def run_case(task, noise, kind, case, oted, file, extra):
         seconds = time.monotonic() - start
         answer = json.loads(result.stdout)["design"]
         q = json.loads(pathlib.Path(f"{out}/design/default/1/q.json").read_text())
-    write_record(file, {
+    return {
         "task": task, "noise": noise, "class": kind, "case": case, "truth": truth, "seconds": round(seconds, 1),
         "parameters": [{key: p[key] for key in ("name", "mode", "std", "interval90", "verdict")}
                        for p in answer["parameters"]],
         "correlation": answer["correlation"], "verdict": answer["verdict"], "nominal_common": answer["nominal_common"],
         "common": answer["settings"][0]["common"], "fit": q.get("fit"),
         "n_transitions": answer["dataset"]["n_transitions"], "settings": extra[1::2],
-        "commit": commit()})
+        "commit": commit()}
 
 
 def is_right(record):
@@ -113,18 +113,18 @@ def binomial_interval(k, n):
     return f"{100 * k / n:.0f} % ({100 * abs(centre - half):.0f}-{100 * (centre + half):.0f})"
 
 
-def print_tables(records):
+def print_tables(found):
     print("| task, noise | class | cases | right | outside_family | gap_closed | no_gap |\n|---|---|---|---|---|---|---|")
-    groups = sorted({(r["task"], r["noise"]) for r in records})
+    groups = sorted({(r["task"], r["noise"]) for r in found})
     for task, noise in groups:
         for kind in CLASSES:
-            of = [r for r in records if (r["task"], r["noise"], r["class"]) == (task, noise, kind)]
+            of = [r for r in found if (r["task"], r["noise"], r["class"]) == (task, noise, kind)]
             if not of:
                 continue
             count = [sum(r["verdict"] == v for r in of) for v in ("outside_family", "gap_closed", "no_gap")]
             print(f"| {task}, {noise:g} | {kind} | {len(of)} | {binomial_interval(sum(map(is_right, of)), len(of))} | "
                   f"{' | '.join(map(str, count))} |")
-    of = [r for r in records if r["class"] == "out_of_family"]
+    of = [r for r in found if r["class"] == "out_of_family"]
     if of:
         first = sum(r["fit"]["suspects"][:1] != [] and r["fit"]["suspects"][0]["field"] == culprit(r) for r in of)
         named = sum(culprit(r) in [s["field"] for s in r["fit"]["suspects"]] for r in of)
@@ -135,7 +135,7 @@ def print_tables(records):
         every = []
         for name in THREE:
             pairs = []
-            for r in records:
+            for r in found:
                 # The gain of the class product is not told apart from the gear: its interval is nearly the prior's.
                 if (r["task"], r["noise"]) != (task, noise) or r["class"] not in IN_FAMILY or (
                         r["class"] == "product" and name == "gain"):
@@ -160,7 +160,7 @@ def print_row(task, noise, name, pairs):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
-    parser.add_argument("--out", default=ROOT / "benchmarks/results/trust", type=pathlib.Path)
+    parser.add_argument("--out", default=ROOT / "benchmarks/results/trust.jsonl", type=pathlib.Path)
     parser.add_argument("--task", default="hopper", choices=TASKS)
     parser.add_argument("--noise", default=[0.0, 0.02], type=float, nargs="+")
     parser.add_argument("--classes", default=list(CLASSES), choices=CLASSES, nargs="+")
@@ -173,17 +173,17 @@ def main():
     if not arguments.table:
         extra = [word for setting in (*MATCHING_ALONE, *arguments.set) for word in ("--set", setting)]
         with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
-            jobs = []
+            jobs, there = {}, records(arguments.out)
             for case in range(arguments.first, arguments.first + arguments.cases):
                 for kind in arguments.classes:
                     for noise in arguments.noise:
-                        file = arguments.out / f"{arguments.task}-{noise:g}-{kind}-{case}.json"
-                        if not file.exists():
-                            jobs.append(pool.submit(run_case, arguments.task, noise, kind, case,
-                                                    arguments.oted.resolve(), file, extra))
-            for job in jobs:
-                job.result()
-    print_tables([json.loads(file.read_text()) for file in sorted(arguments.out.glob("*.json"))])
+                        name = f"{arguments.task}-{noise:g}-{kind}-{case}"
+                        if name not in there:
+                            job = pool.submit(run_case, arguments.task, noise, kind, case, arguments.oted.resolve(), extra)
+                            jobs[job] = name
+            for job in concurrent.futures.as_completed(jobs):
+                add_record(arguments.out, jobs[job], job.result())
+    print_tables(records(arguments.out).values())
 
 
 if __name__ == "__main__":

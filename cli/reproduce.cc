@@ -1,5 +1,5 @@
 // oted reproduce table1 | table2 | figure2 | figure3: the paper's studies, one cell after the other, each left as a
-// file.
+// line of the study's file.
 
 #include <fmt/format.h>
 
@@ -17,6 +17,7 @@
 #include "oted/report/study_page.h"
 #include "oted/studies/density_study.h"
 #include "oted/studies/design_study.h"
+#include "oted/studies/study_file.h"
 #include "oted/studies/table1_study.h"
 
 namespace oted::cli {
@@ -27,8 +28,6 @@ struct StudyOptions {
   std::vector<std::string> assignments;
   int threads = 0;
   bool quiet = false;
-
-  std::filesystem::path File(const std::string& cell) const { return out / (cell + ".json"); }
 };
 
 struct DesignStudyOptions : StudyOptions {
@@ -44,8 +43,8 @@ struct Table1Options : StudyOptions {
   std::vector<std::string> guess;
 };
 
-void RunCell(const DesignStudy& study, const StudyCell& cell, const StudyOptions& options,
-             const std::string& command_line, const std::filesystem::path& file) {
+nlohmann::json RunCell(const DesignStudy& study, const StudyCell& cell, const StudyOptions& options,
+                       const std::string& command_line) {
   const std::filesystem::path folder = options.out / "runs" / cell.Name();
   const auto start = std::chrono::steady_clock::now();
   nlohmann::json record;
@@ -60,12 +59,13 @@ void RunCell(const DesignStudy& study, const StudyCell& cell, const StudyOptions
   record["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   record["command"] = command_line;
   record["version"] = OTED_VERSION;
-  WriteJson(file, record);
+  return record;
 }
 
 /// What every study takes.
 void AddStudyOptions(CLI::App& verb, StudyOptions& options) {
-  verb.add_option("--out", options.out, "folder: one JSON per cell; what is finished there is not run again")
+  verb.add_option("--out", options.out,
+                  "records go to OUT.jsonl, a line per cell, runs into the folder OUT; what is there is not run again")
       ->required();
   verb.add_option("--threads", options.threads, "threads at most [default: all processors]");
   verb.add_option("--set", options.assignments, "section.key=value, any setting, for every cell; repeatable")
@@ -90,10 +90,14 @@ void AddDesignStudy(Program& program, CLI::App& reproduce, const std::string& na
     study.assignments = options->assignments;
     study.threads = options->threads;
     std::vector<nlohmann::json> records;
+    const StudyFile file(options->out);
     for (const StudyCell& cell : study.Cells()) {
-      const std::filesystem::path file = options->File(cell.Name());
-      if (!std::filesystem::exists(file)) RunCell(study, cell, *options, program.command_line, file);
-      records.push_back(ReadJson(file));
+      nlohmann::json record = file.Find(cell.Name());
+      if (record.is_null()) {
+        record = RunCell(study, cell, *options, program.command_line);
+        file.Put(cell.Name(), record);
+      }
+      records.push_back(std::move(record));
     }
     fmt::print("{}", name == "table2" ? Table2(records) : Figure2(records));
   });
@@ -122,8 +126,8 @@ void AddDensityStudy(Program& program, CLI::App& reproduce) {
     TerminalSink terminal(options->quiet);
     std::vector<nlohmann::json> records;
     for (const DensityCell& cell : study.Cells()) {
-      records.push_back(RunDensityCell(study, cell, options->File(cell.Name()), program.command_line,
-                                       MakeContext(terminal, options->threads)));
+      records.push_back(
+          RunDensityCell(study, cell, options->out, program.command_line, MakeContext(terminal, options->threads)));
     }
     WriteStudyPage(Figure3Page(records), options->out / "figure3.html");
     fmt::print("{}", Figure3(records));

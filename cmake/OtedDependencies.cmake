@@ -1,5 +1,5 @@
-# Native libraries. Debian's packages come through find_package; MuJoCo and libtorch live inside Python wheels, in the
-# project-local environment (.venv), unless MUJOCO_DIR, TORCH_DIR say otherwise.
+# Native libraries. Debian's packages come through find_package; MuJoCo and, for OTED_CUDA and the tests, libtorch
+# live inside Python wheels, in the project-local environment (.venv), unless MUJOCO_DIR, TORCH_DIR say otherwise.
 
 find_package(Threads REQUIRED)
 find_package(fmt REQUIRED)
@@ -42,7 +42,7 @@ target_include_directories(webp SYSTEM INTERFACE ${WEBP_INCLUDE_DIR})
 target_link_libraries(webp INTERFACE ${WEBP_LIBRARY})
 
 # The wheels' folder: <venv>/lib/python3.x/site-packages.
-set(OTED_VENV "${CMAKE_SOURCE_DIR}/.venv" CACHE PATH "Python environment that holds the mujoco, torch and gymnasium wheels")
+set(OTED_VENV "${CMAKE_SOURCE_DIR}/.venv" CACHE PATH "Python environment with the wheels of requirements.txt")
 file(GLOB OTED_SITE_PACKAGES "${OTED_VENV}/lib/python3*/site-packages")
 
 # --- MuJoCo: headers and libmujoco.so.<version> from the wheel; it has no CMake config and no unversioned name.
@@ -78,6 +78,9 @@ if(EXISTS "${torch_root}/lib/libtorch_cpu.so")
   target_include_directories(oted_torch SYSTEM INTERFACE "${torch_root}/include"
                              "${torch_root}/include/torch/csrc/api/include")
   target_link_libraries(oted_torch INTERFACE torch::torch torch::torch_cpu torch::c10)
+elseif(OTED_CUDA OR OTED_BUILD_TESTS OR OTED_BUILD_BENCHMARKS)
+  message(FATAL_ERROR "libtorch not found in '${torch_root}', which tests, benchmarks and OTED_CUDA need: run "
+                      "'make setup' ('make build-cuda' for the program alone), or set TORCH_DIR")
 endif()
 
 # --- Model files of the three tasks, read at run time from the gymnasium wheel and never copied; OTED_ASSETS overrides.

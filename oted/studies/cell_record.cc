@@ -6,24 +6,24 @@
 #include <utility>
 
 #include "oted/base/error.h"
-#include "oted/base/files.h"
 
 namespace oted {
 
 using nlohmann::json;
 
-CellRecord::CellRecord(json identity, const std::string& schema, std::filesystem::path file, std::string command)
-    : file_(std::move(file)), command_(std::move(command)) {
-  if (!std::filesystem::exists(file_)) {
+CellRecord::CellRecord(json identity, const std::string& schema, StudyFile file, std::string cell, std::string command)
+    : record_(file.Find(cell)), file_(std::move(file)), cell_(std::move(cell)), command_(std::move(command)) {
+  if (record_.is_null()) {
     record_ = std::move(identity);
     record_.update({{"schema", schema}, {"version", OTED_VERSION}, {"command", command_}, {"seeds", json::array()}});
     return;
   }
-  record_ = ReadJson(file_);
   for (const auto& [name, value] : identity.items()) {
     if (record_.value(name, json()) == value) continue;
-    throw UsageError(fmt::format("'{}' holds seeds with {} = {} and this study has {}; take another --out",
-                                 file_.string(), name, record_.value(name, json()).dump(), value.dump()));
+    throw UsageError(
+        fmt::format("'{}' holds seeds of {} with {} = {} and this study has {}; take another "
+                    "--out",
+                    file_.path().string(), cell_, name, record_.value(name, json()).dump(), value.dump()));
   }
 }
 
@@ -37,7 +37,7 @@ void CellRecord::Add(int64_t seed, json entry) {
   const auto after = std::ranges::find_if(seeds, [&](const json& other) { return other.at("seed") > seed; });
   seeds.insert(after, std::move(entry));
   record_["command"] = command_;
-  WriteJson(file_, record_);
+  file_.Put(cell_, record_);
 }
 
 }  // namespace oted

@@ -239,10 +239,10 @@ std::vector<DensityCell> DensityStudy::Cells() const {
   return cells;
 }
 
-json RunDensityCell(const DensityStudy& study, const DensityCell& cell, const fs::path& file,
-                    const std::string& command, const RunContext& context) {
+json RunDensityCell(const DensityStudy& study, const DensityCell& cell, const fs::path& out, const std::string& command,
+                    const RunContext& context) {
   const RunConfig config = ConfigOf(study, cell);
-  CellRecord cell_record(IdentityOf(config, study, cell), kDensitySchema, file, command);
+  CellRecord cell_record(IdentityOf(config, study, cell), kDensitySchema, StudyFile(out), cell.Name(), command);
   std::vector<int64_t> missing;
   for (int64_t seed = study.first_seed; seed < study.first_seed + study.n_seeds; ++seed) {
     if (!cell_record.Has(seed)) missing.push_back(seed);
@@ -252,7 +252,7 @@ json RunDensityCell(const DensityStudy& study, const DensityCell& cell, const fs
   const int n_seeds = static_cast<int>(cell_record.record().at("seeds").size() + missing.size());
   ParallelFor(static_cast<int>(missing.size()), context.n_threads, [&](int i) {
     const int64_t seed = missing[static_cast<size_t>(i)];
-    const fs::path scratch = file.parent_path() / "scratch" / fmt::format("{}-{}", cell.Name(), seed);
+    const fs::path scratch = out / "scratch" / fmt::format("{}-{}", cell.Name(), seed);
     json entry = RunSeed(config, study, cell, seed, scratch, context);
     const std::lock_guard lock(mutex);
     cell_record.Add(seed, std::move(entry));

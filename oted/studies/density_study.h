@@ -38,11 +38,12 @@ struct DensityStudy {
 };
 
 /// Runs what is missing of a cell: demonstrations, clone and design of every seed, seeds side by side on the context's
-/// threads, each with one. After each seed `file` (schema oted.density_cell/1) holds all that are done. By seed: q's
+/// threads, each with one. After each seed the cell's line in OUT.jsonl (schema
+/// oted.density_cell/1) holds all that are done. By seed: q's
 /// mode, spread and 90 % interval, the yardstick's density (free and on the grid), cpu seconds, and the mode after
 /// every iteration and at the end.
-/// @return the record  @throws UsageError when `file` holds seeds of other settings; Interrupted
-nlohmann::json RunDensityCell(const DensityStudy& study, const DensityCell& cell, const std::filesystem::path& file,
+/// @return the record  @throws UsageError when the file holds seeds of other settings; Interrupted
+nlohmann::json RunDensityCell(const DensityStudy& study, const DensityCell& cell, const std::filesystem::path& out,
                               const std::string& command, const RunContext& context);
 
 /// A line of Figure 3's table, from a record: errors are q's mode less the target.

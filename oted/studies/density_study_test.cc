@@ -106,22 +106,22 @@ TEST(DensityStudy, SeedsThatAreThereAreNotRunAgainAndOthersSettingsAreRefused) {
   NullSink log;
   const RunContext one{&log, nullptr, 1}, two{&log, nullptr, 2};
   const DensityCell cell{2, 0.2, "gaussian"};
-  const json alone = RunDensityCell(study, cell, folder / "a.json", "words", one);
+  const json alone = RunDensityCell(study, cell, folder / "a", "words", one);
   EXPECT_EQ(alone["seeds"].size(), 2);
   ASSERT_EQ(alone["seeds"][0]["modes"].size(), 3);  // two iterations, and the end
   EXPECT_NEAR(alone["seeds"][0]["modes"][2].get<double>(), alone["seeds"][0]["mode"].get<double>(), 1e-4);
 
   study.n_seeds = 3;
-  const json more = RunDensityCell(study, cell, folder / "a.json", "words", two);
+  const json more = RunDensityCell(study, cell, folder / "a", "words", two);
   ASSERT_EQ(more["seeds"].size(), 3);
   EXPECT_EQ(more["seeds"][0], alone["seeds"][0]);
   EXPECT_EQ(more["seeds"][1], alone["seeds"][1]);
   // The same from nothing on two threads: seeds do not depend on each other or on the threads.
-  const json fresh = RunDensityCell(study, cell, folder / "b.json", "words", two);
+  const json fresh = RunDensityCell(study, cell, folder / "b", "words", two);
   for (size_t i = 0; i < 3; ++i) EXPECT_EQ(fresh["seeds"][i]["mode"], more["seeds"][i]["mode"]);
 
   study.assignments.push_back("design.adversarial.lambda=0.1");
-  EXPECT_THAT(MessageOf<UsageError>([&] { RunDensityCell(study, cell, folder / "a.json", "words", one); }),
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunDensityCell(study, cell, folder / "a", "words", one); }),
               HasSubstr("take another --out"));
 }
 

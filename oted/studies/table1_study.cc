@@ -312,7 +312,7 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
   };
   std::vector<Missing> first, second;  // bc_dr begins from what others leave
   for (const Table1Cell& cell : cells) {
-    records.emplace_back(IdentityOf(study, cell), kTable1Schema, out / (cell.Name() + ".json"), command);
+    records.emplace_back(IdentityOf(study, cell), kTable1Schema, StudyFile(out), cell.Name(), command);
   }
   // The first seed of every cell comes before the second of any.
   for (int64_t seed = study.first_seed; seed < study.first_seed + study.n_seeds; ++seed) {

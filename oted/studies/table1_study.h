@@ -75,10 +75,11 @@ struct Table1Study {
 };
 
 /// Runs what is missing of all cells, seeds and methods side by side on the context's threads. After each seed its
-/// cell's file, OUT/NAME.json (schema oted.table1_cell/1, docs/file_formats.md), holds all that are done; agents and
+/// cell's line in OUT.jsonl (schema oted.table1_cell/1, docs/file_formats.md) holds all that are done; agents and
 /// runs lie in OUT/runs/NAME/SEED, and go on from there after a stop.
 /// @return the records, in the order of Cells()
-/// @throws UsageError when a file holds seeds of other settings; DataError when demonstrations are missing; Interrupted
+/// @throws UsageError when the file holds seeds of other settings; DataError when demonstrations are missing;
+/// Interrupted
 std::vector<nlohmann::json> RunTable1(const Table1Study& study, const std::filesystem::path& out,
                                       const std::string& command, const Table1Hooks& hooks, const RunContext& context);
 

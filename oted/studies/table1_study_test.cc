@@ -10,6 +10,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/studies/study_file.h"
 
 namespace oted::table1_study_test {
 
@@ -107,33 +108,33 @@ TEST(Table1Study, ResultsDoNotDependOnThreadsNorOnBeingMadeInOneGo) {
     s.n_seeds = 2;
     return s;
   }();
-  const std::vector<json> expected = RunStudy(study, whole.path());
+  const std::vector<json> expected = RunStudy(study, whole / "study");
   ASSERT_EQ(expected.size(), study.Cells().size());
   Table1Study first = study;
   first.n_seeds = 1;
   first.methods = {"dr", "is"};
   StopsHalfway log;
-  EXPECT_THROW(RunTable1(first, parts.path(), "a command", {}, {&log, &log.stop, 1}), Interrupted);
-  EXPECT_TRUE(std::filesystem::exists(parts.path() / "runs/hopper-all-dr/1/agents/1/checkpoint.npz"));
-  RunStudy(first, parts.path(), 3);
-  const std::vector<json> records = RunStudy(study, parts.path(), 3);
+  EXPECT_THROW(RunTable1(first, parts / "study", "a command", {}, {&log, &log.stop, 1}), Interrupted);
+  EXPECT_TRUE(std::filesystem::exists(parts.path() / "study/runs/hopper-all-dr/1/agents/1/checkpoint.npz"));
+  RunStudy(first, parts / "study", 3);
+  const std::vector<json> records = RunStudy(study, parts / "study", 3);
   for (size_t i = 0; i < records.size(); ++i) {
     EXPECT_EQ(Timeless(records[i]), Timeless(expected[i]));
-    EXPECT_EQ(ReadJson(parts.path() / (study.Cells()[i].Name() + ".json")), records[i]);
+    EXPECT_EQ(StudyFile(parts / "study").Find(study.Cells()[i].Name()), records[i]);
     ASSERT_EQ(records[i]["seeds"].size(), 2u);
     EXPECT_EQ(records[i]["seeds"][1]["seed"], 2);
     EXPECT_NE(records[i]["seeds"][0]["mean_return"], records[i]["seeds"][1]["mean_return"]);
   }
   // What is complete is not run again: the time of the first run stands.
-  EXPECT_EQ(RunStudy(study, parts.path()), records);
+  EXPECT_EQ(RunStudy(study, parts / "study"), records);
 }
 
 TEST(Table1Study, OfSeveralAgentsTheOneCountsThatDidBestWhereItTrained) {
   const TestFolder folder;
   Table1Study study = Tiny({"dr"});
   study.assignments.push_back("agents.n_agents=3");
-  const json seed = RunStudy(study, folder.path(), 2)[0].at("seeds").at(0);
-  const std::filesystem::path run = folder.path() / "runs/hopper-all-dr/1";
+  const json seed = RunStudy(study, folder / "study", 2)[0].at("seeds").at(0);
+  const std::filesystem::path run = folder.path() / "study/runs/hopper-all-dr/1";
   double best = -INFINITY;
   std::string its_policy;
   for (const char* j : {"1", "2", "3"}) {
@@ -148,19 +149,19 @@ TEST(Table1Study, OfSeveralAgentsTheOneCountsThatDidBestWhereItTrained) {
 TEST(Table1Study, SeedsOfOtherSettingsAreRefused) {
   const TestFolder folder;
   Table1Study study = Tiny({"bc"});
-  RunStudy(study, folder.path());
+  RunStudy(study, folder / "study");
   study.assignments.push_back("clone.max_steps=50");
-  EXPECT_THAT(MessageOf<UsageError>([&] { RunStudy(study, folder.path()); }), HasSubstr("assignments"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunStudy(study, folder / "study"); }), HasSubstr("assignments"));
 }
 
 TEST(Table1Study, AGuessOutsideTheRangeAndMissingDataAreToldBeforeAnythingRuns) {
   const TestFolder folder;
   Table1Study study = Tiny({"nominal", "bc"});
   study.SetGuess("gravity=3");
-  EXPECT_THAT(MessageOf<UsageError>([&] { RunStudy(study, folder.path()); }), HasSubstr("gravity"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunStudy(study, folder / "study"); }), HasSubstr("gravity"));
   study = Tiny({"dr", "bc"});
   study.data_folder = folder.path().string();
-  EXPECT_THAT(MessageOf<DataError>([&] { RunStudy(study, folder.path()); }), HasSubstr("hopper-medium.hdf5"));
+  EXPECT_THAT(MessageOf<DataError>([&] { RunStudy(study, folder / "study"); }), HasSubstr("hopper-medium.hdf5"));
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 

@@ -75,6 +75,11 @@ class BaselinesTest(program.HopperTest):
 
 
 class Table1Test(program.HopperTest):
+    def records(self):
+        """By cell."""
+        lines = self.out.with_name(f"{self.out.name}.jsonl").read_text().splitlines()
+        return {record["cell"]: record for record in map(json.loads, lines)}
+
     def table1(self, *more, data=ROOT / "examples/data"):
         return program.oted("reproduce", "table1", "--task", "hopper", "--dataset", "medium", "--parameters", "gain", "--algorithm", "crossq",
                         "--steps", "200",
@@ -91,10 +96,11 @@ class Table1Test(program.HopperTest):
         ran = program.oted(*words, *program.sets(program.TINY))
         self.assertIn(ran.returncode, (0, program.NO_SIMULATOR), ran.stderr)
         of_run = {p["name"]: p for p in json.loads((run / "evaluation.json").read_text())["policies"]}
+        records = self.records()
         for cell, name in (("hopper-medium-bc", "clone"), ("hopper-gain-dr", "crossq_dr"), ("hopper-gain-is", "crossq_is"),
                            ("hopper-medium-gain-bc_dr", "bc_dr"), ("hopper-gain-nominal", "crossq_nominal"),
                            ("hopper-medium-gain-oted", "oted_crossq")):
-            record = json.loads((self.out / f"{cell}.json").read_text())
+            record = records[cell]
             self.assertEqual(record["schema"], "oted.table1_cell/1")
             self.assertIn("reproduce table1", record["command"])
             self.assertEqual(record["steps"], None if cell.endswith("-bc") else 200)
@@ -110,15 +116,15 @@ class Table1Test(program.HopperTest):
         self.assertTrue((self.out / "runs/hopper-medium-gain-oted/3/report.html").is_file())
         self.assertTrue((self.out / "runs/hopper-gain-dr/3/agents/1/curves.csv").is_file())
         # What is finished is not run again, and another seed is added to it.
-        before = program.files_below(self.out)
+        before = program.files_below(self.folder)
         again = self.table1("--seed", "3")
         self.assertEqual((again.returncode, again.stdout), (0, result.stdout), again.stderr)
-        self.assertEqual(program.files_below(self.out), before)
+        self.assertEqual(program.files_below(self.folder), before)
         more = self.table1("--seed", "3", "--seeds", "2", "--methods", "bc")
         self.assertEqual(more.returncode, 0, more.stderr)
-        record = json.loads((self.out / "hopper-medium-bc.json").read_text())
+        record = self.records()["hopper-medium-bc"]
         self.assertEqual([seed["seed"] for seed in record["seeds"]], [3, 4])
-        self.assertEqual(record["seeds"][0], json.loads(before["hopper-medium-bc.json"])["seeds"][0])
+        self.assertEqual(record["seeds"][0], records["hopper-medium-bc"]["seeds"][0])
         self.assertIn("; 2) | 29.0 |", more.stdout)
         self.assertOneLine(self.table1("--methods", "bc", "--set", "clone.max_steps=50"), program.USAGE, "assignments",
                            "another --out")
