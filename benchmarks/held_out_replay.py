@@ -69,7 +69,7 @@ def replay_errors(data, z):
 def design_by(oted, form, case, logs, folder):
     config = pathlib.Path(folder) / f"{form}.toml"
     text = f'[task]\nname = "Hopper-v5"\n[data]\npath = "{logs}"\n[run]\nseed = {case}\nthreads = 1\n'
-    text += f'[selection]\nn_seeds = 1\n[report]\nmotion = "false"\n[design]\nform = "{form}"\n[parameters]\n'
+    text += f'[selection]\nn_seeds = 1\n[report]\nmotion = "false"\n[design]\nmethod = "{form}"\n[parameters]\n'
     text += "".join(f'{name} = {{ field = "{field}", range = [{LOW}, {HIGH}] }}\n' for name, field in PARAMETERS.items())
     config.write_text(text)
     command = [str(oted), "design", str(config), "--out", f"{folder}/{form}", "--json", "--quiet"]

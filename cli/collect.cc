@@ -68,14 +68,14 @@ void Collect(const CollectOptions& options) {
 }  // namespace
 
 void AddCollectVerb(Program& program) {
-  CLI::App* verb =
-      program.app.add_subcommand("collect", "log demonstrations of a policy in a simulator that stands for the target");
+  CLI::App* verb = program.app.add_subcommand(
+      "collect", "log demonstrations in a simulated target, with a policy or with excitation");
   auto options = std::make_shared<CollectOptions>();
   verb->add_option("--task", options->task, kTaskHelp)->required();
   verb->add_option(
           "--policy", options->policies,
           "policy.npz, or open-loop excitation: random, noise:STD[:SECONDS], sine[:AMPLITUDE] (fractions of the "
-          "action range), or expert or medium for a MiniGrid task; give two to draw half of the episodes from each")
+          "action range), or expert or medium for a MiniGrid task; two policies share the episodes")
       ->required();
   verb->add_option("--param", options->parameters,
                    "a parameter that differs from nominal: name=path:low:high; repeatable; default: [parameters] of "
@@ -86,28 +86,26 @@ void AddCollectVerb(Program& program) {
   verb->add_option("--episodes", options->n_episodes, "episodes to log")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  verb->add_option(
-          "--noise", options->noise,
-          "standard deviation of the sensors' noise, the same on every observation and in its unit; the policy "
-          "sees it too [default: none]")
+  verb->add_option("--noise", options->noise,
+                   "standard deviation of sensor noise on every observation, in its own unit; the policy "
+                   "sees it too [default: none]")
       ->check(CLI::PositiveNumber);
-  verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
-  verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
+  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]");
+  verb->add_option("--threads", options->threads, "most threads [default: all processors]");
   verb->add_option("--out", options->output, "dataset to write: .hdf5 (D4RL layout), .npz, .csv, or NAME-v0 (Minari)")
       ->required();
   verb->callback([options] { Collect(*options); });
 }
 
 void AddBehaviorVerb(Program& program) {
-  CLI::App* verb =
-      program.app.add_subcommand("behavior", "train the medium and the expert behaviour policy of a study");
+  CLI::App* verb = program.app.add_subcommand("behavior", "train a study's medium and expert behaviour policy");
   struct BehaviorOptions : Options {
     std::string algorithm = "sac";
   };
   auto options = std::make_shared<BehaviorOptions>();
   verb->add_option("--task", options->task, kTaskHelp)->required();
-  verb->add_option("--seed", options->seed, "names every random stream [default: 1]");
-  verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
+  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]");
+  verb->add_option("--threads", options->threads, "most threads [default: all processors]");
   verb->add_option("--out", options->out, "folder for expert.npz, medium.npz and training.json")->required();
   verb->add_option("--algorithm", options->algorithm, "sac (the shipped policies') or crossq")
       ->check(CLI::IsMember({"sac", "crossq"}))

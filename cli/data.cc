@@ -33,7 +33,7 @@ RunConfig StudyOf(const Options& options) {
   if (!options.parameters.empty()) config.parameters.clear();
   for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
   if (config.task.name.empty() && !config.parameters.empty()) {
-    throw UsageError("--param belongs to a task's simulator; name it with --task");
+    throw UsageError("--param needs a simulator; name its task with --task");
   }
   return config;
 }
@@ -65,13 +65,14 @@ void AddCommon(CLI::App& verb, Options& options) {
                   "logged trajectories: .hdf5, .npz, .csv, a Minari folder, or a configuration file that names "
                   "data and task")
       ->required();
-  verb.add_option("--task", options.task, "simulator: Hopper-v5, ...; names the channels and allows more checks");
-  verb.add_option("--episodes", options.episodes, "which episodes: a number (the first so many), 3-7, or all");
+  verb.add_option("--task", options.task,
+                  "simulator: Hopper-v5, ...; adds channel names and the checks that need a simulator");
+  verb.add_option("--episodes", options.episodes, "which episodes: 5 (the first five), 3-7, or all");
   verb.add_flag("--json", options.json, "print the result as JSON");
 }
 
 void AddInfo(CLI::App& data) {
-  CLI::App* verb = data.add_subcommand("info", "what a file holds: counts, returns, ranges, hash");
+  CLI::App* verb = data.add_subcommand("info", "show counts, returns, ranges and hash of a file");
   auto options = std::make_shared<Options>();
   AddCommon(*verb, *options);
   verb->callback([options] {
@@ -93,14 +94,14 @@ void AddInfo(CLI::App& data) {
 
 void AddCheck(CLI::App& data, Program& program) {
   CLI::App* verb = data.add_subcommand(
-      "check", "what is wrong with a file, what it means and what to do; with --task also: is there a gap at all?");
+      "check", "find defects of a file, what they mean and what to do; with --task also whether there is a gap");
   auto options = std::make_shared<Options>();
   AddCommon(*verb, *options);
   verb->add_option("--param", options->parameters,
-                   "a parameter whose effect on the logged episodes is to be measured: name=path:low:high; repeatable")
+                   "measure this parameter's effect on the logged episodes: name=path:low:high; repeatable")
       ->allow_extra_args(false);
-  verb->add_option("--seed", options->seed, "names every random stream [default: 1]")->check(CLI::NonNegativeNumber);
-  verb->add_option("--threads", options->threads, "threads at most [default: all processors]");
+  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]")->check(CLI::NonNegativeNumber);
+  verb->add_option("--threads", options->threads, "most threads [default: all processors]");
   verb->add_flag("--strict", options->strict, "exit with 3 also for warnings");
   verb->footer(
       "Exit code: 0 without errors, 3 with errors (--strict: or warnings). docs/data_checks.md explains each.");
@@ -125,8 +126,8 @@ void AddCheck(CLI::App& data, Program& program) {
 }
 
 void AddConvert(CLI::App& data) {
-  CLI::App* verb =
-      data.add_subcommand("convert", "the same transitions in another format, by the endings of the paths");
+  CLI::App* verb = data.add_subcommand(
+      "convert", "write the same transitions in another format; the paths' endings name the formats");
   struct ConvertOptions : Options {
     double noise = 0;
   };
@@ -134,17 +135,16 @@ void AddConvert(CLI::App& data) {
   verb->add_option("IN,--data", options->data, "file to read")->required();
   verb->add_option("OUT,--out", options->out, "file to write")->required();
   verb->add_option("--task", options->task, "the task that the data must fit");
-  verb->add_option("--episodes", options->episodes, "which episodes: a number (the first so many), 3-7, or all");
-  verb->add_option(
-          "--noise", options->noise,
-          "for studies: add sensor noise of this standard deviation to every observation, in its own unit, one "
-          "reading for each state, and leave out full states (infos/qpos, infos/qvel)")
+  verb->add_option("--episodes", options->episodes, "which episodes: 5 (the first five), 3-7, or all");
+  verb->add_option("--noise", options->noise,
+                   "add sensor noise of this standard deviation to every observation, in its own unit; full states "
+                   "(infos/qpos, infos/qvel) are left out")
       ->check(CLI::PositiveNumber);
   verb->add_option("--seed", options->seed, "of --noise [default: 1]")->check(CLI::NonNegativeNumber);
   verb->callback([options] {
     std::error_code error;
     if (std::filesystem::equivalent(options->data, options->out, error)) {
-      throw UsageError(fmt::format("'{}' would be written over itself; name another file", options->data));
+      throw UsageError(fmt::format("'{}' is input and output; name another output", options->data));
     }
     const RunConfig config = StudyOf(*options);
     Dataset dataset = ReadChosen(config, options->episodes);
@@ -169,16 +169,16 @@ void AddConvert(CLI::App& data) {
     const Dataset back = ReadDataset(options->out);
     fmt::print("{}: {} transitions in {} episodes\n", options->out, back.size(), back.Episodes().size());
     std::vector<std::string> losses = Losses(dataset, back);
-    if (drops_states) losses.push_back("infos/qpos and infos/qvel, which would give the noise away");
+    if (drops_states) losses.push_back("infos/qpos and infos/qvel, which would reveal the noise");
     for (const std::string& loss : losses) fmt::print("lost: {}\n", loss);
-    if (losses.empty()) fmt::print("nothing was lost: every number and flag reads back as it was\n");
+    if (losses.empty()) fmt::print("nothing was lost: every number and flag reads back the same\n");
   });
 }
 
 }  // namespace
 
 void AddDataVerb(Program& program) {
-  CLI::App* data = program.app.add_subcommand("data", "look at logged trajectories: info, check, convert");
+  CLI::App* data = program.app.add_subcommand("data", "show, check and convert logged trajectories");
   data->require_subcommand(1);
   AddInfo(*data);
   AddCheck(*data, program);

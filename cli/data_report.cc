@@ -144,7 +144,7 @@ void PrintDataCheck(const Dataset& dataset, const SimulatorSpec* spec, const Dat
         "\n{:<14}{}: area under the curve {:.3f} (0.5: logs and simulator cannot be told apart), {} transitions\n",
         "gap", ToString(VerdictOf(*check.gap)), check.gap->auc, dataset.size());
   } else if (spec == nullptr) {
-    fmt::print("\nwith --task the logs are also held against the simulator: is there a gap at all?\n");
+    fmt::print("\nwith --task, the check also compares the logs with the simulator\n");
   }
   fmt::print("\n{}, {}, {}\n", Plural(CountOf(check.findings, Severity::kError), "error"),
              Plural(CountOf(check.findings, Severity::kWarning), "warning"),

@@ -27,7 +27,7 @@ struct EvaluateOptions : Options {
 
 void EvaluateRun(Program& program, const Options& options) {
   if (options.out.empty()) {
-    throw UsageError("evaluate needs --out RUN_DIR for a study, or --policy FILE for a policy on its own");
+    throw UsageError("evaluate needs --out RUN_DIR for a study, or --policy FILE for one policy");
   }
   {
     Session session(options, program.command_line);
@@ -119,12 +119,12 @@ void EvaluateFile(const EvaluateOptions& options) {
 
 void AddEvaluateVerb(Program& program) {
   CLI::App* verb = program.app.add_subcommand(
-      "evaluate", "with a known truth: every policy in the target; with --policy: one policy file in a simulator");
+      "evaluate", "run every policy in a target with a known truth; with --policy, run one policy file in a simulator");
   auto options = std::make_shared<EvaluateOptions>();
   AddRunOptions(*verb, *options);
   verb->get_option("--out")->required(false);
   verb->get_option("--episodes")
-      ->description("of the data to use, as in every stage; with --policy: how many to run [default: 20]");
+      ->description("episodes of the data to use; with --policy: episodes to run [default: 20]");
   verb->add_option("--policy", options->policy,
                    "policy.npz, or policy.onnx of this or another program: runs its deterministic action, or as "
                    "ppo.evaluate says where actions are discrete, at nominal parameters, or at those of --param and "

@@ -15,7 +15,7 @@ namespace oted::cli {
 
 void AddExportVerb(Program& program) {
   CLI::App* verb = program.app.add_subcommand(
-      "export", "the designed simulator as MJCF, q(z) as JSON, the parameters for mujoco.sysid");
+      "export", "write the designed model as MJCF, q(z) as JSON, and parameters for mujoco.sysid");
   struct Words {
     std::string run, mjcf, q, sysid, member = "best";
   };
@@ -24,7 +24,7 @@ void AddExportVerb(Program& program) {
   verb->add_option("--mjcf", words->mjcf, "write the designed model: loads in MuJoCo's viewer and in Python");
   verb->add_option(
       "--member", words->member,
-      "whose mode --mjcf holds: best (the best-scoring seed), a seed, or all, one file each (NAME-SEED.xml) "
+      "whose mode --mjcf writes: best (the best-scoring seed), a seed, or all, one file each (NAME-SEED.xml) "
       "[default: best]");
   verb->add_option("--q", words->q, "write the selected setting's mixture q(z) (docs/schemas/oted.q.1.schema.json)");
   verb->add_option("--sysid", words->sysid, "write a parameter file of mujoco.sysid (YAML)");

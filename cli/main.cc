@@ -27,7 +27,7 @@ void CheckVerbs(const CLI::App& app, std::span<char*> words) {
     verbs.push_back(verb->get_name());
   }
   const std::string of = app.get_parent() == nullptr ? "" : " of '" + app.get_name() + "'";
-  throw oted::UsageError(fmt::format("'{}' is not a verb{}{}; the verbs are {}; 'oted{} --help' explains them", word,
+  throw oted::UsageError(fmt::format("'{}' is no command{}{}; the commands are {}; 'oted{} --help' explains them", word,
                                      of, oted::DidYouMean(word, verbs), fmt::join(verbs, ", "),
                                      app.get_parent() == nullptr ? "" : " " + app.get_name()));
 }
@@ -57,7 +57,7 @@ int oted::cli::Main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     // --help and --version arrive as "errors" with code 0.
     if (e.get_exit_code() == 0) return program.app.exit(e);
-    fmt::print(stderr, "oted: {}; 'oted --help' lists the verbs, 'oted VERB --help' what each takes\n",
+    fmt::print(stderr, "oted: {}; 'oted --help' lists the commands, 'oted COMMAND --help' explains one\n",
                oted::Printable(e.what()));
     return static_cast<int>(ExitCode::kUsage);
   } catch (const Error& e) {

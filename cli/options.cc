@@ -75,15 +75,14 @@ void AddParameterOptions(CLI::App& app, Options& options) {
                  "a parameter: name=path:low:high[:log][:absolute][:prior=MEAN,STD], bounds in multiples of nominal; "
                  "repeatable")
       ->allow_extra_args(false);
-  app.add_option(
-         "--preset", options.presets,
-         fmt::format("parameters that are usually off, as far as the model has them: {}; repeatable; a --param of the "
-                     "same name replaces one",
-                     fmt::join(PresetNames(), ", ")))
+  app.add_option("--preset", options.presets,
+                 fmt::format("add the parameters that are usually off and that the model has: {}; repeatable; a "
+                             "--param of the same name replaces one",
+                             fmt::join(PresetNames(), ", ")))
       ->allow_extra_args(false);
   app.add_option("--params", options.parameter_file,
-                 "a mujoco.sysid parameter file (YAML) with names, bounds and nominal values, read in place of the "
-                 "configuration's parameters.sysid");
+                 "parameter file of mujoco.sysid (YAML) with names, bounds and nominal values; replaces "
+                 "parameters.sysid of the configuration");
 }
 
 void AddRunOptions(CLI::App& app, Options& options) {
@@ -94,12 +93,12 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   AddParameterOptions(app, options);
   app.add_option("--truth", options.truth,
-                 "name=value, where a study knows it; read by evaluation and report only; repeatable")
+                 "name=value, if the truth is known; only evaluation and report read it; repeatable")
       ->allow_extra_args(false);
-  app.add_option("--seed", options.seed, "names every random stream [default: 1]")->check(CLI::NonNegativeNumber);
+  app.add_option("--seed", options.seed, "seed of every random stream [default: 1]")->check(CLI::NonNegativeNumber);
   app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(CLI::PositiveNumber);
-  app.add_option("--device", options.device, "where agents' gradient steps are made: cpu or cuda [default: cpu]");
-  app.add_option("--threads", options.threads, "threads at most; results do not depend on it [default: all processors]")
+  app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]");
+  app.add_option("--threads", options.threads, "most threads; results do not depend on it [default: all processors]")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--out", options.out, "run directory")->required()->check([](const std::string& folder) {
     return std::string(folder.empty() ? "names no folder" : "");

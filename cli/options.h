@@ -1,5 +1,5 @@
 #pragma once
-/// Options that the verbs share, and what they make of them.
+/// Options that the commands share.
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -61,7 +61,7 @@ class Session {
 /// Set by Ctrl-C; a second one ends the program at once.
 extern std::atomic<bool> g_stop;
 void InstallStopHandler();
-/// Threads and log of a verb that needs no pipeline.
+/// Threads and log of a command that needs no pipeline.
 RunContext MakeContext(LogSink& log, int threads);
 
 /// The program's command line, as typed.

@@ -212,14 +212,14 @@ void PrintFindings(const ParameterCheck& check) {
   }
   for (const TradeOff& pair : check.trade_offs) {
     fmt::print(
-        "\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the logs show their combination, not "
-        "each; fix one of them or expect wide intervals\n",
+        "\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the logs show only their combination; "
+        "fix one, or expect wide intervals\n",
         check.parameters[static_cast<size_t>(pair.first)].spec.name,
         check.parameters[static_cast<size_t>(pair.second)].spec.name, pair.cosine > 0 ? "alike" : "oppositely alike",
         pair.cosine);
   }
   if (check.all_have_effect() && check.trade_offs.empty()) {
-    fmt::print("\nEvery parameter has an effect, and no two of them act alike.\n");
+    fmt::print("\nEvery parameter has an effect, and no two act alike.\n");
   }
 }
 
@@ -253,25 +253,24 @@ int Check(const ParamsOptions& options) {
 }  // namespace
 
 void AddParamsVerb(Program& program) {
-  CLI::App* verb = program.app.add_subcommand("params", "what can be a parameter, and what the chosen ones do");
+  CLI::App* verb = program.app.add_subcommand("params", "list what can be a parameter; check what the chosen ones do");
   verb->require_subcommand(1);
 
-  CLI::App* list = verb->add_subcommand("list", "every parameter that a task's simulator offers, and the presets");
+  CLI::App* list = verb->add_subcommand("list", "list every parameter of a task's simulator, and the presets");
   auto listed = std::make_shared<ParamsOptions>();
   AddModelOptions(*list, *listed);
-  list->add_flag("--values", listed->values, "also the nominal value of every single number");
+  list->add_flag("--values", listed->values, "list the nominal value of every number");
   list->callback([listed] { List(*listed); });
 
   CLI::App* check = verb->add_subcommand(
-      "check", "meaning, nominal values and measured effect of parameters, and which of them trade off");
+      "check", "show meaning, nominal values and measured effect of parameters, and which trade off");
   auto checked = std::make_shared<ParamsOptions>();
   AddModelOptions(*check, *checked);
   AddParameterOptions(*check, *checked);
-  check->add_option("--data", checked->data,
-                    "logged trajectories; without them, episodes with random actions are made");
+  check->add_option("--data", checked->data, "logged trajectories; without them, episodes with random actions");
   check->add_option("--episodes", checked->episodes, "episodes of the data to use, from the first: a number, or all");
-  check->add_option("--seed", checked->seed, "names every random stream [default: 1]")->check(CLI::NonNegativeNumber);
-  check->add_option("--threads", checked->threads, "threads at most [default: all processors]")
+  check->add_option("--seed", checked->seed, "seed of every random stream [default: 1]")->check(CLI::NonNegativeNumber);
+  check->add_option("--threads", checked->threads, "most threads [default: all processors]")
       ->check(CLI::NonNegativeNumber);
   check->add_flag("--strict", checked->strict, "exit with 4 when a parameter has no measured effect");
   check->callback([&program, checked] { program.exit_code = Check(*checked); });

@@ -67,8 +67,8 @@ void AddStudyOptions(CLI::App& verb, StudyOptions& options) {
   verb.add_option("--out", options.out,
                   "records go to OUT.jsonl, a line per cell, runs into the folder OUT; what is there is not run again")
       ->required();
-  verb.add_option("--threads", options.threads, "threads at most [default: all processors]");
-  verb.add_option("--set", options.assignments, "section.key=value, any setting, for every cell; repeatable")
+  verb.add_option("--threads", options.threads, "most threads [default: all processors]");
+  verb.add_option("--set", options.assignments, "section.key=value, any setting, in every cell; repeatable")
       ->allow_extra_args(false);
   verb.add_flag("--quiet", options.quiet, "no progress on stderr");
 }
@@ -105,7 +105,7 @@ void AddDesignStudy(Program& program, CLI::App& reproduce, const std::string& na
 
 void AddDensityStudy(Program& program, CLI::App& reproduce) {
   CLI::App* verb = reproduce.add_subcommand(
-      "figure3", "MiniGrid: error of the density designed from images, beside maximum likelihood; writes figure3.html");
+      "figure3", "MiniGrid: errors of densities designed from images, beside maximum likelihood; writes figure3.html");
   auto options = std::make_shared<DensityStudyOptions>();
   DensityStudy& study = options->study;
   AddStudyOptions(*verb, *options);
@@ -180,11 +180,11 @@ void AddTable1(Program& program, CLI::App& reproduce) {
 
 void AddReproduceVerb(Program& program) {
   CLI::App* verb =
-      program.app.add_subcommand("reproduce", "the paper's studies, cell by cell: table1, table2, figure2, figure3");
+      program.app.add_subcommand("reproduce", "run the paper's studies cell by cell: table1, table2, figure2, figure3");
   verb->require_subcommand(1);
   AddTable1(program, *verb);
-  AddDesignStudy(program, *verb, "table2", "simulator selection: design error and regret of every way of selecting");
-  AddDesignStudy(program, *verb, "figure2", "design errors by parameter, each alone and all jointly");
+  AddDesignStudy(program, *verb, "table2", "simulator selection: design error and regret of every score");
+  AddDesignStudy(program, *verb, "figure2", "design errors by parameter, alone and together");
   AddDensityStudy(program, *verb);
 }
 

@@ -54,14 +54,35 @@ void PrintPolicies(const EvaluationRecord& evaluation) {
 std::string VerdictSentence(DesignVerdict verdict) {
   switch (verdict) {
     case DesignVerdict::kNoGap:
-      return "no gap: the nominal simulator already matches the logs";
+      return "no gap: the nominal simulator matches the logs";
     case DesignVerdict::kGapClosed:
       return "gap closed: the designed simulator matches the logs";
     case DesignVerdict::kOutsideFamily:
       break;
   }
-  return "outside family: no simulator within these parameters and bounds matches the logs; widen the bounds or free "
+  return "outside family: no simulator with these parameters and bounds matches the logs; widen the bounds or free "
          "other parameters";
+}
+
+/// How the design predicts logs that it did not see, at the longest horizon up to half a second.
+void PrintValidation(const DesignRecord& design) {
+  constexpr double kShown = 0.5;
+  constexpr size_t kMostChannels = 8;
+  if (!design.validation || design.validation->horizons.empty()) return;
+  const auto* shown = &design.validation->horizons.front();
+  for (const auto& horizon : design.validation->horizons) {
+    if (horizon.seconds <= kShown + 1e-9) shown = &horizon;
+  }
+  fmt::print("\n{:<34} {:>10} {:>10} {:>10}\n", fmt::format("held-out error over {:.2g} s", shown->seconds), "nominal",
+             "designed", "sensors");
+  for (size_t i = 0; i < std::min(kMostChannels, shown->channels.size()); ++i) {
+    const auto& c = shown->channels[i];
+    fmt::print("{:<34} {:>10.2g} {:>10.2g} {:>10.2g}\n",
+               c.unit.empty() ? c.name : fmt::format("{} [{}]", c.name, c.unit), c.nominal, c.designed, c.floor);
+  }
+  if (shown->channels.size() > kMostChannels) {
+    fmt::print("... {} more channels and other horizons in the report\n", shown->channels.size() - kMostChannels);
+  }
 }
 
 /// Which method of the design was taken where that was left open, and why.
@@ -76,8 +97,8 @@ void PrintMethodChoices(const DesignRecord& design) {
 void PrintSuspects(const DesignRecord& design) {
   if (!design.fit) return;
   for (const Suspect& suspect : design.fit->suspects) {
-    fmt::print("not searched, but off by the logs: {}, about {:.2f} times the model's\n", suspect.field,
-               suspect.factor);
+    fmt::print("suspect, not among the parameters: {}, by the logs about {:.2f} times the model's value\n",
+               suspect.field, suspect.factor);
   }
 }
 
@@ -107,6 +128,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
   } else {
     if (design) {
       PrintParameters(*design, evaluation);
+      PrintValidation(*design);
       fmt::print("\nverdict: {}\n", VerdictSentence(design->verdict));
       PrintSuspects(*design);
       PrintMethodChoices(*design);

@@ -10,7 +10,7 @@ namespace oted::cli {
 
 void AddRunVerb(Program& program) {
   CLI::App* verb =
-      program.app.add_subcommand("run", "the whole method: clone, design, select, train, select, evaluate, report");
+      program.app.add_subcommand("run", "run all stages: clone, design, select, train, select, evaluate, report");
   auto options = std::make_shared<Options>();
   AddRunOptions(*verb, *options);
   verb->footer(SettingsHelp());

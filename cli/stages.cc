@@ -1,4 +1,4 @@
-// One verb per stage, on the same run directory. A stage whose predecessors are missing makes them first.
+// One command per stage, on the same run directory. Each command runs missing earlier stages first.
 
 #include <functional>
 #include <memory>
@@ -36,12 +36,10 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
 }  // namespace
 
 void AddStageVerbs(Program& program) {
-  AddStageVerb(
-      program,
-      {"clone", "stage 1: learn the behaviour policy mu-hat from the logs", {"clone"}, &Pipeline::CloneBehavior});
+  AddStageVerb(program, {"clone", "stage 1: clone the behaviour in the logs", {"clone"}, &Pipeline::CloneBehavior});
   // A design is of use once it is known which seed to trust: the verb goes on to the selection.
   AddStageVerb(program, {"design",
-                         "stages 2 and 3: learn q(z) for every setting and seed, and select",
+                         "stages 2 and 3: fit q(z) for every setting and seed, and select one",
                          {"design", "selection", "report"},
                          &Pipeline::ReplayLogs});
   AddStageVerb(program, {"select-simulator",

@@ -45,21 +45,20 @@ void BaselinesConfig::Check() const {
 FieldList BaselinesConfig::Fields() {
   FieldList fields("baselines");
   fields.Add("run", &run,
-             "what the paper compares with, trained beside the agents: dr, domain randomisation; is, interval search; "
-             "bc_dr, a clone of the logs and of data collected under dr");
+             "baselines to train beside the agents: dr (domain randomisation), is (interval search), bc_dr (a clone of "
+             "the logs and of data collected under dr)");
   fields.Add("is_boundary", &is.boundary, "is: share of the episodes with one parameter at an end of its interval",
              AboveUpTo(0, 1));
-  fields.Add("is_episodes", &is.episodes, "is: episodes at an end for one decision on it", AtLeast(1));
+  fields.Add("is_episodes", &is.episodes, "is: episodes at an end before it may move", AtLeast(1));
   fields.Add("is_step", &is.step, "is: by how much an end moves, in ranges of the parameter", AboveUpTo(0, 1));
   fields.Add("is_grow", &is.grow,
-             "is: mean performance there from which an end moves outwards; 0 is a random policy's return, 1 the "
-             "reference",
+             "is: an end moves outwards from this mean performance on; 0: a random policy's return, 1: the reference",
              Between(-10, 10));
-  fields.Add("is_shrink", &is.shrink, "is: and down to which inwards", Between(-10, 10));
+  fields.Add("is_shrink", &is.shrink, "is: an end moves inwards at this mean performance or less", Between(-10, 10));
   fields.Add("is_reference", &is.reference,
              "is: return that counts as 1; 0: that of D4RL's expert, where the task has it");
   fields.AddChoice("bc_dr_collector", &bc_dr.collector,
-                   "bc_dr: who acts in the randomised simulators, the agent trained in them or the clone of the logs",
+                   "bc_dr: who collects in the randomised simulators, the agent trained there or the clone of the logs",
                    NamedValues<Collector>{{Collector::kRandomizedAgent, "dr"}, {Collector::kClone, "clone"}});
   fields.Add("bc_dr_ratio", &bc_dr.ratio, "bc_dr: simulated transitions for each logged one", AboveUpTo(0, 1000));
   return fields;

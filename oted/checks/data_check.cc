@@ -108,7 +108,7 @@ void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, s
   const GapVerdict verdict = VerdictOf(s);
   const std::string meaning =
       verdict == GapVerdict::kNone
-          ? "no gap was seen: agents can be trained in the nominal simulator; a gap smaller than what so many "
+          ? "no gap was seen: train agents in the nominal simulator; a gap smaller than what so many "
             "transitions show may remain"
       : verdict == GapVerdict::kSmall ? "a small gap: a design may close it, and it may not change what agents learn"
                                       : "a clear gap: a design is worth its time";

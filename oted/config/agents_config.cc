@@ -30,18 +30,17 @@ const NamedValues<TrainIn>& TrainInNames() {
 
 FieldList AgentsConfig::Fields() {
   FieldList fields("agents");
-  fields.AddChoice(
-      "algorithm", &algorithm,
-      "how agents learn: crossq, or sac as the paper's, for continuous actions, ppo for discrete ones; auto: "
-      "crossq or ppo",
-      AlgorithmNames());
+  fields.AddChoice("algorithm", &algorithm,
+                   "how agents learn: crossq or sac (the paper's) for continuous actions, ppo for discrete ones; auto: "
+                   "crossq or ppo",
+                   AlgorithmNames());
   fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
   fields.AddChoice("train_in", &train_in,
-                   "where agents train, drawn anew for each episode: a mode of the seeds' q (Algorithm 2), a sample of "
-                   "one of them (Sec. 4, step 3), or always the best-scoring seed's mode",
+                   "simulator of each training episode: a random seed's mode (Algorithm 2), a sample of a random "
+                   "seed's q (Sec. 4, step 3), or the best seed's mode",
                    TrainInNames());
   fields.AddChoice("device", &device,
-                   "where the gradient steps of crossq and sac are made: cpu, or cuda, by libtorch's autograd on a GPU",
+                   "device of crossq's and sac's gradient steps: cpu, or cuda (libtorch's autograd on a GPU)",
                    {"cpu", "cuda"});
   fields.Add("nominal", &nominal, "with a known truth, also train agents in the nominal simulator, to compare");
   fields.Add("nominal_at", &nominal_at,

@@ -27,16 +27,16 @@ using nlohmann::json;
 FieldList DataConfig::Fields() {
   FieldList fields("data");
   fields.Add("path", &path, "logged trajectories: .hdf5 (D4RL or Minari), a Minari folder, .npz, .csv or .csv.gz");
-  fields.Add("episodes", &episodes, "how many of them to use, from the first: a number, or all");
-  fields.AddChoice("format", &format, "the file's format; auto goes by its path and content",
+  fields.Add("episodes", &episodes, "how many episodes to use, from the first: a number, or all");
+  fields.AddChoice("format", &format, "the file's format; auto: by path and content",
                    {"auto", "d4rl", "minari", "npz", "csv"});
-  fields.Add("observations", &columns.observations, "columns of a CSV that are observations; none: by prefix, obs");
-  fields.Add("actions", &columns.actions, "columns of a CSV that are actions; none: by prefix, act");
-  fields.Add("episode", &columns.episode, "column of a CSV with the episode's number; empty: by its usual names");
-  fields.Add("time", &columns.time, "column of a CSV with the time [s]; empty: by its usual names");
-  fields.Add("reward", &columns.reward, "column of a CSV with the reward; empty: by its usual names");
-  fields.Add("terminal", &columns.terminal, "column of a CSV, 1 where the task ended; empty: by its usual names");
-  fields.Add("timeout", &columns.timeout, "column of a CSV, 1 where the episode was cut; empty: by its usual names");
+  fields.Add("observations", &columns.observations, "CSV columns with observations; none: those with the prefix obs");
+  fields.Add("actions", &columns.actions, "CSV columns with actions; none: those with the prefix act");
+  fields.Add("episode", &columns.episode, "CSV column with the episode's number; empty: by the usual names");
+  fields.Add("time", &columns.time, "CSV column with the time [s]; empty: by the usual names");
+  fields.Add("reward", &columns.reward, "CSV column with the reward; empty: by the usual names");
+  fields.Add("terminal", &columns.terminal, "CSV column that is 1 where the task ended; empty: by the usual names");
+  fields.Add("timeout", &columns.timeout, "CSV column that is 1 where the episode was cut; empty: by the usual names");
   fields.Add("action_delay", &action_delay, "control steps from a logged action to its effect", Between(0, 1000));
   return fields;
 }
@@ -51,20 +51,19 @@ DataOptions DataConfig::Options() const {
 
 FieldList RunSettings::Fields() {
   FieldList fields("run");
-  fields.Add("seed", &seed, "names every random stream of the run", AtLeast(0));
-  fields.Add("threads", &threads, "threads at most; 0 takes every processor", AtLeast(0));
+  fields.Add("seed", &seed, "seed of every random stream", AtLeast(0));
+  fields.Add("threads", &threads, "most threads; 0: one for each processor", AtLeast(0));
   fields.Add("strict", &strict, "a parameter without measured effect is an error");
   return fields;
 }
 
 FieldList ReportConfig::Fields() {
   FieldList fields("report");
-  fields.AddChoice("motion", &motion,
-                   "pictures of logged, nominal and designed motion: where OpenGL is there, always (an error without), "
-                   "or never",
-                   NamedValues<Motion>{{Motion::kAuto, "auto"}, {Motion::kTrue, "true"}, {Motion::kFalse, "false"}});
-  fields.Add("replay_steps", &replay_steps, "control steps for which logged actions are replayed from a logged state",
-             AtLeast(1));
+  fields.AddChoice(
+      "motion", &motion,
+      "films of logged, nominal and designed motion: auto (if OpenGL is there), true (an error without it), or false",
+      NamedValues<Motion>{{Motion::kAuto, "auto"}, {Motion::kTrue, "true"}, {Motion::kFalse, "false"}});
+  fields.Add("replay_steps", &replay_steps, "control steps that a replay of logged actions takes", AtLeast(1));
   return fields;
 }
 

@@ -23,16 +23,16 @@ FieldList TaskConfig::Fields() {
   fields.Add("motors", &model.motors, "joints that get a motor of their own: joint/NAME");
   fields.Add("control_period", &model.control_period,
              "time between two actions [s], a multiple of the model's time step", AtLeast(0));
-  fields.Add("observations", &model.observations, "what is seen, in this order: paths");
-  fields.Add("unobserved", &model.unobserved, "coordinates that may stay as at the start when a state is set: paths");
-  fields.Add("actions", &model.actions, "what acts, in this order: actuator/NAME");
+  fields.Add("observations", &model.observations, "observations, in this order: paths");
+  fields.Add("unobserved", &model.unobserved, "paths of coordinates that keep their start value when a state is set");
+  fields.Add("actions", &model.actions, "actions, in this order: actuator/NAME");
   fields.Add("action_range", &model.action_range, "[low, high] of controls that the model gives no ctrlrange");
   fields.Add("start", &model.start, "where episodes begin: default, keyframe/NAME, or logs (the data's own starts)");
   fields.Add("start_qpos", &model.start_qpos, "positions of the start state, one per number of qpos [m, rad]");
   fields.Add("start_noise", &model.start_noise, "half width of uniform noise on qpos and qvel [m, rad, m/s, rad/s]",
              AtLeast(0));
-  fields.Add("reward", &model.reward, "expression, per control step; needed to train agents, not to design");
-  fields.Add("terminate", &model.terminate, "expression; an episode ends where it is not 0");
+  fields.Add("reward", &model.reward, "expression, paid every control step; only agents need it");
+  fields.Add("terminate", &model.terminate, "expression; the episode ends when it is not 0");
   fields.Add("max_episode_steps", &model.max_episode_steps, "control steps after which an episode is cut", AtLeast(1));
   return fields;
 }

@@ -1,5 +1,5 @@
 #pragma once
-/// The arrays of an open HDF5 file, held against what the file stores before anything is allocated. For the child
+/// The arrays of an open HDF5 file, compared with what the file stores before anything is allocated. For the child
 /// process that reads (dataset_pipe.h); never in the program itself. Include from .cc files only.
 
 #include <string>

@@ -2,6 +2,7 @@
 /// What a fit of the logs leaves unexplained.
 
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,17 @@ struct Suspect {
   std::string field;   ///< its path, as a parameter's
   double factor = 1;   ///< times its nominal value, told by a linear model
   double log_std = 0;  ///< standard deviation of log(factor)
+};
+
+/// Open-loop prediction of logs that the parameters were not fitted to: root mean square errors per observation
+/// channel, in its own unit.
+struct HeldOutPrediction {
+  struct Horizon {
+    double seconds = 0;
+    std::vector<double> nominal, designed;  ///< (obs_dim)
+  };
+  int n_windows = 0;
+  std::vector<Horizon> horizons;
 };
 
 /// Residuals of replayed windows at the fitted parameters and start states, per observation channel in its own unit.
@@ -25,6 +37,7 @@ struct FitEvidence {
   std::vector<double> short_noise_std, long_noise_std;
   /// Each would, changed alone, explain part of what is left; the most certain first.
   std::vector<Suspect> suspects;
+  std::optional<HeldOutPrediction> held_out;  ///< none where the logs are too short to keep a part aside
 };
 
 nlohmann::json ToJson(const std::vector<Suspect>& suspects);

@@ -53,14 +53,13 @@ Section AgentsSection(const json& report) {
   const json& baselines = ListAt(report, "baselines");
   if (agents.empty() && nominal.empty() && baselines.empty()) return section;
   section.html =
-      "<p>Agents learn in the designed simulators, in one drawn anew for each episode. Returns here are earned in the "
-      "simulators that each agent trains in, not in the target: those of different simulators do not compare.";
-  if (!nominal.empty()) section.html += " For comparison, the same training in the nominal simulator alone.";
+      "<p>Agents learn in the designed simulators, in a newly drawn one for each episode. Each return comes from the "
+      "agent's own training simulators, not from the target. Returns of different simulators do not compare.";
+  if (!nominal.empty()) section.html += " For comparison: the same training in the nominal simulator.";
   if (!baselines.empty()) {
     section.html +=
-        " Baselines learn by the same algorithm without the logs: with parameters drawn from their whole ranges "
-        "(domain "
-        "randomisation), or from intervals that grow where the agent does well (interval search).";
+        " Baselines learn by the same algorithm without the logs. Domain randomisation draws parameters from their "
+        "whole ranges; interval search draws from intervals that grow where the agent does well.";
   }
   section.html += "</p>\n";
   HtmlTable table;
@@ -95,8 +94,7 @@ Section PolicySelectionSection(const json& report) {
   if (!report.contains("policy_selection")) return section;
   const json& selection = report["policy_selection"];
   section.html =
-      "<p>Every agent is tried in every designed simulator, and the one with the highest mean return is kept. The "
-      "target has no say in this.</p>\n";
+      "<p>Every agent runs in every designed simulator. The highest mean return wins. The target is not used.</p>\n";
   HtmlTable table;
   table.Column("Agent", HtmlTable::Align::kText).Column("Mean return");
   const std::string selected = TextAt(selection, "selected");

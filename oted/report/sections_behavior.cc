@@ -14,7 +14,8 @@ Section DataSection(const json& report) {
   if (!report.contains("dataset")) return section;
   const json& data = report["dataset"];
   section.html =
-      std::string("<p>All that is known about the target: what was observed and done there, step by step.</p>\n") +
+      std::string(
+          "<p>The logs are all that is known about the target: what was observed and done, step by step.</p>\n") +
       FactList()
           .Add("Episodes", FormatCount(NumberAt(data, "n_episodes")))
           .Add("Steps", FormatCount(NumberAt(data, "n_transitions")))
@@ -44,12 +45,11 @@ Section CloneSection(const json& report) {
   if (!report.contains("clone")) return section;
   const json& clone = report["clone"];
   section.html =
-      "<p>A policy that imitates the logs. It acts in the simulator during a design in the form <em>paper</em>; a "
-      "design in the form <em>transitions</em> repeats the logged actions instead and does not need it. It is also the "
-      "least that a trained agent has to beat. The loss is how surprised it is by a logged action; on stretches of the "
-      "logs held out from its training it shows when imitation turns into learning by heart. Behavioural cloning keeps "
-      "the policy as it was where that loss is lowest; ValueDICE matches where the policy leads instead of single "
-      "actions, and pays for it with a higher loss.</p>\n";
+      "<p>A policy that imitates the logs. It acts in the simulator if the design uses the method <em>paper</em> or "
+      "<em>images</em>; the other methods replay the logged actions. A trained agent should beat it. The loss says how "
+      "much a logged action surprises the clone. On held-out stretches it rises when the clone learns by heart; "
+      "behavioural cloning keeps the policy with the lowest held-out loss. ValueDICE matches where the policy leads, "
+      "at the price of a higher loss.</p>\n";
   if (clone["result"].is_object()) {
     const json& result = clone["result"];
     const bool valuedice = TextAt(result, "method") == "valuedice";

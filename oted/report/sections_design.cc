@@ -91,8 +91,8 @@ std::string CorrelationFigure(const json& report) {
   Figure figure = MatrixFigure("How the parameters trade off against each other", names, names, correlation,
                                {{0, "var:--cold"}, {0.5, "var:--surface"}, {1, "var:--heat"}}, "%{z:.2f}");
   figure.SetValueRange(-1, 1);
-  return "<p>Correlation under the designed distribution. Near +1 or &minus;1, the logs fix a combination of two "
-         "parameters better than each alone.</p>\n" +
+  return "<p>Correlation of the parameters under q. Near +1 or &minus;1, the logs show a combination of two parameters "
+         "better than each alone.</p>\n" +
          figure.Html("matrix");
 }
 
@@ -110,14 +110,11 @@ Section DesignSection(const json& report) {
   for (size_t i = 0; i < names.size(); ++i) figures += ParameterFigure(report, i, names[i], best);
   const size_t n_seeds = report["design_seeds"].size();
   section.html = fmt::format(
-      "<p>How the parameters moved from their starting values, round by round, as the simulator came to behave like "
-      "the "
-      "logs: the mode of the learned distribution and its spread. {}</p>\n",
-      n_seeds > 1
-          ? fmt::format("The {} lines are independent repetitions of setting <em>{}</em>; where they end at the "
-                        "same value, chance in the method played little part.",
-                        n_seeds, Escape(TextAt(report, "shown_setting")))
-          : fmt::format("One repetition of setting <em>{}</em>.", Escape(TextAt(report, "shown_setting"))));
+      "<p>Mode and spread of q over the iterations. {}</p>\n",
+      n_seeds > 1 ? fmt::format("The {} lines are independent seeds of setting <em>{}</em>. Where they end at the same "
+                                "value, chance mattered little.",
+                                n_seeds, Escape(TextAt(report, "shown_setting")))
+                  : fmt::format("One repetition of setting <em>{}</em>.", Escape(TextAt(report, "shown_setting"))));
   const auto any_has = [&](const char* what) {
     const json& parameters = ListAt(report, "parameters");
     return std::any_of(parameters.begin(), parameters.end(),
@@ -147,11 +144,9 @@ Section DiscriminatorSection(const json& report) {
                               plot("Its loss", "design/discriminator_loss", 2 * std::log(2.0), "guessing");
   if (figures.empty()) return section;
   section.html =
-      "<p>A classifier (the discriminator) learns to tell simulated samples from logged ones, and the design learns to "
-      "fool it. At the dashed line it can only guess: the two are alike to it. (Guessing is right half the time and "
-      "has "
-      "a loss of 2&#8201;log&#8201;2.) It need not get there: it is measured on samples that it learns from, earlier "
-      "iterations' among them.</p>\n" +
+      "<p>The discriminator learns to tell simulated samples from logged ones; the design learns to fool it. At the "
+      "dashed line it can only guess: it is right half the time, with a loss of 2&#8201;log&#8201;2. It need not get "
+      "there, because it is measured on its own training samples, also those of earlier iterations.</p>\n" +
       WithKey(PlotKey().Add("line", "--designed", "each seed").Add("dash", "--truth", "guessing"), FigureGrid(figures));
   return section;
 }

@@ -37,7 +37,7 @@ Section WarningsSection(const json& report) {
   const json& warnings = ListAt(report, "warnings");
   if (warnings.empty()) return section;
   section.html =
-      "<p>What the run came across and went on from; each bears on how far the results can be trusted.</p>\n"
+      "<p>Warnings of the run. Each affects how far to trust the results.</p>\n"
       "<ul class=\"warnings\">";
   for (const json& warning : warnings) section.html += fmt::format("<li>{}</li>", Escape(AsText(warning)));
   section.html += "</ul>\n";
@@ -66,8 +66,8 @@ Section RunSection(const json& report) {
   }
   if (!any && !run.contains("config")) return section;
   section.html =
-      "<p>Enough to do it again: with the same data, configuration and seeds, everything comes out the same to the "
-      "last digit on this machine, at any number of threads.</p>\n";
+      "<p>What a repetition needs. The same data, configuration and seeds give the same results to the last digit on "
+      "this machine, at any number of threads.</p>\n";
   if (any) section.html += table.Html();
   if (run.contains("config")) {
     section.html += fmt::format("<details><summary>Configuration (run.toml)</summary><pre>{}</pre></details>\n",

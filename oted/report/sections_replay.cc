@@ -37,7 +37,7 @@ double Period(const json& replay) {
 std::string ErrorFigure(const json& replay) {
   if (!replay.contains("error")) return "";
   const json& error = replay["error"];
-  Figure figure("Distance from the logs after so much time, in standard deviations of the logs");
+  Figure figure("Distance from the logs over time, in standard deviations of the logs");
   for (const auto& [name, label, style] : {std::tuple("nominal", "nominal simulator", kNominal),
                                            std::tuple("designed", "designed simulator", kDesigned)}) {
     if (!error.contains(name)) continue;
@@ -125,8 +125,8 @@ std::string Pictures(const json& images) {
   const auto rows = static_cast<size_t>(NumberAt(images, "rows").value_or(0));
   if (columns == 0 || rows == 0) return "";
   std::string html =
-      "<p>How episodes begin, as the agent sees it: walls are brown, free cells light, what is hidden dark, the goal "
-      "green. The simulators' grids are draws; only how full they are can be compared.</p>\n";
+      "<p>The first view of some episodes: walls are brown, free cells light, hidden cells dark, the goal green. Grids "
+      "are drawn at random: compare only how full they are.</p>\n";
   for (const auto& [name, label] : {std::pair("logged", "Logged"), std::pair("designed", "Designed simulator"),
                                     std::pair("nominal", "Nominal simulator")}) {
     html += fmt::format("<p>{}</p>\n<p>", label);
@@ -139,11 +139,11 @@ std::string Pictures(const json& images) {
 std::string Explanation(const json& replay) {
   const json window = replay.value("window", json::object());
   return fmt::format(
-      "<p>The logged actions, taken again: each simulator is put into a logged state and gets the {} actions that were "
-      "taken from there, with no correction on the way. The sooner it parts from the logs, the worse it fits; small "
-      "errors grow, so that after a while every simulator does.</p>\n<p>Shown is the stretch at step {} of episode {}. "
-      "Of {} stretches spread over the logs it is the one where the designed simulator does middling: half of them "
-      "fit better, half worse. The design was made from these logs.</p>\n",
+      "<p>This section replays the logged actions in both simulators. Each simulator starts in a logged state and gets "
+      "the next {} logged actions, without correction. The sooner it leaves the log, the worse it fits. Small errors "
+      "grow, so every simulator leaves it after a while.</p>\n<p>The stretch shown starts at step {} of episode {}. Of "
+      "{} stretches spread over the logs it is the median one for the designed simulator. The design was made from "
+      "these logs.</p>\n",
       FormatCount(NumberAt(replay, "n_steps")), FormatCount(NumberAt(window, "step")),
       FormatCount(NumberAt(window, "episode")), FormatCount(NumberAt(replay, "n_windows")));
 }
@@ -167,9 +167,8 @@ Section ReplaySection(const json& report) {
   section.html += ChannelFigures(replay);
   if (const size_t n = ListAt(replay, "channels").size(); n > kMostChannels) {
     section.html += fmt::format(
-        "<p class=\"note\">The {} of {} observed channels in which the nominal simulator errs most; all of them are "
-        "in "
-        "motion/replay.json.</p>\n",
+        "<p class=\"note\">The figures show the {} of {} channels with the largest error of the nominal simulator. "
+        "motion/replay.json has all.</p>\n",
         kMostChannels, n);
   }
   section.html += ErrorFigure(replay);

@@ -61,11 +61,10 @@ Section ParametersSection(const json& report) {
   const bool seeds = std::any_of(parameters.begin(), parameters.end(),
                                  [](const json& p) { return ListAt(p, "seed_modes").size() > 1; });
   section.html =
-      "<p>The values that make the simulator behave as the logs do: the mode of the best-scoring seed. The spread (one "
-      "standard deviation) and the interval are those of the learned distribution, all seeds taken together: how "
-      "sharply the design decided, which is no bound on its error. A parameter that is <em>not identified</em> could "
-      "as well be anything in its range.";
-  if (truth) section.html += " The truth was kept from the design and is used for the last columns only.";
+      "<p>Values are the best-scoring seed's mode. The spread (one standard deviation) and the interval are those of q "
+      "over all seeds. They say how sharply the design decided, and do not bound its error. A parameter that is "
+      "<em>not identified</em> could have any value in its range.";
+  if (truth) section.html += " The design did not see the truth; only the last columns use it.";
   section.html += "</p>\n";
   HtmlTable table;
   table.Column("Parameter", HtmlTable::Align::kText).Column("Designed").Column("Verdict", HtmlTable::Align::kText);
@@ -91,6 +90,40 @@ Section ParametersSection(const json& report) {
   return section;
 }
 
+Section ValidationSection(const json& report) {
+  Section section{"validation", "Held-out logs", "How it predicts logs that it did not see", ""};
+  const json& design = report.contains("design") ? report["design"] : report;
+  if (!design.contains("validation")) return section;
+  const json& validation = design["validation"];
+  const json& horizons = ListAt(validation, "horizons");
+  if (horizons.empty()) return section;
+  section.html = fmt::format(
+      "<p>A part of the logs was kept aside, and a design from the rest predicts it: {} windows, with the logged actions "
+      "and nothing else. The error is the root mean square over the window, in the channel's unit. <em>Sensors</em> is "
+      "the noise of a reading: no simulator can come nearer.</p>\n",
+      FormatCount(NumberAt(validation, "n_windows")));
+  HtmlTable table;
+  table.Column("Channel", HtmlTable::Align::kText);
+  for (const json& horizon : horizons) {
+    const std::string seconds = FormatGiven(NumberAt(horizon, "seconds"));
+    table.Column(fmt::format("Nominal, {} s", seconds)).Column(fmt::format("Designed, {} s", seconds));
+  }
+  table.Column("Sensors");
+  const json& channels = ListAt(horizons[0], "channels");
+  for (size_t c = 0; c < channels.size(); ++c) {
+    std::vector<std::string> cells = {Escape(TextAt(channels[c], "name")) + UnitHtml(TextAt(channels[c], "unit"))};
+    for (const json& horizon : horizons) {
+      const json& channel = ListAt(horizon, "channels").at(c);
+      cells.push_back(FormatNumber(NumberAt(channel, "nominal")));
+      cells.push_back("<b>" + FormatNumber(NumberAt(channel, "designed")) + "</b>");
+    }
+    cells.push_back(FormatNumber(NumberAt(channels[c], "floor")));
+    table.Row(std::move(cells));
+  }
+  section.html += table.Html();
+  return section;
+}
+
 Section PoliciesSection(const json& report) {
   Section section{"policies", "Policies", "Policies in the target", ""};
   const json& policies = ListAt(report, "policies");
@@ -98,11 +131,11 @@ Section PoliciesSection(const json& report) {
   const std::optional<double> episodes = NumberAt(report["evaluation"], "episodes");
   const bool has_expert = std::ranges::any_of(policies, [](const json& p) { return TextAt(p, "name") == "expert"; });
   section.html = fmt::format(
-      "<p>What each policy earns where it counts: in the target, the simulator at the true values{}, with the standard "
-      "deviation over episodes. None of them was trained there. {}</p>\n",
+      "<p>Returns in the target, the simulator at the true values{}, with the standard deviation over episodes. No "
+      "policy was trained there. {}</p>\n",
       episodes ? fmt::format(", over {} episodes", FormatCount(episodes)) : "",
-      has_expert ? "The score is 0 for random actions and 100 for one who sees everything and takes the shortest path."
-                 : "The score is D4RL's: 0 for a random policy and 100 for an expert, both in the original task.");
+      has_expert ? "The score is 0 for random actions and 100 for the shortest paths."
+                 : "The score is D4RL's: 0 for a random policy and 100 for an expert, both in the nominal task.");
   HtmlTable table;
   table.Column("Policy", HtmlTable::Align::kText).Column("Return").Column("Score");
   for (const json& policy : policies) {

@@ -64,9 +64,9 @@ std::string TriedMethods(const json& design) {
   for (const json& choice : ListAt(design, "method_choices")) {
     if (ListAt(choice, "tried").empty()) continue;
     html += fmt::format(
-        "<p>The method of setting <em>{}</em> was left open, and the answer of the first one was outside the family: "
-        "each method learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
-        "Errors are in units of each channel's noise, or of a hundredth of its spread where that is more.</p>\n",
+        "<p>Setting <em>{}</em> left the method open, and the answer of the first was outside the family. Each method "
+        "therefore learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
+        "Errors are in units of each channel's noise, or of a hundredth of its spread if that is more.</p>\n",
         Escape(TextAt(choice, "setting")), FormatCount(NumberAt(choice, "n_windows")),
         FormatCount(NumberAt(choice, "n_steps")));
     HtmlTable table;
@@ -91,11 +91,10 @@ Section SelectionSection(const json& report) {
   const json& design = report["design"];
   const double log2 = NumberAt(design, "log2").value_or(std::log(2.0));
   section.html =
-      "<p>Each setting of the method was run with several seeds and scored on fresh simulations. A score of 0 means "
-      "that simulated and logged samples look alike to the judge; the further below, the easier they are to tell "
-      "apart. "
-      "Only the common judge, the same procedure for all, compares across settings; the own judge can also go above 0, "
-      "where it takes simulated samples for logged ones.</p>\n";
+      "<p>Each setting ran with several seeds and was scored on fresh simulations. At a score of 0 the judge cannot "
+      "tell simulated samples from logged ones; the lower the score, the easier it can. Only the common judge compares "
+      "across settings, because it is trained the same way for all. The own judge can go above 0: it then takes "
+      "simulated samples for logged ones.</p>\n";
   HtmlTable table;
   table.Column("Setting", HtmlTable::Align::kText).Column("Form", HtmlTable::Align::kText).Column("Seeds");
   table.Column("Common judge").Column("Own judge").Column("Design deviation").Column("Learning progress");

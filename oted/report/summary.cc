@@ -55,7 +55,7 @@ Match MatchOf(const json& report) {
 
 std::string GapClosed(const Match& match) {
   if (!match.nominal || !match.designed || *match.nominal >= 0) {
-    return "The designed simulator matches the logs; the original one does not.";
+    return "The designed simulator matches the logs; the nominal one does not.";
   }
   const double share = std::clamp(1 - *match.designed / *match.nominal, 0.0, 1.0);
   // 100 % is said only where the classifier sees nothing at all.
@@ -65,7 +65,7 @@ std::string GapClosed(const Match& match) {
 
 std::string Headline(const json& report, const std::string& verdict) {
   if (verdict == "gap_closed") return GapClosed(MatchOf(report));
-  if (verdict == "no_gap") return "The nominal simulator already matches the logs: there is no gap to close.";
+  if (verdict == "no_gap") return "The nominal simulator matches the logs: there is no gap to close.";
   if (verdict == "outside_family") return "No simulator in this family matches the logs.";
   if (report.contains("design")) return "A simulator has been designed; no verdict was recorded.";
   if (report.contains("design_seeds")) return "The design is not complete yet.";
@@ -96,12 +96,12 @@ void AddParameters(const json& report, json* found) {
   const bool outside = report.contains("design") && TextAt(report["design"], "verdict") == "outside_family";
   if (!identified.empty()) {
     found->push_back(
-        fmt::format("{} logs pin down {}.", outside ? "Within this family, the" : "The", Enumerate(identified)));
+        fmt::format("{} logs determine {}.", outside ? "Within this family, the" : "The", Enumerate(identified)));
   }
   const std::vector<std::string> weak = NamesOf(parameters, "weak");
   if (!weak.empty()) {
     found->push_back(
-        fmt::format("They say only roughly what {} {}.", Enumerate(weak), weak.size() == 1 ? "is" : "are"));
+        fmt::format("They show only roughly what {} {}.", Enumerate(weak), weak.size() == 1 ? "is" : "are"));
   }
 }
 
@@ -115,8 +115,8 @@ void AddError(const json& report, json* trust) {
     ++known;
   }
   if (known > 0) {
-    trust->push_back(fmt::format("Against the truth, which the design did not see, the mean absolute error is {}.",
-                                 FormatNumber(sum / known)));
+    trust->push_back(
+        fmt::format("The mean absolute error is {}; the design did not see the truth.", FormatNumber(sum / known)));
   }
 }
 
@@ -130,17 +130,17 @@ void AddReplay(const json& report, json* trust, json* unknown) {
   };
   if (last("designed").value_or(HUGE_VAL) >= last("nominal").value_or(HUGE_VAL)) {
     unknown->push_back(
-        "Replayed, the designed simulator comes no nearer to the logs than the original one does: look at the motion "
-        "below before you rely on it.");
+        "In replays, the designed simulator is no nearer to the logs than the nominal one. Look at the motion below "
+        "before you rely on it.");
   }
   const auto distance = [](std::optional<double> error) {
     return error ? fmt::format("{} standard deviations", FormatNumber(error)) : "nowhere: its physics broke down";
   };
-  trust->push_back(fmt::format(
-      "{} logged actions taken again from a logged state leave the designed simulator {} from the logs, and the "
-      "original one {} (median of {} stretches).",
-      FormatCount(NumberAt(replay, "n_steps")), distance(last("designed")), distance(last("nominal")),
-      FormatCount(NumberAt(replay, "n_windows"))));
+  trust->push_back(
+      fmt::format("After {} replayed actions the designed simulator is {} from the logs, the nominal one {} (median of "
+                  "{} stretches).",
+                  FormatCount(NumberAt(replay, "n_steps")), distance(last("designed")), distance(last("nominal")),
+                  FormatCount(NumberAt(replay, "n_windows"))));
 }
 
 void AddPolicies(const json& report, json* found) {
@@ -175,8 +175,8 @@ void AddMatch(const json& report, json* trust) {
   const Match match = MatchOf(report);
   if (!match.nominal || !match.designed) return;
   trust->push_back(
-      fmt::format("A classifier that learns to tell simulated from logged samples scores the designed simulator {} and "
-                  "the original one {}; at 0 it could not tell.",
+      fmt::format("A classifier learned to tell simulated samples from logged ones. Its score is {} for the designed "
+                  "simulator and {} for the nominal one; 0 means that it cannot tell.",
                   FormatScore(match.designed), FormatScore(match.nominal)));
 }
 
@@ -189,7 +189,7 @@ void AddSuspects(const json& fit, json* found) {
   }
   if (texts.empty()) return;
   found->push_back(
-      fmt::format("{} not among the parameters, and the logs ask for another value of {}: add {} and design again.",
+      fmt::format("{} not among the parameters, but the logs suggest another value of {}: add {} and design again.",
                   Enumerate(texts) + (texts.size() == 1 ? " is" : " are"),
                   texts.size() == 1 ? "it" : "one of them, perhaps of all", texts.size() == 1 ? "it" : "the first"));
 }
@@ -199,8 +199,8 @@ void AddMethodChoice(const json& report, json* trust) {
   if (!report.contains("design")) return;
   for (const json& choice : ListAt(report["design"], "method_choices")) {
     if (TextAt(choice, "picked") != TextAt(report["design"], "selected")) continue;
-    trust->push_back(fmt::format("The method of the design was left open; {} was taken, as {}.",
-                                 TextAt(choice, "method"), TextAt(choice, "reason")));
+    trust->push_back(
+        fmt::format("The program chose the method {}: {}.", TextAt(choice, "method"), TextAt(choice, "reason")));
   }
 }
 
@@ -219,17 +219,16 @@ void AddFit(const json& report, json* found, json* trust) {
   }
   if (!disagreeing.empty()) {
     found->push_back(
-        fmt::format("Replayed with the best parameters, {} drift{} away from the log by more than the sensors' noise "
-                    "explains: look "
+        fmt::format("In replays with the best parameters, {} drift{} from the log by more than sensor noise: look "
                     "there for what the simulator lacks.",
                     Enumerate(disagreeing), disagreeing.size() == 1 ? "s" : ""));
   }
   AddSuspects(fit, found);
   if (disagreeing.empty() && lowest) {
-    trust->push_back(fmt::format(
-        "{:.0f}% of the logged windows are explained up to noise that does not grow over a window: standard deviations "
-        "from {} to {}, by channel.",
-        100 * NumberAt(fit, "explained").value_or(0), FormatNumber(lowest), FormatNumber(highest)));
+    trust->push_back(
+        fmt::format("The simulator explains {:.0f}% of the logged windows up to sensor noise, which has a standard "
+                    "deviation of {} to {}, by channel.",
+                    100 * NumberAt(fit, "explained").value_or(0), FormatNumber(lowest), FormatNumber(highest)));
   }
 }
 
@@ -252,32 +251,32 @@ json Unknown(const json& report, const std::string& verdict) {
   const json& parameters = ListAt(report, "parameters");
   const std::vector<std::string> open = NamesOf(parameters, "not_identified");
   if (!open.empty()) {
-    unknown.push_back(fmt::format("The logs do not tell {}: any value in the search range fits them about as well.",
-                                  Enumerate(open)));
+    unknown.push_back(
+        fmt::format("The logs do not show {}: any value in the range fits about as well.", Enumerate(open)));
   }
   const std::vector<std::string> edge = AtTheEdge(parameters);
   if (!edge.empty()) {
-    unknown.push_back(fmt::format("{} ended at the edge of the search range: the value that fits best may lie beyond.",
-                                  Enumerate(edge)));
+    unknown.push_back(
+        fmt::format("{} ended at the edge of the range: the best value may lie beyond.", Enumerate(edge)));
   }
   const bool truth_known =
       std::any_of(parameters.begin(), parameters.end(), [](const json& p) { return NumberAt(p, "truth").has_value(); });
   if (!parameters.empty() && !truth_known) {
     unknown.push_back(
-        "The true values are not known here, so no error can be stated; the spread says how sharply the logs decide.");
+        "The true values are not known, so there is no error to report. The spread says how sharply the logs decide.");
   }
   if (verdict == "gap_closed" || verdict == "no_gap") {
     unknown.push_back(
-        "Where the classifier sees no difference there may still be one: motions that the logs do not contain, and "
-        "effects that none of the parameters stands for, remain untested.");
+        "A difference may remain: motions that the logs do not contain, and effects that no parameter describes, are "
+        "untested.");
   }
   if (verdict == "outside_family") {
     unknown.push_back(
-        "Something else than the listed parameters differs between the simulator and the target. The values below are "
-        "the best of a family that does not fit: do not read them as measurements.");
+        "Something other than these parameters differs between simulator and target. The values below are the best of "
+        "a family that does not fit. They are no measurements.");
   }
   if (report.contains("design") && !report.contains("evaluation")) {
-    unknown.push_back("No policy was evaluated in the target: how well they do there is not known.");
+    unknown.push_back("No policy was evaluated in the target.");
   }
   return unknown;
 }

@@ -69,7 +69,7 @@ TEST(SummariseTest, ScoresAreGivenRelativeToAPerfectMatch) {
       {"nominal_common", log2 - 0.25},
       {"settings", {{{"name", "a"}, {"common", log2 - 0.9}}, {{"name", "b"}, {"common", log2 - 0.03}}}}};
   const json summary = Summarise({{"design", design}});
-  EXPECT_THAT(Text(summary["trust"]), HasSubstr("designed simulator \u22120.030 and the original one \u22120.250"));
+  EXPECT_THAT(Text(summary["trust"]), HasSubstr("designed simulator \u22120.030 and the nominal one \u22120.250"));
 }
 
 TEST(SummariseTest, TheHeadlineSaysHowMuchOfTheGapIsClosed) {
@@ -130,7 +130,7 @@ TEST(SummariseTest, SaysHowFarTheReplaysEndFromTheLogs) {
                  {"error", {{"nominal", {{"median", {0, 1, 2.5}}}}, {"designed", {{"median", {0, 0.1, 0.25}}}}}}};
   EXPECT_THAT(Text(Summarise({{"replay", replay}})["trust"]),
               testing::AllOf(HasSubstr("50 logged actions"), HasSubstr("designed simulator 0.250 standard deviations"),
-                             HasSubstr("original one 2.50 standard"), HasSubstr("median of 32")));
+                             HasSubstr("nominal one 2.50 standard"), HasSubstr("median of 32")));
   EXPECT_THAT(Text(Summarise({{"replay", replay}})["unknown"]), Not(HasSubstr("no nearer")));
   replay["error"]["designed"]["median"][2] = 3;
   EXPECT_THAT(Text(Summarise({{"replay", replay}})["unknown"]), HasSubstr("no nearer"));

@@ -23,21 +23,21 @@ FieldList PpoConfig::Fields() {
   fields.Add("n_epochs", &n_epochs, "passes over a rollout's samples", AtLeast(1));
   fields.Add("batch_size", &batch_size, "samples per gradient step", AtLeast(1));
   fields.Add("hidden", &hidden, "widths of the hidden layers of policy and value", AtLeast(1));
-  fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; of images alone", AtLeast(1));
+  fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; only for images", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
   fields.Add("gae_lambda", &gae_lambda, "decay of the advantage estimate over steps", Between(0, 1));
-  fields.Add("clip_range", &clip_range, "how far from 1 a ratio of probabilities counts", Above(0));
+  fields.Add("clip_range", &clip_range, "ratios of probabilities are clipped this far from 1", Above(0));
   fields.Add("ent_coef", &ent_coef, "weight of the entropy bonus", AtLeast(0));
   fields.Add("vf_coef", &vf_coef, "weight of the value loss", AtLeast(0));
-  fields.Add("max_grad_norm", &max_grad_norm, "norm to which a longer gradient is shortened", Above(0));
+  fields.Add("max_grad_norm", &max_grad_norm, "longest gradient; longer ones are scaled down", Above(0));
   fields.Add("normalize_advantage", &normalize_advantage, "advantages of a batch get mean 0 and deviation 1");
   fields.Add("eval_interval", &eval_interval, "control steps between evaluations and checkpoints", AtLeast(1));
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
-  fields.AddChoice("keep", &keep, "policy that training returns: the best evaluated one, or the last",
+  fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
                    {"best", "last"});
   fields.AddChoice("evaluate", &evaluate,
-                   "how a policy over discrete actions acts where it is judged: by a draw, or the most probable action",
+                   "how a policy over discrete actions acts in evaluations: a drawn action, or the most probable one",
                    {"sampled", "most_probable"});
   return fields;
 }

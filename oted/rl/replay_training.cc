@@ -15,7 +15,7 @@ namespace oted {
 
 void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("n_steps", &n_steps, "control steps that one agent trains for, over all lanes", AtLeast(1));
-  fields.Add("n_lanes", &n_lanes, "simulators stepped together; several step while gradient steps are made",
+  fields.Add("n_lanes", &n_lanes, "simulators stepped together; several of them step during gradient steps",
              AtLeast(1));
   fields.Add("updates_per_step", &updates_per_step, "gradient steps per control step", Above(0));
   fields.Add("learning_starts", &learning_starts, "control steps with uniform random actions before the first update",
@@ -26,7 +26,7 @@ void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
   fields.Add("eval_interval", &eval_interval, "control steps between evaluations and checkpoints", AtLeast(1));
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
-  fields.AddChoice("keep", &keep, "policy that training returns: the best evaluated one, or the last",
+  fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
                    {"best", "last"});
 }
 

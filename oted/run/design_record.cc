@@ -50,6 +50,22 @@ DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<std::string>& 
   return record;
 }
 
+DesignRecord::Validation ValidationOf(const HeldOutPrediction& prediction, const FitEvidence& fit,
+                                      const SimulatorSpec& spec) {
+  DesignRecord::Validation validation{prediction.n_windows, {}};
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    DesignRecord::Validation::Horizon horizon{h.seconds, {}};
+    for (size_t c = 0; c < h.nominal.size(); ++c) {
+      horizon.channels.push_back(
+          {c < spec.observation_names.size() ? spec.observation_names[c] : fmt::format("obs[{}]", c),
+           c < spec.observation_units.size() ? spec.observation_units[c] : "", h.nominal[c], h.designed[c],
+           fit.short_noise_std[c]});
+    }
+    validation.horizons.push_back(std::move(horizon));
+  }
+  return validation;
+}
+
 void AddParameters(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries, DesignRecord& record) {
   for (int i = 0; i < space.size(); ++i) {
     const ParameterSpec& spec = space[i];
@@ -78,7 +94,7 @@ void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effec
     }
     if (std::ranges::find(at_bounds, i) != at_bounds.end()) {
       record.warnings.push_back(
-          fmt::format("parameter '{}' ended at a bound of its range [{:g}, {:g}]: the target may lie beyond it",
+          fmt::format("parameter '{}' ended at a bound of its range [{:g}, {:g}]: the true value may lie beyond",
                       spec.name, spec.low, spec.high));
     }
   }
@@ -138,6 +154,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const bool moved_unseen = !fit && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
   if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;
   if (fit) record.fit = FitOf(*fit, run.spec().observation_names);
+  if (fit && fit->held_out) record.validation = ValidationOf(*fit->held_out, *fit, run.spec());
   // What a parameter may not do for its bound, others seem to ask for.
   if (!at_bounds.empty()) record.fit->suspects.clear();
   record.method_choices = findings.choices;

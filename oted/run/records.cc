@@ -131,6 +131,32 @@ DesignRecord::Fit FitFrom(const RecordReader& reader) {
   return fit;
 }
 
+json ValidationToJson(const DesignRecord::Validation& validation) {
+  json record = {{"n_windows", validation.n_windows}, {"horizons", json::array()}};
+  for (const DesignRecord::Validation::Horizon& h : validation.horizons) {
+    json channels = json::array();
+    for (const auto& c : h.channels) {
+      channels.push_back(
+          {{"name", c.name}, {"unit", c.unit}, {"nominal", c.nominal}, {"designed", c.designed}, {"floor", c.floor}});
+    }
+    record["horizons"].push_back({{"seconds", h.seconds}, {"channels", channels}});
+  }
+  return record;
+}
+
+DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
+  DesignRecord::Validation validation{reader.Get<int>("n_windows"), {}};
+  for (const RecordReader& h : reader.List("horizons")) {
+    DesignRecord::Validation::Horizon horizon{h.Number("seconds"), {}};
+    for (const RecordReader& c : h.List("channels")) {
+      horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
+                                  c.Number("designed"), c.Number("floor")});
+    }
+    validation.horizons.push_back(std::move(horizon));
+  }
+  return validation;
+}
+
 json SettingToJson(const DesignRecord::Setting& setting) {
   json seeds = json::array();
   for (const DesignRecord::Seed& seed : setting.seeds) {
@@ -236,6 +262,7 @@ json DesignRecord::ToJson() const {
     record["mixture"].push_back({{"seed", member.seed}, {"mode", member.mode}, {"std", member.std}});
   }
   if (fit) record["fit"] = FitToJson(*fit);
+  if (validation) record["validation"] = ValidationToJson(*validation);
   for (const MethodChoice& choice : method_choices) record["method_choices"].push_back(::oted::ToJson(choice));
   for (const Setting& setting : settings) record["settings"].push_back(SettingToJson(setting));
   return record;
@@ -257,6 +284,7 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
   design.verdict = reader.GetNamed<DesignVerdict>(
       "verdict", Named({DesignVerdict::kNoGap, DesignVerdict::kGapClosed, DesignVerdict::kOutsideFamily}));
   if (reader.Has("fit")) design.fit = FitFrom(reader.At("fit"));
+  if (reader.Has("validation")) design.validation = ValidationFrom(reader.At("validation"));
   if (reader.Has("method_choices")) {
     design.method_choices = reader.Read("method_choices", [](const json& list) {
       std::vector<MethodChoice> choices;

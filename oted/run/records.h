@@ -80,6 +80,21 @@ struct DesignRecord {
     std::vector<Channel> channels;
     std::vector<Suspect> suspects;
   };
+  /// How the design predicts logs that it did not see, open loop. The designed simulator here is one that was fitted to
+  /// the other logs alone.
+  struct Validation {
+    struct Channel {
+      std::string name, unit;
+      double nominal = 0, designed = 0;  ///< root mean square error over the horizon [unit]; NaN: broke down
+      double floor = 0;                  ///< what the sensors' noise alone leaves [unit]
+    };
+    struct Horizon {
+      double seconds = 0;
+      std::vector<Channel> channels;
+    };
+    int n_windows = 0;
+    std::vector<Horizon> horizons;
+  };
   struct Seed : Member {
     double c = 0, common = 0, learning_progress = 0;
   };
@@ -103,6 +118,7 @@ struct DesignRecord {
   SelectionScore score_name = SelectionScore::kCommon;
   DesignVerdict verdict = DesignVerdict::kNoGap;
   std::optional<Fit> fit;
+  std::optional<Validation> validation;      ///< none where no logs could be kept aside
   std::vector<MethodChoice> method_choices;  ///< of settings whose method was left to auto
   double nominal_common = 0;
   std::vector<Setting> settings;

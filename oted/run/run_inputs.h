@@ -1,5 +1,5 @@
 #pragma once
-/// What a configuration names, made: the task's simulator, the logs, the presets' parameters.
+/// Builds the simulator, data and parameters that a configuration refers to.
 
 #include <memory>
 #include <string>

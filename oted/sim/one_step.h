@@ -9,7 +9,7 @@
 
 namespace oted {
 
-/// Of each compared row, the simulator was set to s, given a, and its next observation held against s'.
+/// Of each compared row, the simulator was set to s, given a, and its next observation compared with s'.
 struct OneStepError {
   int n_rows = 0;                  ///< compared
   int n_unsettable = 0;            ///< rows whose observation determines no state (a clipped velocity)

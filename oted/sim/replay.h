@@ -1,5 +1,5 @@
 #pragma once
-/// Open-loop replay: the logged actions taken again in a simulator, from a logged state. Beside the log it shows what a
+/// Open-loop replay: a simulator gets the logged actions, from a logged state. Beside the log it shows what a
 /// score cannot: in which channel, and after how many steps, simulator and target part.
 
 #include <functional>

@@ -124,13 +124,13 @@ FieldList GridSettings::Fields() {
                    "of MiniGrid-Obstacles: each free cell with probability density, or round(density x free cells)",
                    {"bernoulli", "count"});
   fields.Add("solvable", &solvable,
-             "of MiniGrid-Obstacles: draw again until start and goal are connected; density is before that");
+             "of MiniGrid-Obstacles: draw again until start and goal are connected; density counts before that");
   fields.AddChoice("collision", &collision,
                    "block: walls and balls block, lava ends the episode with reward 0; terminate: forward into "
                    "anything but an empty cell or the goal ends it with reward -1; task: as the task has it",
                    {"task", "block", "terminate"});
-  fields.AddChoice("see_through_walls", &see_through_walls,
-                   "no cell of the view is hidden behind a wall; task: as the task has it", {"task", "true", "false"});
+  fields.AddChoice("see_through_walls", &see_through_walls, "walls hide no cell of the view; task: as the task has it",
+                   {"task", "true", "false"});
   fields.Add("max_steps", &max_steps, "time limit [steps]; 0: Minigrid's own, 4 size^2 (FourRooms: 100)", AtLeast(0));
   fields.Add("density", &density, "of the nominal MiniGrid-Obstacles: probability of an obstacle in a free cell",
              {.low = 0, .high = 1, .high_open = true});

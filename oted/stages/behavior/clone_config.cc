@@ -14,21 +14,21 @@ const NamedValues<CloneMethod>& CloneMethodNames() {
 
 FieldList CloneConfig::Fields() {
   FieldList fields("clone");
-  fields.AddChoice("method", &method,
-                   "how the logs are imitated: behavioural cloning, ValueDICE, or whichever of the two imitates "
-                   "held-out episodes better",
-                   CloneMethodNames());
+  fields.AddChoice(
+      "method", &method,
+      "how to imitate the logs: behavioural cloning (bc), ValueDICE, or the better of both on held-out episodes (auto)",
+      CloneMethodNames());
   fields.Add("hidden", &hidden, "widths of the policy's hidden layers", AtLeast(1));
-  fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; of images alone", AtLeast(1));
+  fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; only for images", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
   fields.Add("weight_decay", &weight_decay, "L2 penalty added to the gradient", AtLeast(0));
   fields.Add("batch_size", &batch_size, "transitions per gradient step", AtLeast(1));
   fields.Add("max_steps", &max_steps, "gradient steps at most", AtLeast(1));
   fields.Add("held_out", &held_out, "fraction of the transitions held out for early stopping", Between(0.01, 0.5));
-  fields.Add("patience", &patience, "checks without a better held-out loss before stopping", AtLeast(1));
+  fields.Add("patience", &patience, "stop after this many checks without a better held-out loss", AtLeast(1));
   fields.Add("check_interval", &check_interval, "gradient steps between checks of the held-out loss", AtLeast(1));
   fields.AddChoice("valuedice_start", &valuedice_start,
-                   "of valuedice: the policy that it begins with, the behavioural clone or random weights",
+                   "of valuedice: the first policy, the behavioural clone or random weights",
                    NamedValues<ValueDiceStart>{{ValueDiceStart::kBehavioralClone, "bc"},
                                                {ValueDiceStart::kRandomWeights, "random"}});
   fields.Add("valuedice_updates", &valuedice_updates, "of valuedice: updates of critic and policy", AtLeast(1));
@@ -42,7 +42,7 @@ FieldList CloneConfig::Fields() {
   fields.Add("valuedice_penalty", &valuedice_penalty, "of valuedice: weight of the critic's gradient penalty",
              AtLeast(0));
   fields.Add("valuedice_orthogonal", &valuedice_orthogonal,
-             "of valuedice: weight of the orthogonality of the policy's layers", AtLeast(0));
+             "of valuedice: weight of the penalty that keeps the policy's layers orthogonal", AtLeast(0));
   return fields;
 }
 

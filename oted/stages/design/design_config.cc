@@ -26,12 +26,11 @@ DesignConfig DesignConfig::For(DesignMethod method) {
 std::vector<FieldList> DesignConfig::Sections() {
   FieldList own("design");
   own.Add("prior", &prior,
-          "p(z): uniform; gaussian, by the prior of each of [parameters]; or an earlier design's q: the path of a "
-          "q.json or of a run directory");
+          "p(z): uniform; gaussian (the prior of each parameter); or the path of an earlier design's q.json or run "
+          "directory");
   own.AddChoice("designer", &designer, "q: a Gaussian in logits of the range, or probabilities of grid values",
                 kDesignerNames);
-  own.Add("grid_step", &grid_step, "of the categorical designer: its values are the multiples of this in the range",
-          Above(0));
+  own.Add("grid_step", &grid_step, "of the categorical designer: its values are multiples of this", Above(0));
   return {own,
           trajectories.Fields(),
           adversarial.Fields(),

@@ -1,5 +1,5 @@
 #pragma once
-/// design.method = "auto": which method of the design, by evidence, and why (docs/design_forms.md#auto).
+/// design.method = "auto": which method of the design, by evidence, and why (docs/design_methods.md#auto).
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -14,7 +14,7 @@ namespace oted {
 
 /// Of the table (design_method.h), the methods that auto tries where the answer of its first, `trajectories`, is
 /// outside the family: what is likeliest need not be the best simulator where none is right. The paper's own method is
-/// not among them: from a clone's rollouts it came nowhere near, in more time (docs/design_forms.md#auto).
+/// not among them: from a clone's rollouts it came nowhere near, in more time (docs/design_methods.md#auto).
 std::vector<DesignMethod> OtherMethods();
 
 /// What a method, learning from part of the logs, made of the rest.

@@ -24,7 +24,8 @@ FieldList SelectionConfig::Fields() {
   FieldList fields("selection");
   fields.Add("n_seeds", &n_seeds, "seeded designs per setting (n in the paper)", AtLeast(1));
   fields.AddChoice("score", &score,
-                   "what ranks the settings: the common judge, or the paper's c, design deviation or learning progress",
+                   "score that ranks the settings: the common judge (common), the paper's c (paper), design deviation "
+                   "or learning progress",
                    SelectionScoreNames());
   fields.Add("n_sims", &n_sims, "draws z ~ q per candidate", AtLeast(1));
   fields.Add("n_steps", &n_steps, "control steps per draw", AtLeast(1));

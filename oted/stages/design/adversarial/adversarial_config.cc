@@ -21,21 +21,19 @@ const NamedValues<DesignReward> kRewardNames = {{DesignReward::kPaper, "paper"},
 void AddEvidence(AdversarialConfig& config, FieldList& fields) {
   fields.AddChoice("starts", &config.starts, "where rollouts begin: logged states, or the initial distribution",
                    kStartNames);
-  fields.AddChoice("actions", &config.actions, "who acts: the logged actions again, or the clone", kActionNames);
+  fields.AddChoice("actions", &config.actions, "what acts: the logged actions replayed, or the clone", kActionNames);
   fields.AddChoice("evidence", &config.evidence, "what g sees: (s, a), or (s, a, s' - s), or s alone", kSeenNames);
   fields.Add("horizon", &config.horizon, "control steps per rollout", AtLeast(1));
   fields.Add("n_steps", &config.n_steps, "control steps per simulator and iteration, over its rollouts", AtLeast(1));
-  fields.AddChoice("rows", &config.rows, "logged rows that g sees: all, or the first horizon of each episode",
-                   kRowNames);
+  fields.AddChoice("rows", &config.rows,
+                   "logged rows that g sees: all, or the first of each episode, as many as the horizon", kRowNames);
   fields.Add("stack", &config.stack, "steps that g sees as one sample; with images, at most the horizon", AtLeast(1));
 }
 
 void AddClone(AdversarialConfig& config, FieldList& fields) {
-  fields.Add("clone_noise", &config.clone_noise, "multiplies the clone's action noise; 0 takes its mean action",
-             AtLeast(0));
+  fields.Add("clone_noise", &config.clone_noise, "factor on the clone's action noise; 0: its mean action", AtLeast(0));
   fields.Add("clone_updates", &config.clone_updates,
-             "joint training: updates of the clone by ValueDICE per iteration, on the logs and the simulators' "
-             "samples; 0: the clone stays as it is",
+             "joint training: ValueDICE updates of the clone per iteration, on logs and simulated samples; 0: none",
              AtLeast(0));
   fields.Add("clone_replay", &config.clone_replay, "of joint training: share of the simulators' samples",
              {.low = 0, .high = 1, .low_open = true, .high_open = true});
@@ -48,24 +46,25 @@ FieldList AdversarialConfig::Fields() {
   FieldList fields("design.adversarial");
   AddEvidence(*this, fields);
   AddClone(*this, fields);
-  fields.Add("n_iterations", &n_iterations, "repetitions of Algorithm 1", AtLeast(1));
+  fields.Add("n_iterations", &n_iterations, "iterations of Algorithm 1", AtLeast(1));
   fields.Add("n_sims", &n_sims, "simulators per iteration, each with its own z ~ q", AtLeast(2));
   fields.Add("step_mean", &step_mean, "natural-gradient step on the mean of q, in spreads of q", Above(0));
   fields.Add("step_log_std", &step_log_std, "natural-gradient step on the log spread of q", Above(0));
   fields.Add("lambda", &lambda, "weight of KL(q, prior), in standard deviations of the reward (Eq. 3)", AtLeast(0));
-  fields.Add("initial_std", &initial_std,
-             "spread of q at the start, in logits of the range (the uniform prior has 1.7); less, as the prior is "
-             "narrower",
-             Above(0));
+  fields.Add(
+      "initial_std", &initial_std,
+      "spread of q at the start, in logits of the range (the uniform prior has 1.7); less if the prior is narrower",
+      Above(0));
   fields.AddChoice("reward", &reward, "-log(1 - g) as in the paper, or the whole log ratio log g - log(1 - g)",
                    kRewardNames);
   fields.Add("reward_floor", &reward_floor,
-             "rewards are divided by their standard deviation, or by this [nats] where that is smaller: near the match "
-             "q then slows down in place of following noise",
+             "smallest standard deviation by which rewards are divided [nats]: near the match q slows down and does "
+             "not follow noise",
              Above(0));
-  fields.Add("average", &average, "share of the iterations, the last ones, over which q is averaged; 0: the last q",
+  fields.Add("average", &average, "share of the last iterations over which q is averaged; 0: only the last q",
              Between(0, 1));
-  fields.Add("replay_iterations", &replay_iterations, "iterations whose simulator samples g is trained on", AtLeast(1));
+  fields.Add("replay_iterations", &replay_iterations,
+             "g is trained on the simulator samples of this many last iterations", AtLeast(1));
   return fields;
 }
 

@@ -108,10 +108,10 @@ class Likelihood {
 
 FieldList DropoConfig::Fields() {
   FieldList fields("design.dropo");
-  fields.Add("horizon", &horizon, "lambda, control steps up to the state that is predicted", AtLeast(1));
-  fields.Add("transitions", &transitions, "logged states predicted, at most", AtLeast(1));
+  fields.Add("horizon", &horizon, "control steps from a state to its prediction (lambda of DROPO)", AtLeast(1));
+  fields.Add("transitions", &transitions, "most logged states predicted", AtLeast(1));
   fields.Add("samples", &samples, "draws of z for each prediction", AtLeast(2));
-  fields.Add("budget", &budget, "distributions that CMA-ES tries", AtLeast(1));
+  fields.Add("budget", &budget, "distributions that CMA-ES evaluates", AtLeast(1));
   fields.Add(
       "epsilon", &epsilon,
       "added to each predicted variance, in units of the channel's variance in the logs; with sensor noise twice "

@@ -1,7 +1,7 @@
 #pragma once
 /// DROPO (Tiboni, Arndt, Kyrki 2023, Robotics and Autonomous Systems 166, arXiv:2201.08434): the distribution of
 /// parameters under which the logged next states are likeliest. A rival of trajectory matching under the same report;
-/// docs/design_forms.md says when it fits, docs/deviations.md#dropo where this differs from the authors'.
+/// docs/design_methods.md says when it fits, docs/deviations.md#dropo where this differs from the authors'.
 
 #include <Eigen/Dense>
 
@@ -15,7 +15,7 @@ struct DropoConfig {
   int horizon = 1;             ///< lambda: control steps from a logged state to the one that is predicted
   int transitions = 100;       ///< logged states that are predicted, at most
   int samples = 20;            ///< draws of the parameters for each prediction
-  int budget = 800;            ///< distributions that CMA-ES tries
+  int budget = 800;            ///< distributions that CMA-ES evaluates
   double epsilon = 1e-5;       ///< added to every variance of a prediction, in channel scales squared
   bool learn_epsilon = false;  ///< CMA-ES moves it too, between 1e-15 and 0.1, from `epsilon`
 

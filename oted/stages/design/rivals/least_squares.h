@@ -1,6 +1,6 @@
 #pragma once
 /// Multi-start least squares on multi-step predictions: what identification tools do, here as a rival of trajectory
-/// matching under the same report. Not in the paper; docs/design_forms.md says when it is enough.
+/// matching under the same report. Not in the paper; docs/design_methods.md says when it is enough.
 
 #include "oted/base/fields.h"
 #include "oted/stages/design/replay/replay_fit.h"

@@ -7,8 +7,6 @@
 
 #include "oted/base/error.h"
 #include "oted/matching/designer.h"
-#include "oted/matching/held_out.h"
-#include "oted/stages/design/trajectories/start_fit.h"
 
 namespace oted {
 namespace {
@@ -18,13 +16,9 @@ using Eigen::VectorXd;
 
 constexpr std::array<double, 4> kWindows = {0.1, 0.25, 0.5, 1.0};  // [s]
 constexpr double kPredicted = 0.5;                                 // [s]
-constexpr double kLead = 0.05;                                     // [s] of readings that tell a start state
-constexpr int kFewestLead = 4;
+constexpr int kFewestJudged = 3;
 constexpr double kStretch = 1.0;  // [s]
 constexpr int kMostRows = 10000;
-constexpr int kMostJudged = 200;  // windows
-constexpr int kLeadIterations = 4;
-constexpr double kLeadStep = 1e-5;  // of forward differences, in standard deviations of the channel
 constexpr int kFitIterations = 6;
 constexpr double kWorse = 2.0;  // standard errors
 
@@ -72,87 +66,22 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
   return level;
 }
 
-PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const VectorXd& noise, int n_lead,
-                                 int n_steps)
-    : replayer_(replayer),
-      variance_(noise.cwiseAbs2()),
-      spread_(ChannelScales(logs)),
-      start_step_(kLeadStep * spread_),
-      n_lead_(n_lead),
-      n_steps_(n_steps) {
-  std::vector<LogWindow> all;
-  for (const Episode& episode : logs.Episodes()) {
-    for (int i = episode.begin; i + n_lead + n_steps <= episode.end; i += std::max(1, n_steps / 2)) {
-      all.push_back({i, n_lead, episode.begin});
-    }
-  }
-  const size_t n = std::min<size_t>(all.size(), kMostJudged);
-  for (size_t k = 0; k < n; ++k) {
-    const LogWindow& window = all[k * all.size() / n];
-    if (replayer.CanStart(window)) windows_.push_back(window);
-  }
-}
-
-std::vector<VectorXd> PredictionJudge::Predict(const std::vector<double>& z) {
-  const WindowLikelihood likelihood(variance_, n_lead_);
-  const FittedStarts fitted =
-      FitStarts(replayer_, windows_, LoggedStarts(replayer_, windows_), z, likelihood, start_step_, kLeadIterations);
-  std::vector<LogWindow> whole = windows_;
-  for (LogWindow& window : whole) window.n_steps = n_lead_ + n_steps_;
-  std::vector<VectorXd> residuals = replayer_.Residuals(whole, fitted.starts, z);
-  for (VectorXd& residual : residuals) {
-    if (residual.size() > 0) residual = residual.tail(n_steps_ * variance_.size()).eval();
-  }
-  return residuals;
-}
-
-MatrixXd PredictionJudge::MeanSquares(const std::vector<double>& z) {
-  const std::vector<VectorXd> residuals = Predict(z);
-  MatrixXd squares(variance_.size(), static_cast<Eigen::Index>(residuals.size()));
-  for (size_t w = 0; w < residuals.size(); ++w) {
-    const auto column = static_cast<Eigen::Index>(w);
-    squares.col(column) = spread_.cwiseAbs2();  // what is farther off is no nearer than a guess
-    if (residuals[w].size() == 0 || !residuals[w].allFinite()) continue;
-    const Eigen::Map<const MatrixXd> by_channel(residuals[w].data(), variance_.size(), n_steps_);
-    squares.col(column) = (by_channel.cwiseAbs2().rowwise().mean() + variance_).cwiseMin(squares.col(column));
-  }
-  return squares;
-}
-
-VectorXd PredictionJudge::Rms(const std::vector<double>& z, int n_steps) {
-  VectorXd sum = VectorXd::Zero(variance_.size());
-  double n = 0;
-  for (const VectorXd& residual : Predict(z)) {
-    if (residual.size() == 0 || !residual.allFinite()) continue;
-    const Eigen::Map<const MatrixXd> by_channel(residual.data(), variance_.size(), n_steps_);
-    sum += by_channel.leftCols(std::min(n_steps, n_steps_)).cwiseAbs2().rowwise().mean();
-    ++n;
-  }
-  return (sum / std::max(1.0, n)).cwiseSqrt();
-}
-
-LongFitChoice ChooseLongWindows(const LongFitInputs& in, RngKey key, const RunContext& context,
+LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& context,
                                 const std::function<void(const VectorXd&)>& tell) {
   const ParameterSpace& space = in.factory.parameters();
   const double period = in.factory.spec().control_period_s;
   if (!(period > 0)) return {};
-  const HeldOutParts parts = HoldOut(in.dataset, key);
   const int obs_dim = in.factory.spec().obs_dim();
   const auto make = [&](int n_parameters, const Dataset& logs) {
     return WindowReplayer(in.factory.Make(WindowReplayer::LinearizationLanes(n_parameters, obs_dim), context.n_threads),
                           logs);
   };
-  WindowReplayer learner = make(space.size(), parts.learn), other = make(0, parts.judge);
+  WindowReplayer learner = make(space.size(), in.learn), other = make(0, in.judge);
   const auto steps_of = [&](double seconds) { return static_cast<int>(std::lround(seconds / period)); };
-  const int n_lead = std::max(kFewestLead, steps_of(kLead));
-  int longest = 0;
-  for (const Episode& episode : parts.judge.Episodes()) longest = std::max(longest, episode.size());
-  const int n_predicted = std::min(steps_of(kPredicted), longest - n_lead);
-  if (n_predicted < 2) return {};
-  PredictionJudge judge(other, parts.judge, in.noise, n_lead, n_predicted);
-  if (judge.n_windows() < 3) return {};
+  PredictionJudge judge(other, in.judge, in.noise, steps_of(kPredicted), period);
+  if (judge.n_windows() < kFewestJudged) return {};
 
-  const VectorXd scale = ChannelScales(parts.learn);
+  const VectorXd scale = ChannelScales(in.learn);
   const MatrixXd of_short = judge.MeanSquares(ToZ(space, in.short_x));
   MatrixXd best_errors = of_short;
   LongFitChoice choice{0, in.short_x};
@@ -160,7 +89,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, RngKey key, const RunCo
   for (const double seconds : kWindows) {
     const int n_steps = steps_of(seconds);
     if (n_steps <= in.short_steps) continue;
-    const Level level = LongWindows(learner, parts.learn, n_steps, kMostRows, period);
+    const Level level = LongWindows(learner, in.learn, n_steps, kMostRows, period);
     if (level.windows.size() < 4) break;
     bool worse = true;
     for (const VectorXd& start : from) {

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "oted/matching/designer.h"
+#include "oted/matching/held_out.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
 #include "oted/stages/design/trajectories/suspects.h"
@@ -23,6 +24,8 @@ constexpr int kStartIterations = 5, kLevelIterations = 4;
 constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windows stay unexplained
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
 constexpr int kFirstLevelIterations = 7;
+constexpr double kLongestPrediction = 1.0;  // [s]
+constexpr int kValidationRows = 960;
 constexpr int kLongIterations = 8, kMostLongRows = 30000;
 constexpr int kFewestIterations = 3;  // the starts need them where x does not
 
@@ -82,6 +85,35 @@ Level Leading(const Level& level, size_t n) {
   part.starts.resize(part.windows.size());
   part.stretch.resize(part.windows.size());
   return part;
+}
+
+/// How parameters fitted to one part of the logs predict the other.
+/// @param choice  a fit of that part; where short windows were enough, where its descent begins
+std::optional<HeldOutPrediction> Validate(const ReplayProblem& problem, const HeldOutParts& parts,
+                                          const FitEvidence& evidence, const LongFitChoice& choice) {
+  const SimulatorSpec& spec = problem.factory.spec();
+  const ParameterSpace& space = problem.factory.parameters();
+  const double period = spec.control_period_s;
+  if (!(period > 0) || parts.judge.size() == problem.dataset.size()) return std::nullopt;
+  const int obs_dim = spec.obs_dim();
+  VectorXd x = choice.x;
+  if (choice.n_steps == 0) {
+    WindowReplayer learner(
+        problem.factory.Make(WindowReplayer::LinearizationLanes(space.size(), obs_dim), problem.context.n_threads),
+        parts.learn);
+    const Level level = LongWindows(learner, parts.learn, evidence.window, kValidationRows, period);
+    if (level.windows.empty()) return std::nullopt;
+    const VectorXd scale = ChannelScales(parts.learn);
+    LevelFit fit(learner, space, problem.prior, scale, level, x);
+    Descend(fit, kLevelIterations, [&](const VectorXd&) { problem.context.ThrowIfStopped(); });
+    x = fit.x();
+  }
+  WindowReplayer replayer(
+      problem.factory.Make(WindowReplayer::LinearizationLanes(0, obs_dim), problem.context.n_threads), parts.judge);
+  PredictionJudge judge(replayer, parts.judge, Eigen::Map<const VectorXd>(evidence.short_noise_std.data(), obs_dim),
+                        static_cast<int>(std::lround(kLongestPrediction / period)), period);
+  HeldOutPrediction prediction = PredictHeldOut(judge, space.Nominal(), ToZ(space, x), period);
+  return prediction.horizons.empty() ? std::nullopt : std::optional(std::move(prediction));
 }
 
 }  // namespace
@@ -171,26 +203,32 @@ ReplayFit MatchTrajectories(const ReplayProblem& problem, const TrajectoriesConf
     level = fit->Joined();
     longest_fit = std::move(fit);
   }
+  const Eigen::Map<const VectorXd> sensor_noise(evidence.short_noise_std.data(), scale.size());
+  const HeldOutParts parts = HoldOut(dataset, key.Stage("held out"));
+  LongFitChoice choice;
   if (is_short) {
-    const LongFitChoice choice =
-        ChooseLongWindows({.factory = factory,
-                           .dataset = dataset,
-                           .prior = prior,
-                           .short_x = longest_fit->x(),
-                           .noise = Eigen::Map<const VectorXd>(evidence.short_noise_std.data(), scale.size()),
-                           .short_steps = evidence.window},
-                          key.Stage("long windows"), context, tell);
-    if (choice.n_steps > 0) {
-      const Level all = LongWindows(replayer, dataset, choice.n_steps, kMostLongRows, factory.spec().control_period_s);
-      longest_fit = std::make_unique<LevelFit>(replayer, space, prior, scale, all, choice.x);
-      longest_fit->LetErrorsGrow(Eigen::Map<const VectorXd>(evidence.short_noise_std.data(), scale.size()).cwiseAbs2());
-      Descend(*longest_fit, kLongIterations, tell);
-      longest_fit->FinalCost();
-      evidence.window = choice.n_steps;
-    }
+    choice = ChooseLongWindows({.factory = factory,
+                                .learn = parts.learn,
+                                .judge = parts.judge,
+                                .prior = prior,
+                                .short_x = longest_fit->x(),
+                                .noise = sensor_noise,
+                                .short_steps = evidence.window},
+                               context, tell);
+  }
+  if (choice.n_steps > 0) {
+    const Level all = LongWindows(replayer, dataset, choice.n_steps, kMostLongRows, factory.spec().control_period_s);
+    longest_fit = std::make_unique<LevelFit>(replayer, space, prior, scale, all, choice.x);
+    longest_fit->LetErrorsGrow(sensor_noise.cwiseAbs2());
+    Descend(*longest_fit, kLongIterations, tell);
+    longest_fit->FinalCost();
+    evidence.window = choice.n_steps;
+  } else {
+    choice.x = longest_fit->x();
   }
   const MatrixXd covariance = longest_fit->Finish();
   evidence.suspects = FindSuspects(factory, dataset, *longest_fit, prior, context.n_threads);
+  evidence.held_out = Validate(problem, parts, evidence, choice);
   progress(n_total, n_total, longest_fit->x());
   return {.mean = longest_fit->x(), .covariance = covariance, .evidence = evidence};
 }
