@@ -37,7 +37,7 @@ TEST(DesignChoice, AutoMatchesTrajectoriesWhereStatesCanBeSetAndIsThePapersMetho
 TEST(DesignChoice, MethodsThatReplayTheLogNeedStatesThatCanBeSet) {
   for (const MethodDescription& described : DesignMethods()) {
     if (!described.needs.settable_state) continue;
-    EXPECT_THAT(MessageOf<UsageError>([&] { Of(described.method).Resolved({}, SimulatorSpec{}); }),
+    EXPECT_THAT(MessageOf<UsageError>([&] { Of(described.method).Resolved(ParameterSpace(), SimulatorSpec{}); }),
                 testing::AllOf(HasSubstr(described.name), HasSubstr("use auto or paper")));
   }
 }
@@ -49,7 +49,7 @@ TEST(DesignChoice, WhatWasGivenHoldsForEveryMethodAndTheRestIsThatMethods) {
   DesignConfig expected = DesignConfig::For(DesignMethod::kPaper);
   expected.adversarial.n_iterations = 7;
   expected.adversarial.lambda = 0.5;
-  EXPECT_EQ(choice.Resolved({}, SimulatorSpec{}).ToJson(), expected.ToJson());
+  EXPECT_EQ(choice.Resolved(ParameterSpace(), SimulatorSpec{}).ToJson(), expected.ToJson());
   EXPECT_EQ(choice.Resolved(DesignMethod::kTransitions, Settable()).adversarial.n_iterations, 7);
 }
 
@@ -67,7 +67,7 @@ TEST(DesignChoice, TheOrderInWhichMethodAndSettingsAreGivenMeansNothing) {
 TEST(DesignChoice, WhereNoStateCanBeSetRolloutsBeginAtResetsAndTheCloneActs) {
   DesignChoice choice = Of(DesignMethod::kTransitions);
   choice.Set("adversarial.n_steps", 7, "here");
-  const AdversarialConfig config = choice.Resolved({}, SimulatorSpec{}).adversarial;
+  const AdversarialConfig config = choice.Resolved(ParameterSpace(), SimulatorSpec{}).adversarial;
   EXPECT_EQ(config.starts, RolloutStarts::kInitial);
   EXPECT_EQ(config.actions, RolloutActions::kClone);
   EXPECT_EQ(config.rows, LoggedRows::kFirst);
@@ -100,7 +100,8 @@ TEST(DesignChoice, JointTrainingTakesContinuousActions) {
   choice.Set("adversarial.clone_updates", 5, "here");
   SimulatorSpec discrete;
   discrete.n_discrete_actions = 3;
-  EXPECT_THAT(MessageOf<UsageError>([&] { choice.Resolved({}, discrete); }), HasSubstr("continuous actions"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { choice.Resolved(ParameterSpace(), discrete); }),
+              HasSubstr("continuous actions"));
 }
 
 TEST(DesignMethods, EverySimulatorHasExactlyOneThatAutoBeginsWith) {
