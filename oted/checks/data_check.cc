@@ -232,8 +232,9 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     }
   } else {
     const CloneResult clone = CloneBehavior({dataset, spec, {}, key.Stage("clone"), "check", context});
-    check.gap = JudgeSimulator(*factory, halves, clone.policy.get(), {factory->parameters().Nominal()},
-                               CommonEvidence(spec, kGapSteps), kJudgeSteps, key.Stage("gap"));
+    const EvidenceConfig evidence = CommonEvidence(spec, kGapSteps);
+    check.gap = JudgeSimulator(*factory, {halves, clone.policy.get(), evidence, kJudgeSteps},
+                               {factory->parameters().Nominal()}, key.Stage("gap"));
   }
   AddGap(*check.gap, spec, dataset.size(), check.findings);
   return check;

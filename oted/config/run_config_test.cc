@@ -90,7 +90,7 @@ TEST(RunConfig, ReadsBackWhatItWrites) {
   EXPECT_THAT(again.TruthVector(), ElementsAre(0.3, -9.81, 1.0));
   EXPECT_EQ(again.data.path, config.data.path);
   EXPECT_EQ(again.data.episodes, "5");
-  EXPECT_EQ(again.sac.n_steps, 100'000);
+  EXPECT_EQ(again.algorithms.sac.n_steps, 100'000);
   EXPECT_EQ(again.settings.at("paper").Assumed().adversarial.n_sims, 7);
   EXPECT_EQ(again.settings.at("paper").Assumed().adversarial.starts, RolloutStarts::kInitial);
   EXPECT_EQ(again.settings.at("short").Assumed().adversarial.horizon, 3);

@@ -37,7 +37,7 @@ struct FitEvidence {
   std::vector<double> short_noise_std, long_noise_std;
   /// Each would, changed alone, explain part of what is left; the most certain first.
   std::vector<Suspect> suspects;
-  std::optional<HeldOutPrediction> held_out;  ///< none where the logs are too short to keep a part aside
+  std::optional<HeldOutPrediction> held_out = {};  ///< none where the logs are too short to keep a part aside
 };
 
 nlohmann::json ToJson(const std::vector<Suspect>& suspects);

@@ -137,17 +137,16 @@ JudgeScore JudgeSamples(const Array2<double> (&data)[2], const Array2<double> (&
   return score;
 }
 
-JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const Policy* clone,
-                          const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence, int judge_steps,
-                          RngKey key) {
+JudgeScore JudgeSimulator(const SimulatorFactory& factory, const RolloutJudge& by,
+                          const std::vector<std::vector<double>>& z, RngKey key) {
   Array2<double> data[2], simulated[2];
   for (int h = 0; h < 2; ++h) {
-    data[h] = DatasetFeatures(halves.part[h], evidence);
-    ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), halves.part[h], clone, evidence);
+    data[h] = DatasetFeatures(by.halves.part[h], by.evidence);
+    ExperienceGatherer gatherer(factory.Make(static_cast<int>(z.size()), 1), by.halves.part[h], by.clone, by.evidence);
     simulated[h] = Pool(gatherer.Gather(z, key.Stage("rollouts").Index(static_cast<uint64_t>(h))));
     if (simulated[h].rows() == 0) return {};
   }
-  return JudgeSamples(data, simulated, judge_steps, key, FeatureShape(factory.spec(), evidence));
+  return JudgeSamples(data, simulated, by.judge_steps, key, FeatureShape(factory.spec(), by.evidence));
 }
 
 JudgeScore JudgeReplays(const SimulatorFactory& factory, const JudgeHalves& halves,

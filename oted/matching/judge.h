@@ -33,14 +33,20 @@ struct JudgeScore {
   int n_simulated = 0;  ///< simulated rows that were judged
 };
 
+/// How rollouts are judged. What it refers to must outlive the call.
+struct RolloutJudge {
+  const JudgeHalves& halves;
+  const Policy* clone;  ///< may be null when `evidence` replays actions
+  const EvidenceConfig& evidence;
+  int judge_steps;
+};
+
 /// Held-out Eq. 2 / 2 of a judge trained on half 0 of data and of simulator samples with parameters `z` (one lane
 /// each), tested on half 1, and the reverse. A judge that over-fits would look worse than a blind one: the step at
 /// which it tells most counts, a blind start included.
-/// @param clone  may be null when `evidence` replays actions
 /// @throws DataError when the evidence needs settable states and the simulator or the data have none
-JudgeScore JudgeSimulator(const SimulatorFactory& factory, const JudgeHalves& halves, const Policy* clone,
-                          const std::vector<std::vector<double>>& z, const EvidenceConfig& evidence, int judge_steps,
-                          RngKey key);
+JudgeScore JudgeSimulator(const SimulatorFactory& factory, const RolloutJudge& by,
+                          const std::vector<std::vector<double>>& z, RngKey key);
 
 /// The judges alone: each trained on `data[h]` and `simulated[h]` (rows of features, none empty), tested on the other.
 /// @param shape  what the rows are; by default: quantities

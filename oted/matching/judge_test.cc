@@ -58,8 +58,9 @@ TEST(JudgeSimulator, RanksTheTruthAboveTheNominal) {
   const Dataset logs = PointMassLogs(truth, 30);
   const PointMassFactory factory;
   const JudgeHalves halves = SplitForJudge(logs);
+  const EvidenceConfig evidence = CommonEvidence(factory.spec(), 200);
   const auto judge = [&](const std::vector<double>& z) {
-    return JudgeSimulator(factory, halves, nullptr, {z, z}, CommonEvidence(factory.spec(), 200), 200, RngKey(2));
+    return JudgeSimulator(factory, {halves, nullptr, evidence, 200}, {z, z}, RngKey(2));
   };
   const JudgeScore at_truth = judge(truth), at_nominal = judge(factory.parameters().Nominal());
   EXPECT_GT(at_truth.common, at_nominal.common + 0.1);

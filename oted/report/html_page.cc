@@ -84,9 +84,10 @@ std::string HtmlDocument(std::string_view title, std::string_view navigation, st
 
 std::string HtmlPage(const json& report, std::string_view plotly_js) {
   const std::vector<Section> sections = {
-      ParametersSection(report), ValidationSection(report), ReplaySection(report),        PoliciesSection(report),  WarningsSection(report),
-      DesignSection(report),          DiscriminatorSection(report), SelectionSection(report), AgentsSection(report),
-      PolicySelectionSection(report), DataSection(report),          CloneSection(report),     RunSection(report)};
+      ParametersSection(report), ValidationSection(report),      ReplaySection(report),        PoliciesSection(report),
+      WarningsSection(report),   DesignSection(report),          DiscriminatorSection(report), SelectionSection(report),
+      AgentsSection(report),     PolicySelectionSection(report), DataSection(report),          CloneSection(report),
+      RunSection(report)};
   const std::string title = Escape(TextAt(report, "title"));
   std::string contents = fmt::format("<a class=\"home\" href=\"#top\">{}</a>", title);
   std::string body =

@@ -98,7 +98,8 @@ Section ValidationSection(const json& report) {
   const json& horizons = ListAt(validation, "horizons");
   if (horizons.empty()) return section;
   section.html = fmt::format(
-      "<p>A part of the logs was kept aside, and a design from the rest predicts it: {} windows, with the logged actions "
+      "<p>A part of the logs was kept aside, and a design from the rest predicts it: {} windows, with the logged "
+      "actions "
       "and nothing else. The error is the root mean square over the window, in the channel's unit. <em>Sensors</em> is "
       "the noise of a reading: no simulator can come nearer.</p>\n",
       FormatCount(NumberAt(validation, "n_windows")));

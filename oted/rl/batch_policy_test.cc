@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/nn/categorical_policy.h"
 #include "oted/sim/testing.h"
 
 namespace oted::batch_policy_test {

@@ -29,8 +29,8 @@ MethodEvidence EvidenceOf(const CloneResult& clone, const Dataset& logs, const D
   rollouts.first_rows = true;
   rollouts.n_past_actions = nominal->spec().n_past_actions;
   const std::vector<std::vector<double>> z(kLanes, nominal->parameters().Nominal());
-  evidence.closeness =
-      JudgeSimulator(*nominal, SplitForJudge(logs), clone.policy.get(), z, rollouts, judge_steps, key).common;
+  const JudgeHalves halves = SplitForJudge(logs);
+  evidence.closeness = JudgeSimulator(*nominal, {halves, clone.policy.get(), rollouts, judge_steps}, z, key).common;
   return evidence;
 }
 

@@ -128,7 +128,7 @@ void ScoreCandidates(const SimulatorSelectionJob& job, std::vector<Candidate>& c
     // One key for all: every candidate is judged on the same windows by a judge with the same initial weights.
     const RngKey judge = job.key.Stage("common");
     if (!job.factory.spec().can_set_state) {
-      return JudgeSimulator(job.factory, halves, job.clone, z, common_evidence, job.config.judge_steps, judge).common;
+      return JudgeSimulator(job.factory, {halves, job.clone, common_evidence, job.config.judge_steps}, z, judge).common;
     }
     const int n_rows = job.config.n_sims * job.config.n_steps;
     return JudgeReplays(job.factory, halves, z, n_rows, job.config.judge_steps, judge).common;

@@ -87,150 +87,182 @@ Level Leading(const Level& level, size_t n) {
   return part;
 }
 
-/// How parameters fitted to one part of the logs predict the other.
-/// @param choice  a fit of that part; where short windows were enough, where its descent begins
-std::optional<HeldOutPrediction> Validate(const ReplayProblem& problem, const HeldOutParts& parts,
-                                          const FitEvidence& evidence, const LongFitChoice& choice) {
-  const SimulatorSpec& spec = problem.factory.spec();
-  const ParameterSpace& space = problem.factory.parameters();
-  const double period = spec.control_period_s;
-  if (!(period > 0) || parts.judge.size() == problem.dataset.size()) return std::nullopt;
-  const int obs_dim = spec.obs_dim();
-  VectorXd x = choice.x;
-  if (choice.n_steps == 0) {
-    WindowReplayer learner(
-        problem.factory.Make(WindowReplayer::LinearizationLanes(space.size(), obs_dim), problem.context.n_threads),
-        parts.learn);
-    const Level level = LongWindows(learner, parts.learn, evidence.window, kValidationRows, period);
-    if (level.windows.empty()) return std::nullopt;
-    const VectorXd scale = ChannelScales(parts.learn);
-    LevelFit fit(learner, space, problem.prior, scale, level, x);
-    Descend(fit, kLevelIterations, [&](const VectorXd&) { problem.context.ThrowIfStopped(); });
-    x = fit.x();
+/// One run of the method, step by step.
+class TrajectoryMatch {
+ public:
+  TrajectoryMatch(const ReplayProblem& problem, const TrajectoriesConfig& config)
+      : problem_(problem),
+        config_(config),
+        space_(problem.factory.parameters()),
+        replayer_(MakeReplayer(space_.size(), problem.dataset)),
+        scale_(ChannelScales(problem.dataset)),
+        rng_(problem.key.MakeRng()),
+        parts_(HoldOut(problem.dataset, problem.key.Stage("held out"))) {
+    evidence_.scale = {scale_.begin(), scale_.end()};
+    int longest = kFirstWindow;
+    for (const Episode& episode : problem.dataset.Episodes()) {
+      while (longest * 2 <= std::min(config.window, episode.size())) longest *= 2;
+    }
+    first_ = FirstLevel(replayer_, problem.dataset, longest, config.rows, rng_);
+    if (first_.windows.empty()) ThrowNothingStartable(problem.dataset, problem.factory.spec(), kFirstWindow);
+    n_total_ = config.starts * kStartIterations + kFirstLevelIterations + kRounds * kRoundIterations;
+    for (int length = kFirstWindow; length < longest; length *= 2) {
+      n_total_ += kLevelIterations + kRounds * kRoundIterations;
+    }
   }
-  WindowReplayer replayer(
-      problem.factory.Make(WindowReplayer::LinearizationLanes(0, obs_dim), problem.context.n_threads), parts.judge);
-  PredictionJudge judge(replayer, parts.judge, Eigen::Map<const VectorXd>(evidence.short_noise_std.data(), obs_dim),
-                        static_cast<int>(std::lround(kLongestPrediction / period)), period);
-  HeldOutPrediction prediction = PredictHeldOut(judge, space.Nominal(), ToZ(space, x), period);
-  return prediction.horizons.empty() ? std::nullopt : std::optional(std::move(prediction));
-}
+
+  ReplayFit Run() {
+    const bool explains_all = FitShortWindows(FindStart());
+    if (!explains_all) FitLongWindows();
+    const MatrixXd covariance = fit_->Finish();
+    evidence_.suspects =
+        FindSuspects(problem_.factory, problem_.dataset, *fit_, problem_.prior, problem_.context.n_threads);
+    evidence_.held_out = Validate();
+    problem_.progress(n_total_, n_total_, fit_->x());
+    return {.mean = fit_->x(), .covariance = covariance, .evidence = evidence_};
+  }
+
+ private:
+  WindowReplayer MakeReplayer(int n_parameters, const Dataset& logs) const {
+    const int n_lanes = WindowReplayer::LinearizationLanes(n_parameters, problem_.factory.spec().obs_dim());
+    return WindowReplayer(problem_.factory.Make(n_lanes, problem_.context.n_threads), logs);
+  }
+
+  void Tell(const VectorXd& x) {
+    problem_.progress(std::min(++n_done_, n_total_), n_total_, x);
+    problem_.context.ThrowIfStopped();
+  }
+
+  void Descend(LevelFit& fit, int n_iterations) {
+    ::oted::Descend(fit, n_iterations, [&](const VectorXd& x) { Tell(x); });
+  }
+
+  /// Of the prior's draws that explain single steps best, and the nominal parameters, the one that descends farthest.
+  VectorXd FindStart() {
+    const Level few = Leading(first_, 40), third = Leading(first_, std::max<size_t>(40, first_.windows.size() / 3));
+    std::vector<std::pair<double, VectorXd>> candidates;
+    const VectorXd nominal = NominalStart(space_);
+    for (int k = 0; k < config_.coarse; ++k) {
+      VectorXd x = nominal;
+      if (k > 0) {
+        for (double& coordinate : x) coordinate = rng_.Normal();
+        x = problem_.prior.mean + problem_.prior.factor * x;
+      }
+      candidates.emplace_back(CoarseCost(replayer_, few, scale_, ToZ(space_, x)), x);
+      problem_.context.ThrowIfStopped();
+    }
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    VectorXd x = candidates.front().second;
+    double best = std::numeric_limits<double>::infinity();
+    for (int s = 0; s < std::min(config_.starts, config_.coarse); ++s) {
+      LevelFit fit(replayer_, space_, problem_.prior, scale_, third, candidates[static_cast<size_t>(s)].second);
+      n_planned_ += kStartIterations;
+      Descend(fit, kStartIterations);
+      n_done_ = n_planned_;
+      const double cost = fit.FinalCost();
+      if (cost < best) x = fit.x();
+      best = std::min(best, cost);
+    }
+    return x;
+  }
+
+  /// Longer and longer windows, while they are explained as well as the short ones.
+  /// @return whether all were
+  bool FitShortWindows(VectorXd x) {
+    Level level = first_;
+    while (!level.windows.empty()) {
+      const bool is_first = fit_ == nullptr;
+      auto fit = std::make_unique<LevelFit>(replayer_, space_, problem_.prior, scale_, level, x);
+      const int n_iterations = is_first ? kFirstLevelIterations : kLevelIterations;
+      n_planned_ += n_iterations + kRounds * kRoundIterations;
+      Descend(*fit, n_iterations);
+      for (int round = 0; round < kRounds && fit->TryOtherStarts(rng_); ++round) {
+        fit->CountExplainedAlone();
+        for (int i = 0; i < kRoundIterations; ++i) {
+          fit->Step();
+          Tell(fit->x());
+        }
+      }
+      n_done_ = n_planned_;
+      fit->FinalCost();
+      const VectorXd noise = fit->noise_variance().cwiseSqrt();
+      evidence_.long_noise_std = {noise.begin(), noise.end()};
+      if (is_first) evidence_.short_noise_std = evidence_.long_noise_std;
+      const double growth = std::exp((noise.array() / SensorNoise().array()).log().mean());
+      if (growth > kTolerableGrowth) return false;
+      x = fit->x();
+      evidence_.window = level.windows.front().n_steps;
+      evidence_.explained = fit->ShareExplained();
+      evidence_.noise_std = evidence_.long_noise_std;
+      level = fit->Joined();
+      fit_ = std::move(fit);
+    }
+    return true;
+  }
+
+  /// Windows of tenths of a second, where they predict better.
+  void FitLongWindows() {
+    choice_ = ChooseLongWindows({.factory = problem_.factory,
+                                 .learn = parts_.learn,
+                                 .judge = parts_.judge,
+                                 .prior = problem_.prior,
+                                 .short_x = fit_->x(),
+                                 .noise = SensorNoise(),
+                                 .short_steps = evidence_.window},
+                                problem_.context, [&](const VectorXd& x) { Tell(x); });
+    if (choice_.n_steps == 0) return;
+    const Level all = LongWindows(replayer_, problem_.dataset, choice_.n_steps, kMostLongRows,
+                                  problem_.factory.spec().control_period_s);
+    fit_ = std::make_unique<LevelFit>(replayer_, space_, problem_.prior, scale_, all, choice_.x);
+    fit_->LetErrorsGrow(SensorNoise().cwiseAbs2());
+    Descend(*fit_, kLongIterations);
+    fit_->FinalCost();
+    evidence_.window = choice_.n_steps;
+  }
+
+  /// How parameters fitted to one part of the logs predict the other.
+  std::optional<HeldOutPrediction> Validate() {
+    const double period = problem_.factory.spec().control_period_s;
+    if (!(period > 0) || parts_.judge.size() == problem_.dataset.size()) return std::nullopt;
+    VectorXd x = choice_.x;
+    if (choice_.n_steps == 0) {
+      WindowReplayer learner = MakeReplayer(space_.size(), parts_.learn);
+      const Level level = LongWindows(learner, parts_.learn, evidence_.window, kValidationRows, period);
+      if (level.windows.empty()) return std::nullopt;
+      const VectorXd scale = ChannelScales(parts_.learn);
+      LevelFit fit(learner, space_, problem_.prior, scale, level, fit_->x());
+      Descend(fit, kLevelIterations);
+      x = fit.x();
+    }
+    WindowReplayer replayer = MakeReplayer(0, parts_.judge);
+    PredictionJudge judge(replayer, parts_.judge, SensorNoise(),
+                          static_cast<int>(std::lround(kLongestPrediction / period)), period);
+    HeldOutPrediction prediction = PredictHeldOut(judge, space_.Nominal(), ToZ(space_, x), period);
+    return prediction.horizons.empty() ? std::nullopt : std::optional(std::move(prediction));
+  }
+
+  /// (obs_dim): what the shortest windows leave.
+  VectorXd SensorNoise() const { return Eigen::Map<const VectorXd>(evidence_.short_noise_std.data(), scale_.size()); }
+
+  const ReplayProblem& problem_;
+  const TrajectoriesConfig& config_;
+  const ParameterSpace& space_;
+  WindowReplayer replayer_;
+  VectorXd scale_;
+  Rng rng_;
+  HeldOutParts parts_;
+  Level first_;
+  std::unique_ptr<LevelFit> fit_;
+  LongFitChoice choice_;
+  FitEvidence evidence_;
+  int n_done_ = 0, n_planned_ = 0, n_total_ = 0;
+};
 
 }  // namespace
 
 ReplayFit MatchTrajectories(const ReplayProblem& problem, const TrajectoriesConfig& config) {
-  const auto& [factory, dataset, prior, key, progress, context] = problem;
-  const ParameterSpace& space = factory.parameters();
-  const int n_lanes = WindowReplayer::LinearizationLanes(space.size(), factory.spec().obs_dim());
-  WindowReplayer replayer(factory.Make(n_lanes, context.n_threads), dataset);
-  const VectorXd scale = ChannelScales(dataset);
-  int longest = kFirstWindow;
-  for (const Episode& episode : dataset.Episodes()) {
-    while (longest * 2 <= std::min(config.window, episode.size())) longest *= 2;
-  }
-  Rng rng = key.MakeRng();
-  const Level first = FirstLevel(replayer, dataset, longest, config.rows, rng);
-  if (first.windows.empty()) ThrowNothingStartable(dataset, factory.spec(), kFirstWindow);
-  int n_levels = 1;
-  for (int length = kFirstWindow; length < longest; length *= 2) ++n_levels;
-  const int n_total = config.starts * kStartIterations + kFirstLevelIterations + (n_levels - 1) * kLevelIterations +
-                      n_levels * kRounds * kRoundIterations;
-  int n_done = 0, n_planned = 0;
-  const auto tell = [&](const VectorXd& x) {
-    progress(++n_done, n_total, x);
-    context.ThrowIfStopped();
-  };
-
-  // Where to start: the prior's draws that explain single steps best, and the nominal parameters.
-  const Level few = Leading(first, 40), third = Leading(first, std::max<size_t>(40, first.windows.size() / 3));
-  std::vector<std::pair<double, VectorXd>> candidates;
-  const VectorXd nominal = NominalStart(space);
-  for (int k = 0; k < config.coarse; ++k) {
-    VectorXd x = nominal;
-    if (k > 0) {
-      for (double& coordinate : x) coordinate = rng.Normal();
-      x = prior.mean + prior.factor * x;
-    }
-    candidates.emplace_back(CoarseCost(replayer, few, scale, ToZ(space, x)), x);
-    context.ThrowIfStopped();
-  }
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
-  VectorXd x = candidates.front().second;
-  double best = std::numeric_limits<double>::infinity();
-  for (int s = 0; s < std::min(config.starts, config.coarse); ++s) {
-    LevelFit fit(replayer, space, prior, scale, third, candidates[static_cast<size_t>(s)].second);
-    n_planned += kStartIterations;
-    Descend(fit, kStartIterations, tell);
-    n_done = n_planned;
-    const double cost = fit.FinalCost();
-    if (cost < best) x = fit.x();
-    best = std::min(best, cost);
-  }
-
-  // Longer and longer windows, while they are explained as well as the short ones.
-  std::unique_ptr<LevelFit> longest_fit;
-  FitEvidence evidence;
-  evidence.scale = {scale.begin(), scale.end()};
-  Level level = first;
-  bool is_short = false;  // the simulator explains short windows alone
-  while (!level.windows.empty()) {
-    const bool is_first = longest_fit == nullptr;
-    auto fit = std::make_unique<LevelFit>(replayer, space, prior, scale, level, x);
-    const int n_iterations = is_first ? kFirstLevelIterations : kLevelIterations;
-    n_planned += n_iterations + kRounds * kRoundIterations;
-    Descend(*fit, n_iterations, tell);
-    for (int round = 0; round < kRounds && fit->TryOtherStarts(rng); ++round) {
-      fit->CountExplainedAlone();
-      for (int i = 0; i < kRoundIterations; ++i) {
-        fit->Step();
-        tell(fit->x());
-      }
-    }
-    n_done = n_planned;
-    fit->FinalCost();
-    const VectorXd noise = fit->noise_variance().cwiseSqrt();
-    evidence.long_noise_std = {noise.begin(), noise.end()};
-    if (is_first) evidence.short_noise_std = evidence.long_noise_std;
-    const Eigen::Map<const VectorXd> first_noise(evidence.short_noise_std.data(), noise.size());
-    const double growth = std::exp((noise.array() / first_noise.array()).log().mean());
-    is_short = growth > kTolerableGrowth;
-    if (is_short) break;
-    x = fit->x();
-    evidence.window = level.windows.front().n_steps;
-    evidence.explained = fit->ShareExplained();
-    evidence.noise_std = evidence.long_noise_std;
-    level = fit->Joined();
-    longest_fit = std::move(fit);
-  }
-  const Eigen::Map<const VectorXd> sensor_noise(evidence.short_noise_std.data(), scale.size());
-  const HeldOutParts parts = HoldOut(dataset, key.Stage("held out"));
-  LongFitChoice choice;
-  if (is_short) {
-    choice = ChooseLongWindows({.factory = factory,
-                                .learn = parts.learn,
-                                .judge = parts.judge,
-                                .prior = prior,
-                                .short_x = longest_fit->x(),
-                                .noise = sensor_noise,
-                                .short_steps = evidence.window},
-                               context, tell);
-  }
-  if (choice.n_steps > 0) {
-    const Level all = LongWindows(replayer, dataset, choice.n_steps, kMostLongRows, factory.spec().control_period_s);
-    longest_fit = std::make_unique<LevelFit>(replayer, space, prior, scale, all, choice.x);
-    longest_fit->LetErrorsGrow(sensor_noise.cwiseAbs2());
-    Descend(*longest_fit, kLongIterations, tell);
-    longest_fit->FinalCost();
-    evidence.window = choice.n_steps;
-  } else {
-    choice.x = longest_fit->x();
-  }
-  const MatrixXd covariance = longest_fit->Finish();
-  evidence.suspects = FindSuspects(factory, dataset, *longest_fit, prior, context.n_threads);
-  evidence.held_out = Validate(problem, parts, evidence, choice);
-  progress(n_total, n_total, longest_fit->x());
-  return {.mean = longest_fit->x(), .covariance = covariance, .evidence = evidence};
+  return TrajectoryMatch(problem, config).Run();
 }
 
 }  // namespace oted
