@@ -145,8 +145,8 @@ TEST(ValueDiceUpdate, AnActorThatIsTheLogsOwnStaysAndAnotherComesToThem) {
     Rng rng(6);
     ValueDiceUpdate update(MakePolicy(shift), {32, 32}, options, rng);
     ValueDiceBatch batch;
-    // The actor circles about where it settles: its mean over the last third of the steps counts.
-    constexpr int kSteps = 3'000, kSettled = 2'000;
+    // The actor circles about where it settles: its mean over the second half of the steps counts.
+    constexpr int kSteps = 5'000, kSettled = 2'500;
     std::array<double, 4> p{};
     for (int step = 0; step < kSteps; ++step) {
       DrawValueDiceBatch(logs, nullptr, 128, update.actor(), rng, batch);

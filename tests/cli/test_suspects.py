@@ -46,8 +46,8 @@ class SuspectsTest(unittest.TestCase):
         first = design["fit"]["suspects"][0]
         self.assertEqual(first["field"], "joint/*/damping")
         self.assertAlmostEqual(first["factor"], 0.7, delta=0.1)
-        self.assertIn("not searched, but off by the logs: joint/*/damping, about 0.7", result.stdout)
-        self.assertIn("form: trajectories, as its answer is outside the family", result.stdout)
+        self.assertIn("suspect, not among the parameters: joint/*/damping, by the logs about 0.7", result.stdout)
+        self.assertIn("method: trajectories, as its answer is outside the family", result.stdout)
         tried = {method["method"]: method["error"] for method in design["method_choices"][0]["tried"]}
         self.assertEqual(set(tried), {"trajectories", "transitions", "least-squares"})
         self.assertIn("joint/*/damping (about 0.7", (self.folder / "gain/report.html").read_text())
@@ -59,7 +59,7 @@ class SuspectsTest(unittest.TestCase):
         result, design = self.design("both", GAIN, DAMPING)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(design["fit"]["suspects"], [])
-        self.assertIn("form: trajectories, as noise alone explains", result.stdout)
+        self.assertIn("method: trajectories, as noise alone explains", result.stdout)
         self.assertEqual(design["method_choices"][0]["tried"], [])
         for parameter, truth in zip(design["parameters"], (1.2, 0.7)):
             self.assertAlmostEqual(parameter["mode"], truth, delta=1e-4)
