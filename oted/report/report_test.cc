@@ -132,7 +132,7 @@ assert names == [b'frames of logged', b'frames of nominal', b'frames of designed
 assert 'data-period="0.008"' in text and 'aria-label="Designed' in text
 )",
                         folder_));
-  EXPECT_TRUE(Contains(Page(), "the stretch at step 24 of episode 1"));
+  EXPECT_TRUE(Contains(Page(), "The stretch shown starts at step 24 of episode 1"));
   // report.json names the files: no megabytes of pictures in it.
   const json report = ReadJson(folder_ / "report.json");
   EXPECT_EQ(report["motion"]["panels"][0], (json{{"name", "logged"}, {"file", "logged.webp"}}));
@@ -178,7 +178,7 @@ TEST_F(WriteReportTest, FormsThatWereTriedStandWithTheirErrorsAndTheTakenOneIsMa
   WriteReport(folder_.path());
   EXPECT_TRUE(RunPython(kCheckPage, folder_));
   const std::string page = Page();
-  for (const char* part : {"replayed 48 windows of 10 steps", ">3.25<", ">2.50<", ">9.75<", "as it is nearest."}) {
+  for (const char* part : {"replayed 48 windows of 10 steps", ">3.25<", ">2.50<", ">9.75<", "it is nearest."}) {
     EXPECT_TRUE(Contains(page, part)) << part;
   }
 }

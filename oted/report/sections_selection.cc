@@ -70,7 +70,7 @@ std::string TriedMethods(const json& design) {
         Escape(TextAt(choice, "setting")), FormatCount(NumberAt(choice, "n_windows")),
         FormatCount(NumberAt(choice, "n_steps")));
     HtmlTable table;
-    table.Column("Form", HtmlTable::Align::kText).Column("Error").Column("Log ratio to the first");
+    table.Column("Method", HtmlTable::Align::kText).Column("Error").Column("Log ratio to the first");
     for (const json& tried : ListAt(choice, "tried")) {
       const bool taken = TextAt(tried, "method") == TextAt(choice, "method");
       table.Row({SelectedName(TextAt(tried, "method"), taken), FormatNumber(NumberAt(tried, "error")),
