@@ -14,8 +14,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr std::array<double, 4> kWindows = {0.1, 0.25, 0.5, 1.0};  // [s]
-constexpr double kPredicted = 0.5;                                 // [s]
+constexpr std::array<double, 4> kWindows = {kShortestLongWindow, 0.25, 0.5, 1.0};  // [s]
+constexpr double kPredicted = 0.5;                                                 // [s]
 constexpr int kFewestJudged = 3;
 constexpr double kStretch = 1.0;  // [s]
 constexpr int kMostRows = 10000;

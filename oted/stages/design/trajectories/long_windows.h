@@ -17,6 +17,8 @@
 
 namespace oted {
 
+inline constexpr double kShortestLongWindow = 0.1;  ///< [s]
+
 /// Windows of `n_steps` in all of the logs, at most some `n_rows` rows of them, spread evenly. Windows that begin
 /// within the same second of an episode are one stretch: what a simulator has wrong there is wrong in all of them.
 Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps, int n_rows, double period_s);

@@ -24,7 +24,11 @@ constexpr int kStartIterations = 5, kLevelIterations = 4;
 constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windows stay unexplained
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
 constexpr int kFirstLevelIterations = 7;
+constexpr size_t kManyEpisodes = 5;
+constexpr int kBlocksPerJudged = 5;
+constexpr double kHeldOutBlock = 2.0;       // [s]
 constexpr double kLongestPrediction = 1.0;  // [s]
+constexpr double kVisibleNoise = 1e-4;      // of a channel's spread: below is rounding
 constexpr int kValidationRows = 960;
 constexpr int kLongIterations = 8, kMostLongRows = 30000;
 constexpr int kFewestIterations = 3;  // the starts need them where x does not
@@ -87,6 +91,28 @@ Level Leading(const Level& level, size_t n) {
   return part;
 }
 
+/// Logs to fit and logs to judge by: whole episodes, but where they are few, each may be of another kind of motion, and
+/// every fifth block of two seconds is kept aside (of a shorter episode its last fifth).
+HeldOutParts PartsOf(const Dataset& dataset, double period_s, RngKey key) {
+  const std::vector<Episode> episodes = dataset.Episodes();
+  if (episodes.size() >= kManyEpisodes || !(period_s > 0)) return HoldOut(dataset, key);
+  std::vector<Episode> learn, judge;
+  for (const Episode& whole : episodes) {
+    const int block =
+        std::min(static_cast<int>(std::lround(kHeldOutBlock / period_s)), whole.size() / kBlocksPerJudged);
+    if (block < 1) return {dataset, dataset};
+    int begin = whole.begin;  // of what was not given to either
+    for (int k = kBlocksPerJudged - 1; whole.begin + (k + 1) * block <= whole.end; k += kBlocksPerJudged) {
+      const int middle = whole.begin + k * block, end = middle + block;
+      learn.push_back({begin, middle, false});
+      judge.push_back({middle, end, whole.terminated && end == whole.end});
+      begin = end;
+    }
+    if (begin < whole.end) learn.push_back({begin, whole.end, whole.terminated});
+  }
+  return {dataset.Select(learn), dataset.Select(judge)};
+}
+
 /// One run of the method, step by step.
 class TrajectoryMatch {
  public:
@@ -97,7 +123,7 @@ class TrajectoryMatch {
         replayer_(MakeReplayer(space_.size(), problem.dataset)),
         scale_(ChannelScales(problem.dataset)),
         rng_(problem.key.MakeRng()),
-        parts_(HoldOut(problem.dataset, problem.key.Stage("held out"))) {
+        parts_(PartsOf(problem.dataset, problem.factory.spec().control_period_s, problem.key.Stage("held out"))) {
     evidence_.scale = {scale_.begin(), scale_.end()};
     int longest = kFirstWindow;
     for (const Episode& episode : problem.dataset.Episodes()) {
@@ -113,7 +139,7 @@ class TrajectoryMatch {
 
   ReplayFit Run() {
     const bool explains_all = FitShortWindows(FindStart());
-    if (!explains_all) FitLongWindows();
+    if (!explains_all || AreBriefAndNoisy()) FitLongWindows();
     const MatrixXd covariance = fit_->Finish();
     evidence_.suspects =
         FindSuspects(problem_.factory, problem_.dataset, *fit_, problem_.prior, problem_.context.n_threads);
@@ -199,6 +225,13 @@ class TrajectoryMatch {
       fit_ = std::move(fit);
     }
     return true;
+  }
+
+  /// Whether the windows so far are shorter than the first long ones, and more than rounding is left: so brief a window
+  /// says little of what adds up.
+  bool AreBriefAndNoisy() const {
+    const double seconds = evidence_.window * problem_.factory.spec().control_period_s;
+    return seconds < kShortestLongWindow && (SensorNoise().array() > kVisibleNoise * scale_.array()).any();
   }
 
   /// Windows of tenths of a second, where they predict better.
