@@ -21,6 +21,9 @@ namespace oted {
 /// windows of 4, 8, ... as long as the longer ones are explained as well, that is, the noise estimate does not grow by
 /// more than a quarter: long windows tell more under noise, but contact makes them chaotic.
 ///
+/// Where it does grow, or where all of these windows are shorter than 0.1 s and the logs are noisy, windows of 0.1 to 1
+/// s take their place if they predict logs kept aside better (long_windows.h).
+///
 /// The starts have local minima, where noise or a poor guess has put a foot into the ground or off it. Such windows are
 /// told by squared errors that noise does not reach; they are fitted again from other starts, and those that remain do
 /// not count (LevelFit::TryOtherStarts, CountExplainedAlone).
