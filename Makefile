@@ -6,11 +6,14 @@ JOBS ?= $(shell nproc)
 OUT ?= runs/quickstart
 MINUTES ?= 60
 SEED ?= 1
+POINTS ?= all
+KILLS ?= 100
+DAMAGES ?= 0
 BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetitions=15 --benchmark_report_aggregates_only=true
 export CMAKE CTEST JOBS
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build build-cuda test test-long quickstart report-picture bench bench-peers fuzz lint format clean
+.PHONY: help setup build build-cuda wheel test test-python test-long test-slurm quickstart report-picture bench bench-peers fuzz crash corrupt lint format clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -28,11 +31,20 @@ build-cuda:  ## the same with libtorch, for --device cuda; downloads torch
 	@scripts/setup.sh cuda
 	@scripts/build.sh cuda
 
+wheel:  ## dist/oted-*.whl, the Python package with the libraries that it needs: PYTHONS="python3.11 python3.12"
+	@scripts/wheel.sh $(PYTHONS)
+
 test:  ## set-up, build, all tests but the long ones, sanitizers, lint; ends with "N passed, N failed"
 	@scripts/test.sh
 
+test-python:  ## the Python wheel as a stranger meets it: built, installed into fresh environments, tested; PYTHONS="python3.11 python3.12"
+	@scripts/test_python.sh $(PYTHONS)
+
 test-long:  ## the tests that take minutes: known parameters recovered, agents trained
 	@scripts/test.sh long
+
+test-slurm:  ## plans on a real Slurm of two nodes on this machine, as root; installs Slurm from Debian's packages
+	@scripts/test.sh slurm
 
 quickstart: build  ## the whole pipeline on five Hopper demonstrations, into runs/quickstart
 	@build/release/oted run examples/quickstart.toml --out $(OUT)
@@ -51,6 +63,15 @@ bench-peers: setup  ## the part of it beside Stable-Baselines3, sbx, RLtools, En
 
 fuzz: setup  ## damaged files for every reader under the sanitizers: MINUTES=60 SEED=1
 	@scripts/fuzz.sh $(MINUTES) $(SEED)
+
+crash: setup  ## a fault at each call that changes a file, and kill -9 at random: POINTS=all KILLS=100 (hours)
+	@scripts/build.sh dev
+	@.venv/bin/python tests/faults/crash.py build/release/oted build/release/tests/liboted_fault_points.so build/crash \
+	  --points $(POINTS) --kills $(KILLS)
+
+corrupt: setup  ## each file of a finished and of two half-finished runs damaged: DAMAGES=0 (all; an hour), SEED=1
+	@scripts/build.sh dev
+	@.venv/bin/python tests/faults/corrupt.py build/release/oted build/corrupt --damages $(DAMAGES) --seed $(SEED)
 
 lint: setup  ## formatting, the rules on who may include whom, sizes of functions
 	@scripts/check_format.sh

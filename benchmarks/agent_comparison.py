@@ -23,6 +23,9 @@ import time
 from study_data import PARAMETERS, ROOT, TASKS, add_record, collect, commit, parameter_words, records
 
 TRUTH = {"friction": 0.5, "gain": 0.7, "gravity": 1.3}
+# Of the agents of the study 'tasks', as it was run: one lane and mid-sized networks.
+FORMER = ("sac.hidden=128,128", "sac.learning_rate=0.001", "sac.batch_size=128", "sac.n_lanes=1", "sac.multi_step=1",
+          "sac.normalize_observations=false")
 # Two-sided 95 % quantiles of Student's t by degrees of freedom, for the paired interval.
 T95 = {1: 12.71, 2: 4.303, 3: 3.182, 4: 2.776, 5: 2.571, 6: 2.447, 7: 2.365, 8: 2.306, 9: 2.262}
 
@@ -35,7 +38,7 @@ def command_of(study, seed, oted, out, steps):
     target = parameter_words(PARAMETERS) + [word for n, value in TRUTH.items() for word in ("--truth", f"{n}={value}")]
     return [str(oted), "run", "--task", TASKS[study], "--data", data, *target, "--seed", str(seed), "--threads", "1", "--quiet",
             "--out", f"{out}/run", "--set", "agents.n_agents=1", "--set", "agents.algorithm=sac", "--set", f"sac.n_steps={steps}",
-            "--set", "sac.hidden=128,128", "--set", "sac.learning_rate=0.001", "--set", "sac.batch_size=128"]
+            *(word for setting in FORMER for word in ("--set", setting))]
 
 
 def run(study, seed, oted, steps):

@@ -36,7 +36,7 @@ def train(arguments, designed, folder, agents, threads):
     """(seconds, digest of the policies)"""
     shutil.copytree(designed, folder)
     # Short runs learn too: the default waits longer for its first gradient step than some of them last.
-    settings = {"agents.n_agents": agents, "crossq.n_steps": arguments.steps, "crossq.learning_starts": 1000,
+    settings = {"agents.n_agents": agents, "agents.algorithm": "crossq", "crossq.n_steps": arguments.steps, "crossq.learning_starts": 1000,
                 "crossq.n_lanes": arguments.lanes, "crossq.updates_per_step": arguments.updates_per_step}
     start = time.monotonic()
     oted(arguments.oted, "train", "--out", str(folder), "--threads", str(threads), "--quiet",

@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 """Learning curves over control steps and seconds: the agents of learners.py.
 
-  benchmarks/learning_curves.py [--tasks hopper ...] [--learners crossq sac ...] [--seeds 1 2 3] [--jobs 2]
+  benchmarks/learning_curves.py [--tasks hopper ...] [--learners default crossq ...] [--seeds 1 2 3] [--jobs 2]
   benchmarks/learning_curves.py --table         # docs/speed.md's
   benchmarks/learning_curves.py --plot          # docs/learning.svg
 
-Each agent trains in the nominal simulator on one thread and leaves one line of JSON; one that is there is not trained
-again, and one of ours that was stopped goes on where it was (build/learning). All train with a batch of 256, networks of
-2x256 (the small ones 64 and 2x64) and one update per step, and are looked at every 10,000 steps: five episodes of the mean
-action. Seconds are the process's CPU time until then (machines are shared), without evaluations for Stable-Baselines3 and with
-them for ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the
-same algorithm, and the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes too.
+Each agent trains on one thread, in the nominal simulator or in the quickstart's target, and leaves one line of JSON; one that is
+there is not trained again, and one of ours that was stopped goes on where it was (build/learning). All but the default train one
+lane with a batch of 256 and networks of 2x256 (the small ones 64 and 2x64), all with one update per step. They are looked at every
+10,000 steps, the default every 20,000: five episodes of the mean action. Seconds are the process's CPU time until then (machines
+are shared), without evaluations for Stable-Baselines3 and with them for ours. On a processor that is not Intel's,
+Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and the seconds of a user who knows
+that. Ours judge every checkpoint up to the best on 20 fresh episodes too.
 
 The mark of a task is the median return of our SAC's best checkpoints, 20 fresh episodes each. An agent is at the mark, or at a
 score of 100, with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
@@ -25,15 +26,14 @@ import shutil
 import subprocess
 import time
 
-from learners import LEARNERS
+from learners import LEARNERS, PLACES
 from learning_plot import plot
-from learning_table import equal_steps, mark_of, tables
+from learning_table import equal_steps, mark_of, minutes, tables
 from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
-from study_data import ROOT, TASKS, add_record, commit, records
+from study_data import ROOT, add_record, commit, records
 
 OUT = ROOT / "benchmarks/results/learning.jsonl"
 PLOT = ROOT / "docs/learning.svg"
-EVERY = 10_000
 EPISODES = 5
 
 
@@ -45,16 +45,16 @@ def cpu_seconds(pid):
 def ours(oted, learner, task, seed, steps, folder):
     """Runs `oted behavior`, noting when each checkpoint appears. Goes on from the last one that is in the folder."""
     algorithm = learner.algorithm
-    settings = [f"{algorithm}.n_steps={steps}", f"{algorithm}.eval_interval={EVERY}", f"{algorithm}.eval_episodes={EPISODES}",
+    settings = [f"{algorithm}.n_steps={steps}", f"{algorithm}.eval_interval={learner.every}", f"{algorithm}.eval_episodes={EPISODES}",
                 *learner.settings]
-    command = [str(oted), "behavior", "--task", TASKS[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
+    command = [str(oted), "behavior", "--task", PLACES[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
                "--quiet", "--out", str(folder), *(word for setting in settings for word in ("--set", setting))]
     noted = folder / "seconds.json"
     seconds = json.loads(noted.read_text()) if noted.exists() else []
     before = seconds[-1] if seconds else 0
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **ONE_THREAD})
     while process.poll() is None:
-        if (folder / f"snapshots/{EVERY * (len(seconds) + 1)}.npz").exists():
+        if (folder / f"snapshots/{learner.every * (len(seconds) + 1)}.npz").exists():
             seconds.append(before + cpu_seconds(process.pid))
             noted.write_text(json.dumps(seconds))
         time.sleep(0.1)
@@ -69,7 +69,7 @@ def ours(oted, learner, task, seed, steps, folder):
 def theirs(learner, task, seed, steps, folder):
     """Runs Stable-Baselines3's SAC; folder/points.jsonl tells meanwhile how far it is."""
     worker = ROOT / "benchmarks/peers/learning_worker.py"
-    command = [PYTHON, worker, TASKS[task], seed, steps, EVERY, EPISODES, learner.width, learner.batch]
+    command = [PYTHON, worker, PLACES[task], seed, steps, learner.every, EPISODES, learner.width, learner.batch]
     told = fast_mkl()
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "points.jsonl", "w+") as out:
@@ -101,14 +101,14 @@ def by_learner():
 
 
 def drawing(found):
-    return plot(found, {task: mark_of(task, found) for task in TASKS})
+    return plot(found, {task: mark_of(task, found) for task in PLACES})
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--oted", type=pathlib.Path, default=ROOT / "build/release/oted")
-    parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
-    parser.add_argument("--learners", nargs="+", choices=LEARNERS, default=["crossq", "sac"])
+    parser.add_argument("--tasks", nargs="+", choices=PLACES, default=list(PLACES))
+    parser.add_argument("--learners", nargs="+", choices=LEARNERS, default=["default"])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--steps", type=int, default=300_000)
     parser.add_argument("--jobs", type=int, default=2)
@@ -118,7 +118,7 @@ def main():
     if arguments.table or arguments.plot:
         found = by_learner()
         if arguments.table:
-            print(tables(found), equal_steps(found), sep="\n", end="")
+            print(tables(found), minutes(found), equal_steps(found), sep="\n", end="")
         if arguments.plot:
             PLOT.write_text(drawing(found))
         return

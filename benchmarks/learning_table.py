@@ -1,20 +1,20 @@
 """The runs of learning_curves.py as tables, one for each task, and what they are measured by: the mark and a score of 100.
-Then pairs of learners at equal steps.
+Then what each has by so many CPU seconds, and pairs of learners at equal steps.
 """
 
 import itertools
 import statistics
 
-from learners import LEARNERS, PAIRS
-from study_data import TASKS
+from learners import LEARNERS, PAIRS, PLACES
 
-SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3}  # D4RL's, as oted/sim/mujoco/task.cc has them
+SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3, "quickstart": None}  # D4RL's
 COLUMNS = ("seed", "return at 50k steps", "at 100k", "at 150k", "at 300k", "mean until 150k",
            "best checkpoint, 20 fresh episodes", "at the mark", "at score 100", "CPU s per 100k steps")
+SECONDS = (15, 30, 60, 120, 300, 600)  # of CPU time
 
 
 def title_of(task):
-    return TASKS[task].removesuffix("-v5")
+    return "Quickstart's Hopper" if task == "quickstart" else PLACES[task].removesuffix("-v5")
 
 
 def mark_of(task, found):
@@ -49,7 +49,7 @@ def row(record, mark):
 def tables(found):
     """found: (task, learner) -> records. @return Markdown"""
     lines = []
-    for task in TASKS:
+    for task in PLACES:
         mark = mark_of(task, found)
         records = [r for learner in LEARNERS for r in found.get((task, learner), [])]
         if not records:
@@ -59,6 +59,26 @@ def tables(found):
         lines += [f"| {LEARNERS[r['learner']].title} | {' | '.join(row(r, mark))} |" for r in records]
         lines.append("")
     return "\n".join(lines)
+
+
+def at_seconds(record, seconds):
+    """The best of the returns until then: what a user who stops then has kept. None where the agent had ended or not begun."""
+    until = [value for at, value in zip(record["cpu_seconds"], record["returns"]) if at <= seconds]
+    return max(until) if until and record["cpu_seconds"][-1] >= 0.9 * seconds else None
+
+
+def minutes(found):
+    """found: (task, learner) -> records. @return Markdown: the best return until so many CPU seconds, smallest to largest seed"""
+    lines = [f"| best return until | seeds | {' | '.join(f'{s} s' for s in SECONDS)} |", "|" + "---|" * (2 + len(SECONDS))]
+    for task, learner in itertools.product(PLACES, LEARNERS):
+        records = found.get((task, learner), [])
+        cells = []
+        for seconds in SECONDS:
+            values = sorted(v for v in (at_seconds(r, seconds) for r in records) if v is not None)
+            cells.append(", ".join(f"{v:.0f}" for v in values) or "-")
+        if records:
+            lines.append(f"| {title_of(task)}, {LEARNERS[learner].title} | {len(records)} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
 
 
 def permutation_test(one, other):
@@ -74,7 +94,7 @@ def equal_steps(found):
     """found: (task, learner) -> records. @return Markdown: an agent's figure is the mean of its evaluations."""
     lines = ["| mean of the evaluations | until step | by seeds | mean | beside | by seeds | mean | permutation test |",
              "|" + "---|" * 8]
-    for task, learners in itertools.product(TASKS, PAIRS):
+    for task, learners in itertools.product(PLACES, PAIRS):
         records = [found.get((task, learner), []) for learner in learners]
         if not all(records):
             continue

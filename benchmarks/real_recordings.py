@@ -82,6 +82,8 @@ def make(name, method, oted):
         if done.returncode not in (0, 4):
             raise SystemExit(done.stderr)
         seconds = time.monotonic() - begin
+        # A design that does not surely predict better is judged as well.
+        subprocess.run([str(oted), "export", out, "--mjcf", f"{out}/export/designed.xml"], check=True, capture_output=True)
         logs = episodes(folder / "held_out.csv.gz")
         cell = {"set": name, "method": method, "exit_code": done.returncode, "seconds": round(seconds), "ratios": {}, "nominal": {}}
         for part, wanted in parts.items():

@@ -99,7 +99,7 @@ void WriteLosses(int obs_dim, int act_dim, const std::filesystem::path& folder, 
     add("observations", batch.observations);
     add("joint", batch.joint);
     add("rewards", batch.rewards);
-    add("terminated", batch.terminated);
+    add("discounts", batch.discounts);
     add("noise", batch.noise);
     arrays["losses"] =
         NpyArray(std::vector<double>{losses.critic_loss, losses.actor_loss, losses.alpha, losses.alpha_loss});

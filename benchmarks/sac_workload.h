@@ -62,7 +62,7 @@ class ReplayWorkload {
         for (double& value : *values) value = rng_.Normal();
       }
       for (double& value : a) value = rng_.Uniform(-1, 1);
-      buffer_.Add(s, a, rng_.Normal(), s2, row % 100 == 99);
+      buffer_.Add(s, a, rng_.Normal(), s2, row % 100 == 99 ? 0 : 0.99);
     }
   }
 

@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/console.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
@@ -28,28 +29,34 @@ struct CollectOptions : Options {
 };
 
 /// The task, its parameters and their true values. A file that describes the whole study says what its target is.
-RunConfig TargetOf(const CollectOptions& options) {
+RunConfig TargetOf(const Options& options, double noise = 0) {
   RunConfig config = options.task.ends_with(".toml") ? RunConfig::FromTomlFile(options.task) : RunConfig();
   config.task = TaskConfig::FromArgument(options.task);
   if (!options.parameters.empty()) config.parameters.clear();
   for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
   if (!options.truth.empty() || !options.parameters.empty()) config.truth.clear();
   for (const std::string& text : options.truth) config.SetTruth(text);
-  if (options.noise > 0) {
+  if (noise > 0) {
     // A name that no parameter of the user's can have.
     const std::string name = "--noise";
-    config.parameters.push_back({.name = name,
-                                 .field = "obs/*/noise_std",
-                                 .low = 0,
-                                 .high = options.noise,
-                                 .scale = ParameterScale::kAbsolute});
-    config.truth[name] = options.noise;
+    config.parameters.push_back(
+        {.name = name, .field = "obs/*/noise_std", .low = 0, .high = noise, .scale = ParameterScale::kAbsolute});
+    config.truth[name] = noise;
   }
   return config;
 }
 
+void AddTargetOptions(CLI::App& verb, Options& options) {
+  verb.add_option("--param", options.parameters,
+                  "a parameter that differs from nominal: name=path:low:high; repeatable; default: [parameters] of "
+                  "--task's file");
+  verb.add_option("--truth", options.truth,
+                  "name=value for every parameter; repeatable; default: [truth] of --task's file")
+      ->allow_extra_args(false);
+}
+
 void Collect(const CollectOptions& options) {
-  const RunConfig config = TargetOf(options);
+  const RunConfig config = TargetOf(options, options.noise);
   const auto factory = MakeSimulatorFactory(config.task, config.parameters);
   NullSink log;
   const CollectJob job{.factory = *factory,
@@ -61,8 +68,8 @@ void Collect(const CollectOptions& options) {
   const Dataset dataset = Collect(job);
   WriteDataset(dataset, options.output, WriteOptionsFor(factory->spec(), options.task));
   const std::vector<double> returns = dataset.EpisodeReturns();
-  fmt::print("{}: {} transitions in {} episodes{}\n", options.output, dataset.size(), dataset.Episodes().size(),
-             returns.empty() ? "" : fmt::format(", mean return {:.{}f}", Mean(returns), ReturnDecimals(returns, 1)));
+  Print("{}: {} transitions in {} episodes{}\n", options.output, dataset.size(), dataset.Episodes().size(),
+        returns.empty() ? "" : fmt::format(", mean return {:.{}f}", Mean(returns), ReturnDecimals(returns, 1)));
 }
 
 }  // namespace
@@ -77,12 +84,7 @@ void AddCollectVerb(Program& program) {
           "policy.npz, or open-loop excitation: random, noise:STD[:SECONDS], sine[:AMPLITUDE] (fractions of the "
           "action range), or expert or medium for a MiniGrid task; two policies share the episodes")
       ->required();
-  verb->add_option("--param", options->parameters,
-                   "a parameter that differs from nominal: name=path:low:high; repeatable; default: [parameters] of "
-                   "--task's file");
-  verb->add_option("--truth", options->truth,
-                   "name=value for every parameter; repeatable; default: [truth] of --task's file")
-      ->allow_extra_args(false);
+  AddTargetOptions(*verb, *options);
   verb->add_option("--episodes", options->n_episodes, "episodes to log")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
@@ -104,6 +106,7 @@ void AddBehaviorVerb(Program& program) {
   };
   auto options = std::make_shared<BehaviorOptions>();
   verb->add_option("--task", options->task, kTaskHelp)->required();
+  AddTargetOptions(*verb, *options);
   verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "most threads [default: all processors]");
   verb->add_option("--out", options->out, "folder for expert.npz, medium.npz and training.json")->required();
@@ -117,8 +120,9 @@ void AddBehaviorVerb(Program& program) {
   verb->callback([options] {
     RunConfig config;
     for (const std::string& assignment : options->assignments) config.Set(assignment);
-    const TaskConfig task = TaskConfig::FromArgument(options->task);
-    const auto factory = MakeSimulatorFactory(task, {});
+    const RunConfig target = TargetOf(*options);
+    const TaskConfig& task = target.task;
+    const auto factory = MakeSimulatorFactory(task, target.parameters);
     if (factory->has_expert()) {
       throw UsageError(
           fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert", task.name));
@@ -131,11 +135,11 @@ void AddBehaviorVerb(Program& program) {
     FileSink log(options->out, &terminal);
     std::variant<SacConfig, CrossQConfig> agent = config.algorithms.sac;
     if (options->algorithm == "crossq") agent = config.algorithms.crossq;
-    const BehaviorPolicies policies =
-        TrainBehaviorPolicies(*factory, agent, static_cast<uint64_t>(std::max(1L, options->seed)), options->out,
-                              MakeContext(log, options->threads));
-    fmt::print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
-               policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
+    const BehaviorPolicies policies = TrainBehaviorPolicies(
+        *factory, TargetParameters(factory->parameters(), target.truth), agent,
+        static_cast<uint64_t>(std::max(1L, options->seed)), options->out, MakeContext(log, options->threads));
+    Print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
+          policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
   });
 }
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/console.h"
 #include "cli/data_report.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
@@ -85,7 +86,7 @@ void AddInfo(CLI::App& data) {
     if (options->json) {
       nlohmann::json record = DataInfoRecord(dataset, spec, summary);
       record["format"] = FormatOf(config.data.path);
-      fmt::print("{}\n", record.dump(2));
+      Print("{}\n", record.dump(2));
     } else {
       PrintDataInfo(dataset, FormatOf(config.data.path), spec, summary);
     }
@@ -115,7 +116,7 @@ void AddCheck(CLI::App& data, Program& program) {
         CheckData(dataset, factory.get(), options->seed < 0 ? 1 : static_cast<uint64_t>(options->seed),
                   MakeContext(log, options->threads));
     if (options->json) {
-      fmt::print("{}\n", DataCheckRecord(dataset, spec, check).dump(2));
+      Print("{}\n", DataCheckRecord(dataset, spec, check).dump(2));
     } else {
       PrintDataCheck(dataset, spec, check);
     }
@@ -167,11 +168,11 @@ void AddConvert(CLI::App& data) {
     WriteDataset(dataset, options->out, how);
     // What was lost is what reading it back does not give.
     const Dataset back = ReadDataset(options->out);
-    fmt::print("{}: {} transitions in {} episodes\n", options->out, back.size(), back.Episodes().size());
+    Print("{}: {} transitions in {} episodes\n", options->out, back.size(), back.Episodes().size());
     std::vector<std::string> losses = Losses(dataset, back);
     if (drops_states) losses.push_back("infos/qpos and infos/qvel, which would reveal the noise");
-    for (const std::string& loss : losses) fmt::print("lost: {}\n", loss);
-    if (losses.empty()) fmt::print("nothing was lost: every number and flag reads back the same\n");
+    for (const std::string& loss : losses) Print("lost: {}\n", loss);
+    if (losses.empty()) Print("nothing was lost: every number and flag reads back the same\n");
   });
 }
 

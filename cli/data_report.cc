@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "cli/console.h"
 #include "oted/data/checks_dynamics.h"
 
 namespace oted::cli {
@@ -20,20 +21,20 @@ void PrintWrapped(const std::string& label, const std::string& text) {
   bool is_empty = true;
   while (words >> word) {
     if (!is_empty && line.size() + 1 + word.size() > kWidth) {
-      fmt::print("{}\n", line);
+      Print("{}\n", line);
       line = std::string(kIndent, ' ');
       is_empty = true;
     }
     line += (is_empty ? "" : " ") + word;
     is_empty = false;
   }
-  fmt::print("{}\n", line);
+  Print("{}\n", line);
 }
 
 void PrintHead(const Dataset& dataset, const SimulatorSpec* spec) {
-  fmt::print("{:<14}{}\n{:<14}{}\n", "file", dataset.path, "sha256", dataset.sha256);
+  Print("{:<14}{}\n{:<14}{}\n", "file", dataset.path, "sha256", dataset.sha256);
   if (spec != nullptr) {
-    fmt::print("{:<14}{}, one step every {:.4g} s\n", "task", spec->task, spec->control_period_s);
+    Print("{:<14}{}, one step every {:.4g} s\n", "task", spec->task, spec->control_period_s);
   }
 }
 
@@ -50,9 +51,9 @@ std::string Where(const Dataset& dataset, const Finding& finding) {
 }
 
 void PrintChannels(const char* kind, const std::vector<ChannelSummary>& channels) {
-  fmt::print("\n{:<26} {:>12} {:>12} {:>12} {:>12}\n", kind, "lowest", "highest", "mean", "std");
+  Print("\n{:<26} {:>12} {:>12} {:>12} {:>12}\n", kind, "lowest", "highest", "mean", "std");
   for (const ChannelSummary& c : channels) {
-    fmt::print("{:<26} {:>12.5g} {:>12.5g} {:>12.5g} {:>12.5g}\n", c.name, c.low, c.high, c.mean, c.std);
+    Print("{:<26} {:>12.5g} {:>12.5g} {:>12.5g} {:>12.5g}\n", c.name, c.low, c.high, c.mean, c.std);
   }
 }
 
@@ -62,17 +63,17 @@ void PrintReturns(const SimulatorSpec* spec, const std::vector<double>& returns)
   for (const double r : returns) sum += r;
   const double mean = sum / static_cast<double>(returns.size());
   const auto [low, high] = std::minmax_element(returns.begin(), returns.end());
-  fmt::print("{:<14}mean {:.1f}, from {:.1f} to {:.1f}", "returns", mean, *low, *high);
-  if (has_score) fmt::print("; D4RL score of the mean {:.1f}", spec->NormalizedScore(mean));
-  fmt::print("\n");
+  Print("{:<14}mean {:.1f}, from {:.1f} to {:.1f}", "returns", mean, *low, *high);
+  if (has_score) Print("; D4RL score of the mean {:.1f}", spec->NormalizedScore(mean));
+  Print("\n");
   constexpr size_t kMostShown = 20;
   if (returns.size() > kMostShown) {
-    fmt::print("{:<14}the first {} of {} episodes; --json has all\n", "", kMostShown, returns.size());
+    Print("{:<14}the first {} of {} episodes; --json has all\n", "", kMostShown, returns.size());
   }
-  fmt::print("\n{:<10} {:>12}{}\n", "episode", "return", has_score ? fmt::format(" {:>10}", "score") : "");
+  Print("\n{:<10} {:>12}{}\n", "episode", "return", has_score ? fmt::format(" {:>10}", "score") : "");
   for (size_t e = 0; e < std::min(kMostShown, returns.size()); ++e) {
     const std::string score = has_score ? fmt::format(" {:>10.1f}", spec->NormalizedScore(returns[e])) : "";
-    fmt::print("{:<10} {:>12.2f}{}\n", e + 1, returns[e], score);
+    Print("{:<10} {:>12.2f}{}\n", e + 1, returns[e], score);
   }
 }
 
@@ -81,8 +82,8 @@ void PrintPerChannel(const SimulatorSpec* spec, const DataCheck& check) {
   if (check.noise.empty() && !check.one_step) return;
   const TaskFacts facts = spec != nullptr ? FactsOf(*spec) : TaskFacts{};
   const bool has_one_step = check.one_step && check.one_step->n_rows > 0;
-  fmt::print("\n{:<26} {:>12} {:>14}{}\n", "channel", "change/row", "noise std",
-             has_one_step ? fmt::format(" {:>16} {:>9}", "one-step error", "of change") : "");
+  Print("\n{:<26} {:>12} {:>14}{}\n", "channel", "change/row", "noise std",
+        has_one_step ? fmt::format(" {:>16} {:>9}", "one-step error", "of change") : "");
   const size_t n = check.noise.empty() ? check.one_step->rms_error.size() : check.noise.size();
   for (size_t j = 0; j < n; ++j) {
     std::string change = "-", noise = "-", one_step;
@@ -95,16 +96,16 @@ void PrintPerChannel(const SimulatorSpec* spec, const DataCheck& check) {
       const double error = check.one_step->rms_error[j], of = check.one_step->rms_change[j];
       one_step = fmt::format(" {:>16.3g} {:>9}", error, of > 0 ? fmt::format("{:.2g}", error / of) : "-");
     }
-    fmt::print("{:<26} {:>12} {:>14}{}\n", facts.ObservationName(static_cast<int>(j)), change, noise, one_step);
+    Print("{:<26} {:>12} {:>14}{}\n", facts.ObservationName(static_cast<int>(j)), change, noise, one_step);
   }
 }
 
 void PrintFindings(const Dataset& dataset, const DataCheck& check, Severity severity, const char* title) {
   if (CountOf(check.findings, severity) == 0) return;
-  fmt::print("\n{}\n", title);
+  Print("\n{}\n", title);
   for (const Finding& f : check.findings) {
     if (f.severity != severity) continue;
-    fmt::print("  {}\n", f.check);
+    Print("  {}\n", f.check);
     PrintWrapped("found", f.what);
     const std::string where = Where(dataset, f);
     if (!where.empty()) PrintWrapped("where", where);
@@ -120,12 +121,12 @@ std::string Plural(int n, const char* thing) { return fmt::format("{} {}{}", n, 
 void PrintDataInfo(const Dataset& dataset, const std::string& format, const SimulatorSpec* spec,
                    const DatasetSummary& s) {
   PrintHead(dataset, spec);
-  fmt::print("{:<14}{}\n", "format", format);
-  fmt::print("{:<14}{} in {}\n", "transitions", s.n_transitions, Plural(s.n_episodes, "episode"));
-  fmt::print("{:<14}{} to {} steps, median {:g}\n", "episodes", s.shortest, s.longest, s.median_length);
-  fmt::print("{:<14}{} terminal, {} cut by a timeout\n", "ends", s.n_terminals, s.n_timeouts);
-  fmt::print("{:<14}rewards {}, qpos and qvel {}\n", "optional", s.returns.empty() ? "no" : "yes",
-             s.nq > 0 ? fmt::format("yes ({} and {} numbers)", s.nq, s.nv) : "no");
+  Print("{:<14}{}\n", "format", format);
+  Print("{:<14}{} in {}\n", "transitions", s.n_transitions, Plural(s.n_episodes, "episode"));
+  Print("{:<14}{} to {} steps, median {:g}\n", "episodes", s.shortest, s.longest, s.median_length);
+  Print("{:<14}{} terminal, {} cut by a timeout\n", "ends", s.n_terminals, s.n_timeouts);
+  Print("{:<14}rewards {}, qpos and qvel {}\n", "optional", s.returns.empty() ? "no" : "yes",
+        s.nq > 0 ? fmt::format("yes ({} and {} numbers)", s.nq, s.nv) : "no");
   if (!s.returns.empty()) PrintReturns(spec, s.returns);
   PrintChannels("observation", s.observations);
   PrintChannels("action", s.actions);
@@ -133,22 +134,21 @@ void PrintDataInfo(const Dataset& dataset, const std::string& format, const Simu
 
 void PrintDataCheck(const Dataset& dataset, const SimulatorSpec* spec, const DataCheck& check) {
   PrintHead(dataset, spec);
-  fmt::print("{:<14}{} in {}\n", "transitions", dataset.size(),
-             Plural(static_cast<int>(dataset.Episodes().size()), "episode"));
+  Print("{:<14}{} in {}\n", "transitions", dataset.size(),
+        Plural(static_cast<int>(dataset.Episodes().size()), "episode"));
   PrintPerChannel(spec, check);
   PrintFindings(dataset, check, Severity::kError, "errors");
   PrintFindings(dataset, check, Severity::kWarning, "warnings");
   PrintFindings(dataset, check, Severity::kNote, "notes");
   if (check.gap) {
-    fmt::print(
-        "\n{:<14}{}: area under the curve {:.3f} (0.5: logs and simulator cannot be told apart), {} transitions\n",
-        "gap", ToString(VerdictOf(*check.gap)), check.gap->auc, dataset.size());
+    Print("\n{:<14}{}: area under the curve {:.3f} (0.5: logs and simulator cannot be told apart), {} transitions\n",
+          "gap", ToString(VerdictOf(*check.gap)), check.gap->auc, dataset.size());
   } else if (spec == nullptr) {
-    fmt::print("\nwith --task, the check also compares the logs with the simulator\n");
+    Print("\nwith --task, the check also compares the logs with the simulator\n");
   }
-  fmt::print("\n{}, {}, {}\n", Plural(CountOf(check.findings, Severity::kError), "error"),
-             Plural(CountOf(check.findings, Severity::kWarning), "warning"),
-             Plural(CountOf(check.findings, Severity::kNote), "note"));
+  Print("\n{}, {}, {}\n", Plural(CountOf(check.findings, Severity::kError), "error"),
+        Plural(CountOf(check.findings, Severity::kWarning), "warning"),
+        Plural(CountOf(check.findings, Severity::kNote), "note"));
 }
 
 }  // namespace oted::cli

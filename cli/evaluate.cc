@@ -6,6 +6,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/console.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
@@ -89,30 +90,30 @@ void EvaluateFile(const EvaluateOptions& options) {
     for (const EpisodeResult& e : result.episodes) {
       episodes.push_back({{"return", e.episode_return}, {"length", e.n_steps}, {"end", EndOf(e)}});
     }
-    fmt::print("{}\n", json{{"schema", "oted.policy_evaluation/1"},
-                            {"policy", options.policy},
-                            {"policy_sha256", Sha256OfFile(options.policy)},
-                            {"task", task.name},
-                            {"parameters", parameters},
-                            {"seed", config.run.seed},
-                            {"mean_return", result.mean_return},
-                            {"std_return", result.std_return},
-                            {"min_return", result.min_return},
-                            {"max_return", result.max_return},
-                            {"score", score},
-                            {"mean_length", result.mean_length},
-                            {"n_diverged", result.n_diverged},
-                            {"episodes", episodes}}
-                           .dump(2));
+    Print("{}\n", json{{"schema", "oted.policy_evaluation/1"},
+                       {"policy", options.policy},
+                       {"policy_sha256", Sha256OfFile(options.policy)},
+                       {"task", task.name},
+                       {"parameters", parameters},
+                       {"seed", config.run.seed},
+                       {"mean_return", result.mean_return},
+                       {"std_return", result.std_return},
+                       {"min_return", result.min_return},
+                       {"max_return", result.max_return},
+                       {"score", score},
+                       {"mean_length", result.mean_length},
+                       {"n_diverged", result.n_diverged},
+                       {"episodes", episodes}}
+                      .dump(2));
     return;
   }
-  fmt::print("{} in {}, {} episodes\n", options.policy, task.name, n_episodes);
+  Print("{} in {}, {} episodes\n", options.policy, task.name, n_episodes);
   const int decimals = ReturnDecimals({result.min_return, result.max_return}, 1);
-  fmt::print("return   {:.{}f} +- {:.{}f}, from {:.{}f} to {:.{}f}\n", result.mean_return, decimals, result.std_return,
-             decimals, result.min_return, decimals, result.max_return, decimals);
-  if (!score.is_null()) fmt::print("score    {:.1f}\n", score.get<double>());
-  fmt::print("length   {:.1f} control steps; {} terminated, {} at the time limit, {} diverged\n", result.mean_length,
-             result.n_terminated, result.n_truncated, result.n_diverged);
+  Print("return   {:.{}f} +- {:.{}f}, from {:.{}f} to {:.{}f}\n", result.mean_return, decimals, result.std_return,
+        decimals, result.min_return, decimals, result.max_return, decimals);
+  if (!score.is_null()) Print("score    {:.1f}\n", score.get<double>());
+  Print("length   {:.1f} control steps; {} terminated, {} at the time limit, {} diverged\n", result.mean_length,
+        result.n_terminated, result.n_truncated, result.n_diverged);
 }
 
 }  // namespace

@@ -7,9 +7,13 @@
 #include <filesystem>
 #include <memory>
 
+#include "cli/console.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/seal.h"
+#include "oted/run/records.h"
 
 namespace oted::cli {
 
@@ -37,25 +41,37 @@ void AddExportVerb(Program& program) {
       throw UsageError("--member says which model --mjcf writes; add --mjcf FILE");
     }
     for (const ExportedFile& file : Export(words->run, request)) {
-      fmt::print("{}: {}\n", file.what, file.path.string());
+      Print("{}: {}\n", file.what, file.path.string());
     }
   });
 }
 
+namespace {
+
+/// Nothing that predicts worse than the nominal model passes for the result of a run by itself.
+void CheckIsWorthExporting(const std::filesystem::path& run_directory) {
+  const DesignRecord design = DesignRecord::FromJson(ReadSealed(run_directory / "design.json", true), "design.json");
+  if (design.verdict != DesignVerdict::kOutsideFamily || design.predicts_better) return;
+  throw DataError(
+      fmt::format("the design does not surely predict better than the nominal model; 'oted export {} --mjcf FILE' "
+                  "writes it all the same",
+                  run_directory.string()));
+}
+
+}  // namespace
+
 void WriteExports(const std::filesystem::path& run_directory) {
   if (!std::filesystem::exists(run_directory / "design.json")) return;
-  ExportRequest request;
   try {
-    request = DefaultExports(run_directory);
-    Export(run_directory, request);
+    CheckIsWorthExporting(run_directory);
+    Export(run_directory, DefaultExports(run_directory));
+  } catch (const FileError&) {
+    throw;
   } catch (const Error& e) {
     // The design is done and on disk: a model that MuJoCo cannot write does not make it a failure. An earlier design's
     // exports must not pass for this one's.
-    for (const std::filesystem::path& file : {request.mjcf, request.q, request.sysid}) {
-      std::error_code ignored;
-      std::filesystem::remove(file, ignored);
-    }
-    fmt::print(stderr, "warning: not exported: {}\n", e.what());
+    RemoveExports(run_directory);
+    Say(fmt::format("warning: not exported: {}\n", e.what()));
   }
 }
 

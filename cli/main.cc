@@ -5,14 +5,20 @@
 #include <fmt/format.h>
 
 #include <exception>
+#include <filesystem>
+#include <new>
 #include <span>
+#include <sstream>
 #include <string>
+#include <system_error>
 #include <vector>
 
+#include "cli/console.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/data/csv.h"
 
 namespace {
 
@@ -32,39 +38,111 @@ void CheckVerbs(const CLI::App& app, std::span<char*> words) {
                                      app.get_parent() == nullptr ? "" : " " + app.get_name()));
 }
 
+/// Names of files and settings end up in records, which are UTF-8.
+void CheckWords(std::span<char*> words) {
+  for (size_t i = 0; i < words.size(); ++i) {
+    if (oted::IsUtf8(words[i])) continue;
+    throw oted::UsageError(fmt::format(
+        "argument {} ('{}') is not UTF-8; rename the file, or type it in a UTF-8 terminal", i + 1, words[i]));
+  }
+}
+
+int Fail(oted::ExitCode code, const std::string& message) {
+  oted::cli::Say("oted: " + oted::Printable(message) + "\n");
+  return static_cast<int>(code);
+}
+
+/// The one line and the exit code of what is being thrown.
+int FailOfException() {
+  using oted::ExitCode;
+  try {
+    throw;
+  } catch (const CLI::ParseError& e) {
+    return Fail(ExitCode::kUsage,
+                fmt::format("{}; 'oted --help' lists the commands, 'oted COMMAND --help' explains one", e.what()));
+  } catch (const oted::Error& e) {
+    return Fail(e.exit_code(), e.what());
+  } catch (const std::filesystem::filesystem_error& e) {
+    // A name that no file can have is a wrong request.
+    const bool is_name = e.code() == std::errc::filename_too_long || e.code() == std::errc::invalid_argument;
+    return Fail(is_name ? ExitCode::kUsage : ExitCode::kDataOrModel,
+                fmt::format("cannot use '{}': {}; choose another place or fix its permissions", e.path1().string(),
+                            e.code().message()));
+  } catch (const std::bad_alloc&) {
+    return Fail(ExitCode::kDataOrModel,
+                "there is not enough memory; use fewer threads (--threads), less data, or a machine with more, and run "
+                "the same command again");
+  } catch (const std::system_error& e) {
+    return Fail(ExitCode::kDataOrModel, fmt::format("the system refuses what is needed ({}); free memory, threads or "
+                                                    "space, and run the same command again",
+                                                    e.what()));
+  } catch (const std::exception& e) {
+    return Fail(ExitCode::kInternal, fmt::format("internal error: {}; please report it", e.what()));
+  }
+}
+
+/// --help and --version arrive as exceptions.
+void PrintHelp(const CLI::App& app, const CLI::Success& request) {
+  std::ostringstream out, err;
+  app.exit(request, out, err);
+  oted::cli::PrintText(out.str());
+}
+
+void AddVerbs(oted::cli::Program& program) {
+  using namespace oted::cli;
+  AddInitVerb(program);
+  AddRunVerb(program);
+  AddStageVerbs(program);
+  AddEvaluateVerb(program);
+  AddCollectVerb(program);
+  AddBehaviorVerb(program);
+  AddParamsVerb(program);
+  AddReportVerb(program);
+  AddVerifyVerb(program);
+  AddDataVerb(program);
+  AddExportVerb(program);
+  AddReproduceVerb(program);
+  AddPlanVerb(program);
+  AddSweepVerb(program);
+  AddSubmitVerb(program);
+  AddUnitVerb(program);
+  AddMergeVerb(program);
+  AddValidateVerb(program);
+}
+
 }  // namespace
 
+int oted::cli::RunWords(const std::vector<std::string>& words) {
+  Program program;
+  program.command_line = "oted";
+  for (const std::string& word : words) program.command_line += " " + word;
+  program.app.require_subcommand(1);
+  AddVerbs(program);
+  // CLI11 takes them from the end.
+  program.app.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+  return program.exit_code;
+}
+
 int oted::cli::Main(int argc, char** argv) {
+  PrepareStreams();
   cli::Program program;
-  program.command_line = cli::CommandLine(argc, argv);
   program.app.set_version_flag("--version", "oted " OTED_VERSION);
   program.app.require_subcommand(1);
-  cli::AddRunVerb(program);
-  cli::AddStageVerbs(program);
-  cli::AddEvaluateVerb(program);
-  cli::AddCollectVerb(program);
-  cli::AddBehaviorVerb(program);
-  cli::AddParamsVerb(program);
-  cli::AddReportVerb(program);
-  cli::AddDataVerb(program);
-  cli::AddExportVerb(program);
-  cli::AddReproduceVerb(program);
+  AddVerbs(program);
   cli::InstallStopHandler();
   try {
-    CheckVerbs(program.app, std::span(argv, static_cast<size_t>(argc)).subspan(1));
-    program.app.parse(argc, argv);
+    const std::span<char*> words = std::span(argv, static_cast<size_t>(argc)).subspan(1);
+    CheckWords(words);
+    program.command_line = cli::CommandLine(argc, argv);
+    CheckVerbs(program.app, words);
+    try {
+      program.app.parse(argc, argv);
+    } catch (const CLI::Success& request) {
+      PrintHelp(program.app, request);
+    }
+    FinishOutput();
     return program.exit_code;
-  } catch (const CLI::ParseError& e) {
-    // --help and --version arrive as "errors" with code 0.
-    if (e.get_exit_code() == 0) return program.app.exit(e);
-    fmt::print(stderr, "oted: {}; 'oted --help' lists the commands, 'oted COMMAND --help' explains one\n",
-               oted::Printable(e.what()));
-    return static_cast<int>(ExitCode::kUsage);
-  } catch (const Error& e) {
-    fmt::print(stderr, "oted: {}\n", e.what());
-    return static_cast<int>(e.exit_code());
-  } catch (const std::exception& e) {
-    fmt::print(stderr, "oted: internal error: {}; please report it\n", e.what());
-    return static_cast<int>(ExitCode::kInternal);
+  } catch (...) {
+    return FailOfException();
   }
 }

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/time.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <csignal>
@@ -12,6 +14,9 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
+#include "oted/base/seal.h"
+#include "oted/run/provenance.h"
+#include "oted/sim/mujoco/version.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
 #include "oted/stages/design/design_method.h"
@@ -22,18 +27,27 @@ std::atomic<bool> g_stop{false};
 
 namespace {
 
+/// For work to come to where its state is on the disk. Then the program ends where it stands: files are whole at any
+/// moment, and the work since the last checkpoint is done again.
+constexpr timeval kGrace = {1, 500'000};
+
+std::atomic<bool> g_has_children{false};
+
 extern "C" void OnInterrupt(int) {
   if (g_stop.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
+  if (g_has_children) return;
+  const itimerval grace = {{0, 0}, kGrace};
+  ::setitimer(ITIMER_REAL, &grace, nullptr);
 }
 
-std::string Now() {
-  const std::time_t now = std::time(nullptr);
-  char text[32];
-  std::strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
-  return text;
+extern "C" void OnGraceOver(int) {
+  constexpr char kLine[] = "\noted: interrupted; run the same command again to go on from here\n";
+  [[maybe_unused]] const ssize_t unused = ::write(STDERR_FILENO, kLine, sizeof kLine - 1);
+  std::_Exit(static_cast<int>(ExitCode::kInterrupted));
 }
 
-/// The processor's name: what speeds in the record mean.
+}  // namespace
+
 std::string Cpu() {
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);) {
@@ -43,14 +57,37 @@ std::string Cpu() {
   return "unknown";
 }
 
-}  // namespace
+std::string Now() {
+  const std::time_t now = std::time(nullptr);
+  char text[32];
+  std::strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
+  return text;
+}
+
+void WriteVersions(const std::filesystem::path& run_directory, const std::string& command_line,
+                   const std::string& started) {
+  nlohmann::json versions = {{"oted", OTED_VERSION},
+                             {"mujoco", MujocoVersion()},
+                             {"cpu", Cpu()},
+                             {"command", command_line},
+                             {"started", started}};
+  Seal(versions);
+  WriteJson(run_directory / "versions.json", versions);
+}
 
 void InstallStopHandler() {
   struct sigaction action {};
   action.sa_handler = OnInterrupt;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  // A terminal that goes away, unless nohup keeps the program.
+  struct sigaction before {};
+  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
+  action.sa_handler = OnGraceOver;
+  sigaction(SIGALRM, &action, nullptr);
 }
+
+void WaitForChildrenOnStop() { g_has_children = true; }
 
 RunContext MakeContext(LogSink& log, int threads) {
   RunContext context;
@@ -107,6 +144,10 @@ void AddRunOptions(CLI::App& app, Options& options) {
       ->allow_extra_args(false);
   app.add_flag("--json", options.json, "print the result as JSON");
   app.add_flag("--quiet", options.quiet, "no progress on stderr");
+  app.add_flag(
+      "--grow", options.grow,
+      "where the design leaves more than the sensors explain, add the suspect that surely predicts better to the "
+      "parameters, up to three times (design.grow)");
   app.add_flag("--strict", options.strict, "a parameter without measured effect is an error");
   app.add_flag("--require-identified", options.require_identified, "exit with 4 when a parameter is not identified");
 }
@@ -137,10 +178,10 @@ std::string DesignHelp() {
 std::string MethodsHelp() {
   std::string text = "Methods of the design (design.method):\n";
   for (const MethodDescription& method : DesignMethods()) {
-    std::string sections;
-    for (const std::string& name : method.sections) sections += fmt::format("[design.{}], ", name);
-    text += fmt::format("  {:<14} {} (needs: {}; settings: {}[design.adversarial], [design.discriminator])\n",
-                        method.name, method.summary, NeedsInWords(method), sections);
+    std::vector<std::string> sections;
+    for (const std::string& name : method.sections) sections.push_back(fmt::format("[design.{}]", name));
+    text += fmt::format("  {:<14} {} (needs: {}; settings: {})\n", method.name, method.summary, NeedsInWords(method),
+                        fmt::join(sections, ", "));
   }
   return text;
 }
@@ -166,11 +207,11 @@ std::string SettingsHelp(const std::vector<std::string>& sections) {
 
 RunConfig ResolveConfig(const Options& options) {
   RunConfig config;
-  const std::filesystem::path own = std::filesystem::path(options.out) / "run.toml";
+  const std::filesystem::path out = options.out;
   if (!options.config.empty()) {
     config = RunConfig::FromTomlFile(options.config, options.parameters.empty() ? options.parameter_file : "");
-  } else if (!options.out.empty() && std::filesystem::exists(own)) {
-    config = RunConfig::FromTomlFile(own.string());
+  } else if (!options.out.empty() && std::filesystem::exists(out / "run.toml")) {
+    config = ReadKeptConfig(out);
   }
   if (!options.task.empty()) config.task = TaskConfig::FromArgument(options.task);
   if (!options.data.empty()) config.data.path = options.data;
@@ -193,6 +234,7 @@ RunConfig ResolveConfig(const Options& options) {
   if (options.n_seeds > 0) config.selection.n_seeds = options.n_seeds;
   if (!options.device.empty()) config.Set("agents.device=" + options.device);
   if (options.strict) config.run.strict = true;
+  if (options.grow) config.Set("design.grow=true");
   for (const std::string& assignment : options.assignments) config.Set(assignment);
   config.task.Resolve();
   return config;
@@ -222,9 +264,7 @@ Session::Session(const Options& options, const std::string& command_line) : term
   const RunConfig config = ResolveConfig(options);
   log_ = std::make_unique<FileSink>(options.out, &terminal_);
   pipeline_ = std::make_unique<Pipeline>(config, options.out, MakeContext(*log_, config.run.threads));
-  WriteJson(
-      std::filesystem::path(options.out) / "versions.json",
-      {{"oted", OTED_VERSION}, {"mujoco", "4.0.0"}, {"cpu", Cpu()}, {"command", command_line}, {"started", started}});
+  WriteVersions(options.out, command_line, started);
 }
 
 }  // namespace oted::cli

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
@@ -22,7 +23,7 @@ struct Options {
   int threads = -1;
   int n_seeds = -1;
   std::string device;
-  bool json = false, quiet = false, strict = false, require_identified = false;
+  bool json = false, quiet = false, strict = false, grow = false, require_identified = false;
 };
 
 /// Of --task, for every verb.
@@ -45,6 +46,14 @@ void AddParameterOptions(CLI::App& app, Options& options);
 /// @throws UsageError for a truth that names no parameter
 std::vector<double> TargetParameters(const ParameterSpace& space, const std::map<std::string, double>& truth);
 
+/// The processor's name: what speeds in the record mean.
+std::string Cpu();
+/// The time, for the record: UTC, ISO 8601.
+std::string Now();
+/// versions.json of a run directory: which versions ran what, where and since when.
+void WriteVersions(const std::filesystem::path& run_directory, const std::string& command_line,
+                   const std::string& started);
+
 /// A pipeline with its log: files in the run directory and bars on the terminal.
 class Session {
  public:
@@ -61,6 +70,8 @@ class Session {
 /// Set by Ctrl-C; a second one ends the program at once.
 extern std::atomic<bool> g_stop;
 void InstallStopHandler();
+/// For a command that waits for child programs: they have a grace of their own, so this program ends by itself.
+void WaitForChildrenOnStop();
 /// Threads and log of a command that needs no pipeline.
 RunContext MakeContext(LogSink& log, int threads);
 
@@ -73,7 +84,14 @@ void WriteExports(const std::filesystem::path& run_directory);
 /// Decimals with which returns are printed: three where all of them are small, as a grid world's are.
 int ReturnDecimals(const std::vector<double>& returns, int otherwise);
 
-/// Prints the final tables of a run directory (or its JSON), and returns the exit code that its verdict stands for.
+/// Prints what the design found, which a run directory holds; nothing where JSON is wanted, which comes in one piece.
+void PrintDesign(const std::filesystem::path& run_directory, const Options& options);
+/// Prints the final tables of a run directory (or its JSON) and where its files lie, and returns the exit code that its
+/// verdict stands for.
+/// @param report  the folder of report.html
+int PrintResult(const std::filesystem::path& run_directory, const Options& options,
+                const std::filesystem::path& report);
+/// With the report in the run directory.
 int PrintResult(const std::filesystem::path& run_directory, const Options& options);
 
 }  // namespace oted::cli

@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/console.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
@@ -83,30 +84,28 @@ std::string PresetRange(const PresetEntry& entry) {
 }
 
 void PrintOffers(const std::string& task, const std::vector<ParameterOffer>& offers, bool values) {
-  fmt::print("{}: what can be a parameter. NAME takes * and ?, or #number; a field without [k] sets all its numbers.\n",
-             task);
+  Print("{}: what can be a parameter. NAME takes * and ?, or #number; a field without [k] sets all its numbers.\n",
+        task);
   std::string owner;
   for (const ParameterOffer& offer : offers) {
     if (offer.owner != owner) {
       owner = offer.owner;
       const std::vector<std::string> names = ObjectNames(offers, owner);
-      fmt::print("\n{}{}{}\n", owner, names.empty() ? "" : ": ", fmt::join(names, ", "));
+      Print("\n{}{}{}\n", owner, names.empty() ? "" : ": ", fmt::join(names, ", "));
     }
-    fmt::print("  {:<30} {:<18} {}{}\n", offer.path, NominalRange(offer.places), offer.meaning,
-               UnitInBrackets(offer.unit));
+    Print("  {:<30} {:<18} {}{}\n", offer.path, NominalRange(offer.places), offer.meaning, UnitInBrackets(offer.unit));
     if (!values || offer.owner == "action" || offer.owner == "obs") continue;
-    for (const ParameterPlace& place : offer.places) fmt::print("      {:<40} {:g}\n", place.path, place.nominal);
+    for (const ParameterPlace& place : offer.places) Print("      {:<40} {:g}\n", place.path, place.nominal);
   }
 }
 
 void PrintPresets(const SimulatorFactory& factory) {
   for (const Preset& preset : Presets()) {
-    fmt::print("\npreset {}: {}\n", preset.name, preset.purpose);
+    Print("\npreset {}: {}\n", preset.name, preset.purpose);
     for (const PresetEntry& entry : preset.entries) {
-      fmt::print("  {:<18} {:<28} {}\n", entry.name, entry.field, PresetRange(entry));
+      Print("  {:<18} {:<28} {}\n", entry.name, entry.field, PresetRange(entry));
     }
-    for (const std::string& note : ExpandPresets({preset.name}, {}, factory).skipped)
-      fmt::print("  not here: {}\n", note);
+    for (const std::string& note : ExpandPresets({preset.name}, {}, factory).skipped) Print("  not here: {}\n", note);
   }
 }
 
@@ -142,12 +141,13 @@ json OffersJson(const std::vector<ParameterOffer>& offers, const SimulatorFactor
 }
 
 void List(const ParamsOptions& options) {
-  const RunConfig config = ResolveWithTask(options);
+  RunConfig config = ResolveWithTask(options);
+  config.task.model.start = "default";  // where episodes begin says nothing of what can be a parameter
   const auto factory = MakeSimulatorFactory(config.task, {});
   std::vector<ParameterOffer> offers = factory->Offers();
   for (ParameterOffer& offer : ChannelOffers(factory->spec())) offers.push_back(std::move(offer));
   if (options.json) {
-    fmt::print("{}\n", OffersJson(offers, *factory).dump(2));
+    Print("{}\n", OffersJson(offers, *factory).dump(2));
     return;
   }
   PrintOffers(config.task.name, offers, options.values);
@@ -160,15 +160,15 @@ void PrintMeanings(const ParameterCheck& check) {
   constexpr size_t kShown = 6;
   for (const CheckedParameter& p : check.parameters) {
     const ParameterSpec& spec = p.spec;
-    fmt::print("\n{}: {}{}\n  {} in [{:g}, {:g}] {}{}, nominal {:g}\n", spec.name, p.info.meaning,
-               UnitInBrackets(p.info.unit), spec.field, spec.low, spec.high, spec.unit,
-               spec.logarithmic ? ", logarithmic" : "", spec.nominal);
+    Print("\n{}: {}{}\n  {} in [{:g}, {:g}] {}{}, nominal {:g}\n", spec.name, p.info.meaning,
+          UnitInBrackets(p.info.unit), spec.field, spec.low, spec.high, spec.unit,
+          spec.logarithmic ? ", logarithmic" : "", spec.nominal);
     std::vector<std::string> values;
     for (size_t i = 0; i < std::min(p.info.places.size(), kShown); ++i) {
       values.push_back(fmt::format("{} = {:g}", p.info.places[i].path, p.info.places[i].nominal));
     }
     const size_t more = p.info.places.size() - values.size();
-    fmt::print("  sets {}{}\n", fmt::join(values, ", "), more > 0 ? fmt::format(" and {} more", more) : "");
+    Print("  sets {}{}\n", fmt::join(values, ", "), more > 0 ? fmt::format(" and {} more", more) : "");
   }
 }
 
@@ -178,40 +178,40 @@ std::string Change(double change) {
 }
 
 void PrintEffects(const ParameterCheck& check) {
-  fmt::print(
+  Print(
       "\nLargest change from one bound to the other, in standard deviations of each observation ({} {} episodes, {} "
       "transitions)\n\n",
       check.n_episodes, check.logged ? "logged" : "random", check.n_transitions);
   size_t width = 11;
   for (const std::string& name : check.simulator.observation_names) width = std::max(width, name.size());
-  fmt::print("{:<{}}", "observation", width);
+  Print("{:<{}}", "observation", width);
   for (const CheckedParameter& p : check.parameters) {
-    fmt::print("  {:>{}}", p.spec.name, std::max<size_t>(9, p.spec.name.size()));
+    Print("  {:>{}}", p.spec.name, std::max<size_t>(9, p.spec.name.size()));
   }
-  fmt::print("\n");
+  Print("\n");
   for (int j = 0; j < check.simulator.obs_dim(); ++j) {
     const std::string name = check.simulator.observation_names.empty()
                                  ? fmt::format("#{}", j)
                                  : check.simulator.observation_names[static_cast<size_t>(j)];
-    fmt::print("{:<{}}", name, width);
+    Print("{:<{}}", name, width);
     for (const CheckedParameter& p : check.parameters) {
       const std::string mark = p.most_affected() == j ? "*" : "";
-      fmt::print("  {:>{}}", mark + Change(p.effect.by_observation[static_cast<size_t>(j)]),
-                 std::max<size_t>(9, p.spec.name.size()));
+      Print("  {:>{}}", mark + Change(p.effect.by_observation[static_cast<size_t>(j)]),
+            std::max<size_t>(9, p.spec.name.size()));
     }
-    fmt::print("\n");
+    Print("\n");
   }
-  fmt::print("* reacts most\n");
+  Print("* reacts most\n");
 }
 
 void PrintFindings(const ParameterCheck& check) {
   for (const CheckedParameter& p : check.parameters) {
     if (p.has_effect()) continue;
-    fmt::print("\nno effect: '{}' changes nothing in these episodes; check the path and the range, or leave it out\n",
-               p.spec.name);
+    Print("\nno effect: '{}' changes nothing in these episodes; check the path and the range, or leave it out\n",
+          p.spec.name);
   }
   for (const TradeOff& pair : check.trade_offs) {
-    fmt::print(
+    Print(
         "\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the logs show only their combination; "
         "fix one, or expect wide intervals\n",
         check.parameters[static_cast<size_t>(pair.first)].spec.name,
@@ -219,7 +219,7 @@ void PrintFindings(const ParameterCheck& check) {
         pair.cosine);
   }
   if (check.all_have_effect() && check.trade_offs.empty()) {
-    fmt::print("\nEvery parameter has an effect, and no two act alike.\n");
+    Print("\nEvery parameter has an effect, and no two act alike.\n");
   }
 }
 
@@ -237,11 +237,10 @@ int Check(const ParamsOptions& options) {
   if (options.json) {
     json document = check.ToJson();
     document["skipped"] = notes;
-    fmt::print("{}\n", document.dump(2));
+    Print("{}\n", document.dump(2));
   } else {
-    fmt::print("{}: {} parameter{}\n", config.task.name, check.parameters.size(),
-               check.parameters.size() == 1 ? "" : "s");
-    for (const std::string& note : notes) fmt::print("left out: {}\n", note);
+    Print("{}: {} parameter{}\n", config.task.name, check.parameters.size(), check.parameters.size() == 1 ? "" : "s");
+    for (const std::string& note : notes) Print("left out: {}\n", note);
     PrintMeanings(check);
     PrintEffects(check);
     PrintFindings(check);

@@ -17,6 +17,9 @@ void AddRunVerb(Program& program) {
   verb->callback([&program, options] {
     {
       Session session(*options, program.command_line);
+      // The answer does not wait for films and agents.
+      session.pipeline().SelectSimulator();
+      PrintDesign(options->out, *options);
       session.pipeline().Run();
       WriteExports(options->out);
       WriteReport(options->out);

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "cli/console.h"
+
 namespace oted::cli {
 namespace {
 
@@ -31,7 +33,7 @@ TerminalSink::~TerminalSink() { FinishLine(); }
 
 void TerminalSink::FinishLine() {
   if (stage_.empty() || quiet_) return;
-  if (is_terminal_) fmt::print(stderr, "\n");
+  if (is_terminal_) Say("\n");
   stage_.clear();
 }
 
@@ -83,17 +85,16 @@ void TerminalSink::Draw(bool finished) {
   const std::string head = fmt::format("{:<9} {} {:3.0f}%  [{}]", stage_, bar, 100 * fraction, times);
   if (is_terminal_) {
     const size_t room = static_cast<size_t>(std::max(0, TerminalWidth() - kBarWidth - 34));
-    fmt::print(stderr, "\r{}  {}\x1b[K", head, note_.substr(0, room));
-    std::fflush(stderr);
+    Say(fmt::format("\r{}  {}\x1b[K", head, note_.substr(0, room)));
   } else {
-    fmt::print(stderr, "{}  {}\n", head, note_);
+    Say(fmt::format("{}  {}\n", head, note_));
   }
 }
 
 void TerminalSink::Warning(std::string_view message) {
   const std::lock_guard lock(mutex_);
   FinishLine();
-  fmt::print(stderr, "warning: {}\n", message);
+  Say(fmt::format("warning: {}\n", message));
 }
 
 }  // namespace oted::cli

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 namespace oted::cli {
 
@@ -12,6 +13,9 @@ struct Program {
   int exit_code = 0;
 };
 
+/// Runs a command within this one, as its words are. @return its exit code
+int RunWords(const std::vector<std::string>& words);
+
 void AddRunVerb(Program& program);
 void AddStageVerbs(Program& program);
 void AddEvaluateVerb(Program& program);
@@ -19,8 +23,18 @@ void AddCollectVerb(Program& program);
 void AddBehaviorVerb(Program& program);
 void AddParamsVerb(Program& program);
 void AddReportVerb(Program& program);
+void AddVerifyVerb(Program& program);
 void AddDataVerb(Program& program);
 void AddExportVerb(Program& program);
 void AddReproduceVerb(Program& program);
+/// The same studies as plans: subcommands of `plan`.
+void AddStudyPlans(Program& program, CLI::App& plan);
+void AddPlanVerb(Program& program);
+void AddSweepVerb(Program& program);
+void AddUnitVerb(Program& program);
+void AddSubmitVerb(Program& program);
+void AddMergeVerb(Program& program);
+void AddValidateVerb(Program& program);
+void AddInitVerb(Program& program);
 
 }  // namespace oted::cli

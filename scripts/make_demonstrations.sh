@@ -3,10 +3,12 @@
 # Targets: nominal; "shifted" = friction x 0.6, gain x 1.3, gravity x 1.2; the quickstart's = 0.5, 0.7, 1.3.
 # Usage: scripts/make_demonstrations.sh [oted] [task ...]
 #
-# The policies themselves (one training run per task; about an hour of one core each):
-#   oted behavior --task Hopper-v5      --seed 1 --threads 1 --set sac.n_steps=250000 --out examples/policies/hopper
-#   oted behavior --task HalfCheetah-v5 --seed 1 --threads 1 --set sac.n_steps=200000 --out examples/policies/halfcheetah
-#   oted behavior --task Walker2d-v5    --seed 1 --threads 1 --set sac.n_steps=600000 --set sac.hidden=128,128 \
+# The policies themselves (one training run per task; about an hour of one core each), with Stable-Baselines3's settings:
+#   plain="--set sac.n_lanes=1 --set sac.multi_step=1 --set sac.normalize_observations=false"
+#   large="$plain --set sac.hidden=256,256 --set sac.batch_size=256 --set sac.learning_rate=3e-4"
+#   oted behavior --task Hopper-v5      --seed 1 --threads 1 $large --set sac.n_steps=250000 --out examples/policies/hopper
+#   oted behavior --task HalfCheetah-v5 --seed 1 --threads 1 $large --set sac.n_steps=200000 --out examples/policies/halfcheetah
+#   oted behavior --task Walker2d-v5    --seed 1 --threads 1 $plain --set sac.n_steps=600000 --set sac.hidden=128,128 \
 #     --set sac.batch_size=128 --set sac.learning_rate=0.001 --set sac.eval_interval=20000 --out examples/policies/walker2d
 set -euo pipefail
 cd "$(dirname "$0")/.."

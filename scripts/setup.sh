@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# setup.sh [build|cuda|test]: sets up what a command needs, and is quick when nothing is missing: "build" what the program
-# needs, "cuda" torch beside it, "test" (the default) all that tests and lint need.
+# setup.sh [build|cuda|test|slurm]: sets up what a command needs, and is quick when nothing is missing: "build" what the
+# program needs, "cuda" torch beside it, "test" (the default) all that tests and lint need, "slurm" Slurm for its test (3.5 MB).
 #   Debian packages   through apt when root or passwordless sudo is at hand, otherwise prints the command and fails;
 #                     on a bare Debian 12 about 115 MB of downloads for the build, 48 MB where there is a compiler. The tests
 #                     need 240 MB more: 150 MB for Chromium and what it draws on, 40 MB for clang-format, 35 MB for Mesa's
@@ -70,15 +70,24 @@ find_python() {
   return 1
 }
 
+# What the Python module is compiled with.
+has_python_headers() {
+  local python
+  python=$(find_python) || return 0  # python3-venv is missing, and said so
+  "$python" -c 'import os, sys, sysconfig; sys.exit(not os.path.isfile(sysconfig.get_paths()["include"] + "/Python.h"))'
+}
+
 # Libraries and programs that only dpkg knows of.
 readonly BUILD_PACKAGES=(ca-certificates libhdf5-dev zlib1g-dev libzip-dev libcli11-dev libtomlplusplus-dev
   nlohmann-json3-dev libfmt-dev libeigen3-dev libmuparser-dev libyaml-cpp-dev libprotozero-dev libssl-dev libwebp-dev)
 readonly TEST_PACKAGES=(libgtest-dev libgmock-dev libbenchmark-dev libegl1 libgl1-mesa-dri)
+readonly SLURM_PACKAGES=(slurm-wlm munge)
 
 missing_packages() {
   local package status
   local -a packages=("${BUILD_PACKAGES[@]}")
   [ "$PURPOSE" != test ] || packages+=("${TEST_PACKAGES[@]}")
+  [ "$PURPOSE" != slurm ] || packages+=("${SLURM_PACKAGES[@]}")
   # Tools: any one in PATH that works will do. Asking for the version sees through shims that lead nowhere.
   g++ --version >/dev/null 2>&1 && make --version >/dev/null 2>&1 || echo g++ make
   cmake_is_new_enough || echo cmake
@@ -88,6 +97,7 @@ missing_packages() {
     git --version >/dev/null 2>&1 || echo git
     clang-format --version >/dev/null 2>&1 || echo clang-format
     "${CHROMIUM:-chromium}" --version >/dev/null 2>&1 || echo chromium
+    has_python_headers || echo python3-dev
   fi
   # Libraries: only dpkg knows.
   command -v dpkg-query >/dev/null || return 0
@@ -176,8 +186,8 @@ install_wheels() {
 }
 
 case $PURPOSE in
-  build | cuda | test) ;;
-  *) fail "'$PURPOSE', wanted build, cuda or test" ;;
+  build | cuda | test | slurm) ;;
+  *) fail "'$PURPOSE', wanted build, cuda, test or slurm" ;;
 esac
 mkdir -p "$LOGS"
 # Two set-ups at once (make test beside make quickstart) would write into the same environment.
@@ -185,6 +195,7 @@ exec 9>"$LOGS/setup.lock"
 flock 9
 
 install_packages
+[ "$PURPOSE" != slurm ] || exit 0
 hash=$(requirements_hash)
 if [ -x "$VENV/bin/python" ] && [ "$(cat "$STAMP" 2>/dev/null)" = "$hash" ]; then
   exit 0

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# test.sh [long]: set-up, a build with warnings as errors, the tests, those that can bear it again under the address and
-# undefined-behaviour sanitizers, and the lint checks. With "long": the tests labelled long and nothing else.
+# test.sh [long|slurm]: set-up, a build with warnings as errors, the tests, those that can bear it again under the address and
+# undefined-behaviour sanitizers, and the lint checks. With "long" or "slurm": the tests of that label
+# and nothing else; for "slurm" Slurm is installed where it is missing.
 # Ends with one line, "N passed, N failed", and fails when anything failed. A step that could not run counts as failed.
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -57,13 +58,18 @@ run_tests() {
 check 'set-up' scripts/setup.sh || close
 check 'build, warnings are errors' scripts/build.sh dev || close
 
+if [ "${1:-}" = slurm ]; then
+  check 'set-up of Slurm' scripts/setup.sh slurm || close
+  run_tests 'tests on Slurm' release -L slurm --timeout 600
+  close
+fi
 if [ "${1:-}" = long ]; then
   run_tests 'long tests' release -L long --timeout 3600
   close
 fi
 
 check 'formatting' scripts/check_format.sh
-run_tests 'tests' release -LE long --timeout 900
+run_tests 'tests' release -LE 'long|slurm' --timeout 900
 if check 'build with sanitizers' scripts/build.sh asan; then
   # libmujoco and the interpreter that some tests start are not instrumented: what they keep until exit is not ours.
   UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_leaks=1 \

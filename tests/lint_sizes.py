@@ -38,7 +38,7 @@ MAY_SHARE_A_HEADER = {
     "oted/config/agents_config.cc", "oted/config/run_config_toml.cc", "oted/config/task_config.cc",
     "oted/stages/design/trajectories/level_finish.cc", "oted/studies/table1_text.cc",
     # Two sets of definitions of one header, of which a program links one.
-    "oted/rl/autograd/without_torch.cc",
+    "oted/rl/autograd/without_torch.cc", "oted/base/built/package_folders.cc", "oted/data/libhdf5/files.cc",
 }
 
 SCOPE = re.compile(r"^(?:inline )?(?:namespace|class|struct|union|enum|extern)\b")

@@ -49,7 +49,7 @@ class Given:
         of = lambda name: torch.tensor(self.batch[name]).reshape(batch_size, -1)
         observations = torch.tensor(self.batch["observations"]).reshape(2 * batch_size, -1)
         actions = of("joint")[:, observations.shape[1]:]
-        return ReplayBufferSamples(observations[:batch_size], actions, observations[batch_size:], of("terminated"), of("rewards"))
+        return ReplayBufferSamples(observations[:batch_size], actions, observations[batch_size:], (of("discounts") == 0).float(), of("rewards"))
 
 
 def main():

@@ -3,43 +3,221 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/evp.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
+#include <csignal>
+#include <cstdio>
 #include <cstring>
-#include <fstream>
+#include <memory>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <vector>
 
 #include "oted/base/error.h"
 
 namespace oted {
-namespace {
 
+using nlohmann::json;
 namespace fs = std::filesystem;
 
+namespace {
+
+constexpr std::string_view kTemporary = ".tmp-";
+constexpr size_t kTagLength = 8;
+constexpr size_t kBlock = size_t{1} << 20;
+constexpr uint64_t kMostJsonBytes = uint64_t{1} << 26;
+constexpr int kDeepestJson = 64;
+
 [[noreturn]] void ThrowSystemError(const char* what, const fs::path& path, int error) {
-  throw DataError(fmt::format("cannot {} '{}': {}; choose another place or fix its permissions", what, path.string(),
-                              std::strerror(error)));
+  if (error == ENAMETOOLONG) {
+    throw UsageError(
+        fmt::format("cannot {} '{}': {}; choose a shorter name", what, path.string(), std::strerror(error)));
+  }
+  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
+  throw FileError(fmt::format(
+      "cannot {} '{}': {}; {}", what, path.string(), std::strerror(error),
+      full ? "free some space, then run the same command again" : "choose another place or fix its permissions"));
 }
 
-void SyncToDisk(const fs::path& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return;
-  ::fsync(fd);
-  ::close(fd);
+/// Some file systems know no sync of a folder.
+bool CannotSyncFolders(int error) { return error == EINVAL || error == ENOTSUP || error == EROFS || error == EACCES; }
+
+void SyncFolder(const fs::path& folder) {
+  const fs::path place = folder.empty() ? fs::path(".") : folder;
+  const int fd = ::open(place.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const int result = fd < 0 ? -1 : ::fsync(fd), error = errno;
+  if (fd >= 0) ::close(fd);
+  if (result != 0 && !CannotSyncFolders(error)) ThrowSystemError("bring to the disk", place, error);
 }
+
+/// A file, or a folder with all that is in it.
+void SyncAll(const fs::path& path) {
+  if (!fs::is_directory(path)) return OpenFile(path, O_RDONLY).Sync();
+  for (const auto& entry : fs::directory_iterator(path)) SyncAll(entry.path());
+  SyncFolder(path);
+}
+
+/// Of the processes that share process numbers with this one: the machine since it was started, and its container.
+const std::string& MachineTag() {
+  static const std::string tag = [] {
+    std::array<char, 256> text{};
+    std::string machine;
+    const int fd = ::open("/proc/sys/kernel/random/boot_id", O_RDONLY | O_CLOEXEC);
+    if (fd >= 0) {
+      const ssize_t n = ::read(fd, text.data(), text.size());
+      if (n > 0) machine.assign(text.data(), static_cast<size_t>(n));
+      ::close(fd);
+    }
+    const ssize_t n = ::readlink("/proc/self/ns/pid", text.data(), text.size());
+    if (n > 0) machine.append(text.data(), static_cast<size_t>(n));
+    return Sha256(machine).substr(0, kTagLength);
+  }();
+  return tag;
+}
+
+/// Whether the process that made the temporary of this name is known to have ended.
+bool IsOfDeadProcess(const std::string& name) {
+  const std::string_view rest = std::string_view(name).substr(name.rfind(kTemporary) + kTemporary.size());
+  if (!rest.starts_with(MachineTag()) || rest.size() < kTagLength + 2) return false;
+  int pid = 0;
+  const std::string_view number = rest.substr(kTagLength + 1);
+  if (std::from_chars(number.data(), number.data() + number.size(), pid).ec != std::errc{} || pid <= 0) return false;
+  return pid != ::getpid() && ::kill(pid, 0) != 0 && errno == ESRCH;
+}
+
+/// Once per process and file: what a dead writer left will not become more.
+void RemoveDeadTemporaries(const fs::path& path) {
+  static std::mutex mutex;
+  static std::set<fs::path> done;
+  {
+    const std::lock_guard lock(mutex);
+    if (!done.insert(path).second) return;
+  }
+  const std::string begin = path.filename().string() + std::string(kTemporary);
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(begin) && IsTemporaryName(name) && IsOfDeadProcess(name)) {
+      fs::remove_all(entry.path(), ignored);
+    }
+  }
+}
+
+class Digest {
+ public:
+  Digest() : context_(EVP_MD_CTX_new(), EVP_MD_CTX_free) {
+    OTED_CHECK(context_ != nullptr && EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) == 1);
+  }
+  void Add(const void* bytes, size_t size) { OTED_CHECK(EVP_DigestUpdate(context_.get(), bytes, size) == 1); }
+  std::string Hex() {
+    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+    unsigned int size = 0;
+    OTED_CHECK(EVP_DigestFinal_ex(context_.get(), digest.data(), &size) == 1);
+    std::string hex;
+    for (unsigned int i = 0; i < size; ++i) hex += fmt::format("{:02x}", digest[i]);
+    return hex;
+  }
+
+ private:
+  std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context_;
+};
 
 }  // namespace
+
+OpenFile::OpenFile(fs::path path, int flags) : path_(std::move(path)) {
+  // A pipe without a writer would be waited for.
+  descriptor_ = ::open(path_.c_str(), flags | O_CLOEXEC | O_NONBLOCK, 0666);
+  const bool reads = (flags & O_ACCMODE) == O_RDONLY;
+  if (descriptor_ < 0) ThrowSystemError(reads ? "read" : "write", path_, errno);
+  struct stat status {};
+  if (::fstat(descriptor_, &status) == 0 && S_ISDIR(status.st_mode)) {
+    ::close(descriptor_);
+    ThrowSystemError(reads ? "read" : "write", path_, EISDIR);
+  }
+}
+
+OpenFile::~OpenFile() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+OpenFile::OpenFile(OpenFile&& other) noexcept : path_(std::move(other.path_)), descriptor_(other.descriptor_) {
+  other.descriptor_ = -1;
+}
+
+void OpenFile::Write(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(descriptor_, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) ThrowSystemError("write", path_, n < 0 ? errno : ENOSPC);
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+}
+
+void OpenFile::WriteAt(uint64_t offset, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::pwrite(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) ThrowSystemError("write", path_, n < 0 ? errno : ENOSPC);
+    bytes.remove_prefix(static_cast<size_t>(n));
+    offset += static_cast<uint64_t>(n);
+  }
+}
+
+void OpenFile::Sync() {
+  while (::fsync(descriptor_) != 0) {
+    if (errno != EINTR) ThrowSystemError("bring to the disk", path_, errno);
+  }
+}
+
+void OpenFile::Truncate(uint64_t size) {
+  if (::ftruncate(descriptor_, static_cast<off_t>(size)) != 0) ThrowSystemError("write", path_, errno);
+}
+
+std::string OpenFile::Read(uint64_t most) {
+  struct stat status {};
+  uint64_t expected = 0;
+  if (::fstat(descriptor_, &status) == 0 && status.st_size > 0) expected = static_cast<uint64_t>(status.st_size);
+  const auto too_large = [&] {
+    return DataError(fmt::format("'{}' has more than {} MiB, more than such a file can have; is it the right one?",
+                                 path_.string(), most >> 20));
+  };
+  if (expected > most) throw too_large();
+  std::string bytes(expected + 1, '\0');  // one more, to see its end
+  size_t size = 0;
+  for (;;) {
+    if (size == bytes.size()) bytes.resize(size + std::max(kBlock, size / 2));
+    const ssize_t n = ::pread(descriptor_, bytes.data() + size, bytes.size() - size, static_cast<off_t>(size));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) ThrowSystemError("read", path_, errno);
+    size += static_cast<size_t>(n);
+    if (size > most) throw too_large();
+    if (n == 0) break;
+  }
+  bytes.resize(size);
+  return bytes;
+}
 
 AtomicFile::AtomicFile(fs::path path) : path_(std::move(path)) {
   static std::atomic<int> counter{0};
   std::error_code error;
-  if (path_.has_parent_path()) fs::create_directories(path_.parent_path(), error);
-  if (error) ThrowSystemError("create the folder", path_.parent_path(), error.value());
+  const fs::file_status found = fs::status(path_, error);
+  if (fs::exists(found) && !fs::is_regular_file(found) && !fs::is_directory(found)) {
+    // A rename would put a file in its place.
+    throw UsageError(
+        fmt::format("'{}' is no regular file but a device, pipe or socket; name a file to write", path_.string()));
+  }
+  if (path_.has_parent_path()) MakeFolders(path_.parent_path());
+  RemoveDeadTemporaries(path_);
   temporary_path_ = path_;
-  temporary_path_ += fmt::format(".tmp-{}-{}", ::getpid(), counter++);
+  temporary_path_ += fmt::format("{}{}-{}-{}", kTemporary, MachineTag(), ::getpid(), counter++);
 }
 
 AtomicFile::~AtomicFile() {
@@ -48,54 +226,113 @@ AtomicFile::~AtomicFile() {
 }
 
 void AtomicFile::Commit() {
-  SyncToDisk(temporary_path_);
-  std::error_code error;
-  fs::rename(temporary_path_, path_, error);
-  if (error) ThrowSystemError("write", path_, error.value());
+  SyncAll(temporary_path_);
+  if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0) ThrowSystemError("write", path_, errno);
   temporary_path_.clear();
+  SyncFolder(path_.parent_path());
 }
 
 void WriteFileAtomically(const fs::path& path, std::string_view bytes) {
   AtomicFile file(path);
-  {
-    std::ofstream out(file.temporary_path(), std::ios::binary);
-    out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    out.flush();
-    if (!out) ThrowSystemError("write", path, errno);
-  }
+  OpenFile(file.temporary_path(), O_WRONLY | O_CREAT | O_TRUNC).Write(bytes);
   file.Commit();
 }
 
-std::string ReadFile(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) ThrowSystemError("read", path, errno);
-  std::error_code error;
-  if (fs::is_directory(path, error)) ThrowSystemError("read", path, EISDIR);
-  std::string bytes(std::istreambuf_iterator<char>(in), {});
-  if (in.bad()) ThrowSystemError("read", path, errno);
-  return bytes;
+bool IsTemporaryName(const std::string& name) {
+  const size_t at = name.rfind(kTemporary);
+  if (at == std::string::npos || at == 0) return false;
+  const std::string_view rest = std::string_view(name).substr(at + kTemporary.size());
+  return rest.size() > kTagLength && rest[kTagLength] == '-' &&
+         rest.find_first_not_of("0123456789abcdef-") == std::string_view::npos;
 }
 
-void WriteJson(const fs::path& path, const nlohmann::json& value) { WriteFileAtomically(path, value.dump(2) + "\n"); }
+void RemoveTemporaries(const fs::path& folder) {
+  std::error_code ignored;
+  std::vector<fs::path> found;
+  for (fs::recursive_directory_iterator entry(folder, ignored), end; entry != end; entry.increment(ignored)) {
+    if (IsTemporaryName(entry->path().filename().string())) found.push_back(entry->path());
+  }
+  for (const fs::path& path : found) fs::remove_all(path, ignored);
+}
 
-nlohmann::json ReadJson(const fs::path& path) {
+void MakeFolders(const fs::path& folder) {
+  std::error_code error;
+  if (folder.empty() || fs::is_directory(folder, error)) return;
+  if (folder.has_parent_path() && folder.parent_path() != folder) MakeFolders(folder.parent_path());
+  // "a/" has an empty name: its parent is the folder itself.
+  if (!folder.has_filename()) return;
+  if (::mkdir(folder.c_str(), 0777) == 0) return SyncFolder(folder.parent_path());
+  const int reason = errno;
+  if (reason != EEXIST || !fs::is_directory(folder, error)) ThrowSystemError("create the folder", folder, reason);
+}
+
+void RemoveFile(const fs::path& path) {
+  if (::unlink(path.c_str()) != 0 && errno != ENOENT) ThrowSystemError("remove", path, errno);
+}
+
+void CheckIsFile(const fs::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0 || S_ISREG(status.st_mode) || S_ISDIR(status.st_mode)) return;
+  throw UsageError(
+      fmt::format("'{}' is no regular file but a device, pipe or socket; name a file that has an end", path.string()));
+}
+
+std::string ReadFile(const fs::path& path, uint64_t most) {
+  CheckIsFile(path);
+  return OpenFile(path, O_RDONLY).Read(most);
+}
+
+void WriteJson(const fs::path& path, const json& value) {
+  WriteFileAtomically(path, value.dump(2, ' ', false, json::error_handler_t::replace) + "\n");
+}
+
+json ParseJson(std::string_view text, const std::string& where) {
+  const auto fail = [&](const std::string& why) {
+    return DataError(fmt::format("'{}' is not valid JSON ({}); remove it and run the command again", where, why));
+  };
+  // Counted first: what is nested deeper than a record can be would overflow the stack of whoever walks it.
+  int depth = 0;
+  bool in_text = false;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_text) {
+      if (c == '\\') ++i;
+      in_text = c != '"';
+    } else if (c == '"') {
+      in_text = true;
+    } else if (c == '[' || c == '{') {
+      if (++depth > kDeepestJson) throw fail(fmt::format("nested more than {} deep", kDeepestJson));
+    } else if (c == ']' || c == '}') {
+      --depth;
+    }
+  }
   try {
-    return nlohmann::json::parse(ReadFile(path));
-  } catch (const nlohmann::json::exception& e) {
-    throw DataError(
-        fmt::format("'{}' is not valid JSON ({}); remove it and run the command again", path.string(), e.what()));
+    return json::parse(text);
+  } catch (const json::exception& e) {
+    throw fail(e.what());
   }
 }
 
+json ReadJson(const fs::path& path) { return ParseJson(ReadFile(path, kMostJsonBytes), path.string()); }
+
 std::string Sha256(std::string_view bytes) {
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-  unsigned int size = 0;
-  OTED_CHECK(EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, EVP_sha256(), nullptr) == 1);
-  std::string hex;
-  for (unsigned int i = 0; i < size; ++i) hex += fmt::format("{:02x}", digest[i]);
-  return hex;
+  Digest digest;
+  digest.Add(bytes.data(), bytes.size());
+  return digest.Hex();
 }
 
-std::string Sha256OfFile(const fs::path& path) { return Sha256(ReadFile(path)); }
+std::string Sha256OfFile(const fs::path& path) {
+  CheckIsFile(path);
+  const OpenFile file(path, O_RDONLY);
+  Digest digest;
+  std::string block(kBlock, '\0');
+  for (;;) {
+    const ssize_t n = ::read(file.descriptor(), block.data(), block.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) ThrowSystemError("read", path, errno);
+    if (n == 0) return digest.Hex();
+    digest.Add(block.data(), static_cast<size_t>(n));
+  }
+}
 
 }  // namespace oted

@@ -2,7 +2,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -78,6 +83,62 @@ TEST(Files, JsonComesBackAndBrokenJsonIsNamed) {
   EXPECT_EQ(ReadFile(folder / "a.json").back(), '\n');
   WriteFileAtomically(folder / "b.json", "{\"a\": ");
   EXPECT_THAT(MessageOf<DataError>([&] { ReadJson(folder / "b.json"); }), HasSubstr("b.json' is not valid JSON"));
+}
+
+TEST(Files, JsonIsReadWithinLimits) {
+  const TestFolder folder;
+  const auto nested = [](int n) {
+    return std::string(static_cast<size_t>(n), '[') + std::string(static_cast<size_t>(n), ']');
+  };
+  EXPECT_NO_THROW(ParseJson(nested(64), "a.json"));
+  EXPECT_THAT(MessageOf<DataError>([&] { ParseJson(nested(65), "a.json"); }), HasSubstr("nested more than 64 deep"));
+  EXPECT_THAT(MessageOf<DataError>([&] { ParseJson(std::string(100000, '['), "a.json"); }), HasSubstr("a.json"));
+  EXPECT_EQ(ParseJson("[\"[[[\\\"[[\"]", "a.json"), nlohmann::json({"[[[\"[["})) << "brackets in text do not nest";
+  WriteFileAtomically(folder / "large", std::string(2000, ' '));
+  EXPECT_THAT(MessageOf<DataError>([&] { ReadFile(folder / "large", 1999); }), HasSubstr("large' has more than"));
+  EXPECT_EQ(ReadFile(folder / "large", 2000).size(), 2000u);
+}
+
+TEST(Files, TextThatIsNoUtf8IsReplacedAndNoCrash) {
+  const TestFolder folder;
+  WriteJson(folder / "a.json", {{"name", "a\xff"}});
+  EXPECT_EQ(ReadJson(folder / "a.json").at("name"), "a\xEF\xBF\xBD");
+}
+
+TEST(Files, WhatHasNoEndIsAUsageError) {
+  const TestFolder folder;
+  ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
+  fs::create_symlink("/dev/zero", folder / "zero");
+  for (const char* name : {"pipe", "zero"}) {
+    EXPECT_THAT(MessageOf<UsageError>([&] { ReadFile(folder / name); }), HasSubstr("no regular file")) << name;
+    EXPECT_THROW(Sha256OfFile(folder / name), UsageError) << name;
+  }
+  EXPECT_THAT(MessageOf<UsageError>([&] { WriteFileAtomically(folder / "pipe", "x"); }), HasSubstr("no regular file"));
+  EXPECT_TRUE(fs::is_fifo(folder / "pipe")) << "nothing took its place";
+}
+
+TEST(Files, WhatADeadWriterLeftGoesAndWhatALivingOneWritesStays) {
+  const TestFolder folder;
+  const AtomicFile living(folder / "file");
+  WriteFileAtomically(living.temporary_path(), "being written");
+  const int child = ::fork();
+  if (child == 0) {
+    // It has made its temporary and is killed.
+    const AtomicFile half(folder / "file");
+    std::ofstream(half.temporary_path()) << "half";
+    ::kill(::getpid(), SIGKILL);
+  }
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+  ASSERT_EQ(EntriesIn(folder.path()), 2);
+  // A process looks once for each name of a file: by another name, as another process would.
+  WriteFileAtomically(folder.path() / "." / "file", "whole");
+  EXPECT_EQ(EntriesIn(folder.path()), 2) << "what the dead one left is still there";
+  EXPECT_TRUE(fs::exists(living.temporary_path()));
+  RemoveTemporaries(folder.path());
+  EXPECT_FALSE(fs::exists(living.temporary_path()));
+  EXPECT_TRUE(IsTemporaryName(living.temporary_path().filename().string()));
+  for (const char* name : {"file", "a.tmp-", "notes.tmp-old", ".tmp-0123abcd-1-1"})
+    EXPECT_FALSE(IsTemporaryName(name)) << name;
 }
 
 TEST(Sha256, MatchesThePublishedVectors) {

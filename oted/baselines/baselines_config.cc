@@ -27,9 +27,18 @@ std::vector<Baseline> BaselinesConfig::Agents() const {
   return agents;
 }
 
+std::vector<OfflineBaseline> BaselinesConfig::Offline() const {
+  std::vector<OfflineBaseline> found;
+  for (const OfflineEntry& entry : OfflineBaselines()) {
+    if (std::ranges::find(run, entry.name) != run.end()) found.push_back(entry.baseline);
+  }
+  return found;
+}
+
 void BaselinesConfig::Check() const {
   std::vector<std::string> known;
   for (const auto& [unused, name] : BaselineNames()) known.push_back(name);
+  for (const OfflineEntry& entry : OfflineBaselines()) known.push_back(entry.name);
   for (size_t i = 0; i < run.size(); ++i) {
     if (std::ranges::find(known, run[i]) == known.end()) {
       throw UsageError(fmt::format("baselines.run has '{}', wanted some of {}{}", run[i], fmt::join(known, ", "),
@@ -46,7 +55,7 @@ FieldList BaselinesConfig::Fields() {
   FieldList fields("baselines");
   fields.Add("run", &run,
              "baselines to train beside the agents: dr (domain randomisation), is (interval search), bc_dr (a clone of "
-             "the logs and of data collected under dr)");
+             "the logs and of data collected under dr); from the logs alone: f_brc, mbop, td3_bc, rebrac");
   fields.Add("is_boundary", &is.boundary, "is: share of the episodes with one parameter at an end of its interval",
              AboveUpTo(0, 1));
   fields.Add("is_episodes", &is.episodes, "is: episodes at an end before it may move", AtLeast(1));

@@ -7,9 +7,11 @@
 #include "oted/base/fields.h"
 #include "oted/baselines/bc_dr.h"
 #include "oted/baselines/interval_search.h"
+#include "oted/baselines/offline_baselines.h"
 
 namespace oted {
 
+/// Those that need simulators. The others are OfflineBaseline's.
 enum class Baseline {
   kDomainRandomization,  ///< "dr"
   kIntervalSearch,       ///< "is"
@@ -21,10 +23,13 @@ struct BaselinesConfig {
   std::vector<std::string> run;  ///< names of baselines
   IntervalSearchConfig is;
   BcDrConfig bc_dr;
+  OfflineSettings offline;  ///< sections of their own
 
   bool Runs(Baseline baseline) const;
   /// Those that are agents: with BC+DR also DR, where its agent collects.
   std::vector<Baseline> Agents() const;
+  /// Those that learn from the logs alone, in the order of their table.
+  std::vector<OfflineBaseline> Offline() const;
   /// @throws UsageError for a name that is none of them, or given twice
   void Check() const;
   FieldList Fields();

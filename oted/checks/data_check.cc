@@ -99,9 +99,11 @@ void AddOneStep(const OneStepError& e, const SimulatorSpec& spec, std::vector<Fi
        .what = fmt::format("the action {} row(s) {} explains a row better than its own: error {:.2g} instead of {:.2g}",
                            std::abs(best->first), best->first < 0 ? "before" : "later", best->second, own),
        .count = std::abs(best->first),
-       .meaning = best->first < 0 ? "the target acts with a delay, or actions were logged too early"
-                                  : "actions were logged too late: with the state that they led to",
-       .remedy = "shift the actions in the log by this number of rows, or describe the delay to the simulator"});
+       .meaning = best->first < 0
+                      ? "the target acts with a delay, its sensors show late, or actions were logged too early"
+                      : "actions were logged too late: with the state that they led to",
+       .remedy = "shift the actions in the log by this number of rows, or make the delay a parameter: action/delay, "
+                 "obs/NAME/delay"});
 }
 
 void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, std::vector<Finding>& findings) {
@@ -189,6 +191,14 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
       spec.observation_shape.size() == 1 && spec.image_shape.empty() && spec.observation_levels.empty();
   facts.continuous_actions = spec.n_discrete_actions == 0;
   return facts;
+}
+
+std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec) {
+  std::vector<std::string> warnings;
+  for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
+    if (f.severity != Severity::kNote) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.meaning));
+  }
+  return warnings;
 }
 
 DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uint64_t seed, const RunContext& context) {

@@ -31,6 +31,9 @@ struct DataCheck {
 /// What a task says about its data.
 TaskFacts FactsOf(const SimulatorSpec& spec);
 
+/// What the checks that need no simulator warn of, a sentence each.
+std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec);
+
 /// @param factory  may be null: then the checks that need a simulator are left out. Its parameters, if any, are checked
 ///   for an effect on the logged episodes.
 /// Never throws for what the data hold. Equal seeds give equal results at any number of threads.

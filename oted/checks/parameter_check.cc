@@ -84,12 +84,12 @@ ParameterCheck CheckParameters(const SimulatorFactory& factory, const Dataset* l
   check.n_episodes = static_cast<int>(episodes.Episodes().size());
   check.n_transitions = episodes.size();
   const auto effects = MeasureEffects(factory, episodes, check.n_episodes, key.Stage("effects"), n_threads);
-  const Array2<double> cosines = EffectCosines(factory, episodes, kStarts, key.Stage("cosines"), n_threads);
+  check.cosines = EffectCosines(factory, episodes, kStarts, key.Stage("cosines"), n_threads);
   for (int i = 0; i < factory.parameters().size(); ++i) {
     const ParameterSpec& parameter = factory.parameters()[i];
     check.parameters.push_back({parameter, factory.Describe(parameter.field), effects[static_cast<size_t>(i)]});
     for (int k = 0; k < i; ++k) {
-      if (std::abs(cosines(k, i)) >= kTradeOffCosine) check.trade_offs.push_back({k, i, cosines(k, i)});
+      if (std::abs(check.cosines(k, i)) >= kTradeOffCosine) check.trade_offs.push_back({k, i, check.cosines(k, i)});
     }
   }
   std::stable_sort(check.trade_offs.begin(), check.trade_offs.end(),

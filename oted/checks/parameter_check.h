@@ -32,6 +32,7 @@ struct ParameterCheck {
   SimulatorSpec simulator;
   std::vector<CheckedParameter> parameters;
   std::vector<TradeOff> trade_offs;  ///< strongest first
+  Array2<double> cosines;            ///< of all pairs: EffectCosines
   int n_episodes = 0, n_transitions = 0;
   bool logged = false;  ///< measured on logged episodes; otherwise on episodes of random actions
 

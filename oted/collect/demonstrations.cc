@@ -17,11 +17,11 @@ namespace {
 
 constexpr int kJudgeEpisodes = 20;
 
-double RandomReturn(const SimulatorFactory& factory, RngKey key, int n_threads) {
+double RandomReturn(const SimulatorFactory& factory, const std::vector<double>& z, RngKey key, int n_threads) {
   const auto simulator = factory.Make(kJudgeEpisodes, n_threads);
   Rng rng = key.Stage("actions").MakeRng();
-  const std::vector<std::vector<double>> z(kJudgeEpisodes, factory.parameters().Nominal());
-  return MeanReturn(RunEpisodes(*simulator, z, UniformRandomPolicy(factory.spec(), rng), key));
+  return MeanReturn(
+      RunEpisodes(*simulator, std::vector(kJudgeEpisodes, z), UniformRandomPolicy(factory.spec(), rng), key));
 }
 
 constexpr LogPrecision kAsLogged = LogPrecision::kFloat;
@@ -42,17 +42,16 @@ Dataset CheckedLogs(const EpisodeRecorder& recorder) {
 
 }  // namespace
 
-BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
+BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const std::vector<double>& z,
                                        const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
                                        const std::filesystem::path& folder, const RunContext& context) {
   const RngKey key = RngKey(seed).Stage("behavior policies");
-  const std::vector<double> nominal = factory.parameters().Nominal();
   const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
-  DrawnEpisodes source([&](Rng&) { return nominal; });
+  DrawnEpisodes source([&](Rng&) { return z; });
   const auto train = [&](const auto& config) {
     return TrainAgent({.factory = factory,
                        .source = source,
-                       .eval_parameters = {nominal},
+                       .eval_parameters = {z},
                        .key = key,
                        .folder = folder,
                        .run_name = "behavior",
@@ -67,9 +66,9 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
 
   BehaviorPolicies result;
   const auto judge = [&](const TanhGaussianPolicy& policy) {
-    return MeanReturn(RunPolicy(
-        factory, policy,
-        {.z = {nominal}, .n_episodes = kJudgeEpisodes, .key = key.Stage("judge"), .n_threads = context.n_threads}));
+    return MeanReturn(
+        RunPolicy(factory, policy,
+                  {.z = {z}, .n_episodes = kJudgeEpisodes, .key = key.Stage("judge"), .n_threads = context.n_threads}));
   };
   result.expert_step = training.eval_steps[best];
   result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));
@@ -87,7 +86,7 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
     result.medium = std::move(policy);
     result.medium_return = mean_return;
   }
-  result.random_return = RandomReturn(factory, key.Stage("random"), context.n_threads);
+  result.random_return = RandomReturn(factory, z, key.Stage("random"), context.n_threads);
 
   const SimulatorSpec& spec = factory.spec();
   const auto describe = [&](int64_t step, double mean_return) {

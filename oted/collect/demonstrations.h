@@ -23,12 +23,12 @@ struct BehaviorPolicies {
   double random_return = 0;                     ///< of uniform random actions, 20 episodes
 };
 
-/// Trains one agent in the simulator at its nominal parameters. The expert is the best evaluated policy; the medium
+/// Trains one agent in the simulator at parameters `z`. The expert is the best evaluated policy; the medium
 /// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the expert's (D4RL's
 /// convention). Snapshots of every evaluation lie in `folder` while it trains, so that a stopped run goes on.
 /// Writes expert.npz, medium.npz and training.json into `folder`.
 /// @param agent  the algorithm, by its settings
-BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory,
+BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const std::vector<double>& z,
                                        const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
                                        const std::filesystem::path& folder, const RunContext& context);
 

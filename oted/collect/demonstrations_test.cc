@@ -96,7 +96,8 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
   config.learning_rate = 1e-3;
   NullSink log;
   const PointMassFactory factory;
-  const BehaviorPolicies policies = TrainBehaviorPolicies(factory, config, 3, folder.path(), {&log, nullptr, 1});
+  const BehaviorPolicies policies =
+      TrainBehaviorPolicies(factory, factory.parameters().Nominal(), config, 3, folder.path(), {&log, nullptr, 1});
 
   const nlohmann::json record = ReadJson(folder / "training.json");
   const auto steps = record["learning_curve"]["step"].get<std::vector<int64_t>>();

@@ -31,8 +31,8 @@ const NamedValues<TrainIn>& TrainInNames() {
 FieldList AgentsConfig::Fields() {
   FieldList fields("agents");
   fields.AddChoice("algorithm", &algorithm,
-                   "how agents learn: crossq or sac (the paper's) for continuous actions, ppo for discrete ones; auto: "
-                   "crossq or ppo",
+                   "how agents learn: sac (the paper's) or crossq for continuous actions, ppo for discrete ones; auto: "
+                   "sac or ppo",
                    AlgorithmNames());
   fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
   fields.AddChoice("train_in", &train_in,
@@ -52,13 +52,13 @@ FieldList AgentsConfig::Fields() {
 
 AgentAlgorithm AgentsConfig::AlgorithmFor(const SimulatorSpec& spec) const {
   const bool discrete = spec.n_discrete_actions > 0;
-  if (!algorithm) return discrete ? AgentAlgorithm::kPpo : AgentAlgorithm::kCrossq;
+  if (!algorithm) return discrete ? AgentAlgorithm::kPpo : AgentAlgorithm::kSac;
   const AlgorithmEntry& entry = EntryOf(*algorithm);
   if (entry.discrete_actions != discrete) {
     throw UsageError(
         fmt::format("agents.algorithm is {}, but task '{}' has {} actions, which it does not take; set it "
                     "to {} or auto",
-                    entry.name, spec.task, discrete ? "discrete" : "continuous", discrete ? "ppo" : "crossq, sac"));
+                    entry.name, spec.task, discrete ? "discrete" : "continuous", discrete ? "ppo" : "sac, crossq"));
   }
   return entry.algorithm;
 }

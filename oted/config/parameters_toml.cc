@@ -17,14 +17,23 @@ using nlohmann::json;
 
 namespace {
 
+/// A path, or a list of paths that are tied together.
+bool IsPath(const json& field) {
+  if (field.is_string()) return true;
+  return field.is_array() && !field.empty() &&
+         std::ranges::all_of(field, [](const json& path) { return path.is_string(); });
+}
+
 /// @param needs_range  of an absolute parameter; false where a parameter file gives it
 ParameterSpec ParameterFromJson(const std::string& name, const json& table, const std::string& where,
                                 bool needs_range) {
   ParameterSpec spec;
   spec.name = name;
-  if (!table.is_object() || !table.contains("field") || !table["field"].is_string()) {
+  if (!table.is_object() || !table.contains("field") || !IsPath(table["field"])) {
     throw UsageError(
-        fmt::format("{}: parameters.{} needs a field, for example field = \"geom/*/friction[0]\"", where, name));
+        fmt::format("{}: parameters.{} needs a field, for example field = \"geom/*/friction[0]\"; a list of paths "
+                    "ties them together",
+                    where, name));
   }
   const std::vector<std::string> keys = {"field", "range", "scale", "log", "unit", "prior"};
   for (const auto& [key, value] : table.items()) {
@@ -33,7 +42,9 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
                                    DidYouMean(key, keys), fmt::join(keys, ", ")));
     }
   }
-  spec.field = table["field"].get<std::string>();
+  for (const json& path : table["field"].is_array() ? table["field"] : json::array({table["field"]})) {
+    spec.field += (spec.field.empty() ? "" : " + ") + path.get<std::string>();
+  }
   const std::string prefix = fmt::format("parameters.{}.", name);
   if (table.contains("scale")) {
     if (table["scale"] != "nominal" && table["scale"] != "absolute") {

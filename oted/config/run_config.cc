@@ -79,18 +79,20 @@ void CheckName(const std::string& what, const std::string& name) {
 }  // namespace
 
 std::vector<FieldList> PlainSections(RunConfig& config) {
-  return {config.task.Fields(),
-          config.task.grid.Fields(),
-          config.data.Fields(),
-          config.run.Fields(),
-          config.clone.Fields(),
-          config.selection.Fields(),
-          config.agents.Fields(),
-          config.algorithms.sac.Fields(),
-          config.algorithms.crossq.Fields(),
-          config.algorithms.ppo.Fields(),
-          config.baselines.Fields(),
-          config.report.Fields()};
+  std::vector<FieldList> sections = {config.task.Fields(),
+                                     config.task.grid.Fields(),
+                                     config.data.Fields(),
+                                     config.run.Fields(),
+                                     config.clone.Fields(),
+                                     config.selection.Fields(),
+                                     config.agents.Fields(),
+                                     config.algorithms.sac.Fields(),
+                                     config.algorithms.crossq.Fields(),
+                                     config.algorithms.ppo.Fields(),
+                                     config.baselines.Fields()};
+  for (const OfflineEntry& entry : OfflineBaselines()) sections.push_back(entry.fields(config.baselines.offline));
+  sections.push_back(config.report.Fields());
+  return sections;
 }
 
 void RunConfig::Set(const std::string& assignment) {

@@ -130,6 +130,20 @@ TEST(RunConfig, PriorsReadBackAndTheirPathsLieBesideTheFile) {
   refused("{ mean = 1.0, std = \"wide\" }", "prior.std");
 }
 
+TEST(RunConfig, AListOfPathsTiesThemAndIsReadBackAsWritten) {
+  const RunConfig config = Parse(R"(
+    [task]
+    name = "Hopper-v5"
+    [parameters]
+    leg = { field = ["body/leg/mass", "body/leg/inertia"], range = [0.5, 2.0] })");
+  ASSERT_EQ(config.parameters.size(), 1u);
+  EXPECT_EQ(config.parameters[0].field, "body/leg/mass + body/leg/inertia");
+  ExpectSame(RunConfig::FromToml(config.ToToml(), "run.toml").parameters[0], config.parameters[0]);
+  for (const char* field : {"[]", "[1]", "3", "[[\"body/leg/mass\"]]"}) {
+    EXPECT_THAT(Refusal(fmt::format("leg = {{ field = {} }}\n", field)), HasSubstr("ties them together")) << field;
+  }
+}
+
 TEST(RunConfig, ParametersOnOneLineKeepTheirOrder) {
   const RunConfig config = Parse("parameters = { b = { field = \"opt/b\" }, a = { field = \"opt/a\" } }");
   EXPECT_THAT(Names(config), ElementsAre("b", "a"));
@@ -385,7 +399,7 @@ TEST(RunConfig, TheActionsOfATaskChooseTheAlgorithmAndAnotherIsRefused) {
   discrete.task = "Grid";
   discrete.n_discrete_actions = 3;
   RunConfig config;
-  EXPECT_EQ(config.agents.AlgorithmFor(continuous), AgentAlgorithm::kCrossq);
+  EXPECT_EQ(config.agents.AlgorithmFor(continuous), AgentAlgorithm::kSac);
   EXPECT_EQ(config.agents.AlgorithmFor(discrete), AgentAlgorithm::kPpo);
   config.Set("agents.algorithm=crossq");
   EXPECT_THAT(MessageOf<UsageError>([&] { config.agents.AlgorithmFor(discrete); }),
@@ -405,19 +419,23 @@ TEST(RunConfig, SettingsOfAnAlgorithmThatAgentsDoNotLearnByAreRefused) {
   continuous.task = "Mine";
   RunConfig config;
   config.CheckAgentSettings(continuous);
-  config.Set("sac.gamma=0.98");
-  EXPECT_THAT(MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }),
-              testing::AllOf(HasSubstr("sac.gamma is set"), HasSubstr("set crossq.gamma, or agents.algorithm = sac")));
-  config.Set("agents.algorithm=sac");
+  config.Set("crossq.gamma=0.98");
+  EXPECT_THAT(
+      MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }),
+      testing::AllOf(HasSubstr("crossq.gamma is set"), HasSubstr("set sac.gamma, or agents.algorithm = crossq")));
+  config.Set("agents.algorithm=crossq");
   config.CheckAgentSettings(continuous);
-  config.Set("crossq.policy_delay=1");
-  EXPECT_THAT(MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }),
-              HasSubstr("crossq.policy_delay is set"));
+  config.Set("sac.tau=0.01");
+  EXPECT_THAT(MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }), HasSubstr("sac.tau is set"));
 }
 
 TEST(RunConfig, AnAgentThatWouldNeverLearnIsRefused) {
   SimulatorSpec continuous;
   RunConfig config;
+  config.Set("sac.n_steps=1000");
+  config.CheckAgentSettings(continuous);
+  config.Set("agents.algorithm=crossq");
+  config.Set("sac.n_steps=300000");
   config.Set("crossq.n_steps=5000");
   config.CheckAgentSettings(continuous);
   config.Set("crossq.n_steps=4999");

@@ -156,7 +156,8 @@ class ChannelChecks {
          "none needed");
     Join("actions_outside_bounds", Severity::kWarning, outside_,
          "the simulator clamps these actions at its actuators' range; the logged robot may not have",
-         "check unit and scale of the actions, or the actuators' ctrlrange in the model", first_outside_);
+         "check unit and scale of the actions, task.action_range, or the actuators' ctrlrange in the model",
+         first_outside_);
     Join("small_actions", Severity::kWarning, small_,
          "less than a hundredth of the actuators' range is used: most likely another unit than the task's",
          "check unit and scale of the actions");

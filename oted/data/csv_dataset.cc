@@ -12,6 +12,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/statistics.h"
 #include "oted/data/csv.h"
 #include "oted/data/csv_columns.h"
 #include "oted/data/gzip.h"
@@ -19,10 +20,14 @@
 namespace oted {
 namespace {
 
-/// Periods between two rows that are more than a delay.
-constexpr double kGap = 1.5;
-/// Share of the period that a row may be early or late before it is worth a remark.
-constexpr double kJitter = 0.2;
+/// Periods between two rows from which on nobody knows what lay between.
+constexpr double kGap = 3.5;
+/// Share of the period that a row may be early or late and still lie on an even grid.
+constexpr double kJitter = 0.1;
+/// Of what a row is off the grid, the share that moves the grid.
+constexpr double kFollow = 0.2;
+/// Share of the rows that may repeat a time.
+constexpr double kMostTwice = 0.01;
 constexpr size_t kShownUnused = 20;
 
 std::string_view Trimmed(std::string_view text) {
@@ -62,6 +67,7 @@ class CsvReader {
     }
     std::vector<std::string> fields;
     while (parser.Next(fields)) AddRow(fields, parser.line());
+    CheckTwice();
     MeasurePeriod();
     CutEpisodes();
     return std::move(recording_);
@@ -99,11 +105,42 @@ class CsvReader {
                                 path_, lines_.back(), header_[static_cast<size_t>(column)], text.substr(0, 40)));
   }
 
+  /// Whether a row says nothing but once more what the last one said of its moment.
+  bool IsTwice(const std::vector<std::string>& fields) const {
+    if (columns_.time < 0 || rows() == 0) return false;
+    if (columns_.episode >= 0 && fields[static_cast<size_t>(columns_.episode)] != episodes_.back()) return false;
+    const bool ends = (columns_.terminal >= 0 && Flag(fields, columns_.terminal)) ||
+                      (columns_.timeout >= 0 && Flag(fields, columns_.timeout));
+    const auto is_empty = [&](int column) { return Trimmed(fields[static_cast<size_t>(column)]).empty(); };
+    return !ends && !std::ranges::all_of(columns_.actions, is_empty) &&
+           Number(fields, columns_.time) == recording_.times.back();
+  }
+
+  void CheckTwice() {
+    if (n_twice_ == 0) return;
+    if (n_twice_ > kMostTwice * (rows() + n_twice_)) {
+      throw DataError(
+          fmt::format("'{}' line {}: time {} stands there twice, as do those of {} of {} rows; remove one of "
+                      "each, or repair the clock",
+                      path_, first_twice_, time_of_first_twice_, n_twice_, rows() + n_twice_));
+    }
+    recording_.warnings.push_back(fmt::format(
+        "{} rows whose time stood there already were left out, the first in line {}", n_twice_, first_twice_));
+  }
+
   void AddRow(const std::vector<std::string>& fields, int64_t line) {
     lines_.push_back(line);
     if (fields.size() != header_.size()) {
       throw DataError(fmt::format("'{}' line {}: {} fields, but the header has {}; repair or remove the row", path_,
                                   line, fields.size(), header_.size()));
+    }
+    if (IsTwice(fields)) {
+      lines_.pop_back();
+      if (n_twice_++ == 0) {
+        first_twice_ = line;
+        time_of_first_twice_ = recording_.times.back();
+      }
+      return;
     }
     if (rows() == std::numeric_limits<int>::max()) throw DataError(fmt::format("'{}' has too many rows", path_));
     const auto is_empty = [&](int column) { return Trimmed(fields[static_cast<size_t>(column)]).empty(); };
@@ -143,25 +180,32 @@ class CsvReader {
     return columns_.episode < 0 || episodes_[static_cast<size_t>(row)] == episodes_[static_cast<size_t>(row) - 1];
   }
 
-  /// The median time between two rows; what runs backwards or lies in another episode does not count.
-  void MeasurePeriod() {
-    const std::vector<double>& times = recording_.times;
+  /// The time between two of the rows [begin, end): the mean of those that are within a half of their median, since
+  /// times in whole milliseconds have no typical one. What runs backwards or lies in another episode does not count. 0
+  /// where there are none.
+  double TypicalStep(int begin, int end) const {
     std::vector<double> steps;
-    for (int i = 1; i < static_cast<int>(times.size()); ++i) {
-      const double step = times[i] - times[i - 1];
+    for (int i = begin + 1; i < end; ++i) {
+      const double step = recording_.times[i] - recording_.times[i - 1];
       if (step > 0 && SameEpisodeNumber(i)) steps.push_back(step);
     }
-    if (steps.empty()) return;
+    if (steps.empty()) return 0;
     const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
     std::nth_element(steps.begin(), middle, steps.end());
-    recording_.period_s = *middle;
-    double jitter = 0;
-    for (const double step : steps) {
-      if (step <= kGap * recording_.period_s) jitter = std::max(jitter, std::abs(step / recording_.period_s - 1));
-    }
-    if (jitter > kJitter) {
-      recording_.warnings.push_back(fmt::format("the time between two rows is {:.6g} s, and up to {:.0f} % off that",
-                                                recording_.period_s, 100 * jitter));
+    const double median = *middle;
+    std::erase_if(steps, [&](double step) { return std::abs(step - median) > 0.5 * median; });
+    return Mean(steps);
+  }
+
+  void MeasurePeriod() {
+    if (recording_.times.empty()) return;
+    recording_.period_s = TypicalStep(0, rows());
+    // Times that were written in milliseconds are up to half of one off.
+    for (resolution_ = 1; resolution_ > 1e-7; resolution_ /= 10) {
+      const auto is_multiple = [&](double time) {
+        return std::abs(time / resolution_ - std::round(time / resolution_)) < 1e-3;
+      };
+      if (std::ranges::all_of(recording_.times, is_multiple)) break;
     }
   }
 
@@ -181,15 +225,15 @@ class CsvReader {
     if (ends) return true;
     if (recording_.times.empty()) return false;
     const double step = recording_.times[i] - recording_.times[i - 1];
-    if (step > 0 && step <= kGap * recording_.period_s) return false;
+    if (step > 0) return false;  // gaps are looked for when the episode's own rate is known
     if (step == 0) Fail(i, fmt::format("time {} stands there twice", recording_.times[i]), "remove one of the rows");
     if (columns_.episode >= 0) {
       Fail(i,
-           fmt::format("time goes from {} to {} s within episode {}, where rows lie {:.6g} s apart",
-                       recording_.times[i - 1], recording_.times[i], episodes_[i], recording_.period_s),
+           fmt::format("time goes back from {} to {} s within episode {}", recording_.times[i - 1], recording_.times[i],
+                       episodes_[i]),
            "give what follows another episode number");
     }
-    ++n_gaps_;
+    ++n_jumps_;
     return true;
   }
 
@@ -202,11 +246,14 @@ class CsvReader {
         Fail(begin, fmt::format("episode {} begins a second time", episodes_[begin]),
              "sort the rows by episode, or number the episodes anew");
       }
-      AddRun(begin, i);
+      AddBetweenGaps(begin, i);
       begin = i;
     }
+    SetPeriod();
+    if (n_jumps_ > 0) recording_.warnings.push_back(fmt::format("{} episodes begin where time starts again", n_jumps_));
     if (n_gaps_ > 0) {
-      recording_.warnings.push_back(fmt::format("{} episodes begin where time jumps or starts again", n_gaps_));
+      recording_.warnings.push_back(fmt::format("{} gaps of more than {} missing rows cut an episode in two", n_gaps_,
+                                                static_cast<int>(kGap) - 1));
     }
     if (n_dropped_ > 0) {
       recording_.remarks.push_back(fmt::format(
@@ -221,7 +268,48 @@ class CsvReader {
     }
   }
 
-  void AddRun(int begin, int end) {
+  /// The rows of one episode, cut where too many are missing.
+  void AddBetweenGaps(int begin, int end) {
+    if (recording_.times.empty()) return AddRun(begin, end, 0);
+    const double own = TypicalStep(begin, end), period = own > 0 ? own : recording_.period_s;
+    for (int i = begin + 1; i < end; ++i) {
+      if (recording_.times[i] - recording_.times[i - 1] <= kGap * period) continue;
+      AddRun(begin, i, period);
+      begin = i;
+      ++n_gaps_;
+    }
+    AddRun(begin, end, period);
+  }
+
+  /// The mean of the runs' periods; where they differ, the longest, which all can be resampled to.
+  void SetPeriod() {
+    double time = 0, n = 0, longest = 0;
+    for (const Recording::Run& run : recording_.runs) {
+      if (!(run.period_s > 0)) continue;
+      time += recording_.times[run.end - 1] - recording_.times[run.begin];
+      n += (recording_.times[run.end - 1] - recording_.times[run.begin]) / run.period_s;
+      longest = std::max(longest, run.period_s);
+    }
+    if (n > 0) recording_.period_s = longest > (1 + kSameRate) * time / n ? longest : time / n;
+  }
+
+  /// How the rows of a run lie in time. @param period  roughly, [s]
+  void Measure(Recording::Run& run, double period) const {
+    const double most = std::max(kJitter * period, 1.1 * resolution_);
+    int n_periods = 0;
+    double grid = recording_.times[run.begin];  // follows the rows slowly, so that an early one and a late one are two
+    for (int i = run.begin + 1; i < run.end; ++i) {
+      const double late = recording_.times[i] - grid;
+      const int n = std::max(1, static_cast<int>(std::lround(late / period)));
+      run.is_even = run.is_even && n == 1 && std::abs(recording_.times[i] - recording_.times[i - 1] - period) <= most;
+      n_periods += n;
+      grid += n * period + kFollow * (late - n * period);
+    }
+    run.period_s = (recording_.times[run.end - 1] - recording_.times[run.begin]) / n_periods;
+  }
+
+  /// @param period  roughly, [s]; 0 without times
+  void AddRun(int begin, int end, double period) {
     const int last = end - 1;
     bool terminated = false;
     if (has_action_[last]) {
@@ -232,7 +320,9 @@ class CsvReader {
       terminated = terminals_[last] || (last > begin && terminals_[last - 1]);
     }
     n_single_ += end - begin == 1;
-    if (end - begin > 1) recording_.runs.push_back({begin, end, terminated});
+    if (end - begin < 2) return;
+    recording_.runs.push_back({begin, end, terminated});
+    if (period > 0) Measure(recording_.runs.back(), period);
   }
 
   const std::string& path_;
@@ -246,7 +336,12 @@ class CsvReader {
   std::vector<uint8_t> timeouts_;
   std::vector<uint8_t> has_action_;
   std::vector<double> row_;
+  double resolution_ = 0;  // of the times
   int n_gaps_ = 0;
+  int n_jumps_ = 0;
+  int n_twice_ = 0;
+  int64_t first_twice_ = 0;
+  double time_of_first_twice_ = 0;
   int n_dropped_ = 0;
   int n_lost_ends_ = 0;
   int n_single_ = 0;

@@ -5,17 +5,13 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/data/d4rl_layout.h"
-#include "oted/data/dataset_pipe.h"
-#include "oted/data/hdf5_source.h"
-#include "oted/data/hdf5_writer.h"
+#include "oted/data/hdf5.h"
 #include "oted/data/minari_layout.h"
 
 namespace oted {
 
 Dataset ReadHdf5(const std::string& path, const DataOptions& options) {
-  return ReadInChild(path, options.hdf5_limits, [&] {
-    const Hdf5Quiet quiet;
-    const Hdf5Source source(path);
+  return ReadHdf5File(path, options.hdf5_limits, [&](const Hdf5Reader& source) {
     const bool is_minari = !source.Has("observations") && source.Has("episode_0");
     if (is_minari && options.format == "d4rl") {
       throw DataError(fmt::format(
@@ -37,9 +33,7 @@ Dataset ReadD4rlHdf5(const std::string& path) {
 void WriteD4rlHdf5(const Dataset& dataset, const std::string& path) {
   dataset.Check();
   AtomicFile file(path);
-  {
-    const Hdf5Session session;
-    Hdf5Writer writer(file.temporary_path().string(), path);
+  WriteHdf5File(file.temporary_path().string(), path, [&](Hdf5Output& writer) {
     const Array2<double>& obs = dataset.observations;
     const Array2<double>& next_obs = dataset.next_observations;
     const bool obs_fit = FitsFloat32({obs.values(), next_obs.values()});
@@ -55,8 +49,7 @@ void WriteD4rlHdf5(const Dataset& dataset, const std::string& path) {
       writer.Numbers("infos/qpos", dataset.qpos, states_fit);
       writer.Numbers("infos/qvel", dataset.qvel, states_fit);
     }
-    writer.Close();
-  }
+  });
   file.Commit();
 }
 

@@ -148,6 +148,7 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
   if (options.action_delay < 0) {
     throw UsageError(fmt::format("data.action_delay is {}, wanted 0 or more control steps", options.action_delay));
   }
+  CheckIsFile(path);
   const Format format = FormatToRead(path, options);
   std::error_code error;
   if (format != Format::kMinari && !std::filesystem::is_regular_file(path, error)) {
@@ -165,7 +166,8 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
     dataset = ReadDatasetNpz(path, options);
   } else {
     Recording recording = ReadCsv(path, options);
-    if (options.control_period_s > 0) recording = Resample(recording, options.control_period_s);
+    const double period = options.control_period_s > 0 ? options.control_period_s : recording.period_s;
+    if (period > 0) recording = Resample(recording, period);
     dataset = ToDataset(recording);
   }
   dataset.path = path;

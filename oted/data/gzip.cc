@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "oted/base/error.h"
+#include "oted/data/unpack_budget.h"
 
 namespace oted {
 namespace {
 
 constexpr int kGzipWindow = 15 + 16;  // zlib's way to ask for gzip's header
-constexpr uint64_t kMaxInflated = uint64_t{1} << 32;
 constexpr size_t kStep = size_t{1} << 20;
 
 /// Gives a stream that has used up its input the next bytes, from `at` on.
@@ -55,7 +55,7 @@ std::string Gunzip(const std::string& bytes, const std::string& file) {
       status = inflate(&stream, Z_NO_FLUSH);
       if (status != Z_OK && status != Z_STREAM_END) fail("is a truncated or damaged gzip file");
       const size_t n = block.size() - stream.avail_out;
-      if (out.size() + n > kMaxInflated) fail("unpacks to more than 4 GiB");
+      if (out.size() + n > UnpackBudget(bytes.size())) fail("unpacks to far more than its size");
       out.append(reinterpret_cast<const char*>(block.data()), n);
     }
     at -= stream.avail_in;

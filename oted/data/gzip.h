@@ -7,7 +7,7 @@ namespace oted {
 
 /// Whether the bytes begin as gzip's do.
 bool IsGzip(const std::string& bytes);
-/// Inflates all members; at most 4 GiB. `file` names the file in errors. @throws DataError
+/// Inflates all members; at most UnpackBudget (unpack_budget.h). `file` names the file in errors. @throws DataError
 std::string Gunzip(const std::string& bytes, const std::string& file);
 /// Deflates without name and time: equal bytes give equal bytes.
 std::string Gzip(const std::string& bytes);

@@ -11,9 +11,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/data/dataset_pipe.h"
-#include "oted/data/hdf5_source.h"
-#include "oted/data/hdf5_writer.h"
+#include "oted/data/hdf5.h"
 #include "oted/data/minari_layout.h"
 
 namespace oted {
@@ -179,7 +177,7 @@ void CheckChained(const Dataset& dataset, const std::string& path) {
 }
 
 /// Observations of one episode, T + 1 rows, as image and index.
-void WriteImages(Hdf5Writer& writer, const std::string& group, const Array2<double>& observations,
+void WriteImages(Hdf5Output& writer, const std::string& group, const Array2<double>& observations,
                  const WriteOptions& options) {
   std::vector<int64_t> shape = {observations.rows()};
   shape.insert(shape.end(), options.image_shape.begin(), options.image_shape.end());
@@ -195,10 +193,8 @@ void WriteImages(Hdf5Writer& writer, const std::string& group, const Array2<doub
   writer.Integers(group + "/" + options.index_name, indices, {observations.rows()}, false);
 }
 
-void WriteEpisodes(const Dataset& dataset, const std::string& temporary_path, const std::string& path, bool obs_fit,
-                   bool act_fit, const WriteOptions& options) {
-  const Hdf5Session session;
-  Hdf5Writer writer(temporary_path, path);
+void WriteEpisodes(Hdf5Output& writer, const Dataset& dataset, bool obs_fit, bool act_fit,
+                   const WriteOptions& options) {
   const bool rewards_fit = FitsFloat32({dataset.rewards});
   const bool states_fit = FitsFloat32({dataset.qpos.values(), dataset.qvel.values()});
   const std::vector<Episode> episodes = dataset.Episodes();
@@ -242,7 +238,6 @@ void WriteEpisodes(const Dataset& dataset, const std::string& temporary_path, co
     writer.Numbers(group + "/infos/qpos", rows(dataset.qpos, episode), states_fit);
     writer.Numbers(group + "/infos/qvel", rows(dataset.qvel, episode), states_fit);
   }
-  writer.Close();
 }
 
 }  // namespace
@@ -276,9 +271,7 @@ MinariFiles FindMinari(const std::string& path) {
 Dataset ReadMinari(const std::string& path, const DataOptions& options) {
   const MinariFiles files = FindMinari(path);
   const Metadata metadata = ReadMetadata(files.metadata);
-  Dataset dataset = ReadInChild(files.data, options.hdf5_limits, [&] {
-    const Hdf5Quiet quiet;
-    const Hdf5Source source(files.data);
+  Dataset dataset = ReadHdf5File(files.data, options.hdf5_limits, [&](const Hdf5Reader& source) {
     return ReadMinariEpisodes(source, files.data, metadata.n_episodes);
   });
   dataset.period_s = metadata.period_s;
@@ -324,7 +317,8 @@ void WriteMinari(const Dataset& dataset, const std::string& path, const WriteOpt
   if (error) throw DataError(fmt::format("'{}': cannot make the folder ({}); is it writable?", path, error.message()));
   const bool obs_fit = FitsFloat32({dataset.observations.values(), dataset.next_observations.values()});
   const bool act_fit = FitsFloat32({dataset.actions.values()});
-  WriteEpisodes(dataset, (data / kDataFile).string(), path, obs_fit, act_fit, options);
+  WriteHdf5File((data / kDataFile).string(), path,
+                [&](Hdf5Output& writer) { WriteEpisodes(writer, dataset, obs_fit, act_fit, options); });
   json metadata = {
       {"total_episodes", dataset.Episodes().size()},
       {"total_steps", dataset.size()},

@@ -44,7 +44,7 @@ struct Columns {
 
 class EpisodeReader {
  public:
-  EpisodeReader(const Hdf5Source& source, std::string group) : source_(source), group_(std::move(group)) {}
+  EpisodeReader(const Hdf5Reader& source, std::string group) : source_(source), group_(std::move(group)) {}
 
   std::string Path(const std::string& name) const { return group_ + "/" + name; }
 
@@ -151,7 +151,7 @@ class EpisodeReader {
     }
   }
 
-  const Hdf5Source& source_;
+  const Hdf5Reader& source_;
   std::string group_;
 };
 
@@ -161,7 +161,7 @@ void Append(Array2<double>& to, const Array2<double>& from, int rows) {
 
 }  // namespace
 
-Dataset ReadMinariEpisodes(const Hdf5Source& source, const std::string& file, int64_t promised) {
+Dataset ReadMinariEpisodes(const Hdf5Reader& source, const std::string& file, int64_t promised) {
   std::vector<std::string> groups;
   for (const std::string& name : source.Names("/")) {
     if (NumberAfter(name, "episode_")) groups.push_back(name);

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "oted/data/dataset.h"
-#include "oted/data/hdf5_source.h"
+#include "oted/data/hdf5.h"
 
 namespace oted {
 
@@ -13,6 +13,6 @@ namespace oted {
 /// are flattened in the order of their names and named. An episode that neither terminates nor is truncated ends in a
 /// timeout; one without an action is left out. `promised` is the number of episodes
 /// that the metadata name; -1: unknown. In the child process that reads. @throws DataError
-Dataset ReadMinariEpisodes(const Hdf5Source& source, const std::string& file, int64_t promised = -1);
+Dataset ReadMinariEpisodes(const Hdf5Reader& source, const std::string& file, int64_t promised = -1);
 
 }  // namespace oted

@@ -9,6 +9,7 @@
 #include "oted/base/files.h"
 #include "oted/data/d4rl_layout.h"
 #include "oted/data/npy.h"
+#include "oted/data/unpack_budget.h"
 #include "oted/data/zip.h"
 
 namespace oted {
@@ -58,9 +59,10 @@ std::vector<double> NpyArray::ToDouble() const {
   return std::visit([](const auto& v) { return std::vector<double>(v.begin(), v.end()); }, values);
 }
 
-NpzArrays ParseNpz(const std::string& bytes, const std::string& name_in_errors) {
+namespace {
+
+NpzArrays ArraysOf(std::map<std::string, std::string> members, const std::string& name_in_errors) {
   NpzArrays arrays;
-  std::map<std::string, std::string> members = ParseZip(bytes, name_in_errors);
   while (!members.empty()) {
     // Each member is let go as soon as it is parsed: two copies of a large dataset are enough.
     const auto node = members.extract(members.begin());
@@ -70,6 +72,21 @@ NpzArrays ParseNpz(const std::string& bytes, const std::string& name_in_errors) 
     arrays[name] = ParseNpy(node.mapped(), fmt::format("'{}': array '{}'", name_in_errors, name));
   }
   return arrays;
+}
+
+}  // namespace
+
+NpzArrays ParseNpz(const std::string& bytes, const std::string& name_in_errors) {
+  return ArraysOf(ParseZip(bytes, name_in_errors), name_in_errors);
+}
+
+NpzArrays ReadCheckpoint(const std::filesystem::path& path) {
+  const std::string bytes = ReadFile(path);
+  if (!HasZipSeal(bytes)) {
+    throw DataError(fmt::format("checkpoint '{}' is truncated or damaged; remove '{}' to begin its work anew",
+                                path.string(), path.parent_path().string()));
+  }
+  return ArraysOf(ParseZip(bytes, path.string(), CheckpointBudget(bytes.size())), path.string());
 }
 
 std::string NpzBytes(const NpzArrays& arrays) {

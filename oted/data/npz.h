@@ -38,6 +38,8 @@ using NpzArrays = std::map<std::string, NpyArray>;
 /// or deflated. Sizes are checked against the file before anything is allocated.
 /// @throws DataError naming file and array.
 NpzArrays ReadNpz(const std::filesystem::path& path);
+/// The same of a checkpoint: one without the seal that WriteNpz leaves is damaged. It may unpack to more, too.
+NpzArrays ReadCheckpoint(const std::filesystem::path& path);
 
 /// Writes a deflated archive, atomically and with a fixed time stamp: equal arrays give equal bytes. Each array is
 /// below 4 GiB.

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <cstring>
+#include <fstream>
+#include <map>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -188,9 +190,50 @@ TEST(Npy, DamagedHeadersAreRefused) {
   }
 }
 
+/// The same archive as another program would have written it.
+std::string Unsealed(std::string bytes) {
+  EXPECT_TRUE(HasZipSeal(bytes));
+  bytes[bytes.rfind("sha256 ")] = 'S';
+  EXPECT_FALSE(HasZipSeal(bytes));
+  return bytes;
+}
+
+TEST(Npz, NoFlippedBitOfWhatWeWroteChangesANumberInSilence) {
+  const TestFolder folder;
+  const NpzArrays arrays = SmallArrays();
+  const std::string good = NpzBytes(arrays);
+  int n_read = 0;
+  for (size_t at = 0; at < good.size(); ++at) {
+    std::string bytes = good;
+    bytes[at] ^= static_cast<char>(1 << (at % 8));
+    try {
+      ExpectSame(ParseNpz(bytes, "a.npz"), arrays);
+      ++n_read;
+    } catch (const DataError&) {
+    }
+    if (at % 37 != 0) continue;
+    std::ofstream(folder / "checkpoint.npz", std::ios::binary) << bytes;
+    EXPECT_THROW(ReadCheckpoint(folder / "checkpoint.npz"), DataError) << at;
+  }
+  EXPECT_LE(n_read, 7) << "only the seal's own name may be lost";
+  std::ofstream(folder / "checkpoint.npz", std::ios::binary) << Unsealed(good);
+  EXPECT_THAT(MessageOf<DataError>([&] { ReadCheckpoint(folder / "checkpoint.npz"); }), HasSubstr("checkpoint.npz"));
+  std::ofstream(folder / "checkpoint.npz", std::ios::binary) << good;
+  ExpectSame(ReadCheckpoint(folder / "checkpoint.npz"), arrays);
+}
+
+TEST(Npz, MembersThatTogetherUnpackToFarMoreThanTheFileAreRefusedBeforeThat) {
+  std::map<std::string, std::string> members;
+  for (const char* name : {"a.npy", "b.npy", "never_read"}) members[name] = std::string(size_t{1} << 20, '\0');
+  const std::string bytes = ZipBytes(members);
+  EXPECT_EQ(ParseZip(bytes, "a.npz", 3 << 20).size(), 3u);
+  EXPECT_THAT(MessageOf<DataError>([&] { ParseZip(bytes, "a.npz", (3 << 20) - 1); }),
+              testing::AllOf(HasSubstr("a.npz"), HasSubstr("numpy.savez")));
+}
+
 TEST(Npz, AMemberThatInflatesToAnotherSizeThanItClaimsIsRefused) {
   // The size lies at offset 22 of the local header and 24 of the directory's entry; only the latter is believed.
-  std::string bytes = ZipBytes({{"a.npy", std::string(1000, 'x')}});
+  std::string bytes = Unsealed(ZipBytes({{"a.npy", std::string(1000, 'x')}}));
   const size_t entry = bytes.find("PK\1\2");
   ASSERT_NE(entry, std::string::npos);
   for (const uint32_t claimed : {0u, 999u, 1001u, 0xFFFFFFFEu, 0xFFFFFFFFu}) {
@@ -207,7 +250,7 @@ TEST(Npz, EveryTruncationIsADataError) {
 }
 
 TEST(Npz, MutatedBytesGiveADataErrorOrArraysOfTheirShape) {
-  const std::string good = NpzBytes(SmallArrays());
+  const std::string good = Unsealed(NpzBytes(SmallArrays()));
   Rng rng(3);
   int refused = 0;
   for (int trial = 0; trial < 2000; ++trial) {

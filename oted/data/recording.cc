@@ -13,8 +13,6 @@ namespace {
 
 /// Shares of the control period: a grid point may lie this far behind the last row.
 constexpr double kSlack = 0.01;
-/// A log this much slower than the control period is still taken as being at it.
-constexpr double kSameRate = 0.01;
 constexpr double kMaxPeriods = std::numeric_limits<int>::max() / 2;
 
 /// How often and how far the action leaves, within a period, the value that is held over it.
@@ -27,9 +25,9 @@ struct Changes {
 
 class Resampler {
  public:
-  Resampler(const Recording& from, double period_s) : from_(from), period_s_(period_s) {
+  Resampler(const Recording& from, double control_period_s) : from_(from), control_period_s_(control_period_s) {
     to_.file = from.file;
-    to_.period_s = period_s;
+    to_.period_s = control_period_s;
     to_.observation_names = from.observation_names;
     to_.action_names = from.action_names;
     to_.remarks = from.remarks;
@@ -38,32 +36,48 @@ class Resampler {
 
   Recording Run() {
     Changes all;
-    int n_short = 0;
-    int n_lost_ends = 0;
+    int n_short = 0, n_lost_ends = 0, n_faster = 0, n_uneven = 0, n_filled = 0;
     for (const Recording::Run& run : from_.runs) {
-      const int start = BestStart(run);
+      if (IsAtRate(run) && run.is_even) {
+        AppendAsItIs(run);
+        continue;
+      }
+      period_s_ = IsAtRate(run) ? from_.PeriodOf(run) : control_period_s_;
+      const int start = IsAtRate(run) ? run.begin : BestStart(run);
       const int n = PeriodsFrom(run, start);
       if (n < 1) {
         ++n_short;
         continue;
       }
-      const Changes changes = ChangesFrom(run, start, n);
-      all.n_periods += changes.n_periods;
-      all.n_changed += changes.n_changed;
-      if (changes.largest > all.largest) {
-        all.largest = changes.largest;
-        all.column = changes.column;
+      ++(IsAtRate(run) ? n_uneven : n_faster);
+      if (IsAtRate(run)) {
+        n_filled += std::max(0, n + 1 - (run.end - run.begin));
+      } else {
+        const Changes changes = ChangesFrom(run, start, n);
+        all.n_periods += changes.n_periods;
+        all.n_changed += changes.n_changed;
+        if (changes.largest > all.largest) {
+          all.largest = changes.largest;
+          all.column = changes.column;
+        }
       }
-      const bool meets_end = from_.times[run.end - 1] - TimeOf(start, n) < 0.5 * from_.period_s;
+      const bool meets_end = from_.times[run.end - 1] - TimeOf(start, n) < 0.5 * from_.PeriodOf(run);
       n_lost_ends += run.terminated && !meets_end;
       const int begin = to_.observations.rows();
       Append(run, start, n);
       to_.runs.push_back({begin, begin + n + 1, run.terminated && meets_end});
     }
-    to_.remarks.push_back(
-        fmt::format("resampled from one row per {:.6g} s to the control period of {:.6g} s: observations interpolated, "
-                    "actions held",
-                    from_.period_s, period_s_));
+    if (n_faster > 0) {
+      to_.remarks.push_back(fmt::format(
+          "{}resampled from one row per {:.6g} s to the control period of {:.6g} s: observations interpolated, "
+          "actions held",
+          InWords(n_faster), from_.period_s, control_period_s_));
+    }
+    if (n_uneven > 0) {
+      to_.remarks.push_back(
+          fmt::format("{}rows made even: observations interpolated between uneven rows, {} missing rows filled in",
+                      InWords(n_uneven), n_filled));
+    }
     if (all.n_changed > 0) {
       to_.warnings.push_back(fmt::format(
           "the action changed within {} of {} control periods, at most by {:.4g} (action {}): only the first value of "
@@ -80,6 +94,28 @@ class Resampler {
   }
 
  private:
+  bool IsAtRate(const Recording::Run& run) const {
+    return std::abs(from_.PeriodOf(run) / control_period_s_ - 1) <= kSameRate;
+  }
+  /// "2 of 5 episodes ", or nothing where it is all of them.
+  std::string InWords(int n_episodes) const {
+    if (n_episodes == static_cast<int>(from_.runs.size())) return "";
+    return fmt::format("{} of {} episodes ", n_episodes, from_.runs.size());
+  }
+
+  void AppendAsItIs(const Recording::Run& run) {
+    const int begin = to_.observations.rows();
+    for (int row = run.begin; row < run.end; ++row) {
+      AppendBetween(from_.observations, row, 0, to_.observations);
+      AppendBetween(from_.qpos, row, 0, to_.qpos);
+      AppendBetween(from_.qvel, row, 0, to_.qvel);
+      to_.actions.AppendRow(from_.actions.row(row));
+      to_.times.push_back(from_.times[static_cast<size_t>(row)]);
+      if (!from_.rewards.empty()) to_.rewards.push_back(from_.rewards[static_cast<size_t>(row)]);
+    }
+    to_.runs.push_back({begin, to_.observations.rows(), run.terminated});
+  }
+
   double TimeOf(int start, int k) const { return from_.times[start] + k * period_s_; }
 
   /// Whole control periods from row `start` to the episode's end.
@@ -90,7 +126,7 @@ class Resampler {
 
   /// The last row at or before the time, from `row` on; a hair's breadth counts as "at".
   int RowAt(const Recording::Run& run, int row, double time) const {
-    const double slack = 1e-6 * from_.period_s;
+    const double slack = 1e-6 * from_.PeriodOf(run);
     while (row + 1 < run.end && from_.times[row + 1] <= time + slack) ++row;
     return row;
   }
@@ -103,7 +139,7 @@ class Resampler {
       row = RowAt(run, row, TimeOf(start, k));
       const std::span<const double> held = from_.actions.row(row);
       bool changed = false;
-      const double end = TimeOf(start, k + 1) - 1e-6 * from_.period_s;
+      const double end = TimeOf(start, k + 1) - 1e-6 * from_.PeriodOf(run);
       for (int i = row + 1; i + 1 < run.end && from_.times[i] < end; ++i) {
         for (int j = 0; j < from_.actions.cols(); ++j) {
           const double change = std::abs(from_.actions(i, j) - held[static_cast<size_t>(j)]);
@@ -126,7 +162,7 @@ class Resampler {
     int best = run.begin;
     Changes fewest;
     for (int start = run.begin; start + 1 < run.end; ++start) {
-      if (from_.times[start] - from_.times[run.begin] >= period_s_ - 1e-6 * from_.period_s) break;
+      if (from_.times[start] - from_.times[run.begin] >= period_s_ - 1e-6 * from_.PeriodOf(run)) break;
       const int n = PeriodsFrom(run, start);
       if (n < 1) break;
       const Changes changes = ChangesFrom(run, start, n);
@@ -163,10 +199,11 @@ class Resampler {
       AppendBetween(from_.qpos, row, share, to_.qpos);
       AppendBetween(from_.qvel, row, share, to_.qvel);
       // The last row of an episode has no action of its own.
-      to_.actions.AppendRow(from_.actions.row(std::min(row, run.end - 2)));
+      const int in_force = IsAtRate(run) ? RowAt(run, row, time + 0.5 * period_s_) : row;
+      to_.actions.AppendRow(from_.actions.row(std::min(in_force, run.end - 2)));
       to_.times.push_back(time);
       if (from_.rewards.empty()) continue;
-      const double end = TimeOf(start, k + 1) - 1e-6 * from_.period_s;
+      const double end = TimeOf(start, k + 1) - 1e-6 * from_.PeriodOf(run);
       double sum = 0;
       for (; summed + 1 < run.end && from_.times[summed] < end; ++summed) sum += from_.rewards[summed];
       to_.rewards.push_back(sum);
@@ -178,7 +215,8 @@ class Resampler {
   }
 
   const Recording& from_;
-  double period_s_;
+  double control_period_s_;
+  double period_s_ = 0;  // of the grid of the episode at hand
   Recording to_;
 };
 
@@ -187,16 +225,19 @@ class Resampler {
 Recording Resample(const Recording& recording, double control_period_s) {
   OTED_CHECK(control_period_s > 0);
   if (recording.times.empty() || recording.period_s <= 0) return recording;
-  const double ratio = recording.period_s / control_period_s;
-  if (ratio > 1 + kSameRate) {
-    throw DataError(fmt::format(
-        "'{}' has one row per {:.6g} s, but the task's control period is {:.6g} s, and what lies between the "
-        "rows is not in the log; log faster, set the task's control period, or check that its times are "
-        "seconds",
-        recording.file, recording.period_s, control_period_s));
+  bool is_as_wanted = true;
+  for (const Recording::Run& run : recording.runs) {
+    const double period = recording.PeriodOf(run), ratio = period / control_period_s;
+    if (ratio > 1 + kSameRate) {
+      throw DataError(fmt::format(
+          "'{}' has one row per {:.6g} s, but the task's control period is {:.6g} s, and what lies between the "
+          "rows is not in the log; log faster, set the task's control period, or check that its times are "
+          "seconds",
+          recording.file, period, control_period_s));
+    }
+    is_as_wanted = is_as_wanted && run.is_even && ratio >= 1 - kSameRate;
   }
-  if (ratio >= 1 - kSameRate) return recording;
-  return Resampler(recording, control_period_s).Run();
+  return is_as_wanted ? recording : Resampler(recording, control_period_s).Run();
 }
 
 Dataset ToDataset(const Recording& recording) {

@@ -6,19 +6,29 @@
 #include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <string_view>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/data/unpack_budget.h"
 
 namespace oted {
 namespace {
 
-constexpr uint64_t kLargestMember = uint64_t{1} << 32;
+constexpr uint64_t kLargestMember = uint64_t{1} << 32;  // that is written
+constexpr std::string_view kSeal = "sha256 ";
+constexpr size_t kHashSize = 64;  // hexadecimal digits
 constexpr size_t kStep = size_t{1} << 20;
 constexpr zip_int32_t kLevel = 6;            // zlib's usual one
 constexpr zip_uint16_t kFirstDay = 0x0021;   // 1 January 1980, the first day that ZIP knows
 constexpr zip_uint32_t kReadable = 0100644;  // a regular file, rw-r--r--
 constexpr char kEmpty[] = "PK\5\6";          // what an archive without members begins with
 constexpr size_t kEmptySize = 22;
+
+/// Of all that stands before the hash itself.
+std::string SealOver(const std::string& bytes) {
+  return Sha256(std::string_view(bytes).substr(0, bytes.size() - kHashSize));
+}
 
 struct Closer {
   void operator()(zip_t* archive) const { zip_discard(archive); }
@@ -41,8 +51,10 @@ class ZipReader {
     source.release();  // the archive's own now
   }
 
-  std::map<std::string, std::string> Members() const {
+  std::map<std::string, std::string> Members(uint64_t budget) const {
     std::map<std::string, std::string> members;
+    if (HasZipSeal(bytes_) && SealOver(bytes_) != bytes_.substr(bytes_.size() - kHashSize)) FailDamaged();
+    CheckBudget(budget);
     uint64_t packed = 0;
     const zip_int64_t n = zip_get_num_entries(archive_.get(), 0);
     for (zip_uint64_t i = 0; i < static_cast<zip_uint64_t>(n); ++i) {
@@ -63,6 +75,23 @@ class ZipReader {
   }
   [[noreturn]] void FailDamaged() const { Fail("is a truncated or damaged .npz archive"); }
 
+  /// Of what the members claim: none gives more than that.
+  void CheckBudget(uint64_t budget) const {
+    uint64_t claimed = 0;
+    const zip_int64_t n = zip_get_num_entries(archive_.get(), 0);
+    for (zip_uint64_t i = 0; i < static_cast<zip_uint64_t>(n); ++i) {
+      zip_stat_t member;
+      if (zip_stat_index(archive_.get(), i, ZIP_FL_ENC_RAW, &member) != 0) FailDamaged();
+      claimed += std::min<uint64_t>(member.size, budget + 1);
+      if (claimed > budget) {
+        throw DataError(
+            fmt::format("'{}' unpacks to far more than its size ({} MiB and more); if that is right, save it without "
+                        "compression, with numpy.savez",
+                        name_, budget >> 20));
+      }
+    }
+  }
+
   /// Grows with what comes out, so that a member that only claims a size gets no memory for it.
   std::string Content(const zip_stat_t& member) const {
     if (member.encryption_method != ZIP_EM_NONE) Fail(fmt::format("holds the encrypted member '{}'", member.name));
@@ -70,7 +99,6 @@ class ZipReader {
       Fail(fmt::format("holds '{}', packed with ZIP method {}, wanted stored or deflated", member.name,
                        member.comp_method));
     }
-    if (member.size > kLargestMember) Fail(fmt::format("holds '{}' of more than 4 GiB", member.name));
     const OpenMember file(zip_fopen_index(archive_.get(), member.index, 0));
     if (file == nullptr) FailDamaged();
     std::string content;
@@ -113,7 +141,17 @@ void AddMember(zip_t* archive, const std::string& name, const std::string& conte
 }  // namespace
 
 std::map<std::string, std::string> ParseZip(const std::string& bytes, const std::string& name_in_errors) {
-  return ZipReader(bytes, name_in_errors).Members();
+  return ParseZip(bytes, name_in_errors, UnpackBudget(bytes.size()));
+}
+
+std::map<std::string, std::string> ParseZip(const std::string& bytes, const std::string& name_in_errors,
+                                            uint64_t budget) {
+  return ZipReader(bytes, name_in_errors).Members(budget);
+}
+
+bool HasZipSeal(const std::string& bytes) {
+  const size_t size = kSeal.size() + kHashSize;
+  return bytes.size() > size && std::string_view(bytes).substr(bytes.size() - size).starts_with(kSeal);
 }
 
 std::string ZipBytes(const std::map<std::string, std::string>& members) {
@@ -125,6 +163,8 @@ std::string ZipBytes(const std::map<std::string, std::string>& members) {
   Archive archive(zip_open_from_source(buffer.get(), ZIP_TRUNCATE, nullptr));
   OTED_CHECK(archive != nullptr);
   for (const auto& [name, content] : members) AddMember(archive.get(), name, content);
+  const std::string room = std::string(kSeal) + std::string(kHashSize, '0');
+  OTED_CHECK(zip_set_archive_comment(archive.get(), room.data(), static_cast<zip_uint16_t>(room.size())) == 0);
   OTED_CHECK(zip_close(archive.get()) == 0);
   archive.release();
 
@@ -133,6 +173,8 @@ std::string ZipBytes(const std::map<std::string, std::string>& members) {
   std::string bytes(whole.size, '\0');
   OTED_CHECK(zip_source_read(buffer.get(), bytes.data(), bytes.size()) == static_cast<zip_int64_t>(bytes.size()));
   zip_source_close(buffer.get());
+  OTED_CHECK(HasZipSeal(bytes));
+  bytes.replace(bytes.size() - kHashSize, kHashSize, SealOver(bytes));
   return bytes;
 }
 

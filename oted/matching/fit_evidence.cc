@@ -5,70 +5,102 @@
 
 namespace oted {
 
-nlohmann::json ToJson(const std::vector<Suspect>& suspects) {
-  nlohmann::json list = nlohmann::json::array();
-  for (const Suspect& s : suspects) list.push_back({{"field", s.field}, {"factor", s.factor}, {"log_std", s.log_std}});
-  return list;
-}
+using nlohmann::json;
 
 namespace {
 
-std::vector<Suspect> SuspectsFromJson(const nlohmann::json& list) {
-  std::vector<Suspect> suspects;
-  for (const nlohmann::json& s : list) suspects.push_back({s.at("field"), s.at("factor"), s.at("log_std")});
-  return suspects;
-}
-
-nlohmann::json ToJson(const HeldOutPrediction& prediction) {
-  nlohmann::json horizons = nlohmann::json::array();
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    horizons.push_back({{"seconds", h.seconds}, {"nominal", h.nominal}, {"designed", h.designed}});
-  }
-  return {{"n_windows", prediction.n_windows}, {"horizons", horizons}};
-}
-
-/// Null is NaN: every window broke down.
-std::vector<double> NumbersFromJson(const nlohmann::json& list) {
+/// JSON has no NaN: null stands for it.
+std::vector<double> NumbersFrom(const json& list) {
   std::vector<double> numbers;
-  for (const nlohmann::json& value : list) {
-    numbers.push_back(value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>());
+  for (const json& number : list) {
+    numbers.push_back(number.is_null() ? std::numeric_limits<double>::quiet_NaN() : number.get<double>());
   }
   return numbers;
 }
 
-HeldOutPrediction PredictionFromJson(const nlohmann::json& json) {
-  HeldOutPrediction prediction{json.at("n_windows"), {}};
-  for (const nlohmann::json& h : json.at("horizons")) {
-    prediction.horizons.push_back(
-        {h.at("seconds"), NumbersFromJson(h.at("nominal")), NumbersFromJson(h.at("designed"))});
-  }
-  return prediction;
+json ToJson(const FreedTrial& trial) {
+  return {{"value", trial.value},     {"std", trial.std},
+          {"kept", trial.kept},       {"seconds", trial.seconds},
+          {"n_steps", trial.n_steps}, {"n_windows", trial.n_windows},
+          {"learned", trial.learned}, {"gain", {{"value", trial.gain.value}, {"error", trial.gain.error}}},
+          {"before", trial.before},   {"after", trial.after}};
+}
+
+FreedTrial TrialFromJson(const json& record) {
+  return {.value = record.at("value"),
+          .std = record.at("std"),
+          .kept = record.at("kept"),
+          .seconds = record.at("seconds"),
+          .n_steps = record.at("n_steps"),
+          .n_windows = record.at("n_windows"),
+          .learned = record.at("learned"),
+          .gain = {record.at("gain").at("value"), record.at("gain").at("error")},
+          .before = NumbersFrom(record.at("before")),
+          .after = NumbersFrom(record.at("after"))};
 }
 
 }  // namespace
 
-nlohmann::json ToJson(const FitEvidence& evidence) {
-  nlohmann::json json = {{"window", evidence.window},
-                         {"explained", evidence.explained},
-                         {"noise_std", evidence.noise_std},
-                         {"scale", evidence.scale},
-                         {"short_noise_std", evidence.short_noise_std},
-                         {"long_noise_std", evidence.long_noise_std},
-                         {"suspects", ToJson(evidence.suspects)}};
-  if (evidence.held_out) json["held_out"] = ToJson(*evidence.held_out);
-  return json;
+json ToJson(const Suspect& suspect) {
+  const ParameterSpec& spec = suspect.spec;
+  json record = {{"name", spec.name},
+                 {"field", spec.field},
+                 {"range", {spec.low, spec.high}},
+                 {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
+                 {"log", spec.logarithmic},
+                 {"unit", spec.unit},
+                 {"value", suspect.value},
+                 {"explains", suspect.explains}};
+  if (suspect.trial) record["freed"] = ToJson(*suspect.trial);
+  return record;
 }
 
-FitEvidence FitEvidenceFromJson(const nlohmann::json& json) {
-  return {
-      .window = json.at("window"),
-      .explained = json.at("explained"),
-      .noise_std = json.at("noise_std"),
-      .scale = json.at("scale"),
-      .short_noise_std = json.at("short_noise_std"),
-      .long_noise_std = json.at("long_noise_std"),
-      .suspects = SuspectsFromJson(json.value("suspects", nlohmann::json::array())),
-      .held_out = json.contains("held_out") ? std::optional(PredictionFromJson(json.at("held_out"))) : std::nullopt};
+Suspect SuspectFromJson(const json& record) {
+  const bool absolute = record.at("scale") == "absolute";
+  Suspect suspect;
+  suspect.spec = {.name = record.at("name"),
+                  .field = record.at("field"),
+                  .low = record.at("range").at(0),
+                  .high = record.at("range").at(1),
+                  .scale = absolute ? ParameterScale::kAbsolute : ParameterScale::kNominal,
+                  .logarithmic = record.at("log"),
+                  .unit = record.at("unit"),
+                  .nominal = absolute ? 0.0 : 1.0};
+  suspect.value = record.at("value");
+  suspect.explains = record.at("explains");
+  if (record.contains("freed")) suspect.trial = TrialFromJson(record.at("freed"));
+  return suspect;
+}
+
+json ToJson(const FitEvidence& evidence) {
+  json record = {{"window", evidence.window},
+                 {"explained", evidence.explained},
+                 {"noise_std", evidence.noise_std},
+                 {"scale", evidence.scale},
+                 {"short_noise_std", evidence.short_noise_std},
+                 {"long_noise_std", evidence.long_noise_std},
+                 {"rows", evidence.rows},
+                 {"logged_rows", evidence.logged_rows}};
+  if (const auto& unseen = evidence.unseen) {
+    record["unseen"] = {{"z", unseen->z}, {"computed", unseen->computed}, {"mean", unseen->mean}, {"std", unseen->std}};
+  }
+  return record;
+}
+
+FitEvidence FitEvidenceFromJson(const json& record) {
+  FitEvidence evidence{.window = record.at("window"),
+                       .explained = record.at("explained"),
+                       .noise_std = record.at("noise_std"),
+                       .scale = record.at("scale"),
+                       .short_noise_std = record.at("short_noise_std"),
+                       .long_noise_std = record.at("long_noise_std"),
+                       .rows = record.value("rows", 0),
+                       .logged_rows = record.value("logged_rows", 0)};
+  if (record.contains("unseen")) {
+    const json& unseen = record.at("unseen");
+    evidence.unseen = {unseen.at("z"), unseen.at("computed"), unseen.at("mean"), unseen.at("std")};
+  }
+  return evidence;
 }
 
 }  // namespace oted

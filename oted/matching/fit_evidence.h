@@ -6,24 +6,39 @@
 #include <string>
 #include <vector>
 
+#include "oted/matching/held_out_prediction.h"
+#include "oted/sim/parameter_space.h"
+
 namespace oted {
+
+/// What a design gained where a suspect was searched as well. Both designs learned from a part of the logs; they are
+/// judged on the same windows of the rest, over one horizon.
+struct FreedTrial {
+  double value = 0, std = 0;  ///< z of what was freed
+  bool kept = false;          ///< it predicts better: by two standard errors, and at no other horizon surely worse
+  double seconds = 0;         ///< the horizon; 0 where time has no unit
+  int n_steps = 0, n_windows = 0;
+  bool learned = false;  ///< the windows are of the logs that the designs learned from: no others are long enough
+  Estimated gain;        ///< as HeldOutPrediction's, over the design without it
+  /// (obs_dim): root mean square errors without it and with it, in the channel's unit. NaN where the physics broke
+  /// down.
+  std::vector<double> before, after;
+};
 
 /// Something that is not searched and that the logs ask to be other than it is.
 struct Suspect {
-  std::string field;   ///< its path, as a parameter's
-  double factor = 1;   ///< times its nominal value, told by a linear model
-  double log_std = 0;  ///< standard deviation of log(factor)
+  ParameterSpec spec;                              ///< as it would be searched
+  double value = 1;                                ///< z by short windows of the logs
+  double explains = 0;                             ///< nats by which these windows become likelier
+  std::optional<FreedTrial> trial = std::nullopt;  ///< none where it was not freed
 };
 
-/// Open-loop prediction of logs that the parameters were not fitted to: root mean square errors per observation
-/// channel, in its own unit.
-struct HeldOutPrediction {
-  struct Horizon {
-    double seconds = 0;
-    std::vector<double> nominal, designed;  ///< (obs_dim)
-  };
-  int n_windows = 0;
-  std::vector<Horizon> horizons;
+/// What predictions of the logs that were kept aside start from.
+struct UnseenFit {
+  std::vector<double> z;  ///< fitted to the other logs alone; empty where none could be kept aside
+  /// As ReadingModel's: readings that were left out, and what is expected of coordinates that no reading shows.
+  std::vector<char> computed;
+  std::vector<double> mean, std;
 };
 
 /// Residuals of replayed windows at the fitted parameters and start states, per observation channel in its own unit.
@@ -35,12 +50,13 @@ struct FitEvidence {
   /// (obs_dim): what the shortest windows leave as noise, and the longest that were tried. In the logs' own simulator
   /// the two are equal up to chance; what a simulator has wrong adds up over a window.
   std::vector<double> short_noise_std, long_noise_std;
-  /// Each would, changed alone, explain part of what is left; the most certain first.
-  std::vector<Suspect> suspects;
-  std::optional<HeldOutPrediction> held_out = {};  ///< none where the logs are too short to keep a part aside
+  int rows = 0, logged_rows = 0;         ///< transitions that the estimate rests on, and that there are
+  std::optional<UnseenFit> unseen = {};  ///< of methods that keep a part of the logs aside
 };
 
-nlohmann::json ToJson(const std::vector<Suspect>& suspects);
+nlohmann::json ToJson(const Suspect& suspect);
+/// @throws nlohmann::json::exception when a member is missing
+Suspect SuspectFromJson(const nlohmann::json& record);
 nlohmann::json ToJson(const FitEvidence& evidence);
 /// @throws nlohmann::json::exception when a member is missing
 FitEvidence FitEvidenceFromJson(const nlohmann::json& json);

@@ -10,19 +10,25 @@
 namespace oted {
 namespace {
 
-constexpr double kIdentifiedBelow = 0.25;  // of the prior's standard deviation
+constexpr double kIdentifiedBelow = 0.25;  // of the prior's interval
 constexpr double kWeakBelow = 0.6;
+constexpr double kIntervalMass = 0.9;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the nominal simulator
-constexpr double kMatchMargin = 0.35;
-constexpr double kDriftAbove = 1.4;      // times the noise of short windows, of one channel
-constexpr double kDriftTogether = 1.15;  // the same, of all channels together
-constexpr double kFewExplained = 0.6;    // of the windows: with fewer,
-constexpr double kPatience = 1.25;       // times those factors
-constexpr double kVisible = 1e-4;        // of a channel's spread: below is rounding, which contact magnifies
+constexpr double kNarrowedShare = 0.1;   // of the gap in nats
 constexpr double kNoticeable = 0.04;     // in x: a hundredth of the range at its middle
 constexpr double kMovedAbove = 0.05;     // of the range
 constexpr double kAtBound = 0.01;        // of the range
+
+// Logarithms of ratios of mean squares, and standard errors.
+constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
+constexpr double kLeastChannelExcess = 0.4, kChannelExcessErrors = 4.0;
+constexpr double kLeastGain = 0.05, kGainErrors = 2.0;
+
+bool IsExcess(const Estimated& e) { return e.value > std::max(kLeastExcess, kExcessErrors * e.error); }
+bool IsChannelExcess(const Estimated& e) {
+  return e.value > std::max(kLeastChannelExcess, kChannelExcessErrors * e.error);
+}
 
 /// z at which the mixture of distributions on a grid has the given cumulative probability for parameter i.
 double GridMixtureQuantile(const std::vector<Designer>& designs, size_t i, double probability) {
@@ -54,34 +60,74 @@ double ZOf(const Designer& q, size_t i, double x) {
   return LogitToZ(q.space(), all)[i];
 }
 
+/// z of one parameter on the scale of its search.
+double UnitOf(const ParameterSpec& spec, double z) { return ParameterSpace({spec}).ToUnit(std::vector<double>{z})[0]; }
+
+double UnitWidth(const ParameterSpec& spec, double low, double high) { return UnitOf(spec, high) - UnitOf(spec, low); }
+
+/// Of the prior's central interval, in u. What the prior knew already the logs did not tell.
+double PriorWidth(const Designer& q, int p) {
+  if (q.prior().uniform) return kIntervalMass;
+  Designer prior = q;
+  prior.StartAtPrior(Designer::kPriorStd);
+  const Designer::Interval interval = prior.CentralInterval(kIntervalMass)[static_cast<size_t>(p)];
+  return UnitWidth(q.space()[p], interval.low, interval.high);
+}
+
+ParameterVerdict VerdictOf(const ParameterSpec& spec, const ParameterSummary& summary, double prior_width) {
+  const double width = UnitWidth(spec, summary.interval90_low, summary.interval90_high) / prior_width;
+  if (width >= kWeakBelow) return ParameterVerdict::kNotIdentified;
+  if (EndsAtBound(spec, summary.interval90_low, summary.interval90_high)) return ParameterVerdict::kAtBound;
+  return width < kIdentifiedBelow ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
+}
+
+/// Whether the nominal parameters lie in the 99 % region of q, widened by a hundredth of each range, which nobody would
+/// call a gap. Of a grid: whether each lies in its central 99 % interval.
+bool ContainsNominal(const Designer& q) {
+  if (q.grid() != nullptr) {
+    const std::vector<Designer::Interval> intervals = q.CentralInterval(0.99);
+    for (int i = 0; i < q.size(); ++i) {
+      const Designer::Interval& interval = intervals[static_cast<size_t>(i)];
+      if (q.space()[i].nominal < interval.low || q.space()[i].nominal > interval.high) return false;
+    }
+    return true;
+  }
+  const std::vector<double> nominal = ZToLogit(q.space(), q.space().Nominal());
+  Eigen::MatrixXd covariance = q.Covariance();
+  Eigen::VectorXd difference(q.size());
+  for (int i = 0; i < q.size(); ++i) {
+    difference[i] = nominal[static_cast<size_t>(i)] - q.mean()[static_cast<size_t>(i)];
+    covariance(i, i) += kNoticeable * kNoticeable;
+  }
+  const double distance = difference.dot(covariance.ldlt().solve(difference));
+  // The 99 % quantile of chi-squared, by Wilson and Hilferty (1931).
+  const double n = q.size(), third = 2.0 / (9.0 * n);
+  return distance <= n * std::pow(1.0 - third + 2.3263 * std::sqrt(third), 3);
+}
+
 }  // namespace
 
-std::string ToString(ParameterVerdict verdict) {
-  switch (verdict) {
-    case ParameterVerdict::kIdentified:
-      return "identified";
-    case ParameterVerdict::kWeak:
-      return "weak";
-    case ParameterVerdict::kNotIdentified:
-      return "not_identified";
-  }
-  throw InternalError("unknown parameter verdict");
+const NamedValues<ParameterVerdict>& ParameterVerdictNames() {
+  static const NamedValues<ParameterVerdict> names = {{ParameterVerdict::kIdentified, "identified"},
+                                                      {ParameterVerdict::kWeak, "weak"},
+                                                      {ParameterVerdict::kNotIdentified, "not_identified"},
+                                                      {ParameterVerdict::kAtBound, "at_bound"}};
+  return names;
 }
 
-std::string ToString(DesignVerdict verdict) {
-  switch (verdict) {
-    case DesignVerdict::kNoGap:
-      return "no_gap";
-    case DesignVerdict::kGapClosed:
-      return "gap_closed";
-    case DesignVerdict::kOutsideFamily:
-      return "outside_family";
-  }
-  throw InternalError("unknown design verdict");
+const NamedValues<DesignVerdict>& DesignVerdictNames() {
+  static const NamedValues<DesignVerdict> names = {{DesignVerdict::kNoGap, "no_gap"},
+                                                   {DesignVerdict::kGapClosed, "gap_closed"},
+                                                   {DesignVerdict::kGapNarrowed, "gap_narrowed"},
+                                                   {DesignVerdict::kOutsideFamily, "outside_family"}};
+  return names;
 }
+
+std::string ToString(ParameterVerdict verdict) { return NameOf(ParameterVerdictNames(), verdict); }
+std::string ToString(DesignVerdict verdict) { return NameOf(DesignVerdictNames(), verdict); }
 
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
-                                                  const std::vector<bool>& has_effect) {
+                                                  const std::vector<bool>& has_effect, bool reaches_floor) {
   OTED_CHECK(!designs.empty());
   const ParameterSpace& space = designs[0].space();
   const double n = static_cast<double>(designs.size());
@@ -104,74 +150,88 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
       summary.interval90_low = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.05));
       summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
     }
-    // What the prior knew already the logs did not tell.
-    const double uniform_std = (space[p].high - space[p].low) / std::sqrt(12.0);
-    const double prior_std = designs[0].prior().uniform ? uniform_std : designs[0].PriorStd()[i];
-    if (!has_effect[i] || summary.std >= kWeakBelow * prior_std) {
-      summary.verdict = ParameterVerdict::kNotIdentified;
-    } else {
-      summary.verdict =
-          summary.std < kIdentifiedBelow * prior_std ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
-    }
+    summary.verdict = VerdictOf(space[p], summary, PriorWidth(designs[0], p));
+    if (!has_effect[i]) summary.verdict = ParameterVerdict::kNotIdentified;
+    if (!reaches_floor && summary.verdict == ParameterVerdict::kIdentified) summary.verdict = ParameterVerdict::kWeak;
     summaries.push_back(summary);
   }
   return summaries;
 }
 
-DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
-  const double nominal_gap = std::numbers::ln2 - nominal_common, designed_gap = std::numbers::ln2 - designed_common;
-  if (nominal_gap < kNoGapMargin && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
-  if (designed_gap < kMatchMargin || designed_gap < 0.5 * nominal_gap) return DesignVerdict::kGapClosed;
-  return DesignVerdict::kOutsideFamily;
+bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
+  const double nominal = UnitOf(spec, spec.nominal);
+  const bool physical_zero = spec.low == 0 && !spec.field.starts_with("opt/gravity") && !spec.field.ends_with("/bias");
+  const bool at_low = UnitOf(spec, low) < kAtBound && nominal > 2 * kAtBound && !physical_zero;
+  const bool at_high = UnitOf(spec, high) > 1 - kAtBound && nominal < 1 - 2 * kAtBound;
+  return at_low || at_high;
 }
 
-std::vector<int> DisagreeingChannels(const FitEvidence& fit) {
-  const bool few = fit.explained < kFewExplained;
-  const std::vector<double>& noise_std = few ? fit.noise_std : fit.long_noise_std;
-  const double patience = few ? kPatience : 1.0;
-  double growth = 0, n_visible = 0;
-  const auto is_visible = [&](size_t c) { return noise_std[c] > kVisible * fit.scale[c]; };
-  for (size_t c = 0; c < noise_std.size(); ++c) {
-    if (!is_visible(c)) continue;
-    growth += std::log(noise_std[c] / fit.short_noise_std[c]);
-    ++n_visible;
+bool ReachesFloor(const HeldOutPrediction& prediction) {
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    if (IsExcess(h.excess)) return false;
+    for (const HeldOutPrediction::Channel& c : h.channels) {
+      if (IsChannelExcess(c.excess)) return false;
+    }
   }
-  const bool together = growth > n_visible * std::log(patience * kDriftTogether);
-  const double above = patience * (together ? kDriftTogether : kDriftAbove);
+  return true;
+}
+
+std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
+  if (ReachesFloor(prediction)) return {};
+  const size_t n = prediction.horizons.front().channels.size();
+  std::vector<double> excess(n, 0.0), of_off(n, 0.0);
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    for (size_t c = 0; c < n; ++c) {
+      const Estimated& e = h.channels[c].excess;
+      excess[c] = std::max(excess[c], e.value);
+      if (IsChannelExcess(e)) of_off[c] = std::max(of_off[c], e.value);
+    }
+  }
   std::vector<int> channels;
-  for (size_t c = 0; c < noise_std.size(); ++c) {
-    if (is_visible(c) && noise_std[c] > above * fit.short_noise_std[c]) channels.push_back(static_cast<int>(c));
+  for (size_t c = 0; c < n; ++c) {
+    if (of_off[c] > 0) channels.push_back(static_cast<int>(c));
   }
+  std::ranges::stable_sort(
+      channels, [&](int a, int b) { return of_off[static_cast<size_t>(a)] > of_off[static_cast<size_t>(b)]; });
+  if (channels.empty()) channels.push_back(static_cast<int>(std::ranges::max_element(excess) - excess.begin()));
   return channels;
 }
 
-std::vector<int> ParametersAtBounds(const Designer& q) {
-  const std::vector<double> mode = q.space().ToUnit(q.Mode()), nominal = q.space().ToUnit(q.space().Nominal());
-  std::vector<int> at_bounds;
-  for (size_t i = 0; i < mode.size(); ++i) {
-    const bool low = mode[i] < kAtBound && nominal[i] > 2 * kAtBound;
-    const bool high = mode[i] > 1 - kAtBound && nominal[i] < 1 - 2 * kAtBound;
-    if (low || high) at_bounds.push_back(static_cast<int>(i));
+bool IsSure(const Estimated& gain) { return gain.value > std::max(kLeastGain, kGainErrors * gain.error); }
+
+bool PredictsBetter(const HeldOutPrediction& prediction) {
+  bool better = false;
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    if (IsSure({-h.gain.value, h.gain.error})) return false;
+    better = better || IsSure(h.gain);
   }
-  return at_bounds;
+  return better;
 }
 
-DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit) {
-  if (!fit.suspects.empty() || !DisagreeingChannels(fit).empty() || !ParametersAtBounds(q).empty()) {
-    return DesignVerdict::kOutsideFamily;
+DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction) {
+  const bool better = PredictsBetter(prediction);
+  if (ReachesFloor(prediction)) {
+    return !better || ContainsNominal(q) ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
-  const std::vector<double> nominal = ZToLogit(q.space(), q.space().Nominal());
-  Eigen::MatrixXd covariance = q.Covariance();
-  Eigen::VectorXd difference(q.size());
+  return better && ParametersAtBounds(q).empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
+}
+
+DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
+  const double nominal_gap = std::numbers::ln2 - nominal_common, designed_gap = std::numbers::ln2 - designed_common;
+  if (nominal_gap < kNoGapMargin && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
+  if (designed_gap < kNoGapMargin) return DesignVerdict::kGapClosed;
+  if (designed_gap < (1 - kNarrowedShare) * nominal_gap) return DesignVerdict::kGapNarrowed;
+  return DesignVerdict::kOutsideFamily;
+}
+
+std::vector<int> ParametersAtBounds(const Designer& q) {
+  const std::vector<double> mode = q.Mode();
+  std::vector<int> at_bounds;
   for (int i = 0; i < q.size(); ++i) {
-    difference[i] = nominal[static_cast<size_t>(i)] - q.mean()[static_cast<size_t>(i)];
-    covariance(i, i) += kNoticeable * kNoticeable;
+    const double z = mode[static_cast<size_t>(i)];
+    if (EndsAtBound(q.space()[i], z, z)) at_bounds.push_back(i);
   }
-  const double distance = difference.dot(covariance.ldlt().solve(difference));
-  // The 99 % quantile of chi-squared, by Wilson and Hilferty (1931).
-  const double n = q.size(), third = 2.0 / (9.0 * n);
-  const double quantile = n * std::pow(1.0 - third + 2.3263 * std::sqrt(third), 3);
-  return distance <= quantile ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
+  return at_bounds;
 }
 
 bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries) {

@@ -4,19 +4,28 @@
 #include <string>
 #include <vector>
 
+#include "oted/base/fields.h"
 #include "oted/matching/designer.h"
-#include "oted/matching/fit_evidence.h"
+#include "oted/matching/held_out_prediction.h"
 
 namespace oted {
 
-enum class ParameterVerdict { kIdentified, kWeak, kNotIdentified };
+enum class ParameterVerdict {
+  kIdentified,
+  kWeak,
+  kNotIdentified,
+  kAtBound,  ///< the logs ask for a value at the end of the range, or beyond it
+};
 enum class DesignVerdict {
-  kNoGap,          ///< the nominal simulator already matches the logs
-  kGapClosed,      ///< the designed simulator matches the logs
-  kOutsideFamily,  ///< no simulator in this family matches the logs
+  kNoGap,          ///< the nominal simulator predicts the logs as well as the sensors let it
+  kGapClosed,      ///< the designed simulator does, the nominal one does not
+  kGapNarrowed,    ///< the designed simulator predicts better than the nominal one; more is left than sensors explain
+  kOutsideFamily,  ///< no simulator in this family predicts better than the nominal one, or none within the bounds
 };
 std::string ToString(ParameterVerdict verdict);
 std::string ToString(DesignVerdict verdict);
+const NamedValues<ParameterVerdict>& ParameterVerdictNames();
+const NamedValues<DesignVerdict>& DesignVerdictNames();
 
 /// One parameter over the mixture of the selected setting's seeds.
 struct ParameterSummary {
@@ -26,35 +35,50 @@ struct ParameterSummary {
   ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
 };
 
-/// Summarises the mixture of `designs`; `best` is the index whose mode is reported.
-/// A parameter is identified when the mixture's standard deviation is below a quarter of the prior's, weak
-/// below 0.6 of it, otherwise (and without measured effect) not identified.
+/// Summarises the mixture of `designs`; `best` is the index whose mode is reported. Widths are those of the central 90
+/// % interval on the scale of the search (the logarithm where the parameter has log), in widths of the prior's. A
+/// parameter is at its bound when the interval reaches a hundredth of the range from an end of it (EndsAtBound),
+/// identified when it is narrower than a quarter of the prior's, weak below 0.6, otherwise not identified. Without
+/// measured effect nothing is identified, and where the family is rejected nothing is more than weak.
+/// @param reaches_floor  the design explains the logs (DesignVerdict is kNoGap or kGapClosed)
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
-                                                  const std::vector<bool>& has_effect);
+                                                  const std::vector<bool>& has_effect, bool reaches_floor);
 
-/// From the common score (held-out cross-entropy of a judge; log 2 where logs and simulator cannot be told apart). No
-/// gap: the nominal simulator is within 0.1 nats of log 2 and the design wins less than 0.005 over it. Gap closed:
-/// the designed simulator is within 0.35 nats of log 2, or has closed at least half of the gap.
+/// Whether a value (or an interval) of a parameter ends at a bound: within a hundredth of the range, on the scale of
+/// the search. A lower bound of zero is none where friction or damping cannot be less; nor is a bound where the nominal
+/// value lies itself.
+bool EndsAtBound(const ParameterSpec& spec, double low, double high);
+
+/// From held-out prediction, where states can be set:
+///
+///   no_gap          the floor is reached, and the nominal simulator does as well: its parameters lie in the 99 %
+///   region
+///                   of q, widened by a hundredth of each range, or the design predicts no better
+///   gap_closed      the floor is reached
+///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
+///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have
+DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction);
+
+/// Whether what the design leaves is what the sensors leave: at no horizon is the excess over the floor both noticeable
+/// and beyond chance. Over all channels together: more than a tenth (of mean squares) and 2.5 standard errors; in one
+/// channel: more than half and four standard errors.
+bool ReachesFloor(const HeldOutPrediction& prediction);
+/// The channels in which it does not, the farthest off first; all horizons count. Where all channels together are off
+/// and none alone, the one with the largest excess.
+std::vector<int> ChannelsOff(const HeldOutPrediction& prediction);
+/// Whether an error is surely smaller: by a twentieth (of mean squares) and by two standard errors.
+bool IsSure(const Estimated& gain);
+/// Whether the design surely predicts better than the nominal simulator: at some horizon, and at none surely worse.
+bool PredictsBetter(const HeldOutPrediction& prediction);
+
+/// From the common score (held-out cross-entropy of a judge; log 2 where logs and simulator cannot be told apart),
+/// where nothing can be predicted. No gap: the nominal simulator is within 0.1 nats of log 2 and the design wins less
+/// than 0.005 over it. Gap closed: the designed simulator is within 0.1 nats of log 2. Gap narrowed: it wins a tenth of
+/// the gap. Otherwise outside the family.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
-/// The channels in which windows of the log, replayed at the fitted parameters and start states, drift off: the
-/// simulator lacks something that acts there. The longest windows that were tried leave more than 1.4 times the noise
-/// of short ones, or more than 1.15 times where all channels together (geometric mean) do; below that chance reaches.
-/// Where fewer than 0.6 of the windows are explained, contact makes long windows chaotic, and start states caught in
-/// local minima drift too: there the longest windows that the estimate rests on are compared, and a quarter more is
-/// allowed. Channels whose noise is less than a ten-thousandth of their spread do not count: rounding, which contact
-/// magnifies.
-std::vector<int> DisagreeingChannels(const FitEvidence& fit);
-
-/// The parameters whose estimate lies within a hundredth of their range of one of its bounds, which is not where
-/// their nominal value lies: what the logs ask for is beyond it.
+/// The parameters whose estimate lies at one of its bounds (EndsAtBound): what the logs ask for is beyond it.
 std::vector<int> ParametersAtBounds(const Designer& q);
-
-/// From a fit that replays windows. Outside the family: some channel disagrees, some parameter is at its bound, or the
-/// logs ask something that is not searched to be other than it is (FitEvidence::suspects).
-/// Otherwise the fitted simulator is as good as the logs can tell; no gap: the nominal parameters lie in the 99 %
-/// region of q, widened by a hundredth of each range, which nobody would call a gap.
-DesignVerdict JudgeFit(const Designer& q, const FitEvidence& fit);
 
 /// Whether an identified parameter lies off its nominal value: by more than three of its spreads, and by more than a
 /// twentieth of its range, which the seeds' errors may reach.

@@ -24,7 +24,7 @@ double ZOf(double x) { return 2.0 / (1.0 + std::exp(-x)); }
 
 TEST(SummarizeParameters, OneDesignIsItsOwnSummary) {
   const Designer q = MakeDesigner({0.4, -1.0}, {0.1, 0.2});
-  const auto summary = SummarizeParameters({q}, 0, {true, true});
+  const auto summary = SummarizeParameters({q}, 0, {true, true}, true);
   ASSERT_EQ(summary.size(), 2u);
   EXPECT_DOUBLE_EQ(summary[0].mode, ZOf(0.4));
   EXPECT_DOUBLE_EQ(summary[1].std, q.Std()[1]);
@@ -36,7 +36,7 @@ TEST(SummarizeParameters, OneDesignIsItsOwnSummary) {
 TEST(SummarizeParameters, SpreadIsThatOfTheMixture) {
   // Two narrow designs that disagree: within each the variance is near 0, between them (m1 - m2)^2 / 4.
   const Designer one = MakeDesigner({-1, 0}, {1e-3, 1e-3}), two = MakeDesigner({1, 0}, {1e-3, 1e-3});
-  const auto summary = SummarizeParameters({one, two}, 1, {true, true});
+  const auto summary = SummarizeParameters({one, two}, 1, {true, true}, true);
   EXPECT_NEAR(summary[0].std, 0.5 * (ZOf(1) - ZOf(-1)), 1e-4);
   EXPECT_NEAR(summary[0].interval90_low, ZOf(-1), 2e-3);
   EXPECT_NEAR(summary[0].interval90_high, ZOf(1), 2e-3);
@@ -45,25 +45,55 @@ TEST(SummarizeParameters, SpreadIsThatOfTheMixture) {
 
 TEST(SummarizeParameters, TheModeIsThatOfTheBestDesignNotTheAverage) {
   const Designer one = MakeDesigner({-1, 0}, {0.1, 0.1}), two = MakeDesigner({1, 0}, {0.1, 0.1});
-  EXPECT_DOUBLE_EQ(SummarizeParameters({one, two}, 0, {true, true})[0].mode, ZOf(-1));
-  EXPECT_DOUBLE_EQ(SummarizeParameters({one, two}, 1, {true, true})[0].mode, ZOf(1));
+  EXPECT_DOUBLE_EQ(SummarizeParameters({one, two}, 0, {true, true}, true)[0].mode, ZOf(-1));
+  EXPECT_DOUBLE_EQ(SummarizeParameters({one, two}, 1, {true, true}, true)[0].mode, ZOf(1));
 }
 
-TEST(SummarizeParameters, VerdictFollowsTheSpreadInUnitsOfTheUniformPriors) {
-  // At x = 0 the slope dz/dx is 0.5: std(z) = 0.5 std(x), and the uniform's is 2 / sqrt(12).
-  const double uniform = 2.0 / std::sqrt(12.0);
-  const auto verdict = [&](double fraction) {
-    const double std = 2.0 * fraction * uniform;
-    return SummarizeParameters({MakeDesigner({0, 0}, {std, std})}, 0, {true, true})[0].verdict;
+/// Of the first parameter, from a q of standard deviation `std` about `mean` in x.
+ParameterVerdict LabelOf(double mean, double std, bool reaches_floor = true) {
+  return SummarizeParameters({MakeDesigner({mean, 0}, {std, 1})}, 0, {true, true}, reaches_floor)[0].verdict;
+}
+
+TEST(SummarizeParameters, VerdictFollowsTheWidthOfTheIntervalInUnitsOfThePriors) {
+  // The central 90 % interval of u at mean 0 is 2 / (1 + exp(-1.645 std)) - 1 wide; the prior's is 0.9.
+  const auto std_of = [](double fraction) { return -std::log(2 / (1 + 0.9 * fraction) - 1) / 1.644854; };
+  EXPECT_EQ(LabelOf(0, std_of(0.24)), ParameterVerdict::kIdentified);
+  EXPECT_EQ(LabelOf(0, std_of(0.26)), ParameterVerdict::kWeak);
+  EXPECT_EQ(LabelOf(0, std_of(0.59)), ParameterVerdict::kWeak);
+  EXPECT_EQ(LabelOf(0, std_of(0.61)), ParameterVerdict::kNotIdentified);
+}
+
+TEST(SummarizeParameters, WidthsAreThoseOfTheSearchsScale) {
+  // In z the interval is narrow near the lower bound of a parameter that is searched by its logarithm.
+  const ParameterSpace space({{.name = "a", .field = "env/a", .low = 0.01, .high = 100, .logarithmic = true}});
+  const Designer q(space, Eigen::VectorXd::Constant(1, -1.0), Eigen::MatrixXd::Constant(1, 1, 0.64));
+  const ParameterSummary summary = SummarizeParameters({q}, 0, {true}, true)[0];
+  EXPECT_LT(summary.interval90_high - summary.interval90_low, 0.1 * 100);
+  EXPECT_EQ(summary.verdict, ParameterVerdict::kWeak);
+}
+
+TEST(SummarizeParameters, AtABoundNothingIsIdentified) {
+  const ParameterSpace space({{.name = "a", .field = "joint/*/damping", .low = 0.5, .high = 2},
+                              {.name = "b", .field = "joint/*/frictionloss", .low = 0, .high = 2}});
+  const auto labels = [&](double x) {
+    const Designer q(space, Eigen::VectorXd::Constant(2, x), 0.01 * Eigen::MatrixXd::Identity(2, 2));
+    const auto summaries = SummarizeParameters({q}, 0, {true, true}, true);
+    return std::vector<ParameterVerdict>{summaries[0].verdict, summaries[1].verdict};
   };
-  EXPECT_EQ(verdict(0.24), ParameterVerdict::kIdentified);
-  EXPECT_EQ(verdict(0.26), ParameterVerdict::kWeak);
-  EXPECT_EQ(verdict(0.59), ParameterVerdict::kWeak);
-  EXPECT_EQ(verdict(0.61), ParameterVerdict::kNotIdentified);
+  using enum ParameterVerdict;
+  EXPECT_EQ(labels(-6), (std::vector{kAtBound, kIdentified})) << "no friction is a value, not the end of a range";
+  EXPECT_EQ(labels(6), (std::vector{kAtBound, kAtBound}));
+  EXPECT_EQ(labels(0), (std::vector{kIdentified, kIdentified}));
+}
+
+TEST(SummarizeParameters, WhereTheFamilyIsRejectedNothingIsMoreThanWeak) {
+  EXPECT_EQ(LabelOf(0, 0.01, true), ParameterVerdict::kIdentified);
+  EXPECT_EQ(LabelOf(0, 0.01, false), ParameterVerdict::kWeak);
+  EXPECT_EQ(LabelOf(0, 1.6, false), ParameterVerdict::kNotIdentified);
 }
 
 TEST(SummarizeParameters, WithoutEffectAParameterIsNotIdentifiedHoweverNarrow) {
-  const auto summary = SummarizeParameters({MakeDesigner({0, 0}, {0.01, 0.01})}, 0, {true, false});
+  const auto summary = SummarizeParameters({MakeDesigner({0, 0}, {0.01, 0.01})}, 0, {true, false}, true);
   EXPECT_EQ(summary[0].verdict, ParameterVerdict::kIdentified);
   EXPECT_EQ(summary[1].verdict, ParameterVerdict::kNotIdentified);
 }
@@ -74,94 +104,97 @@ TEST(JudgeDesign, NoGapWhenTheUndesignedSimulatorMatchesAndTheDesignGainsNothing
   EXPECT_EQ(JudgeDesign(kLog2 - 0.09, kLog2 - 0.01), DesignVerdict::kGapClosed) << "a small gap, but closed";
 }
 
-TEST(JudgeDesign, GapClosedNearLog2OrWhenHalfOfALargeGapIsGone) {
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.34), DesignVerdict::kGapClosed);
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.69, kLog2 - 0.34), DesignVerdict::kGapClosed);
+TEST(JudgeDesign, GapClosedNearLog2AndNarrowedWhereATenthOfTheGapIsGone) {
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.09), DesignVerdict::kGapClosed);
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.34), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.53), DesignVerdict::kGapNarrowed);
 }
 
-TEST(JudgeDesign, OutsideTheFamilyWhenLogsAndDesignStayApart) {
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.5), DesignVerdict::kOutsideFamily);
+TEST(JudgeDesign, OutsideTheFamilyWhereTheDesignIsNoNearerThanTheNominalSimulator) {
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.56), DesignVerdict::kOutsideFamily);
   EXPECT_EQ(JudgeDesign(kLog2 - 0.5, kLog2 - 0.6), DesignVerdict::kOutsideFamily) << "worse than no design";
 }
 
-FitEvidence Noise(std::vector<double> short_windows, std::vector<double> long_windows) {
-  return {.window = 16,
-          .explained = 1,
-          .noise_std = short_windows,
-          .scale = std::vector<double>(short_windows.size(), 1.0),
-          .short_noise_std = short_windows,
-          .long_noise_std = std::move(long_windows),
-          .suspects = {}};
+/// One horizon with two channels.
+HeldOutPrediction Predicted(Estimated excess, Estimated gain, Estimated of_first = {}) {
+  HeldOutPrediction::Horizon horizon;
+  horizon.seconds = 0.5;
+  horizon.channels = {{.nominal = 2, .designed = 1, .floor = 1, .excess = of_first, .gain = {}},
+                      {.nominal = 2, .designed = 1, .floor = 1, .excess = {}, .gain = {}}};
+  horizon.excess = excess;
+  horizon.gain = gain;
+  return {.horizons = {horizon}};
 }
 
-TEST(JudgeFit, DriftInOneChannelIsOutsideTheFamilyAndNamesIt) {
-  const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
-  EXPECT_EQ(JudgeFit(q, Noise({0.1, 1e-8}, {0.11, 1.1e-8})), DesignVerdict::kGapClosed);
-  const FitEvidence drift = Noise({0.1, 1e-3}, {0.1, 8e-3});
-  EXPECT_EQ(JudgeFit(q, drift), DesignVerdict::kOutsideFamily);
-  EXPECT_EQ(DisagreeingChannels(drift), std::vector<int>{1});
-  EXPECT_EQ(JudgeFit(q, Noise({3e-8, 3e-8}, {3e-8, 5e-6})), DesignVerdict::kGapClosed) << "rounding, not drift";
+const Estimated kNothing = {0, 0.01}, kMuch = {1, 0.1};
+
+TEST(ReachesFloor, AnExcessCountsWhereItIsNoticeableAndBeyondChance) {
+  EXPECT_TRUE(ReachesFloor(Predicted(kNothing, kMuch)));
+  EXPECT_TRUE(ReachesFloor(Predicted({0.09, 0.001}, kMuch))) << "sure, but nobody would notice";
+  EXPECT_TRUE(ReachesFloor(Predicted({1, 0.5}, kMuch))) << "large, but chance reaches it";
+  EXPECT_FALSE(ReachesFloor(Predicted({0.2, 0.05}, kMuch)));
+  EXPECT_TRUE(ReachesFloor(Predicted({-3, 0.01}, kMuch))) << "nearer than the floor";
 }
 
-TEST(JudgeFit, ASmallerDriftOfAllChannelsTogetherIsOutsideTheFamilyToo) {
-  const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
-  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 0.1, 0.1}, {0.13, 0.1, 0.1})), std::vector<int>{}) << "one, 1.3 times";
-  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 0.1, 0.1}, {0.13, 0.125, 0.1})), (std::vector<int>{0, 1}))
-      << "1.175 together";
-  // Clean channels that only round do not outvote those that show something.
-  EXPECT_EQ(DisagreeingChannels(Noise({0.1, 3e-8, 3e-8}, {0.15, 3e-8, 3e-8})), std::vector<int>{0});
+TEST(ReachesFloor, OneChannelOrOneHorizonIsEnough) {
+  EXPECT_FALSE(ReachesFloor(Predicted(kNothing, kMuch, kMuch)));
+  EXPECT_EQ(ChannelsOff(Predicted(kNothing, kMuch, kMuch)), std::vector<int>{0});
+  EXPECT_TRUE(ReachesFloor(Predicted(kNothing, kMuch, {1, 0.3}))) << "of many channels chance moves one";
+  HeldOutPrediction two = Predicted(kNothing, kMuch);
+  two.horizons.push_back(Predicted(kMuch, kMuch).horizons[0]);
+  EXPECT_FALSE(ReachesFloor(two));
+  EXPECT_EQ(ChannelsOff(two).size(), 1u) << "all are off a little: one is named";
+  EXPECT_TRUE(ChannelsOff(Predicted(kNothing, kMuch)).empty());
 }
 
-TEST(JudgeFit, WhereManyWindowsAreNotExplainedOnlyTheWindowsUsedCountAndMayDriftMore) {
-  FitEvidence fit = Noise({0.1, 0.1}, {0.3, 0.1});
-  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{0});
-  fit.explained = 0.5;
-  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{}) << "those that were given up are chaotic";
-  fit.noise_std[0] = 0.17;
-  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{});
-  fit.noise_std[0] = 0.18;
-  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{0});
+TEST(PredictsBetter, AGainCountsWhereItIsSureAndNoHorizonLoses) {
+  EXPECT_TRUE(PredictsBetter(Predicted(kNothing, kMuch)));
+  EXPECT_FALSE(PredictsBetter(Predicted(kNothing, {0.1, 0.1})));
+  HeldOutPrediction two = Predicted(kNothing, kMuch);
+  two.horizons.push_back(Predicted(kNothing, {-1, 0.1}).horizons[0]);
+  EXPECT_FALSE(PredictsBetter(two));
 }
 
-TEST(JudgeFit, ASuspectIsOutsideTheFamily) {
-  const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
-  FitEvidence fit = Noise({0.1, 0.1}, {0.1, 0.1});
-  EXPECT_EQ(JudgeFit(q, fit), DesignVerdict::kGapClosed);
-  fit.suspects = {{"joint/*/damping", 0.6, 0.05}};
-  EXPECT_EQ(JudgeFit(q, fit), DesignVerdict::kOutsideFamily);
-  EXPECT_EQ(DisagreeingChannels(fit), std::vector<int>{});
+TEST(JudgePrediction, TheFloorAndTheGainDecide) {
+  const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
+  EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, kNothing)), DesignVerdict::kNoGap) << "the nominal one as well";
+  EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kMuch)), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kNothing)), DesignVerdict::kOutsideFamily);
 }
 
-TEST(JudgeFit, AnEstimateAtABoundIsOutsideTheFamilyUnlessItsNominalValueIsThere) {
-  const FitEvidence fit = Noise({0.1}, {0.1});
-  const Designer stuck = MakeDesigner({0.5, -6.0}, {0.01, 1});
-  EXPECT_EQ(JudgeFit(stuck, fit), DesignVerdict::kOutsideFamily);
-  EXPECT_EQ(ParametersAtBounds(stuck), std::vector<int>{1});
-  EXPECT_EQ(ParametersAtBounds(MakeDesigner({6.0, -4.0}, {1, 1})), std::vector<int>{0})
-      << "1.8 % of the range is inside";
-  const ParameterSpace from_zero({{.name = "a", .field = "env/a", .low = 1, .high = 2}});
-  const Designer at_nominal(from_zero, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));
-  EXPECT_EQ(JudgeFit(at_nominal, fit), DesignVerdict::kNoGap);
+TEST(JudgePrediction, AnEstimateAtABoundAsksForTheUserUnlessTheFloorIsReached) {
+  const ParameterSpace space({{.name = "a", .field = "env/a", .low = 0.5, .high = 2}});
+  const Designer stuck(space, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));
+  EXPECT_EQ(ParametersAtBounds(stuck), std::vector<int>{0});
+  EXPECT_EQ(JudgePrediction(stuck, Predicted(kMuch, kMuch)), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(JudgePrediction(stuck, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
+  const ParameterSpace from_nominal({{.name = "a", .field = "env/a", .low = 1, .high = 2}});
+  const Designer at_nominal(from_nominal, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));
+  EXPECT_TRUE(ParametersAtBounds(at_nominal).empty());
 }
 
-TEST(JudgeFit, NoGapWhereTheNominalParametersCannotBeTold) {
-  const FitEvidence fit = Noise({0.1}, {0.1});
+TEST(JudgePrediction, NoGapWhereTheNominalParametersCannotBeTold) {
+  const HeldOutPrediction at_floor = Predicted(kNothing, kMuch);
   // The 99 % region of two parameters reaches to 3.03 standard deviations.
-  EXPECT_EQ(JudgeFit(MakeDesigner({2.9, 0}, {1, 1}), fit), DesignVerdict::kNoGap);
-  EXPECT_EQ(JudgeFit(MakeDesigner({3.2, 0}, {1, 1}), fit), DesignVerdict::kGapClosed);
-  EXPECT_EQ(JudgeFit(MakeDesigner({2.9, 2.9}, {1, 1}), fit), DesignVerdict::kGapClosed) << "each alone would pass";
-  EXPECT_EQ(JudgeFit(MakeDesigner({0.02, 0}, {1e-6, 1e-6}), fit), DesignVerdict::kNoGap) << "half a hundredth";
+  EXPECT_EQ(JudgePrediction(MakeDesigner({2.9, 0}, {1, 1}), at_floor), DesignVerdict::kNoGap);
+  EXPECT_EQ(JudgePrediction(MakeDesigner({3.2, 0}, {1, 1}), at_floor), DesignVerdict::kGapClosed);
+  EXPECT_EQ(JudgePrediction(MakeDesigner({2.9, 2.9}, {1, 1}), at_floor), DesignVerdict::kGapClosed)
+      << "each alone would pass";
+  EXPECT_EQ(JudgePrediction(MakeDesigner({0.02, 0}, {1e-6, 1e-6}), at_floor), DesignVerdict::kNoGap)
+      << "half a hundredth";
 }
 
-TEST(JudgeFit, ATradeOffDoesNotHideAGap) {
+TEST(JudgePrediction, ATradeOffDoesNotHideAGap) {
   // Only a + b is known, and it is off: each alone is wide enough to hold its nominal value.
   Eigen::MatrixXd covariance(2, 2);
   covariance << 1, -0.9999, -0.9999, 1;
   const ParameterSpace space = MakeDesigner({0, 0}, {1, 1}).space();
-  EXPECT_EQ(JudgeFit(Designer(space, Eigen::Vector2d(0.5, 0.5), covariance), Noise({0.1}, {0.1})),
-            DesignVerdict::kGapClosed);
-  EXPECT_EQ(JudgeFit(Designer(space, Eigen::Vector2d(0.5, -0.5), covariance), Noise({0.1}, {0.1})),
-            DesignVerdict::kNoGap);
+  const auto verdict = [&](double a, double b) {
+    return JudgePrediction(Designer(space, Eigen::Vector2d(a, b), covariance), Predicted(kNothing, kMuch));
+  };
+  EXPECT_EQ(verdict(0.5, 0.5), DesignVerdict::kGapClosed);
+  EXPECT_EQ(verdict(0.5, -0.5), DesignVerdict::kNoGap);
 }
 
 TEST(Verdicts, HaveTheNamesOfDesignJson) {
@@ -170,6 +203,8 @@ TEST(Verdicts, HaveTheNamesOfDesignJson) {
   EXPECT_EQ(ToString(ParameterVerdict::kNotIdentified), "not_identified");
   EXPECT_EQ(ToString(DesignVerdict::kNoGap), "no_gap");
   EXPECT_EQ(ToString(DesignVerdict::kGapClosed), "gap_closed");
+  EXPECT_EQ(ToString(ParameterVerdict::kAtBound), "at_bound");
+  EXPECT_EQ(ToString(DesignVerdict::kGapNarrowed), "gap_narrowed");
   EXPECT_EQ(ToString(DesignVerdict::kOutsideFamily), "outside_family");
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "oted/nn/batch_norm_mlp.h"
+#include "oted/nn/layer_norm_mlp.h"
 #include "oted/nn/mlp.h"
 
 namespace oted {
@@ -55,6 +56,36 @@ struct AutogradMlp : AutogradParameters {
     }
     return x;
   }
+};
+
+/// A LayerNormMlp: weight and bias of each layer in turn, then gamma and beta of each hidden one.
+struct AutogradLayerNormMlp : AutogradParameters {
+  explicit AutogradLayerNormMlp(const LayerNormMlp& net, const torch::TensorOptions& options = torch::kFloat64)
+      : AutogradParameters(ToTensor(net.parameters(), 1, static_cast<int64_t>(net.n_parameters()), options)),
+        n_layers_(net.layers().size()) {
+    for (const Mlp::Layer& layer : net.layers()) {
+      AddLeaf(layer.weight, layer.in, layer.out);
+      AddLeaf(layer.bias, 1, layer.out);
+    }
+    for (size_t l = 0; l + 1 < n_layers_; ++l) {
+      AddLeaf(net.gamma(l), 1, net.layers()[l].out);
+      AddLeaf(net.beta(l), 1, net.layers()[l].out);
+    }
+  }
+
+  torch::Tensor Forward(torch::Tensor x) const {
+    for (size_t l = 0; l < n_layers_; ++l) {
+      x = torch::addmm(parameters[2 * l + 1], x, parameters[2 * l]);
+      if (l + 1 == n_layers_) break;
+      const torch::Tensor h = torch::relu(x), mean = h.mean(1, true), variance = (h - mean).pow(2).mean(1, true);
+      x = (h - mean) / (variance + LayerNormMlp::kEpsilon).sqrt() * parameters[2 * (n_layers_ + l)] +
+          parameters[2 * (n_layers_ + l) + 1];
+    }
+    return x;
+  }
+
+ private:
+  size_t n_layers_;
 };
 
 /// A BatchNormMlp as sb3-contrib's CrossQ writes its networks: for each layer weight and bias, then for each layer

@@ -16,8 +16,7 @@ size_t Area(int rows, int cols) { return static_cast<size_t>(rows) * static_cast
 
 }  // namespace
 
-double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double weight, float* gradient) {
-  const kernels::FlushDenormals flush;
+void GradientPenalty::ComputeSlope(const Mlp& mlp, const float* x, int batch) {
   const auto& layers = mlp.layers();
   OTED_CHECK(mlp.out() == 1 && batch > 0);
   const float* parameters = mlp.parameters().data();
@@ -47,10 +46,14 @@ double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double we
   slope_.resize(Area(batch, in));
   Gemm(Op::kNone, Op::kTranspose, batch, in, layers[0].out, deltas_[0].data(), layers[0].out,
        parameters + layers[0].weight, layers[0].out, 0.0f, slope_.data(), in);
-
-  // dP / d slope.
-  double penalty = 0;
   tangents_[0].resize(slope_.size());
+}
+
+double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double weight, float* gradient) {
+  const kernels::FlushDenormals flush;
+  ComputeSlope(mlp, x, batch);
+  const int in = mlp.in();
+  double penalty = 0;
   for (int i = 0; i < batch; ++i) {
     const float* row = slope_.data() + Area(i, in);
     float square = 0;
@@ -61,6 +64,33 @@ double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double we
     for (int j = 0; j < in; ++j) tangents_[0][Area(i, in) + static_cast<size_t>(j)] = factor * row[j];
   }
 
+  AddTangents(mlp, batch, gradient);
+  return penalty;
+}
+
+double GradientPenalty::AddSquare(const Mlp& mlp, const float* x, int batch, InputColumns columns, double weight,
+                                  float* gradient) {
+  const kernels::FlushDenormals flush;
+  ComputeSlope(mlp, x, batch);
+  const int in = mlp.in();
+  const float factor = static_cast<float>(2.0 * weight / batch);
+  double penalty = 0;
+  std::ranges::fill(tangents_[0], 0.0f);
+  for (int i = 0; i < batch; ++i) {
+    for (int j = columns.begin; j < columns.end; ++j) {
+      const size_t at = Area(i, in) + static_cast<size_t>(j);
+      penalty += static_cast<double>(slope_[at]) * slope_[at] / batch;
+      tangents_[0][at] = factor * slope_[at];
+    }
+  }
+  AddTangents(mlp, batch, gradient);
+  return penalty;
+}
+
+void GradientPenalty::AddTangents(const Mlp& mlp, int batch, float* gradient) {
+  const auto& layers = mlp.layers();
+  const float* parameters = mlp.parameters().data();
+  const size_t n = layers.size();
   // slope = delta_0 W_0^T and so on, linear in every W_l: its derivative joins what came down to the layer with what
   // came up.
   for (size_t l = 0; l < n; ++l) {
@@ -75,7 +105,6 @@ double GradientPenalty::Add(const Mlp& mlp, const float* x, int batch, double we
     Gemm(Op::kNone, Op::kNone, batch, layer.out, layer.in, tangents_[l].data(), layer.in, parameters + layer.weight,
          layer.out, 0.0f, tangents_[l + 1].data(), layer.out, {.mask = activations_[l].data(), .ld_mask = layer.out});
   }
-  return penalty;
 }
 
 }  // namespace oted

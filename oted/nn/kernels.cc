@@ -5,6 +5,7 @@
 #endif
 
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -170,6 +171,76 @@ OTED_VECTORISED void NormalisedRowProductsGradient(const float* __restrict dy, c
       const float v = KeepWherePositive(factor * w[j] + constant[j] + slope[j] * h[j], h[j]);
       column_sums[j] += v;
       h[j] = v;
+    }
+  }
+}
+
+namespace {
+
+// As many sums at once as a vector register has lanes.
+constexpr int kSums = 16;
+
+inline float SumOf(float (&sums)[kSums]) {
+  for (int half = kSums / 2; half > 0; half /= 2) {
+    for (int lane = 0; lane < half; ++lane) sums[lane] += sums[lane + half];
+  }
+  return sums[0];
+}
+
+}  // namespace
+
+OTED_VECTORISED void NormaliseRows(const float* __restrict h, const RowNormalisation& normalisation,
+                                   float* __restrict y, float* __restrict mean, float* __restrict inverse, int rows,
+                                   int cols) {
+  const float *gamma = normalisation.gamma, *beta = normalisation.beta, share = 1.0f / static_cast<float>(cols);
+  const int whole = cols - cols % kSums;
+  for (int i = 0; i < rows; ++i, h += cols, y += cols) {
+    float sums[kSums] = {}, squares[kSums] = {};
+    for (int j = 0; j < whole; j += kSums) {
+      for (int lane = 0; lane < kSums; ++lane) sums[lane] += h[j + lane];
+    }
+    for (int j = whole; j < cols; ++j) sums[j - whole] += h[j];
+    const float centre = SumOf(sums) * share;
+    for (int j = 0; j < whole; j += kSums) {
+      for (int lane = 0; lane < kSums; ++lane) squares[lane] += (h[j + lane] - centre) * (h[j + lane] - centre);
+    }
+    for (int j = whole; j < cols; ++j) squares[j - whole] += (h[j] - centre) * (h[j] - centre);
+    const float factor = 1.0f / std::sqrt(SumOf(squares) * share + normalisation.epsilon);
+    for (int j = 0; j < cols; ++j) y[j] = gamma[j] * (h[j] - centre) * factor + beta[j];
+    mean[i] = centre;
+    inverse[i] = factor;
+  }
+}
+
+OTED_VECTORISED void NormalisedRowsGradient(float* __restrict dy, const float* __restrict h,
+                                            const float* __restrict gamma, const float* __restrict mean,
+                                            const float* __restrict inverse, const RowNormalisationGradients& gradients,
+                                            int rows, int cols) {
+  float *__restrict dgamma = gradients.dgamma, *__restrict dbeta = gradients.dbeta,
+        *__restrict column_sums = gradients.column_sums;
+  for (float* sums : {dgamma, dbeta, column_sums}) std::memset(sums, 0, static_cast<size_t>(cols) * sizeof(float));
+  const float share = 1.0f / static_cast<float>(cols);
+  const int whole = cols - cols % kSums;
+  for (int i = 0; i < rows; ++i, dy += cols, h += cols) {
+    const float centre = mean[i], factor = inverse[i];
+    float sums[kSums] = {}, products[kSums] = {};
+    const auto add = [&](int j, int lane) {
+      const float x = (h[j] - centre) * factor, dx = dy[j] * gamma[j];
+      sums[lane] += dx;
+      products[lane] += dx * x;
+      dgamma[j] += dy[j] * x;
+      dbeta[j] += dy[j];
+    };
+    for (int j = 0; j < whole; j += kSums) {
+      for (int lane = 0; lane < kSums; ++lane) add(j + lane, lane);
+    }
+    for (int j = whole; j < cols; ++j) add(j, j - whole);
+    const float mean_dx = SumOf(sums) * share, mean_product = SumOf(products) * share;
+    for (int j = 0; j < cols; ++j) {
+      const float x = (h[j] - centre) * factor;
+      const float v = KeepWherePositive(factor * (dy[j] * gamma[j] - mean_dx - x * mean_product), h[j]);
+      column_sums[j] += v;
+      dy[j] = v;
     }
   }
 }

@@ -51,6 +51,22 @@ void NormalisedGradient(const float* dh, const float* slope, const float* consta
 void NormalisedRowProductsGradient(const float* dy, const float* w, const float* slope, const float* constant, float* h,
                                    float* column_sums, int rows, int cols);
 
+/// Layer normalisation of each row of h: y[i, j] = gamma[j] x[i, j] + beta[j] with x[i, j] = (h[i, j] - mean[i])
+/// inverse[i] and inverse[i] = 1 / sqrt(variance[i] + epsilon).
+struct RowNormalisation {
+  const float *gamma, *beta;  ///< (cols)
+  float epsilon;
+};
+void NormaliseRows(const float* h, const RowNormalisation& normalisation, float* y, float* mean, float* inverse,
+                   int rows, int cols);
+/// Back through that and the rectifier whose output h is: dy becomes the gradient at the rectifier's input. dgamma,
+/// dbeta and column_sums (of the new dy), each (cols), are overwritten.
+struct RowNormalisationGradients {
+  float *dgamma, *dbeta, *column_sums;
+};
+void NormalisedRowsGradient(float* dy, const float* h, const float* gamma, const float* mean, const float* inverse,
+                            const RowNormalisationGradients& gradients, int rows, int cols);
+
 /// One Adam step (Kingma and Ba 2015) on n parameters; `step_size` and `inverse_sqrt_correction` carry the bias
 /// corrections: p -= step_size * m / (sqrt(v) * inverse_sqrt_correction + epsilon).
 struct AdamArguments {

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/nn/onnx_export_categorical.h"
 #include "oted/nn/onnx_graph.h"
@@ -84,6 +85,11 @@ std::string OnnxBytes(const TanhGaussianPolicy& policy, const OnnxMetadata& meta
 std::string OnnxBytes(const Policy& policy, const OnnxMetadata& metadata) {
   if (const auto* categorical = dynamic_cast<const CategoricalPolicy*>(&policy)) {
     return OnnxBytes(*categorical, metadata);
+  }
+  if (!policy.has_onnx()) {
+    throw UsageError(
+        "a planner (mbop) simulates at every step and is no graph from observation to action: it has no ONNX form; use "
+        "its policy.npz with this program");
   }
   return OnnxBytes(dynamic_cast<const TanhGaussianPolicy&>(policy), metadata);
 }

@@ -18,7 +18,7 @@ namespace oted {
 /// action_high are added to `metadata` for it. Equal policies and metadata give equal bytes.
 std::string OnnxBytes(const TanhGaussianPolicy& policy, const OnnxMetadata& metadata);
 
-/// That of whichever policy it is.
+/// That of whichever policy it is. @throws UsageError for one without an ONNX form (Policy::has_onnx)
 std::string OnnxBytes(const Policy& policy, const OnnxMetadata& metadata);
 
 /// Writes them, atomically. @throws DataError

@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/data/unpack_budget.h"
 
 namespace oted {
 namespace {
@@ -67,11 +68,15 @@ std::string OnnxExternalData::Read(const std::map<std::string, std::string>& ent
   }
   auto [data, is_new] = files_.try_emplace(location);
   if (is_new) data->second = ReadFile(folder_ / location);
+  if (is_new) n_packed_ += data->second.size();
   const size_t offset = number("offset", 0), size = data->second.size();
   const size_t length = number("length", offset <= size ? size - offset : 0);
   if (offset > size || length > size - offset) {
     OnnxFail(fmt::format("keeps tensor '{}' beyond the end of '{}'", label, location));
   }
+  // Tensors may share bytes of the file: what counts is what they become.
+  n_bytes_ += length;
+  if (n_bytes_ > UnpackBudget(n_packed_)) OnnxFail("keeps far more numbers than its files hold");
   return data->second.substr(offset, length);
 }
 

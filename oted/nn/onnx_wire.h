@@ -1,6 +1,7 @@
 #pragma once
 /// What the readers of ONNX's messages share. Include from oted/nn/onnx_*.cc alone.
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <protozero/pbf_reader.hpp>
@@ -45,6 +46,7 @@ class OnnxExternalData {
  private:
   std::filesystem::path folder_;
   std::map<std::string, std::string> files_;
+  uint64_t n_packed_ = 0, n_bytes_ = 0;  ///< in files; handed out
 };
 
 /// TensorProto. @param name  gets the tensor's, unless null

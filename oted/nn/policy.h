@@ -18,10 +18,14 @@ class PolicyActor {
   virtual ~PolicyActor() = default;
   /// observations (n, obs_dim), raw -> actions (n, act_dim).
   virtual void Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) = 0;
+  /// What an actor that remembers is told: `n` rows begin episodes; or the rows `rows` (ascending) of the last Act go
+  /// on and the others are over.
+  virtual void Begin(int n) { static_cast<void>(n); }
+  virtual void Keep(std::span<const int> rows) { static_cast<void>(rows); }
 };
 
 /// A distribution over actions for every observation: TanhGaussianPolicy for continuous actions, CategoricalPolicy for
-/// discrete ones.
+/// discrete ones; or a PlannerPolicy.
 class Policy {
  public:
   virtual ~Policy() = default;
@@ -29,6 +33,8 @@ class Policy {
   virtual int act_dim() const = 0;
   /// @param noise_scale multiplies the spread when sampling: 1 is the policy itself. The policy must outlive the actor.
   virtual std::unique_ptr<PolicyActor> MakeActor(ActionNoise noise, double noise_scale = 1.0) const = 0;
+  /// Whether it can be an ONNX graph (onnx_export.h).
+  virtual bool has_onnx() const { return true; }
   /// Writes the policy as .npz. @throws DataError
   virtual void Save(const std::filesystem::path& path) const = 0;
 };

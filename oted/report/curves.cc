@@ -1,19 +1,24 @@
 #include "oted/report/curves.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <zlib.h>
 
-#include <cerrno>
 #include <charconv>
-#include <cstring>
 #include <optional>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 
 namespace oted {
+
+namespace fs = std::filesystem;
+
 namespace {
 
 constexpr std::string_view kHeader = "step,key,value\n";
+constexpr const char* kMarkFile = "checkpoint.curves";
+constexpr size_t kMarkSize = 26;
 
 struct Row {
   int64_t step = 0;
@@ -55,12 +60,56 @@ std::optional<Row> ParseRow(std::string_view line) {
   return row;
 }
 
-void CheckHeader(const std::filesystem::path& path, std::string_view text) {
+void CheckHeader(const fs::path& path, std::string_view text) {
   if (text.starts_with(kHeader)) return;
   throw DataError(
       fmt::format("'{}' is no curves file: its first line is not 'step,key,value'; move it away, or name "
                   "another run directory",
                   path.string()));
+}
+
+std::vector<Row> Rows(const std::string& text, const fs::path& path) {
+  std::vector<Row> rows;
+  int line_number = 1;
+  for (size_t begin = kHeader.size(), end; (end = text.find('\n', begin)) != std::string::npos; begin = end + 1) {
+    ++line_number;
+    const std::string_view line = std::string_view(text).substr(begin, end - begin);
+    std::optional<Row> row = ParseRow(line);
+    if (!row) {
+      throw DataError(fmt::format("'{}' line {}: got '{}', wanted step,key,value; remove that line, or the file",
+                                  path.string(), line_number, line.substr(0, 60)));
+    }
+    rows.push_back(std::move(*row));
+  }
+  return rows;
+}
+
+/// How much of the file is whole, and its checksum.
+struct Mark {
+  uint64_t size = 0;
+  uint32_t checksum = 0;
+};
+
+uint32_t Checksum(uint32_t before, std::string_view bytes) {
+  return static_cast<uint32_t>(
+      ::crc32(before, reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<unsigned>(bytes.size())));
+}
+
+std::optional<Mark> MarkOf(std::string_view text) {
+  Mark mark;
+  const char *size = text.data(), *checksum = size + 17;
+  if (text.size() != kMarkSize || std::from_chars(size, size + 16, mark.size, 16).ec != std::errc() ||
+      std::from_chars(checksum, checksum + 8, mark.checksum, 16).ec != std::errc()) {
+    return std::nullopt;
+  }
+  return mark;
+}
+
+/// Whether the file begins with what the mark is of.
+bool IsWhole(std::string_view text, std::string_view mark_text) {
+  const std::optional<Mark> mark = MarkOf(mark_text);
+  return mark && mark->size >= kHeader.size() && mark->size <= text.size() &&
+         Checksum(0, text.substr(0, mark->size)) == mark->checksum;
 }
 
 }  // namespace
@@ -71,46 +120,62 @@ const Curve& Curves::At(const std::string& key) const {
   return found == by_key.end() ? kNone : found->second;
 }
 
-CurvesWriter::CurvesWriter(const std::filesystem::path& path) : path_(path) {
-  std::error_code failed;
-  if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path(), failed);
-  bool started = false;
-  if (std::filesystem::exists(path, failed)) {
-    const std::string text = ReadFile(path);
-    const size_t complete = text.rfind('\n') + 1;  // 0 when there is no complete line
-    started = complete > 0;
-    if (started) CheckHeader(path, text);
-    if (complete < text.size()) std::filesystem::resize_file(path, complete, failed);
+CurvesWriter::CurvesWriter(const fs::path& path) {
+  if (path.has_parent_path()) MakeFolders(path.parent_path());
+  const fs::path mark_file = path.parent_path() / kMarkFile;
+  std::string text, mark;
+  if (fs::exists(path)) text = ReadFile(path);
+  if (fs::exists(mark_file)) mark = ReadFile(mark_file);
+  const size_t complete = text.rfind('\n') + 1;  // 0 when there is no complete line
+  if (complete > 0 && mark.empty()) CheckHeader(path, text);
+  if (!mark.empty() && !IsWhole(text, mark)) {
+    fs::rename(path, path.string() + ".damaged");
+    set_aside_ = true;
+    text.clear();
+    mark.clear();
   }
-  file_.open(path, std::ios::binary | std::ios::app);
-  if (!file_) {
-    throw DataError(fmt::format("cannot write '{}': {}; choose a run directory that can be written", path.string(),
-                                std::strerror(errno)));
-  }
-  if (!started) file_ << kHeader << std::flush;
+  file_.emplace(path, O_WRONLY | O_CREAT);
+  mark_.emplace(mark_file, O_WRONLY | O_CREAT);
+  TakeOver(std::move(text), path, mark);
+}
+
+/// Goes on behind what is whole of `text`.
+void CurvesWriter::TakeOver(std::string text, const fs::path& path, const std::string& mark) {
+  text.resize(mark.empty() ? text.rfind('\n') + 1 : MarkOf(mark)->size);
+  file_->Truncate(text.size());
+  if (text.empty()) return Write(std::string(kHeader));
+  for (Row& row : Rows(text, path)) last_[std::move(row.key)] = row.step;
+  size_ = text.size();
+  checksum_ = Checksum(0, text);
+}
+
+void CurvesWriter::Write(const std::string& text) {
+  file_->WriteAt(size_, text);
+  size_ += text.size();
+  checksum_ = Checksum(checksum_, text);
+  mark_->WriteAt(0, fmt::format("{:016x} {:08x}\n", size_, checksum_));
 }
 
 void CurvesWriter::Append(int64_t step, std::string_view key, double value) {
   OTED_CHECK(!key.empty() && key.find_first_of("\r\n") == std::string_view::npos);
-  file_ << fmt::format("{},{},{}\n", step, Quoted(key), value) << std::flush;
-  if (!file_) throw DataError(fmt::format("cannot write '{}': free some disk space and run again", path_.string()));
+  const auto [last, is_new] = last_.try_emplace(std::string(key), step);
+  if (!is_new && step <= last->second) return;
+  last->second = step;
+  Write(fmt::format("{},{},{}\n", step, Quoted(key), value));
 }
 
-Curves ReadCurves(const std::filesystem::path& path) {
+Curves ReadCurves(const fs::path& path) {
+  const fs::path mark_file = path.parent_path() / kMarkFile;
+  // First: a row that is written meanwhile then lies behind the mark.
+  const std::string mark = fs::exists(mark_file) ? ReadFile(mark_file) : "";
   const std::string text = ReadFile(path);
+  if (!mark.empty() && !IsWhole(text, mark)) {
+    throw DataError(fmt::format("'{}' is damaged: it is not what '{}' says; remove both, or go on with the run",
+                                path.string(), mark_file.string()));
+  }
   CheckHeader(path, text);
   std::map<std::string, std::map<int64_t, double>> values;
-  int line_number = 1;
-  for (size_t begin = kHeader.size(), end; (end = text.find('\n', begin)) != std::string::npos; begin = end + 1) {
-    ++line_number;
-    const std::string_view line = std::string_view(text).substr(begin, end - begin);
-    std::optional<Row> row = ParseRow(line);
-    if (!row) {
-      throw DataError(fmt::format("'{}' line {}: got '{}', wanted step,key,value; remove that line, or the file",
-                                  path.string(), line_number, line.substr(0, 60)));
-    }
-    values[std::move(row->key)][row->step] = row->value;
-  }
+  for (Row& row : Rows(text, path)) values[std::move(row.key)][row.step] = row.value;
   Curves curves;
   for (const auto& [key, by_step] : values) curves.by_key[key].assign(by_step.begin(), by_step.end());
   return curves;

@@ -25,17 +25,55 @@ TEST(CurvesTest, ReadsBackExactlyWhatWasWritten) {
   EXPECT_TRUE(curves.At("another").empty());
 }
 
-TEST(CurvesTest, AUnitThatWentOnFromACheckpointShowsEachStepOnce) {
+TEST(CurvesTest, AUnitThatWentOnFromACheckpointLeavesTheFileOfOneThatDidNotStop) {
   TestFolder folder;
+  const auto append = [](CurvesWriter& writer, int begin, int end) {
+    for (int step = begin; step < end; ++step) {
+      writer.Append(step, "a", step);
+      if (step % 2 == 0) writer.Append(step, "b", 10 * step);
+    }
+  };
+  CurvesWriter whole(folder / "whole/curves.csv");
+  append(whole, 0, 8);
   {
     CurvesWriter before(folder / "curves.csv");
-    for (int step = 0; step < 6; ++step) before.Append(step, "a", step);
+    append(before, 0, 6);
   }
   CurvesWriter after(folder / "curves.csv");
-  for (int step = 4; step < 8; ++step) after.Append(step, "a", 10 * step);
-  EXPECT_THAT(
-      ReadCurves(folder / "curves.csv").At("a"),
-      ElementsAre(Pair(0, 0), Pair(1, 1), Pair(2, 2), Pair(3, 3), Pair(4, 40), Pair(5, 50), Pair(6, 60), Pair(7, 70)));
+  append(after, 3, 8);
+  EXPECT_EQ(ReadFile(folder / "curves.csv"), ReadFile(folder / "whole/curves.csv"));
+}
+
+TEST(CurvesTest, AnEarlierVersionsRepeatedStepsCountOnce) {
+  TestFolder folder;
+  WriteFileAtomically(folder / "curves.csv", "step,key,value\n1,a,1\n2,a,2\n2,a,20\n3,a,3\n");
+  EXPECT_THAT(ReadCurves(folder / "curves.csv").At("a"), ElementsAre(Pair(1, 1), Pair(2, 20), Pair(3, 3)));
+}
+
+TEST(CurvesTest, ARowThatWasWrittenButNotMarkedIsWrittenAgain) {
+  TestFolder folder;
+  CurvesWriter(folder / "curves.csv").Append(1, "a", 2);
+  const std::string mark = ReadFile(folder / "checkpoint.curves");
+  CurvesWriter(folder / "curves.csv").Append(2, "a", 3);
+  WriteFileAtomically(folder / "checkpoint.curves", mark);  // killed between the two
+  EXPECT_EQ(ReadCurves(folder / "curves.csv").At("a").size(), 2u);
+  CurvesWriter(folder / "curves.csv").Append(2, "a", 3);
+  EXPECT_EQ(ReadFile(folder / "curves.csv"), "step,key,value\n1,a,2\n2,a,3\n");
+}
+
+TEST(CurvesTest, AFileThatIsNotWholeIsSetAsideAndNotShown) {
+  for (const auto& [name, damage] :
+       {std::pair{"a digit", "step,key,value\n1,a,3\n"}, {"cut short", "step,key,value\n"}}) {
+    TestFolder folder;
+    CurvesWriter(folder / "curves.csv").Append(1, "a", 2);
+    WriteFileAtomically(folder / "curves.csv", damage);
+    EXPECT_THAT(MessageOf<DataError>([&] { ReadCurves(folder / "curves.csv"); }), HasSubstr("is damaged")) << name;
+    CurvesWriter writer(folder / "curves.csv");
+    EXPECT_TRUE(writer.set_aside()) << name;
+    writer.Append(2, "a", 5);
+    EXPECT_EQ(ReadFile(folder / "curves.csv"), "step,key,value\n2,a,5\n") << name;
+    EXPECT_EQ(ReadFile(folder / "curves.csv.damaged"), damage) << name;
+  }
 }
 
 TEST(CurvesTest, ARowCutOffByAnInterruptionIsLeftOutAndThenRemoved) {

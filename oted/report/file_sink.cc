@@ -1,5 +1,7 @@
 #include "oted/report/file_sink.h"
 
+#include <fmt/format.h>
+
 #include "oted/report/curves.h"
 #include "oted/report/tensorboard.h"
 
@@ -20,6 +22,12 @@ void FileSink::Scalar(std::string_view run, std::string_view key, int64_t step, 
   auto found = files_.find(run);
   if (found == files_.end()) {
     found = files_.emplace(std::string(run), std::make_unique<Files>(run_dir_ / run)).first;
+    if (found->second->curves.set_aside()) {
+      Warning(
+          fmt::format("'{}' was damaged or cut short: it is kept as curves.csv.damaged, and the curves go on in a "
+                      "new file",
+                      (run_dir_ / run / "curves.csv").string()));
+    }
   }
   found->second->curves.Append(step, key, value);
   found->second->events.Scalar(key, step, value);

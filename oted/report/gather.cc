@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "oted/base/error.h"
-#include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/report/curves.h"
 #include "oted/report/json_values.h"
 
@@ -24,7 +24,7 @@ constexpr size_t kMostPoints = 1000;
 // A result file of the given schema, or null when there is none.
 json ReadResult(const fs::path& path, const std::string& schema) {
   if (!fs::exists(path)) return nullptr;
-  json result = ReadJson(path);
+  json result = ReadSealed(path, true);
   const std::string got = result.is_object() ? TextAt(result, "schema") : "";
   if (!schema.empty() && got != schema) {
     throw DataError(
@@ -34,9 +34,12 @@ json ReadResult(const fs::path& path, const std::string& schema) {
   return result;
 }
 
-json CurvesOf(const fs::path& folder) {
+// The curves beside `record`, which `file` is; null when it is not there yet.
+json CurvesOf(const fs::path& file, const json& record) {
   json result = json::object();
+  const fs::path folder = file.parent_path();
   if (!fs::exists(folder / "curves.csv")) return result;
+  CheckSealedFile(record, file, "curves.csv");
   for (const auto& [key, curve] : ReadCurves(folder / "curves.csv").by_key) {
     const size_t stride = (curve.size() + kMostPoints - 1) / kMostPoints;
     json points = json::array();
@@ -48,6 +51,13 @@ json CurvesOf(const fs::path& folder) {
     result[key] = std::move(points);
   }
   return result;
+}
+
+// A stage's record as `name`, and the curves beside it.
+json WithCurves(const fs::path& file, const std::string& schema, const char* name) {
+  json record = ReadResult(file, schema);
+  json curves = CurvesOf(file, record);
+  return {{name, std::move(record)}, {"curves", std::move(curves)}};
 }
 
 // The folders in `parent`, numbers in numerical order.
@@ -68,9 +78,8 @@ std::vector<std::string> Folders(const fs::path& parent) {
 json Agents(const fs::path& folder) {
   json agents = json::array();
   for (const std::string& name : Folders(folder)) {
-    json agent = {{"name", name},
-                  {"result", ReadResult(folder / name / "agent.json", "oted.agent/1")},
-                  {"curves", CurvesOf(folder / name)}};
+    json agent = WithCurves(folder / name / "agent.json", "oted.agent/1", "result");
+    agent["name"] = name;
     if (!agent["result"].is_null() || !agent["curves"].empty()) agents.push_back(std::move(agent));
   }
   return agents;
@@ -95,8 +104,8 @@ void GatherDesignSeeds(const fs::path& run_dir, json* report) {
   if (std::find(settings.begin(), settings.end(), shown) == settings.end()) shown = settings.front();
   json seeds = json::array();
   for (const std::string& name : Folders(run_dir / "design" / shown)) {
-    const fs::path folder = run_dir / "design" / shown / name;
-    json seed = {{"name", name}, {"q", ReadResult(folder / "q.json", "oted.q/1")}, {"curves", CurvesOf(folder)}};
+    json seed = WithCurves(run_dir / "design" / shown / name / "q.json", "oted.q/1", "q");
+    seed["name"] = name;
     if (!seed["curves"].empty() || !seed["q"].is_null()) seeds.push_back(std::move(seed));
   }
   if (seeds.empty()) return;
@@ -153,8 +162,7 @@ json Gather(const fs::path& run_dir) {
   add("replay", ReadResult(run_dir / "motion" / "replay.json", "oted.replay/1"));
   add("motion", ReadResult(run_dir / "motion" / "motion.json", "oted.motion/1"));
   add("evaluation", ReadResult(run_dir / "evaluation.json", "oted.evaluation/1"));
-  json clone = {{"result", ReadResult(run_dir / "clone" / "clone.json", "oted.clone/1")},
-                {"curves", CurvesOf(run_dir / "clone")}};
+  json clone = WithCurves(run_dir / "clone" / "clone.json", "oted.clone/1", "result");
   if (!clone["result"].is_null() || !clone["curves"].empty()) report["clone"] = std::move(clone);
   GatherDesignSeeds(run_dir, &report);
   add("agents", Agents(run_dir / "agents"));
@@ -168,7 +176,9 @@ json Gather(const fs::path& run_dir) {
         "'{}' holds no results to report; name the folder that was given as --out to 'oted run'", run_dir.string()));
   }
   json run;
-  if (fs::exists(run_dir / "run.toml")) run["config"] = ReadFile(run_dir / "run.toml");
+  if (fs::exists(run_dir / "run.toml")) {
+    run["config"] = ReadSealedText(run_dir / "run.toml", "or write it anew with the command that made the run");
+  }
   const json versions = ReadResult(run_dir / "versions.json", "");
   if (!versions.is_null()) run["versions"] = versions;
   add("run", std::move(run));

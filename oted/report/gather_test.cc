@@ -115,7 +115,7 @@ TEST(GatherReportTest, OnlyTheSelectedSettingsSeedsAreShown) {
 TEST(GatherReportTest, AFolderWithoutResultsIsAnErrorWithTheRemedy) {
   TestFolder folder;
   EXPECT_THAT(MessageOf<DataError>([&] { GatherReport(folder.path()); }), HasSubstr("--out"));
-  WriteFileAtomically(folder / "run.toml", "[run]\n");
+  WriteFileAtomically(folder / "run.toml", SealedText("[run]\n", ""));
   EXPECT_THAT(MessageOf<DataError>([&] { GatherReport(folder.path()); }), HasSubstr("no results"));
   EXPECT_THAT(MessageOf<DataError>([&] { GatherReport(folder.path() / "missing"); }), HasSubstr("missing"));
 }

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cctype>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/package_folders.h"
 #include "oted/report/json_values.h"
 #include "oted/report/page_assets.h"
 #include "oted/report/sections_agents.h"
@@ -36,9 +38,21 @@ std::string Header(const json& report) {
     for (const json& item : items) html += fmt::format("<p>{}</p>", Escape(AsText(item)));
     return html.empty() ? "" : fmt::format("<div><h2>{}</h2>{}</div>\n", title, html);
   };
-  const char* tone = verdict == "outside_family" ? "poor" : verdict.empty() ? "open" : "good";
+  const char* tone = verdict == "outside_family" ? "poor"
+                     : verdict == "gap_narrowed" ? "fair"
+                     : verdict.empty()           ? "open"
+                                                 : "good";
+  // The verdict in large letters, what it rests on in small ones.
+  const std::string sentence = TextAt(summary, "headline");
+  const size_t end = sentence.find("; ");
+  std::string rest = end == std::string::npos ? "" : sentence.substr(end + 2);
+  if (!rest.empty()) {
+    rest[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(rest[0])));
+    rest = fmt::format("<p class=\"rest\">{}</p>\n", Escape(rest));
+  }
   return fmt::format("<header class=\"{}\" id=\"top\"><p class=\"eyebrow\">{}</p><h1>{}</h1>\n", tone,
-                     Escape(TextAt(report, "title")), Escape(TextAt(summary, "headline"))) +
+                     Escape(TextAt(report, "title")), Escape(rest.empty() ? sentence : sentence.substr(0, end) + ".")) +
+         rest +
          fmt::format("<p class=\"asked\">{}</p>\n<div class=\"answer\">{}{}{}</div></header>\n",
                      Escape(TextAt(summary, "asked")), list("What came out", summary.at("found")),
                      list("How far to trust it", summary.at("trust")),
@@ -49,7 +63,7 @@ std::string Header(const json& report) {
 
 std::string PlotlyJs() {
   const char* const chosen = std::getenv("OTED_PLOTLY_JS");
-  const std::filesystem::path path = chosen != nullptr && *chosen != '\0' ? chosen : OTED_PLOTLY_JS;
+  const std::filesystem::path path = chosen != nullptr && *chosen != '\0' ? chosen : FoundPackages().plotly_js;
   std::error_code failed;
   if (!std::filesystem::is_regular_file(path, failed)) {
     throw DataError(

@@ -17,8 +17,8 @@ std::string HtmlDocument(std::string_view title, std::string_view navigation, st
 /// @param plotly_js  the text of plotly.min.js
 std::string HtmlPage(const nlohmann::json& report, std::string_view plotly_js);
 
-/// The text of plotly.min.js: of the file that the environment variable OTED_PLOTLY_JS names, else of the one found
-/// when the program was built. @throws DataError when there is none
+/// The text of plotly.min.js: of the file that the environment variable OTED_PLOTLY_JS names, else of the one that
+/// FoundPackages() has. @throws DataError when there is none
 std::string PlotlyJs();
 
 }  // namespace oted

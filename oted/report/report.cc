@@ -7,6 +7,7 @@
 #include "oted/base/base64.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/report/gather.h"
 #include "oted/report/html_page.h"
 #include "oted/report/summary.h"
@@ -17,30 +18,44 @@ namespace {
 /// The page has the pictures inside; report.json names their files.
 nlohmann::json WithPictures(nlohmann::json report, const std::filesystem::path& run_dir) {
   if (!report.contains("motion") || !report["motion"].contains("panels")) return report;
+  const std::filesystem::path record = run_dir / "motion" / "motion.json";
   for (nlohmann::json& panel : report["motion"]["panels"]) {
-    const std::string bytes = ReadFile(run_dir / "motion" / panel.at("file").get<std::string>());
-    panel["data"] = "data:image/webp;base64," + Base64(bytes);
+    const std::string name = panel.at("file").get<std::string>();
+    if (!IsPlainName(name)) {
+      throw DataError(
+          fmt::format("'{}' names the picture '{}', wanted a file in its own folder; remove it and run the "
+                      "command again",
+                      record.string(), name));
+    }
+    CheckSealedFile(report["motion"], record, name);
+    panel["data"] = "data:image/webp;base64," + Base64(ReadFile(record.parent_path() / name));
   }
   return report;
 }
 
 }  // namespace
 
-void WriteReport(const std::filesystem::path& run_dir) {
+void WriteReport(const std::filesystem::path& run_dir) { WriteReport(run_dir, run_dir); }
+
+void WriteReport(const std::filesystem::path& run_dir, const std::filesystem::path& folder) {
   nlohmann::json report = GatherReport(run_dir);
   const std::string plotly_js = PlotlyJs();
   std::string page;
   try {
     report["summary"] = Summarise(report);
+    static_cast<void>(report.dump());  // throws for text that is no UTF-8, which would spoil the page
     page = HtmlPage(WithPictures(report, run_dir), plotly_js);
-    WriteJson(run_dir / "report.json", report);
   } catch (const nlohmann::json::exception& error) {
     throw DataError(
         fmt::format("a result file in '{}' does not have the layout of its schema ({}); run the stage that "
                     "wrote it again",
                     run_dir.string(), error.what()));
   }
-  WriteFileAtomically(run_dir / "report.html", page);
+  // It speaks for the page, and so stands only beside its own.
+  RemoveFile(folder / "report.json");
+  WriteFileAtomically(folder / "report.html", page);
+  Seal(report, folder, {"report.html"});
+  WriteJson(folder / "report.json", report);
 }
 
 }  // namespace oted

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/data/dataset_files.h"
 #include "oted/report/curves.h"
 
@@ -28,7 +29,8 @@ class SampleRun {
   std::vector<std::string> verdicts = {"weak", "identified", "identified"};
 
   void WriteRecord() const {
-    WriteFileAtomically(dir_ / "run.toml", "[task]\nname = \"Hopper-v5\"\n\n[run]\nseed = 1\nthreads = 2\n");
+    WriteFileAtomically(dir_ / "run.toml",
+                        SealedText("[task]\nname = \"Hopper-v5\"\n\n[run]\nseed = 1\nthreads = 2\n", ""));
     WriteJson(dir_ / "versions.json", {{"oted", "0.1.0"},
                                        {"mujoco", "4.0.0"},
                                        {"cpu", "x86_64, 2 threads"},
@@ -116,6 +118,7 @@ class SampleRun {
                {"nominal_common", 0.412},
                {"log2", std::log(2.0)},
                {"verdict", "gap_closed"},
+               {"sentence", "gap closed: over 0.5 s the designed simulator predicts the logs"},
                {"model", {{"task", "Hopper-v5"}, {"sha256", std::string(64, 'b')}}},
                {"warnings", {"parameter 'friction' has little measured effect over the logged episodes"}}});
   }

@@ -13,7 +13,7 @@ using nlohmann::json;
 
 std::string VerdictBadge(const std::string& verdict) {
   if (verdict.empty()) return "–";
-  const char* css = verdict == "identified" ? "good" : verdict == "weak" ? "fair" : "poor";
+  const char* css = verdict == "identified" ? "good" : verdict == "weak" || verdict == "at_bound" ? "fair" : "poor";
   std::string words = verdict;
   std::replace(words.begin(), words.end(), '_', ' ');
   return fmt::format("<span class=\"badge {}\">{}</span>", css, Escape(words));
@@ -97,19 +97,21 @@ Section ValidationSection(const json& report) {
   const json& validation = design["validation"];
   const json& horizons = ListAt(validation, "horizons");
   if (horizons.empty()) return section;
+  const bool learned = horizons[0].value("learned", false);
   section.html = fmt::format(
-      "<p>A part of the logs was kept aside, and a design from the rest predicts it: {} windows, with the logged "
-      "actions "
-      "and nothing else. The error is the root mean square over the window, in the channel's unit. <em>Sensors</em> is "
-      "the noise of a reading: no simulator can come nearer.</p>\n",
-      FormatCount(NumberAt(validation, "n_windows")));
+      "<p>{}, with the logged actions and nothing else: {} windows of {} s. The error is the root mean square over the "
+      "window, in the channel's unit. <em>Sensors</em> is what their noise alone would leave: the designed simulator "
+      "predicts logs of its own, with the same noise on them.</p>\n",
+      learned ? "The logs are too few to keep a part aside: the design predicts those that it learned from"
+              : "A part of the logs was kept aside, and a design from the rest predicts it",
+      FormatCount(NumberAt(horizons[0], "n_windows")), FormatGiven(NumberAt(horizons[0], "seconds")));
   HtmlTable table;
   table.Column("Channel", HtmlTable::Align::kText);
   for (const json& horizon : horizons) {
     const std::string seconds = FormatGiven(NumberAt(horizon, "seconds"));
     table.Column(fmt::format("Nominal, {} s", seconds)).Column(fmt::format("Designed, {} s", seconds));
+    table.Column(fmt::format("Sensors, {} s", seconds));
   }
-  table.Column("Sensors");
   const json& channels = ListAt(horizons[0], "channels");
   for (size_t c = 0; c < channels.size(); ++c) {
     std::vector<std::string> cells = {Escape(TextAt(channels[c], "name")) + UnitHtml(TextAt(channels[c], "unit"))};
@@ -117,8 +119,8 @@ Section ValidationSection(const json& report) {
       const json& channel = ListAt(horizon, "channels").at(c);
       cells.push_back(FormatNumber(NumberAt(channel, "nominal")));
       cells.push_back("<b>" + FormatNumber(NumberAt(channel, "designed")) + "</b>");
+      cells.push_back(FormatNumber(NumberAt(channel, "floor")));
     }
-    cells.push_back(FormatNumber(NumberAt(channels[c], "floor")));
     table.Row(std::move(cells));
   }
   section.html += table.Html();

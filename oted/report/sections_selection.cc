@@ -64,7 +64,8 @@ std::string TriedMethods(const json& design) {
   for (const json& choice : ListAt(design, "method_choices")) {
     if (ListAt(choice, "tried").empty()) continue;
     html += fmt::format(
-        "<p>Setting <em>{}</em> left the method open, and the answer of the first was outside the family. Each method "
+        "<p>Setting <em>{}</em> left the method open, and the first predicts no better than the nominal simulator. "
+        "Each method "
         "therefore learned from part of the logs, and its simulator replayed {} windows of {} steps from the rest. "
         "Errors are in units of each channel's noise, or of a hundredth of its spread if that is more.</p>\n",
         Escape(TextAt(choice, "setting")), FormatCount(NumberAt(choice, "n_windows")),

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -53,23 +54,16 @@ Match MatchOf(const json& report) {
   return match;
 }
 
-std::string GapClosed(const Match& match) {
-  if (!match.nominal || !match.designed || *match.nominal >= 0) {
-    return "The designed simulator matches the logs; the nominal one does not.";
+// The verdict's sentence, as the design wrote it, with a capital and a full stop.
+std::string Headline(const json& report) {
+  if (!report.contains("design")) {
+    return report.contains("design_seeds") ? "The design is not complete yet."
+                                           : "No simulator has been designed in this run yet.";
   }
-  const double share = std::clamp(1 - *match.designed / *match.nominal, 0.0, 1.0);
-  // 100 % is said only where the classifier sees nothing at all.
-  const double percent = share < 1 ? std::min(std::round(100 * share), 99.0) : 100.0;
-  return fmt::format("The designed simulator closes {:.0f}% of the gap to the logs.", percent);
-}
-
-std::string Headline(const json& report, const std::string& verdict) {
-  if (verdict == "gap_closed") return GapClosed(MatchOf(report));
-  if (verdict == "no_gap") return "The nominal simulator matches the logs: there is no gap to close.";
-  if (verdict == "outside_family") return "No simulator in this family matches the logs.";
-  if (report.contains("design")) return "A simulator has been designed; no verdict was recorded.";
-  if (report.contains("design_seeds")) return "The design is not complete yet.";
-  return "No simulator has been designed in this run yet.";
+  std::string sentence = TextAt(report["design"], "sentence");
+  if (sentence.empty()) return "A simulator has been designed; no verdict was recorded.";
+  sentence[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(sentence[0])));
+  return sentence + ".";
 }
 
 std::string Asked(const json& report) {
@@ -93,7 +87,8 @@ void AddParameters(const json& report, json* found) {
     identified.push_back(fmt::format("{} ({})", TextAt(parameter, "name"),
                                      FormatSpread(NumberAt(parameter, "mode"), NumberAt(parameter, "std"))));
   }
-  const bool outside = report.contains("design") && TextAt(report["design"], "verdict") == "outside_family";
+  const std::string whole = report.contains("design") ? TextAt(report["design"], "verdict") : "";
+  const bool outside = whole == "outside_family" || whole == "gap_narrowed";
   if (!identified.empty()) {
     found->push_back(
         fmt::format("{} logs determine {}.", outside ? "Within this family, the" : "The", Enumerate(identified)));
@@ -101,7 +96,7 @@ void AddParameters(const json& report, json* found) {
   const std::vector<std::string> weak = NamesOf(parameters, "weak");
   if (!weak.empty()) {
     found->push_back(
-        fmt::format("They show only roughly what {} {}.", Enumerate(weak), weak.size() == 1 ? "is" : "are"));
+        fmt::format("The logs show only roughly what {} {}.", Enumerate(weak), weak.size() == 1 ? "is" : "are"));
   }
 }
 
@@ -161,6 +156,8 @@ void AddPolicies(const json& report, json* found) {
       add_baseline("one trained with domain randomisation", value);
     } else if (name.ends_with("_is")) {
       add_baseline("one trained by interval search", value);
+    } else if (const std::string label = TextAt(policy, "label"); label.ends_with(" learned from the logs")) {
+      add_baseline(label.c_str(), value);
     }
   }
   if (!ours) return;
@@ -180,18 +177,17 @@ void AddMatch(const json& report, json* trust) {
                   FormatScore(match.designed), FormatScore(match.nominal)));
 }
 
-// What is not searched and would explain what is left.
-void AddSuspects(const json& fit, json* found) {
-  std::vector<std::string> texts;
-  for (const json& suspect : ListAt(fit, "suspects")) {
-    texts.push_back(fmt::format("{} (about {} times what the model says)", TextAt(suspect, "field"),
-                                FormatNumber(suspect["factor"])));
+// What is not searched and would explain what is left, and what joined the parameters.
+void AddSuspects(const json& design, json* found) {
+  for (const json& grown : ListAt(design, "grown")) {
+    found->push_back(fmt::format("The parameter {} ({}) was added by the design itself: it predicts better with it.",
+                                 TextAt(grown, "name"), TextAt(grown, "field")));
   }
-  if (texts.empty()) return;
-  found->push_back(
-      fmt::format("{} not among the parameters, but the logs suggest another value of {}: add {} and design again.",
-                  Enumerate(texts) + (texts.size() == 1 ? " is" : " are"),
-                  texts.size() == 1 ? "it" : "one of them, perhaps of all", texts.size() == 1 ? "it" : "the first"));
+  for (const json& suspect : ListAt(design["fit"], "suspects")) {
+    const bool kept = suspect.contains("freed") && suspect["freed"].value("kept", false);
+    found->push_back(fmt::format("Suspect, not among the parameters: {}.{}", TextAt(suspect, "sentence"),
+                                 kept ? " Add this line to them: " + TextAt(suspect, "line") : ""));
+  }
 }
 
 // Which method of the design was taken where that was left open, and why.
@@ -219,31 +215,17 @@ void AddFit(const json& report, json* found, json* trust) {
   }
   if (!disagreeing.empty()) {
     found->push_back(
-        fmt::format("In replays with the best parameters, {} drift{} from the log by more than sensor noise: look "
+        fmt::format("In predictions of the designed simulator, the error of {} is more than the sensors explain: look "
                     "there for what the simulator lacks.",
-                    Enumerate(disagreeing), disagreeing.size() == 1 ? "s" : ""));
+                    Enumerate(disagreeing)));
   }
-  AddSuspects(fit, found);
+  AddSuspects(report["design"], found);
   if (disagreeing.empty() && lowest) {
     trust->push_back(
         fmt::format("The simulator explains {:.0f}% of the logged windows up to sensor noise, which has a standard "
                     "deviation of {} to {}, by channel.",
                     100 * NumberAt(fit, "explained").value_or(0), FormatNumber(lowest), FormatNumber(highest)));
   }
-}
-
-// The parameters whose value ended within a hundredth of the search range from its edge.
-std::vector<std::string> AtTheEdge(const json& parameters) {
-  std::vector<std::string> names;
-  for (const json& parameter : parameters) {
-    const json& bounds = ListAt(parameter, "bounds");
-    const std::optional<double> mode = NumberAt(parameter, "mode");
-    if (bounds.size() != 2 || !mode || !AsNumber(bounds[0]) || !AsNumber(bounds[1])) continue;
-    const double low = *AsNumber(bounds[0]);
-    const double high = *AsNumber(bounds[1]);
-    if (std::min(*mode - low, high - *mode) < 0.01 * (high - low)) names.push_back(TextAt(parameter, "name"));
-  }
-  return names;
 }
 
 json Unknown(const json& report, const std::string& verdict) {
@@ -254,7 +236,7 @@ json Unknown(const json& report, const std::string& verdict) {
     unknown.push_back(
         fmt::format("The logs do not show {}: any value in the range fits about as well.", Enumerate(open)));
   }
-  const std::vector<std::string> edge = AtTheEdge(parameters);
+  const std::vector<std::string> edge = NamesOf(parameters, "at_bound");
   if (!edge.empty()) {
     unknown.push_back(
         fmt::format("{} ended at the edge of the range: the best value may lie beyond.", Enumerate(edge)));
@@ -270,10 +252,10 @@ json Unknown(const json& report, const std::string& verdict) {
         "A difference may remain: motions that the logs do not contain, and effects that no parameter describes, are "
         "untested.");
   }
-  if (verdict == "outside_family") {
+  if (verdict == "outside_family" || verdict == "gap_narrowed") {
     unknown.push_back(
-        "Something other than these parameters differs between simulator and target. The values below are the best of "
-        "a family that does not fit. They are no measurements.");
+        "More error is left than the sensors explain. Something beside these parameters may differ, or the method has "
+        "not found them exactly. Take the values below for the best that it found, not for measurements.");
   }
   if (report.contains("design") && !report.contains("evaluation")) {
     unknown.push_back("No policy was evaluated in the target.");
@@ -290,12 +272,14 @@ json Summarise(const json& report) {
   AddPolicies(report, &found);
   json trust = json::array();
   AddFit(report, &found, &trust);
-  AddMatch(report, &trust);
+  // Where logs were predicted, that is what the verdict rests on.
+  const bool predicted = report.contains("design") && report["design"].contains("validation");
+  if (!predicted) AddMatch(report, &trust);
   AddMethodChoice(report, &trust);
   json unknown = Unknown(report, verdict);
-  AddReplay(report, &trust, &unknown);
+  if (!predicted) AddReplay(report, &trust, &unknown);
   AddError(report, &trust);
-  return {{"verdict", verdict},     {"headline", Headline(report, verdict)},
+  return {{"verdict", verdict},     {"headline", Headline(report)},
           {"asked", Asked(report)}, {"found", found},
           {"trust", trust},         {"unknown", unknown}};
 }

@@ -22,10 +22,24 @@ BatchPolicy AsBatchPolicy(const Policy& policy, ActionNoise noise, Rng rng) {
   };
   // A std::function is copied; the stream must not be.
   const auto state = std::make_shared<State>(policy.MakeActor(noise), rng);
-  return [state](std::span<const double> observations, int n, std::span<double> actions) {
+  BatchPolicy act = [state](std::span<const double> observations, int n, std::span<double> actions) {
     state->actor->Act(observations, n, state->rng, actions);
   };
+  act.begin = [state](int n) { state->actor->Begin(n); };
+  act.keep = [state](std::span<const int> rows) { state->actor->Keep(rows); };
+  return act;
 }
+
+namespace {
+
+/// `act` in the place of `inner`, whose memory it has.
+BatchPolicy InPlaceOf(const BatchPolicy& inner, BatchPolicy act) {
+  act.begin = inner.begin;
+  act.keep = inner.keep;
+  return act;
+}
+
+}  // namespace
 
 BatchPolicy MeanActionPolicy(const Policy& policy) { return AsBatchPolicy(policy, ActionNoise::kMean, Rng(0)); }
 
@@ -49,8 +63,10 @@ BatchPolicy LoadNpz(const std::filesystem::path& path, const SimulatorSpec& spec
                                 path.string(), kind(n_actions), spec.task, kind(spec.n_discrete_actions)));
   }
   const ActionNoise noise = categorical == nullptr ? ActionNoise::kMean : discrete;
-  return [policy, act = AsBatchPolicy(*policy, noise, rng)](
-             std::span<const double> observations, int n, std::span<double> actions) { act(observations, n, actions); };
+  const BatchPolicy act = AsBatchPolicy(*policy, noise, rng);
+  return InPlaceOf(act, [policy, act](std::span<const double> observations, int n, std::span<double> actions) {
+    act(observations, n, actions);
+  });
 }
 
 BatchPolicy LoadOnnx(const std::filesystem::path& path, const SimulatorSpec& spec, ActionNoise discrete, Rng rng) {
@@ -90,8 +106,8 @@ BatchPolicy LoadBatchPolicy(const std::filesystem::path& path, const SimulatorSp
   }
   const BatchPolicy act = ending == ".npz" ? LoadNpz(path, spec, discrete, rng) : LoadOnnx(path, spec, discrete, rng);
   const int n_actions = spec.n_discrete_actions;
-  return [act, n_actions, name = path.string()](std::span<const double> observations, int n,
-                                                std::span<double> actions) {
+  return InPlaceOf(act, [act, n_actions, name = path.string()](std::span<const double> observations, int n,
+                                                               std::span<double> actions) {
     act(observations, n, actions);
     for (const double a : actions) {
       if (!std::isfinite(a)) {
@@ -103,7 +119,7 @@ BatchPolicy LoadBatchPolicy(const std::filesystem::path& path, const SimulatorSp
                         n_actions - 1));
       }
     }
-  };
+  });
 }
 
 OnnxMetadata PolicyMetadata(const SimulatorSpec& spec, const std::string& source) {

@@ -13,7 +13,7 @@ namespace oted {
 /// `policy` with sampled or mean actions; copies share one stream, `rng`, and scratch memory, so use it from one
 /// thread. `policy` must outlive it.
 BatchPolicy AsBatchPolicy(const Policy& policy, ActionNoise noise, Rng rng);
-/// The mean action, which draws nothing.
+/// The mean action, which draws nothing; of a planner, whose plans are drawn, those of one fixed stream.
 BatchPolicy MeanActionPolicy(const Policy& policy);
 
 /// The policy of a file, by its ending: .npz, ours, or .onnx (nn/onnx_policy.h). It acts deterministically, but for

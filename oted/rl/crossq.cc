@@ -25,7 +25,6 @@ ReplayAgent TrainAgent(const AgentJob& job, const CrossQConfig& config) {
   const auto make_update = [&](const TanhGaussianPolicy& actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     const CrossQUpdateOptions options{.learning_rate = config.learning_rate,
                                       .beta1 = config.beta1,
-                                      .gamma = config.gamma,
                                       .target_entropy = -static_cast<double>(actor.act_dim()),
                                       .policy_delay = config.policy_delay,
                                       .momentum = config.momentum,

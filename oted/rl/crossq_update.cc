@@ -49,12 +49,11 @@ void CrossQUpdate::StepCritics(const TransitionBatch& batch, float alpha) {
     q[i] = critic_pass_[i].Forward(critics_[i], both_.data(), 2 * batch.size, static_cast<float>(options_.momentum),
                                    renormalise);
   }
-  // y = r + gamma (1 - terminated) (min_i Q_i(s', a') - alpha log pi(a'|s'))
-  const float gamma = static_cast<float>(options_.gamma);
+  // y = r + discount (min_i Q_i(s', a') - alpha log pi(a'|s'))
   target_.resize(n);
   for (size_t b = 0; b < n; ++b) {
     const float value = std::min(q[0][n + b], q[1][n + b]) - alpha * next_actions_.log_prob()[b];
-    target_[b] = batch.rewards[b] + gamma * (1.0f - batch.terminated[b]) * value;
+    target_[b] = batch.rewards[b] + batch.discounts[b] * value;
   }
   losses_.critic_loss = losses_.mean_q = 0;
   dq_.assign(2 * n, 0.0f);  // the rows of s' matter through the statistics alone

@@ -19,8 +19,7 @@ namespace oted {
 struct CrossQUpdateOptions {
   double learning_rate = 1e-3;  ///< of actor, critics and temperature
   double beta1 = 0.5;           ///< Adam's, of actor and critics
-  double gamma = 0.99;
-  double target_entropy = 0;  ///< of the squashed action; usually -act_dim
+  double target_entropy = 0;    ///< of the squashed action; usually -act_dim
   double initial_alpha = 1.0;
   int policy_delay = 3;             ///< updates of the critics for one of actor and temperature
   double momentum = 0.01;           ///< of the running statistics
@@ -30,7 +29,7 @@ struct CrossQUpdateOptions {
 /// What a learner of CrossQ holds and does.
 ///
 ///   critics: [Q_i(s, a); Q_i(s', a')] in one pass, so that one normalisation serves both
-///            y = r + gamma (1 - terminated) (min_i Q_i(s', a') - alpha log pi(a'|s')), a constant
+///            y = r + discount (min_i Q_i(s', a') - alpha log pi(a'|s')), a constant
 ///            minimise  1/2 sum_i mean (Q_i(s, a) - y)^2
 ///   in every policy_delay-th step, with the critics as they are then and their running statistics
 ///   alpha:   minimise  -log_alpha (log pi(a|s) + target_entropy)

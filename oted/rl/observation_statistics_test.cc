@@ -46,7 +46,7 @@ TEST(ObservationStatistics, ABatchIsWhatThePolicysNormaliserMakesOfIt) {
   ReplayBuffer buffer(kObsDim, kActDim, 100);
   for (int i = 0; i + 1 < rows.rows(); ++i) {
     const double number = i;
-    buffer.Add(rows.row(i), std::vector<double>{0.1, number}, number, rows.row(i + 1), false);
+    buffer.Add(rows.row(i), std::vector<double>{0.1, number}, number, rows.row(i + 1), 0.99);
   }
   TransitionBatch raw, batch;
   Rng rng(1), same(1);

@@ -17,7 +17,7 @@ ReplayBuffer::ReplayBuffer(int obs_dim, int act_dim, int64_t capacity)
 }
 
 void ReplayBuffer::Add(std::span<const double> observation, std::span<const double> action, double reward,
-                       std::span<const double> next_observation, bool terminated) {
+                       std::span<const double> next_observation, double discount) {
   const size_t begin = static_cast<size_t>(next_) * row_;
   if (rows_.size() < begin + row_) rows_.resize(begin + row_);
   float* out = rows_.data() + begin;
@@ -28,7 +28,7 @@ void ReplayBuffer::Add(std::span<const double> observation, std::span<const doub
   put(action);
   put(next_observation);
   *out++ = static_cast<float>(reward);
-  *out = terminated ? 1.0f : 0.0f;
+  *out = static_cast<float>(discount);
   next_ = (next_ + 1) % capacity_;
   size_ = std::min(size_ + 1, capacity_);
 }
@@ -40,7 +40,7 @@ void ReplayBuffer::Sample(int batch_size, Rng& rng, TransitionBatch& batch) cons
   batch.observations.resize(2 * n * obs_dim_);
   batch.joint.resize(n * (obs_dim_ + act_dim_));
   batch.rewards.resize(n);
-  batch.terminated.resize(n);
+  batch.discounts.resize(n);
   batch.noise.resize(2 * n * act_dim_);
   for (size_t i = 0; i < n; ++i) {
     const float* row = rows_.data() + rng.Below(static_cast<uint64_t>(size_)) * row_;
@@ -49,7 +49,7 @@ void ReplayBuffer::Sample(int batch_size, Rng& rng, TransitionBatch& batch) cons
     std::copy_n(next_observation, obs_dim_, batch.observations.data() + (n + i) * obs_dim_);
     std::copy_n(row, obs_dim_ + act_dim_, batch.joint.data() + i * (obs_dim_ + act_dim_));
     batch.rewards[i] = next_observation[obs_dim_];
-    batch.terminated[i] = next_observation[obs_dim_ + 1];
+    batch.discounts[i] = next_observation[obs_dim_ + 1];
   }
   // Both uniforms of a pair of normals from one draw, 24 bits each: all that single precision holds.
   const size_t half = (batch.noise.size() + 1) / 2;

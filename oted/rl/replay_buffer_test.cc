@@ -13,7 +13,7 @@ namespace oted::replay_buffer_test {
 /// Row `i`: every number names the row and its place.
 void AddRow(ReplayBuffer& buffer, int i) {
   const std::vector<double> s = {i + 0.0, i + 0.1}, a = {i + 0.2}, s_next = {i + 0.3, i + 0.4};
-  buffer.Add(s, a, i + 0.5, s_next, i % 2 == 1);
+  buffer.Add(s, a, i + 0.5, s_next, i + 0.6);
 }
 
 TEST(ReplayBuffer, ABatchIsLaidOutAsTheUpdateReadsIt) {
@@ -35,7 +35,7 @@ TEST(ReplayBuffer, ABatchIsLaidOutAsTheUpdateReadsIt) {
     EXPECT_EQ(batch.joint[3 * b + 1], static_cast<float>(i + 0.1));
     EXPECT_EQ(batch.joint[3 * b + 2], static_cast<float>(i + 0.2));
     EXPECT_EQ(batch.rewards[b], static_cast<float>(i + 0.5));
-    EXPECT_EQ(batch.terminated[b], static_cast<int>(i) % 2 == 1 ? 1.0f : 0.0f);
+    EXPECT_EQ(batch.discounts[b], static_cast<float>(i + 0.6));
   }
 }
 
@@ -90,7 +90,7 @@ TEST(ReplayBuffer, ARestoredBufferDrawsAndOverwritesTheSame) {
       EXPECT_EQ(a.observations, b.observations);
       EXPECT_EQ(a.joint, b.joint);
       EXPECT_EQ(a.rewards, b.rewards);
-      EXPECT_EQ(a.terminated, b.terminated);
+      EXPECT_EQ(a.discounts, b.discounts);
       EXPECT_EQ(a.noise, b.noise);
       AddRow(buffer, i);
       AddRow(restored, i);

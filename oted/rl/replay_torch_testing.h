@@ -24,7 +24,7 @@ inline TransitionBatch RandomBatch(int obs_dim, int act_dim, Rng& rng) {
       s_next[j] = size * rng.Normal() - 0.2;
     }
     for (double& v : a) v = rng.Uniform(-1, 1);
-    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
+    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2 ? 0 : 0.99);
   }
   TransitionBatch batch;
   buffer.Sample(kBatch, rng, batch);

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "oted/base/error.h"
+#include "oted/rl/multi_step.h"
 #include "oted/rl/observation_statistics.h"
 #include "oted/rl/replay_buffer.h"
 
@@ -24,6 +25,7 @@ void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("buffer_size", &buffer_size, "transitions kept for replay", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size for actor, critics and temperature", Above(0));
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
+  fields.Add("multi_step", &multi_step, "control steps that a transition's rewards are summed over", AtLeast(1));
   fields.Add("eval_interval", &eval_interval, "control steps between evaluations and checkpoints", AtLeast(1));
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
@@ -57,6 +59,7 @@ class ReplayTraining : public Learner {
         rng_(key.Stage("training").MakeRng()),
         episodes_(config.n_lanes),
         buffer_(spec_.obs_dim(), spec_.act_dim, std::min(config.buffer_size, config.n_steps + config.n_lanes)),
+        rows_(config.n_lanes, config.multi_step, config.gamma, buffer_),
         lanes_(static_cast<size_t>(config.n_lanes)),
         observations_(lanes_.size() * static_cast<size_t>(spec_.obs_dim())),
         actions_(lanes_.size() * static_cast<size_t>(spec_.act_dim)) {
@@ -127,6 +130,7 @@ class ReplayTraining : public Learner {
         Learn(tick);
       }
     }
+    for (const int lane : lanes_) rows_.Cut(lane);
     Learn(tick);  // what the last step still owes
   }
 
@@ -188,11 +192,13 @@ class ReplayTraining : public Learner {
           const double low = spec_.action_low[j], high = spec_.action_high[j];
           squashed[j] = (2 * actions_[lane * act_dim + j] - low - high) / (high - low);
         }
-        buffer_.Add({observations_.data() + lane * obs_dim, obs_dim}, squashed, simulator_->reward(lanes_[lane]),
-                    simulator_->observation(lanes_[lane]), status == LaneStatus::kTerminated);
+        rows_.Add(lanes_[lane], {observations_.data() + lane * obs_dim, obs_dim}, squashed,
+                  simulator_->reward(lanes_[lane]), simulator_->observation(lanes_[lane]),
+                  status == LaneStatus::kTerminated);
         episodes_.AddStep(lanes_[lane], simulator_->reward(lanes_[lane]));
       }
       if (status != LaneStatus::kRunning) {
+        rows_.Cut(lanes_[lane]);
         source_.EpisodeEnded(lanes_[lane], episodes_.EndEpisode(lanes_[lane]), status == LaneStatus::kDiverged);
         StartEpisode(*simulator_, lanes_[lane], source_, rng_);
       }
@@ -221,6 +227,7 @@ class ReplayTraining : public Learner {
   Rng rng_;
   EpisodeStatistics episodes_;
   ReplayBuffer buffer_;
+  MultiStepRows rows_;
   std::optional<ObservationStatistics> statistics_;
   std::unique_ptr<ReplayUpdate> update_;
   TransitionBatch batch_;

@@ -18,7 +18,7 @@
 
 namespace oted {
 
-/// Defaults are Stable-Baselines3's except where noted.
+/// Defaults are Stable-Baselines3's except where noted, and where an algorithm has its own.
 struct ReplayConfig {
   int64_t n_steps = 300'000;
   int n_lanes = 1;
@@ -29,6 +29,7 @@ struct ReplayConfig {
   std::vector<int> hidden = {256, 256};  ///< of the actor
   double learning_rate = 3e-4;
   double gamma = 0.99;
+  int multi_step = 1;
   int64_t eval_interval = 10'000;
   int eval_episodes = 5;
   std::string keep = "best";

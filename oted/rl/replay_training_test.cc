@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <set>
 #include <tuple>
 
 #include "oted/base/error.h"
@@ -24,8 +25,12 @@ SacConfig SmallConfig() {
   config.learning_starts = 100;
   config.eval_interval = 200;
   config.eval_episodes = 3;
+  config.n_lanes = 1;
+  config.multi_step = 1;
   config.batch_size = 32;
   config.hidden = {16, 16};
+  config.learning_rate = 3e-4;
+  config.normalize_observations = false;
   return config;
 }
 
@@ -69,7 +74,7 @@ std::string Bytes(const ReplayAgent& result) {
   return std::string(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(float));
 }
 
-/// The buffer's rows after training: s (2), a, s' (2), r, terminated.
+/// The buffer's rows after training: s (2), a, s' (2), r, discount.
 std::vector<std::array<float, 7>> BufferRows(const std::filesystem::path& folder) {
   const NpzArrays arrays = ReadNpz(folder / "checkpoint.npz");
   const auto& values = std::get<std::vector<float>>(arrays.at("buffer/rows").values);
@@ -125,6 +130,7 @@ TEST_P(EitherAlgorithm, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) 
   uninterrupted.config.n_steps = 600;
   uninterrupted.config.keep = "last";
   uninterrupted.config.updates_per_step = 0.7;
+  uninterrupted.config.multi_step = 3;
   uninterrupted.config.buffer_size = 250;  // the ring has wrapped when the second segment ends
   uninterrupted.parameters = draw;
   const ReplayAgent expected = uninterrupted();
@@ -319,18 +325,27 @@ TEST(TrainByReplay, SamplesOfDivergedStepsNeverEnterTheBuffer) {
 }
 
 TEST(TrainByReplay, OnlyTheTasksOwnEndIsTerminal) {
-  const TestFolder folder;
-  Training run{folder.path(), {.terminate_beyond = 0.9, .max_episode_steps = 5}};
-  run();
-  const auto rows = BufferRows(folder.path());
-  ASSERT_EQ(rows.size(), 400u);
-  int n_terminated = 0;
-  for (const auto& row : rows) {
-    EXPECT_EQ(row[6], std::abs(row[3]) > 0.9f ? 1.0f : 0.0f);
-    n_terminated += row[6] == 1.0f;
+  for (const int multi_step : {1, 3}) {
+    const TestFolder folder;
+    Training run{folder.path(), {.terminate_beyond = 0.9, .max_episode_steps = 5}};
+    run.config.multi_step = multi_step;
+    run.config.n_lanes = 2;
+    run();
+    const auto rows = BufferRows(folder.path());
+    ASSERT_EQ(rows.size(), 400u) << "every step is one row's first";
+    int n_terminated = 0;
+    std::set<float> discounts;
+    for (const auto& row : rows) {
+      EXPECT_EQ(row[6] == 0, std::abs(row[3]) > 0.9f);
+      n_terminated += row[6] == 0;
+      discounts.insert(row[6]);
+    }
+    EXPECT_GT(n_terminated, 5);
+    EXPECT_LT(n_terminated, 60 * multi_step) << "5-step episodes that the clock ends are not terminal";
+    std::set<float> powers = {0};
+    for (int k = 1; k <= multi_step; ++k) powers.insert(static_cast<float>(std::pow(run.config.gamma, k)));
+    EXPECT_EQ(discounts, powers);
   }
-  EXPECT_GT(n_terminated, 5);
-  EXPECT_LT(n_terminated, 60) << "5-step episodes that the clock ends are not terminal";
 }
 
 TEST(TrainByReplay, EachEpisodeRunsWithParametersDrawnAnew) {

@@ -21,7 +21,6 @@ ReplayAgent TrainAgent(const AgentJob& job, const SacConfig& config) {
   const auto make_update = [&](TanhGaussianPolicy actor, Rng& rng) -> std::unique_ptr<ReplayUpdate> {
     actor.net().Initialize(rng);
     const SacUpdateOptions options{.learning_rate = config.learning_rate,
-                                   .gamma = config.gamma,
                                    .tau = config.tau,
                                    .target_entropy = -static_cast<double>(actor.act_dim())};
     SacUpdate update(std::move(actor), config.hidden, options, rng);

@@ -10,9 +10,19 @@
 
 namespace oted {
 
+/// Defaults are what earns most in minutes of a processor's time (docs/speed.md), not Stable-Baselines3's: small
+/// networks on normalised observations, many lanes, rewards of three steps.
 struct SacConfig : ReplayConfig {
   double tau = 0.005;
 
+  SacConfig() {
+    n_lanes = 16;
+    batch_size = 64;
+    hidden = {64, 64};
+    learning_rate = 1e-3;
+    multi_step = 3;
+    normalize_observations = true;
+  }
   FieldList Fields(const std::string& section = "sac");
 };
 

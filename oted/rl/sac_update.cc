@@ -52,15 +52,13 @@ ReplayLosses SacUpdate::StepCritics(const TransitionBatch& batch, float alpha) {
   target_.resize(n);
   dq_.resize(n);
 
-  // y = r + gamma (1 - terminated) (min_i Q'_i(s', a') - alpha log pi(a'|s'))
+  // y = r + discount (min_i Q'_i(s', a') - alpha log pi(a'|s'))
   for (int i = 0; i < 2; ++i) {
     const float* q = critic_pass_[0].Forward(target_critics_[i], joint_next_.data(), batch.size);
     for (size_t b = 0; b < n; ++b) target_[b] = i == 0 ? q[b] : std::min(target_[b], q[b]);
   }
-  const float gamma = static_cast<float>(options_.gamma);
   for (size_t b = 0; b < n; ++b) {
-    target_[b] =
-        batch.rewards[b] + gamma * (1.0f - batch.terminated[b]) * (target_[b] - alpha * actions_.log_prob()[n + b]);
+    target_[b] = batch.rewards[b] + batch.discounts[b] * (target_[b] - alpha * actions_.log_prob()[n + b]);
   }
 
   ReplayLosses losses;

@@ -17,16 +17,15 @@ namespace oted {
 
 struct SacUpdateOptions {
   double learning_rate = 3e-4;  ///< of actor, critics and temperature
-  double gamma = 0.99;
-  double tau = 0.005;          ///< Polyak step of the target critics
-  double target_entropy = 0;   ///< of the squashed action; usually -act_dim
-  double initial_alpha = 1.0;  ///< temperature at the start
+  double tau = 0.005;           ///< Polyak step of the target critics
+  double target_entropy = 0;    ///< of the squashed action; usually -act_dim
+  double initial_alpha = 1.0;   ///< temperature at the start
 };
 
 /// What a learner of SAC holds and does; the networks are on flat parameters.
 ///
 ///   alpha:   minimise  -log_alpha (log pi(a|s) + target_entropy)
-///   critics: y = r + gamma (1 - terminated) (min_i Q'_i(s', a') - alpha log pi(a'|s'))
+///   critics: y = r + discount (min_i Q'_i(s', a') - alpha log pi(a'|s'))
 ///            minimise  1/2 sum_i mean (Q_i(s, a) - y)^2
 ///   actor:   minimise  mean alpha log pi(a|s) - min_i Q_i(s, a)
 ///   targets: Q'_i += tau (Q_i - Q'_i)

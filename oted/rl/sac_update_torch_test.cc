@@ -28,7 +28,7 @@ TransitionBatch NormalBatch(int obs_dim, int act_dim, Rng& rng) {
     for (double& v : s) v = rng.Normal();
     for (double& v : s_next) v = rng.Normal();
     for (double& v : a) v = rng.Uniform(-1, 1);
-    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2);
+    buffer.Add(s, a, rng.Normal(), s_next, rng.Uniform() < 0.2 ? 0 : 0.99);
   }
   TransitionBatch batch;
   buffer.Sample(kBatch, rng, batch);
@@ -102,8 +102,8 @@ TEST(SacUpdate, TerminatedRowsDoNotBootstrapAndTruncatedRowsDo) {
   options.target_entropy = -act_dim;
   Rng rng(14);
   TransitionBatch batch = NormalBatch(obs_dim, act_dim, rng);
-  const auto critic_loss = [&](float terminated, float target_bias) {
-    batch.terminated.assign(batch.terminated.size(), terminated);
+  const auto critic_loss = [&](float discount, float target_bias) {
+    batch.discounts.assign(batch.discounts.size(), discount);
     SacUpdate update = MakeUpdate(obs_dim, act_dim, {8}, options);
     for (int i = 0; i < 2; ++i) {
       Mlp& target = update.target_critic(i);
@@ -121,10 +121,10 @@ TEST(SacUpdate, TerminatedRowsDoNotBootstrapAndTruncatedRowsDo) {
       regression += 0.5 * std::pow(q[b] - batch.rewards[b], 2) / batch.size;
     }
   }
-  EXPECT_NEAR(critic_loss(1, 0), regression, 1e-5);
-  EXPECT_EQ(critic_loss(1, 0), critic_loss(1, 100));
-  // A time limit is no end: the next state's value, raised by 100, is in the target with weight gamma.
-  EXPECT_GT(critic_loss(0, 100), 0.5 * 2 * 0.9 * std::pow(options.gamma * 100, 2));
+  EXPECT_NEAR(critic_loss(0, 0), regression, 1e-5);
+  EXPECT_EQ(critic_loss(0, 0), critic_loss(0, 100));
+  // A time limit is no end: the next state's value, raised by 100, is in the target with its discount.
+  EXPECT_GT(critic_loss(0.99f, 100), 0.5 * 2 * 0.9 * std::pow(0.99 * 100, 2));
 }
 
 TEST(SacUpdate, ARestoredUpdateGoesOnWithTheSameNumbers) {

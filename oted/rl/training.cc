@@ -72,7 +72,7 @@ void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const std::fil
 
 void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / "checkpoint.npz";
-  const NpzArrays arrays = ReadNpz(path);
+  const NpzArrays arrays = ReadCheckpoint(path);
   try {
     learner.Restore(arrays);
     curve.eval_steps = std::get<std::vector<int64_t>>(arrays.at("eval/steps").values);

@@ -26,7 +26,8 @@ void Store(const RunSetup& run, const Artifact& artifact, StoredPolicy& stored) 
   const fs::path folder = artifact.file.parent_path();
   if (stored.policy == nullptr) stored.policy = LoadPolicy(folder / "policy.npz");
   stored.source = SourceOf(run, artifact);
-  if (!fs::exists(folder / "policy.onnx")) ExportPolicy(run, stored, folder / "policy.onnx");
+  if (stored.policy->has_onnx() && !fs::exists(folder / "policy.onnx"))
+    ExportPolicy(run, stored, folder / "policy.onnx");
 }
 
 TrainingGround GroundOf(const RunSetup& run, Ground ground, const SelectedDesign& design) {
@@ -59,13 +60,29 @@ StoredPolicy MakeBcDr(const RunSetup& run, const Agents& agents, const Policy& c
   run.directory.Once(artifact, [&] {
     const Policy& collector =
         settings.collector == Collector::kRandomizedAgent ? *agents.Best(Ground::kDomainRandomization).policy : clone;
-    const CloneJob job{run.dataset, run.spec(), run.config.clone, BcDrKey(run.config), run.directory.NameOf(folder),
-                       run.context};
+    const CloneJob job{
+        run.dataset, run.spec(), run.config.clone, BaselineKey(run.config, "bc_dr"), run.directory.NameOf(folder),
+        run.context};
     CloneResult result = CloneWithSimulated(job, *run.factory, collector, settings.ratio);
     result.policy->Save(folder / "policy.npz");
     stored.policy = std::move(result.policy);
     Store(run, artifact, stored);
     return CloneRecord::Of(result).ToJson();
+  });
+  Store(run, artifact, stored);
+  return stored;
+}
+
+StoredPolicy MakeOffline(const RunSetup& run, OfflineBaseline baseline, const RunContext& share) {
+  const Artifact artifact = OfflineArtifact(run, baseline);
+  const fs::path folder = artifact.file.parent_path();
+  StoredPolicy stored;
+  OnceAs<OfflineRecord>(run.directory, artifact, [&] {
+    LearnedRecord learned =
+        LearnOneBaseline({run.config, run.dataset, run.spec(), baseline, folder, run.directory.NameOf(folder), share});
+    stored.policy = learned.policy;
+    Store(run, artifact, stored);
+    return learned.record;
   });
   Store(run, artifact, stored);
   return stored;
@@ -109,6 +126,20 @@ TrainedRecord TrainOneAgent(const AgentTraining& training, TrainingGround where)
   return trained;
 }
 
+LearnedRecord LearnOneBaseline(const OfflineTraining& training) {
+  const OfflineEntry& entry = EntryOf(training.baseline);
+  const OfflineJob job{training.dataset, training.spec,     BaselineKey(training.config, entry.name),
+                       training.folder,  training.run_name, training.context};
+  const std::unique_ptr<OfflineLearner> learner = entry.make(job, training.config.baselines.offline);
+  OfflineResult result = LearnOffline(*learner, job);
+  result.policy->Save(training.folder / "policy.npz");
+  LearnedRecord learned;
+  learned.policy = std::move(result.policy);
+  learned.record = {entry.name, training.config.run.seed, learner->total(), training.dataset.size(),
+                    std::move(result.losses)};
+  return learned;
+}
+
 void CheckHasReward(const RunSetup& run) {
   if (run.spec().has_reward) return;
   throw UsageError(
@@ -138,6 +169,13 @@ Agents TrainAgents(const RunSetup& run, const SelectedDesign& design, const Poli
   Agents agents;
   for (size_t i = 0; i < jobs.size(); ++i) agents.of[jobs[i].first].push_back(std::move(trained[i]));
   if (run.config.baselines.Runs(Baseline::kBcDr)) agents.bc_dr = MakeBcDr(run, agents, clone);
+  const std::vector<OfflineBaseline> offline = run.config.baselines.Offline();
+  agents.offline.resize(offline.size());
+  ParallelFor(static_cast<int>(offline.size()), run.context.n_threads, [&](int i) {
+    run.context.ThrowIfStopped();
+    const auto k = static_cast<size_t>(i);
+    agents.offline[k] = {offline[k], MakeOffline(run, offline[k], run.context.ShareOf(offline.size()))};
+  });
   return agents;
 }
 

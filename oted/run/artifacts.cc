@@ -1,6 +1,9 @@
 #include "oted/run/artifacts.h"
 
+#include <algorithm>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "oted/run/fingerprint.h"
 #include "oted/run/records.h"
@@ -23,14 +26,24 @@ json TaskIdentity(const RunSetup& run) {
   return identity;
 }
 
+/// What every stage begins with: logs, task and seed.
+json DataIdentity(const RunSetup& run) {
+  DataConfig data = run.config.data;
+  // The file counts by its content, not by its place.
+  json settings = data.Fields().ToJson();
+  settings.erase("path");
+  return {TaskIdentity(run), run.model_sha256, run.dataset.sha256, settings, run.config.run.seed};
+}
+
 std::string DesignFingerprint(const RunSetup& run, const std::string& setting) {
   const DesignConfig& design = run.Designs(setting).config;
   json settings = design.ToJson();
   // An earlier design counts by what it found, not by its place.
   const Prior prior = design.MakePrior(run.parameters());
   if (!prior.uniform) settings["prior"] = {prior.ToJson(), prior.values};
-  return Fingerprint(
-      {"design", CloneArtifact(run).fingerprint, ParameterIdentity(run.parameters()), setting, settings});
+  const bool uses_clone = design.UsesClone();
+  return Fingerprint({"design", uses_clone ? json(CloneArtifact(run).fingerprint) : DataIdentity(run),
+                      ParameterIdentity(run.parameters()), setting, settings});
 }
 
 std::string AgentFingerprint(const RunSetup& run, Ground ground) {
@@ -50,32 +63,93 @@ std::string AgentFingerprint(const RunSetup& run, Ground ground) {
   return Fingerprint(inputs);
 }
 
+/// The clone's record where the clone acts in a design.
+std::vector<fs::path> CloneUsedBy(const RunSetup& run, const DesignConfig& design) {
+  if (!design.UsesClone()) return {};
+  return {run.directory.clone() / "clone.json"};
+}
+
+/// The records of the rounds in which the parameters grew.
+std::vector<fs::path> RoundsBefore(const RunSetup& run, int round) {
+  std::vector<fs::path> records;
+  for (int before = 1; before < round; ++before) records.push_back(run.directory.growth(before) / "growth.json");
+  return records;
+}
+
+/// The records of a setting's designs.
+void AddDesigns(const RunSetup& run, const std::string& setting, std::vector<fs::path>& records) {
+  for (int seed = 1; seed <= run.config.selection.n_seeds; ++seed) {
+    for (const char* name : {"q.json", "prediction.json"}) {
+      records.push_back(run.directory.design_seed(setting, seed) / name);
+    }
+  }
+}
+
+fs::path SelectionFile(const RunSetup& run) { return run.directory.root() / "design.json"; }
+
+/// The records of all agents that trained there.
+void AddAgents(const RunSetup& run, Ground ground, std::vector<fs::path>& records) {
+  for (int j = 1; j <= run.config.agents.n_agents; ++j) records.push_back(run.AgentFolder(ground, j) / "agent.json");
+}
+
 }  // namespace
 
 Artifact CloneArtifact(const RunSetup& run) {
   RunConfig copy = run.config;
-  // The file counts by its content, not by its place.
-  json data = copy.data.Fields().ToJson();
-  data.erase("path");
-  return {run.directory.clone() / "clone.json", CloneRecord::kSchema,
-          Fingerprint({"clone", TaskIdentity(run), run.model_sha256, run.dataset.sha256, data, run.config.run.seed,
-                       copy.clone.Fields().ToJson()})};
+  return {.file = run.directory.clone() / "clone.json",
+          .schema = CloneRecord::kSchema,
+          .fingerprint = Fingerprint({"clone", DataIdentity(run), copy.clone.Fields().ToJson()}),
+          .files = {"policy.npz"}};
+}
+
+Artifact GrowthArtifact(const RunSetup& run, int round) {
+  const std::string setting = run.settings.begin()->first;
+  return {.file = run.directory.growth(round) / "growth.json",
+          .schema = GrowthRecord::kSchema,
+          .fingerprint = Fingerprint({"growth", round, DesignFingerprint(run, setting)}),
+          .made_from = RoundsBefore(run, round)};
 }
 
 Artifact DesignArtifact(const RunSetup& run, const std::string& setting, int seed) {
-  return {run.directory.design_seed(setting, seed) / "q.json", QRecord::kSchema, DesignFingerprint(run, setting)};
+  std::vector<fs::path> made_from = CloneUsedBy(run, run.Designs(setting).config);
+  std::ranges::move(RoundsBefore(run, static_cast<int>(run.growth.size()) + 1), std::back_inserter(made_from));
+  return {.file = run.directory.design_seed(setting, seed) / "q.json",
+          .schema = QRecord::kSchema,
+          .fingerprint = DesignFingerprint(run, setting),
+          .files = {"discriminator.npz", "policy.npz"},
+          .made_from = std::move(made_from)};
+}
+
+Artifact PredictionArtifact(const RunSetup& run, const std::string& setting, int seed) {
+  const Artifact design = DesignArtifact(run, setting, seed);
+  return {.file = run.directory.design_seed(setting, seed) / "prediction.json",
+          .schema = PredictionRecord::kSchema,
+          .fingerprint = Fingerprint({"prediction", design.fingerprint}),
+          .made_from = {design.file},
+          .is_guest = true};
 }
 
 Artifact TrialArtifact(const RunSetup& run, const std::string& setting, const DesignConfig& design) {
-  return {run.directory.trials(setting) / Describe(design.method).name / "q.json", QRecord::kSchema,
-          Fingerprint({"trial", DesignFingerprint(run, setting), design.ToJson()})};
+  return {.file = run.directory.trials(setting) / Describe(design.method).name / "q.json",
+          .schema = QRecord::kSchema,
+          .fingerprint = Fingerprint({"trial", DesignFingerprint(run, setting), design.ToJson()}),
+          .made_from = CloneUsedBy(run, design)};
 }
 
 Artifact MethodChoiceArtifact(const RunSetup& run, const std::string& setting) {
   json others = json::array();
-  for (const DesignMethod method : OtherMethods()) others.push_back(Describe(method).name);
-  return {run.directory.trials(setting) / "choice.json", MethodChoiceRecord::kSchema,
-          Fingerprint({"method choice", DesignFingerprint(run, setting), run.config.selection.n_seeds, others})};
+  std::vector<fs::path> made_from;
+  AddDesigns(run, setting, made_from);
+  made_from.push_back(run.directory.trials(setting) / Describe(run.settings.at(setting).config.method).name / "q.json");
+  for (const DesignMethod method : OtherMethods()) {
+    others.push_back(Describe(method).name);
+    made_from.push_back(run.directory.trials(setting) / Describe(method).name / "q.json");
+  }
+  return {.file = run.directory.trials(setting) / "choice.json",
+          .schema = MethodChoiceRecord::kSchema,
+          .fingerprint =
+              Fingerprint({"method choice", DesignFingerprint(run, setting), run.config.selection.n_seeds, others}),
+          .made_from = std::move(made_from)};
 }
 
 Artifact SelectionArtifact(const RunSetup& run) {
@@ -85,34 +159,74 @@ Artifact SelectionArtifact(const RunSetup& run) {
   }
   SelectionConfig selection = run.config.selection;
   inputs.push_back(selection.Fields().ToJson());
-  return {run.directory.root() / "design.json", DesignRecord::kSchema, Fingerprint(inputs)};
+  std::vector<fs::path> made_from;
+  for (const auto& [setting, unused] : run.settings) {
+    AddDesigns(run, setting, made_from);
+    made_from.push_back(run.directory.trials(setting) / "choice.json");
+  }
+  for (const auto& [setting, unused] : run.other_methods) AddDesigns(run, setting, made_from);
+  return {.file = SelectionFile(run),
+          .schema = DesignRecord::kSchema,
+          .fingerprint = Fingerprint(inputs),
+          .made_from = std::move(made_from)};
 }
 
 Artifact ReplayArtifact(const RunSetup& run) {
-  return {run.directory.root() / "motion" / "replay.json", "oted.replay/1",
-          Fingerprint({"replay", SelectionArtifact(run).fingerprint, run.config.report.replay_steps})};
+  return {.file = run.directory.root() / "motion" / "replay.json",
+          .schema = "oted.replay/1",
+          .fingerprint = Fingerprint({"replay", SelectionArtifact(run).fingerprint, run.config.report.replay_steps}),
+          .made_from = {SelectionFile(run)}};
 }
 
 Artifact AgentArtifact(const RunSetup& run, Ground ground, int index) {
-  return {run.AgentFolder(ground, index) / "agent.json", AgentRecord::kSchema, AgentFingerprint(run, ground)};
+  std::vector<fs::path> made_from;
+  if (ground == Ground::kDesigned) made_from.push_back(SelectionFile(run));
+  return {.file = run.AgentFolder(ground, index) / "agent.json",
+          .schema = AgentRecord::kSchema,
+          .fingerprint = AgentFingerprint(run, ground),
+          .files = {"policy.npz"},
+          .derived = {"policy.onnx"},
+          .made_from = std::move(made_from)};
 }
 
 Artifact BcDrArtifact(const RunSetup& run) {
   const BcDrConfig& settings = run.config.baselines.bc_dr;
   json inputs = {"bc_dr", CloneArtifact(run).fingerprint, static_cast<int>(settings.collector), settings.ratio};
+  std::vector<fs::path> made_from = {run.directory.clone() / "clone.json"};
   if (settings.collector == Collector::kRandomizedAgent) {
+    AddAgents(run, Ground::kDomainRandomization, made_from);
     inputs.push_back({AgentFingerprint(run, Ground::kDomainRandomization), run.config.agents.n_agents});
   } else {
     inputs.push_back(ComparedIdentity(Ground::kDomainRandomization, run.config, run.parameters()));
   }
-  return {run.directory.baseline("bc_dr") / "clone.json", CloneRecord::kSchema, Fingerprint(inputs)};
+  return {.file = run.directory.baseline("bc_dr") / "clone.json",
+          .schema = CloneRecord::kSchema,
+          .fingerprint = Fingerprint(inputs),
+          .files = {"policy.npz"},
+          .derived = {"policy.onnx"},
+          .made_from = std::move(made_from)};
+}
+
+Artifact OfflineArtifact(const RunSetup& run, OfflineBaseline baseline) {
+  const OfflineEntry& entry = EntryOf(baseline);
+  OfflineSettings settings = run.config.baselines.offline;
+  return {.file = run.directory.baseline(entry.name) / "offline.json",
+          .schema = OfflineRecord::kSchema,
+          .fingerprint = Fingerprint({"offline", entry.name, entry.fields(settings).ToJson(), DataIdentity(run)}),
+          .files = {"policy.npz"},
+          .derived = {"policy.onnx"}};
 }
 
 Artifact PolicySelectionArtifact(const RunSetup& run) {
   const AgentsConfig& agents = run.config.agents;
-  return {
-      run.directory.root() / "policy_selection.json", PolicySelectionRecord::kSchema,
-      Fingerprint({"policies", AgentFingerprint(run, Ground::kDesigned), agents.n_agents, agents.selection_episodes})};
+  std::vector<fs::path> made_from = {SelectionFile(run)};
+  AddAgents(run, Ground::kDesigned, made_from);
+  return {.file = run.directory.root() / "policy_selection.json",
+          .schema = PolicySelectionRecord::kSchema,
+          .fingerprint = Fingerprint(
+              {"policies", AgentFingerprint(run, Ground::kDesigned), agents.n_agents, agents.selection_episodes}),
+          .derived = {"policy.onnx"},
+          .made_from = std::move(made_from)};
 }
 
 Artifact EvaluationArtifact(const RunSetup& run) {
@@ -123,8 +237,23 @@ Artifact EvaluationArtifact(const RunSetup& run) {
   for (const Ground ground : run.Grounds()) {
     if (ground != Ground::kDesigned && ground != Ground::kNominal) inputs.push_back(AgentFingerprint(run, ground));
   }
-  if (config.baselines.Runs(Baseline::kBcDr)) inputs.push_back(BcDrArtifact(run).fingerprint);
-  return {run.directory.root() / "evaluation.json", EvaluationRecord::kSchema, Fingerprint(inputs)};
+  std::vector<fs::path> made_from = {run.directory.clone() / "clone.json", SelectionFile(run),
+                                     run.directory.root() / "policy_selection.json"};
+  for (const Ground ground : run.Grounds()) AddAgents(run, ground, made_from);
+  if (config.baselines.Runs(Baseline::kBcDr)) {
+    const Artifact clone = BcDrArtifact(run);
+    inputs.push_back(clone.fingerprint);
+    made_from.push_back(clone.file);
+  }
+  for (const OfflineBaseline baseline : config.baselines.Offline()) {
+    const Artifact offline = OfflineArtifact(run, baseline);
+    inputs.push_back(offline.fingerprint);
+    made_from.push_back(offline.file);
+  }
+  return {.file = run.directory.root() / "evaluation.json",
+          .schema = EvaluationRecord::kSchema,
+          .fingerprint = Fingerprint(inputs),
+          .made_from = std::move(made_from)};
 }
 
 std::vector<Artifact> AllArtifacts(const RunSetup& run) {
@@ -132,7 +261,10 @@ std::vector<Artifact> AllArtifacts(const RunSetup& run) {
   std::vector<Artifact> all = {CloneArtifact(run)};
   for (const auto* settings : {&run.settings, &run.other_methods}) {
     for (const auto& [setting, unused] : *settings) {
-      for (int seed = 1; seed <= config.selection.n_seeds; ++seed) all.push_back(DesignArtifact(run, setting, seed));
+      for (int seed = 1; seed <= config.selection.n_seeds; ++seed) {
+        all.push_back(DesignArtifact(run, setting, seed));
+        all.push_back(PredictionArtifact(run, setting, seed));
+      }
     }
   }
   for (const auto& [unused, other] : run.other_methods) {
@@ -144,6 +276,7 @@ std::vector<Artifact> AllArtifacts(const RunSetup& run) {
     for (const Ground ground : run.Grounds()) all.push_back(AgentArtifact(run, ground, j));
   }
   if (config.baselines.Runs(Baseline::kBcDr)) all.push_back(BcDrArtifact(run));
+  for (const OfflineBaseline baseline : config.baselines.Offline()) all.push_back(OfflineArtifact(run, baseline));
   all.push_back(PolicySelectionArtifact(run));
   if (!config.truth.empty()) all.push_back(EvaluationArtifact(run));
   return all;

@@ -11,8 +11,12 @@ namespace oted {
 
 /// clone/clone.json
 Artifact CloneArtifact(const RunSetup& run);
+/// growth/ROUND/growth.json, by the parameters that the run has before that round
+Artifact GrowthArtifact(const RunSetup& run, int round);
 /// design/SETTING/SEED/q.json
 Artifact DesignArtifact(const RunSetup& run, const std::string& setting, int seed);
+/// design/SETTING/SEED/prediction.json: of the designs that verdicts are about
+Artifact PredictionArtifact(const RunSetup& run, const std::string& setting, int seed);
 /// design/SETTING/methods/METHOD/q.json: a method tried on part of the logs
 Artifact TrialArtifact(const RunSetup& run, const std::string& setting, const DesignConfig& design);
 /// design/SETTING/methods/choice.json
@@ -25,6 +29,8 @@ Artifact ReplayArtifact(const RunSetup& run);
 Artifact AgentArtifact(const RunSetup& run, Ground ground, int index);
 /// baselines/bc_dr/clone.json
 Artifact BcDrArtifact(const RunSetup& run);
+/// baselines/NAME/offline.json
+Artifact OfflineArtifact(const RunSetup& run, OfflineBaseline baseline);
 /// policy_selection.json
 Artifact PolicySelectionArtifact(const RunSetup& run);
 /// evaluation.json

@@ -3,8 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "oted/matching/verdict.h"
+#include "oted/run/suspect_sentence.h"
+#include "oted/run/verdict_sentence.h"
+#include "oted/sim/mujoco/version.h"
 
 namespace oted {
 namespace {
@@ -27,43 +31,27 @@ Mixture SelectedMixture(const DesignFindings& findings) {
   return mixture;
 }
 
-/// The design whose fit tells of the whole: the selected setting's best, or that of the first method which it stands
-/// for.
-const Candidate& ToldBy(const DesignFindings& findings) {
-  const SelectionResult& result = findings.result;
-  std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;
-  for (const MethodChoice& choice : findings.choices) {
-    if (choice.picked == setting) setting = choice.setting;
-  }
-  const auto of = std::ranges::find(result.settings, setting, &SettingScore::setting);
-  return findings.candidates[static_cast<size_t>(of->best_candidate)];
+std::string ChannelName(const SimulatorSpec& spec, size_t c) {
+  return c < spec.observation_names.size() ? spec.observation_names[c] : fmt::format("obs[{}]", c);
 }
 
-DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<std::string>& names) {
-  DesignRecord::Fit record{fit.window, fit.explained, {}, fit.suspects};
-  const std::vector<int> disagreeing = DisagreeingChannels(fit);
+std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
+  return c < spec.observation_units.size() ? spec.observation_units[c] : "";
+}
+
+DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<Suspect>& suspects, const std::vector<int>& off,
+                        const SimulatorSpec& spec) {
+  DesignRecord::Fit record{fit.window, fit.explained, {}, {}};
   for (size_t c = 0; c < fit.noise_std.size(); ++c) {
-    record.channels.push_back({c < names.size() ? names[c] : fmt::format("obs[{}]", c), fit.noise_std[c],
-                               fit.short_noise_std[c], fit.long_noise_std[c],
-                               std::ranges::find(disagreeing, static_cast<int>(c)) != disagreeing.end()});
+    record.channels.push_back({ChannelName(spec, c), fit.noise_std[c], fit.short_noise_std[c], fit.long_noise_std[c],
+                               std::ranges::find(off, static_cast<int>(c)) != off.end()});
+  }
+  std::vector<DesignRecord::Validation::Channel> channels;
+  for (size_t c = 0; c < fit.noise_std.size(); ++c) channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c)});
+  for (const Suspect& suspect : suspects) {
+    record.suspects.push_back({suspect, SuspectSentence(suspect, channels, off), ParameterLine(suspect.spec)});
   }
   return record;
-}
-
-DesignRecord::Validation ValidationOf(const HeldOutPrediction& prediction, const FitEvidence& fit,
-                                      const SimulatorSpec& spec) {
-  DesignRecord::Validation validation{prediction.n_windows, {}};
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    DesignRecord::Validation::Horizon horizon{h.seconds, {}};
-    for (size_t c = 0; c < h.nominal.size(); ++c) {
-      horizon.channels.push_back(
-          {c < spec.observation_names.size() ? spec.observation_names[c] : fmt::format("obs[{}]", c),
-           c < spec.observation_units.size() ? spec.observation_units[c] : "", h.nominal[c], h.designed[c],
-           fit.short_noise_std[c]});
-    }
-    validation.horizons.push_back(std::move(horizon));
-  }
-  return validation;
 }
 
 void AddParameters(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries, DesignRecord& record) {
@@ -84,15 +72,13 @@ void AddParameters(const ParameterSpace& space, const std::vector<ParameterSumma
   }
 }
 
-/// @param at_bounds  parameters that ended at a bound; empty where no fit tells
-void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effect, const std::vector<int>& at_bounds,
-                 DesignRecord& record) {
+void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effect, DesignRecord& record) {
   for (int i = 0; i < space.size(); ++i) {
     const ParameterSpec& spec = space[i];
     if (!has_effect[static_cast<size_t>(i)]) {
       record.warnings.push_back(fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
     }
-    if (std::ranges::find(at_bounds, i) != at_bounds.end()) {
+    if (record.parameters[static_cast<size_t>(i)].verdict == ParameterVerdict::kAtBound) {
       record.warnings.push_back(
           fmt::format("parameter '{}' ended at a bound of its range [{:g}, {:g}]: the true value may lie beyond",
                       spec.name, spec.low, spec.high));
@@ -125,21 +111,66 @@ void AddSettings(const DesignFindings& findings, DesignRecord& record) {
   }
 }
 
+/// The whole design's verdict, and what it rests on.
+struct Judgement {
+  DesignVerdict verdict = DesignVerdict::kNoGap;
+  bool reaches_floor = false, better = false;
+  std::vector<int> off;  ///< channels in which more is left than sensors explain
+};
+
+Judgement Judge(const Candidate& best, double nominal_common, double designed_common) {
+  Judgement judgement;
+  if (best.prediction) {
+    judgement.verdict = JudgePrediction(best.q, *best.prediction);
+    judgement.better = PredictsBetter(*best.prediction);
+    judgement.off = ChannelsOff(*best.prediction);
+  } else {
+    judgement.verdict = JudgeDesign(nominal_common, designed_common);
+    judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
+  }
+  judgement.reaches_floor =
+      judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
+  return judgement;
+}
+
 }  // namespace
+
+DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec) {
+  DesignRecord::Validation validation;
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    DesignRecord::Validation::Horizon horizon{
+        h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}};
+    for (size_t c = 0; c < h.channels.size(); ++c) {
+      horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
+                                  h.channels[c].designed, h.channels[c].floor});
+    }
+    validation.horizons.push_back(std::move(horizon));
+  }
+  return validation;
+}
+
+size_t ToldBy(const DesignFindings& findings) {
+  const SelectionResult& result = findings.result;
+  std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;
+  for (const MethodChoice& choice : findings.choices) {
+    if (choice.picked == setting) setting = choice.setting;
+  }
+  const auto of = std::ranges::find(result.settings, setting, &SettingScore::setting);
+  return static_cast<size_t>(of->best_candidate);
+}
 
 DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& findings) {
   const ParameterSpace& space = run.parameters();
   const SettingScore& selected = findings.result.settings[static_cast<size_t>(findings.result.selected_setting)];
   const Mixture mixture = SelectedMixture(findings);
-  const auto summaries = SummarizeParameters(mixture.q, mixture.best, findings.has_effect);
-  const Candidate& told_by = ToldBy(findings);
-  const std::optional<FitEvidence>& fit = told_by.fit;
-  const std::vector<int> at_bounds = fit ? ParametersAtBounds(told_by.q) : std::vector<int>{};
+  const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
+  const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common);
+  const auto summaries = SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor);
 
   DesignRecord record;
   record.task = run.config.task.name;
   AddParameters(space, summaries, record);
-  AddWarnings(space, findings.has_effect, at_bounds, record);
+  AddWarnings(space, findings.has_effect, record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
   for (int i = 0; i < space.size(); ++i) {
     const Eigen::VectorXd row = correlation.row(i);
@@ -148,22 +179,27 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.selected = selected.setting;
   record.mixture = mixture.members;
   record.score_name = run.config.selection.score;
-  record.score = record.score_name == SelectionScore::kPaper ? selected.c : selected.common;
-  record.verdict = fit ? JudgeFit(told_by.q, *fit) : JudgeDesign(findings.result.nominal_common, selected.common);
+  record.score = record.score_name == SelectionScore::kPaper ? selected.c.value() : selected.common;
+  record.verdict = judgement.verdict;
   // The judge may be blind to a gap that the parameters show.
-  const bool moved_unseen = !fit && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
+  const bool moved_unseen = !best.prediction && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
   if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;
-  if (fit) record.fit = FitOf(*fit, run.spec().observation_names);
-  if (fit && fit->held_out) record.validation = ValidationOf(*fit->held_out, *fit, run.spec());
-  // What a parameter may not do for its bound, others seem to ask for.
-  if (!at_bounds.empty()) record.fit->suspects.clear();
+  if (const std::optional<FitEvidence>& fit = findings.candidates[ToldBy(findings)].fit) {
+    record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec());
+  }
+  for (const GrowthRecord& round : run.growth) {
+    if (const Suspect* freed = round.Freed()) record.grown.push_back(*freed);
+  }
+  if (best.prediction) record.validation = InRecord(*best.prediction, run.spec());
+  record.predicts_better = judgement.better;
   record.method_choices = findings.choices;
   record.nominal_common = findings.result.nominal_common;
   AddSettings(findings, record);
+  record.sentence = VerdictSentence(record, judgement.off);
   record.dataset = {run.config.data.path, run.dataset.sha256, run.dataset.size()};
   record.model_sha256 = run.model_sha256;
   record.oted_version = OTED_VERSION;
-  record.mujoco_version = "4.0.0";
+  record.mujoco_version = MujocoVersion();
   return record;
 }
 

@@ -1,5 +1,6 @@
 #include "oted/run/design_step.h"
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -13,23 +14,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Design Make(const RunSetup& run, const std::string& setting, int seed, const Policy& clone, const RunContext& share) {
+Design Make(const RunSetup& run, const std::string& setting, int seed, const Policy* clone, const RunContext& share) {
   const SettingDesigns& designs = run.Designs(setting);
   const fs::path folder = run.directory.design_seed(setting, seed);
   const Artifact artifact = DesignArtifact(run, setting, seed);
   Design design{.setting = setting, .seed = seed, .record = {}, .discriminator = {}, .clone = nullptr};
   const auto make = [&] {
-    DesignResult result =
-        LearnDesign({.factory = *run.factory,
-                     .dataset = run.dataset,
-                     .clone = &clone,
-                     .key = run.Key("design").Stage(designs.drawn_as).Index(static_cast<uint64_t>(seed)),
-                     .folder = folder,
-                     .run_name = run.directory.NameOf(folder),
-                     .context = share},
-                    designs.config);
-    result.g.Save(design.discriminator);
-    WriteNpz(design.discriminator, folder / "discriminator.npz");
+    DesignResult result = LearnDesign(ProblemOf(run, setting, seed, clone, share), designs.config);
+    if (result.g) {
+      result.g->Save(design.discriminator);
+      WriteNpz(design.discriminator, folder / "discriminator.npz");
+    }
     if (result.clone) {
       result.clone->Save(folder / "policy.npz");
       design.clone = std::make_shared<TanhGaussianPolicy>(*std::move(result.clone));
@@ -44,8 +39,20 @@ Design Make(const RunSetup& run, const std::string& setting, int seed, const Pol
 
 }  // namespace
 
+DesignProblem ProblemOf(const RunSetup& run, const std::string& setting, int seed, const Policy* clone,
+                        const RunContext& context) {
+  const std::filesystem::path folder = run.directory.design_seed(setting, seed);
+  return {.factory = *run.factory,
+          .dataset = run.dataset,
+          .clone = clone,
+          .key = run.Key("design").Stage(run.Designs(setting).drawn_as).Index(static_cast<uint64_t>(seed)),
+          .folder = folder,
+          .run_name = run.directory.NameOf(folder),
+          .context = context};
+}
+
 std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, SettingDesigns>& settings,
-                                const Policy& clone) {
+                                const Policy* clone) {
   std::vector<std::pair<std::string, int>> jobs;  // setting, seed
   size_t n_missing = 0;
   for (const auto& [setting, designs] : settings) {
@@ -71,6 +78,23 @@ std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, Setti
   return designs;
 }
 
+bool DesignNeedsClone(const RunSetup& run) {
+  const auto uses = [](const auto& named) { return named.second.config.UsesClone(); };
+  return !run.spec().can_set_state || std::ranges::any_of(run.settings, uses) ||
+         std::ranges::any_of(run.other_methods, uses);
+}
+
+void Predict(const RunSetup& run, Candidate& candidate) {
+  const auto make = [&] {
+    const std::string name = run.directory.NameOf(run.directory.design_seed(candidate.setting, candidate.seed));
+    run.context.log->Progress("predict", name, 0, 1, "logs that were kept aside");
+    const DesignProblem problem = ProblemOf(run, candidate.setting, candidate.seed, nullptr, run.context);
+    return PredictionRecord{PredictKeptAside(problem, candidate.q, candidate.fit)};
+  };
+  const Artifact artifact = PredictionArtifact(run, candidate.setting, candidate.seed);
+  candidate.prediction = OnceAs<PredictionRecord>(run.directory, artifact, make).prediction;
+}
+
 Candidate AsCandidate(const RunSetup& run, const Design& design) {
   const DesignConfig& config = run.Designs(design.setting).config;
   const fs::path folder = run.directory.design_seed(design.setting, design.seed);
@@ -79,13 +103,15 @@ Candidate AsCandidate(const RunSetup& run, const Design& design) {
   candidate.method = Describe(config.method).name;
   candidate.seed = design.seed;
   candidate.q = design.record.q;
-  candidate.evidence = config.adversarial.Evidence(run.spec());
-  Rng unused(0);
-  candidate.g = Discriminator(DatasetFeatures(run.dataset, candidate.evidence), config.discriminator, unused,
-                              FeatureShape(run.spec(), candidate.evidence));
-  const fs::path file = folder / "discriminator.npz";
-  candidate.g.Restore(design.discriminator.empty() ? ReadNpz(file) : design.discriminator, file.string());
-  candidate.learning_progress = design.record.learning_progress.value_or(0);
+  candidate.learning_progress = design.record.learning_progress;
+  if (Describe(config.method).is_algorithm1) {
+    candidate.evidence = config.adversarial.Evidence(run.spec());
+    Rng unused(0);
+    candidate.g.emplace(DatasetFeatures(run.dataset, candidate.evidence), config.discriminator, unused,
+                        FeatureShape(run.spec(), candidate.evidence));
+    const fs::path file = folder / "discriminator.npz";
+    candidate.g->Restore(design.discriminator.empty() ? ReadNpz(file) : design.discriminator, file.string());
+  }
   candidate.clone = design.clone;
   if (candidate.clone == nullptr && config.adversarial.clone_updates > 0) {
     candidate.clone = LoadPolicy(folder / "policy.npz");

@@ -10,6 +10,7 @@
 #include "oted/nn/policy.h"
 #include "oted/run/records.h"
 #include "oted/run/run_setup.h"
+#include "oted/stages/design/design_problem.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
 
 namespace oted {
@@ -19,16 +20,28 @@ struct Design {
   std::string setting;
   int seed = 1;
   QRecord record;
-  NpzArrays discriminator;              ///< empty where it lies in the folder from an earlier call; likewise
+  NpzArrays discriminator;              ///< empty where the method leaves none or it lies in the folder; likewise
   std::shared_ptr<const Policy> clone;  ///< that was trained jointly
 };
 
-/// design/SETTING/SEED: q.json, discriminator.npz, and policy.npz where clone and design were trained jointly.
+/// What the design of a setting's seed is given. @param clone  as MakeDesigns
+DesignProblem ProblemOf(const RunSetup& run, const std::string& setting, int seed, const Policy* clone,
+                        const RunContext& context);
+
+/// design/SETTING/SEED: q.json, with Algorithm 1 discriminator.npz, and policy.npz where clone and design were trained
+/// jointly.
+/// @param clone  null where no design uses it (DesignNeedsClone)
 /// @return all seeds of all settings
 std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, SettingDesigns>& settings,
-                                const Policy& clone);
+                                const Policy* clone);
+
+/// Whether some setting's design or the selection lets the clone act.
+bool DesignNeedsClone(const RunSetup& run);
 
 /// A design as the simulator selection scores it.
 Candidate AsCandidate(const RunSetup& run, const Design& design);
+
+/// design/SETTING/SEED/prediction.json, and candidate.prediction.
+void Predict(const RunSetup& run, Candidate& candidate);
 
 }  // namespace oted

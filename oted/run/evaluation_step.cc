@@ -81,10 +81,15 @@ std::vector<EvaluationRecord::PolicyResult> JudgeAll(const RunSetup& run, const 
                                                      const TrainedRecord& selected) {
   const bool has_bc_dr = agents.bc_dr.policy != nullptr, has_expert = run.factory->has_expert();
   const std::vector<Ground> grounds = run.Grounds();
-  TargetJudge judge(run, 2 + static_cast<int>(grounds.size()) + (has_bc_dr ? 1 : 0) + (has_expert ? 1 : 0));
+  TargetJudge judge(run, 2 + static_cast<int>(grounds.size()) + (has_bc_dr ? 1 : 0) + (has_expert ? 1 : 0) +
+                             static_cast<int>(agents.offline.size()));
   const AlgorithmEntry& algorithm = run.config.Algorithm(run.spec());
   judge.JudgeRandom();
   judge.Judge("clone", "clone of the logs", clone);
+  for (const auto& [baseline, stored] : agents.offline) {
+    const OfflineEntry& entry = EntryOf(baseline);
+    judge.Judge(entry.name, entry.title + " learned from the logs", *stored.policy);
+  }
   if (has_bc_dr) judge.Judge("bc_dr", "clone of logs and data under DR (BC+DR)", *agents.bc_dr.policy);
   // Of what is compared with, too, the one of its m agents that does best where it was trained. Baselines come first.
   const auto judge_best = [&](Ground ground) {

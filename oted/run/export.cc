@@ -8,8 +8,10 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/config/run_config.h"
-#include "oted/run/records.h"
+#include "oted/run/finished_design.h"
+#include "oted/run/provenance.h"
 #include "oted/run/run_directory.h"
 #include "oted/sim/mujoco/export_mjcf.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
@@ -23,56 +25,8 @@ using nlohmann::json;
 
 using Member = DesignRecord::Member;
 
-// A finished design, read from its run directory.
-struct FinishedDesign {
-  fs::path folder;
-  RunConfig config;
-  DesignRecord record;
-  size_t best = 0;  // of record.mixture
-};
-
-size_t BestMember(const DesignRecord& record) {
-  // The parameters' modes are the best-scoring seed's.
-  const auto found = std::ranges::find(record.mixture, record.BestMode(), &Member::mode);
-  if (found == record.mixture.end()) {
-    throw DataError("design.json: no member of the mixture has the parameters' modes");
-  }
-  return static_cast<size_t>(found - record.mixture.begin());
-}
-
-// @throws DataError unless the design is one of the parameters of its run.toml
-void CheckBelongs(const FinishedDesign& design, const std::string& file) {
-  const auto foreign = [&](const std::string& why) {
-    return DataError(fmt::format(
-        "'{}' is not the design of this directory's run.toml ({}); make it again with 'oted design'", file, why));
-  };
-  const auto& parameters = design.record.parameters;
-  if (parameters.size() != design.config.parameters.size()) throw foreign("another number of parameters");
-  for (size_t i = 0; i < parameters.size(); ++i) {
-    const ParameterSpec& spec = design.config.parameters[i];
-    if (parameters[i].name != spec.name || parameters[i].field != spec.field) {
-      throw foreign(fmt::format("parameter '{}'", spec.name));
-    }
-  }
-  for (const Member& member : design.record.mixture) {
-    if (member.mode.size() != parameters.size()) throw foreign("a mode of another length");
-  }
-}
-
-FinishedDesign ReadDesign(const fs::path& folder) {
-  const fs::path file = folder / "design.json";
-  if (!fs::exists(file)) {
-    throw UsageError(
-        fmt::format("'{}' holds no design.json; name a run directory, and make the design first: oted design "
-                    "--out {}",
-                    folder.string(), folder.string()));
-  }
-  FinishedDesign design{folder, RunConfig::FromTomlFile((folder / "run.toml").string()),
-                        DesignRecord::FromJson(ReadJson(file), file.string())};
-  CheckBelongs(design, file.string());
-  design.best = BestMember(design.record);
-  return design;
-}
+constexpr const char* kExportFolder = "export";
+constexpr const char* kExports = "export.json";
 
 std::vector<Member> SelectMembers(const FinishedDesign& design, const std::string& which) {
   if (which == "best") return {design.record.mixture[design.best]};
@@ -115,16 +69,17 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
 }
 
 // Whether a parameter is one of the model; others act on what the agent sees and does, and MJCF has no place for them.
-bool IsInModel(const ParameterSpec& spec) {
-  const std::string owner = spec.field.substr(0, spec.field.find('/'));
+bool IsFieldOfModel(const std::string& field) {
+  const std::string owner = field.substr(0, field.find('/'));
   return owner != "action" && owner != "obs" && owner != "env";
 }
 
+bool IsInModel(const ParameterSpec& spec) { return IsFieldOfModel(spec.field); }
+
 std::string NotInTheModel(const FinishedDesign& design) {
-  std::string names;
-  for (const ParameterSpec& spec : design.config.parameters) {
-    if (!IsInModel(spec)) names += (names.empty() ? "" : ", ") + spec.name;
-  }
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const ParameterSpec& spec : design.config.parameters) all.emplace_back(spec.name, spec.field);
+  const std::string names = NotInModel(all);
   return names.empty() ? "" : fmt::format("Not in this file, as they are no fields of the model: {}.\n", names);
 }
 
@@ -154,12 +109,7 @@ std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const Expor
         fmt::format("task '{}' is a grid world and has no MJCF; write its q(z) with --q", design.config.task.name));
   }
   const MujocoSimulatorFactory factory = ModelFactory(design.config);
-  if (design.record.model_sha256 != factory.model_sha256()) {
-    throw DataError(
-        fmt::format("'{}' is no longer the model that the design was made with (its SHA-256 differs); restore "
-                    "it, or make the design again",
-                    factory.model_path()));
-  }
+  CheckSameModel(design, factory.model_path(), factory.model_sha256());
   std::vector<ExportedFile> written;
   for (const Member& member : members) {
     fs::path path = request.mjcf;
@@ -178,15 +128,15 @@ std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const Expor
 json MixtureJson(const FinishedDesign& design) {
   json mixture = {{"schema", "oted.q/1"}, {"kind", "mixture"}, {"best_seed", design.record.mixture[design.best].seed}};
   const std::string& setting = design.record.selected;
-  const RunDirectory directory(design.folder);
+  const RunDirectory directory = RunDirectory::At(design.folder);
   for (const Member& member : design.record.mixture) {
     const fs::path path = directory.design_seed(setting, member.seed) / "q.json";
-    json q = ReadJson(path);
+    json q = ReadSealed(path, true);
     if (q.value("schema", "") != "oted.q/1" || q.value("mode", std::vector<double>{}) != member.mode) {
       throw DataError(
           fmt::format("'{}' is not what design.json was made from; make it again with 'oted design'", path.string()));
     }
-    q.erase("fingerprint");
+    for (const char* own : {"fingerprint", "made_from", "files", "seal"}) q.erase(own);
     q["seed"] = member.seed;
     q["weight"] = 1.0 / static_cast<double>(design.record.mixture.size());
     for (const char* shared : {"parameters", "bounds", "scale"}) mixture[shared] = q.at(shared);
@@ -219,16 +169,42 @@ std::string Sysid(const FinishedDesign& design) {
                        "is then for a modifier to say,\nand 'field' and 'scale' below say it to oted.");
 }
 
+// What speaks for the files of the run's own exports.
+void SealExports(const FinishedDesign& design, const std::vector<ExportedFile>& written) {
+  std::vector<std::string> names;
+  for (const ExportedFile& file : written) names.push_back(file.path.filename().string());
+  json record = {{"schema", "oted.export/1"},
+                 {"made_from", {{"../design.json", SealOf(ReadSealed(design.folder / "design.json", true))}}}};
+  const fs::path folder = design.folder / kExportFolder;
+  Seal(record, folder, names);
+  WriteJson(folder / kExports, record);
+}
+
 }  // namespace
 
 ExportRequest DefaultExports(const fs::path& run_directory) {
-  const fs::path folder = run_directory / "export";
+  const fs::path folder = run_directory / kExportFolder;
   const fs::path config = run_directory / "run.toml";
   // A grid world has no model that another tool could load.
-  if (fs::exists(config) && RunConfig::FromTomlFile(config.string()).task.is_grid()) {
+  if (fs::exists(config) && ReadKeptConfig(run_directory).task.is_grid()) {
     return {.mjcf = {}, .q = folder / "q.json", .sysid = {}};
   }
   return {.mjcf = folder / "designed.xml", .q = folder / "q.json", .sysid = folder / "parameters.yaml"};
+}
+
+std::string NotInModel(const std::vector<std::pair<std::string, std::string>>& names_and_fields) {
+  std::string names;
+  for (const auto& [name, field] : names_and_fields) {
+    if (!IsFieldOfModel(field)) names += (names.empty() ? "" : ", ") + name;
+  }
+  return names;
+}
+
+void RemoveExports(const fs::path& run_directory) {
+  for (const char* name : {"designed.xml", "q.json", "parameters.yaml", kExports}) {
+    std::error_code ignored;
+    fs::remove(run_directory / kExportFolder / name, ignored);
+  }
 }
 
 std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequest& request) {
@@ -248,6 +224,7 @@ std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequ
     throw DataError(fmt::format("'{}' lacks what a design records ({}); make it again with 'oted design'",
                                 (run_directory / "design.json").string(), e.what()));
   }
+  if (request.q == run_directory / kExportFolder / "q.json") SealExports(design, written);
   return written;
 }
 

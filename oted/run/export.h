@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace oted {
@@ -32,5 +33,12 @@ ExportRequest DefaultExports(const std::filesystem::path& run_directory);
 /// @throws UsageError when there is no design yet or no such member; DataError when the directory's files do not belong
 /// together, when the model has changed since the design, or when MuJoCo cannot write it (DesignedMjcf).
 std::vector<ExportedFile> Export(const std::filesystem::path& run_directory, const ExportRequest& request);
+
+/// Names of the parameters that a MuJoCo model has no field for, "delay, lag"; oted's simulators and environments have
+/// them. Empty where there are none.
+std::string NotInModel(const std::vector<std::pair<std::string, std::string>>& names_and_fields);
+
+/// Removes what the default request writes.
+void RemoveExports(const std::filesystem::path& run_directory);
 
 }  // namespace oted

@@ -7,23 +7,12 @@
 #include "oted/matching/held_out.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/records.h"
+#include "oted/run/trial_log.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/design_method.h"
 
 namespace oted {
 namespace {
-
-/// Curves of trials would stand among those of designs: their progress alone is told, as a stage of its own.
-class TrialLog : public NullSink {
- public:
-  explicit TrialLog(LogSink* log) : log_(log) {}
-  void Progress(std::string_view, std::string_view label, int64_t done, int64_t total, std::string_view note) override {
-    log_->Progress("methods", label, done, total, note);
-  }
-
- private:
-  LogSink* log_;
-};
 
 /// The first method and those that may take its place.
 std::vector<DesignConfig> TriedDesigns(const RunSetup& run, const std::string& setting) {
@@ -37,8 +26,8 @@ std::vector<DesignConfig> TriedDesigns(const RunSetup& run, const std::string& s
 /// The mode of every method's q, learned from part of the logs.
 std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::string& setting,
                                             const std::vector<DesignConfig>& designs, const Dataset& learn,
-                                            const Policy& clone) {
-  TrialLog log(run.context.log);
+                                            const Policy* clone) {
+  TrialLog log(run.context.log, "methods");
   size_t n_missing = 0;
   for (const DesignConfig& design : designs) {
     const Artifact artifact = TrialArtifact(run, setting, design);
@@ -57,11 +46,12 @@ std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::stri
       const std::filesystem::path folder = artifact.file.parent_path();
       DesignResult result = LearnDesign({.factory = *run.factory,
                                          .dataset = learn,
-                                         .clone = &clone,
+                                         .clone = clone,
                                          .key = run.Key("forms").Stage(setting).Stage("trial"),
                                          .folder = folder,
                                          .run_name = run.directory.NameOf(folder),
-                                         .context = share},
+                                         .context = share,
+                                         .judged = false},
                                         config);
       return QRecord{std::move(result.q), config.adversarial.lambda, {}, {}}.ToJson();
     };
@@ -73,7 +63,7 @@ std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::stri
 
 /// By designs from part of the logs, judged on the rest. @param first  the best design by the first method
 MethodChoice ChooseByTrial(const RunSetup& run, const std::string& setting, const Candidate& first,
-                           const Policy& clone) {
+                           const Policy* clone) {
   const HeldOutParts parts = HoldOut(run.dataset, run.Key("forms").Stage(setting).Stage("parts"));
   const auto replay = [&](const Dataset& logs, const std::vector<std::vector<double>>& z) {
     return ReplayHeldOut(*run.factory, logs, z, *first.fit, run.context.n_threads);
@@ -81,7 +71,7 @@ MethodChoice ChooseByTrial(const RunSetup& run, const std::string& setting, cons
   const Artifact artifact = MethodChoiceArtifact(run, setting);
   if (!run.directory.IsComplete(artifact)) {
     for (const Dataset* part : {&parts.learn, &parts.judge}) {
-      if (replay(*part, {}).n_windows < kFewestWindows) return KeepFirstMethod(first.q, *first.fit);
+      if (replay(*part, {}).n_windows < kFewestWindows) return KeepFirstMethod(first.prediction);
     }
   }
   const auto make = [&] {
@@ -101,16 +91,17 @@ MethodChoice ChooseByTrial(const RunSetup& run, const std::string& setting, cons
 }  // namespace
 
 std::vector<MethodChoice> ChooseMethods(const RunSetup& run, const std::vector<Candidate>& candidates,
-                                        const SelectionResult& result, const Policy& clone) {
+                                        const SelectionResult& result, const Policy* clone) {
   std::vector<MethodChoice> choices;
   for (const auto& [setting, asked] : run.config.DesignSettings()) {
     if (asked.method) continue;
     const DesignMethod first = run.settings.at(setting).config.method;
     const auto scored = std::ranges::find(result.settings, setting, &SettingScore::setting);
     const Candidate& best = candidates[static_cast<size_t>(scored->best_candidate)];
-    MethodChoice choice = !best.fit                                 ? ChooseByCapability(first, run.spec())
-                          : !AsksForOtherMethods(best.q, *best.fit) ? KeepFirstMethod(best.q, *best.fit)
-                                                                    : ChooseByTrial(run, setting, best, clone);
+    const bool first_alone = !best.fit || !run.spec().can_set_state;
+    MethodChoice choice = first_alone                             ? ChooseByCapability(first, run.spec())
+                          : !AsksForOtherMethods(best.prediction) ? KeepFirstMethod(best.prediction)
+                                                                  : ChooseByTrial(run, setting, best, clone);
     choice.setting = setting;
     choice.picked = choice.method == first ? setting : setting + "-" + Describe(choice.method).name;
     choices.push_back(std::move(choice));

@@ -1,5 +1,5 @@
 #pragma once
-/// design.method = "auto": other methods are tried where the answer of the first is outside the family
+/// design.method = "auto": other methods are tried where that of the first predicts no better than the nominal one
 /// (oted/stages/design/method_choice.h).
 
 #include <vector>
@@ -14,6 +14,6 @@ namespace oted {
 /// Of every setting whose method was left to auto, the method and why.
 /// @param candidates, result  the designs by the first methods, and their scores
 std::vector<MethodChoice> ChooseMethods(const RunSetup& run, const std::vector<Candidate>& candidates,
-                                        const SelectionResult& result, const Policy& clone);
+                                        const SelectionResult& result, const Policy* clone);
 
 }  // namespace oted

@@ -4,7 +4,10 @@
 
 #include <utility>
 
+#include "oted/checks/data_check.h"
+#include "oted/run/artifacts.h"
 #include "oted/run/evaluation_step.h"
+#include "oted/run/growth_step.h"
 #include "oted/run/policy_selection_step.h"
 #include "oted/run/provenance.h"
 #include "oted/run/replay_step.h"
@@ -19,27 +22,42 @@ Pipeline::Pipeline(RunConfig config, const std::filesystem::path& out, RunContex
   WriteProvenance(run_);
 }
 
+void Pipeline::WarnAboutData() {
+  if (std::exchange(told_of_data_, true)) return;
+  for (const std::string& warning : DataWarnings(run_.dataset, run_.spec())) {
+    run_.context.log->Warning(warning + "; 'oted data check' has more");
+  }
+}
+
 const ClonedBehavior& Pipeline::CloneBehavior() {
-  if (!clone_) clone_ = MakeClone(run_);
+  if (clone_) return *clone_;
+  if (!run_.directory.IsComplete(CloneArtifact(run_))) WarnAboutData();
+  clone_ = MakeClone(run_);
   return *clone_;
 }
 
+const Policy* Pipeline::CloneForDesign() { return DesignNeedsClone(run_) ? CloneBehavior().policy.get() : nullptr; }
+
 const std::vector<Design>& Pipeline::Design() {
-  const Policy& clone = *CloneBehavior().policy;
-  if (!designs_) designs_ = MakeDesigns(run_, run_.settings, clone);
+  if (designs_) return *designs_;
+  if (!run_.directory.IsComplete(SelectionArtifact(run_))) WarnAboutData();
+  Grow(run_);
+  designs_ = MakeDesigns(run_, run_.settings, CloneForDesign());
   return *designs_;
 }
 
 const SelectedDesign& Pipeline::SelectSimulator() {
-  if (!selected_) selected_ = SelectDesign(run_, Design(), *CloneBehavior().policy);
+  if (!selected_) selected_ = SelectDesign(run_, Design(), CloneForDesign());
   return *selected_;
 }
 
 void Pipeline::ReplayLogs() { ::oted::ReplayLogs(run_, SelectSimulator().record); }
 
+void Pipeline::CheckCanTrain() const { CheckHasReward(run_); }
+
 const Agents& Pipeline::TrainAgents() {
   if (agents_) return *agents_;
-  CheckHasReward(run_);  // before an hour of design
+  CheckCanTrain();
   ReplayLogs();
   agents_ = ::oted::TrainAgents(run_, SelectSimulator(), *CloneBehavior().policy);
   return *agents_;

@@ -34,10 +34,13 @@ class Pipeline {
   /// @throws UsageError, DataError
   Pipeline(RunConfig config, const std::filesystem::path& out, RunContext context);
 
+  /// The other calls make the clone when something needs it: a design that replays logged actions does not.
   const ClonedBehavior& CloneBehavior();
   const std::vector<oted::Design>& Design();
   const SelectedDesign& SelectSimulator();
   void ReplayLogs();
+  /// Before an hour of design. @throws UsageError for a task without a reward
+  void CheckCanTrain() const;
   const Agents& TrainAgents();
   const PolicySelectionRecord& SelectPolicy();
   /// @return none where the truth is not known
@@ -50,7 +53,13 @@ class Pipeline {
   const Dataset& dataset() const { return run_.dataset; }
 
  private:
+  /// Null where neither designs nor their selection use it.
+  const Policy* CloneForDesign();
+  /// The checks of data that need no simulator: told before long work starts, and no more than told.
+  void WarnAboutData();
+
   RunSetup run_;
+  bool told_of_data_ = false;
   std::optional<ClonedBehavior> clone_;
   std::optional<std::vector<oted::Design>> designs_;
   std::optional<SelectedDesign> selected_;

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 RunConfig WithBaselines() {
   RunConfig config = TinyConfig();
   config.agents.n_agents = 1;
-  config.baselines.run = {"dr", "is", "bc_dr"};
+  config.baselines.run = {"dr", "is", "bc_dr", "f_brc", "mbop", "td3_bc", "rebrac"};
   config.baselines.is.episodes = 1;
   return config;
 }
@@ -43,14 +43,23 @@ TEST_F(PipelineTest, BaselinesAreTrainedAndEvaluatedAndTouchNothingElse) {
     EXPECT_EQ(ReadJson(out / folder / "agent.json").at("baseline"), name);
   }
   EXPECT_TRUE(with.contains("baselines/bc_dr/policy.onnx"));
+  for (const std::string name : {"f_brc", "mbop", "td3_bc", "rebrac"}) {
+    const std::string folder = "baselines/" + name + "/";
+    EXPECT_TRUE(with.contains(folder + "policy.npz")) << name;
+    EXPECT_EQ(with.contains(folder + "policy.onnx"), name != "mbop") << "a planner has no ONNX form";
+    EXPECT_FALSE(with.contains(folder + "checkpoint.npz")) << name;
+    const json record = ReadJson(out / folder / "offline.json");
+    EXPECT_EQ(record.at("baseline"), name);
+    EXPECT_GT(record.at("n_transitions").get<int>(), 8);
+  }
   const json interval = ReadJson(out / "baselines/is/1/agent.json").at("episodes");
   EXPECT_LE(interval.at("interval/low/friction").get<double>(), 1.0) << "it began at the nominal value";
   EXPECT_GE(interval.at("interval/high/friction").get<double>(), 1.0);
   std::vector<std::string> names;
   const json evaluation = ReadJson(out / "evaluation.json");
   for (const json& policy : evaluation.at("policies")) names.push_back(policy.at("name"));
-  EXPECT_THAT(names, testing::ElementsAre("random", "clone", "bc_dr", "crossq_dr", "crossq_is", "crossq_nominal",
-                                          "oted_crossq"));
+  EXPECT_THAT(names, testing::ElementsAre("random", "clone", "f_brc", "mbop", "td3_bc", "rebrac", "bc_dr", "sac_dr",
+                                          "sac_is", "sac_nominal", "oted_sac"));
 }
 
 TEST_F(PipelineTest, AgentsTrainInModesSamplesOrTheBestSimulator) {
@@ -77,7 +86,7 @@ TEST_F(PipelineTest, BaselinesHaveTheSameBytesAtAnyNumberOfThreadsAndAfterStops)
   const fs::path stopped = CopyWithoutAgents("stopped");
   RunConfig config = WithBaselines();
   config.run.threads = 3;
-  for (const int64_t at : {0, 150}) {
+  for (const int64_t at : {0, 100, 150}) {
     Watch watch;
     watch.stop_stage = "train";
     watch.stop_at = at;

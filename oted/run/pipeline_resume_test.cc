@@ -65,7 +65,7 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   refuse("clone.max_steps=61");
   refuse("design.adversarial.lambda=0.02");
   refuse("selection.judge_steps=21");
-  refuse("crossq.gamma=0.98");
+  refuse("sac.gamma=0.98");
   refuse("data.episodes=7");
   refuse("data.action_delay=1");
   refuse("agents.selection_episodes=3");
@@ -99,7 +99,7 @@ TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
     EXPECT_FALSE(fs::exists(out / "evaluation.json"));
     RunConfig other = tiny;
     other.Set("design.adversarial.lambda=0.02");
-    other.Set("crossq.gamma=0.98");
+    other.Set("sac.gamma=0.98");
     EXPECT_THROW(RunPipeline(other, out), UsageError) << "work of other settings would be gone on with: " << stage;
   }
   RunPipeline(tiny, out);

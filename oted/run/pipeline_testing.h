@@ -97,15 +97,36 @@ inline RunConfig TinyConfig() {
     n_agents = 2
     selection_episodes = 2
     target_episodes = 2
-    [crossq]
+    [sac]
     n_steps = 300
     learning_starts = 100
     batch_size = 32
     hidden = [16]
-    critic_hidden = [16]
     buffer_size = 1000
     eval_interval = 150
     eval_episodes = 1
+    [f_brc]
+    behavior_steps = 100
+    check_interval = 20
+    n_steps = 150
+    batch_size = 32
+    hidden = [16]
+    behavior_hidden = [16]
+    [mbop]
+    n_steps = 150
+    batch_size = 32
+    members = 2
+    hidden = [16]
+    horizon = 3
+    trajectories = 10
+    [td3_bc]
+    n_steps = 150
+    batch_size = 32
+    hidden = [16]
+    [rebrac]
+    n_steps = 150
+    batch_size = 32
+    hidden = [16]
     [truth]
     gravity = 1.2
     friction = 0.6

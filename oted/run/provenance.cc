@@ -1,15 +1,36 @@
 #include "oted/run/provenance.h"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/sim/mujoco/model_task.h"
 
 namespace oted {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
 namespace {
 
-namespace fs = std::filesystem;
+constexpr const char* kConfig = "run.toml";
+
+/// Nothing is written where it is there already.
+void Keep(const fs::path& path, const std::string& bytes) {
+  std::error_code error;
+  if (fs::is_regular_file(path, error) && fs::file_size(path, error) == bytes.size() && ReadFile(path) == bytes) return;
+  WriteFileAtomically(path, bytes);
+}
+
+void KeepSealed(const fs::path& path, json record, const std::vector<std::string>& files) {
+  Seal(record, path.parent_path(), files);
+  Keep(path, record.dump(2, ' ', false, json::error_handler_t::replace) + "\n");
+}
 
 /// The model file, its task file and the compiled model.
 void KeepModel(const RunSetup& run) {
@@ -17,15 +38,30 @@ void KeepModel(const RunSetup& run) {
   const fs::path folder = run.directory.root() / "model", file = FindModelFile(run.config.task.model.model);
   TaskConfig kept = run.config.task;
   kept.model.model = file.filename().string();
-  WriteFileAtomically(folder / file.filename(), ReadFile(file));
-  WriteFileAtomically(folder / "task.toml", kept.ToToml());
-  WriteFileAtomically(folder / "compiled.mjb", CompileToMjb(run.config.task.model));
+  Keep(folder / file.filename(), ReadFile(file));
+  Keep(folder / "task.toml", kept.ToToml());
+  Keep(folder / "compiled.mjb", CompileToMjb(run.config.task.model));
+  KeepSealed(folder / "model.json", {{"schema", "oted.model/1"}, {"sha256", run.model_sha256}},
+             {file.filename().string(), "task.toml", "compiled.mjb"});
+}
+
+/// What was asked: parameters that grew are told by the records of their rounds.
+RunConfig AskedConfig(const RunSetup& run) {
+  RunConfig asked = run.config;
+  for (const GrowthRecord& round : run.growth) {
+    const Suspect* freed = round.Freed();
+    if (freed == nullptr) continue;
+    asked.parameters.pop_back();
+    asked.truth.erase(freed->spec.name);
+    if (!asked.agents.nominal_at.empty()) asked.agents.nominal_at.pop_back();
+  }
+  return asked;
 }
 
 /// As in every configuration file, paths are relative to the file's own folder.
 void WriteConfig(const RunSetup& run) {
   const fs::path& root = run.directory.root();
-  RunConfig written = run.config;
+  RunConfig written = AskedConfig(run);
   written.data.path = fs::proximate(run.config.data.path, root).string();
   std::string& model = written.task.model.model;
   if (!model.empty() && !model.starts_with("package:")) model = fs::proximate(model, root).string();
@@ -36,7 +72,7 @@ void WriteConfig(const RunSetup& run) {
   };
   place_prior(written.design);
   for (auto& [unused, setting] : written.settings) place_prior(setting);
-  WriteFileAtomically(root / "run.toml", written.ToToml());
+  Keep(root / kConfig, SealedText(written.ToToml(), "of what follows; an edited file is run with CONFIG, its name"));
 }
 
 }  // namespace
@@ -45,19 +81,29 @@ void WriteProvenance(const RunSetup& run) {
   KeepModel(run);
   WriteConfig(run);
   const Dataset& dataset = run.dataset;
-  WriteJson(run.directory.root() / "dataset.json", {{"schema", "oted.dataset/1"},
-                                                    {"path", run.config.data.path},
-                                                    {"sha256", dataset.sha256},
-                                                    {"n_transitions", dataset.size()},
-                                                    {"n_episodes", dataset.Episodes().size()},
-                                                    {"episode_returns", dataset.EpisodeReturns()},
-                                                    {"obs_dim", dataset.obs_dim()},
-                                                    {"act_dim", dataset.act_dim()},
-                                                    {"observation_names", dataset.observation_names},
-                                                    {"action_names", dataset.action_names},
-                                                    {"period_s", dataset.period_s},
-                                                    {"remarks", dataset.remarks},
-                                                    {"warnings", dataset.warnings}});
+  KeepSealed(run.directory.root() / "dataset.json",
+             {{"schema", "oted.dataset/1"},
+              {"path", run.config.data.path},
+              {"sha256", dataset.sha256},
+              {"n_transitions", dataset.size()},
+              {"n_episodes", dataset.Episodes().size()},
+              {"episode_returns", dataset.EpisodeReturns()},
+              {"obs_dim", dataset.obs_dim()},
+              {"act_dim", dataset.act_dim()},
+              {"observation_names", dataset.observation_names},
+              {"action_names", dataset.action_names},
+              {"period_s", dataset.period_s},
+              {"remarks", dataset.remarks},
+              {"warnings", dataset.warnings}},
+             {});
+}
+
+RunConfig ReadKeptConfig(const fs::path& run_directory) {
+  const fs::path file = run_directory / kConfig;
+  const std::string path = file.string();
+  const std::string remedy =
+      fmt::format("if you edited it, name it as the configuration: oted run {} --out {}", path, run_directory.string());
+  return RunConfig::FromToml(ReadSealedText(file, remedy), path);
 }
 
 }  // namespace oted

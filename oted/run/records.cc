@@ -4,19 +4,13 @@
 #include <numbers>
 
 #include "oted/run/record_reader.h"
+#include "oted/stages/design/trajectories/freed.h"
 
 namespace oted {
 
 using nlohmann::json;
 
 namespace {
-
-template <class E>
-std::vector<std::pair<E, std::string>> Named(std::initializer_list<E> values) {
-  std::vector<std::pair<E, std::string>> names;
-  for (const E value : values) names.emplace_back(value, ToString(value));
-  return names;
-}
 
 json EvidenceToJson(const MethodEvidence& evidence) {
   json object = {{"held_out_loss", evidence.held_out_loss}, {"closeness", nullptr}};
@@ -85,6 +79,18 @@ QRecord QRecord::FromJson(const json& record, const ParameterSpace& space, const
   return read;
 }
 
+json PredictionRecord::ToJson() const {
+  json record = {{"schema", kSchema}};
+  if (prediction) record["prediction"] = ::oted::ToJson(*prediction);
+  return record;
+}
+
+PredictionRecord PredictionRecord::FromJson(const json& record, const std::string& where) {
+  const RecordReader reader(record, kSchema, where);
+  if (!reader.Has("prediction")) return {};
+  return {reader.Read("prediction", HeldOutPredictionFromJson)};
+}
+
 json MethodChoiceRecord::ToJson() const {
   json record = ::oted::ToJson(choice);
   record["schema"] = kSchema;
@@ -100,15 +106,45 @@ MethodChoiceRecord MethodChoiceRecord::FromJson(const json& record, const std::s
   }
 }
 
+// ---------------------------------------------------------------- growth.json
+
+namespace {
+
+json SuspectsToJson(const std::vector<Suspect>& suspects) {
+  json list = json::array();
+  for (const Suspect& suspect : suspects) list.push_back(ToJson(suspect));
+  return list;
+}
+
+std::vector<Suspect> SuspectsFrom(const RecordReader& reader, const char* field) {
+  return reader.Read(field, [](const json& list) {
+    std::vector<Suspect> suspects;
+    for (const json& suspect : list) suspects.push_back(SuspectFromJson(suspect));
+    return suspects;
+  });
+}
+
+}  // namespace
+
+const Suspect* GrowthRecord::Freed() const { return BestFreed(suspects); }
+
+json GrowthRecord::ToJson() const { return {{"schema", kSchema}, {"suspects", SuspectsToJson(suspects)}}; }
+
+GrowthRecord GrowthRecord::FromJson(const json& record, const std::string& where) {
+  return {SuspectsFrom(RecordReader(record, kSchema, where), "suspects")};
+}
+
 // ---------------------------------------------------------------- design.json
 
 namespace {
 
 json FitToJson(const DesignRecord::Fit& fit) {
-  json record = {{"window", fit.window},
-                 {"explained", fit.explained},
-                 {"channels", json::array()},
-                 {"suspects", ToJson(fit.suspects)}};
+  json record = {
+      {"window", fit.window}, {"explained", fit.explained}, {"channels", json::array()}, {"suspects", json::array()}};
+  for (const DesignRecord::Suspected& s : fit.suspects) {
+    record["suspects"].push_back(ToJson(s.suspect));
+    record["suspects"].back().update({{"sentence", s.sentence}, {"line", s.line}});
+  }
   for (const DesignRecord::Channel& c : fit.channels) {
     record["channels"].push_back({{"name", c.name},
                                   {"noise_std", c.noise_std},
@@ -125,29 +161,24 @@ DesignRecord::Fit FitFrom(const RecordReader& reader) {
     fit.channels.push_back({c.Get<std::string>("name"), c.Number("noise_std"), c.Number("short_noise_std"),
                             c.Number("long_noise_std"), c.Get<bool>("disagrees")});
   }
+  std::vector<Suspect> suspects = SuspectsFrom(reader, "suspects");
+  size_t k = 0;
   for (const RecordReader& s : reader.List("suspects")) {
-    fit.suspects.push_back({s.Get<std::string>("field"), s.Number("factor"), s.Number("log_std")});
+    fit.suspects.push_back({std::move(suspects[k++]), s.Get<std::string>("sentence"), s.Get<std::string>("line")});
   }
   return fit;
 }
 
-json ValidationToJson(const DesignRecord::Validation& validation) {
-  json record = {{"n_windows", validation.n_windows}, {"horizons", json::array()}};
-  for (const DesignRecord::Validation::Horizon& h : validation.horizons) {
-    json channels = json::array();
-    for (const auto& c : h.channels) {
-      channels.push_back(
-          {{"name", c.name}, {"unit", c.unit}, {"nominal", c.nominal}, {"designed", c.designed}, {"floor", c.floor}});
-    }
-    record["horizons"].push_back({{"seconds", h.seconds}, {"channels", channels}});
-  }
-  return record;
-}
-
 DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
-  DesignRecord::Validation validation{reader.Get<int>("n_windows"), {}};
+  DesignRecord::Validation validation;
   for (const RecordReader& h : reader.List("horizons")) {
-    DesignRecord::Validation::Horizon horizon{h.Number("seconds"), {}};
+    DesignRecord::Validation::Horizon horizon{h.Number("seconds"),
+                                              h.Get<int>("n_steps"),
+                                              h.Get<int>("n_windows"),
+                                              h.Get<bool>("learned"),
+                                              h.Number("narrowed"),
+                                              h.Get<bool>("surely_better"),
+                                              {}};
     for (const RecordReader& c : h.List("channels")) {
       horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
                                   c.Number("designed"), c.Number("floor")});
@@ -157,41 +188,42 @@ DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
   return validation;
 }
 
+void AddOfAlgorithm1(const std::optional<double>& c, const std::optional<double>& learning_progress, json& record) {
+  if (c) record["c"] = *c;
+  if (learning_progress) record["learning_progress"] = *learning_progress;
+}
+
 json SettingToJson(const DesignRecord::Setting& setting) {
   json seeds = json::array();
   for (const DesignRecord::Seed& seed : setting.seeds) {
-    seeds.push_back({{"seed", seed.seed},
-                     {"mode", seed.mode},
-                     {"std", seed.std},
-                     {"c", seed.c},
-                     {"common", seed.common},
-                     {"learning_progress", seed.learning_progress}});
+    seeds.push_back({{"seed", seed.seed}, {"mode", seed.mode}, {"std", seed.std}, {"common", seed.common}});
+    AddOfAlgorithm1(seed.c, seed.learning_progress, seeds.back());
   }
-  return {{"name", setting.name},
-          {"method", setting.method},
-          {"c", setting.c},
-          {"common", setting.common},
-          {"design_deviation", setting.design_deviation},
-          {"learning_progress", setting.learning_progress},
-          {"seeds", seeds}};
+  json record = {{"name", setting.name},
+                 {"method", setting.method},
+                 {"common", setting.common},
+                 {"design_deviation", setting.design_deviation},
+                 {"seeds", seeds}};
+  AddOfAlgorithm1(setting.c, setting.learning_progress, record);
+  return record;
 }
 
 DesignRecord::Setting SettingFrom(const RecordReader& reader) {
   DesignRecord::Setting setting;
   setting.name = reader.Get<std::string>("name");
   setting.method = reader.Get<std::string>("method");
-  setting.c = reader.Number("c");
+  setting.c = reader.Find<double>("c");
   setting.common = reader.Number("common");
   setting.design_deviation = reader.Number("design_deviation");
-  setting.learning_progress = reader.Number("learning_progress");
+  setting.learning_progress = reader.Find<double>("learning_progress");
   for (const RecordReader& s : reader.List("seeds")) {
     DesignRecord::Seed seed;
     seed.seed = s.Get<int>("seed");
     seed.mode = s.Numbers("mode");
     seed.std = s.Numbers("std");
-    seed.c = s.Number("c");
+    seed.c = s.Find<double>("c");
     seed.common = s.Number("common");
-    seed.learning_progress = s.Number("learning_progress");
+    seed.learning_progress = s.Find<double>("learning_progress");
     setting.seeds.push_back(std::move(seed));
   }
   return setting;
@@ -222,12 +254,30 @@ DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
   if (interval.size() != 2) reader.Fail("interval90", "it has no two ends");
   p.low = bounds[0], p.high = bounds[1];
   p.interval90_low = interval[0], p.interval90_high = interval[1];
-  p.verdict = reader.GetNamed<ParameterVerdict>(
-      "verdict", Named({ParameterVerdict::kIdentified, ParameterVerdict::kWeak, ParameterVerdict::kNotIdentified}));
+  p.verdict = reader.GetNamed<ParameterVerdict>("verdict", ParameterVerdictNames());
   return p;
 }
 
 }  // namespace
+
+json ValidationToJson(const DesignRecord::Validation& validation) {
+  json record = {{"horizons", json::array()}};
+  for (const DesignRecord::Validation::Horizon& h : validation.horizons) {
+    json channels = json::array();
+    for (const auto& c : h.channels) {
+      channels.push_back(
+          {{"name", c.name}, {"unit", c.unit}, {"nominal", c.nominal}, {"designed", c.designed}, {"floor", c.floor}});
+    }
+    record["horizons"].push_back({{"seconds", h.seconds},
+                                  {"n_steps", h.n_steps},
+                                  {"n_windows", h.n_windows},
+                                  {"learned", h.learned},
+                                  {"narrowed", h.narrowed},
+                                  {"surely_better", h.surely_better},
+                                  {"channels", channels}});
+  }
+  return record;
+}
 
 std::vector<double> DesignRecord::BestMode() const {
   std::vector<double> mode;
@@ -252,6 +302,8 @@ json DesignRecord::ToJson() const {
       {"score", score},
       {"score_name", NameOf(SelectionScoreNames(), score_name)},
       {"verdict", ToString(verdict)},
+      {"sentence", sentence},
+      {"predicts_better", predicts_better},
       {"log2", std::numbers::ln2},
       {"nominal_common", nominal_common},
       {"dataset", {{"path", dataset.path}, {"sha256", dataset.sha256}, {"n_transitions", dataset.n_transitions}}},
@@ -262,6 +314,7 @@ json DesignRecord::ToJson() const {
     record["mixture"].push_back({{"seed", member.seed}, {"mode", member.mode}, {"std", member.std}});
   }
   if (fit) record["fit"] = FitToJson(*fit);
+  if (!grown.empty()) record["grown"] = SuspectsToJson(grown);
   if (validation) record["validation"] = ValidationToJson(*validation);
   for (const MethodChoice& choice : method_choices) record["method_choices"].push_back(::oted::ToJson(choice));
   for (const Setting& setting : settings) record["settings"].push_back(SettingToJson(setting));
@@ -281,9 +334,11 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
   }
   design.score = reader.Number("score");
   design.score_name = reader.GetNamed<SelectionScore>("score_name", SelectionScoreNames());
-  design.verdict = reader.GetNamed<DesignVerdict>(
-      "verdict", Named({DesignVerdict::kNoGap, DesignVerdict::kGapClosed, DesignVerdict::kOutsideFamily}));
+  design.verdict = reader.GetNamed<DesignVerdict>("verdict", DesignVerdictNames());
+  design.sentence = reader.Get<std::string>("sentence");
+  design.predicts_better = reader.Get<bool>("predicts_better");
   if (reader.Has("fit")) design.fit = FitFrom(reader.At("fit"));
+  if (reader.Has("grown")) design.grown = SuspectsFrom(reader, "grown");
   if (reader.Has("validation")) design.validation = ValidationFrom(reader.At("validation"));
   if (reader.Has("method_choices")) {
     design.method_choices = reader.Read("method_choices", [](const json& list) {
@@ -305,6 +360,18 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
 }
 
 // ---------------------------------------------------------------- agent.json
+
+namespace {
+
+std::vector<std::pair<std::string, double>> FiguresFrom(const json& object) {
+  std::vector<std::pair<std::string, double>> figures;
+  for (const auto& [name, value] : object.items()) {
+    figures.emplace_back(name, value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>());
+  }
+  return figures;
+}
+
+}  // namespace
 
 json AgentRecord::ToJson() const {
   const bool designed = ground == Ground::kDesigned;
@@ -334,14 +401,23 @@ AgentRecord AgentRecord::FromJson(const json& record, const std::string& where) 
   read.seed = reader.Get<int64_t>("seed");
   read.n_steps = reader.Get<int64_t>("n_steps");
   read.eval_return = reader.Number("eval_return");
-  if (reader.Has("episodes")) {
-    read.episodes = reader.Read("episodes", [](const json& object) {
-      std::vector<std::pair<std::string, double>> figures;
-      for (const auto& [name, value] : object.items()) figures.emplace_back(name, value.get<double>());
-      return figures;
-    });
-  }
+  if (reader.Has("episodes")) read.episodes = reader.Read("episodes", FiguresFrom);
   return read;
+}
+
+// ---------------------------------------------------------------- offline.json
+
+json OfflineRecord::ToJson() const {
+  json record = {{"schema", kSchema},  {"baseline", baseline},           {"seed", seed},
+                 {"n_steps", n_steps}, {"n_transitions", n_transitions}, {"losses", json::object()}};
+  for (const auto& [name, value] : losses) record["losses"][name] = value;
+  return record;
+}
+
+OfflineRecord OfflineRecord::FromJson(const json& record, const std::string& where) {
+  const RecordReader reader(record, kSchema, where);
+  return {reader.Get<std::string>("baseline"), reader.Get<int64_t>("seed"), reader.Get<int64_t>("n_steps"),
+          reader.Get<int>("n_transitions"), reader.Read("losses", FiguresFrom)};
 }
 
 // ---------------------------------------------------------------- policy_selection.json

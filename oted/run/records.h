@@ -13,6 +13,7 @@
 #include "oted/config/run_config.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/fit_evidence.h"
+#include "oted/matching/held_out_prediction.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/training_ground.h"
 #include "oted/stages/behavior/clone.h"
@@ -46,6 +47,15 @@ struct QRecord {
   static QRecord FromJson(const nlohmann::json& record, const ParameterSpace& space, const std::string& where);
 };
 
+/// prediction.json: how a design predicts logs that were kept aside.
+struct PredictionRecord {
+  static constexpr const char* kSchema = "oted.prediction/1";
+  std::optional<HeldOutPrediction> prediction;  ///< none where nothing can be predicted
+
+  nlohmann::json ToJson() const;
+  static PredictionRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
 /// choice.json: why a setting's method was taken.
 struct MethodChoiceRecord {
   static constexpr const char* kSchema = "oted.method_choice/1";
@@ -53,6 +63,18 @@ struct MethodChoiceRecord {
 
   nlohmann::json ToJson() const;
   static MethodChoiceRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+/// growth/ROUND/growth.json: a design that was made to find what its parameters lack.
+struct GrowthRecord {
+  static constexpr const char* kSchema = "oted.growth/1";
+  /// Empty where the design leaves no more than the sensors explain, or ends at a bound.
+  std::vector<Suspect> suspects;
+
+  /// What joins the parameters; null where nothing does.
+  const Suspect* Freed() const;
+  nlohmann::json ToJson() const;
+  static GrowthRecord FromJson(const nlohmann::json& record, const std::string& where);
 };
 
 /// design.json: what the design found and how far to trust it.
@@ -74,11 +96,17 @@ struct DesignRecord {
     double noise_std = 0, short_noise_std = 0, long_noise_std = 0;
     bool disagrees = false;
   };
+  /// What is not searched and should differ by the logs.
+  struct Suspected {
+    Suspect suspect;
+    std::string sentence;  ///< what the logs say of it, and what freeing it bought
+    std::string line;      ///< that adds it to the parameters of a task file
+  };
   struct Fit {
     int window = 0;
     double explained = 0;
     std::vector<Channel> channels;
-    std::vector<Suspect> suspects;
+    std::vector<Suspected> suspects;
   };
   /// How the design predicts logs that it did not see, open loop. The designed simulator here is one that was fitted to
   /// the other logs alone.
@@ -86,21 +114,29 @@ struct DesignRecord {
     struct Channel {
       std::string name, unit;
       double nominal = 0, designed = 0;  ///< root mean square error over the horizon [unit]; NaN: broke down
-      double floor = 0;                  ///< what the sensors' noise alone leaves [unit]
+      double floor = 0;                  ///< what the sensors' noise alone would leave [unit]
     };
     struct Horizon {
-      double seconds = 0;
+      double seconds = 0;  ///< 0 where time has no unit
+      int n_steps = 0;     ///< control steps
+      int n_windows = 0;
+      bool learned = false;  ///< the design learned from these windows: too little could be kept aside
+      /// By which share the design's error is less than the nominal simulator's: of root mean squares, the geometric
+      /// mean over channels.
+      double narrowed = 0;
+      bool surely_better = false;  ///< that this is more than chance (IsSure)
       std::vector<Channel> channels;
     };
-    int n_windows = 0;
     std::vector<Horizon> horizons;
   };
   struct Seed : Member {
-    double c = 0, common = 0, learning_progress = 0;
+    double common = 0;
+    std::optional<double> c, learning_progress;  ///< only of Algorithm 1
   };
   struct Setting {
     std::string name, method;
-    double c = 0, common = 0, design_deviation = 0, learning_progress = 0;
+    double common = 0, design_deviation = 0;
+    std::optional<double> c, learning_progress;  ///< likewise
     std::vector<Seed> seeds;
   };
   struct Source {
@@ -117,8 +153,13 @@ struct DesignRecord {
   double score = 0;             ///< the selected setting's, by `score_name`
   SelectionScore score_name = SelectionScore::kCommon;
   DesignVerdict verdict = DesignVerdict::kNoGap;
+  std::string sentence;  ///< the verdict, with its figures (VerdictSentence)
+  /// Whether the design surely predicts better than the nominal simulator; nothing else is exported by default, nor is
+  /// it where there is no gap.
+  bool predicts_better = false;
   std::optional<Fit> fit;
-  std::optional<Validation> validation;      ///< none where no logs could be kept aside
+  std::vector<Suspect> grown;                ///< what design.grow added to the parameters, in this order
+  std::optional<Validation> validation;      ///< none where nothing can be predicted
   std::vector<MethodChoice> method_choices;  ///< of settings whose method was left to auto
   double nominal_common = 0;
   std::vector<Setting> settings;
@@ -132,6 +173,7 @@ struct DesignRecord {
   nlohmann::json ToJson() const;
   static DesignRecord FromJson(const nlohmann::json& record, const std::string& where);
 };
+nlohmann::json ValidationToJson(const DesignRecord::Validation& validation);
 
 /// agent.json
 struct AgentRecord {
@@ -147,6 +189,18 @@ struct AgentRecord {
 
   nlohmann::json ToJson() const;
   static AgentRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+
+/// offline.json: a baseline that learned from the logs alone.
+struct OfflineRecord {
+  static constexpr const char* kSchema = "oted.offline/1";
+  std::string baseline;  ///< its name in settings
+  int64_t seed = 0, n_steps = 0;
+  int n_transitions = 0;
+  std::vector<std::pair<std::string, double>> losses;  ///< of the last step, by name
+
+  nlohmann::json ToJson() const;
+  static OfflineRecord FromJson(const nlohmann::json& record, const std::string& where);
 };
 
 /// policy_selection.json

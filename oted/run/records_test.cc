@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/run/verdict_sentence.h"
 
 namespace oted::records_test {
 
@@ -45,13 +46,22 @@ json Design() {
   design.mixture = {{1, {1.3}, {0.1}}};
   design.score_name = SelectionScore::kPaper;
   design.verdict = DesignVerdict::kOutsideFamily;
-  design.fit = {16, 0.9, {{"x", 0.1, 0.2, 0.3, true}}, {{"body/*/mass", 1.2, 0.1}}};
+  design.sentence = "outside the family";
+  design.predicts_better = true;
+  design.validation = {{{0.5, 25, 7, true, 0.62, true, {{"x", "m", 0.1, 0.02, 0.01}}}}};
+  Suspect suspect;
+  suspect.spec = {.name = "mass", .field = "body/*/mass", .low = 0.1, .high = 10, .logarithmic = true};
+  suspect.value = 1.2;
+  suspect.explains = 20;
+  design.grown = {suspect};
+  suspect.trial = FreedTrial{1.25, 0.1, true, 0.5, 25, 7, false, {0.3, 0.1}, {0.2}, {NAN}};
+  design.fit = {16, 0.9, {{"x", 0.1, 0.2, 0.3, true}}, {{suspect, "with mass freed", "mass = {}"}}};
   design.method_choices = {
       {.setting = "default", .method = DesignMethod::kTrajectories, .picked = "default", .reason = "why", .tried = {}}};
   DesignRecord::Seed seed;
   seed.seed = 1;
   seed.mode = seed.std = {1.0};
-  design.settings = {{.name = "default", .method = "trajectories", .c = 0.1, .seeds = {seed}}};
+  design.settings = {{.name = "default", .method = "transitions", .c = 0.1, .learning_progress = 0.2, .seeds = {seed}}};
   design.dataset = {"demos.hdf5", "ab", 100};
   return design.ToJson();
 }
@@ -64,6 +74,10 @@ json Agent() {
   return agent.ToJson();
 }
 
+json Offline() {
+  return OfflineRecord{"mbop", 3, 100, 1403, {{"train/prior_loss", 0.5}, {"train/value_loss", 1.5}}}.ToJson();
+}
+
 json PolicySelection() { return PolicySelectionRecord{2, {{1, {1.3}}}, {{1, {10}, 10, 0}, {2, {12}, 12, 1}}}.ToJson(); }
 
 json Evaluation() {
@@ -74,7 +88,7 @@ json Evaluation() {
 
 template <class Record>
 void ExpectRoundTrip(const json& record) {
-  EXPECT_EQ(Record::FromJson(record, "here.json").ToJson(), record);
+  EXPECT_EQ(Record::FromJson(record, "here.json").ToJson().dump(), record.dump());
   for (const auto& [field, unused] : record.items()) {
     json changed = record;
     changed[field] = {{"neither", "nor"}};
@@ -90,6 +104,7 @@ TEST(Records, AreReadAsTheyWereWritten) {
   ExpectRoundTrip<CloneRecord>(Clone());
   ExpectRoundTrip<DesignRecord>(Design());
   ExpectRoundTrip<AgentRecord>(Agent());
+  ExpectRoundTrip<OfflineRecord>(Offline());
   ExpectRoundTrip<PolicySelectionRecord>(PolicySelection());
   ExpectRoundTrip<EvaluationRecord>(Evaluation());
 }
@@ -118,6 +133,16 @@ TEST(Records, ANumberThatIsNotFiniteIsNullAndComesBackAsNan) {
   const json text = json::parse(agent.ToJson().dump());
   EXPECT_TRUE(text.at("eval_return").is_null());
   EXPECT_TRUE(std::isnan(AgentRecord::FromJson(text, "agent.json").eval_return));
+}
+
+TEST(ShownHorizon, IsOneOverWhichTheGainIsSure) {
+  DesignRecord::Validation validation;
+  for (const double seconds : {0.1, 0.5, 1.0}) validation.horizons.push_back({seconds, 1, 9, false, 0.3, true, {}});
+  EXPECT_EQ(ShownHorizon(validation).seconds, 0.5) << "the longest, up to half a second";
+  validation.horizons[1].surely_better = false;
+  EXPECT_EQ(ShownHorizon(validation).seconds, 0.1);
+  validation.horizons[0].learned = true;
+  EXPECT_EQ(ShownHorizon(validation).seconds, 0.5) << "what was learned from tells least";
 }
 
 }  // namespace oted::records_test

@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/record_reader.h"
 #include "oted/run/replay_record.h"
@@ -33,17 +34,35 @@ struct ShownWindow {
   std::vector<double> nominal, designed;
 };
 
-/// What an earlier call left, if it was made from the same; null otherwise. Unlike a stage's result it is simply made
-/// again.
-json ReadIfCurrent(const fs::path& file, const std::string& fingerprint) {
-  if (!fs::exists(file)) return nullptr;
-  json record = ReadJson(file);
-  return record.is_object() && record.value("fingerprint", "") == fingerprint ? record : json();
+/// The seals of what it is made from.
+json Sources(const Artifact& artifact) {
+  json seals = json::object();
+  for (const fs::path& source : artifact.made_from) {
+    seals[source.lexically_relative(artifact.file.parent_path()).generic_string()] = SealOf(ReadSealed(source));
+  }
+  return seals;
 }
 
-void WriteWithFingerprint(const fs::path& file, json& record, const std::string& fingerprint) {
-  record["fingerprint"] = fingerprint;
-  WriteJson(file, record);
+/// What an earlier call left, if it is whole and was made from the same; null otherwise. Unlike a stage's result it is
+/// simply made again.
+json ReadIfCurrent(const RunSetup& run, const Artifact& artifact) {
+  if (!fs::exists(artifact.file)) return nullptr;
+  try {
+    json record = ReadSealed(artifact.file);
+    if (record.value("fingerprint", "") != artifact.fingerprint || record["made_from"] != Sources(artifact)) return {};
+    if (DamagedFiles(record, artifact.file).empty()) return record;
+  } catch (const DataError&) {
+  }
+  run.context.log->Warning(
+      fmt::format("'{}' or a file beside it is damaged, and is made again", artifact.file.string()));
+  return nullptr;
+}
+
+void WriteComplete(const Artifact& artifact, json& record, const std::vector<std::string>& files) {
+  record["fingerprint"] = artifact.fingerprint;
+  record["made_from"] = Sources(artifact);
+  Seal(record, artifact.file.parent_path(), files);
+  WriteJson(artifact.file, record);
 }
 
 /// Every `stride`-th pose.
@@ -73,7 +92,8 @@ std::array<PoseTrack, 3> Tracks(const RunSetup& run, const ShownWindow& window) 
 }
 
 /// Draws `window` into `folder`. @return motion.json, with a note in place of pictures where none can be drawn
-json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& folder) {
+json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& folder,
+                std::vector<std::string>& files) {
   json motion = {{"schema", "oted.motion/1"}};
   std::string why_not;
   const auto renderer = run.factory->MakeRenderer(kWidth, kHeight, &why_not);
@@ -87,6 +107,7 @@ json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& 
     const FilmStrip strip = DrawFilm(*renderer, {tracks[i].z, Thinned(tracks[i].poses, stride)});
     const std::string file = fmt::format("{}.webp", kPanels[i]);
     WriteFileAtomically(folder / file, strip.webp);
+    files.push_back(file);
     motion["panels"].push_back({{"name", kPanels[i]}, {"file", file}});
     motion["columns"] = strip.columns;
     motion["n_frames"] = strip.n_frames;
@@ -123,17 +144,22 @@ void CheckCanDraw(const RunConfig& config, const SimulatorFactory& factory) {
 void ReplayLogs(const RunSetup& run, const DesignRecord& design) {
   const Artifact artifact = ReplayArtifact(run);
   const fs::path folder = artifact.file.parent_path();
-  json replay = ReadIfCurrent(artifact.file, artifact.fingerprint);
+  json replay = ReadIfCurrent(run, artifact);
   if (replay.is_null()) {
     replay = MakeReplayRecord(*run.factory, run.dataset, run.config.report.replay_steps, run.parameters().Nominal(),
                               design.BestMode(), run.context.n_threads);
-    WriteWithFingerprint(artifact.file, replay, artifact.fingerprint);
+    WriteComplete(artifact, replay, {});
   }
   if (run.config.report.motion == Motion::kFalse) return RemoveMotion(folder);
   const std::optional<ShownWindow> window = ShownIn(replay, artifact.file.string());
-  if (!window || ReadIfCurrent(folder / "motion.json", artifact.fingerprint).contains("panels")) return;
-  json motion = DrawMotion(run, *window, folder);
-  WriteWithFingerprint(folder / "motion.json", motion, artifact.fingerprint);
+  const Artifact film{.file = folder / "motion.json",
+                      .schema = "oted.motion/1",
+                      .fingerprint = artifact.fingerprint,
+                      .made_from = {artifact.file}};
+  if (!window || ReadIfCurrent(run, film).contains("panels")) return;
+  std::vector<std::string> files;
+  json motion = DrawMotion(run, *window, folder, files);
+  WriteComplete(film, motion, files);
 }
 
 }  // namespace oted

@@ -2,71 +2,202 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <map>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/seal.h"
+#include "oted/run/run_lock.h"
 
 namespace oted {
-namespace {
 
 using nlohmann::json;
+namespace fs = std::filesystem;
+
+namespace {
 
 std::string TextIn(const json& record, const char* field) {
   const bool has = record.is_object() && record.contains(field) && record.at(field).is_string();
   return has ? record.at(field).get<std::string>() : "";
 }
 
-/// The record, where it is the artefact's. @throws UsageError where it is another's
-json CompleteRecord(const Artifact& artifact, const std::filesystem::path& root) {
-  json record = ReadJson(artifact.file);
-  const std::string fingerprint = TextIn(record, "fingerprint");
-  if (fingerprint.empty() || TextIn(record, "schema") != artifact.schema) {
-    throw UsageError(
-        fmt::format("'{}' was made by another version of oted; choose another --out", artifact.file.string()));
-  }
-  if (fingerprint == artifact.fingerprint) return record;
-  const std::filesystem::path folder = artifact.file.parent_path();
-  throw UsageError(
-      fmt::format("'{}' was made with other data, settings or an earlier stage that has changed; choose another --out, "
-                  "or remove '{}'",
-                  artifact.file.string(), (folder == root ? artifact.file : folder).string()));
-}
+constexpr const char* kCurves = "curves.csv";
+/// What work that can be stopped keeps beside its result: the work, whose it is, and how far its curves are whole.
+constexpr std::array<const char*, 3> kCheckpoint = {"checkpoint.npz", "checkpoint.json", "checkpoint.curves"};
 
 }  // namespace
 
-RunDirectory::RunDirectory(std::filesystem::path root) : root_(std::move(root)) {
+/// What lies at an artefact's place.
+struct RunDirectory::Found {
+  enum class State { kMissing, kWhole, kDamaged };
+  State state = State::kMissing;
+  json record = {};  ///< null where it cannot be read
+  std::string why = {};
+};
+
+/// What a directory that is written to has beside its place.
+struct RunDirectory::Held {
+  Held(const fs::path& root, LogSink* log_) : lock(root), log(log_) {}
+  RunLock lock;
+  LogSink* log;
+  std::mutex mutex;
+  std::set<std::string> warned;
+  std::map<fs::path, std::string> whole;  ///< seals of records whose files were found whole: each is read once
+};
+
+RunDirectory::RunDirectory(fs::path root, LogSink* log) : root_(std::move(root)) {
+  MakeFolders(root_);
+  held_ = std::make_shared<Held>(root_, log);
   // Found out now, not after an hour of work.
   AtomicFile probe(root_ / "writable");
   WriteFileAtomically(probe.temporary_path(), "");
+  RemoveTemporaries(root_);
 }
 
-std::string RunDirectory::NameOf(const std::filesystem::path& folder) const {
-  return std::filesystem::relative(folder, root_).string();
+RunDirectory RunDirectory::At(fs::path root) {
+  RunDirectory directory;
+  directory.root_ = std::move(root);
+  return directory;
 }
 
-bool RunDirectory::IsComplete(const Artifact& artifact) const {
-  if (!std::filesystem::exists(artifact.file)) return false;
-  CompleteRecord(artifact, root_);
-  return true;
+std::string RunDirectory::NameOf(const fs::path& folder) const { return fs::relative(folder, root_).string(); }
+
+void RunDirectory::Warn(const std::string& message) const {
+  if (held_ == nullptr) return;
+  {
+    const std::lock_guard lock(held_->mutex);
+    if (!held_->warned.insert(message).second) return;
+  }
+  if (held_->log != nullptr) held_->log->Warning(message);
 }
+
+json RunDirectory::ReadRecord(const Artifact& artifact, const std::string& text) const {
+  json record = ParseJson(text, artifact.file.string());
+  const std::string fingerprint = TextIn(record, "fingerprint");
+  if (fingerprint.empty() || TextIn(record, "schema") != artifact.schema || SealOf(record).empty()) {
+    throw UsageError(
+        fmt::format("'{}' was made by another version of oted; choose another --out", artifact.file.string()));
+  }
+  const fs::path folder = artifact.file.parent_path();
+  const std::string stage = (folder == root_ ? artifact.file : folder).string();
+  if (!IsSealed(record)) {
+    throw DataError(
+        fmt::format("'{}' is not as oted wrote it (its seal does not fit its content); restore it, or remove '{}' to "
+                    "make it again",
+                    artifact.file.string(), stage));
+  }
+  if (fingerprint == artifact.fingerprint) return record;
+  throw UsageError(
+      fmt::format("'{}' was made with other data, settings or an earlier stage that has changed; choose another --out, "
+                  "or remove '{}'",
+                  artifact.file.string(), stage));
+}
+
+std::vector<std::string> RunDirectory::TidyDamaged(const Artifact& artifact, const json& record) const {
+  std::vector<std::string> needed;
+  const fs::path folder = artifact.file.parent_path();
+  for (const std::string& name : DamagedFiles(record, artifact.file)) {
+    const fs::path file = folder / name;
+    if (std::ranges::find(artifact.derived, name) != artifact.derived.end()) {
+      if (fs::exists(file)) Warn(fmt::format("'{}' is damaged and is written again", file.string()));
+      RemoveFile(file);
+    } else if (name == kCurves) {
+      // Nothing is made from curves: they are not worth the stage.
+      if (fs::exists(file)) fs::rename(file, file.string() + ".damaged");
+      Warn(fmt::format("'{}' is damaged or missing: the report lacks its curves; remove '{}' to make them again",
+                       file.string(), folder.string()));
+    } else {
+      needed.push_back(name);
+    }
+  }
+  return needed;
+}
+
+RunDirectory::Found RunDirectory::Look(const Artifact& artifact) const {
+  using State = Found::State;
+  if (!fs::exists(artifact.file)) return {};
+  const std::string text = ReadFile(artifact.file);
+  Found found{State::kWhole};
+  try {
+    found.record = ReadRecord(artifact, text);
+  } catch (const DataError& e) {
+    // Text that is no JSON holds nothing that could be lost.
+    if (json::accept(text)) throw;
+    return {State::kDamaged, nullptr, fmt::format("'{}' is damaged", artifact.file.string())};
+  }
+  const std::string seal = SealOf(found.record);
+  if (held_ != nullptr) {
+    const std::lock_guard lock(held_->mutex);
+    const auto known = held_->whole.find(artifact.file);
+    if (known != held_->whole.end() && known->second == seal) return found;
+  }
+  const std::vector<std::string> damaged = TidyDamaged(artifact, found.record);
+  if (!damaged.empty()) {
+    found.state = State::kDamaged;
+    found.why = fmt::format("'{}' is damaged or missing", (artifact.file.parent_path() / damaged.front()).string());
+  } else if (held_ != nullptr) {
+    const std::lock_guard lock(held_->mutex);
+    held_->whole[artifact.file] = seal;
+  }
+  return found;
+}
+
+bool RunDirectory::IsComplete(const Artifact& artifact) const { return Look(artifact).state == Found::State::kWhole; }
 
 void RunDirectory::Check(const Artifact& artifact) const {
-  if (!IsComplete(artifact)) CheckCheckpoint(artifact);
+  const Found found = Look(artifact);
+  if (found.state == Found::State::kMissing) CheckCheckpoint(artifact);
+  if (found.state == Found::State::kWhole) CheckMadeFrom(artifact, found.record);
 }
 
 json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& make) const {
-  if (std::filesystem::exists(artifact.file)) return CompleteRecord(artifact, root_);
+  const Found found = Look(artifact);
+  if (found.state == Found::State::kWhole) {
+    CheckMadeFrom(artifact, found.record);
+    if (HasFolder(artifact)) RemoveCheckpoint(artifact.file.parent_path());
+    return found.record;
+  }
+  if (found.state == Found::State::kDamaged) {
+    Warn(fmt::format("{}: its stage is made again", found.why));
+    RemoveFile(artifact.file);
+  }
   Begin(artifact);
   json record = make();
   Complete(artifact, record);
+  if (!found.record.is_null() && SealOf(found.record) != SealOf(record)) {
+    throw DataError(
+        fmt::format("{}, and '{}', made again, is another than before (another kind of processor, or another version "
+                    "of oted); what was made from it no longer fits: restore the run from a copy, or begin a new one",
+                    found.why, artifact.file.string()));
+  }
   return record;
 }
 
+void RunDirectory::CheckMadeFrom(const Artifact& artifact, const json& record) const {
+  if (!record.contains("made_from") || !record.at("made_from").is_object()) return;
+  for (const auto& [name, seal] : record.at("made_from").items()) {
+    const fs::path source = (artifact.file.parent_path() / name).lexically_normal();
+    if (!fs::exists(source)) continue;
+    const std::string text = ReadFile(source);
+    if (!json::accept(text)) continue;  // its own stage repairs it, and this is asked again
+    const json from = ParseJson(text, source.string());
+    if (IsSealed(from) && json(SealOf(from)) == seal) continue;
+    throw DataError(
+        fmt::format("'{}' was made from another '{}' than the one that is there; restore that file, or "
+                    "remove '{}' to make it again",
+                    artifact.file.string(), source.string(), artifact.file.string()));
+  }
+}
+
 void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
-  const std::filesystem::path folder = artifact.file.parent_path(), mark = folder / "checkpoint.json";
-  if (!HasFolder(artifact) || !std::filesystem::exists(folder / "checkpoint.npz")) return;
-  if (std::filesystem::exists(mark) && TextIn(ReadJson(mark), "fingerprint") == artifact.fingerprint) return;
+  const fs::path folder = artifact.file.parent_path(), mark = folder / "checkpoint.json";
+  if (!HasFolder(artifact) || !fs::exists(folder / "checkpoint.npz")) return;
+  if (fs::exists(mark) && TextIn(ReadJson(mark), "fingerprint") == artifact.fingerprint) return;
   throw UsageError(
       fmt::format("'{}' holds work that was stopped and had other data or settings; choose another --out, go on with "
                   "its own settings, or remove the folder",
@@ -76,15 +207,34 @@ void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
 void RunDirectory::Begin(const Artifact& artifact) const {
   if (!HasFolder(artifact)) return;
   CheckCheckpoint(artifact);
-  WriteJson(artifact.file.parent_path() / "checkpoint.json", {{"fingerprint", artifact.fingerprint}});
+  const fs::path folder = artifact.file.parent_path();
+  if (!fs::exists(folder / "checkpoint.npz")) {
+    // The work begins anew, and so do its curves.
+    RemoveFile(folder / "checkpoint.curves");
+    RemoveFile(folder / kCurves);
+  }
+  WriteJson(folder / "checkpoint.json", {{"fingerprint", artifact.fingerprint}});
 }
 
 void RunDirectory::Complete(const Artifact& artifact, json& record) const {
+  const fs::path folder = artifact.file.parent_path();
   record["fingerprint"] = artifact.fingerprint;
+  record.erase("made_from");
+  for (const fs::path& source : artifact.made_from) {
+    if (!fs::exists(source)) continue;
+    record["made_from"][source.lexically_relative(folder).generic_string()] = SealOf(ReadSealed(source));
+  }
+  std::vector<std::string> files = artifact.files;
+  files.insert(files.end(), artifact.derived.begin(), artifact.derived.end());
+  if (HasFolder(artifact)) files.push_back(kCurves);
+  std::erase_if(files, [&](const std::string& name) { return !fs::exists(folder / name); });
+  Seal(record, folder, files);
   WriteJson(artifact.file, record);
-  if (!HasFolder(artifact)) return;
-  std::filesystem::remove(artifact.file.parent_path() / "checkpoint.npz");
-  std::filesystem::remove(artifact.file.parent_path() / "checkpoint.json");
+  if (HasFolder(artifact)) RemoveCheckpoint(folder);
+}
+
+void RunDirectory::RemoveCheckpoint(const fs::path& folder) const {
+  for (const char* name : kCheckpoint) RemoveFile(folder / name);
 }
 
 }  // namespace oted

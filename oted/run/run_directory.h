@@ -3,24 +3,38 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
+
+#include "oted/base/log.h"
 
 namespace oted {
 
-/// One record that a stage leaves: a JSON file, and in the same folder what it tells of.
+/// One record that a stage leaves: a JSON file, and in the same folder what it speaks for.
 struct Artifact {
   std::filesystem::path file;
   std::string schema;
-  std::string fingerprint;  ///< of everything that it depends on (oted/run/artifacts.h)
+  std::string fingerprint;              ///< of everything that it depends on (oted/run/artifacts.h)
+  std::vector<std::string> files = {};  ///< that the stage leaves beside it, where it does
+  /// The same, of files that can be written again without the stage: whoever uses one writes a missing one.
+  std::vector<std::string> derived = {};
+  /// The records that it is made from, where they are there.
+  std::vector<std::filesystem::path> made_from = {};
+  bool is_guest = false;  ///< checkpoints and curves beside it are another stage's
 };
 
 class RunDirectory {
  public:
   /// Of no run yet.
   RunDirectory() = default;
-  /// @throws DataError when the folder cannot be made or written to.
-  explicit RunDirectory(std::filesystem::path root);
+  /// Makes the folder and holds its lock (RunLock) as long as this object or a copy of it lives. What programs that
+  /// died in it left half-written is removed. @param log  is told of what is repaired; may be null
+  /// @throws DataError when the folder cannot be made or written to, UsageError when another program works in it.
+  explicit RunDirectory(std::filesystem::path root, LogSink* log = nullptr);
+  /// Only to find files: nothing is made, held or written.
+  static RunDirectory At(std::filesystem::path root);
 
   const std::filesystem::path& root() const { return root_; }
   std::filesystem::path clone() const { return root_ / "clone"; }
@@ -29,6 +43,8 @@ class RunDirectory {
   }
   /// Of the methods that auto tries on part of the logs.
   std::filesystem::path trials(const std::string& setting) const { return root_ / "design" / setting / "methods"; }
+  /// Of a round in which the parameters grow.
+  std::filesystem::path growth(int round) const { return root_ / "growth" / std::to_string(round); }
   std::filesystem::path agent(int index) const { return root_ / "agents" / std::to_string(index); }
   std::filesystem::path nominal(int index) const { return root_ / "nominal" / std::to_string(index); }
   /// Of a baseline: its agents' common folder, or that of one of them.
@@ -39,15 +55,21 @@ class RunDirectory {
   /// The folder's name relative to the run directory: what names its curves.
   std::string NameOf(const std::filesystem::path& folder) const;
 
-  /// True when the artefact is there and was made from the same settings. @throws UsageError when it was made from
-  /// others, or by another version: results of two configurations never mix in one directory.
+  /// True when the artefact is there, whole, and was made from the same settings. What can be written again without
+  /// the stage is removed, with a warning, where it is damaged. @throws UsageError when it was made from other
+  /// settings, or by another version: results of two configurations never mix in one directory. @throws DataError when
+  /// its record is not as it was written: an edit cannot be told from damage, and making the stage again would lose it
   bool IsComplete(const Artifact& artifact) const;
-  /// The same; and where it is not complete, checks that work which was stopped can go on (CheckCheckpoint).
+  /// The same; and where it is complete, checks that it was made from the records that are there (CheckMadeFrom);
+  /// where it is not, that work which was stopped can go on (CheckCheckpoint).
   void Check(const Artifact& artifact) const;
 
-  /// The artefact's record: read where it is complete; otherwise what `make` gives, which is written as the mark of
-  /// completion. What a stopped `make` left as checkpoint.npz beside it is kept for the next call, and removed then.
-  /// A record that was made is the same as one that was read.
+  /// The artefact's record: read where it is complete; otherwise what `make` gives, which is sealed with the files
+  /// beside it and written as the mark of completion. What a stopped `make` left as checkpoint.npz beside it is kept
+  /// for the next call, and removed then. A record that was made is the same as one that was read. Where a file beside
+  /// the record is damaged or missing, the stage is made again, with a warning.
+  /// @throws DataError when it then is not what it was, or when the record was made from others than those that are
+  /// there
   nlohmann::json Once(const Artifact& artifact, const std::function<nlohmann::json()>& make) const;
 
   /// Work that can be stopped keeps checkpoint.npz in its folder, and beside it what the work is made from.
@@ -55,12 +77,23 @@ class RunDirectory {
   void CheckCheckpoint(const Artifact& artifact) const;
 
  private:
+  struct Found;
+  struct Held;
+
   /// An artefact on top of the run has no folder of its own, and so no checkpoint.
-  bool HasFolder(const Artifact& artifact) const { return artifact.file.parent_path() != root_; }
+  bool HasFolder(const Artifact& artifact) const { return !artifact.is_guest && artifact.file.parent_path() != root_; }
+  Found Look(const Artifact& artifact) const;
+  nlohmann::json ReadRecord(const Artifact& artifact, const std::string& text) const;
+  /// Sets aside what the stage is not needed for. @return what it is needed for
+  std::vector<std::string> TidyDamaged(const Artifact& artifact, const nlohmann::json& record) const;
+  void CheckMadeFrom(const Artifact& artifact, const nlohmann::json& record) const;
   void Begin(const Artifact& artifact) const;
   void Complete(const Artifact& artifact, nlohmann::json& record) const;
+  void RemoveCheckpoint(const std::filesystem::path& folder) const;
+  void Warn(const std::string& message) const;
 
   std::filesystem::path root_;
+  std::shared_ptr<Held> held_;
 };
 
 /// Once, with the record's own codec.

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
@@ -19,7 +21,8 @@ TEST(RunDirectory, IsMadeWithItsParentsAndIsEmpty) {
   const TestFolder folder;
   const RunDirectory directory(folder.path() / "a" / "b");
   EXPECT_TRUE(fs::is_directory(folder.path() / "a" / "b"));
-  EXPECT_TRUE(fs::is_empty(directory.root())) << "the test for writing leaves nothing";
+  EXPECT_EQ(std::distance(fs::directory_iterator(directory.root()), {}), 1) << "the test for writing leaves nothing";
+  EXPECT_TRUE(fs::exists(directory.root() / ".lock"));
 }
 
 TEST(RunDirectory, AFileInTheWayIsAnErrorAndStaysUntouched) {
@@ -83,11 +86,137 @@ TEST(RunDirectory, AnArtefactIsMadeOnceAndWhatWasMadeIsWhatIsRead) {
   EXPECT_EQ(n_made, 2);
 }
 
-TEST(RunDirectory, AResultThatIsNotJsonIsAnErrorNotComplete) {
+class Warnings : public NullSink {
+ public:
+  void Warning(std::string_view message) override { told.emplace_back(message); }
+  std::vector<std::string> told;
+};
+
+/// A stage that leaves a policy, which can be written in two forms, and curves.
+Artifact Stage(const RunDirectory& directory) {
+  return {.file = directory.clone() / "clone.json",
+          .schema = "a/1",
+          .fingerprint = "aa",
+          .files = {"policy.npz"},
+          .derived = {"policy.onnx"}};
+}
+struct StageMaker {
+  const RunDirectory& directory;
+  std::string policy = "weights";
+  int n_made = 0;
+  json operator()() {
+    ++n_made;
+    for (const char* name : {"policy.npz", "policy.onnx", "curves.csv"})
+      WriteFileAtomically(directory.clone() / name, policy);
+    return Loss();
+  }
+};
+
+TEST(RunDirectory, AResultThatIsNotJsonIsMadeAgainWithAWarning) {
+  const TestFolder folder;
+  Warnings warnings;
+  const RunDirectory directory(folder.path(), &warnings);
+  WriteFileAtomically(folder / "design.json", "{\"fingerpr");
+  EXPECT_FALSE(directory.IsComplete(OnTop(directory, "aa")));
+  EXPECT_EQ(directory.Once(OnTop(directory, "aa"), Loss).at("loss"), 0.5);
+  EXPECT_TRUE(directory.IsComplete(OnTop(directory, "aa")));
+  EXPECT_THAT(warnings.told, testing::ElementsAre(HasSubstr("design.json' is damaged: its stage is made again")));
+}
+
+TEST(RunDirectory, AnEditedRecordIsRefusedAndNotMadeAgain) {
   const TestFolder folder;
   const RunDirectory directory(folder.path());
-  WriteFileAtomically(folder / "design.json", "{\"fingerpr");
-  EXPECT_THROW(directory.IsComplete(OnTop(directory, "aa")), DataError);
+  const Artifact artifact = OnTop(directory, "aa");
+  directory.Once(artifact, Loss);
+  json edited = ReadJson(artifact.file);
+  edited["loss"] = 0.4;
+  WriteJson(artifact.file, edited);
+  for (const auto& use :
+       std::vector<std::function<void()>>{[&] { directory.IsComplete(artifact); }, [&] { directory.Check(artifact); },
+                                          [&] { directory.Once(artifact, Loss); }}) {
+    EXPECT_THAT(MessageOf<DataError>(use), HasSubstr("design.json' is not as oted wrote it"));
+  }
+  EXPECT_EQ(ReadJson(artifact.file).at("loss"), 0.4) << "the edit is still there";
+}
+
+TEST(RunDirectory, ADamagedFileIsMadeAgainByItsStageAndOnlyThen) {
+  const TestFolder folder;
+  for (const char* name : {"policy.npz", "policy.onnx", "curves.csv"}) {
+    Warnings warnings;
+    const RunDirectory directory(folder.path(), &warnings);
+    StageMaker make{directory};
+    directory.Once(Stage(directory), std::ref(make));
+    const int before = make.n_made;
+    EXPECT_TRUE(directory.IsComplete(Stage(directory)));
+    WriteFileAtomically(directory.clone() / name, "damage");
+    // Another program: this one has seen the file whole.
+    const std::string root = directory.root().string();
+    const bool needs_stage = std::string(name) == "policy.npz";
+    const RunDirectory reader = RunDirectory::At(root);
+    EXPECT_EQ(reader.IsComplete(Stage(reader)), !needs_stage) << name;
+    EXPECT_EQ(fs::exists(directory.clone() / "policy.onnx"), std::string(name) != "policy.onnx") << name;
+    StageMaker again{reader};
+    reader.Once(Stage(reader), std::ref(again));
+    EXPECT_EQ(again.n_made, needs_stage ? 1 : 0) << name;
+    if (needs_stage) {
+      EXPECT_EQ(ReadFile(directory.clone() / name), "weights");
+    }
+    EXPECT_LE(before, 1);
+    fs::remove_all(directory.clone());
+  }
+}
+
+TEST(RunDirectory, AStageThatIsAnotherWhenMadeAgainIsRefused) {
+  const TestFolder folder;
+  {
+    const RunDirectory directory(folder.path());
+    StageMaker make{directory};
+    directory.Once(Stage(directory), std::ref(make));
+    WriteFileAtomically(directory.clone() / "policy.npz", "damage");
+  }
+  const RunDirectory directory(folder.path());
+  StageMaker other{directory, "other weights"};
+  EXPECT_THAT(MessageOf<DataError>([&] { directory.Once(Stage(directory), std::ref(other)); }),
+              testing::AllOf(HasSubstr("policy.npz"), HasSubstr("is another than before")));
+}
+
+TEST(RunDirectory, AResultFitsOnlyTheRecordsThatItWasMadeFrom) {
+  const TestFolder folder;
+  const RunDirectory directory(folder.path());
+  Artifact later = OnTop(directory, "bb");
+  later.made_from = {directory.clone() / "clone.json", directory.root() / "not_there.json"};
+  directory.Once(Clone(directory, "aa"), Loss);
+  const json made = directory.Once(later, Loss);
+  EXPECT_EQ(made.at("made_from"), (json{{"clone/clone.json", ReadJson(later.made_from[0]).at("seal")}}));
+  fs::remove(later.made_from[0]);
+  directory.Check(later);  // what is missing is made again first
+  directory.Once(Clone(directory, "aa"), [] { return json{{"schema", "a/1"}, {"loss", 0.25}}; });
+  EXPECT_THAT(MessageOf<DataError>([&] { directory.Check(later); }), HasSubstr("was made from another"));
+  EXPECT_THROW(directory.Once(later, Loss), DataError);
+  fs::remove(later.made_from[0]);
+  directory.Once(Clone(directory, "aa"), Loss);
+  directory.Once(later, Loss);  // made again it is the same, and all fits
+}
+
+TEST(RunDirectory, OneDirectoryOneHolder) {
+  const TestFolder folder;
+  {
+    const RunDirectory directory(folder.path());
+    const RunDirectory copy = directory;
+    EXPECT_THAT(MessageOf<UsageError>([&] { RunDirectory second(folder.path()); }),
+                testing::AllOf(HasSubstr(fmt::format("process {}", ::getpid())), HasSubstr("choose another --out")));
+    RunDirectory::At(folder.path());
+  }
+  const RunDirectory next(folder.path());
+}
+
+TEST(RunDirectory, WhatDeadProgramsLeftHalfWrittenIsRemoved) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "agents/1/policy.npz.tmp-0123abcd-77-1", "half");
+  WriteFileAtomically(folder / "agents/1/policy.npz", "whole");
+  const RunDirectory directory(folder.path());
+  EXPECT_FALSE(fs::exists(folder / "agents/1/policy.npz.tmp-0123abcd-77-1"));
+  EXPECT_TRUE(fs::exists(folder / "agents/1/policy.npz"));
 }
 
 TEST(RunDirectory, ARecordOfAnotherVersionIsRefusedInOneLine) {

@@ -6,6 +6,7 @@
 
 #include "oted/base/error.h"
 #include "oted/run/artifacts.h"
+#include "oted/run/growth_step.h"
 #include "oted/run/replay_step.h"
 #include "oted/run/run_inputs.h"
 #include "oted/stages/design/design_method.h"
@@ -47,10 +48,12 @@ void ResolveDesigns(RunSetup& run) {
   for (const auto& [name, choice] : run.config.DesignSettings()) {
     const DesignConfig design = choice.Resolved(run.parameters(), spec);
     // Of images auto has a method of its own: nothing was given up.
-    adapted = adapted || (!spec.can_set_state && design.method != DesignMethod::kImages &&
+    adapted = adapted || (!spec.can_replay() && design.method != DesignMethod::kImages &&
                           (!choice.method || choice.Assumed().adversarial.starts == RolloutStarts::kDataset));
     run.settings.emplace(name, SettingDesigns{design, name});
-    if (!choice.method && design.method == DesignMethod::kTrajectories) AddOtherMethods(run, name, choice);
+    if (!choice.method && design.method == DesignMethod::kTrajectories && spec.can_set_state) {
+      AddOtherMethods(run, name, choice);
+    }
   }
   if (!adapted) return;
   const std::string why_not = run.factory->why_not_settable();
@@ -61,6 +64,32 @@ void ResolveDesigns(RunSetup& run) {
       run.settings.begin()->second.config.adversarial.horizon));
 }
 
+/// Parameters are those of the run: all of its settings have them.
+void CheckGrowth(const RunSetup& run) {
+  for (const auto& [name, designs] : run.settings) {
+    const DesignConfig& config = designs.config;
+    if (config.grow != run.grows()) {
+      throw UsageError(fmt::format(
+          "design.settings.{}.grow differs from other settings', and parameters are those of the whole run; set "
+          "design.grow alone",
+          name));
+    }
+    if (!config.grow) continue;
+    if (config.method != DesignMethod::kTrajectories) {
+      throw UsageError(
+          fmt::format("design.grow frees suspects, which method trajectories alone finds, and the method here is {}; "
+                      "drop --grow, or choose that method",
+                      Describe(config.method).name));
+    }
+    if (config.prior != "uniform" && config.prior != "gaussian") {
+      throw UsageError(fmt::format(
+          "design.prior = \"{}\" knows nothing of parameters that design.grow adds; set it to uniform or gaussian, or "
+          "drop --grow",
+          config.prior));
+    }
+  }
+}
+
 void CheckRequest(RunSetup& run) {
   const RunConfig& config = run.config;
   const ParameterSpace& parameters = run.parameters();
@@ -69,12 +98,18 @@ void CheckRequest(RunSetup& run) {
   if (!config.agents.nominal_at.empty()) parameters.CheckInside(config.agents.nominal_at);
   config.CheckAgentSettings(run.spec());
   if (config.baselines.Runs(Baseline::kIntervalSearch)) CheckIntervalSearch(config.baselines.is, run.spec());
+  for (const OfflineBaseline baseline : config.baselines.Offline()) {
+    CheckOffline(EntryOf(baseline), config.baselines.offline, run.dataset, run.spec());
+  }
   config.clone.MethodFor(run.spec());
   for (const auto& [name, designs] : run.settings) {
     FeatureShape(run.spec(), designs.config.adversarial.Evidence(run.spec()));
     designs.config.MakePrior(parameters);
     designs.config.Check();  // once more, as the method that auto became
+    const MethodDescription& method = Describe(designs.config.method);
+    CheckSelectionScore(config.selection.score, name, method.name, method.is_algorithm1);
   }
+  CheckGrowth(run);
   CheckCanDraw(config, *run.factory);
   if (config.run.strict) ParametersWithEffect(run);
 }
@@ -107,7 +142,8 @@ RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext 
   RunSetup run{std::move(config), context, std::move(dataset), std::move(factory), sha256, {}, {}, RunDirectory()};
   ResolveDesigns(run);
   CheckRequest(run);
-  run.directory = RunDirectory(out);
+  run.directory = RunDirectory(out, run.context.log);
+  TakeFinishedGrowth(run);
   for (const Artifact& artifact : AllArtifacts(run)) run.directory.Check(artifact);
   return run;
 }

@@ -10,6 +10,7 @@
 #include "oted/base/log.h"
 #include "oted/config/run_config.h"
 #include "oted/data/dataset.h"
+#include "oted/run/records.h"
 #include "oted/run/run_directory.h"
 #include "oted/run/training_ground.h"
 #include "oted/sim/simulator.h"
@@ -32,10 +33,13 @@ struct RunSetup {
   /// By the name of the setting that they would be: methods that may take the place of one that was left to auto.
   std::map<std::string, SettingDesigns> other_methods;
   RunDirectory directory;
-  std::vector<bool> has_effect = {};  ///< per parameter; empty until ParametersWithEffect measured it
+  std::vector<GrowthRecord> growth = {};  ///< with design.grow: the rounds whose parameters `config` has
+  std::vector<bool> has_effect = {};      ///< per parameter; empty until ParametersWithEffect measured it
 
   const SimulatorSpec& spec() const { return factory->spec(); }
   const ParameterSpace& parameters() const { return factory->parameters(); }
+  /// Whether the design adds parameters that it lacks.
+  bool grows() const { return !settings.empty() && settings.begin()->second.config.grow; }
   /// The random streams of a stage.
   RngKey Key(const std::string& stage) const { return RngKey(static_cast<uint64_t>(config.run.seed)).Stage(stage); }
   const SettingDesigns& Designs(const std::string& setting) const {

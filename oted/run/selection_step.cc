@@ -7,6 +7,7 @@
 #include "oted/base/error.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/design_record.h"
+#include "oted/run/growth_step.h"
 #include "oted/run/method_choice_step.h"
 
 namespace oted {
@@ -17,7 +18,7 @@ void Append(std::vector<Design>& designs, std::vector<Design> more) {
 }
 
 /// Designs by the methods that take the place of first ones, which are no longer eligible.
-std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<MethodChoice>& choices, const Policy& clone,
+std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<MethodChoice>& choices, const Policy* clone,
                                           std::vector<Candidate>& candidates) {
   std::map<std::string, SettingDesigns> chosen;
   for (const MethodChoice& choice : choices) {
@@ -32,23 +33,30 @@ std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<Metho
   return designs;
 }
 
-DesignRecord Select(RunSetup& run, const Policy& clone, std::vector<Design>& designs) {
+DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& designs) {
   DesignFindings findings;
   for (const Design& design : designs) findings.candidates.push_back(AsCandidate(run, design));
   const SimulatorSelectionJob job{
-      *run.factory, run.dataset, &clone, run.config.selection, run.Key("simulator selection"), run.context};
+      *run.factory, run.dataset, clone, run.config.selection, run.Key("simulator selection"), run.context};
   findings.result = SelectSimulator(job, findings.candidates);
+  // Auto decides by how the best design of a setting predicts, and the verdict by how the best of all does.
+  for (const auto& [setting, asked] : run.config.DesignSettings()) {
+    const auto scored = std::ranges::find(findings.result.settings, setting, &SettingScore::setting);
+    if (!asked.method) Predict(run, findings.candidates[static_cast<size_t>(scored->best_candidate)]);
+  }
   findings.choices = ChooseMethods(run, findings.candidates, findings.result, clone);
   std::vector<Design> more = DesignByChosenMethods(run, findings.choices, clone, findings.candidates);
   if (!more.empty()) findings.result = SelectSimulator(job, findings.candidates);
   Append(designs, std::move(more));
+  Predict(run, findings.candidates[static_cast<size_t>(findings.result.best_candidate)]);
+  findings.suspects = SuspectsOf(run, findings);
   findings.has_effect = ParametersWithEffect(run);
   return MakeDesignRecord(run, findings);
 }
 
 }  // namespace
 
-SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const Policy& clone) {
+SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const Policy* clone) {
   SelectedDesign selected;
   selected.record =
       OnceAs<DesignRecord>(run.directory, SelectionArtifact(run), [&] { return Select(run, clone, designs); });

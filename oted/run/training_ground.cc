@@ -86,6 +86,6 @@ json ComparedIdentity(Ground ground, const RunConfig& config, const ParameterSpa
   return identity;
 }
 
-RngKey BcDrKey(const RunConfig& config) { return BaselinesKey(config).Stage("bc_dr"); }
+RngKey BaselineKey(const RunConfig& config, const std::string& name) { return BaselinesKey(config).Stage(name); }
 
 }  // namespace oted

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <string>
 #include <vector>
 
 #include "oted/base/fields.h"
@@ -47,7 +48,7 @@ TrainingGround ComparedGround(Ground ground, const RunConfig& config, const Simu
 /// algorithm's settings, seed, task and model).
 nlohmann::json ComparedIdentity(Ground ground, const RunConfig& config, const ParameterSpace& space);
 
-/// The random streams of BC+DR in a run.
-RngKey BcDrKey(const RunConfig& config);
+/// The random streams of a baseline that is no agent: "bc_dr", or an offline one.
+RngKey BaselineKey(const RunConfig& config, const std::string& name);
 
 }  // namespace oted

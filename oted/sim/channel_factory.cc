@@ -7,6 +7,8 @@
 #include <iterator>
 
 #include "oted/base/error.h"
+#include "oted/sim/channel_suspects.h"
+#include "oted/sim/suspect_name.h"
 
 namespace oted {
 namespace {
@@ -75,6 +77,8 @@ ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> spec
     if (field.quantity == ChannelQuantity::kActionDelay) setup->longest_action_delay = steps;
     if (field.quantity == ChannelQuantity::kObservationDelay) {
       setup->longest_observation_delay = std::max(setup->longest_observation_delay, steps);
+      setup->spec.reading_ages.resize(static_cast<size_t>(setup->spec.obs_dim()));
+      for (const int j : field.observations) setup->spec.reading_ages[static_cast<size_t>(j)] = steps;
     }
     if (field.quantity == ChannelQuantity::kNoiseStd) {
       for (const int j : field.observations) setup->is_noisy[static_cast<size_t>(j)] = true;
@@ -94,6 +98,16 @@ std::unique_ptr<Simulator> ChannelSimulatorFactory::Make(int n_lanes, int n_thre
 
 PathInfo ChannelSimulatorFactory::Describe(const std::string& path) const {
   return IsChannelPath(path) ? DescribeChannel(spec(), path) : plant_->Describe(path);
+}
+
+std::vector<ParameterSpec> ChannelSimulatorFactory::Suspects() const {
+  // The plant knows nothing of what is searched around it.
+  std::vector<ParameterSpec> suspects = plant_->Suspects();
+  if (suspects.empty()) return suspects;
+  std::erase_if(suspects, [](const ParameterSpec& suspect) { return IsChannelPath(suspect.field); });
+  std::ranges::move(ChannelSuspects(plant_->spec(), setup_->space), std::back_inserter(suspects));
+  for (ParameterSpec& suspect : suspects) suspect.name = SuspectName(suspect.name, setup_->space);
+  return suspects;
 }
 
 std::unique_ptr<SimulatorFactory> ChannelSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {

@@ -30,7 +30,7 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   std::string why_not_settable() const override { return plant_->why_not_settable(); }
   bool has_expert() const override { return plant_->has_expert(); }
   std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
-  std::vector<ParameterSpec> Suspects() const override { return plant_->Suspects(); }
+  std::vector<ParameterSpec> Suspects() const override;
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
 
  protected:

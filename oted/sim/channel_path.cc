@@ -63,6 +63,8 @@ std::vector<int> MatchObservations(const SimulatorSpec& spec, std::string_view p
 
 }  // namespace
 
+bool IsSensorNoise(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/noise_std"); }
+
 bool IsChannelPath(const std::string& path) {
   const std::string word = path.substr(0, path.find('/'));
   return word == "action" || word == "obs";

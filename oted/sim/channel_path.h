@@ -24,6 +24,8 @@ struct ChannelField {
 
 /// Whether the path's first word is "action" or "obs".
 bool IsChannelPath(const std::string& path);
+/// Whether it is "obs/NAME/noise_std".
+bool IsSensorNoise(const std::string& path);
 
 /// @throws UsageError saying which part of the path matches nothing, with the nearest name.
 ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path);

@@ -100,6 +100,15 @@ void ChannelSimulator::Begin(Lane& lane, Rng noise) {
 
 void ChannelSimulator::Reset(int lane, Rng& rng) {
   plant_->Reset(lane, rng);
+  BeginAtPlant(lane, rng);
+}
+
+void ChannelSimulator::ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng& rng) {
+  plant_->ResetTo(lane, qpos, qvel, rng);
+  BeginAtPlant(lane, rng);
+}
+
+void ChannelSimulator::BeginAtPlant(int lane, Rng& rng) {
   // One draw where there is noise; none otherwise, so that the caller's stream goes on as without this class.
   Begin(At(lane), setup_->n_noisy > 0 ? RngKey(rng.Next()).Stage("noise").MakeRng() : Rng(0));
   At(lane).observations.Fill(plant_->observation(lane));
@@ -121,6 +130,28 @@ bool ChannelSimulator::SetStateFromLog(int lane, std::span<const double> observa
   const int n_back = std::min(static_cast<int>(std::ceil(*std::max_element(delay.begin(), delay.end()))), n_before);
   return StartBack(lane, observation, before, n_back, true) || StartBack(lane, observation, before, 0, true) ||
          StartBack(lane, observation, before, 0, false);
+}
+
+bool ChannelSimulator::SetState(int lane, std::span<const double> state, const LoggedHistory& before) {
+  Lane& l = At(lane);
+  const size_t obs_dim = l.bias.size();
+  if (state.size() != obs_dim + spec().hidden.size()) return plant_->SetState(lane, state, {});  // says what is wrong
+  std::vector<double> of_plant(state.begin(), state.end());
+  for (size_t j = 0; j < obs_dim; ++j) of_plant[j] -= l.bias[j];
+  if (!plant_->SetState(lane, of_plant, {})) return false;
+  Begin(l, NoiseAfter(state));
+  l.observations.Fill(plant_->observation(lane));
+  FillActions(l, before, static_cast<int>(before.actions.size() / neutral_.size()));
+  l.shown.assign(state.begin(), state.begin() + static_cast<ptrdiff_t>(obs_dim));
+  return true;
+}
+
+/// The actions that were given before row `end` of the history, as far back as a delay reaches.
+void ChannelSimulator::FillActions(Lane& lane, const LoggedHistory& before, int end) const {
+  const size_t act_dim = neutral_.size();
+  for (int row = std::max(0, end - setup_->longest_action_delay); row < end; ++row) {
+    lane.actions.Push(before.actions.subspan(static_cast<size_t>(row) * act_dim, act_dim));
+  }
 }
 
 std::optional<bool> ChannelSimulator::EndsAt(int lane, std::span<const double> observation) {
@@ -155,10 +186,7 @@ bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, 
 
   Begin(l, NoiseAfter(observation));
   l.observations.Fill(plant_->observation(lane));
-  std::vector<double> unused(act_dim);
-  for (int row = std::max(0, start - setup_->longest_action_delay); row < start; ++row) {
-    PushAction(l, action(row), unused);
-  }
+  FillActions(l, before, start);
   for (int row = start; row < n_before && plant_->status(lane) != LaneStatus::kDiverged; ++row) {
     PushAction(l, action(row), std::span(actions_).subspan(static_cast<size_t>(lane) * act_dim, act_dim));
     plant_->Step({&lane, 1}, actions_);

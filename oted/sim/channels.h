@@ -54,6 +54,7 @@ class ChannelSimulator : public Simulator {
 
   void SetParameters(int lane, std::span<const double> z) override;
   void Reset(int lane, Rng& rng) override;
+  void ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng& rng) override;
   /// SetStateFromLog where nothing was logged before.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
   /// The lane shows `observation` as it was logged, noise and all. Its state is the observation less the bias; the
@@ -62,6 +63,8 @@ class ChannelSimulator : public Simulator {
   /// actions also fill the action delay. Where the episode is too young for that, it begins at its first logged row. A
   /// state that the plant refuses less its bias or that far back is set as it was logged.
   bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) override;
+  /// The plant is set to the state less the biases at once, whatever the delays.
+  bool SetState(int lane, std::span<const double> state, const LoggedHistory& before) override;
   /// The plant's rule, applied to the observation less the bias.
   std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
@@ -104,8 +107,10 @@ class ChannelSimulator : public Simulator {
   const Lane& At(int lane) const { return lanes_.at(static_cast<size_t>(lane)); }
 
   void Begin(Lane& lane, Rng noise);
+  void BeginAtPlant(int lane, Rng& rng);
   void PushAction(Lane& lane, std::span<const double> action, std::span<double> reaches_plant) const;
   void Show(int lane);
+  void FillActions(Lane& lane, const LoggedHistory& before, int end) const;
   bool StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back, bool unbias);
 
   std::shared_ptr<const ChannelSetup> setup_;

@@ -225,6 +225,26 @@ TEST(ChannelSimulator, FromAnyLoggedRowTheTrueChannelsReproduceTheRestOfTheLog) 
   }
 }
 
+TEST(ChannelSimulator, FromATrueStateTheTrueChannelsShowWhatWasLoggedOnceItIsOfThatState) {
+  const std::vector<ParameterSpec> specs = {Channel("delay", "action/delay", 0, 3),
+                                            Channel("bias", "obs/v/bias", -1, 1), Channel("v", "obs/v/delay", 0, 3)};
+  const std::vector<double> z = {1.5, 0.3, 2.5}, no_lag = {1.5, 0.3, 0};
+  OneLane truth(specs, z), at_once(specs, no_lag);
+  const Log log = Record(truth, 14), states = Record(at_once, 14);
+  EXPECT_EQ((*truth).spec().reading_ages, (std::vector<int>{0, 3}));
+  for (const size_t start : {3u, 7u}) {
+    OneLane replay(specs, z);
+    ASSERT_TRUE((*replay).SetState(kLane, states.Row(start), log.Before(start)));
+    for (size_t row = start; row < 14; ++row) {
+      EXPECT_NEAR(replay.Shown()[0], log.Row(row)[0], 1e-12) << start << " at " << row;
+      if (row >= start + 3) {
+        EXPECT_NEAR(replay.Shown()[1], log.Row(row)[1], 1e-12) << start << " at " << row;
+      }
+      replay.Step(log.actions[row]);
+    }
+  }
+}
+
 TEST(ChannelSimulator, WithoutWhatWasLoggedBeforeADelayedReplayIsWrong) {
   const std::vector<ParameterSpec> specs = {Channel("delay", "action/delay", 0, 3)};
   OneLane truth(specs, {2}), replay(specs, {2});

@@ -13,8 +13,7 @@
 namespace oted {
 namespace {
 
-constexpr const char* kServo =
-    "gain alone would move a servo's set point, its kp stands in biasprm too; declare what you mean";
+constexpr const char* kServo = "gain alone would move a servo's set point; see servo_stiffness";
 
 constexpr PresetEntry kFriction = {"friction", "geom/*/friction[0]", {{0.3, 3.0}}, true};
 constexpr PresetEntry kGain = {"gain", "actuator/*/gainprm[0]", {{0.5, 2.0}}, true, {}, "actuator/*/biasprm", kServo};
@@ -22,7 +21,8 @@ constexpr PresetEntry kDamping = {"damping", "joint/@actuated/damping", {{0.1, 1
 constexpr PresetEntry kFrictionLoss = {
     "frictionloss", "joint/@actuated/frictionloss", {{0.1, 10.0}}, true, {{0.0, 2.0}}};
 constexpr PresetEntry kArmature = {"armature", "joint/@actuated/armature", {{0.2, 5.0}}, true, {{0.0, 0.5}}};
-constexpr PresetEntry kMass = {"mass", "body/@actuated/mass", {{0.5, 2.0}}, true};
+constexpr PresetEntry kStiffness = {"servo_stiffness", "actuator/*/kp", {{0.5, 2.0}}, true};
+constexpr PresetEntry kMass = {"mass", "body/@actuated/mass + body/@actuated/inertia", {{0.5, 2.0}}, true};
 constexpr PresetEntry kDelay = {"delay", "action/delay", {}, false, {{0.0, 3.0}}};
 
 }  // namespace
@@ -31,14 +31,15 @@ const std::vector<Preset>& Presets() {
   static const std::vector<Preset> presets = {
       {"arm",
        "joints and links of a manipulator, and the delay of its commands",
-       {kDamping, kFrictionLoss, kArmature, kGain, kMass, kDelay}},
+       {kDamping, kFrictionLoss, kArmature, kGain, kStiffness, kMass, kDelay}},
       {"legs",
        "contact, joints and motors of a walking robot, and the delay of its commands",
-       {kFriction, kGain, kDamping, kArmature, kMass, kDelay}},
+       {kFriction, kGain, kStiffness, kDamping, kArmature, kMass, kDelay}},
       {"gripper",
        "contact, fingers and drives of a hand, and the delay of its commands",
        {kFriction,
         kGain,
+        kStiffness,
         kDamping,
         kFrictionLoss,
         kArmature,

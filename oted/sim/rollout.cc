@@ -44,6 +44,8 @@ std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<s
     running.push_back(lane);
   }
 
+  if (policy.begin) policy.begin(n_lanes);
+
   std::vector<double> observations(static_cast<size_t>(n_lanes) * obs_dim), packed(observations.size());
   std::vector<double> actions(static_cast<size_t>(n_lanes) * act_dim), packed_actions(actions.size());
   for (int step = 1; !running.empty(); ++step) {
@@ -58,7 +60,7 @@ std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<s
                   actions.begin() + static_cast<ptrdiff_t>(static_cast<size_t>(running[i]) * act_dim));
     }
     simulator.Step(running, actions);
-    std::vector<int> still_running;
+    std::vector<int> still_running, kept;
     for (size_t i = 0; i < running.size(); ++i) {
       const int lane = running[i];
       EpisodeResult& result = results[static_cast<size_t>(lane)];
@@ -76,8 +78,11 @@ std::vector<EpisodeResult> RunEpisodes(Simulator& simulator, const std::vector<s
                   simulator.reward(lane),
                   result.end});
       }
-      if (result.end == LaneStatus::kRunning) still_running.push_back(lane);
+      if (result.end != LaneStatus::kRunning) continue;
+      still_running.push_back(lane);
+      kept.push_back(static_cast<int>(i));
     }
+    if (policy.keep && kept.size() < running.size()) policy.keep(kept);
     running = std::move(still_running);
   }
   return results;

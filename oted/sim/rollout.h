@@ -12,7 +12,13 @@ namespace oted {
 
 /// Maps observations (n, obs_dim) of the lanes that run to actions (n, act_dim). Sees all of them at once, never a
 /// thread's share.
-using BatchPolicy = std::function<void(std::span<const double> observations, int n, std::span<double> actions)>;
+struct BatchPolicy : std::function<void(std::span<const double> observations, int n, std::span<double> actions)> {
+  using function::function;
+  /// What one that remembers is told by RunEpisodes; empty for others. `begin`: n lanes begin episodes. `keep`: of the
+  /// rows of the last call, these (ascending) go on, the others are over.
+  std::function<void(int n)> begin = {};
+  std::function<void(std::span<const int> rows)> keep = {};
+};
 
 /// Uniform over the action bounds of `spec`, or over its discrete actions. Draws from `rng`, which must outlive the
 /// policy.

@@ -75,6 +75,35 @@ TEST(RunEpisodes, LanesThatEndEarlyWaitAndDoNotDisturbTheOthers) {
   EXPECT_EQ(batch_sizes, expected_sizes);
 }
 
+TEST(RunEpisodes, APolicyThatRemembersIsToldWhichRowsGoOn) {
+  const RngKey key(4);
+  const int n = 6;
+  PointMass together({.terminate_beyond = 1.5}, n, 1);
+  std::vector<double> starts;  // what it remembers of each row: where its episode began
+  BatchPolicy push = [&](std::span<const double> observations, int running, std::span<double> actions) {
+    ASSERT_EQ(starts.size(), static_cast<size_t>(running));
+    for (size_t i = 0; i < starts.size(); ++i) {
+      if (std::isnan(starts[i])) starts[i] = observations[2 * i];
+      // Actions of 1 from there: a whole number of steps of 0.1.
+      const double steps = (observations[2 * i] - starts[i]) / 0.1;
+      EXPECT_NEAR(steps, std::round(steps), 1e-9) << "another row's memory";
+    }
+    std::fill(actions.begin(), actions.end(), 1.0);
+  };
+  push.begin = [&](int rows) { starts.assign(static_cast<size_t>(rows), NAN); };
+  int n_told = 0;
+  push.keep = [&](std::span<const int> rows) {
+    std::vector<double> kept;
+    for (const int row : rows) kept.push_back(starts[static_cast<size_t>(row)]);
+    EXPECT_LT(kept.size(), starts.size()) << "told only when a row is over";
+    starts = kept;
+    ++n_told;
+  };
+  RunEpisodes(together, std::vector(n, kNominal), push, key);
+  EXPECT_GT(n_told, 2) << "the case tests nothing when all lanes end together";
+  EXPECT_TRUE(starts.empty());
+}
+
 TEST(RunEpisodes, TheObserverSeesEachStepOnceInOrder) {
   const RngKey key(5);
   PointMass simulator({.terminate_beyond = 1.2}, 4, 2);

@@ -17,6 +17,11 @@ double SimulatorSpec::NormalizedScore(double episode_return) const {
   return 100.0 * (episode_return - return_random) / (return_expert - return_random);
 }
 
+void Simulator::ResetTo(int, std::span<const double>, std::span<const double>, Rng&) {
+  throw UsageError(
+      fmt::format("task '{}' has no positions and velocities to start from; reset it without them", spec().task));
+}
+
 void Simulator::TakeTaskPolicy(TaskPolicy, int, Rng&, std::span<double>) const {
   throw UsageError(fmt::format("task '{}' has no policy of its own; give a policy file", spec().task));
 }

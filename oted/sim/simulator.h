@@ -2,6 +2,7 @@
 /// The tunable simulator M(z) of the paper (Sec. 3), vectorised: N lanes, each with its own parameters z.
 /// Hopper and MiniGrid are implementations; a user's own class is another. It takes actions and knows no network.
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -15,6 +16,14 @@
 #include "oted/sim/renderer.h"
 
 namespace oted {
+
+/// One number of the state that no observation shows, and what logs tell of it.
+struct HiddenCoordinate {
+  std::string name;     ///< "joint/hip/qvel"
+  int rate_of = -1;     ///< the observation whose rate of change it is [1/s]; -1: none
+  int turn_about = -1;  ///< 0, 1, 2: the angular velocity of a body about that axis of its own; -1: none
+  std::array<int, 4> orientation = {};  ///< the observations of that body's quaternion (w, x, y, z)
+};
 
 /// Shapes and units of a simulator, the same for all its lanes.
 struct SimulatorSpec {
@@ -34,12 +43,22 @@ struct SimulatorSpec {
   double control_period_s = 0;  ///< time between two actions [s]; 0 where time has no unit
   int max_episode_steps = 0;    ///< truncation by the clock; 0: none
   bool can_set_state = false;   ///< SetStateFromObservation works
-  bool has_reward = true;       ///< false: reward() is always 0, and no agent can be trained
-  int n_past_actions = 0;       ///< earlier actions that, beside the present one, the next observation may depend on
-  double return_random = 0;     ///< D4RL's reference returns; the normalised score is
-  double return_expert = 0;     ///< 100 (return - random) / (expert - random); equal: no score
+  /// What a state is beside an observation: with these numbers SetState works where can_set_state is false. Empty where
+  /// an observation is enough, and where too much is missing.
+  std::vector<HiddenCoordinate> hidden;
+  /// (obs_dim): the observation of which each is the rate of change [1/s], -1 for none; empty where nothing is known.
+  std::vector<int> rate_of;
+  /// (obs_dim): for how many control steps after SetState a reading may be older than that state; empty: for none.
+  std::vector<int> reading_ages;
+  bool has_reward = true;    ///< false: reward() is always 0, and no agent can be trained
+  int n_past_actions = 0;    ///< earlier actions that, beside the present one, the next observation may depend on
+  double return_random = 0;  ///< D4RL's reference returns; the normalised score is
+  double return_expert = 0;  ///< 100 (return - random) / (expert - random); equal: no score
 
   int obs_dim() const;
+  /// Whether logged windows can be replayed, from states that a fit finds.
+  bool can_replay() const { return can_set_state || !hidden.empty(); }
+  int state_dim() const { return obs_dim() + static_cast<int>(hidden.size()); }
   bool has_score() const { return return_expert != return_random; }
   /// D4RL's normalised score of an undiscounted return.
   double NormalizedScore(double episode_return) const;
@@ -82,6 +101,10 @@ class Simulator {
   /// Draws a new start state of one lane: rho_0(. | z).
   virtual void Reset(int lane, Rng& rng) = 0;
 
+  /// The same at a start of the caller's: generalised positions [m, rad] and velocities [m/s, rad/s]; everything else
+  /// as in the task's start state. @throws UsageError for wrong lengths, or where the simulator has no such state.
+  virtual void ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng& rng);
+
   /// Puts one lane into the state that shows `observation`; its episode clock starts at zero. False when the
   /// observation does not determine a state (a clipped velocity): the lane is then unchanged.
   /// @throws UsageError when spec().can_set_state is false.
@@ -92,6 +115,14 @@ class Simulator {
   virtual bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) {
     static_cast<void>(before);
     return SetStateFromObservation(lane, observation);
+  }
+
+  /// Puts one lane into a state that no log need have shown: what its sensors would read there without noise and delay
+  /// (obs_dim numbers), then spec().hidden. The actions in `before` fill what an action delay has yet to deliver; a
+  /// sensor with a delay shows the state itself until it has seen what comes after it. False as
+  /// SetStateFromObservation. @throws UsageError unless spec().can_replay().
+  virtual bool SetState(int lane, std::span<const double> state, const LoggedHistory& before) {
+    return SetStateFromLog(lane, state, before);
   }
 
   /// Whether the task ends in the state that shows `observation`, by its own rule and not by the clock; nothing where

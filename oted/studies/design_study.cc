@@ -143,7 +143,9 @@ json ScoreCell(const StudyCell& cell, const json& design) {
                   {"error", errors.back()},
                   {"error_std", StandardDeviation(of_seeds)},
                   {"modes", modes}};
-    for (const Ranking& ranking : kRankings) entry[ranking.key] = setting.at(ranking.key);
+    for (const Ranking& ranking : kRankings) {
+      if (setting.contains(ranking.key)) entry[ranking.key] = setting.at(ranking.key);
+    }
     record["settings"].push_back(entry);
   }
   const auto [best, worst] = std::ranges::minmax(errors);
@@ -152,6 +154,8 @@ json ScoreCell(const StudyCell& cell, const json& design) {
   record["counts"] = worst >= 3 * best;
   record["picks"]["random"] = {{"error", Mean(errors)}, {"regret", Mean(errors) - best}};
   for (const Ranking& ranking : kRankings) {
+    const auto has = [&](const json& setting) { return setting.contains(ranking.key); };
+    if (!std::ranges::all_of(record["settings"], has)) continue;  // what only Algorithm 1 leaves
     size_t pick = 0;
     const auto score = [&](size_t i) { return record["settings"][i].at(ranking.key).get<double>(); };
     for (size_t i = 1; i < errors.size(); ++i) {
@@ -182,6 +186,10 @@ std::string Table2(const std::vector<json>& cells) {
                         cell.at("best_error").get<double>(), cell.at("worst_error").get<double>(),
                         cell.at("picks").at("random").at("error").get<double>());
     for (const Ranking& ranking : kRankings) {
+      if (!cell.at("picks").contains(ranking.key)) {
+        text += " – |";
+        continue;
+      }
       const json& pick = cell.at("picks").at(ranking.key);
       const double regret = pick.at("regret");
       zero_regret[ranking.key] += counts && regret == 0;

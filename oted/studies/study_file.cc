@@ -75,6 +75,8 @@ json StudyFile::Find(const std::string& cell) const {
   return found == cells.end() ? json() : found->second;
 }
 
+std::map<std::string, json> StudyFile::All() const { return ReadCells(path_); }
+
 void StudyFile::Put(const std::string& cell, json record) const {
   const fs::path folder = path_.has_parent_path() ? path_.parent_path() : fs::path(".");
   fs::create_directories(folder);

@@ -2,6 +2,7 @@
 /// The records of a study: JSON lines, one for each cell.
 
 #include <filesystem>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
@@ -15,6 +16,8 @@ class StudyFile {
 
   /// The record of `cell` without its name, null where there is none. @throws DataError where the file is damaged
   nlohmann::json Find(const std::string& cell) const;
+  /// All records by cell, without their names. @throws DataError likewise
+  std::map<std::string, nlohmann::json> All() const;
   /// Adds the record of `cell` or replaces it. The file appears whole, and what others add meanwhile stays.
   void Put(const std::string& cell, nlohmann::json record) const;
 

@@ -34,8 +34,26 @@ namespace fs = std::filesystem;
 
 constexpr const char* kTable1Schema = "oted.table1_cell/1";
 
+std::optional<OfflineBaseline> OfflineOf(Table1Method method) {
+  switch (method) {
+    case Table1Method::kFisherBrc:
+      return OfflineBaseline::kFisherBrc;
+    case Table1Method::kMbop:
+      return OfflineBaseline::kMbop;
+    case Table1Method::kTd3Bc:
+      return OfflineBaseline::kTd3Bc;
+    case Table1Method::kRebrac:
+      return OfflineBaseline::kRebrac;
+    default:
+      return std::nullopt;
+  }
+}
+
+/// Methods that need no simulator.
+bool IsOffline(Table1Method method) { return method == Table1Method::kBc || OfflineOf(method); }
+
 bool SeesLogs(Table1Method method) {
-  return method == Table1Method::kBc || method == Table1Method::kBcDr || method == Table1Method::kOted;
+  return IsOffline(method) || method == Table1Method::kBcDr || method == Table1Method::kOted;
 }
 
 /// The method whose work BC+DR begins from.
@@ -58,7 +76,7 @@ Ground GroundOf(Table1Method method) {
 }
 
 Table1Cell CellOf(Table1Method method, const StudyCell& cell) {
-  return {cell.task, SeesLogs(method) ? cell.dataset : "", method == Table1Method::kBc ? "" : cell.parameters, method};
+  return {cell.task, SeesLogs(method) ? cell.dataset : "", IsOffline(method) ? "" : cell.parameters, method};
 }
 
 /// The algorithm that the study names, and its settings.
@@ -86,6 +104,7 @@ class Job {
     if (cell_.method == Table1Method::kOted) return RunWhole(run_complete);
     factory_ = MakeSimulatorFactory(config_.task, config_.parameters);
     if (!SeesLogs(cell_.method)) return RunAgents();
+    if (const auto baseline = OfflineOf(cell_.method)) return RunOffline(*baseline);
     return RunClone(cell_.method == Table1Method::kBcDr);
   }
 
@@ -96,8 +115,10 @@ class Job {
   json Judge() const {
     const std::unique_ptr<const Policy> policy = LoadPolicy(PolicyFile());
     const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("target");
-    const PolicyEvaluation result = EvaluateBatchPolicy(*factory_, MeanActionPolicy(*policy), config_.TruthVector(),
-                                                        config_.agents.target_episodes, context_.n_threads, key);
+    Rng rng = key.Stage(NameOf(Table1MethodNames(), cell_.method)).MakeRng();
+    const PolicyEvaluation result =
+        EvaluateBatchPolicy(*factory_, AsBatchPolicy(*policy, ActionNoise::kMean, rng), config_.TruthVector(),
+                            config_.agents.target_episodes, context_.n_threads, key);
     return {{"mean_return", result.mean_return},
             {"std_return", result.std_return},
             {"n_diverged", result.n_diverged},
@@ -107,10 +128,12 @@ class Job {
   TrainedRecord RunAgent(const RunDirectory& directory, int index) const {
     const fs::path folder = directory.agent(index);
     const Ground ground = GroundOf(cell_.method);
-    const Artifact artifact{
-        folder / "agent.json", AgentRecord::kSchema,
-        Fingerprint({AgentSettings(config_), config_.run.seed, config_.task.Identity(), factory_->model_sha256(),
-                     ComparedIdentity(ground, config_, factory_->parameters())})};
+    const Artifact artifact{.file = folder / "agent.json",
+                            .schema = AgentRecord::kSchema,
+                            .fingerprint = Fingerprint({AgentSettings(config_), config_.run.seed,
+                                                        config_.task.Identity(), factory_->model_sha256(),
+                                                        ComparedIdentity(ground, config_, factory_->parameters())}),
+                            .files = {"policy.npz"}};
     TrainedRecord agent;
     agent.record = OnceAs<AgentRecord>(directory, artifact, [&] {
       agent = TrainOneAgent({*factory_, config_, ground, index, folder, directory.NameOf(folder), context_},
@@ -122,7 +145,7 @@ class Job {
   }
 
   json RunAgents() {
-    const RunDirectory directory(folder_);
+    const RunDirectory directory(folder_, context_.log);
     TrainedRecord best;
     for (int j = 1; j <= config_.agents.n_agents; ++j) {
       TrainedRecord agent = RunAgent(directory, j);
@@ -135,14 +158,39 @@ class Job {
     return result;
   }
 
-  json RunClone(bool with_simulated) {
-    const Dataset logs = ReadEpisodes(config_.data, factory_->spec());
+  Dataset Logs() const {
+    Dataset logs = ReadEpisodes(config_.data, factory_->spec());
     logs.CheckFits(config_.task.name, factory_->spec().obs_dim(), factory_->spec().act_dim);
+    return logs;
+  }
+
+  json RunOffline(OfflineBaseline baseline) {
+    const Dataset logs = Logs();
+    const OfflineEntry& entry = EntryOf(baseline);
+    const RunDirectory directory(folder_);
+    const fs::path folder = directory.baseline(entry.name);
+    OfflineSettings settings = config_.baselines.offline;
+    const Artifact artifact{folder / "offline.json", OfflineRecord::kSchema,
+                            Fingerprint({entry.fields(settings).ToJson(), config_.run.seed, config_.task.Identity(),
+                                         logs.sha256, config_.data.episodes})};
+    OnceAs<OfflineRecord>(directory, artifact, [&] {
+      return LearnOneBaseline({config_, logs, factory_->spec(), baseline, folder, directory.NameOf(folder), context_})
+          .record;
+    });
+    LoadPolicy(folder / "policy.npz")->Save(PolicyFile());
+    json result = Judge();
+    result["data_sha256"] = logs.sha256;
+    result["n_transitions"] = logs.size();
+    return result;
+  }
+
+  json RunClone(bool with_simulated) {
+    const Dataset logs = Logs();
     const RngKey key = RngKey(static_cast<uint64_t>(config_.run.seed)).Stage("clone");
     const auto clone = [&] {
       CloneJob job{logs, factory_->spec(), config_.clone, key, "clone", context_};
       if (!with_simulated) return CloneBehavior(job);
-      job.key = BcDrKey(config_);
+      job.key = BaselineKey(config_, "bc_dr");
       const Table1Cell collector = CellOf(CollectorOf(config_), {cell_.task, cell_.dataset, cell_.parameters});
       const auto policy = LoadPolicy(runs_ / collector.Name() / std::to_string(config_.run.seed) / "policy.npz");
       return CloneWithSimulated(job, *factory_, *policy, config_.baselines.bc_dr.ratio);
@@ -204,7 +252,7 @@ std::string LabelOf(const Table1Cell& cell, int64_t seed) { return fmt::format("
 /// What a cell's results depend on, beside its seeds.
 json IdentityOf(const Table1Study& study, const Table1Cell& cell) {
   const RunConfig config = study.ConfigOf(cell, study.first_seed);
-  const bool has_agents = cell.method != Table1Method::kBc;
+  const bool has_agents = !IsOffline(cell.method);
   json identity = {{"task", cell.task},
                    {"dataset", cell.dataset.empty() ? json() : json(cell.dataset)},
                    {"parameters", cell.parameters.empty() ? json() : json(cell.parameters)},
@@ -231,9 +279,21 @@ std::string Table1Cell::Name() const {
 }
 
 const NamedValues<Table1Method>& Table1MethodNames() {
-  static const NamedValues<Table1Method> names = {{Table1Method::kBc, "bc"},     {Table1Method::kDr, "dr"},
-                                                  {Table1Method::kIs, "is"},     {Table1Method::kBcDr, "bc_dr"},
-                                                  {Table1Method::kOted, "oted"}, {Table1Method::kNominal, "nominal"}};
+  static const NamedValues<Table1Method> names = [] {
+    NamedValues<Table1Method> all = {{Table1Method::kBc, "bc"}};
+    for (const Table1Method method :
+         {Table1Method::kFisherBrc, Table1Method::kMbop, Table1Method::kTd3Bc, Table1Method::kRebrac}) {
+      all.emplace_back(method, EntryOf(*OfflineOf(method)).name);
+    }
+    for (const auto& [method, name] : NamedValues<Table1Method>{{Table1Method::kDr, "dr"},
+                                                                {Table1Method::kIs, "is"},
+                                                                {Table1Method::kBcDr, "bc_dr"},
+                                                                {Table1Method::kOted, "oted"},
+                                                                {Table1Method::kNominal, "nominal"}}) {
+      all.emplace_back(method, name);
+    }
+    return all;
+  }();
   return names;
 }
 
@@ -336,7 +396,7 @@ std::vector<json> RunTable1(const Table1Study& study, const fs::path& out, const
   // The bar knows all the training before any of it starts.
   for (const Missing& job : first) {
     const RunConfig config = study.ConfigOf(cells[job.cell], job.seed);
-    for (int j = 1; cells[job.cell].method != Table1Method::kBc && j <= config.agents.n_agents; ++j) {
+    for (int j = 1; !IsOffline(cells[job.cell].method) && j <= config.agents.n_agents; ++j) {
       JobSink(*context.log, LabelOf(cells[job.cell], job.seed))
           .Progress("train", fmt::format("agents/{}", j), 0, AgentSettings(config).at("n_steps"), "");
     }

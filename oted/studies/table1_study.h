@@ -17,21 +17,25 @@
 namespace oted {
 
 enum class Table1Method {
-  kBc,       ///< "bc"
-  kDr,       ///< "dr"
-  kIs,       ///< "is"
-  kBcDr,     ///< "bc_dr"
-  kOted,     ///< "oted"
-  kNominal,  ///< "nominal": an agent in the guess's simulator
+  kBc,         ///< "bc"
+  kFisherBrc,  ///< "f_brc", as the next three from the logs alone
+  kMbop,       ///< "mbop"
+  kTd3Bc,      ///< "td3_bc"
+  kRebrac,     ///< "rebrac"
+  kDr,         ///< "dr"
+  kIs,         ///< "is"
+  kBcDr,       ///< "bc_dr"
+  kOted,       ///< "oted"
+  kNominal,    ///< "nominal": an agent in the guess's simulator
 };
-/// In the paper's order, and the agent in the guess's simulator.
+/// In the paper's order, with two baselines that it lacks, and the agent in the guess's simulator.
 const NamedValues<Table1Method>& Table1MethodNames();
 
 /// One method on what it depends on: agents that see no logs serve all of a task's datasets, a clone all parameters.
 struct Table1Cell {
   std::string task;
   std::string dataset;     ///< "" for dr, is, nominal
-  std::string parameters;  ///< "friction", "gain", "gravity", "all"; "" for bc
+  std::string parameters;  ///< "friction", "gain", "gravity", "all"; "" for bc and the offline ones
   Table1Method method = Table1Method::kOted;
 
   /// "hopper-medium-all-oted", "hopper-all-dr", "hopper-medium-bc"

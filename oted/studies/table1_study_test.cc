@@ -27,9 +27,14 @@ Table1Study Tiny(std::vector<std::string> methods) {
   study.methods = std::move(methods);
   study.steps = 200;
   study.data_folder = OTED_TEST_SOURCE_DIR "/examples/data";
-  study.assignments = {"sac.learning_starts=100", "sac.batch_size=16",        "sac.hidden=8",
-                       "sac.eval_interval=100",   "sac.eval_episodes=1",      "clone.hidden=8",
-                       "clone.max_steps=40",      "agents.target_episodes=3", "data.episodes=1"};
+  study.assignments = {"sac.learning_starts=100", "sac.batch_size=16",       "sac.hidden=8",
+                       "sac.eval_interval=100",   "sac.eval_episodes=1",     "sac.n_lanes=4",
+                       "clone.hidden=8",          "clone.max_steps=40",      "agents.target_episodes=3",
+                       "data.episodes=1",         "f_brc.behavior_steps=20", "f_brc.n_steps=40",
+                       "f_brc.hidden=8",          "f_brc.behavior_hidden=8", "td3_bc.n_steps=40",
+                       "td3_bc.hidden=8",         "rebrac.n_steps=40",       "rebrac.hidden=8",
+                       "rebrac.batch_size=32",    "mbop.n_steps=40",         "mbop.hidden=8",
+                       "mbop.batch_size=32",      "mbop.trajectories=10",    "mbop.horizon=3"};
   return study;
 }
 
@@ -76,15 +81,17 @@ TEST(Table1Study, BcDrBringsWhatItCollectsWith) {
   EXPECT_THAT(Names(study), ElementsAre("hopper-medium-bc", "hopper-medium-all-bc_dr"));
 }
 
-TEST(Table1Study, TheWholePaperHas36CellsOfOtedAndNineOfTheClone) {
-  int oted = 0, bc = 0, dr = 0;
+TEST(Table1Study, TheWholePaperHas36CellsOfOtedAndNineOfWhatLearnsFromLogsAlone) {
+  int oted = 0, bc = 0, dr = 0, mbop = 0;
   for (const Table1Cell& cell : Table1Study().Cells()) {
+    mbop += cell.method == Table1Method::kMbop;
     oted += cell.method == Table1Method::kOted;
     bc += cell.method == Table1Method::kBc;
     dr += cell.method == Table1Method::kDr;
   }
   EXPECT_EQ(oted, 36);
   EXPECT_EQ(bc, 9);
+  EXPECT_EQ(mbop, 9) << "it, too, learns from the logs alone";
   EXPECT_EQ(dr, 12) << "three tasks, four parameter settings";
 }
 
@@ -104,7 +111,8 @@ TEST(Table1Study, TheTargetIsNominalAndTheGuessIsNot) {
 TEST(Table1Study, ResultsDoNotDependOnThreadsNorOnBeingMadeInOneGo) {
   const TestFolder whole, parts;
   const Table1Study study = [] {
-    Table1Study s = Tiny({"bc", "dr", "is", "bc_dr", "nominal"});
+    Table1Study s = Tiny({"bc", "f_brc", "mbop", "td3_bc", "rebrac", "dr", "is", "bc_dr", "nominal"});
+    s.datasets = {"medium"};
     s.n_seeds = 2;
     return s;
   }();
@@ -183,6 +191,21 @@ TEST(Table1Text, HasMeanAndSpreadBesideThePapersFigures) {
   EXPECT_THAT(text, HasSubstr("| hopper-medium | all | 10.0 | 29.0 | 21.0 (1.4; 2) | 73.9 |  | 109.8 (2.6) |\n"));
   EXPECT_THAT(text, HasSubstr("| hopper-expert | gain |  | 109.0 |  | 73.9 | 50.0 | 100.4 (5.0) |\n"));
   EXPECT_THAT(text, HasSubstr("| hopper-expert | all |  | 109.0 | 21.0 (1.4; 2) | 73.9 |  | 45.2 (4.9) |\n"));
+  EXPECT_THAT(text, Not(HasSubstr("D4RL's whole")));
+}
+
+TEST(Table1Text, PublishedFiguresOfOfflineLearnersSayWhatTheyWereMeasuredOn) {
+  Table1Study study = Tiny({});
+  json mbop = Record("hopper", "medium", nullptr, "mbop", {10}),
+       rebrac = Record("hopper", "expert", nullptr, "rebrac", {30});
+  mbop["seeds"][0]["n_transitions"] = 1403;
+  rebrac["seeds"][0]["n_transitions"] = 5000;
+  const std::string text = Table1(study, {mbop, rebrac});
+  EXPECT_THAT(text, HasSubstr("| dataset | parameters | MBOP | paper | ReBRAC | CORL |\n"));
+  EXPECT_THAT(text, HasSubstr("| hopper-medium | all | 10.0 | 48.8 |  | 102.3 (0.2) |\n"));
+  EXPECT_THAT(text, HasSubstr("| hopper-expert | all |  | - | 30.0 | - |\n"));
+  EXPECT_THAT(text, HasSubstr("D4RL's whole v0 datasets"));
+  EXPECT_THAT(text, HasSubstr("Ours learn from 1403 to 5000 transitions: not comparable."));
 }
 
 }  // namespace oted::table1_study_test

@@ -2,6 +2,8 @@
 a refusal is: one line that says what, and nothing left behind.
 """
 
+import hashlib
+import json
 import pathlib
 import shutil
 import subprocess
@@ -29,9 +31,15 @@ TINY_DESIGN = [
     "selection.n_steps=20", "selection.judge_steps=20",
 ]
 TINY = TINY_DESIGN + [
-    "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2", "crossq.n_steps=200",
-    "crossq.learning_starts=100", "crossq.batch_size=32", "crossq.hidden=16", "crossq.critic_hidden=16",
-    "crossq.eval_interval=100", "crossq.eval_episodes=1", "report.motion=false",
+    "agents.n_agents=1", "agents.selection_episodes=2", "agents.target_episodes=2", "sac.n_steps=200",
+    "sac.learning_starts=100", "sac.batch_size=32", "sac.hidden=16",
+    "sac.eval_interval=100", "sac.eval_episodes=1", "report.motion=false",
+]
+# Of the baselines that learn from the logs alone.
+TINY_OFFLINE = [
+    "f_brc.behavior_steps=20", "f_brc.n_steps=20", "f_brc.hidden=8", "f_brc.behavior_hidden=8", "mbop.n_steps=20", "mbop.hidden=8",
+    "mbop.batch_size=32", "mbop.trajectories=10", "mbop.horizon=3", "td3_bc.n_steps=20", "td3_bc.hidden=8", "rebrac.n_steps=20",
+    "rebrac.hidden=8", "rebrac.batch_size=32",
 ]
 
 
@@ -79,6 +87,20 @@ def write_hdf5(path, arrays):
 def read_hdf5(path):
     with h5py.File(path, "r") as file:
         return {name: file[name][()] for name in file}
+
+
+def edit_record(path, change):
+    """A record with `change` made to it, as one that was written without a seal."""
+    record = json.loads(pathlib.Path(path).read_text())
+    record.pop("seal", None)
+    change(record)
+    pathlib.Path(path).write_text(json.dumps(record))
+
+
+def write_run_toml(path, text):
+    """A run directory's own configuration, sealed as the program does it. @param text  with or without its first line"""
+    body = text.split("\n", 1)[1] if text.startswith("# sha256 ") else text
+    pathlib.Path(path).write_text(f"# sha256 {hashlib.sha256(body.encode()).hexdigest()}\n{body}")
 
 
 def files_below(folder):

@@ -112,7 +112,10 @@ class TestOutput(HopperTest):
         self.assertIn(oted("design", "--out", self.out).returncode, (0, NO_SIMULATOR))
         # Another content of the same path is another design.
         changed = first / "design/default/1/q.json"
-        changed.write_text(json.dumps({**json.loads(changed.read_text()), "mean": [0.123]}))
+        content = changed.read_text()
+        changed.write_text(json.dumps({**json.loads(content), "mean": [0.123]}))
+        self.assertOneLine(oted("design", "--out", self.out), DATA_OR_MODEL, str(changed))
+        program.edit_record(changed, lambda record: record.update(mean=[0.123]))
         self.assertOneLine(oted("design", "--out", self.out), USAGE, "q.json")
 
     def test_joint_training_leaves_a_clone_of_each_seed(self):
@@ -171,11 +174,11 @@ class TestResult(HopperTest):
         self.assertTrue(list(self.out.glob("design/default/1/events.out.tfevents.*")))
         leftovers = [n for n in files_below(self.out) if ".tmp-" in n or "checkpoint" in n]
         self.assertEqual(leftovers, [])
-        for word in ("random actions", "clone of the logs", "nominal simulator", "OTED-CrossQ"):
+        for word in ("random actions", "clone of the logs", "nominal simulator", "OTED-SAC"):
             self.assertIn(word, result.stdout)
         self.assertEqual(json.loads((self.out / "dataset.json").read_text())["n_episodes"], 8)
         versions = json.loads((self.out / "versions.json").read_text())
-        self.assertEqual(set(versions), {"oted", "mujoco", "cpu", "command", "started"})
+        self.assertEqual(set(versions), {"oted", "mujoco", "cpu", "command", "started", "seal"})
 
         # Whatever can be set is explained.
         described = oted("run", "--help").stdout

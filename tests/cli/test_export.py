@@ -130,7 +130,7 @@ class TestModel(ExportTest):
     def test_a_design_of_other_parameters_is_refused(self):
         run = self.copy_of_the_run()
         text = (run / "run.toml").read_text()
-        (run / "run.toml").write_text(text.replace("opt/gravity[2]", "body/*/mass"))
+        program.write_run_toml(run / "run.toml", text.replace("opt/gravity[2]", "body/*/mass"))
         self.assertOneLine(program.oted("export", run), program.DATA_OR_MODEL, "design.json", "'gravity'")
         (run / "run.toml").write_text(text)
         (run / "design.json").write_text('{"schema": "oted.design/1"}')
@@ -242,7 +242,7 @@ class TestSysid(ExportTest):
 class TestRun(ExportTest):
     def test_a_design_leaves_the_exports_and_names_the_model(self):
         self.assertEqual({p.name for p in (self.designed / "export").iterdir()},
-                         {"designed.xml", "q.json", "parameters.yaml"})
+                         {"designed.xml", "q.json", "parameters.yaml", "export.json"})
         self.assertIn(f"\ndesigned model: {self.designed / 'export/designed.xml'}\n", self.printed.stdout)
 
     def test_without_a_flag_all_three_are_written_again_with_the_same_bytes(self):
@@ -251,18 +251,34 @@ class TestRun(ExportTest):
         shutil.rmtree(run / "export")
         result = program.oted("export", run)
         self.assertEqual((result.returncode, result.stderr), (0, ""))
-        for name in before:
+        for name in set(before) - {"export.json"}:
             self.assertIn(str(run / "export" / name), result.stdout)
         self.assertEqual(program.files_below(run / "export"), before)
 
-    def test_a_model_that_cannot_be_written_is_a_warning_and_leaves_no_old_export(self):
+    def test_later_recordings_are_predicted_by_the_simulator_that_logged_them(self):
+        result = program.oted("validate", self.designed, "--data", self.demos, "--json")
+        self.assertEqual((result.returncode, result.stderr), (0, ""))
+        record = json.loads(result.stdout)
+        self.assertEqual(record["schema"], "oted.validation/1")
+        self.assertTrue(record["reaches_floor"], "the logs are the nominal simulator's own, and so is the design")
+        for horizon in record["validation"]["horizons"]:
+            for channel in horizon["channels"]:
+                self.assertLess(channel["designed"], 1e-3, channel)
+        self.assertIn("learned from this very file", " ".join(record["warnings"]))
+        task = self.folder / "later.toml"  # whose [data] says which columns are what
+        task.write_text(f'[task]\nname = "Hopper-v5"\n[data]\npath = "{self.demos}"\n')
+        by_task_file = json.loads(program.oted("validate", self.designed, "--data", task, "--json").stdout)
+        self.assertEqual(by_task_file["validation"], record["validation"])
+        self.assertOneLine(program.oted("validate", self.designed, "--data", self.demos, "--model", "other.xml"),
+                           program.USAGE, "--model", "built in")
+        self.assertOneLine(program.oted("validate", self.folder, "--data", self.demos), program.USAGE, "design.json")
+
+    def test_a_seeds_design_in_the_place_of_anothers_is_refused_by_name(self):
         run = self.copy_of_the_run()
         shutil.copyfile(run / "design/default/2/q.json", run / "design/default/1/q.json")
-        result = program.oted("clone", "--out", run)
-        self.assertIn(result.returncode, (0, program.NO_SIMULATOR), result.stderr)
-        self.assertRegex(result.stderr, r"\Awarning: not exported: [^\n]+q\.json[^\n]+\n\Z")
-        self.assertEqual(list((run / "export").iterdir()), [])
-        self.assertNotIn("designed model:", result.stdout)
+        result = program.oted("export", run)
+        self.assertEqual(result.returncode, program.DATA_OR_MODEL, result.stdout)
+        self.assertRegex(result.stderr, r"\Aoted: [^\n]+design/default/1/q\.json[^\n]+\n\Z")
 
 
 if __name__ == "__main__":

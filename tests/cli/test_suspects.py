@@ -34,36 +34,73 @@ class SuspectsTest(unittest.TestCase):
     def tearDownClass(cls):
         cls.temporary.cleanup()
 
-    def design(self, name, *parameters):
+    def design(self, name, *parameters, more=()):
         words = [word for parameter in parameters for word in ("--param", parameter)]
         result = program.oted("design", "--task", "Hopper-v5", "--data", self.demos, "--out", self.folder / name, "--quiet",
-                          *words, *QUICK)
+                          *words, *QUICK, *more)
         return result, json.loads((self.folder / name / "design.json").read_text())
 
-    def test_the_damping_that_nobody_searches_is_named_with_its_factor(self):
+    def test_the_damping_that_nobody_searches_is_freed_and_the_line_that_adds_it_is_told(self):
         result, design = self.design("gain", GAIN)
-        self.assertEqual(result.returncode, program.NO_SIMULATOR, result.stderr)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(design["verdict"], "gap_narrowed")
+        self.assertIn("verdict: gap narrowed by ", result.stdout)
         first = design["fit"]["suspects"][0]
         self.assertEqual(first["field"], "joint/*/damping")
-        self.assertAlmostEqual(first["factor"], 0.7, delta=0.1)
-        self.assertIn("suspect, not among the parameters: joint/*/damping, by the logs about 0.7", result.stdout)
-        self.assertIn("method: trajectories, as its answer is outside the family", result.stdout)
-        tried = {method["method"]: method["error"] for method in design["method_choices"][0]["tried"]}
-        self.assertEqual(set(tried), {"trajectories", "transitions", "least-squares"})
-        self.assertIn("joint/*/damping (about 0.7", (self.folder / "gain/report.html").read_text())
+        self.assertTrue(first["freed"]["kept"])
+        self.assertAlmostEqual(first["freed"]["value"], 0.7, delta=0.05)
+        line = 'damping = { field = "joint/*/damping", range = [0.1, 10], log = true }'
+        self.assertIn(f"suspect, not among the parameters: {first['sentence']}; add this line: {line}\n", result.stdout)
+        self.assertIn("with joint/*/damping freed (0.7 times the model's value): ", first["sentence"])
+        self.assertIn("method: trajectories, as it surely predicts better than the nominal simulator", result.stdout)
+        self.assertEqual(design["method_choices"][0]["tried"], [])
+        self.assertIn("with joint/*/damping freed", (self.folder / "gain/report.html").read_text())
+        self.check_schemas("gain")
+
+    def check_schemas(self, name):
         for file, schema in (("design.json", "oted.design.1"), ("design/default/1/q.json", "oted.q.1")):
-            jsonschema.validate(json.loads((self.folder / "gain" / file).read_text()),
+            jsonschema.validate(json.loads((self.folder / name / file).read_text()),
                                 json.loads((ROOT / f"docs/schemas/{schema}.schema.json").read_text()))
 
     def test_freed_it_is_found_and_nothing_else_is_suspected(self):
         result, design = self.design("both", GAIN, DAMPING)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(design["fit"]["suspects"], [])
-        self.assertIn("method: trajectories, as noise alone explains", result.stdout)
+        self.assertIn("method: trajectories, as its predictions are as near to the logs as the sensors let them", result.stdout)
         self.assertEqual(design["method_choices"][0]["tried"], [])
         for parameter, truth in zip(design["parameters"], (1.2, 0.7)):
             self.assertAlmostEqual(parameter["mode"], truth, delta=1e-4)
         self.assertNotIn("not searched", result.stdout)
+
+    def test_growing_adds_it_and_the_run_goes_on_with_it(self):
+        result, design = self.design("grown", GAIN, more=["--grow"])
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual([p["name"] for p in design["parameters"]], ["gain", "damping"])
+        for parameter, truth in zip(design["parameters"], (1.2, 0.7)):
+            self.assertAlmostEqual(parameter["mode"], truth, delta=1e-3)
+        self.assertEqual([grown["field"] for grown in design["grown"]], ["joint/*/damping"])
+        self.assertIn("added to the parameters: damping = ", result.stdout)
+        self.check_schemas("grown")
+        run = self.folder / "grown"
+        self.assertNotIn("damping", (run / "run.toml").read_text().partition("[parameters]")[2].partition("[clone]")[0])
+        # Again, by the directory's own settings: all of it is there. Then without the last record: the rounds are not made again.
+        before = {path: path.read_bytes() for path in run.rglob("*.json") if path.parent.name != "motion"}
+        for _ in range(2):
+            again = program.oted("design", "--out", run, "--quiet")
+            self.assertEqual(again.returncode, 0, again.stderr)
+            for name in ("design.json", "growth/1/growth.json", "design/default/1/q.json"):
+                self.assertEqual((run / name).read_bytes(), before[run / name])
+            (run / "design.json").unlink()
+        self.assertEqual(program.oted("export", run, "--mjcf", self.folder / "grown.xml").returncode, 2)
+
+    def test_what_cannot_grow_is_refused_before_anything_is_written(self):
+        for setting, words in (("design.method=paper", "method trajectories alone finds"),
+                               ("design.prior=elsewhere", "no such path")):
+            result = program.oted("design", "--task", "Hopper-v5", "--data", self.demos, "--out", self.folder / "refused",
+                                  "--quiet", "--param", GAIN, "--grow", "--set", setting)
+            self.assertEqual(result.returncode, 2)
+            self.assertIn(words, result.stderr)
+            self.assertFalse((self.folder / "refused").exists())
 
 
 if __name__ == "__main__":

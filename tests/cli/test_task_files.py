@@ -18,7 +18,7 @@ from program import DATA_OR_MODEL, ROOT, TINY, USAGE, ProgramTest, oted, sets
 
 CUSTOM = None  # a program with a task of its own, from the command line
 EXAMPLES = ROOT / "examples"
-SETTINGS = [*TINY, "crossq.n_steps=120", "crossq.learning_starts=60", "crossq.batch_size=16", "crossq.eval_interval=60",
+SETTINGS = [*TINY, "sac.n_steps=120", "sac.learning_starts=60", "sac.batch_size=16", "sac.eval_interval=60",
             "report.motion=auto"]
 QUICK = sets(SETTINGS)
 
@@ -75,7 +75,7 @@ class TaskFiles(ProgramTest):
         task = tomllib.loads((EXAMPLES / f"{name}.toml").read_text())
         self.assertEqual([p["name"] for p in design["parameters"]], list(task["parameters"]))
         self.assertEqual([p["truth"] for p in evaluation["parameters"]], list(task["truth"].values()))
-        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "crossq_nominal", "oted_crossq"})
+        self.assertEqual({p["name"] for p in evaluation["policies"]}, {"random", "clone", "sac_nominal", "oted_sac"})
         self.assertEqual(design["task"], task["task"]["name"])
         # What was simulated lies beside what came of it.
         compiled = (self.out / "model/compiled.mjb").read_bytes()
@@ -165,15 +165,15 @@ class TaskFiles(ProgramTest):
         self.assertOneLine(oted("train", "--out", self.out), USAGE, "task.reward")
         self.assertOneLine(oted("behavior", "--task", task, "--out", self.folder / "b"), USAGE, "task.reward")
 
-    def test_without_settable_states_the_design_takes_the_method_that_needs_none(self):
+    def test_velocities_that_nobody_logged_are_inferred_by_the_default_method(self):
         task = self.cart('observations = ["joint/slide/qpos"]')
         data = self.log(task)
         result = oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK)
         self.assertIn(result.returncode, (0, 4), result.stderr)
-        self.assertIn("joint/slide/qvel", result.stderr)
-        self.assertIn("starts = initial, actions = clone, horizon = 300", result.stderr)
+        self.assertNotIn("actions = clone", result.stderr)
+        design = json.loads((self.out / "design.json").read_text())
+        self.assertEqual([setting["method"] for setting in design["settings"]], ["trajectories"])
         self.assertEqual(tomllib.loads((self.out / "run.toml").read_text())["design"]["method"], "auto")
-        # The same command goes on: the adapted method is what the results are of.
         self.assertIn(oted("select-simulator", "--out", self.out, "--threads", 1).returncode, (0, 4))
 
     def test_episodes_may_start_where_the_logs_did(self):

@@ -17,7 +17,7 @@
 #include "oted/data/dataset.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/gzip.h"
-#include "oted/data/hdf5_writer.h"
+#include "oted/data/libhdf5/handles.h"
 #include "oted/data/minari.h"
 #include "oted/data/npy.h"
 #include "oted/data/npz.h"
@@ -27,6 +27,7 @@
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
+#include "tests/fuzz/fuzz_models.h"
 
 namespace oted {
 namespace {
@@ -260,6 +261,7 @@ std::vector<FuzzFormat> FuzzFormats(const fs::path& folder) {
     run.read = [dir](const fs::path& f) { GatherReport(f / dir); };
     formats.push_back(run);
   }
+  AddModelFormats(folder, formats);
   return formats;
 }
 

@@ -17,7 +17,7 @@ ReplayLosses AutogradCrossQ::Step(const TransitionBatch& transitions) {
     q_next[i] = values.narrow(0, n, n).detach();
   }
   const torch::Tensor value = torch::minimum(q_next[0], q_next[1]) - alpha * next_log_prob;
-  const torch::Tensor y = batch.reward + options_.gamma * batch.continues * value;
+  const torch::Tensor y = batch.reward + batch.discount * value;
   const torch::Tensor critic_loss = 0.5 * (torch::mse_loss(q[0], y) + torch::mse_loss(q[1], y));
   Minimise(critic_loss, {&critic_adam_[0], &critic_adam_[1]});
 

@@ -15,7 +15,7 @@ ReplayLosses AutogradSac::Step(const TransitionBatch& transitions) {
     const auto [next_action, next_log_prob] = AutogradSquash(actor.Forward(batch.s_next), batch.next_noise);
     const torch::Tensor next = torch::cat({batch.s_next, next_action}, 1);
     const torch::Tensor q = torch::minimum(targets[0].Forward(next), targets[1].Forward(next)) - alpha * next_log_prob;
-    y = batch.reward + options_.gamma * batch.continues * q;
+    y = batch.reward + batch.discount * q;
   }
   const torch::Tensor q0 = critics[0].Forward(batch.joint), q1 = critics[1].Forward(batch.joint);
   const torch::Tensor critic_loss = 0.5 * (torch::mse_loss(q0, y) + torch::mse_loss(q1, y));

@@ -33,7 +33,7 @@ struct AutogradBatch {
   torch::Tensor s, s_next;          ///< (B, obs_dim)
   torch::Tensor joint;              ///< (B, obs_dim + act_dim)
   torch::Tensor noise, next_noise;  ///< (B, act_dim)
-  torch::Tensor reward, continues;  ///< (B, 1); continues = 1 - terminated
+  torch::Tensor reward, discount;   ///< (B, 1)
 
   AutogradBatch(const TransitionBatch& batch, const torch::TensorOptions& options) {
     const int64_t n = batch.size;
@@ -48,7 +48,7 @@ struct AutogradBatch {
     next_noise = both_noise.narrow(0, n, n);
     joint = ToTensor(batch.joint, n, columns(batch.joint, 1), options);
     reward = ToTensor(batch.rewards, n, 1, options);
-    continues = 1 - ToTensor(batch.terminated, n, 1, options);
+    discount = ToTensor(batch.discounts, n, 1, options);
   }
 };
 

@@ -145,7 +145,7 @@ TEST_P(ExportMjcf, PythonLoadsTheLanesModelAndRollsItOutAlike) {
   }
   // What the parameters are for, by hand: nominal times z, or z.
   for (size_t i = 0; i < c.specs.size(); ++i) {
-    const ModelField field = ResolvePath(factory.model(), c.specs[i].field);
+    const ModelField field = ResolvePath(factory.model(), c.specs[i].field).front();
     if (field.array != "opt.gravity" && field.array != "geom_friction") continue;
     const double* pristine = field.array == "opt.gravity" ? factory.model().opt.gravity : factory.model().geom_friction;
     std::vector<double> values(pristine, pristine + (field.array == "opt.gravity" ? 3 : 3 * factory.model().ngeom));

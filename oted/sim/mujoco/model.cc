@@ -4,24 +4,21 @@
 
 #include <algorithm>
 #include <array>
-#include <mutex>
+#include <cmath>
 #include <set>
+#include <utility>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/sim/mujoco/legacy_inertia.h"
+#include "oted/sim/mujoco/mujoco_errors.h"
 #include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
 namespace {
 
-// Without a handler MuJoCo prints every warning and appends it to MUJOCO_LOG.TXT in the working directory.
-void SilenceWarnings() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    if (mju_user_warning == nullptr) mju_user_warning = [](const char*) {};
-  });
-}
+constexpr int kMostIterations = 100'000;
+constexpr mjtSize kMostArena = mjtSize{1} << 30;  // [bytes], of each simulation
 
 [[noreturn]] void FailToLoad(const std::filesystem::path& path, const std::string& reason) {
   throw DataError(fmt::format("MuJoCo {} cannot load '{}': {}", mj_versionString(), path.string(), reason));
@@ -37,9 +34,42 @@ SpecPtr Parse(const std::filesystem::path& path) {
   return spec;
 }
 
+/// What MuJoCo compiles and then never ends, or ends in numbers that are none.
+void CheckOptions(const mjModel& model, const std::filesystem::path& path) {
+  const mjOption& option = model.opt;
+  const auto fail = [&](const std::string& what) {
+    throw DataError(fmt::format("model '{}': {}; correct the model", path.string(), what));
+  };
+  if (!(option.timestep > 0) || !std::isfinite(option.timestep)) {
+    fail(fmt::format("its time step is {} s, wanted a positive number", option.timestep));
+  }
+  for (const auto& [name, value] :
+       {std::pair{"gravity", option.gravity}, {"wind", option.wind}, {"magnetic", option.magnetic}}) {
+    if (!std::all_of(value, value + 3, [](double v) { return std::isfinite(v); })) {
+      fail(fmt::format("its option {} is not finite", name));
+    }
+  }
+  for (const auto& [name, value] : {std::pair{"density", option.density},
+                                    {"viscosity", option.viscosity},
+                                    {"impratio", option.impratio},
+                                    {"tolerance", option.tolerance}}) {
+    if (!std::isfinite(value)) fail(fmt::format("its option {} is not finite", name));
+  }
+  for (const auto& [name, n] : {std::pair{"iterations", option.iterations},
+                                {"ls_iterations", option.ls_iterations},
+                                {"noslip_iterations", option.noslip_iterations}}) {
+    if (n > kMostIterations) fail(fmt::format("its option {} is {}, wanted at most {}", name, n, kMostIterations));
+  }
+  if (model.narena > kMostArena) {
+    fail(fmt::format("it asks for {} MiB of memory in each simulation, wanted at most {}", model.narena >> 20,
+                     kMostArena >> 20));
+  }
+}
+
 ModelPtr Compile(mjSpec& spec, const std::filesystem::path& path) {
   ModelPtr model(mj_compile(&spec, nullptr));
   if (model == nullptr) FailToLoad(path, mjs_getError(&spec));
+  CheckOptions(*model, path);
   return model;
 }
 
@@ -79,7 +109,7 @@ std::string SerializeModel(const mjModel& model) {
 }
 
 LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules) {
-  SilenceWarnings();
+  TakeOverMujocoErrors();
   SpecPtr spec = Parse(path);
   ModelPtr model = Compile(*spec, path);
   if (legacy_capsules) {
@@ -92,7 +122,7 @@ LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules) {
 LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::vector<std::string>& motors,
                                 const std::vector<double>& range) {
   if (motors.empty()) return LoadModel(path);
-  SilenceWarnings();
+  TakeOverMujocoErrors();
   SpecPtr spec = Parse(path);
   const ModelPtr plain = Compile(*spec, path);
   std::set<int> joints;  // in the model's order, each once

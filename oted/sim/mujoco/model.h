@@ -31,8 +31,8 @@ struct LoadedModel {
   std::string sha256;  ///< of the compiled model as mj_saveModel writes it, before that flag was set
 };
 
-/// Compiles an MJCF file. MuJoCo's warnings are dropped: nothing is printed and no MUJOCO_LOG.TXT is written, unless
-/// the caller has installed a warning handler of its own, which is then kept.
+/// Compiles an MJCF file (TakeOverMujocoErrors). Options that no simulation ends with, or that are no numbers, are
+/// refused.
 /// @param legacy_capsules  weigh capsules as MuJoCo did before 2.1.1 (legacy_inertia.h)
 /// @throws DataError naming the file and MuJoCo's reason.
 LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules = false);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <set>
 #include <string_view>
 
@@ -160,9 +161,56 @@ std::vector<int> RowsOf(const mjModel& model, const Owner& owner, const ModelArr
   return rows;
 }
 
-}  // namespace
+// The servos among `ids`: of a position servo kp is gainprm[0] and -biasprm[1], and kv -biasprm[2]; of a velocity servo
+// kv is gainprm[0] and -biasprm[2].
+std::vector<ModelField> ServoFields(const mjModel& model, const Owner& owner, const std::vector<int>& ids,
+                                    const std::string& which, const std::string& path) {
+  const auto gain = [&](int id) { return model.actuator_gainprm[id * mjNGAIN]; };
+  const auto bias = [&](int id, int k) { return model.actuator_biasprm[id * mjNBIAS + k]; };
+  const auto is_affine = [&](int id) {
+    return model.actuator_gaintype[id] == mjGAIN_FIXED && model.actuator_biastype[id] == mjBIAS_AFFINE && gain(id) != 0;
+  };
+  std::vector<int> positions, velocities;
+  for (const int id : ids) {
+    if (is_affine(id) && bias(id, 1) == -gain(id)) {
+      positions.push_back(id);
+    } else if (is_affine(id) && bias(id, 1) == 0 && bias(id, 2) == -gain(id)) {
+      velocities.push_back(id);
+    }
+  }
+  const bool stiffness = which == "kp";
+  if (positions.empty() && (stiffness || velocities.empty())) {
+    throw UsageError(fmt::format(
+        "parameter path '{}': no such actuator is a {} servo (gainprm[0] = kp = -biasprm[1]{}); a motor's strength is "
+        "gainprm[0]",
+        path, stiffness ? "position" : "position or velocity", stiffness ? "" : ", or gainprm[0] = kv = -biasprm[2]"));
+  }
+  const auto prefix = [&](int row) { return fmt::format("{}/{}", owner.word, ObjectName(model, owner.type, row)); };
+  const ModelArray gains{"actuator_gainprm", model.actuator_gainprm, owner.count, mjNGAIN};
+  const ModelArray biases{"actuator_biasprm", model.actuator_biasprm, owner.count, mjNBIAS};
+  std::vector<ModelField> fields;
+  const auto add = [&](const ModelArray& array, const std::vector<int>& rows, int column, const char* name,
+                       double sign) {
+    if (rows.empty()) return;
+    fields.push_back(Collect(array, array.name, rows, column, name, prefix, path));
+    fields.back().sign = sign;
+    fields.back().unit = UnitFor(model, owner, ids, stiffness ? "N/m | N m/rad" : "N s/m | N m s/rad");
+  };
+  if (stiffness) {
+    add(gains, positions, 0, "gainprm", 1);
+    add(biases, positions, 1, "biasprm", -1);
+  } else {
+    std::vector<int> both = positions;
+    both.insert(both.end(), velocities.begin(), velocities.end());
+    std::sort(both.begin(), both.end());
+    add(gains, velocities, 0, "gainprm", 1);
+    add(biases, both, 2, "biasprm", -1);
+  }
+  return fields;
+}
 
-ModelField ResolvePath(const mjModel& model, const std::string& path) {
+// One path, without ties.
+std::vector<ModelField> ResolveOne(const mjModel& model, const std::string& path) {
   const size_t first = path.find('/');
   const size_t last = path.rfind('/');
   const std::string word = path.substr(0, first);
@@ -176,8 +224,8 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
   if (word == "opt" && first == last) {
     const std::vector<ModelArray> arrays = OptionArrays(model);
     const ModelArray& array = FindArray(arrays, {""}, ref.name, path);
-    return Collect(
-        array, "opt." + array.name, {0}, ref.index, ref.name, [](int) { return "opt"; }, path);
+    return {Collect(
+        array, "opt." + array.name, {0}, ref.index, ref.name, [](int) { return "opt"; }, path)};
   }
   const auto owner = std::find_if(owners.begin(), owners.end(), [&](const Owner& o) { return word == o.word; });
   if (owner == owners.end()) {
@@ -192,6 +240,10 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
   }
   const std::vector<int> ids = MatchObjects(model, {owner->word, owner->type, owner->count},
                                             std::string_view(path).substr(first + 1, last - first - 1), what);
+  if (owner->type == mjOBJ_ACTUATOR && (ref.name == "kp" || ref.name == "kv")) {
+    if (ref.index >= 0) throw UsageError(fmt::format("parameter path '{}': {} has no index", path, ref.name));
+    return ServoFields(model, *owner, ids, ref.name, path);
+  }
   const std::vector<ModelArray> arrays = ModelArrays(model);
   const ModelArray& array = FindArray(arrays, owner->prefixes, ref.name, path);
   const std::vector<int> rows = RowsOf(model, *owner, array, ids, path);
@@ -205,7 +257,32 @@ ModelField ResolvePath(const mjModel& model, const std::string& path) {
   };
   ModelField field = Collect(array, array.name, rows, ref.index, ref.name, prefix, path);
   field.unit = UnitFor(model, *owner, ids, field.unit);
-  return field;
+  return {field};
+}
+
+}  // namespace
+
+std::vector<ModelField> ResolvePath(const mjModel& model, const std::string& path) {
+  constexpr std::string_view kTie = " + ";
+  std::vector<ModelField> all;
+  for (size_t begin = 0;;) {
+    const size_t end = path.find(kTie, begin);
+    const std::string one = path.substr(begin, end == std::string::npos ? end : end - begin);
+    for (ModelField& field : ResolveOne(model, one)) {
+      for (const ModelField& other : all) {
+        if (!SharePlace(field, other)) continue;
+        throw UsageError(fmt::format("parameter path '{}': two of the paths name {}", path, field.places.front()));
+      }
+      all.push_back(std::move(field));
+    }
+    if (end == std::string::npos) return all;
+    begin = end + kTie.size();
+  }
+}
+
+bool SharePlace(const ModelField& a, const ModelField& b) {
+  if (a.array != b.array) return false;
+  return std::ranges::any_of(a.indices, [&](int i) { return std::ranges::binary_search(b.indices, i); });
 }
 
 double BoundingRadius(int geom_type, const double* size, double otherwise) {
@@ -225,33 +302,40 @@ double BoundingRadius(int geom_type, const double* size, double otherwise) {
   }
 }
 
-ModelField ResolveParameter(const mjModel& model, ParameterSpec& spec) {
-  const ModelField field = ResolvePath(model, spec.field);
-  const auto [low, high] = std::minmax_element(field.nominal.begin(), field.nominal.end());
+std::vector<ModelField> ResolveParameter(const mjModel& model, ParameterSpec& spec) {
+  const std::vector<ModelField> fields = ResolvePath(model, spec.field);
   if (spec.scale == ParameterScale::kNominal) {
-    if (*low == 0 && *high == 0) {
+    for (const ModelField& field : fields) {
+      if (std::ranges::any_of(field.nominal, [](double value) { return value != 0; })) continue;
       throw UsageError(
           fmt::format("parameter '{}': the nominal value of '{}' is 0 and has no multiples; set scale = "
                       "\"absolute\" (':absolute' on the command line)",
-                      spec.name, spec.field));
+                      spec.name, fields.size() == 1 ? spec.field : field.places.front()));
     }
-    return field;
+    return fields;
   }
-  if (*low != *high) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const ModelField& field : fields) {
+    for (const double value : field.nominal) {
+      low = std::min(low, field.sign * value);
+      high = std::max(high, field.sign * value);
+    }
+  }
+  if (low != high) {
     throw UsageError(
         fmt::format("parameter '{}': '{}' matches values from {} to {}, which one absolute value cannot "
                     "stand for; narrow the path or use multiples of nominal",
-                    spec.name, spec.field, *low, *high));
+                    spec.name, spec.field, low, high));
   }
-  if (spec.wanted_nominal && std::abs(*spec.wanted_nominal - *low) > 1e-6 * std::abs(*low) + 1e-12) {
+  if (spec.wanted_nominal && std::abs(*spec.wanted_nominal - low) > 1e-6 * std::abs(low) + 1e-12) {
     throw UsageError(fmt::format(
         "parameter '{}': the nominal value of '{}' is {} in the model, but {} in the parameter file; the file was made "
         "with another model: correct the one or the other",
-        spec.name, spec.field, *low, *spec.wanted_nominal));
+        spec.name, spec.field, low, *spec.wanted_nominal));
   }
-  spec.nominal = *low;
-  spec.unit = field.unit;
-  return field;
+  spec.nominal = low + 0.0;  // no -0
+  spec.unit = fields.front().unit;
+  return fields;
 }
 
 }  // namespace oted

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model.h"
@@ -21,7 +22,11 @@ using testing::ThrowsMessage;
 class ModelFieldTest : public testing::Test {
  protected:
   void SetUp() override { loaded_ = LoadModel(AssetFolder() / "hopper.xml"); }
-  ModelField Resolve(const std::string& path) const { return ResolvePath(*loaded_.model, path); }
+  ModelField Resolve(const std::string& path) const {
+    const std::vector<ModelField> fields = ResolvePath(*loaded_.model, path);
+    EXPECT_EQ(fields.size(), 1u);
+    return fields.front();
+  }
   LoadedModel loaded_;
 };
 
@@ -107,7 +112,7 @@ TEST_F(ModelFieldTest, AMultipleOfZeroIsAnErrorThatNamesTheRemedy) {
   ParameterSpec spec{.name = "wind", .field = "opt/wind[0]"};
   EXPECT_THAT([&] { ResolveParameter(*loaded_.model, spec); }, ThrowsMessage<UsageError>(HasSubstr("absolute")));
   spec.scale = ParameterScale::kAbsolute;
-  EXPECT_EQ(ResolveParameter(*loaded_.model, spec).nominal, std::vector{0.0});
+  EXPECT_EQ(ResolveParameter(*loaded_.model, spec).front().nominal, std::vector{0.0});
   EXPECT_EQ(spec.nominal, 0);
   EXPECT_EQ(spec.unit, "m/s");
 }
@@ -127,6 +132,77 @@ TEST_F(ModelFieldTest, AParameterFileOfAnotherModelIsRefused) {
   EXPECT_THAT(
       [&] { ResolveParameter(*loaded_.model, spec); },
       ThrowsMessage<UsageError>(testing::AllOf(HasSubstr("'gravity'"), HasSubstr("-9.8 in the parameter file"))));
+}
+
+LoadedModel Compiled(const std::string& name, const std::string& body, const std::string& actuators) {
+  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("oted_" + name + ".xml");
+  std::ofstream(path) << "<mujoco><worldbody><body name=\"link\"><joint name=\"j\"/>" << body
+                      << "</body></worldbody><actuator>" << actuators << "</actuator></mujoco>";
+  return LoadModel(path);
+}
+
+/// Writes a parameter's value as the simulator does.
+void Write(mjModel& model, ParameterSpec spec, double z) {
+  for (const ModelField& field : ResolveParameter(model, spec)) {
+    double* values = field.array == "actuator_gainprm"   ? model.actuator_gainprm
+                     : field.array == "actuator_biasprm" ? model.actuator_biasprm
+                     : field.array == "body_mass"        ? model.body_mass
+                                                         : model.body_inertia;
+    for (size_t k = 0; k < field.indices.size(); ++k) {
+      values[field.indices[k]] = spec.scale == ParameterScale::kNominal ? z * field.nominal[k] : z * field.sign;
+    }
+  }
+}
+
+std::vector<double> Gains(const mjModel& model) {
+  std::vector<double> all(model.actuator_gainprm, model.actuator_gainprm + model.nactuator * mjNGAIN);
+  all.insert(all.end(), model.actuator_biasprm, model.actuator_biasprm + model.nactuator * mjNBIAS);
+  return all;
+}
+
+constexpr const char* kBall = "<geom size=\".1\"/>";
+
+TEST(Servos, StiffnessAndDampingAreWhatMujocosCompilerMakesOfThem) {
+  const auto with = [](const std::string& name, double kp, double kv, double velocity) {
+    std::ostringstream actuators;
+    actuators << "<position joint=\"j\" kp=\"" << kp << "\" kv=\"" << kv << "\"/><motor joint=\"j\" gear=\"3\"/>"
+              << "<velocity joint=\"j\" kv=\"" << velocity << "\"/>";
+    return Compiled(name, kBall, actuators.str());
+  };
+  const LoadedModel nominal = with("servos", 100, 4, 6), stiffer = with("stiffer", 150, 4, 6);
+  const LoadedModel damped = with("damped", 100, 2, 3), alike = with("alike", 100, 5, 5);
+  LoadedModel model = with("servos", 100, 4, 6);
+  Write(*model.model, {.name = "kp", .field = "actuator/*/kp"}, 1.5);
+  EXPECT_EQ(Gains(*model.model), Gains(*stiffer.model));
+  model = with("servos", 100, 4, 6);
+  Write(*model.model,
+        {.name = "kp", .field = "actuator/#0/kp", .low = 1, .high = 200, .scale = ParameterScale::kAbsolute}, 150);
+  EXPECT_EQ(Gains(*model.model), Gains(*stiffer.model));
+  model = with("servos", 100, 4, 6);
+  Write(*model.model, {.name = "kv", .field = "actuator/*/kv"}, 0.5);
+  EXPECT_EQ(Gains(*model.model), Gains(*damped.model));
+  EXPECT_THROW(Write(*model.model, {.name = "kv", .field = "actuator/*/kv", .scale = ParameterScale::kAbsolute}, 5),
+               UsageError)
+      << "the two servos differ";
+  model = with("equal", 100, 5.5, 5.5);
+  Write(*model.model, {.name = "kv", .field = "actuator/*/kv", .scale = ParameterScale::kAbsolute}, 5);
+  EXPECT_EQ(Gains(*model.model), Gains(*alike.model));
+  EXPECT_THAT([&] { ResolvePath(*nominal.model, "actuator/#1/kp"); },
+              ThrowsMessage<UsageError>(HasSubstr("no such actuator is a position servo")));
+  EXPECT_THROW(ResolvePath(*nominal.model, "actuator/#2/kp"), UsageError) << "a velocity servo has none";
+}
+
+TEST(TiedPaths, AMassAndItsInertiaGrowAsAtAnotherDensity) {
+  const LoadedModel light = Compiled("light", "<geom size=\".1\" density=\"500\"/>", "");
+  const LoadedModel heavy = Compiled("heavy", "<geom size=\".1\" density=\"750\"/>", "");
+  LoadedModel model = Compiled("light", "<geom size=\".1\" density=\"500\"/>", "");
+  Write(*model.model, {.name = "link", .field = "body/link/mass + body/link/inertia"}, 1.5);
+  EXPECT_DOUBLE_EQ(model.model->body_mass[1], heavy.model->body_mass[1]);
+  for (int k = 3; k < 6; ++k) EXPECT_DOUBLE_EQ(model.model->body_inertia[k], heavy.model->body_inertia[k]);
+  EXPECT_THAT([&] { ResolvePath(*light.model, "body/link/mass + body/*/mass"); },
+              ThrowsMessage<UsageError>(HasSubstr("two of the paths name body/")));
+  EXPECT_THAT([&] { ResolvePath(*light.model, "body/link/mass + body/lonk/inertia"); },
+              ThrowsMessage<UsageError>(HasSubstr("body/lonk/inertia")));
 }
 
 TEST(BoundingRadius, IsTheCompilersForEveryShape) {

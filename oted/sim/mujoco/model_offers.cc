@@ -46,14 +46,27 @@ int CommonIndex(const std::vector<std::string>& places) {
   return common;
 }
 
+/// What a servo has beside its actuator's arrays (model_field.h).
+struct Servo {
+  std::string_view ending;
+  const char* meaning;
+};
+constexpr Servo kServos[] = {{"/kp", "stiffness of a position servo: gainprm[0], and -biasprm[1]"},
+                             {"/kv", "damping of a servo: -biasprm[2], and gainprm[0] of a velocity servo"}};
+
 }  // namespace
 
 PathInfo DescribeModelPath(const mjModel& model, const std::string& path) {
-  const ModelField field = ResolvePath(model, path);
   PathInfo info;
-  for (size_t i = 0; i < field.places.size(); ++i) info.places.push_back({field.places[i], field.nominal[i]});
-  info.unit = field.unit;
-  info.meaning = DescribeField(TableName(field.array), CommonIndex(field.places)).meaning;
+  for (const ModelField& field : ResolvePath(model, path)) {
+    for (size_t i = 0; i < field.places.size(); ++i) info.places.push_back({field.places[i], field.nominal[i]});
+    if (!info.meaning.empty()) continue;
+    info.unit = field.unit;
+    info.meaning = DescribeField(TableName(field.array), CommonIndex(field.places)).meaning;
+  }
+  for (const Servo& servo : kServos) {
+    if (path.ends_with(servo.ending)) info.meaning = servo.meaning;
+  }
   return info;
 }
 
@@ -83,6 +96,15 @@ std::vector<ParameterOffer> ModelOffers(const mjModel& model) {
       offer.meaning = info.meaning;
       offer.places = std::move(info.places);
       offers.push_back(std::move(offer));
+    }
+  }
+  for (const Servo& servo : kServos) {
+    try {
+      PathInfo info = DescribeModelPath(model, fmt::format("actuator/*{}", servo.ending));
+      offers.push_back(
+          {"actuator", fmt::format("actuator/NAME{}", servo.ending), info.unit, info.meaning, std::move(info.places)});
+    } catch (const UsageError&) {
+      // this model has none
     }
   }
   return offers;

@@ -16,6 +16,15 @@ double SumOfSquares(std::span<const double> values) {
   return std::transform_reduce(values.begin(), values.end(), 0.0, std::plus<>(), [](double v) { return v * v; });
 }
 
+void Write(const std::vector<ModelPlan::Target>& targets, std::span<const double> values, const LaneState& state) {
+  for (size_t i = 0; i < targets.size(); ++i) {
+    const ModelPlan::Target& target = targets[i];
+    if (target.part == ModelPlan::Target::Part::kQpos) state.qpos[target.index] = values[i];
+    if (target.part == ModelPlan::Target::Part::kQvel) state.qvel[target.index] = values[i];
+    if (target.part == ModelPlan::Target::Part::kAct) state.act[target.index] = values[i];
+  }
+}
+
 std::string Numbered(const std::string& name, size_t i, size_t n) {
   return n == 1 ? name : fmt::format("{}[{}]", name, i);
 }
@@ -82,14 +91,13 @@ bool ModelRules::Determines(std::span<const double> observation) const {
 }
 
 void ModelRules::SetState(std::span<const double> observation, const LaneState& state) const {
-  for (size_t i = 0; i < plan_->targets.size(); ++i) {
-    const ModelPlan::Target& target = plan_->targets[i];
-    if (target.part == ModelPlan::Target::Part::kQpos) state.qpos[target.index] = observation[i];
-    if (target.part == ModelPlan::Target::Part::kQvel) state.qvel[target.index] = observation[i];
-    if (target.part == ModelPlan::Target::Part::kAct) state.act[target.index] = observation[i];
-  }
+  Write(plan_->targets, observation, state);
   // Logged quaternions are rounded.
   mj_normalizeQuat(plan_->model, state.qpos.data());
+}
+
+void ModelRules::SetHidden(std::span<const double> hidden, const LaneState& state) const {
+  Write(plan_->hidden, hidden, state);
 }
 
 void ModelRules::Measure(const LaneView& view, std::span<double> numbers) const {

@@ -39,6 +39,7 @@ struct ModelPlan {
   int stage = mjSTAGE_NONE;
   std::vector<Element> observation;
   std::vector<Target> targets;                  ///< parallel to `observation`
+  std::vector<Target> hidden;                   ///< parallel to the spec's hidden coordinates
   std::vector<std::array<int, 4>> quaternions;  ///< positions in the observation of those that are seen as a whole
   std::vector<Quantity> quantities;
   std::string reward, terminate;  ///< "" for none
@@ -66,6 +67,7 @@ class ModelRules : public TaskRules {
   void DrawStart(Rng& rng, const LaneState& state) const override;
   bool Determines(std::span<const double> observation) const override;
   void SetState(std::span<const double> observation, const LaneState& state) const override;
+  void SetHidden(std::span<const double> hidden, const LaneState& state) const override;
   void Begin(const LaneView& view, std::span<double> memory) override;
   /// @throws DataError when an expression gives no finite number.
   StepOutcome Finish(const LaneView& view, std::span<const double> action, double time,

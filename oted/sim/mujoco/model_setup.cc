@@ -10,6 +10,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/sim/mujoco/model_probe.h"
 #include "oted/sim/mujoco/model_rules.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/object_path.h"
@@ -19,6 +20,8 @@ namespace oted {
 namespace {
 
 using Part = ModelPlan::Target::Part;
+
+constexpr int kMostSteps = 100'000;  // of the physics in a control period
 
 // Builds one setup; the members follow the keys of the file.
 class Builder {
@@ -58,6 +61,12 @@ class Builder {
           fmt::format("task.control_period is {} s, wanted a multiple of the time step {} s of model '{}'; "
                       "the nearest is {:.10g} s",
                       task_.control_period, step, setup_.model_path.string(), std::max(1.0, periods) * step));
+    }
+    if (periods > kMostSteps) {
+      throw UsageError(fmt::format(
+          "task.control_period is {} s and the time step of model '{}' {} s: {:.3g} steps of the physics per "
+          "action, wanted at most {}; make the time step longer",
+          task_.control_period, setup_.model_path.string(), step, periods, kMostSteps));
     }
     setup_.frame_skip = static_cast<int>(periods);
     spec_.control_period_s = plan_.control_period = periods * step;
@@ -192,42 +201,86 @@ class Builder {
         }
       }
     }
-    std::vector<std::string> missing;
+    std::vector<Observable> missing;
     for (const char* all : {"joint/*/qpos", "joint/*/qvel", "actuator/*/act"}) {
       if (all[0] == 'j' ? model_.njnt == 0 : model_.na == 0) continue;
       for (const Observable& o : ResolveObservable(model_, all, "")) {
-        if (!known.contains({o.array, o.index})) missing.push_back(o.name);
+        if (!known.contains({o.array, o.index})) missing.push_back(o);
       }
     }
-    if (!missing.empty()) {
-      const size_t shown = std::min<size_t>(missing.size(), 4);
+    Rates();
+    if (mj_stateSize(&model_, mjSTATE_HISTORY) > 0) {
+      setup_.why_not_settable = "the model delays actuators or sensors, and no observation shows what is on its way";
+    } else if (!missing.empty()) {
+      const size_t n_shown = std::min<size_t>(missing.size(), 4);
+      std::vector<std::string> shown;
+      for (size_t i = 0; i < n_shown; ++i) shown.push_back(missing[i].name);
       setup_.why_not_settable =
           fmt::format("no observation shows {}{}; observe them, or list those that change nothing in task.unobserved",
-                      fmt::join(missing.begin(), missing.begin() + static_cast<ptrdiff_t>(shown), ", "),
-                      missing.size() > shown ? fmt::format(" and {} more", missing.size() - shown) : "");
-    } else if (mj_stateSize(&model_, mjSTATE_HISTORY) > 0) {
-      setup_.why_not_settable = "the model delays actuators or sensors, and no observation shows what is on its way";
+                      fmt::join(shown, ", "),
+                      missing.size() > n_shown ? fmt::format(" and {} more", missing.size() - n_shown) : "");
+      // Where positions are unknown, a fit has nothing to begin from.
+      if (std::ranges::none_of(missing, [](const Observable& o) { return o.array == "qpos"; })) {
+        for (const Observable& o : missing) AddHidden(o);
+      }
     }
     spec_.can_set_state = setup_.why_not_settable.empty();
-    if (plan_.logged_starts.rows() > 0 && !spec_.can_set_state) {
+    // What no observation shows begins as in the start state: at rest.
+    if (plan_.logged_starts.rows() > 0 && !spec_.can_set_state && spec_.hidden.empty()) {
       throw UsageError(fmt::format("task.start = \"logs\": {}", setup_.why_not_settable));
     }
     Quaternions();
   }
 
+  // The observation that shows an entry of qpos, or -1.
+  int SeenAt(int qpos) const {
+    const auto found = std::find_if(plan_.targets.begin(), plan_.targets.end(), [&](const ModelPlan::Target& t) {
+      return t.part == Part::kQpos && t.index == static_cast<size_t>(qpos);
+    });
+    return found == plan_.targets.end() ? -1 : static_cast<int>(found - plan_.targets.begin());
+  }
+
+  // The observation whose rate of change an entry of qvel is, or -1: one that turns a body in space is of none.
+  int PositionOf(int qvel) const {
+    const int joint = model_.dof_jntid[qvel], k = qvel - model_.jnt_dofadr[joint], type = model_.jnt_type[joint];
+    const bool has_one = type == mjJNT_SLIDE || type == mjJNT_HINGE || (type == mjJNT_FREE && k < 3);
+    return has_one ? SeenAt(model_.jnt_qposadr[joint] + k) : -1;
+  }
+
+  void Rates() {
+    for (const ModelPlan::Target& t : plan_.targets) {
+      spec_.rate_of.push_back(t.part == Part::kQvel ? PositionOf(static_cast<int>(t.index)) : -1);
+    }
+  }
+
+  void AddHidden(const Observable& o) {
+    const Part part = o.array == "qvel" ? Part::kQvel : Part::kAct;
+    HiddenCoordinate hidden{.name = o.name};
+    if (part == Part::kQvel) {
+      const int joint = model_.dof_jntid[o.index], k = o.index - model_.jnt_dofadr[joint];
+      hidden.rate_of = PositionOf(o.index);
+      const int first = model_.jnt_type[joint] == mjJNT_FREE ? 3 : 0;
+      if ((model_.jnt_type[joint] == mjJNT_FREE && k >= 3) || model_.jnt_type[joint] == mjJNT_BALL) {
+        bool seen = true;
+        for (int i = 0; i < 4; ++i) {
+          const int at = SeenAt(model_.jnt_qposadr[joint] + first + i);
+          hidden.orientation[static_cast<size_t>(i)] = at;
+          seen = seen && at >= 0;
+        }
+        hidden.turn_about = seen ? k - first : -1;
+      }
+    }
+    spec_.hidden.push_back(hidden);
+    plan_.hidden.push_back({part, static_cast<size_t>(o.index)});
+  }
+
   // Those that an observation shows as a whole.
   void Quaternions() {
-    const auto seen_at = [&](int qpos) {
-      const auto found = std::find_if(plan_.targets.begin(), plan_.targets.end(), [&](const ModelPlan::Target& t) {
-        return t.part == Part::kQpos && t.index == static_cast<size_t>(qpos);
-      });
-      return found == plan_.targets.end() ? -1 : static_cast<int>(found - plan_.targets.begin());
-    };
     for (int joint = 0; joint < model_.njnt; ++joint) {
       const int type = model_.jnt_type[joint];
       if (type != mjJNT_FREE && type != mjJNT_BALL) continue;
       const int first = model_.jnt_qposadr[joint] + (type == mjJNT_FREE ? 3 : 0);
-      const std::array<int, 4> at = {seen_at(first), seen_at(first + 1), seen_at(first + 2), seen_at(first + 3)};
+      const std::array<int, 4> at = {SeenAt(first), SeenAt(first + 1), SeenAt(first + 2), SeenAt(first + 3)};
       if (std::none_of(at.begin(), at.end(), [](int i) { return i < 0; })) plan_.quaternions.push_back(at);
     }
   }
@@ -277,15 +330,16 @@ std::vector<double> FirstSteps(MujocoSimulator& simulator, std::span<const doubl
   return seen;
 }
 
-// The coordinates of qpos and qvel that no observation shows.
+// The coordinates of qpos and qvel that task.unobserved lists.
 void CheckUnobserved(const MujocoSetup& setup, const ModelPlan& plan, MujocoSimulator& simulator) {
   constexpr double kShift = 0.37, kTolerance = 1e-4;
   const mjModel& model = *setup.loaded.model;
   const std::vector<double> start(simulator.IntegrationState(0).begin(), simulator.IntegrationState(0).end());
   const auto shown = [&](Part part, int index) {
-    return std::any_of(plan.targets.begin(), plan.targets.end(), [&](const ModelPlan::Target& t) {
+    const auto is_it = [&](const ModelPlan::Target& t) {
       return t.part == part && t.index == static_cast<size_t>(index);
-    });
+    };
+    return std::ranges::any_of(plan.targets, is_it) || std::ranges::any_of(plan.hidden, is_it);
   };
   const std::vector<double> before = FirstSteps(simulator, start);
   for (const char* all : {"joint/*/qpos", "joint/*/qvel"}) {
@@ -322,6 +376,7 @@ std::shared_ptr<const MujocoSetup> MakeModelSetup(const ModelTask& task, std::ve
   auto setup = std::make_shared<MujocoSetup>();
   auto plan = std::make_shared<ModelPlan>();
   setup->model_path = FindModelFile(task.model);
+  ProbeModel(setup->model_path);
   setup->loaded = LoadModelWithMotors(setup->model_path, task.motors, task.action_range);
   plan->model = setup->loaded.model.get();
   Builder(task, *setup, *plan).Build(logged_starts);
@@ -351,7 +406,8 @@ void CheckModelSetup(const std::shared_ptr<const MujocoSetup>& setup) {
   MujocoSimulator simulator(setup, 1, 1);
   const ModelPlan& plan = static_cast<const ModelRules&>(simulator.rules()).plan();
   if (plan.logged_starts.rows() > 0) {
-    OTED_CHECK(simulator.SetStateFromObservation(0, plan.logged_starts.row(0)));
+    Rng rng = RngKey(0).MakeRng();
+    simulator.Reset(0, rng);
   }
   const std::vector<double> start(simulator.IntegrationState(0).begin(), simulator.IntegrationState(0).end());
   const int lane = 0;
@@ -368,7 +424,7 @@ void CheckModelSetup(const std::shared_ptr<const MujocoSetup>& setup) {
                     "the two",
                     plan.terminate));
   }
-  if (!setup->spec.can_set_state) return;
+  if (!setup->spec.can_replay()) return;
   simulator.SetIntegrationState(lane, start);
   CheckUnobserved(*setup, plan, simulator);
 }

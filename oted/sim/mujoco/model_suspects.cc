@@ -3,51 +3,106 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <string>
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_field.h"
+#include "oted/sim/suspect_name.h"
 
 namespace oted {
 namespace {
 
 constexpr int kMostBodies = 12;  // whose masses are suspected one by one
 constexpr double kLow = 0.1, kHigh = 10.0;
+constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body at the model's length against gravity
+constexpr double kGravity = 9.81;       // [m/s^2]
 
-std::vector<std::string> SuspectPaths(const mjModel& model) {
-  std::vector<std::string> paths = {"joint/*/damping",   "joint/*/armature",   "joint/*/frictionloss",
-                                    "joint/*/stiffness", "actuator/*/gear[0]", "geom/*/friction[0]",
-                                    "opt/gravity[2]"};
-  if (model.nbody - 1 > kMostBodies) {
-    paths.push_back("body/*/mass");
-    return paths;
+struct Place {
+  std::string name, path;
+  std::string if_zero = "";  ///< the joints' field whose value is suspected where the model has zeros alone
+  double most = 0;           ///< of it
+};
+
+/// The next of 1, 2, 5, 10, ... above: bounds that a person reads.
+double RoundedUp(double value) {
+  const double decade = std::pow(10, std::floor(std::log10(std::max(value, 1e-9))));
+  for (const double digit : {1.0, 2.0, 5.0}) {
+    if (digit * decade >= value) return digit * decade;
   }
-  for (int body = 1; body < model.nbody; ++body) {
-    const char* name = model.names + model.name_bodyadr[body];
-    paths.push_back(*name == 0 ? fmt::format("body/#{}/mass", body) : fmt::format("body/{}/mass", name));
-  }
-  return paths;
+  return 10 * decade;
 }
 
-bool Overlap(const ModelField& a, const ModelField& b) {
-  if (a.array != b.array) return false;
-  return std::ranges::any_of(a.indices, [&](int i) { return std::ranges::find(b.indices, i) != b.indices.end(); });
+std::vector<Place> Places(const mjModel& model) {
+  const double torque = RoundedUp(kFrictionShare * model.stat.meanmass * kGravity * model.stat.extent);
+  std::vector<Place> places = {{"damping", "joint/*/damping", "damping", torque},
+                               {"armature", "joint/*/armature", "armature", RoundedUp(model.stat.meaninertia)},
+                               {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
+                               {"stiffness", "joint/*/stiffness"},
+                               {"gear", "actuator/*/gear[0]"},
+                               {"kp", "actuator/*/kp"},
+                               {"kv", "actuator/*/kv"},
+                               {"friction", "geom/*/friction[0]"},
+                               {"contact_time", "geom/*/solref[0]"},
+                               {"contact_damping", "geom/*/solref[1]"},
+                               {"inertia", "body/*/inertia"},
+                               {"gravity", "opt/gravity[2]"}};
+  if (model.nbody - 1 > kMostBodies) {
+    places.push_back({"mass", "body/*/mass"});
+    return places;
+  }
+  for (int body = 1; body < model.nbody; ++body) {
+    const std::string name = model.names + model.name_bodyadr[body];
+    const std::string object = name.empty() ? fmt::format("#{}", body) : name;
+    places.push_back(
+        {name.empty() ? fmt::format("body{}_mass", body) : name + "_mass", fmt::format("body/{}/mass", object)});
+  }
+  return places;
+}
+
+/// None where the model has none, or only zeros of a multiple.
+std::optional<std::vector<ModelField>> Resolved(const mjModel& model, ParameterSpec& spec) {
+  try {
+    return ResolveParameter(model, spec);
+  } catch (const UsageError&) {
+    return std::nullopt;
+  }
+}
+
+/// Completes `spec` at the first of the place's meanings that the model has.
+std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Place& place, ParameterSpec& spec) {
+  spec = {.name = place.name, .field = place.path, .low = kLow, .high = kHigh, .logarithmic = true};
+  std::optional<std::vector<ModelField>> fields = Resolved(model, spec);
+  if (fields || place.if_zero.empty()) return fields;
+  for (const char* joints : {"@actuated", "*"}) {
+    spec = {.name = place.name,
+            .field = fmt::format("joint/{}/{}", joints, place.if_zero),
+            .low = 0,
+            .high = place.most,
+            .scale = ParameterScale::kAbsolute};
+    fields = Resolved(model, spec);
+    if (fields) return spec.nominal == 0 ? fields : std::nullopt;
+  }
+  return std::nullopt;
 }
 
 }  // namespace
 
 std::vector<ParameterSpec> ModelSuspects(const mjModel& model, const ParameterSpace& searched) {
   std::vector<ModelField> taken;
-  for (const ParameterSpec& spec : searched.specs()) taken.push_back(ResolvePath(model, spec.field));
+  for (const ParameterSpec& spec : searched.specs())
+    std::ranges::move(ResolvePath(model, spec.field), std::back_inserter(taken));
   std::vector<ParameterSpec> suspects;
-  for (const std::string& path : SuspectPaths(model)) {
-    ParameterSpec spec = {.name = path, .field = path, .low = kLow, .high = kHigh, .logarithmic = true};
-    try {
-      const ModelField field = ResolveParameter(model, spec);
-      if (std::ranges::any_of(taken, [&](const ModelField& other) { return Overlap(field, other); })) continue;
-    } catch (const UsageError&) {
-      continue;  // this model has none, or only zeros
-    }
+  for (const Place& place : Places(model)) {
+    ParameterSpec spec;
+    const auto fields = FieldsOf(model, place, spec);
+    if (!fields) continue;
+    const auto is_taken = [&](const ModelField& field) {
+      return std::ranges::any_of(taken, [&](const ModelField& other) { return SharePlace(field, other); });
+    };
+    if (std::ranges::any_of(*fields, is_taken)) continue;
+    spec.name = SuspectName(place.name, searched);
     suspects.push_back(spec);
   }
   return suspects;

@@ -22,9 +22,14 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   const std::vector<std::string> fields = Fields(factory.Suspects());
   EXPECT_THAT(fields, Contains("joint/*/damping"));
   EXPECT_THAT(fields, Contains("body/torso/mass"));
-  EXPECT_THAT(fields, Not(Contains("joint/*/stiffness")));   // all of them 0
-  EXPECT_THAT(fields, Not(Contains("opt/gravity[2]")));      // searched
-  EXPECT_THAT(fields, Not(Contains("geom/*/friction[0]")));  // searched in part
+  EXPECT_THAT(fields, Contains("geom/*/solref[0]"));
+  EXPECT_THAT(fields, Contains("action/delay"));
+  EXPECT_THAT(fields, Contains("obs/thigh_joint_pos/bias"));
+  EXPECT_THAT(fields, Contains("joint/@actuated/frictionloss"));  // all of them 0: a value, not a multiple
+  EXPECT_THAT(fields, Not(Contains("joint/*/stiffness")));        // likewise, and a spring has a rest position
+  EXPECT_THAT(fields, Not(Contains("actuator/*/kp")));            // motors
+  EXPECT_THAT(fields, Not(Contains("opt/gravity[2]")));           // searched
+  EXPECT_THAT(fields, Not(Contains("geom/*/friction[0]")));       // searched in part
 }
 
 TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {
@@ -34,7 +39,26 @@ TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {
   ASSERT_EQ(wider->parameters().size(), 1 + static_cast<int>(suspects.size()));
   EXPECT_EQ(wider->parameters()[0].name, "gain");
   EXPECT_EQ(wider->parameters()[1].field, suspects[0].field);
-  EXPECT_EQ(wider->parameters().Nominal(), std::vector<double>(1 + suspects.size(), 1.0));
+  std::vector<double> nominal = {1.0};
+  for (const ParameterSpec& suspect : suspects) {
+    EXPECT_EQ(suspect.nominal, suspect.scale == ParameterScale::kAbsolute ? 0.0 : 1.0) << suspect.field;
+    nominal.push_back(suspect.nominal);
+  }
+  EXPECT_EQ(wider->parameters().Nominal(), nominal);
+}
+
+TEST(ModelSuspects, HaveNamesOfTheirOwnAndLeaveOutWhatIsSearchedAroundTheModel) {
+  const std::vector<ParameterSpec> searched = {
+      {.name = "damping", .field = "opt/gravity[2]"},
+      {.name = "lag", .field = "action/delay", .low = 0, .high = 2, .scale = ParameterScale::kAbsolute}};
+  const auto factory = MujocoSimulatorFactory("Hopper-v5", {}).With(searched);
+  const std::vector<ParameterSpec> suspects = factory->Suspects();
+  EXPECT_THAT(Fields(suspects), Contains("joint/*/damping"));
+  EXPECT_THAT(Fields(suspects), Not(Contains("action/delay")));
+  for (const ParameterSpec& suspect : suspects) {
+    EXPECT_NE(suspect.name, "damping");
+    EXPECT_NE(factory->With({suspect}), nullptr) << suspect.field;
+  }
 }
 
 }  // namespace oted::model_suspects_test

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "oted/base/error.h"
+#include "oted/base/package_folders.h"
 #include "oted/sim/mujoco/model.h"
 
 namespace oted {
@@ -26,7 +27,7 @@ std::filesystem::path FindModelFile(const std::string& model) {
       if (!folder.empty()) folders.push_back(folder);
     }
   }
-  folders.emplace_back(OTED_DEFAULT_PACKAGES);
+  folders.push_back(FoundPackages().packages);
   for (const std::string& folder : folders) {
     const std::filesystem::path path = std::filesystem::path(folder) / inside;
     if (std::filesystem::is_regular_file(path)) return path;

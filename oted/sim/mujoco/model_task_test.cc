@@ -221,6 +221,32 @@ TEST(ModelTask, AStateThatIsSeenButForItsPlaceOnTheFloorCanBeSet) {
   }
 }
 
+TEST(ModelTask, AStateOfWhichPositionsAreSeenIsSetWithTheVelocitiesBeside) {
+  ModelTask task = CrawlerTask(Shared());
+  std::erase_if(task.observations, [](const std::string& path) { return path.ends_with("/qvel"); });
+  ASSERT_LT(task.observations.size(), CrawlerTask(Shared()).observations.size());
+  const MujocoSimulatorFactory factory(task, {});
+  EXPECT_FALSE(factory.spec().can_set_state);
+  ASSERT_TRUE(factory.spec().can_replay());
+  const auto simulator = factory.MakeMujoco(1, 1);
+  std::vector<double> state(static_cast<size_t>(factory.spec().state_dim()));
+  for (size_t i = 0; i < state.size(); ++i) state[i] = 0.3 + 0.01 * static_cast<double>(i);
+  ASSERT_TRUE(simulator->SetState(0, state, {}));
+  const size_t obs_dim = static_cast<size_t>(factory.spec().obs_dim());
+  for (size_t k = 0; k < factory.spec().hidden.size(); ++k) {
+    const auto& values = simulator->qvel(0);
+    EXPECT_TRUE(std::ranges::count(values, state[obs_dim + k]) == 1) << factory.spec().hidden[k].name;
+  }
+  EXPECT_THROW(simulator->SetState(0, std::vector<double>(obs_dim), {}), UsageError);
+  EXPECT_THROW(simulator->SetStateFromObservation(0, std::vector<double>(obs_dim)), UsageError);
+}
+
+TEST(ModelTask, WithoutAPositionNoStateIsGuessed) {
+  ModelTask task = CrawlerTask(Shared());
+  std::erase_if(task.observations, [](const std::string& path) { return path.ends_with("/qpos"); });
+  EXPECT_FALSE(MujocoSimulatorFactory(task, {}).spec().can_replay());
+}
+
 TEST(ModelTask, AQuaternionOfZerosDeterminesNoState) {
   const MujocoSimulatorFactory factory(CrawlerTask(Shared()), {});
   const auto simulator = factory.MakeMujoco(1, 1);
@@ -238,6 +264,29 @@ TEST(ModelTask, TellsWhatKeepsAStateFromBeingSet) {
   std::erase(task.observations, "actuator/*/act");
   EXPECT_THAT(MujocoSimulatorFactory(task, {}).why_not_settable(),
               HasSubstr("no observation shows actuator/wrist/act"));
+}
+
+TEST(ModelTask, LoggedPositionsAloneAreAStartAtRest) {
+  ModelTask task = CrawlerTask(Shared());
+  std::erase(task.observations, "joint/*/qvel");
+  std::erase(task.observations, "sensor/gyro");
+  task.start = "default";
+  task.start_noise = 0;
+  const MujocoSimulatorFactory nominal(task, {});
+  task.start = "logs";
+  const auto moving = nominal.MakeMujoco(1, 1);
+  Rng rng = RngKey(3).MakeRng();
+  moving->Reset(0, rng);
+  const int lane = 0;
+  for (int step = 0; step < 5; ++step) moving->Step({&lane, 1}, std::vector{0.5, -0.5, 0.1});
+  Array2<double> starts;
+  starts.AppendRow(moving->observation(0));
+  const auto simulator = MujocoSimulatorFactory(task, {}, starts).MakeMujoco(1, 1);
+  simulator->Reset(0, rng);
+  const std::vector<double> shown(simulator->observation(0).begin(), simulator->observation(0).end());
+  ASSERT_EQ(shown.size(), starts.row(0).size());
+  for (size_t i = 0; i < shown.size(); ++i) EXPECT_NEAR(shown[i], starts(0, static_cast<int>(i)), 1e-9) << i;
+  EXPECT_TRUE(std::ranges::all_of(simulator->qvel(0), [](double v) { return v == 0; }));
 }
 
 TEST(ModelTask, StartsAreTheKeyframesWithUniformNoiseOnEveryCoordinate) {

@@ -56,23 +56,29 @@ SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
   spec.control_period_s = model.opt.timestep * task.frame_skip;
   spec.max_episode_steps = task.max_episode_steps;
   spec.can_set_state = true;
+  // These models have one velocity per position, and do not show the first position.
+  spec.rate_of.assign(static_cast<size_t>(spec.obs_dim()), -1);
+  for (int i = 1; i < model.nv; ++i) spec.rate_of[static_cast<size_t>(model.nq - 1 + i)] = i - 1;
   spec.return_random = task.return_random;
   spec.return_expert = task.return_expert;
   return spec;
+}
+
+std::string CommonPlace(const ModelField& a, const ModelField& b) {
+  for (size_t k = 0; k < a.indices.size(); ++k) {
+    if (std::ranges::binary_search(b.indices, a.indices[k])) return a.places[k];
+  }
+  return a.array;
 }
 
 // Two parameters on one place would make the result depend on their order.
 void CheckDisjoint(const ParameterSpace& space, const std::vector<ModelField>& fields) {
   for (size_t i = 0; i < fields.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
-      if (fields[i].array != fields[j].array) continue;
-      std::vector<int> common;
-      std::set_intersection(fields[i].indices.begin(), fields[i].indices.end(), fields[j].indices.begin(),
-                            fields[j].indices.end(), std::back_inserter(common));
-      if (common.empty()) continue;
-      throw UsageError(fmt::format("parameters '{}' ({}) and '{}' ({}) both set {}[{}]; narrow one of the paths",
-                                   space.specs()[j].name, space.specs()[j].field, space.specs()[i].name,
-                                   space.specs()[i].field, fields[i].array, common.front()));
+      if (fields[i].parameter == fields[j].parameter || !SharePlace(fields[i], fields[j])) continue;
+      const ParameterSpec &one = space.specs()[fields[j].parameter], &other = space.specs()[fields[i].parameter];
+      throw UsageError(fmt::format("parameters '{}' ({}) and '{}' ({}) both set {}; narrow one of the paths", one.name,
+                                   one.field, other.name, other.field, CommonPlace(fields[i], fields[j])));
     }
   }
 }
@@ -89,7 +95,12 @@ std::vector<double> FixedState(const mjModel& model, int key) {
 }
 
 void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup) {
-  for (ParameterSpec& spec : specs) setup.fields.push_back(ResolveParameter(*setup.loaded.model, spec));
+  for (size_t i = 0; i < specs.size(); ++i) {
+    for (ModelField& field : ResolveParameter(*setup.loaded.model, specs[i])) {
+      field.parameter = i;
+      setup.fields.push_back(std::move(field));
+    }
+  }
   setup.space = ParameterSpace(std::move(specs));
   CheckDisjoint(setup.space, setup.fields);
   // Bounding boxes are not kept up to date with sizes; without the middle phase nothing reads them.

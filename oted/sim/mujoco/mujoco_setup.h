@@ -20,7 +20,7 @@ struct MujocoSetup {
   SimulatorSpec spec;
   std::string why_not_settable;  ///< "" where spec.can_set_state
   ParameterSpace space;
-  std::vector<ModelField> fields;   ///< parallel to the space's parameters
+  std::vector<ModelField> fields;   ///< of all parameters
   std::vector<double> start_state;  ///< mj_getState(mjSTATE_INTEGRATION) that every start begins from
   int frame_skip = 1;               ///< physics steps per control step
   std::vector<int> controls;        ///< entry of mjData's ctrl for every action

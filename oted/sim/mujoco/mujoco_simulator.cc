@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 
 #include "oted/base/error.h"
+#include "oted/sim/channel_factory.h"
+#include "oted/sim/channel_suspects.h"
 #include "oted/sim/mujoco/model_offers.h"
 #include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/model_suspects.h"
@@ -57,6 +60,7 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
   observation_.resize(static_cast<size_t>(setup_->spec.obs_dim()));
   memory_ = Array2<double>(n_lanes, rules_->memory_size());
   lanes_.resize(static_cast<size_t>(n_lanes));
+  parameters_.resize(lanes_.size());
   active_.reserve(static_cast<size_t>(n_lanes));
   for (int lane = 0; lane < n_lanes; ++lane) SetIntegrationState(lane, setup_->start_state);
 }
@@ -121,12 +125,17 @@ void MujocoSimulator::CopyModel(int lane, mjModel_& model) const {
 void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
   setup_->space.CheckInside(z);
+  // Fits set the same values again and again, and MuJoCo's constants take as long as a step.
+  std::vector<double>& present = parameters_[static_cast<size_t>(lane)];
+  if (!present.empty() && std::ranges::equal(present, z)) return;
+  present.clear();
   for (size_t i = 0; i < fields_.size(); ++i) {
     const ModelField& field = setup_->fields[i];
-    const bool multiple = setup_->space.specs()[i].scale == ParameterScale::kNominal;
+    const double value = z[field.parameter];
+    const bool multiple = setup_->space.specs()[field.parameter].scale == ParameterScale::kNominal;
     double* values = fields_[i].values + static_cast<ptrdiff_t>(lane) * fields_[i].size;
     for (size_t k = 0; k < field.indices.size(); ++k) {
-      values[field.indices[k]] = multiple ? field.nominal[k] * z[i] : z[i];
+      values[field.indices[k]] = multiple ? field.nominal[k] * value : field.sign * value;
     }
     if (field.array == "geom_size") UpdateBoundingRadii(lane, values);
   }
@@ -134,6 +143,7 @@ void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   if (changes_constants_ && mjb_setConst(batch_.get(), &lane, 1) != 0) {
     throw DataError(fmt::format("MuJoCo rejects these parameters: {}", mjb_error(batch_.get(), lane)));
   }
+  present.assign(z.begin(), z.end());
 }
 
 // Collision detection first asks whether bounding spheres touch: they must grow with the geoms.
@@ -176,6 +186,19 @@ void MujocoSimulator::Reset(int lane, Rng& rng) {
   StartEpisode(lane);
 }
 
+void MujocoSimulator::ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng&) {
+  OTED_CHECK(lane >= 0 && lane < n_lanes());
+  const LaneState state = StateOf(lane);
+  if (qpos.size() != state.qpos.size() || qvel.size() != state.qvel.size() || !AllFinite(qpos) || !AllFinite(qvel)) {
+    throw UsageError(fmt::format("got a start of {} positions and {} velocities, wanted {} and {} finite numbers",
+                                 qpos.size(), qvel.size(), state.qpos.size(), state.qvel.size()));
+  }
+  std::copy(setup_->start_state.begin(), setup_->start_state.end(), state_.row(lane).begin());
+  std::copy(qpos.begin(), qpos.end(), state.qpos.begin());
+  std::copy(qvel.begin(), qvel.end(), state.qvel.begin());
+  StartEpisode(lane);
+}
+
 bool MujocoSimulator::SetStateFromObservation(int lane, std::span<const double> observation) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
   if (!setup_->spec.can_set_state) {
@@ -186,8 +209,25 @@ bool MujocoSimulator::SetStateFromObservation(int lane, std::span<const double> 
     throw UsageError(fmt::format("got an observation of {} numbers, wanted {} for {}", observation.size(),
                                  setup_->spec.obs_dim(), setup_->spec.task));
   }
-  if (!AllFinite(observation) || !rules_->Determines(observation)) return false;
+  return SetTo(lane, observation, {});
+}
+
+bool MujocoSimulator::SetState(int lane, std::span<const double> state, const LoggedHistory&) {
+  const SimulatorSpec& spec = setup_->spec;
+  OTED_CHECK(lane >= 0 && lane < n_lanes());
+  if (spec.hidden.empty()) return SetStateFromObservation(lane, state);
+  if (static_cast<int>(state.size()) != spec.state_dim()) {
+    throw UsageError(fmt::format("got a state of {} numbers, wanted {} for {}: what is observed, then what is not",
+                                 state.size(), spec.state_dim(), spec.task));
+  }
+  const size_t obs_dim = static_cast<size_t>(spec.obs_dim());
+  return SetTo(lane, state.first(obs_dim), state.subspan(obs_dim));
+}
+
+bool MujocoSimulator::SetTo(int lane, std::span<const double> observation, std::span<const double> hidden) {
+  if (!AllFinite(observation) || !AllFinite(hidden) || !rules_->Determines(observation)) return false;
   std::copy(setup_->start_state.begin(), setup_->start_state.end(), state_.row(lane).begin());
+  rules_->SetHidden(hidden, StateOf(lane));
   rules_->SetState(observation, StateOf(lane));
   StartEpisode(lane);
   // Sensors of forces and accelerations depend on controls that were never logged: what was seen is what is shown.
@@ -296,13 +336,15 @@ PathInfo MujocoSimulatorFactory::Describe(const std::string& path) const {
 }
 
 std::vector<ParameterSpec> MujocoSimulatorFactory::Suspects() const {
-  return ModelSuspects(*setup_->loaded.model, setup_->space);
+  std::vector<ParameterSpec> suspects = ModelSuspects(*setup_->loaded.model, setup_->space);
+  std::ranges::move(ChannelSuspects(setup_->spec, setup_->space), std::back_inserter(suspects));
+  return suspects;
 }
 
 std::unique_ptr<SimulatorFactory> MujocoSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
   std::vector<ParameterSpec> all = setup_->space.specs();
   all.insert(all.end(), more.begin(), more.end());
-  return make_again_(std::move(all));
+  return WithChannels(all, make_again_);
 }
 
 std::unique_ptr<Simulator> MujocoSimulatorFactory::Make(int n_lanes, int n_threads) const {

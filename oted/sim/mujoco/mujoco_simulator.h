@@ -40,10 +40,12 @@ class MujocoSimulator : public Simulator {
 
   void SetParameters(int lane, std::span<const double> z) override;
   void Reset(int lane, Rng& rng) override;
+  void ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng& rng) override;
   /// What no observation shows is as in the start state. The lane shows `observation` itself. False when it does not
   /// determine a state: a velocity on Gymnasium's clip, a quaternion of zeros, a number that is not finite.
   /// @throws UsageError when the length is not obs_dim, or spec().can_set_state is false.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
+  bool SetState(int lane, std::span<const double> state, const LoggedHistory& before) override;
   /// Nothing when a velocity lies on the clip.
   std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
   /// @throws UsageError when an action is not finite; nothing is simulated then. DataError when a task file's
@@ -93,6 +95,7 @@ class MujocoSimulator : public Simulator {
   LaneArray ArrayNamed(const std::string& name);
   LaneState StateOf(int lane) const;
   void StartEpisode(int lane);
+  bool SetTo(int lane, std::span<const double> observation, std::span<const double> hidden);
   void FinishStep(int lane, std::span<const double> action);
   bool TakeDivergence(int lane);
 
@@ -105,6 +108,7 @@ class MujocoSimulator : public Simulator {
   std::vector<ExpandedField> fields_;  // parallel to the parameters
   ExpandedField bounding_radii_;       // used when a parameter changes the size of a geom
   bool changes_constants_ = false;
+  std::vector<std::vector<double>> parameters_;  // of each lane, as its model has them; empty where not set yet
   Array2<double> observations_;
   Array2<double> memory_;            // of the rules, per lane
   std::vector<double> observation_;  // of the lane at hand

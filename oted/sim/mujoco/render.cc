@@ -4,7 +4,6 @@
 #include <mujoco/mjbatch.h>
 
 #include <algorithm>
-#include <csetjmp>
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model.h"
@@ -14,29 +13,6 @@ namespace oted {
 namespace {
 
 constexpr int kMostGeoms = 2000;
-
-// MuJoCo's renderer reports what it cannot do through mju_error, which by default ends the process. Its C code holds
-// nothing that needs destruction, so a jump out of it is allowed; an exception would not be.
-thread_local std::jmp_buf* t_escape = nullptr;
-thread_local char t_message[300];
-
-void OnError(const char* message) {
-  std::snprintf(t_message, sizeof t_message, "%s", message);
-  if (t_escape != nullptr) std::longjmp(*t_escape, 1);
-}
-
-/// Calls `function(argument)`, plain C in between. False when MuJoCo reported an error, which t_message then holds.
-bool Guarded(void (*function)(void*), void* argument) {
-  std::jmp_buf escape;
-  void (*const before)(const char*) = mju_user_error;
-  t_escape = &escape;
-  mju_user_error = &OnError;
-  const bool failed = setjmp(escape) != 0;
-  if (!failed) function(argument);
-  mju_user_error = before;
-  t_escape = nullptr;
-  return !failed;
-}
 
 // Whether the model's base travels: its first body moves by itself and does not only turn.
 bool HasMovingBase(const mjModel& model) {
@@ -133,8 +109,10 @@ std::unique_ptr<MujocoRenderer> MujocoRenderer::Make(const MujocoSimulatorFactor
   auto gl = RenderContext::Make(why_not);
   if (gl == nullptr) return nullptr;
   auto scene = std::make_unique<Scene>(std::move(gl), factory, width, height);
-  if (!Guarded([](void* s) { static_cast<Scene*>(s)->MakeContext(); }, scene.get())) {
-    *why_not = fmt::format("MuJoCo cannot draw with {}: {}", scene->gl->description(), t_message);
+  try {
+    scene->MakeContext();
+  } catch (const DataError& e) {
+    *why_not = fmt::format("with {} it cannot be drawn ({})", scene->gl->description(), e.what());
     return nullptr;
   }
   return std::unique_ptr<MujocoRenderer>(new MujocoRenderer(std::move(scene)));
@@ -146,8 +124,11 @@ const std::vector<uint8_t>& MujocoRenderer::Draw(std::span<const double> z, std:
   scene.simulator->SetParameters(0, z);
   mjb_getModel(scene.simulator->batch(), 0, scene.model.get());
   std::copy(qpos.begin(), qpos.end(), scene.data->qpos);
-  if (!Guarded([](void* s) { static_cast<Scene*>(s)->DrawPose(); }, &scene)) {
-    throw DataError(fmt::format("MuJoCo cannot draw with {}: {}; set report.motion = false", description(), t_message));
+  try {
+    scene.DrawPose();
+  } catch (const DataError& e) {
+    throw DataError(
+        fmt::format("with {} the motion cannot be drawn ({}); set report.motion = false", description(), e.what()));
   }
   const size_t row = 3 * static_cast<size_t>(scene.width);
   for (size_t y = 0; y < static_cast<size_t>(scene.height); ++y) {

@@ -14,7 +14,7 @@
 #if defined(__SANITIZE_ADDRESS__)
 // Mesa unloads its driver with some bytes still allocated, which can then be told from our own no more: here the
 // sanitizer looks for wrong accesses alone.
-extern "C" int __lsan_is_turned_off() { return 1; }
+extern "C" __attribute__((visibility("default"))) int __lsan_is_turned_off() { return 1; }
 #endif
 
 namespace oted::render_test {

@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/base/package_folders.h"
 
 namespace oted {
 namespace {
@@ -91,7 +92,7 @@ std::vector<std::string> TaskNames() {
 
 std::filesystem::path AssetFolder() {
   const char* folder = std::getenv("OTED_ASSETS");
-  return folder != nullptr && *folder != '\0' ? folder : OTED_DEFAULT_ASSETS;
+  return folder != nullptr && *folder != '\0' ? folder : FoundPackages().gymnasium_assets;
 }
 
 }  // namespace oted

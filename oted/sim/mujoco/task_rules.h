@@ -62,6 +62,12 @@ class TaskRules {
   /// Writes it over the fixed start state that `state` holds.
   virtual void SetState(std::span<const double> observation, const LaneState& state) const = 0;
 
+  /// Writes the coordinates that no observation shows, SimulatorSpec::hidden. Call SetState behind it.
+  virtual void SetHidden(std::span<const double> hidden, const LaneState& state) const {
+    static_cast<void>(hidden);
+    static_cast<void>(state);
+  }
+
   /// An episode begins.
   virtual void Begin(const LaneView& view, std::span<double> memory) = 0;
   /// A control step is over. @param time since the episode began, after the step [s]

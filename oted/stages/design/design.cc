@@ -1,14 +1,55 @@
 #include "oted/stages/design/design.h"
 
 #include "oted/stages/design/design_method.h"
+#include "oted/stages/design/replay/kept_aside.h"
+#include "oted/stages/design/replay/prediction_evidence.h"
+#include "oted/stages/design/trajectories/noise_estimate.h"
 
 namespace oted {
+
+using Eigen::VectorXd;
 
 DesignResult LearnDesign(const DesignProblem& problem, const DesignConfig& config) {
   config.Check();
   const SimulatorSpec& spec = problem.factory.spec();
   problem.dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   return Describe(config.method).learn(problem, config);
+}
+
+std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, const Designer& q,
+                                                  const std::optional<FitEvidence>& fit) {
+  const SimulatorSpec& spec = problem.factory.spec();
+  if (!spec.can_replay() || !spec.image_shape.empty()) return std::nullopt;
+  const Dataset& logs = problem.dataset;
+  const int n_threads = problem.context.n_threads;
+  const RngKey key = problem.key.Stage("prediction");
+  if (!fit || !fit->unseen) {
+    // A few parameters fit no noise of many rows: little is lost, and it is said.
+    const ReadingModel readings = ReadingModel::Of(spec, logs);
+    const VectorXd noise = SensorNoise(problem.factory, logs, readings, q.Mode(), n_threads);
+    return PredictLogs({.factory = problem.factory,
+                        .kept_aside = logs,
+                        .learned = nullptr,
+                        .z = q.Mode(),
+                        .noise = noise,
+                        .readings = readings,
+                        .key = key,
+                        .n_threads = n_threads});
+  }
+  const UnseenFit& unseen = *fit->unseen;
+  const ReadingModel readings = ReadingsOf(spec, logs, fit->unseen);
+  const HeldOutParts parts = KeepAside(logs, spec.control_period_s, problem.KeptAsideKey());
+  const bool all_learned = unseen.z.empty();
+  const auto n_channels = static_cast<Eigen::Index>(fit->short_noise_std.size());
+  const VectorXd noise = Eigen::Map<const VectorXd>(fit->short_noise_std.data(), n_channels);
+  return PredictLogs({.factory = problem.factory,
+                      .kept_aside = parts.judge,
+                      .learned = all_learned ? nullptr : &parts.learn,
+                      .z = all_learned ? q.Mode() : unseen.z,
+                      .noise = noise,
+                      .readings = readings,
+                      .key = key,
+                      .n_threads = n_threads});
 }
 
 }  // namespace oted

@@ -1,6 +1,9 @@
 #pragma once
 /// Stage 2 (paper, Sec. 4.1, Algorithm 1): learn q(z) and g by distribution matching.
 
+#include <optional>
+
+#include "oted/matching/held_out_prediction.h"
 #include "oted/stages/design/design_config.h"
 #include "oted/stages/design/design_problem.h"
 
@@ -11,5 +14,12 @@ namespace oted {
 /// seconds and begin anew after a stop; Algorithm 1 goes on from its checkpoint.
 /// @throws Interrupted when a stop was requested
 DesignResult LearnDesign(const DesignProblem& problem, const DesignConfig& config);
+
+/// How q's mode predicts logs: where the method kept a part aside, what it learned from the others predicts that part;
+/// else q predicts the logs that it learned from. None where no state can be set or episodes are too short.
+/// @param problem  LearnDesign's
+/// @param q, fit   what it gave
+std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, const Designer& q,
+                                                  const std::optional<FitEvidence>& fit);
 
 }  // namespace oted

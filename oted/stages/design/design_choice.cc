@@ -70,7 +70,11 @@ Field FieldAt(DesignConfig& config, const std::string& key, std::string_view whe
   std::vector<std::string> names;
   for (const FieldList& fields : config.Sections()) {
     names.push_back(fields.section());
-    if (fields.section() == section) return fields.Find(key.substr(dot == std::string::npos ? 0 : dot + 1), where);
+    if (fields.section() != section) continue;
+    FieldList known = fields;
+    std::optional<DesignMethod> unused;
+    if (section == "design") known.AddChoice("method", &unused, "", MethodNames());  // that messages name it
+    return known.Find(key.substr(dot == std::string::npos ? 0 : dot + 1), where);
   }
   throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, section,
                                DidYouMean(section, names), fmt::join(names, ", ")));
@@ -100,8 +104,9 @@ std::vector<std::pair<DesignMethod, json>> OtherDefaults(const std::string& sect
 Field DesignChoice::MethodField() {
   FieldList fields("design");
   fields.AddChoice("method", &method,
-                   "how q is found; auto: trajectories where states can be set (others are tried where its answer is "
-                   "outside the family; transitions where a parameter is one of the sensors), images where there are "
+                   "how q is found; auto: trajectories where positions are logged (others are tried where it predicts "
+                   "no better than the nominal simulator; transitions where a parameter is a sensor's noise), images "
+                   "where there are "
                    "some, otherwise paper",
                    MethodNames());
   return fields.fields().front();
@@ -135,7 +140,7 @@ DesignConfig DesignChoice::Resolved(const ParameterSpace& space, const Simulator
 
 DesignConfig DesignChoice::Resolved(DesignMethod wanted, const SimulatorSpec& spec) const {
   const MethodDescription& described = Describe(wanted);
-  if (described.needs.settable_state && !spec.can_set_state) {
+  if ((described.needs.settable_state && !spec.can_set_state) || (described.needs.replays && !spec.can_replay())) {
     throw UsageError(
         fmt::format("design.method = \"{}\" sets logged states, which task '{}' does not take; use auto or paper",
                     described.name, spec.task));

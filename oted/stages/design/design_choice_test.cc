@@ -31,12 +31,17 @@ TEST(DesignChoice, AutoMatchesTrajectoriesWhereStatesCanBeSetAndIsThePapersMetho
   EXPECT_EQ(choice.Resolved(none, Settable()).method, DesignMethod::kTrajectories);
   EXPECT_EQ(choice.Resolved(sensors, Settable()).method, DesignMethod::kTransitions)
       << "noise cannot be fitted step by step";
+  SimulatorSpec positions_alone;
+  positions_alone.hidden.push_back({.name = "joint/hip/qvel"});
+  EXPECT_EQ(choice.Resolved(none, positions_alone).method, DesignMethod::kTrajectories);
+  const ParameterSpace lag({ParseParameterSpec("lag=obs/*/delay:0:3:absolute")});
+  EXPECT_EQ(choice.Resolved(lag, Settable()).method, DesignMethod::kTrajectories);
   EXPECT_EQ(choice.Resolved(none, SimulatorSpec{}).ToJson(), DesignConfig::For(DesignMethod::kPaper).ToJson());
 }
 
 TEST(DesignChoice, MethodsThatReplayTheLogNeedStatesThatCanBeSet) {
   for (const MethodDescription& described : DesignMethods()) {
-    if (!described.needs.settable_state) continue;
+    if (!described.needs.settable_state && !described.needs.replays) continue;
     EXPECT_THAT(MessageOf<UsageError>([&] { Of(described.method).Resolved(ParameterSpace(), SimulatorSpec{}); }),
                 testing::AllOf(HasSubstr(described.name), HasSubstr("use auto or paper")));
   }
@@ -107,15 +112,18 @@ TEST(DesignChoice, JointTrainingTakesContinuousActions) {
 TEST(DesignMethods, EverySimulatorHasExactlyOneThatAutoBeginsWith) {
   for (const bool settable : {false, true}) {
     for (const bool images : {false, true}) {
-      for (const bool of_sensors : {false, true}) {
-        SimulatorSpec spec;
-        spec.can_set_state = settable;
-        if (images) spec.image_shape = {7, 7, 3};
-        int n = 0;
-        for (const MethodDescription& described : DesignMethods()) {
-          n += described.first_of_auto != nullptr && described.first_of_auto(spec, of_sensors);
+      for (const bool of_noise : {false, true}) {
+        for (const bool hidden : {false, true}) {
+          SimulatorSpec spec;
+          spec.can_set_state = settable;
+          if (images) spec.image_shape = {7, 7, 3};
+          if (hidden && !settable) spec.hidden.push_back({.name = "joint/hip/qvel"});
+          int n = 0;
+          for (const MethodDescription& described : DesignMethods()) {
+            n += described.first_of_auto != nullptr && described.first_of_auto(spec, of_noise);
+          }
+          EXPECT_EQ(n, 1) << settable << images << of_noise << hidden;
         }
-        EXPECT_EQ(n, 1) << settable << images << of_sensors;
       }
     }
   }

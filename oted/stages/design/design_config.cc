@@ -31,6 +31,9 @@ std::vector<FieldList> DesignConfig::Sections() {
   own.AddChoice("designer", &designer, "q: a Gaussian in logits of the range, or probabilities of grid values",
                 kDesignerNames);
   own.Add("grid_step", &grid_step, "of the categorical designer: its values are multiples of this", Above(0));
+  own.Add("grow", &grow,
+          "add the suspect that surely predicts better to the parameters and begin again, up to three times; method "
+          "trajectories");
   return {own,
           trajectories.Fields(),
           adversarial.Fields(),
@@ -76,6 +79,11 @@ void DesignConfig::Check() const {
                     "to transitions or paper",
                     described.name));
   }
+}
+
+bool DesignConfig::UsesClone() const {
+  const MethodNeeds& needs = Describe(method).needs;
+  return !needs.settable_state && !needs.replays && adversarial.actions == RolloutActions::kClone;
 }
 
 int DesignConfig::n_iterations() const {

@@ -29,9 +29,10 @@ struct DesignConfig {
   std::string prior = "uniform";
   DesignerKind designer = DesignerKind::kGaussian;
   double grid_step = 0.05;
+  bool grow = false;
 
   TrajectoriesConfig trajectories;
-  AdversarialConfig adversarial;      ///< of Algorithm 1, and of the g that scores what other methods found
+  AdversarialConfig adversarial;      ///< of Algorithm 1; what it compares, also of images
   DiscriminatorConfig discriminator;  ///< likewise
   LeastSquaresConfig least_squares;
   DropoConfig dropo;
@@ -46,6 +47,8 @@ struct DesignConfig {
   nlohmann::json ToJson() const;
   /// @throws UsageError when settings contradict each other.
   void Check() const;
+  /// Whether the clone acts in the design: otherwise nothing waits for it.
+  bool UsesClone() const;
   /// How often q is improved, as far as the method repeats itself; shown as progress.
   int n_iterations() const;
 

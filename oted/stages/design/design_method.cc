@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "oted/base/error.h"
+#include "oted/sim/channel_path.h"
 #include "oted/stages/design/adversarial/adversarial.h"
 #include "oted/stages/design/images/ratio_matching.h"
 #include "oted/stages/design/rivals/dropo.h"
@@ -15,9 +16,6 @@
 
 namespace oted {
 namespace {
-
-/// Iterations of Algorithm 1 without its line 3: enough for g to tell what there is to tell.
-constexpr int kDiscriminatorIterations = 10;
 
 void LogMode(const DesignProblem& problem, int done, int total, const std::vector<double>& z) {
   const ParameterSpace& space = problem.factory.parameters();
@@ -33,16 +31,9 @@ RngKey KeyOf(const DesignProblem& problem, const DesignConfig& config) {
   return problem.key.Stage(Describe(config.method).name);
 }
 
-/// g, which the paper's score c(h) needs, against a q that is known already.
-DesignResult ScoredByDiscriminator(const DesignProblem& problem, const DesignConfig& config, const Designer& q) {
-  AdversarialConfig against = config.adversarial;
-  against.n_iterations = kDiscriminatorIterations;
-  return LearnAdversarially(problem, against, config.discriminator, q, false);
-}
-
 DesignResult LearnByAlgorithm1(const DesignProblem& problem, const DesignConfig& config) {
   return LearnAdversarially(problem, config.adversarial, config.discriminator,
-                            config.Start(problem.factory.parameters()), true);
+                            config.Start(problem.factory.parameters()));
 }
 
 DesignResult LearnByReplay(const DesignProblem& problem, const DesignConfig& config,
@@ -50,20 +41,19 @@ DesignResult LearnByReplay(const DesignProblem& problem, const DesignConfig& con
   const ParameterSpace& space = problem.factory.parameters();
   const Prior prior = config.Start(space).prior();
   const FitProgress progress = [&](int done, int total, const Eigen::VectorXd& x) {
-    LogMode(problem, done, total + kDiscriminatorIterations,
-            LogitToZ(space, {x.data(), static_cast<size_t>(x.size())}));
+    LogMode(problem, done, total, LogitToZ(space, {x.data(), static_cast<size_t>(x.size())}));
   };
   const ReplayFit fit = fit_to({.factory = problem.factory,
                                 .dataset = problem.dataset,
                                 .prior = prior,
                                 .key = KeyOf(problem, config),
                                 .progress = progress,
-                                .context = problem.context});
+                                .context = problem.context,
+                                .judged = problem.judged,
+                                .kept_aside = problem.KeptAsideKey()});
   Designer q(space, fit.mean, fit.covariance);
   q.SetPrior(prior);
-  DesignResult result = ScoredByDiscriminator(problem, config, q);
-  result.fit = fit.evidence;
-  return result;
+  return {.q = q, .fit = fit.evidence};
 }
 
 DesignResult LearnByTrajectories(const DesignProblem& problem, const DesignConfig& config) {
@@ -83,7 +73,7 @@ DesignResult LearnByDropo(const DesignProblem& problem, const DesignConfig& conf
 DesignResult LearnByRatios(const DesignProblem& problem, const DesignConfig& config) {
   const ParameterSpace& space = problem.factory.parameters();
   const Designer prior = config.Start(space);
-  const int total = config.images.n_iterations + kDiscriminatorIterations;
+  const int total = config.images.n_iterations;
   const RatioProgress progress = [&](int done, const Designer& q, double loss) {
     const std::vector<double> std = q.Std();
     for (int i = 0; i < space.size(); ++i) {
@@ -100,7 +90,7 @@ DesignResult LearnByRatios(const DesignProblem& problem, const DesignConfig& con
                               .key = KeyOf(problem, config),
                               .progress = progress,
                               .context = problem.context};
-  return ScoredByDiscriminator(problem, config, MatchRatios(to_match, config.images, config.discriminator));
+  return {.q = MatchRatios(to_match, config.images, config.discriminator)};
 }
 
 void SetPaperDefaults(DesignConfig& config) { config.adversarial.SetPaperDefaults(); }
@@ -128,25 +118,30 @@ const std::vector<MethodDescription>& DesignMethods() {
        .name = "trajectories",
        .summary = "windows of the log are replayed; z and the windows' start states are fitted together, every channel "
                   "and window weighed by what it tells",
-       .needs = {.settable_state = true, .gaussian_q = true},
+       .needs = {.replays = true, .gaussian_q = true},
        .sections = {"trajectories"},
        .first_of_auto = [](const SimulatorSpec& spec,
-                           bool of_sensors) { return !HasImages(spec) && spec.can_set_state && !of_sensors; },
+                           bool of_noise) { return !HasImages(spec) && spec.can_replay() && !of_noise; },
        .learn = LearnByTrajectories},
       {.method = DesignMethod::kTransitions,
        .name = "transitions",
        .summary = "Algorithm 1 on short replays of the logged actions from logged states, g(s, a, s')",
+       .sections = {"adversarial", "discriminator"},
        .is_algorithm1 = true,
        .tried_by_auto = true,
        .first_of_auto = [](const SimulatorSpec& spec,
-                           bool of_sensors) { return !HasImages(spec) && spec.can_set_state && of_sensors; },
+                           bool of_noise) { return !HasImages(spec) && spec.can_set_state && of_noise; },
        .learn = LearnByAlgorithm1},
       {.method = DesignMethod::kPaper,
        .name = "paper",
        .summary = "Algorithm 1 to the letter: the clone is rolled out from the initial states, g(s, a)",
        .needs = {.clone = true},
+       .sections = {"adversarial", "discriminator"},
        .is_algorithm1 = true,
-       .first_of_auto = [](const SimulatorSpec& spec, bool) { return !HasImages(spec) && !spec.can_set_state; },
+       .first_of_auto =
+           [](const SimulatorSpec& spec, bool of_noise) {
+             return !HasImages(spec) && !spec.can_set_state && (of_noise || !spec.can_replay());
+           },
        .set_defaults = SetPaperDefaults,
        .learn = LearnByAlgorithm1},
       {.method = DesignMethod::kLeastSquares,
@@ -167,7 +162,7 @@ const std::vector<MethodDescription>& DesignMethods() {
        .summary = "a convolutional g that is told z is trained in simulators; q is its posterior given the first steps "
                   "of each episode",
        .needs = {.clone = true},
-       .sections = {"images"},
+       .sections = {"images", "adversarial", "discriminator"},
        .first_of_auto = [](const SimulatorSpec& spec, bool) { return HasImages(spec); },
        .set_defaults = SetImagesDefaults,
        .learn = LearnByRatios}};
@@ -198,10 +193,10 @@ const NamedValues<std::optional<DesignMethod>>& MethodNames() {
 }
 
 DesignMethod FirstMethodOfAuto(const ParameterSpace& space, const SimulatorSpec& spec) {
-  const bool of_sensors = std::ranges::any_of(
-      space.specs(), [](const ParameterSpec& parameter) { return parameter.field.starts_with("obs/"); });
+  const bool of_noise =
+      std::ranges::any_of(space.specs(), [](const ParameterSpec& parameter) { return IsSensorNoise(parameter.field); });
   for (const MethodDescription& described : DesignMethods()) {
-    if (described.first_of_auto != nullptr && described.first_of_auto(spec, of_sensors)) return described.method;
+    if (described.first_of_auto != nullptr && described.first_of_auto(spec, of_noise)) return described.method;
   }
   OTED_CHECK(false);
   return DesignMethod::kPaper;
@@ -213,6 +208,7 @@ std::string NeedsInWords(const MethodDescription& described) {
     if (needed) words += (words.empty() ? "" : ", ") + std::string(what);
   };
   add(described.needs.settable_state, "states that can be set");
+  add(described.needs.replays, "states of which the logs show the positions");
   add(described.needs.clone, "the clone");
   add(described.needs.gaussian_q, "a Gaussian q");
   add(described.needs.uniform_prior, "a uniform prior");

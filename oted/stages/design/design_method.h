@@ -14,6 +14,7 @@ namespace oted {
 /// What a method cannot do without, beside a simulator and its logs.
 struct MethodNeeds {
   bool settable_state = false;  ///< the simulator can be set to a logged state
+  bool replays = false;         ///< it can be set to states of which the logs show a part
   bool clone = false;           ///< by default the clone acts
   bool gaussian_q = false;      ///< it finds no categorical q
   bool uniform_prior = false;   ///< it takes no other prior
@@ -24,13 +25,13 @@ struct MethodDescription {
   std::string name;  ///< as in design.method
   std::string summary;
   MethodNeeds needs = {};
-  /// Its own sections of [design], beside [design.adversarial] and [design.discriminator], which all methods read.
+  /// The sections of [design] that it reads: [design.trajectories] and the like.
   std::vector<std::string> sections = {};
   bool is_algorithm1 = false;
-  bool tried_by_auto = false;  ///< where the first method's answer is outside the family (method_choice.h)
+  bool tried_by_auto = false;  ///< where the first method predicts no better than nominal (method_choice.h)
   /// Whether it is what auto begins with. Exactly one method of the table is, for every simulator.
-  /// @param of_sensors  some parameter belongs to the sensors (obs/...)
-  bool (*first_of_auto)(const SimulatorSpec& spec, bool of_sensors) = nullptr;
+  /// @param of_noise  some parameter is the noise of a sensor, which a replay does not show
+  bool (*first_of_auto)(const SimulatorSpec& spec, bool of_noise) = nullptr;
   /// Where its defaults differ from the members' values; null where they do not.
   void (*set_defaults)(DesignConfig& config) = nullptr;
   DesignResult (*learn)(const DesignProblem& problem, const DesignConfig& config) = nullptr;

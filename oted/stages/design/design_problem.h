@@ -21,20 +21,23 @@ namespace oted {
 struct DesignProblem {
   const SimulatorFactory& factory;
   const Dataset& dataset;
-  const Policy* clone;  ///< may be null where logged actions are replayed
+  const Policy* clone;  ///< may be null unless DesignConfig::UsesClone
   RngKey key;
   /// Algorithm 1 leaves checkpoint.npz there every ten iterations; a stopped run goes on from it with equal results.
   std::filesystem::path folder;
   std::string run_name;  ///< of curves and progress
   const RunContext& context;
+  /// Which logs are kept aside.
+  RngKey KeptAsideKey() const { return key.Stage("kept aside"); }
+  bool judged = true;  ///< false: nobody asks for the evidence (DesignResult::fit) of a trial
 };
 
 struct DesignResult {
   Designer q;
-  Discriminator g;
-  double learning_progress = 0;             ///< mean reward over all iterations (Sec. 5.1's "learning progress")
-  std::optional<TanhGaussianPolicy> clone;  ///< as joint training left it; only with clone_updates
-  std::optional<FitEvidence> fit;           ///< what is left unexplained; only of methods that replay windows
+  std::optional<Discriminator> g = {};           ///< only of Algorithm 1
+  std::optional<double> learning_progress = {};  ///< its mean reward over all iterations (Sec. 5.1)
+  std::optional<TanhGaussianPolicy> clone = {};  ///< as joint training left it; only with clone_updates
+  std::optional<FitEvidence> fit = {};           ///< what is left unexplained; only of methods that replay windows
 };
 
 }  // namespace oted

@@ -8,11 +8,14 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
+#include "oted/matching/verdict.h"
 #include "oted/nn/tanh_gaussian.h"
 #include "oted/sim/episode_recorder.h"
 #include "oted/sim/testing.h"
 #include "oted/stages/design/design_method.h"
+#include "oted/stages/design/testing.h"
 
 namespace oted::design_test {
 
@@ -52,13 +55,45 @@ DesignResult Learn(const DesignConfig& config, const std::filesystem::path& fold
   return LearnDesign({factory, logs, nullptr, RngKey(seed), folder, "design/test/1", context}, config);
 }
 
+TEST(PredictKeptAside, OfNoisyLogsTheDesignPredictsBetterThanTheNominalSimulatorAndReachesTheFloor) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 40), 0.05, RngKey(4));
+  const PointMassFactory factory;
+  NullSink log;
+  const RunContext context{.log = &log, .n_threads = 1};
+  const TestFolder folder;
+  for (const DesignMethod method : {DesignMethod::kTrajectories, DesignMethod::kLeastSquares}) {
+    const DesignProblem problem{factory, logs, nullptr, RngKey(1), folder / "design", "design/test/1", context};
+    const DesignResult result = LearnDesign(problem, DesignConfig::For(method));
+    const std::optional<HeldOutPrediction> prediction = PredictKeptAside(problem, result.q, result.fit);
+    ASSERT_TRUE(prediction);
+    EXPECT_EQ(prediction->horizons[0].learned, method == DesignMethod::kLeastSquares) << "which keeps nothing aside";
+    EXPECT_TRUE(PredictsBetter(*prediction));
+    EXPECT_TRUE(ReachesFloor(*prediction));
+  }
+}
+
+TEST(PredictKeptAside, NeedsNoMoreThanPositions) {
+  PositionAlone target(40, 1);
+  const Dataset logs = WithSensorNoise(RandomLogs(target, kTruth), 0.02, RngKey(4));
+  const PositionAloneFactory factory;
+  ASSERT_FALSE(factory.spec().can_set_state);
+  NullSink log;
+  const RunContext context{.log = &log, .n_threads = 1};
+  const TestFolder folder;
+  const DesignProblem problem{factory, logs, nullptr, RngKey(1), folder / "design", "design/test/1", context};
+  const DesignResult result = LearnDesign(problem, DesignConfig::For(DesignMethod::kTrajectories));
+  const std::optional<HeldOutPrediction> prediction = PredictKeptAside(problem, result.q, result.fit);
+  ASSERT_TRUE(prediction);
+  EXPECT_TRUE(PredictsBetter(*prediction));
+}
+
 void ExpectSameBits(const DesignResult& a, const DesignResult& b) {
   EXPECT_EQ(a.q.mean(), b.q.mean());
   EXPECT_EQ(a.q.log_std(), b.q.log_std());
   EXPECT_EQ(a.learning_progress, b.learning_progress);
   NpzArrays g_a, g_b;
-  a.g.Save(g_a);
-  b.g.Save(g_b);
+  if (a.g) a.g->Save(g_a);
+  if (b.g) b.g->Save(g_b);
   ASSERT_EQ(g_a.size(), g_b.size());
   for (const auto& [name, array] : g_a) EXPECT_EQ(array.values, g_b.at(name).values) << name;
 }
@@ -266,9 +301,9 @@ TEST(LearnDesign, ABlindDiscriminatorsRewardIsLog2AndItsLogRatio0) {
   DesignConfig config = SmallConfig();
   config.adversarial.n_iterations = 1;
   const TestFolder one, two;
-  EXPECT_NEAR(Learn(config, one.path()).learning_progress, std::log(2.0), 0.15);
+  EXPECT_NEAR(Learn(config, one.path()).learning_progress.value(), std::log(2.0), 0.15);
   config.adversarial.reward = DesignReward::kLogRatio;
-  EXPECT_NEAR(Learn(config, two.path()).learning_progress, 0.0, 0.3);
+  EXPECT_NEAR(Learn(config, two.path()).learning_progress.value(), 0.0, 0.3);
 }
 
 TEST(LearnDesign, LogsItsCurvesUnderTheDocumentedNames) {

@@ -45,28 +45,31 @@ std::string Nearness(double gain) {
 MethodChoice ChooseByCapability(DesignMethod method, const SimulatorSpec& spec) {
   MethodChoice choice;
   choice.method = method;
-  choice.reason = !spec.image_shape.empty() ? "the task shows images"
-                  : !spec.can_set_state
-                      ? "the task cannot be set to a logged state, which the other methods need"
-                      : "sensors are among the parameters, which trajectories cannot fit; other methods were not tried";
+  choice.reason =
+      !spec.image_shape.empty() ? "the task shows images"
+      : method == DesignMethod::kTrajectories
+          ? "it finds the states that the logs show in part; other methods would have to be told them"
+      : !spec.can_set_state
+          ? "the task cannot be set to a logged state, which the other methods need"
+          : "the noise of sensors is among the parameters, which replays do not show; other methods were not "
+            "tried";
   return choice;
 }
 
-bool AsksForOtherMethods(const Designer& q, const FitEvidence& fit) {
-  return JudgeFit(q, fit) == DesignVerdict::kOutsideFamily;
+bool AsksForOtherMethods(const std::optional<HeldOutPrediction>& prediction) {
+  return prediction && !ReachesFloor(*prediction) && !PredictsBetter(*prediction);
 }
 
-MethodChoice KeepFirstMethod(const Designer& q, const FitEvidence& fit) {
+MethodChoice KeepFirstMethod(const std::optional<HeldOutPrediction>& prediction) {
   MethodChoice choice;
   choice.method = DesignMethod::kTrajectories;
-  choice.reason = fmt::format(
-      "noise alone explains {:.0f} % of the logged windows, no channel drifts, no parameter ended at a bound and "
-      "nothing else is asked for: no other method was tried",
-      100 * fit.explained);
-  if (AsksForOtherMethods(q, fit)) {
-    choice.reason =
-        "its answer is outside the family, but too little of the logs can be held out and replayed to compare others";
-  }
+  choice.reason = !prediction ? "episodes are too short for predictions that could compare methods"
+                  : AsksForOtherMethods(prediction)
+                      ? "it does not surely predict better than the nominal simulator, but too little of the logs can "
+                        "be held out and replayed to compare others"
+                  : ReachesFloor(*prediction)
+                      ? "its predictions are as near to the logs as the sensors let them: no other method was tried"
+                      : "it surely predicts better than the nominal simulator: no other method was tried";
   return choice;
 }
 
@@ -101,13 +104,13 @@ MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std
   }
   const std::string windows = fmt::format("{} held-out windows of {} control steps", choice.n_windows, choice.n_steps);
   if (taken == 0) {
-    choice.reason = fmt::format(
-        "its answer is outside the family, but none of the other methods replays {} surely nearer to the log (error "
-        "{:.3g}): {}",
-        windows, first.error, others);
+    choice.reason =
+        fmt::format("no other method that was tried replays {} surely nearer to the log (its error {:.3g}; {})",
+                    windows, first.error, others);
   } else {
     choice.reason = fmt::format(
-        "the answer of {} is outside the family, and of all methods this one replays {} nearest to the log: {} (error "
+        "{} does not surely predict better than the nominal simulator, and of all methods this one replays {} nearest "
+        "to the log: {} (error "
         "{:.3g} against {:.3g})",
         Describe(first.method).name, windows, Nearness(best.gain), best.error, first.error);
   }

@@ -2,19 +2,21 @@
 /// design.method = "auto": which method of the design, by evidence, and why (docs/design_methods.md#auto).
 
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "oted/matching/designer.h"
-#include "oted/matching/fit_evidence.h"
+#include "oted/matching/held_out_prediction.h"
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/replay/held_out_replay.h"
 
 namespace oted {
 
-/// Of the table (design_method.h), the methods that auto tries where the answer of its first, `trajectories`, is
-/// outside the family: what is likeliest need not be the best simulator where none is right. The paper's own method is
-/// not among them: from a clone's rollouts it came nowhere near, in more time (docs/design_methods.md#auto).
+/// Of the table (design_method.h), the methods that auto tries where the answer of its first, `trajectories`, does not
+/// surely predict better than the nominal simulator: what is likeliest need not be the best where none is right. The
+/// paper's own method is not among them: from a clone's rollouts it came nowhere near, in more time
+/// (docs/design_methods.md#auto).
 std::vector<DesignMethod> OtherMethods();
 
 /// What a method, learning from part of the logs, made of the rest.
@@ -40,11 +42,13 @@ struct MethodChoice {
 /// The choice where capability decides: `method`, and why.
 MethodChoice ChooseByCapability(DesignMethod method, const SimulatorSpec& spec);
 
-/// Whether the first method's answer asks for others to be tried. @param q, fit  of its best seed
-bool AsksForOtherMethods(const Designer& q, const FitEvidence& fit);
+/// Whether the first method's answer asks for others to be tried: it leaves more than the sensors explain, and does not
+/// surely predict better than the nominal simulator.
+/// @param prediction  of its best seed
+bool AsksForOtherMethods(const std::optional<HeldOutPrediction>& prediction);
 
 /// The choice where it does not, or where it does and too little can be held out to compare methods.
-MethodChoice KeepFirstMethod(const Designer& q, const FitEvidence& fit);
+MethodChoice KeepFirstMethod(const std::optional<HeldOutPrediction>& prediction);
 
 /// With fewer held-out windows nothing is compared: they come from five stretches of the logs that share nothing.
 inline constexpr int kFewestWindows = 25;

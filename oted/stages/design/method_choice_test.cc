@@ -43,7 +43,7 @@ TEST(ChooseByHeldOut, ChanceDoesNotTakeTheChoiceFromTheFirstMethod) {
   // Of a gain of 3 %, seven times which the windows scatter by, 50 of them tell nothing.
   const MethodChoice choice = ChooseByHeldOut(kMethods, kModes, ErrorsOf({-0.03, 0.5}, 0.2));
   EXPECT_EQ(choice.method, DesignMethod::kTrajectories);
-  EXPECT_THAT(choice.reason, HasSubstr("none of the other methods"));
+  EXPECT_THAT(choice.reason, HasSubstr("no other method"));
   EXPECT_THAT(choice.reason, HasSubstr("transitions"));
   EXPECT_THAT(choice.reason, HasSubstr("paper"));
   EXPECT_EQ(ChooseByHeldOut(kMethods, kModes, ErrorsOf({-0.03, 0.5}, 0.01)).method, DesignMethod::kTransitions)
@@ -61,21 +61,19 @@ TEST(ChooseByHeldOut, OneWindowThatBreaksDoesNotDecide) {
   EXPECT_EQ(ChooseByHeldOut(kMethods, kModes, errors).method, DesignMethod::kTransitions);
 }
 
-TEST(KeepFirstMethod, SaysWhatTheFitExplains) {
-  const Designer q(PointMass::MakeParameters(), Eigen::Vector3d(0.5, 0, 0), 1e-4 * Eigen::Matrix3d::Identity());
-  FitEvidence fit{.window = 16,
-                  .explained = 0.87,
-                  .noise_std = {0.1, 0.1},
-                  .scale = {1, 1},
-                  .short_noise_std = {0.1, 0.1},
-                  .long_noise_std = {0.1, 0.1},
-                  .suspects = {}};
-  EXPECT_FALSE(AsksForOtherMethods(q, fit));
-  EXPECT_EQ(KeepFirstMethod(q, fit).method, DesignMethod::kTrajectories);
-  EXPECT_THAT(KeepFirstMethod(q, fit).reason, HasSubstr("87 % of the logged windows"));
-  fit.long_noise_std = {0.3, 0.1};
-  EXPECT_TRUE(AsksForOtherMethods(q, fit)) << "a channel drifts";
-  EXPECT_THAT(KeepFirstMethod(q, fit).reason, HasSubstr("too little of the logs"));
+TEST(KeepFirstMethod, OthersAreTriedWhereMoreIsLeftThanTheSensorsExplainAndNothingIsWon) {
+  HeldOutPrediction prediction;
+  prediction.horizons.resize(1);
+  prediction.horizons[0].excess = {0.01, 0.1};
+  EXPECT_FALSE(AsksForOtherMethods(prediction));
+  EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("as near to the logs as the sensors let them"));
+  prediction.horizons[0].excess = {1, 0.1};
+  EXPECT_TRUE(AsksForOtherMethods(prediction));
+  EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("too little of the logs"));
+  prediction.horizons[0].gain = {1, 0.1};
+  EXPECT_FALSE(AsksForOtherMethods(prediction));
+  EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("surely predicts better than the nominal"));
+  EXPECT_FALSE(AsksForOtherMethods(std::nullopt)) << "nothing can be compared";
 }
 
 TEST(ChooseByCapability, SaysWhatTheTaskCannotDo) {

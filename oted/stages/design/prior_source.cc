@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
-#include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/matching/designer.h"
 
 namespace oted {
@@ -56,7 +56,7 @@ std::vector<fs::path> FilesOf(const fs::path& source) {
                     source.string()));
   }
   std::vector<fs::path> files;
-  const json record = ReadJson(design);
+  const json record = ReadSealed(design, true);
   try {
     const std::string setting = record.at("selected").get<std::string>();
     for (const json& member : record.at("mixture")) {
@@ -70,7 +70,7 @@ std::vector<fs::path> FilesOf(const fs::path& source) {
 
 /// One q for each seed: of a mixture's file, its components.
 std::vector<Designer> ReadComponents(const fs::path& path, const ParameterSpace& space) {
-  const json q = ReadJson(path);
+  const json q = ReadSealed(path, true);
   const std::string where = path.string();
   std::vector<Designer> components;
   if (q.is_object() && q.value("kind", "") == "mixture") {

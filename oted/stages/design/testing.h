@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "oted/base/error.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -40,6 +41,40 @@ class BetweenWallsFactory : public PointMassFactory {
   std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
     return std::make_unique<BetweenWalls>(n_lanes, n_threads);
   }
+};
+
+/// The point mass of which nobody sees the velocity.
+class PositionAlone : public PointMass {
+ public:
+  static SimulatorSpec SpecOfPosition() {
+    SimulatorSpec spec = MakeSpec({});
+    spec.observation_shape = {1};
+    spec.observation_names = {"x"};
+    spec.can_set_state = false;
+    spec.hidden = {{.name = "v", .rate_of = 0}};
+    return spec;
+  }
+  PositionAlone(int n_lanes, int n_threads) : PointMass({}, n_lanes, n_threads) {}
+  const SimulatorSpec& spec() const override { return spec_; }
+  bool SetStateFromObservation(int, std::span<const double>) override { throw UsageError("x alone is no state"); }
+  bool SetState(int lane, std::span<const double> state, const LoggedHistory&) override {
+    return PointMass::SetStateFromObservation(lane, state);
+  }
+  std::span<const double> observation(int lane) const override { return PointMass::observation(lane).first(1); }
+
+ private:
+  SimulatorSpec spec_ = SpecOfPosition();
+};
+
+class PositionAloneFactory : public PointMassFactory {
+ public:
+  const SimulatorSpec& spec() const override { return spec_; }
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<PositionAlone>(n_lanes, n_threads);
+  }
+
+ private:
+  SimulatorSpec spec_ = PositionAlone::SpecOfPosition();
 };
 
 }  // namespace oted

@@ -44,7 +44,8 @@ std::vector<std::vector<double>> DrawParameters(const Designer& q, int n, RngKey
   return z;
 }
 
-/// Steps 2 and 3 of the paper's procedure: c(h_i) = mean over E of -log(1 - g(.|h_i)), z ~ q(.|h_i).
+/// Steps 2 and 3 of the paper's procedure: c(h_i) = mean over E of -log(1 - g(.|h_i)), z ~ q(.|h_i). The candidate has
+/// a g.
 double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const Policy* clone, Candidate& candidate,
                   const SelectionConfig& config, RngKey key) {
   EvidenceConfig evidence = candidate.evidence;
@@ -55,7 +56,7 @@ double PaperScore(const SimulatorFactory& factory, const Dataset& dataset, const
   const Array2<double> pooled = Pool(gatherer.Gather(z, key.Stage("rollouts")));
   if (pooled.rows() == 0) return 0;
   double sum = 0;
-  for (const double logit : candidate.g.Logits(pooled)) sum += MinusLogOneMinusG(logit);
+  for (const double logit : candidate.g->Logits(pooled)) sum += MinusLogOneMinusG(logit);
   return sum / pooled.rows();
 }
 
@@ -95,13 +96,13 @@ double RankingScore(const SettingScore& setting, SelectionScore score) {
     case SelectionScore::kCommon:
       return setting.common;
     case SelectionScore::kPaper:
-      return setting.c;
+      return setting.c.value();
     case SelectionScore::kDesignDeviation:
       return -setting.design_deviation;
     case SelectionScore::kLearningProgress:
       break;
   }
-  return setting.learning_progress;
+  return setting.learning_progress.value();
 }
 
 /// Of a setting's seeds the best-scoring; of tied ones that nearest to the mean of all.
@@ -110,7 +111,7 @@ int BestSeed(const std::vector<int>& seeds, const std::vector<Candidate>& candid
   const std::vector<double> distance = DistancesToMean(candidates, seeds);
   const auto score_of = [&](size_t i) {
     const CandidateScore& of = scores[static_cast<size_t>(seeds[i])];
-    return score == SelectionScore::kPaper ? of.c : of.common;
+    return score == SelectionScore::kPaper ? of.c.value() : of.common;
   };
   size_t best = 0;
   for (size_t i = 1; i < seeds.size(); ++i) {
@@ -145,11 +146,25 @@ void ScoreCandidates(const SimulatorSelectionJob& job, std::vector<Candidate>& c
       Candidate& candidate = candidates[static_cast<size_t>(i)];
       const RngKey own = job.key.Stage(candidate.setting).Index(static_cast<uint64_t>(candidate.seed));
       CandidateScore& score = result.candidates[static_cast<size_t>(i)];
-      score.c = PaperScore(job.factory, job.dataset, job.clone, candidate, job.config, own.Stage("c"));
+      if (candidate.g) {
+        score.c = PaperScore(job.factory, job.dataset, job.clone, candidate, job.config, own.Stage("c"));
+      }
       score.common = common(DrawParameters(candidate.q, job.config.n_sims, own.Stage("common")));
     }
     job.context.log->Progress("select", "simulators", ++n_done, n + 1, "");
   });
+}
+
+/// The mean of what all have; none otherwise.
+template <class Of>
+std::optional<double> MeanOver(const std::vector<int>& indices, const Of& of) {
+  double sum = 0;
+  for (const int i : indices) {
+    const std::optional<double> value = of(static_cast<size_t>(i));
+    if (!value) return std::nullopt;
+    sum += *value / static_cast<double>(indices.size());
+  }
+  return sum;
 }
 
 /// Step 4: every setting's scores, averaged over its seeds.
@@ -165,12 +180,10 @@ void ScoreSettings(const std::vector<Candidate>& candidates, SelectionResult& re
     found->candidates.push_back(static_cast<int>(i));
   }
   for (SettingScore& setting : result.settings) {
-    const double n_seeds = static_cast<double>(setting.candidates.size());
-    for (const int i : setting.candidates) {
-      setting.c += result.candidates[static_cast<size_t>(i)].c / n_seeds;
-      setting.common += result.candidates[static_cast<size_t>(i)].common / n_seeds;
-      setting.learning_progress += candidates[static_cast<size_t>(i)].learning_progress / n_seeds;
-    }
+    setting.c = MeanOver(setting.candidates, [&](size_t i) { return result.candidates[i].c; });
+    setting.common =
+        *MeanOver(setting.candidates, [&](size_t i) { return std::optional(result.candidates[i].common); });
+    setting.learning_progress = MeanOver(setting.candidates, [&](size_t i) { return candidates[i].learning_progress; });
     setting.design_deviation = DesignDeviation(candidates, setting.candidates);
   }
 }
@@ -198,6 +211,16 @@ void PickBest(const std::vector<Candidate>& candidates, SelectionScore score, Se
 }
 
 }  // namespace
+
+void CheckSelectionScore(SelectionScore score, const std::string& setting, const std::string& method,
+                         bool is_algorithm1) {
+  const bool of_algorithm1 = score == SelectionScore::kPaper || score == SelectionScore::kLearningProgress;
+  if (!of_algorithm1 || is_algorithm1) return;
+  throw UsageError(fmt::format(
+      "selection.score = \"{}\" ranks by the discriminator that Algorithm 1 trains, and the method of setting "
+      "'{}', {}, trains none; use common or design_deviation",
+      NameOf(SelectionScoreNames(), score), setting, method));
+}
 
 SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates) {
   OTED_CHECK(!candidates.empty());

@@ -12,6 +12,7 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/fit_evidence.h"
+#include "oted/matching/held_out_prediction.h"
 #include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
 
@@ -42,39 +43,40 @@ struct Candidate {
   std::string method;  ///< design.method of the setting
   int seed = 0;
   Designer q;
-  Discriminator g;
-  EvidenceConfig evidence;       ///< that g was trained on
-  double learning_progress = 0;  ///< mean reward during training
+  std::optional<Discriminator> g;           ///< only of Algorithm 1; likewise the next two
+  EvidenceConfig evidence;                  ///< that g was trained on
+  std::optional<double> learning_progress;  ///< mean reward during training
   std::shared_ptr<const Policy>
       clone;                       ///< of the design itself, where clone and design were trained jointly; else null
   std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of methods that replay windows
-  bool superseded = false;         ///< scored, but its setting is not selected: another method was preferred
+  std::optional<HeldOutPrediction> prediction;  ///< as DesignResult's
+  bool superseded = false;  ///< scored, but its setting is not selected: another method was preferred
 };
 
 /// What candidates are judged by.
 struct SimulatorSelectionJob {
   const SimulatorFactory& factory;
   const Dataset& dataset;
-  const Policy* clone;  ///< may be null when every candidate's evidence replays actions
+  const Policy* clone;  ///< may be null where every candidate's evidence replays actions and states can be set
   const SelectionConfig& config;
   RngKey key;
   RunContext context;
 };
 
 struct CandidateScore {
-  double c = 0;       ///< the paper's c(h_i): mean -log(1 - g) on fresh rollouts with z ~ q, by the design's own g
-  double common = 0;  ///< held-out Eq. 2 / 2 of a judge that every candidate gets anew; log 2 at a perfect match
+  std::optional<double> c;  ///< the paper's c(h_i): mean -log(1 - g) on fresh rollouts with z ~ q, by the design's g
+  double common = 0;        ///< held-out Eq. 2 / 2 of a judge that every candidate gets anew; log 2 at a perfect match
 };
 
 struct SettingScore {
   std::string setting;
   std::vector<int> candidates;  ///< indices into the candidates
-  double c = 0;                 ///< mean over seeds; highest wins
+  std::optional<double> c;      ///< mean over seeds; highest wins; none where the design left no g
   double common = 0;            ///< mean over seeds; highest wins
   double design_deviation =
       0;  ///< standard deviation of the modes over seeds, in ranges, mean over parameters; lowest wins
-  double learning_progress = 0;  ///< mean over seeds; highest wins
-  int best_candidate = 0;        ///< the best-scoring of its seeds
+  std::optional<double> learning_progress;  ///< mean over seeds; highest wins; likewise
+  int best_candidate = 0;                   ///< the best-scoring of its seeds
 };
 
 struct SelectionResult {
@@ -85,10 +87,15 @@ struct SelectionResult {
   double nominal_common = 0;  ///< the common score of the nominal simulator: is there a gap at all?
 };
 
+/// @throws UsageError where `score` ranks by what only Algorithm 1 leaves, and a setting's method is another
+void CheckSelectionScore(SelectionScore score, const std::string& setting, const std::string& method,
+                         bool is_algorithm1);
+
 /// Scores of differently strong discriminators are not comparable (a blind g gives log 2 on any simulator), so beside
 /// the paper's c every candidate is judged by one common protocol: a fresh discriminator, trained on one half of the
 /// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score).
-/// @param candidates  at least one; their g are evaluated
+/// @param candidates  at least one; their g are evaluated; all have one where the score is the paper's or learning
+///                    progress (CheckSelectionScore)
 SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates);
 
 }  // namespace oted

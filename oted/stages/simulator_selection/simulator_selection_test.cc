@@ -103,11 +103,25 @@ TEST(SelectSimulator, ACandidatesScoreDoesNotDependOnItsRivals) {
   EXPECT_EQ(alone.candidates[0].c, beside.candidates[1].c);
 }
 
+TEST(SelectSimulator, ADesignThatLeftNoDiscriminatorHasNoPaperScore) {
+  const Dataset logs = PointMassLogs(kTruth, 4);
+  std::vector<Candidate> candidates = {CertainOf("with", 1, kTruth, logs), CertainOf("without", 1, kTruth, logs)};
+  candidates[1].g.reset();
+  const auto result = Select(logs, candidates, SmallConfig());
+  EXPECT_TRUE(result.settings[0].c.has_value());
+  EXPECT_FALSE(result.settings[1].c.has_value());
+  EXPECT_FALSE(result.settings[1].learning_progress.has_value());
+  EXPECT_THROW(CheckSelectionScore(SelectionScore::kPaper, "without", "trajectories", false), UsageError);
+  EXPECT_NO_THROW(CheckSelectionScore(SelectionScore::kPaper, "with", "transitions", true));
+  EXPECT_NO_THROW(CheckSelectionScore(SelectionScore::kCommon, "without", "trajectories", false));
+}
+
 TEST(SelectSimulator, ASettingsScoresAreMeansOverItsSeeds) {
   const Dataset logs = PointMassLogs(kTruth, 4);
   std::vector<Candidate> candidates = {
       CertainOf("agree", 1, {1.0, 0.6, 0.5}, logs), CertainOf("agree", 2, {1.0, 0.6, 0.5}, logs),
       CertainOf("differ", 1, {0.8, 0.6, 0.5}, logs), CertainOf("differ", 2, {1.7, 0.6, 0.5}, logs)};
+  candidates[0].learning_progress = candidates[1].learning_progress = 0;
   candidates[2].learning_progress = 1;
   candidates[3].learning_progress = 3;
   SelectionConfig config = SmallConfig();
@@ -119,9 +133,10 @@ TEST(SelectSimulator, ASettingsScoresAreMeansOverItsSeeds) {
   EXPECT_NEAR(agree.design_deviation, 0, 1e-6);
   // Modes 0.8 and 1.7 of a range of 1.8: deviation 0.25, the other two parameters none; mean over three.
   EXPECT_NEAR(differ.design_deviation, 0.25 / 3, 1e-6);
-  EXPECT_DOUBLE_EQ(differ.learning_progress, 2);
+  EXPECT_DOUBLE_EQ(differ.learning_progress.value(), 2);
   EXPECT_DOUBLE_EQ(differ.common, 0.5 * (by_deviation.candidates[2].common + by_deviation.candidates[3].common));
-  EXPECT_DOUBLE_EQ(differ.c, 0.5 * (by_deviation.candidates[2].c + by_deviation.candidates[3].c));
+  EXPECT_DOUBLE_EQ(differ.c.value(),
+                   0.5 * (by_deviation.candidates[2].c.value() + by_deviation.candidates[3].c.value()));
   EXPECT_EQ(by_deviation.settings[static_cast<size_t>(by_deviation.selected_setting)].setting, "agree")
       << "the lowest deviation wins";
 

@@ -117,7 +117,7 @@ struct DesignState {
   }
 
   void Restore(const std::filesystem::path& path, JointClone* joint) {
-    const NpzArrays arrays = ReadNpz(path);
+    const NpzArrays arrays = ReadCheckpoint(path);
     if (joint != nullptr) joint->Restore(arrays, path.string());
     g.Restore(arrays, path.string());
     q.SetState(arrays.at("q/state").ToDouble());
@@ -186,13 +186,13 @@ void LogIteration(const DesignState& state, const std::vector<double>& rewards,
 }  // namespace
 
 DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialConfig& config,
-                                const DiscriminatorConfig& discriminator, const Designer& start, bool learns_q) {
-  const auto& [factory, dataset, given_clone, key, folder, run_name, context] = problem;
+                                const DiscriminatorConfig& discriminator, const Designer& start) {
+  const auto& [factory, dataset, given_clone, key, folder, run_name, context, unused_judged] = problem;
   const Policy* clone = given_clone;
   EvidenceConfig evidence = config.Evidence(factory.spec());
   const Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
   std::optional<JointClone> joint;
-  if (learns_q && config.clone_updates > 0) {
+  if (config.clone_updates > 0) {
     joint.emplace(dynamic_cast<const TanhGaussianPolicy&>(*clone), dataset, config, key.Stage("joint clone"));
     clone = &joint->policy();
     evidence.keep_steps = true;
@@ -208,7 +208,7 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
                     {},
                     0};
   const std::filesystem::path checkpoint = folder / "checkpoint.npz";
-  if (learns_q && std::filesystem::exists(checkpoint)) state.Restore(checkpoint, joint ? &*joint : nullptr);
+  if (std::filesystem::exists(checkpoint)) state.Restore(checkpoint, joint ? &*joint : nullptr);
 
   while (state.iteration < config.n_iterations) {
     const RngKey iteration_key = key.Stage("iteration").Index(static_cast<uint64_t>(state.iteration));
@@ -224,7 +224,7 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
     const std::vector<double> rewards = Rewards(experience, state.g, config.reward);
 
     // 3: update q. In the first iteration g is still blind and its rewards are noise.
-    if (learns_q && state.iteration > 0) {
+    if (state.iteration > 0) {
       state.q.Ascend(draws, Standardize(rewards, config.reward_floor),
                      {.lambda = config.lambda, .mean = config.step_mean, .log_std = config.step_log_std});
     }
@@ -244,17 +244,16 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
     }
 
     ++state.iteration;
-    if (learns_q && state.iteration > (1 - config.average) * config.n_iterations) state.AddToAverage();
+    if (state.iteration > (1 - config.average) * config.n_iterations) state.AddToAverage();
     state.reward_sum += Mean(rewards);
     LogIteration(state, rewards, step, config.n_iterations, run_name, *context.log);
-    if (learns_q && (context.StopRequested() || state.iteration % kCheckpointInterval == 0)) {
+    if (context.StopRequested() || state.iteration % kCheckpointInterval == 0) {
       state.Save(checkpoint, joint ? &*joint : nullptr);
     }
     context.ThrowIfStopped();
   }
   if (state.n_averaged > 0) state.Average();
-  DesignResult result{
-      .q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations, .clone = {}, .fit = {}};
+  DesignResult result{.q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations};
   if (joint) result.clone = joint->policy();
   return result;
 }

@@ -14,9 +14,8 @@ namespace oted {
 /// and, with config.clone_updates (joint training, docs/deviations.md#joint-training):
 ///   5  update mu-hat by ValueDICE, with a replay of E's steps beside the logs (joint_clone.h)
 /// A z whose physics broke down gets the lowest reward of the batch.
-/// @param start     q of the first iteration
-/// @param learns_q  false leaves out line 3: g is trained against a q that is known already
+/// @param start  q of the first iteration
 DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialConfig& config,
-                                const DiscriminatorConfig& discriminator, const Designer& start, bool learns_q);
+                                const DiscriminatorConfig& discriminator, const Designer& start);
 
 }  // namespace oted

@@ -36,7 +36,7 @@ std::vector<LogWindow> OverlappingWindows(const Dataset& logs, int n_steps, Wind
 HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held_out,
                             const std::vector<std::vector<double>>& z, const FitEvidence& fit, int n_threads) {
   const SimulatorSpec& spec = factory.spec();
-  WindowReplayer replayer(factory.Make(WindowReplayer::LinearizationLanes(0, spec.obs_dim()), n_threads), held_out);
+  WindowReplayer replayer = MakeReplayer(factory, 0, held_out, ReadingModel::Of(spec, held_out), n_threads);
   HeldOutErrors errors;
   for (const Episode& episode : held_out.Episodes()) {
     errors.n_steps = std::max(errors.n_steps, std::min(kSteps, episode.size()));
@@ -46,11 +46,12 @@ HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held
   const Eigen::Map<const VectorXd> noise(fit.short_noise_std.data(), spec.obs_dim());
   const Eigen::Map<const VectorXd> spread(fit.scale.data(), spec.obs_dim());
   const VectorXd unit = noise.cwiseMax(kNoticeableError * spread).replicate(errors.n_steps + 1, 1);
-  const WindowLikelihood likelihood(noise.cwiseAbs2(), errors.n_steps);
-  const VectorXd start_step = kReplayedStartStep * ChannelScales(held_out);
+  const WindowLikelihood likelihood(replayer.readings(), noise.cwiseAbs2(), errors.n_steps);
+  const VectorXd start_step = kReplayedStartStep * replayer.readings().state_scale;
+  const VectorXd held = replayer.readings().Held(errors.n_steps).head(unit.size());
   errors.n_windows = static_cast<int>(windows.size());
   errors.overlap = kOverlap;
-  const double freedom = static_cast<double>(spec.obs_dim()) * errors.n_steps;  // beyond the start that was fitted
+  const double freedom = std::max(1.0, held.sum() - spec.state_dim());  // beyond the start that was fitted
   for (const std::vector<double>& parameters : z) {
     const FittedStarts fitted =
         FitStarts(replayer, readings, {windows, parameters, likelihood, start_step, kReplayedStartIterations});
@@ -58,7 +59,7 @@ HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held
     for (const VectorXd& residual : fitted.residuals) {
       double error = kBrokenDownError;
       if (residual.size() > 0) {
-        error = std::sqrt(residual.cwiseQuotient(unit).squaredNorm() / freedom);
+        error = std::sqrt(residual.head(unit.size()).cwiseProduct(held).cwiseQuotient(unit).squaredNorm() / freedom);
       }
       of_windows.push_back(std::isfinite(error) ? std::min(error, kBrokenDownError) : kBrokenDownError);
     }

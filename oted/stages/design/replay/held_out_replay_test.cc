@@ -54,8 +54,7 @@ TEST(ReplayHeldOut, OnCleanLogsErrorsAreInHundredthsOfTheSpread) {
                           .noise_std = {},
                           .scale = {1, 2},
                           .short_noise_std = {1e-9, 1e-9},
-                          .long_noise_std = {},
-                          .suspects = {}};
+                          .long_noise_std = {}};
   FitEvidence wider = clean;
   wider.scale = {10, 20};
   const std::vector<std::vector<double>> z = {{1.4, 0.6, 0.5}};

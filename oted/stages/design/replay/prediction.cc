@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/start_fit.h"
@@ -12,101 +13,201 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kLead = 0.05;  // [s] of readings that tell a start state
-constexpr int kFewestLead = 4;  // control steps
+constexpr double kLead = 0.05;       // [s] of readings that tell a start state
+constexpr double kUnreadLead = 0.1;  // the same where they do not show all of it
+constexpr int kFewestLead = 4;       // control steps
 constexpr int kLeadIterations = 4;
 constexpr double kLeadStep = 1e-5;  // of forward differences, in standard deviations of the channel
-constexpr int kMostJudged = 200;    // windows
+constexpr int kFollowed = 3;        // leads that the start of an imitated window is fitted to
+constexpr int kMostRowsBefore = 16;
 
 }  // namespace
 
-PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const VectorXd& noise, int n_steps,
-                                 double period_s)
+PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const VectorXd& noise,
+                                 std::vector<int> horizons, double period_s, int most)
     : replayer_(replayer),
+      logs_(logs),
       variance_(noise.cwiseAbs2()),
       spread_(ChannelScales(logs)),
-      start_step_(kLeadStep * spread_),
-      n_lead_(std::max(kFewestLead, static_cast<int>(std::lround(kLead / period_s)))) {
+      start_step_(kLeadStep * replayer.readings().state_scale),
+      horizons_(std::move(horizons)) {
+  const ReadingModel& readings = replayer.readings();
+  const double lead = readings.unread.empty() ? kLead : kUnreadLead;
+  n_lead_ = readings.longest_age() + std::max(kFewestLead, static_cast<int>(std::lround(lead / period_s)));
   int longest = 0;
   for (const Episode& episode : logs.Episodes()) longest = std::max(longest, episode.size());
-  n_steps_ = std::min(n_steps, longest - n_lead_);
-  if (n_steps_ < 1) return;
-  std::vector<LogWindow> all;
+  longest -= n_lead_ + replayer.n_past_actions();
+  if (longest < 1) {
+    horizons_.clear();
+    return;
+  }
+  const int shortest = std::min(horizons_.front(), longest);
+  std::erase_if(horizons_, [&](int n_steps) { return n_steps > longest; });
+  if (horizons_.empty()) horizons_ = {shortest};
+  lasting_.resize(horizons_.size());
+
+  struct Place {
+    LogWindow window;
+    int end;  // of its episode
+  };
+  std::vector<Place> all;
   for (const Episode& episode : logs.Episodes()) {
-    for (int i = episode.begin; i + n_lead_ + n_steps_ <= episode.end; i += std::max(1, n_steps_ / 2)) {
-      all.push_back({i, n_lead_, episode.begin});
+    for (int i = episode.begin + replayer.n_past_actions(); i + n_lead_ + shortest <= episode.end;
+         i += std::max(1, shortest / 2)) {
+      all.push_back({{i, n_lead_ + shortest, episode.begin}, episode.end});
     }
   }
-  const size_t n = std::min<size_t>(all.size(), kMostJudged);
+  const size_t n = std::min(all.size(), static_cast<size_t>(most));
   for (size_t k = 0; k < n; ++k) {
-    const LogWindow& window = all[k * all.size() / n];
-    if (replayer.CanStart(window)) windows_.push_back(window);
+    auto& [window, end] = all[k * all.size() / n];
+    if (!replayer.CanStart(window)) continue;
+    for (size_t h = 0; h < horizons_.size(); ++h) {
+      const LogWindow* last = lasting_[h].empty() ? nullptr : &windows_[static_cast<size_t>(lasting_[h].back())];
+      const bool is_crowded = last != nullptr && last->episode_begin == window.episode_begin &&
+                              window.begin < last->begin + horizons_[h] / 2;
+      if (window.begin + n_lead_ + horizons_[h] > end || is_crowded) continue;
+      lasting_[h].push_back(n_windows());
+      window.n_steps = n_lead_ + horizons_[h];
+    }
+    windows_.push_back(window);
   }
 }
 
-std::vector<VectorXd> PredictionJudge::Predict(const std::vector<double>& z) {
-  const WindowLikelihood likelihood(variance_, n_lead_);
-  const FittedStarts fitted = FitStarts(replayer_, LoggedStarts(replayer_, windows_),
-                                        {.windows = windows_,
-                                         .z = z,
-                                         .likelihood = likelihood,
-                                         .start_step = start_step_,
-                                         .n_iterations = kLeadIterations});
-  std::vector<LogWindow> whole = windows_;
-  for (LogWindow& window : whole) window.n_steps = n_lead_ + n_steps_;
-  std::vector<VectorXd> residuals = replayer_.Residuals(whole, fitted.starts, z);
-  for (VectorXd& residual : residuals) {
-    if (residual.size() > 0) residual = residual.tail(n_steps_ * variance_.size()).eval();
+PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& imitated, const PredictionJudge& other)
+    : replayer_(replayer),
+      logs_(imitated),
+      variance_(other.variance_),
+      spread_(other.spread_),
+      start_step_(other.start_step_),
+      n_lead_(other.n_lead_),
+      horizons_(other.horizons_),
+      lasting_(other.lasting_) {
+  int row = 0;
+  for (const LogWindow& window : other.windows_) {
+    const int before = other.RowsBefore(window);
+    windows_.push_back({row + before, window.n_steps, row});
+    row += before + window.n_steps;
   }
-  return residuals;
 }
 
-MatrixXd PredictionJudge::MeanSquares(const std::vector<double>& z) {
-  const std::vector<VectorXd> residuals = Predict(z);
-  MatrixXd squares(variance_.size(), static_cast<Eigen::Index>(residuals.size()));
-  for (size_t w = 0; w < residuals.size(); ++w) {
-    const auto column = static_cast<Eigen::Index>(w);
-    squares.col(column) = spread_.cwiseAbs2();  // what is farther off is no nearer than a guess
-    if (residuals[w].size() == 0 || !residuals[w].allFinite()) continue;
-    const Eigen::Map<const MatrixXd> by_channel(residuals[w].data(), variance_.size(), n_steps_);
-    squares.col(column) = (by_channel.cwiseAbs2().rowwise().mean() + variance_).cwiseMin(squares.col(column));
+int PredictionJudge::RowsBefore(const LogWindow& window) const {
+  return std::min(std::max(kMostRowsBefore, replayer_.n_past_actions()), window.begin - window.episode_begin);
+}
+
+PredictionJudge::Replays PredictionJudge::FitAndReplay(const std::vector<double>& z, int n_leads,
+                                                       const std::vector<VectorXd>& starts) const {
+  Replays replays{starts.empty() ? LoggedStarts(replayer_, windows_) : starts, {}};
+  replays.residuals.resize(windows_.size());
+  for (const int n_steps : horizons_) {  // windows of one length at a time
+    std::vector<LogWindow> whole, fitted;
+    std::vector<size_t> at;
+    std::vector<VectorXd> from;
+    const int n_fitted = std::min(n_leads * n_lead_, n_lead_ + n_steps);
+    for (size_t w = 0; w < windows_.size(); ++w) {
+      if (windows_[w].n_steps != n_lead_ + n_steps) continue;
+      at.push_back(w);
+      from.push_back(replays.starts[w]);
+      whole.push_back(windows_[w]);
+      fitted.push_back({windows_[w].begin, n_fitted, windows_[w].episode_begin});
+    }
+    const WindowLikelihood likelihood(replayer_.readings(), variance_, n_fitted);
+    FittedStarts to = FitStarts(replayer_, std::move(from),
+                                {.windows = fitted,
+                                 .z = z,
+                                 .likelihood = likelihood,
+                                 .start_step = start_step_,
+                                 .n_iterations = kLeadIterations});
+    std::vector<VectorXd> replayed = replayer_.Residuals(whole, to.starts, z);
+    for (size_t k = 0; k < at.size(); ++k) {
+      replays.starts[at[k]] = std::move(to.starts[k]);
+      replays.residuals[at[k]] = std::move(replayed[k]);
+    }
+  }
+  return replays;
+}
+
+PredictionJudge::Squares PredictionJudge::Predict(const std::vector<double>& z) const {
+  Replays replays = FitAndReplay(z, 1, {});
+  const std::vector<VectorXd>& residuals = replays.residuals;
+  const Eigen::Index n_channels = variance_.size();
+  const auto broken = [&](size_t n) {
+    return MatrixXd::Constant(n_channels, static_cast<Eigen::Index>(n), std::numeric_limits<double>::quiet_NaN());
+  };
+  const auto has_broken = [](const VectorXd& residual) { return residual.size() == 0 || !residual.allFinite(); };
+  const auto readings_of = [&](size_t w) {
+    return Eigen::Map<const MatrixXd>(residuals[w].data(), n_channels, windows_[w].n_steps + 1);
+  };
+  Squares squares{{}, broken(windows_.size()), std::move(replays.starts)};
+  const int oldest = replayer_.readings().longest_age();  // readings before tell of before the window
+  for (size_t w = 0; w < windows_.size(); ++w) {
+    if (has_broken(residuals[w])) continue;
+    squares.lead.col(static_cast<Eigen::Index>(w)) =
+        readings_of(w).middleCols(oldest, n_lead_ + 1 - oldest).cwiseAbs2().rowwise().mean();
+  }
+  for (size_t h = 0; h < horizons_.size(); ++h) {
+    squares.predicted.push_back(broken(lasting_[h].size()));
+    for (size_t k = 0; k < lasting_[h].size(); ++k) {
+      const auto w = static_cast<size_t>(lasting_[h][k]);
+      if (has_broken(residuals[w])) continue;
+      squares.predicted[h].col(static_cast<Eigen::Index>(k)) =
+          readings_of(w).middleCols(n_lead_ + 1, horizons_[h]).cwiseAbs2().rowwise().mean();
+    }
   }
   return squares;
 }
 
-std::vector<VectorXd> PredictionJudge::Rms(const std::vector<double>& z, const std::vector<int>& marks) {
-  std::vector<VectorXd> sums(marks.size(), VectorXd::Zero(variance_.size()));
-  double n = 0;
-  for (const VectorXd& residual : Predict(z)) {
-    if (residual.size() == 0 || !residual.allFinite()) continue;
-    const Eigen::Map<const MatrixXd> by_channel(residual.data(), variance_.size(), n_steps_);
-    for (size_t k = 0; k < marks.size(); ++k) {
-      sums[k] += by_channel.leftCols(marks[k]).cwiseAbs2().rowwise().mean();
-    }
-    ++n;
-  }
-  for (VectorXd& sum : sums) sum = (sum / n).cwiseSqrt();
-  return sums;
+std::vector<VectorXd> PredictionJudge::Follow(const std::vector<double>& z, const std::vector<VectorXd>& starts) const {
+  return FitAndReplay(z, kFollowed, starts).residuals;
 }
 
-HeldOutPrediction PredictHeldOut(PredictionJudge& judge, const std::vector<double>& nominal,
-                                 const std::vector<double>& designed, double period_s) {
-  HeldOutPrediction prediction;
-  prediction.n_windows = judge.n_windows();
-  if (judge.n_windows() == 0) return prediction;
-  std::vector<int> marks;
-  for (const double seconds : {0.1, 0.5, 1.0}) {
-    const int steps = static_cast<int>(std::lround(seconds / period_s));
-    if (steps >= 1 && steps <= judge.n_steps()) marks.push_back(steps);
+Dataset PredictionJudge::Imitate(const std::vector<VectorXd>& followed, const VectorXd& noise, Rng& rng) const {
+  std::vector<Episode> episodes;
+  for (const LogWindow& window : windows_) {
+    episodes.push_back({window.begin - RowsBefore(window), window.begin + window.n_steps, false});
   }
-  if (marks.empty()) marks.push_back(judge.n_steps());
-  const std::vector<VectorXd> of_nominal = judge.Rms(nominal, marks), of_designed = judge.Rms(designed, marks);
-  for (size_t k = 0; k < marks.size(); ++k) {
-    prediction.horizons.push_back({marks[k] * period_s,
-                                   {of_nominal[k].begin(), of_nominal[k].end()},
-                                   {of_designed[k].begin(), of_designed[k].end()}});
+  Dataset made = logs_.Select(episodes);
+  int row = 0;
+  for (size_t w = 0; w < windows_.size(); ++w) {
+    const int n_rows = windows_[w].n_steps;
+    row += RowsBefore(windows_[w]);
+    const VectorXd& residual = followed[w];
+    const bool broke_down = residual.size() == 0 || !residual.allFinite();
+    for (int t = 0; t <= n_rows && !broke_down; ++t) {
+      for (Eigen::Index c = 0; c < variance_.size(); ++c) {
+        const double logged = replayer_.Logged(windows_[w], t)[c];
+        const double reading = logged - residual[t * variance_.size() + c] + noise[c] * rng.Normal();
+        if (t < n_rows) made.observations(row + t, static_cast<int>(c)) = reading;
+        // Of the row before the window, too: there is one reading of each state.
+        if (t > 0 || RowsBefore(windows_[w]) > 0) made.next_observations(row + t - 1, static_cast<int>(c)) = reading;
+      }
+    }
+    row += n_rows;
   }
-  return prediction;
+  made.qpos = made.qvel = {};
+  return made;
+}
+
+MatrixXd PredictionJudge::MeanSquares(const std::vector<double>& z) const {
+  const VectorXd most = spread_.cwiseAbs2();  // what is farther off is no nearer than a guess
+  MatrixXd squares = Predict(z).predicted.back();
+  for (Eigen::Index w = 0; w < squares.cols(); ++w) {
+    squares.col(w) = squares.col(w).hasNaN() ? most : (squares.col(w) + variance_).cwiseMin(most).eval();
+  }
+  return squares;
+}
+
+PredictionRatio ComparePredictions(const MatrixXd& a, const MatrixXd& b) {
+  const double n = static_cast<double>(a.cols());
+  const VectorXd sum_a = a.rowwise().sum(), sum_b = b.rowwise().sum();
+  PredictionRatio result{(sum_a.array() / sum_b.array()).log().mean(), 0};
+  if (n < 2) return result;
+  double square = 0;
+  for (Eigen::Index w = 0; w < a.cols(); ++w) {
+    const double without = ((sum_a - a.col(w)).array() / (sum_b - b.col(w)).array()).log().mean();
+    square += (without - result.log_ratio) * (without - result.log_ratio);
+  }
+  result.std = std::sqrt(square * (n - 1) / n);
+  return result;
 }
 
 }  // namespace oted

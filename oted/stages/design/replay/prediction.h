@@ -4,46 +4,82 @@
 #include <Eigen/Dense>
 #include <vector>
 
+#include "oted/base/rng.h"
 #include "oted/data/dataset.h"
-#include "oted/matching/fit_evidence.h"
 #include "oted/stages/design/replay/windows.h"
 
 namespace oted {
 
-/// How well simulators predict logged episodes, open loop: each window's start is fitted to its first readings, as the
-/// simulator at z sees them, and the rest is predicted.
+/// How well simulators predict logged episodes, open loop: each window's start is fitted to its first readings (the
+/// lead), as the simulator at z sees them, and the rest is predicted. What it is given must outlive it.
 class PredictionJudge {
  public:
-  /// @param logs      must outlive this object
+  /// Windows are spread evenly over the logs. Those that are predicted over a horizon overlap by half of it at most.
   /// @param noise     (obs_dim): standard deviation of each channel's noise, what short windows leave
-  /// @param n_steps   predicted control steps; fewer where no episode is long enough
-  /// @param period_s  control period [s]: starts are fitted to the readings of 0.05 s, at least four steps
-  PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const Eigen::VectorXd& noise, int n_steps,
-                  double period_s);
+  /// @param horizons  in ascending order: control steps that are predicted. Those that no episode lasts are left out;
+  ///                  where none is left, the longest episode is predicted to its end
+  /// @param period_s  control period [s]: the lead is 0.05 s, at least four steps; 0.1 s where readings do not show all
+  ///                  of a state
+  /// @param most      windows
+  PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const Eigen::VectorXd& noise,
+                  std::vector<int> horizons, double period_s, int most = 200);
+  /// Of the windows of `other`, in logs that it imitated.
+  PredictionJudge(WindowReplayer& replayer, const Dataset& imitated, const PredictionJudge& other);
 
-  /// Windows that overlap by half; 0 where no episode is long enough.
+  /// In control steps; empty where no episode is long enough.
+  const std::vector<int>& horizons() const { return horizons_; }
+  /// Whose start is fitted.
   int n_windows() const { return static_cast<int>(windows_.size()); }
-  int n_steps() const { return n_steps_; }
-  /// (channels, windows): mean squared errors, the noise's variance added; at most the channel's variance over the
-  /// logs.
-  Eigen::MatrixXd MeanSquares(const std::vector<double>& z);
-  /// Per entry of `marks` [predicted steps, at most n_steps()]: the root mean square error of each channel over windows
-  /// and the steps up to there. NaN where the physics broke down in every window.
-  std::vector<Eigen::VectorXd> Rms(const std::vector<double>& z, const std::vector<int>& marks);
+  /// That are predicted over horizons()[h].
+  int n_windows(size_t h) const { return static_cast<int>(lasting_[h].size()); }
+  /// (obs_dim): the standard deviation of each channel over the logs.
+  const Eigen::VectorXd& spread() const { return spread_; }
+
+  /// Mean squared errors; NaN where the physics broke down.
+  struct Squares {
+    std::vector<Eigen::MatrixXd> predicted;  ///< by horizon: (channels, windows that last so long)
+    Eigen::MatrixXd lead;                    ///< (channels, windows): of the readings that each start was fitted to
+    std::vector<Eigen::VectorXd> starts;     ///< of each window
+  };
+  Squares Predict(const std::vector<double>& z) const;
+  /// (channels, windows): mean squared errors over the longest horizon, the noise's variance added; at most the
+  /// channel's variance over the logs.
+  Eigen::MatrixXd MeanSquares(const std::vector<double>& z) const;
+  /// Logged minus simulated, of the lead and all predicted steps (as WindowReplayer::Residuals), where the simulator at
+  /// z begins so that it follows three leads best.
+  /// @param starts  Predict's
+  std::vector<Eigen::VectorXd> Follow(const std::vector<double>& z, const std::vector<Eigen::VectorXd>& starts) const;
+  /// What a simulator would have logged in place of the windows, each an episode behind up to 16 rows of what was
+  /// logged before it: the logged actions, and noise of standard deviation `noise` (obs_dim) on every reading. A window
+  /// in which its physics broke down stays as it was logged.
+  /// @param followed  what Follow gave
+  Dataset Imitate(const std::vector<Eigen::VectorXd>& followed, const Eigen::VectorXd& noise, Rng& rng) const;
 
  private:
-  std::vector<Eigen::VectorXd> Predict(const std::vector<double>& z);
+  struct Replays {
+    std::vector<Eigen::VectorXd> starts, residuals;  ///< residuals: of the lead and all predicted steps
+  };
+  /// @param n_leads  that the starts are fitted to
+  /// @param starts   where their fit begins; empty: as logged
+  Replays FitAndReplay(const std::vector<double>& z, int n_leads, const std::vector<Eigen::VectorXd>& starts) const;
+  /// How many rows before a window its imitation holds.
+  int RowsBefore(const LogWindow& window) const;
 
   WindowReplayer& replayer_;
+  const Dataset& logs_;
   Eigen::VectorXd variance_, spread_, start_step_;
-  int n_lead_, n_steps_;
-  std::vector<LogWindow> windows_;
+  int n_lead_ = 0;
+  std::vector<int> horizons_;
+  std::vector<LogWindow> windows_;         // n_steps: the lead and what is predicted
+  std::vector<std::vector<int>> lasting_;  // by horizon: into windows_
 };
 
-/// The error of the nominal simulator and of a designed one over 0.1, 0.5 and 1 s, as far as the episodes last that
-/// long; none where no window can be predicted.
-/// @param designed  z that was found without `judge`'s logs
-HeldOutPrediction PredictHeldOut(PredictionJudge& judge, const std::vector<double>& nominal,
-                                 const std::vector<double>& designed, double period_s);
+/// How much farther `a` predicts off than `b`: the mean over channels of the log of the ratio of mean squares, and the
+/// standard error of that (delete-one jackknife over windows).
+struct PredictionRatio {
+  double log_ratio = 0, std = 0;
+};
+/// @param a, b  (channels, windows): PredictionJudge::MeanSquares
+PredictionRatio ComparePredictions(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 
 }  // namespace oted

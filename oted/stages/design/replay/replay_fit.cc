@@ -28,6 +28,22 @@ VectorXd ChannelScales(const Dataset& dataset) {
   return Eigen::Map<const VectorXd>(scale.data(), static_cast<Eigen::Index>(scale.size()));
 }
 
+ReadingModel ReadingsOf(const SimulatorSpec& spec, const Dataset& logs, const std::optional<UnseenFit>& unseen) {
+  if (!unseen) return ReadingModel::Of(spec, logs);
+  ReadingModel readings = ReadingModel::Of(spec, logs, unseen->computed);
+  // Where a sensor may lag that could not then, more is unread, of which the fit expected nothing.
+  if (readings.unread.size() != unseen->mean.size()) return readings;
+  readings.mean = Eigen::Map<const VectorXd>(unseen->mean.data(), readings.mean.size());
+  readings.std = Eigen::Map<const VectorXd>(unseen->std.data(), readings.std.size());
+  return readings;
+}
+
+WindowReplayer MakeReplayer(const SimulatorFactory& factory, int n_parameters, const Dataset& dataset,
+                            const ReadingModel& readings, int n_threads) {
+  const int n_lanes = WindowReplayer::LinearizationLanes(n_parameters, factory.spec().state_dim());
+  return WindowReplayer(factory.Make(n_lanes, n_threads), dataset, readings);
+}
+
 std::vector<LogWindow> DrawStretches(const Dataset& dataset, int length, int n_rows, Rng& rng) {
   std::vector<LogWindow> stretches;
   for (const Episode& episode : dataset.Episodes()) {
@@ -58,7 +74,7 @@ std::vector<LogWindow> DrawStartable(WindowReplayer& replayer, const Dataset& da
 
 std::vector<VectorXd> LoggedStarts(const WindowReplayer& replayer, const std::vector<LogWindow>& windows) {
   std::vector<VectorXd> starts;
-  for (const LogWindow& window : windows) starts.push_back(replayer.Logged(window, 0));
+  for (const LogWindow& window : windows) starts.push_back(replayer.Guess(window));
   return starts;
 }
 

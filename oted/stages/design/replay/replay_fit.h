@@ -34,6 +34,8 @@ struct ReplayProblem {
   RngKey key;
   const FitProgress& progress;
   const RunContext& context;
+  bool judged = true;             ///< as DesignProblem::judged
+  RngKey kept_aside = RngKey(0);  ///< of KeepAside
 };
 
 inline constexpr double kMaxX = 6.0;            ///< |x| at most this, as the designer's
@@ -46,12 +48,19 @@ Eigen::VectorXd NominalStart(const ParameterSpace& space);
 /// (obs_dim): the standard deviation of every channel over the logs, as the normaliser has it (oted/data/normalizer.h).
 Eigen::VectorXd ChannelScales(const Dataset& dataset);
 
+/// A replayer whose windows are linearized in `n_parameters` and their starts. What it is given must outlive it.
+WindowReplayer MakeReplayer(const SimulatorFactory& factory, int n_parameters, const Dataset& dataset,
+                            const ReadingModel& readings, int n_threads);
+
+/// How readings were held by the fit that left `unseen`; none, and as the logs alone say.
+ReadingModel ReadingsOf(const SimulatorSpec& spec, const Dataset& logs, const std::optional<UnseenFit>& unseen);
+
 /// Stretches of the log of `length` rows, each within an episode, in random order until they hold `n_rows` rows.
 std::vector<LogWindow> DrawStretches(const Dataset& dataset, int length, int n_rows, Rng& rng);
 /// The same without those to whose first logged state the simulator cannot be set. @throws DataError when none is left
 std::vector<LogWindow> DrawStartable(WindowReplayer& replayer, const Dataset& dataset, const SimulatorSpec& spec,
                                      int length, int n_rows, Rng& rng);
-/// The logged first states of windows.
+/// The first states of windows, as far as they were logged (WindowReplayer::Guess).
 std::vector<Eigen::VectorXd> LoggedStarts(const WindowReplayer& replayer, const std::vector<LogWindow>& windows);
 
 /// A design that sets states has no state to set. @throws DataError, always

@@ -1,5 +1,6 @@
 #include "oted/stages/design/replay/window_likelihood.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace oted {
@@ -11,22 +12,35 @@ constexpr double kHeaviness = 0.5;         // degrees of freedom of rho, per num
 constexpr double kGrowingHeaviness = 4.0;  // the same where errors grow: fast motion is no outlier
 constexpr double kBrokenDown = 1e8;        // squared error of a window whose physics broke down
 constexpr double kExplainedWithin = 3.0;   // standard deviations of chi-squared
+
+/// `precision` of the readings, those that are not held left out, then that of the unread coordinates' priors.
+VectorXd Precision(const ReadingModel& readings, const VectorXd& of_readings, int n_steps) {
+  VectorXd precision = readings.Held(n_steps);
+  precision.head(of_readings.size()).array() *= of_readings.array();
+  precision.tail(readings.n_unread()) = readings.std.cwiseAbs2().cwiseInverse();
+  return precision;
+}
+
 }  // namespace
 
-WindowLikelihood::WindowLikelihood(int n_channels, int n_steps, VectorXd precision, double heaviness)
-    : precision_(std::move(precision)), freedom_(static_cast<double>(n_channels) * n_steps), heaviness_(heaviness) {}
+WindowLikelihood::WindowLikelihood(const ReadingModel& readings, VectorXd precision, double heaviness)
+    : precision_(std::move(precision)), heaviness_(heaviness) {
+  const auto n_held = (precision_.head(precision_.size() - readings.n_unread()).array() > 0).count();
+  freedom_ = std::max(1.0, static_cast<double>(n_held) - readings.state_dim());
+}
 
-WindowLikelihood::WindowLikelihood(const VectorXd& variance, int n_steps)
-    : WindowLikelihood(static_cast<int>(variance.size()), n_steps, variance.cwiseInverse().replicate(n_steps + 1, 1),
+WindowLikelihood::WindowLikelihood(const ReadingModel& readings, const VectorXd& variance, int n_steps)
+    : WindowLikelihood(readings, Precision(readings, variance.cwiseInverse().replicate(n_steps + 1, 1), n_steps),
                        kHeaviness) {}
 
-WindowLikelihood WindowLikelihood::Growing(const VectorXd& sensor, const VectorXd& growth, int n_steps) {
+WindowLikelihood WindowLikelihood::Growing(const ReadingModel& readings, const VectorXd& sensor, const VectorXd& growth,
+                                           int n_steps) {
   VectorXd precision(sensor.size() * (n_steps + 1));
   for (int t = 0; t <= n_steps; ++t) {
     const double share = static_cast<double>(t) / n_steps;
     precision.segment(t * sensor.size(), sensor.size()) = (sensor + share * share * growth).cwiseInverse();
   }
-  return WindowLikelihood(static_cast<int>(sensor.size()), n_steps, std::move(precision), kGrowingHeaviness);
+  return WindowLikelihood(readings, Precision(readings, precision, n_steps), kGrowingHeaviness);
 }
 
 double WindowLikelihood::SquaredError(const VectorXd& residual) const {

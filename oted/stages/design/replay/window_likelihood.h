@@ -4,19 +4,22 @@
 #include <Eigen/Dense>
 #include <utility>
 
+#include "oted/stages/design/replay/reading_model.h"
+
 namespace oted {
 
 /// The negative log density of a scale mixture (Student's t over a whole window), so that windows which nothing
-/// explains count less. Residuals are those of WindowReplayer: (n_steps + 1, obs_dim) row by row, empty where the
-/// physics broke down.
+/// explains count less. Residuals are those of WindowReplayer: (n_steps + 1, obs_dim) row by row, then the unread
+/// coordinates; empty where the physics broke down.
 class WindowLikelihood {
  public:
   /// @param variance  (obs_dim): of each channel's noise
-  WindowLikelihood(const Eigen::VectorXd& variance, int n_steps);
+  WindowLikelihood(const ReadingModel& readings, const Eigen::VectorXd& variance, int n_steps);
   /// Where a simulator's errors add up over a window: the standard deviation at step t is what the sensors have and, at
   /// the end of the window, the growth; in between that grows with time.
   /// @param sensor, growth  (obs_dim): variances
-  static WindowLikelihood Growing(const Eigen::VectorXd& sensor, const Eigen::VectorXd& growth, int n_steps);
+  static WindowLikelihood Growing(const ReadingModel& readings, const Eigen::VectorXd& sensor,
+                                  const Eigen::VectorXd& growth, int n_steps);
 
   /// Whether noise alone can have left this residual, its start state fitted: the squared error is within three
   /// standard deviations of what it is then.
@@ -28,11 +31,11 @@ class WindowLikelihood {
   /// What the window counts beside one without any error, which counts 3; 0 where it broke down. rho's derivative by
   /// half the squared error, up to a factor.
   double Weight(const Eigen::VectorXd& residual) const;
-  /// ((n_steps + 1) obs_dim): 1 / variance of every number.
+  /// As residuals: 1 / variance of every number, 0 of those that are not held.
   const Eigen::VectorXd& precision() const { return precision_; }
 
  private:
-  WindowLikelihood(int n_channels, int n_steps, Eigen::VectorXd precision, double heaviness);
+  WindowLikelihood(const ReadingModel& readings, Eigen::VectorXd precision, double heaviness);
   /// Of the squared error, over the variances.
   double CostOf(double error) const;
   double LargestExplained() const;

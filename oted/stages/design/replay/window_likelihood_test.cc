@@ -19,7 +19,7 @@ VectorXd Noise(double factor, Rng& rng) {
 }
 
 TEST(WindowLikelihood, ExplainsWhatNoiseLeavesAndNotTwiceAsMuch) {
-  const WindowLikelihood likelihood(kVariance, kSteps);
+  const WindowLikelihood likelihood(ReadingModel::Plain(3), kVariance, kSteps);
   Rng rng = RngKey(1).MakeRng();
   int n_noise = 0, n_twice = 0;
   for (int k = 0; k < 1000; ++k) {
@@ -33,7 +33,7 @@ TEST(WindowLikelihood, ExplainsWhatNoiseLeavesAndNotTwiceAsMuch) {
 }
 
 TEST(WindowLikelihood, WeightIsTheSlopeOfTheCost) {
-  const WindowLikelihood likelihood(kVariance, kSteps);
+  const WindowLikelihood likelihood(ReadingModel::Plain(3), kVariance, kSteps);
   Rng rng = RngKey(2).MakeRng();
   for (const double factor : {0.1, 1.0, 5.0}) {
     const VectorXd residual = Noise(factor, rng);
@@ -45,7 +45,7 @@ TEST(WindowLikelihood, WeightIsTheSlopeOfTheCost) {
 }
 
 TEST(WindowLikelihood, AWindowThatBrokeDownIsWorseThanAnyOtherAndCountsNothing) {
-  const WindowLikelihood likelihood(kVariance, kSteps);
+  const WindowLikelihood likelihood(ReadingModel::Plain(3), kVariance, kSteps);
   const VectorXd far = VectorXd::Constant((kSteps + 1) * 3, 100.0);
   EXPECT_GT(likelihood.Cost({}), likelihood.Cost(far));
   EXPECT_EQ(likelihood.Weight({}), 0);

@@ -14,12 +14,12 @@ namespace {
 constexpr int kReplayLanes = 256;
 
 /// The lanes of one window: the base replay, one per parameter, one per start coordinate.
-int LanesPerWindow(int n_parameters, int obs_dim) { return 1 + n_parameters + obs_dim; }
+int LanesPerWindow(int n_parameters, int state_dim) { return 1 + n_parameters + state_dim; }
 
 }  // namespace
 
-int WindowReplayer::LinearizationLanes(int n_parameters, int obs_dim) {
-  const int per_window = LanesPerWindow(n_parameters, obs_dim);
+int WindowReplayer::LinearizationLanes(int n_parameters, int state_dim) {
+  const int per_window = LanesPerWindow(n_parameters, state_dim);
   return std::max(1, kReplayLanes / per_window) * per_window;
 }
 
@@ -27,8 +27,46 @@ WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Datas
     : simulator_(std::move(simulator)),
       dataset_(dataset),
       obs_dim_(simulator_->spec().obs_dim()),
+      readings_(ReadingModel::Plain(obs_dim_)),
+      rates_(dataset, simulator_->spec().control_period_s),
       actions_(static_cast<size_t>(simulator_->n_lanes()) * static_cast<size_t>(simulator_->spec().act_dim)) {
   OTED_CHECK(simulator_->spec().can_set_state && dataset.obs_dim() == obs_dim_);
+}
+
+WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset, ReadingModel readings)
+    : simulator_(std::move(simulator)),
+      dataset_(dataset),
+      obs_dim_(simulator_->spec().obs_dim()),
+      n_past_actions_(simulator_->spec().n_past_actions),
+      starts_are_states_(true),
+      readings_(std::move(readings)),
+      rates_(dataset, simulator_->spec().control_period_s),
+      actions_(static_cast<size_t>(simulator_->n_lanes()) * static_cast<size_t>(simulator_->spec().act_dim)) {
+  OTED_CHECK(simulator_->spec().can_replay() && dataset.obs_dim() == obs_dim_);
+  OTED_CHECK(readings_.state_dim() == simulator_->spec().state_dim());
+}
+
+void WindowReplayer::Expect(int k, double mean, double std) {
+  readings_.mean[k] = mean;
+  readings_.std[k] = std;
+  guesses_.clear();
+}
+
+VectorXd WindowReplayer::Guess(const LogWindow& window) const {
+  if (readings_.unread.empty()) return Logged(window, 0);
+  const auto [known, is_new] = guesses_.try_emplace(window.begin);
+  if (is_new) known->second = readings_.Guess(simulator_->spec(), dataset_, rates_, window.begin);
+  return known->second;
+}
+
+VectorXd WindowReplayer::Unread(const LogWindow& window, const VectorXd& start) const {
+  const VectorXd guess = Guess(window);
+  VectorXd left(readings_.n_unread());
+  for (int k = 0; k < left.size(); ++k) {
+    const int j = readings_.unread[static_cast<size_t>(k)];
+    left[k] = guess[j] - start[j];
+  }
+  return left;
 }
 
 VectorXd WindowReplayer::Logged(const LogWindow& window, int t) const {
@@ -38,13 +76,16 @@ VectorXd WindowReplayer::Logged(const LogWindow& window, int t) const {
 }
 
 bool WindowReplayer::CanStart(const LogWindow& window) {
-  return SetLane(0, simulator_->parameters().Nominal(), window, Logged(window, 0));
+  return window.begin - window.episode_begin >= n_past_actions_ &&
+         SetLane(0, simulator_->parameters().Nominal(), window, Guess(window));
 }
 
 bool WindowReplayer::SetLane(int lane, const std::vector<double>& z, const LogWindow& window, const VectorXd& start) {
   simulator_->SetParameters(lane, z);
-  return start.allFinite() && simulator_->SetStateFromLog(lane, {start.data(), static_cast<size_t>(start.size())},
-                                                          HistoryBefore(dataset_, window));
+  const std::span<const double> state(start.data(), static_cast<size_t>(start.size()));
+  const LoggedHistory before = HistoryBefore(dataset_, window);
+  return start.allFinite() && (starts_are_states_ ? simulator_->SetState(lane, state, before)
+                                                  : simulator_->SetStateFromLog(lane, state, before));
 }
 
 void WindowReplayer::StepLanes(const std::vector<int>& lanes, const std::vector<int>& rows) {
@@ -68,7 +109,11 @@ std::vector<VectorXd> WindowReplayer::Residuals(const std::vector<LogWindow>& wi
     std::vector<int> lanes, rows;
     for (size_t k = 0; k < n; ++k) {
       if (!SetLane(static_cast<int>(k), z, windows[first + k], starts[first + k])) continue;
-      residuals[first + k] = VectorXd::Zero((windows[first + k].n_steps + 1) * obs_dim_);
+      const int n_readings = (windows[first + k].n_steps + 1) * obs_dim_;
+      residuals[first + k] = VectorXd::Zero(n_readings + readings_.n_unread());
+      if (readings_.n_unread() > 0) {
+        residuals[first + k].tail(readings_.n_unread()) = Unread(windows[first + k], starts[first + k]);
+      }
       lanes.push_back(static_cast<int>(k));
       rows.push_back(windows[first + k].begin);
     }
@@ -96,7 +141,7 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
                                                                      const std::vector<std::vector<double>>& perturbed,
                                                                      const VectorXd& steps,
                                                                      const std::vector<VectorXd>& start_steps) {
-  const int n_parameters = static_cast<int>(perturbed.size()), per_window = LanesPerWindow(n_parameters, obs_dim_);
+  const int n_parameters = static_cast<int>(perturbed.size()), per_window = LanesPerWindow(n_parameters, state_dim());
   const int at_once = simulator_->n_lanes() / per_window;
   OTED_CHECK(at_once >= 1);
   std::vector<Linearization> result(windows.size());
@@ -116,10 +161,14 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
                        linear.valid;
       }
       if (!linear.valid) continue;
-      const int size = (windows[w].n_steps + 1) * obs_dim_;
+      const int n_unread = readings_.n_unread(), size = (windows[w].n_steps + 1) * obs_dim_ + n_unread;
       linear.residual = VectorXd::Zero(size);
       linear.d_parameters = MatrixXd::Zero(size, n_parameters);
-      linear.d_start = MatrixXd::Zero(size, obs_dim_);
+      linear.d_start = MatrixXd::Zero(size, state_dim());
+      if (n_unread > 0) linear.residual.tail(n_unread) = Unread(windows[w], starts[w]);
+      for (int i = 0; i < n_unread; ++i) {
+        linear.d_start(size - n_unread + i, readings_.unread[static_cast<size_t>(i)]) = 1;
+      }
       for (int p = 0; p < per_window; ++p) {
         lanes.push_back(k * per_window + p);
         rows.push_back(windows[w].begin);

@@ -3,46 +3,61 @@
 /// compares the simulator's observations with the logged ones, step by step.
 
 #include <Eigen/Dense>
+#include <map>
 #include <memory>
 #include <vector>
 
 #include "oted/data/dataset.h"
 #include "oted/sim/log_window.h"
 #include "oted/sim/simulator.h"
+#include "oted/stages/design/replay/local_rates.h"
+#include "oted/stages/design/replay/reading_model.h"
 
 namespace oted {
 
 /// Replays windows in a simulator whose state can be set. Not thread-safe; the simulator uses its own threads.
 class WindowReplayer {
  public:
-  /// @param dataset must outlive this object.
+  /// Starts are readings as they were logged (Simulator::SetStateFromLog). @param dataset must outlive this object.
   WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset);
+  /// Starts are states that a fit finds (Simulator::SetState). Residuals go on with those of the unread coordinates,
+  /// guess minus start.
+  WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset, ReadingModel readings);
 
   /// How many lanes to give a simulator whose windows are linearized: whole windows, some 256 lanes together.
-  static int LinearizationLanes(int n_parameters, int obs_dim);
+  static int LinearizationLanes(int n_parameters, int state_dim);
 
   int obs_dim() const { return obs_dim_; }
+  int state_dim() const { return readings_.state_dim(); }
+  const ReadingModel& readings() const { return readings_; }
+  /// The guess for coordinates that the logs suggest nothing of, and its standard deviation, from a fit.
+  /// @param k  into readings().unread
+  void Expect(int k, double mean, double std);
+  /// How often the actions before a window matter: windows that begin sooner in an episode cannot be replayed.
+  int n_past_actions() const { return n_past_actions_; }
+  /// Where the fit of a window's start begins: its reading, guesses for what that does not show.
+  Eigen::VectorXd Guess(const LogWindow& window) const;
   /// The logged observation t steps into a window.
   Eigen::VectorXd Logged(const LogWindow& window, int t) const;
-  /// Can the simulator be set to the logged first state of the window?
+  /// Can the simulator be set to the logged first state of the window, and are the actions known that still act there?
   bool CanStart(const LogWindow& window);
 
-  /// Logged minus simulated observations, (n_steps + 1, obs_dim) row by row; empty where the start cannot be set or the
-  /// physics broke down. All windows have the same number of steps.
+  /// Logged minus simulated observations, (n_steps + 1, obs_dim) row by row, then n_unread numbers; empty where the
+  /// start cannot be set or the physics broke down. All windows have the same number of steps.
   std::vector<Eigen::VectorXd> Residuals(const std::vector<LogWindow>& windows,
                                          const std::vector<Eigen::VectorXd>& starts, const std::vector<double>& z);
 
   /// The simulated observations of one window, to first order in its start and in the parameters' search coordinates.
   struct Linearization {
     bool valid = false;            ///< false as Residuals is empty, also for a perturbed replay
-    Eigen::VectorXd residual;      ///< ((n_steps + 1) obs_dim), as Residuals
-    Eigen::MatrixXd d_start;       ///< ((n_steps + 1) obs_dim, obs_dim) of the simulated observations
-    Eigen::MatrixXd d_parameters;  ///< ((n_steps + 1) obs_dim, parameters)
+    Eigen::VectorXd residual;      ///< (n), as Residuals
+    Eigen::MatrixXd d_start;       ///< (n, state_dim): of what was subtracted there
+    Eigen::MatrixXd d_parameters;  ///< (n, parameters)
   };
   /// By forward differences.
   /// @param perturbed    z with one search coordinate moved by its step, one per parameter
   /// @param steps        (parameters): the steps
-  /// @param start_steps  of each window, (obs_dim): how far each start coordinate is moved
+  /// @param start_steps  of each window, (state_dim): how far each start coordinate is moved
   std::vector<Linearization> Linearize(const std::vector<LogWindow>& windows,
                                        const std::vector<Eigen::VectorXd>& starts, const std::vector<double>& z,
                                        const std::vector<std::vector<double>>& perturbed, const Eigen::VectorXd& steps,
@@ -52,10 +67,18 @@ class WindowReplayer {
   bool SetLane(int lane, const std::vector<double>& z, const LogWindow& window, const Eigen::VectorXd& start);
   void StepLanes(const std::vector<int>& lanes, const std::vector<int>& rows);
 
+  /// The residuals of the unread coordinates.
+  Eigen::VectorXd Unread(const LogWindow& window, const Eigen::VectorXd& start) const;
+
   std::unique_ptr<Simulator> simulator_;
   const Dataset& dataset_;
   int obs_dim_;
-  std::vector<double> actions_;  // (n_lanes, act_dim)
+  int n_past_actions_ = 0;
+  bool starts_are_states_ = false;
+  ReadingModel readings_;
+  mutable LocalRates rates_;
+  mutable std::map<int, Eigen::VectorXd> guesses_;  // by row: asked for often
+  std::vector<double> actions_;                     // (n_lanes, act_dim)
 };
 
 }  // namespace oted

@@ -134,7 +134,7 @@ double PredictionLogDensity(const MatrixXd& predictions, const VectorXd& observe
 }
 
 ReplayFit FitDropo(const ReplayProblem& problem, const DropoConfig& config) {
-  const auto& [factory, dataset, unused_prior, key, progress, context] = problem;
+  const auto& [factory, dataset, unused_prior, key, progress, context, unused_judged, unused_aside] = problem;
   Likelihood likelihood(factory, dataset, config, key.Stage("transitions"), context.n_threads);
   const int n = factory.parameters().size();
   CmaEs search(Start(n, config), kSigma);

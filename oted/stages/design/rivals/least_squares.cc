@@ -139,7 +139,7 @@ FieldList LeastSquaresConfig::Fields() {
 }
 
 ReplayFit FitLeastSquares(const ReplayProblem& problem, const LeastSquaresConfig& config) {
-  const auto& [factory, dataset, prior, key, progress, context] = problem;
+  const auto& [factory, dataset, prior, key, progress, context, unused_judged, unused_aside] = problem;
   const ParameterSpace& space = factory.parameters();
   Predictions predictions(factory, dataset, config, key.Stage("windows"), context.n_threads);
   const int n = predictions.n_parameters(), n_total = config.starts * kMaxIterations;

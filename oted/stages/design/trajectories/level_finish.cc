@@ -14,18 +14,21 @@ using Eigen::VectorXd;
 
 // Secants, in standard deviations of a coordinate given the others.
 constexpr double kSecantOfX = 0.5, kSecantOfStart = 1.0;
-constexpr double kLongestSecantOfX = 0.02;     // in x: half a hundredth of the range
-constexpr double kLongestSecantOfStart = 0.5;  // in standard deviations of the channel's noise
-constexpr double kSuspectStep = 0.02;          // of the logarithm of what is not searched
-constexpr double kHardlyTold = 0.3;            // in x: a direction with such a standard deviation
-constexpr double kLongestLastStep = 3.0;       // in standard deviations of x; further, the quadratic model is a guess
+constexpr double kLongestSecantOfX = 0.02;       // in x: half a hundredth of the range
+constexpr double kLongestSecantOfStart = 0.5;    // in standard deviations of the channel's noise
+constexpr double kLongestSecantOfUnread = 0.05;  // in standard deviations of the coordinate over the logs
+constexpr double kHardlyTold = 0.3;              // in x: a direction with such a standard deviation
+constexpr double kLongestLastStep = 3.0;         // in standard deviations of x; further, the quadratic model is a guess
 
 }  // namespace
 
 LevelFit::Differences LevelFit::Secants() const {
   Differences steps = Tangents();
   const std::vector<NormalEquations> equations = Equations(linear_);
-  const VectorXd longest = kLongestSecantOfStart * variance_.cwiseSqrt();
+  VectorXd longest = kLongestSecantOfUnread * replayer_.readings().state_scale;
+  for (int c = 0; c < variance_.size(); ++c) {
+    if (replayer_.readings().IsHeld(c, 0)) longest[c] = kLongestSecantOfStart * std::sqrt(variance_[c]);
+  }
   MatrixXd hessian = prior_.precision;
   for (size_t w = 0; w < equations.size(); ++w) {
     const NormalEquations& e = equations[w];
@@ -75,17 +78,19 @@ MatrixXd LevelFit::Finish() {
   return estimate.covariance;
 }
 
-std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, int n_more) const {
+std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, const std::vector<double>& nominal,
+                                                  const std::vector<double>& moved, double step) const {
   const Differences secants = Secants();
   std::vector<double> z = ToZ(space_, x_);
+  const auto n_x = x_.size(), n_more = static_cast<Eigen::Index>(nominal.size());
   std::vector<std::vector<double>> perturbed = Perturbed(secants.x);
-  z.resize(z.size() + static_cast<size_t>(n_more), 1.0);
-  for (std::vector<double>& moved : perturbed) moved.resize(z.size(), 1.0);
-  VectorXd steps = VectorXd::Constant(x_.size() + n_more, kSuspectStep);
-  steps.head(x_.size()) = secants.x;
-  for (int k = 0; k < n_more; ++k) {
+  for (std::vector<double>& lane : perturbed) lane.insert(lane.end(), nominal.begin(), nominal.end());
+  z.insert(z.end(), nominal.begin(), nominal.end());
+  VectorXd steps = VectorXd::Constant(n_x + n_more, step);
+  steps.head(n_x) = secants.x;
+  for (size_t k = 0; k < moved.size(); ++k) {
     perturbed.push_back(z);
-    perturbed.back()[static_cast<size_t>(x_.size() + k)] = std::exp(kSuspectStep);
+    perturbed.back()[static_cast<size_t>(n_x) + k] = moved[k];
   }
   return Evidence(wider.Linearize(level_.windows, level_.starts, z, perturbed, steps, secants.starts), steps.size());
 }

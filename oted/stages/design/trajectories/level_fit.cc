@@ -18,11 +18,25 @@ constexpr double kParameterStep = 1e-4;  // of forward differences, in x
 constexpr double kStartStep = 1e-5;      // of forward differences, in standard deviations of the channel
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
 constexpr int kAttempts = 5;
+constexpr int kFewestIterations = 3;                    // the starts need them where x does not
 constexpr double kSettled = 0.25;                       // of the uncertainty of x
 constexpr int kRedraws = 1, kOtherStartIterations = 4;  // of other starts
 constexpr double kFewestExplained = 0.3;                // of the windows, to do without the others
 
 }  // namespace
+
+Level Joined(const Level& level) {
+  Level joined;
+  for (size_t w = 0; w + 1 < level.windows.size(); ++w) {
+    const LogWindow &a = level.windows[w], &b = level.windows[w + 1];
+    if (level.stretch[w] != level.stretch[w + 1] || a.begin + a.n_steps != b.begin) continue;
+    joined.windows.push_back({a.begin, a.n_steps + b.n_steps, a.episode_begin});
+    joined.starts.push_back(level.starts[w]);
+    joined.stretch.push_back(level.stretch[w]);
+    ++w;
+  }
+  return joined;
+}
 
 LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior, const VectorXd& scale,
                    Level level, VectorXd x)
@@ -90,11 +104,25 @@ bool LevelFit::Step() {
   return false;
 }
 
+void LevelFit::Descend(int n_iterations, const std::function<void(const VectorXd&)>& tell) {
+  for (int i = 0; i < n_iterations; ++i) {
+    const bool settled = Step();
+    tell(x_);
+    if (settled && i + 1 >= kFewestIterations) return;
+  }
+}
+
 std::optional<VectorXd> LevelFit::PredictedStart(size_t w) const {
   if (w == 0 || level_.stretch[w - 1] != level_.stretch[w] || residuals_[w - 1].size() == 0) return std::nullopt;
   const LogWindow &before = level_.windows[w - 1], &window = level_.windows[w];
   if (before.begin + before.n_steps != window.begin) return std::nullopt;
-  return replayer_.Logged(window, 0) - residuals_[w - 1].tail(variance_.size());
+  VectorXd start = replayer_.Guess(window);
+  const VectorXd seen =
+      replayer_.Logged(window, 0) - residuals_[w - 1].segment(n_steps() * variance_.size(), variance_.size());
+  for (int c = 0; c < seen.size(); ++c) {
+    if (replayer_.readings().IsHeld(c, 0)) start[c] = seen[c];
+  }
+  return start;
 }
 
 bool LevelFit::TryOtherStarts(Rng& rng) {
@@ -109,8 +137,8 @@ bool LevelFit::TryOtherStarts(Rng& rng) {
       if (likelihood.Explains(residuals_[w])) continue;
       std::optional<VectorXd> start = PredictedStart(w);
       if (attempt > 0) {
-        start = replayer_.Logged(level_.windows[w], 0);
-        for (int c = 0; c < start->size(); ++c) (*start)[c] += std::sqrt(variance_[c]) * rng.Normal();
+        start = replayer_.Guess(level_.windows[w]);
+        for (int c = 0; c < variance_.size(); ++c) (*start)[c] += std::sqrt(variance_[c]) * rng.Normal();
       }
       if (!start) continue;
       which.push_back(w);
@@ -118,7 +146,7 @@ bool LevelFit::TryOtherStarts(Rng& rng) {
       starts.push_back(*start);
     }
     const FittedStarts fitted =
-        FitStarts(replayer_, std::move(starts), {windows, z, likelihood, kStartStep * scale_, kOtherStartIterations});
+        FitStarts(replayer_, std::move(starts), {windows, z, likelihood, StartSteps(), kOtherStartIterations});
     for (size_t k = 0; k < which.size(); ++k) {
       const size_t w = which[k];
       if (!(likelihood.Cost(fitted.residuals[k]) < likelihood.Cost(residuals_[w]))) continue;
@@ -146,19 +174,6 @@ double LevelFit::ShareExplained() const {
   return explained / static_cast<double>(residuals_.size());
 }
 
-Level LevelFit::Joined() const {
-  Level joined;
-  for (size_t w = 0; w + 1 < level_.windows.size(); ++w) {
-    const LogWindow &a = level_.windows[w], &b = level_.windows[w + 1];
-    if (level_.stretch[w] != level_.stretch[w + 1] || a.begin + a.n_steps != b.begin) continue;
-    joined.windows.push_back({a.begin, a.n_steps + b.n_steps, a.episode_begin});
-    joined.starts.push_back(level_.starts[w]);
-    joined.stretch.push_back(level_.stretch[w]);
-    ++w;
-  }
-  return joined;
-}
-
 double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x) const {
   double cost = prior_.HalfSquare(x);
   const WindowLikelihood likelihood = Likelihood();
@@ -170,8 +185,13 @@ double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x)
 }
 
 LevelFit::Differences LevelFit::Tangents() const {
-  return {VectorXd::Constant(x_.size(), kParameterStep),
-          std::vector<VectorXd>(level_.windows.size(), kStartStep * scale_)};
+  return {VectorXd::Constant(x_.size(), kParameterStep), std::vector<VectorXd>(level_.windows.size(), StartSteps())};
+}
+
+VectorXd LevelFit::StartSteps() const {
+  VectorXd steps = kStartStep * replayer_.readings().state_scale;
+  steps.head(scale_.size()) = kStartStep * scale_;
+  return steps;
 }
 
 std::vector<std::vector<double>> LevelFit::Perturbed(const VectorXd& steps) const {
@@ -203,19 +223,23 @@ void LevelFit::EstimateNoise() {
   if (variance_.size() == 0) variance_ = (kNoiseGuess * scale_).cwiseAbs2();
   if (sensor_variance_.size() > 0) {
     // In units of what errors have grown to at the window's end, every reading tells of the same variance.
-    const VectorXd unit =
-        (Likelihood().precision().array().inverse() / variance_.replicate(n_steps() + 1, 1).array()).sqrt();
+    const Eigen::Index n_readings = (n_steps() + 1) * variance_.size();
+    const VectorXd weight =
+        Likelihood().precision().head(n_readings).cwiseProduct(variance_.replicate(n_steps() + 1, 1));
+    const VectorXd held = replayer_.readings().Held(n_steps()).head(n_readings);
+    const VectorXd n_held = Eigen::Map<const MatrixXd>(held.data(), variance_.size(), n_steps() + 1).rowwise().sum();
     VectorXd sum = VectorXd::Zero(variance_.size());
     double n = 0;
     for (const FittedWindow& window : fitted) {
       if (window.residual.size() == 0) continue;
-      const VectorXd square = (window.residual.array() / unit.array()).square();
+      const VectorXd square = window.residual.head(n_readings).cwiseAbs2().cwiseProduct(weight);
       sum += Eigen::Map<const MatrixXd>(square.data(), variance_.size(), n_steps() + 1).rowwise().sum();
-      n += n_steps();
+      ++n;
     }
-    variance_ = (sum / std::max(n, 1.0)).cwiseMax(smallest);
+    // A start takes one reading's freedom of each channel.
+    variance_ = sum.cwiseQuotient((n * (n_held.array() - 1)).cwiseMax(1.0).matrix()).cwiseMax(smallest);
   } else {
-    variance_ = NoiseVariance(fitted, variance_, smallest);
+    variance_ = NoiseVariance(replayer_.readings(), fitted, variance_, smallest);
   }
   const WindowLikelihood likelihood = Likelihood();
   weights_.clear();
@@ -223,6 +247,28 @@ void LevelFit::EstimateNoise() {
     const bool counts = !explained_alone_ || likelihood.Explains(residual);
     weights_.push_back(counts ? likelihood.Weight(residual) : 0);
   }
+}
+
+LevelFit::Spread LevelFit::OfUnread() const {
+  const std::vector<int>& unread = replayer_.readings().unread;
+  const auto n_unread = static_cast<Eigen::Index>(unread.size());
+  Spread spread{VectorXd::Zero(n_unread), VectorXd::Zero(n_unread)};
+  VectorXd squares = spread.mean;
+  double n = 0;
+  const std::vector<NormalEquations> equations = Equations(linear_);
+  for (size_t w = 0; w < equations.size(); ++w) {
+    if (!equations[w].valid || !(weights_[w] > 0)) continue;
+    const VectorXd own = equations[w].start_start.inverse().diagonal() * weights_[w];
+    for (Eigen::Index k = 0; k < n_unread; ++k) {
+      const double start = level_.starts[w][unread[static_cast<size_t>(k)]];
+      spread.mean[k] += start;
+      squares[k] += start * start + own[unread[static_cast<size_t>(k)]];
+    }
+    ++n;
+  }
+  spread.mean /= std::max(n, 1.0);
+  spread.std = (squares / std::max(n, 1.0) - spread.mean.cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
+  return spread;
 }
 
 std::vector<LevelFit::NormalEquations> LevelFit::Equations(

@@ -2,6 +2,7 @@
 /// One level of trajectory matching: windows of one length, fitted together (trajectory_matching.h has the cost).
 
 #include <Eigen/Dense>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -21,6 +22,9 @@ struct Level {
   std::vector<int> stretch;  ///< which stretch of the log each window is part of
 };
 
+/// Windows of twice the length, each from two neighbours; it starts where the first of them does.
+Level Joined(const Level& level);
+
 /// Everything that one level of windows needs to be fitted. What it is given must outlive it.
 class LevelFit {
  public:
@@ -34,11 +38,14 @@ class LevelFit {
 
   const Eigen::VectorXd& x() const { return x_; }
   const Level& level() const { return level_; }
+  const ReadingModel& readings() const { return replayer_.readings(); }
   const Eigen::VectorXd& noise_variance() const { return variance_; }
 
   /// One Gauss-Newton step on x and all starts.
   /// @return whether x moved by less than a quarter of its uncertainty
   bool Step();
+  /// Steps until x has settled, `n_iterations` at most. @param tell  called with x after each
+  void Descend(int n_iterations, const std::function<void(const Eigen::VectorXd&)>& tell);
   /// Windows that are not explained are often caught in a local minimum of their start: noise of a hundredth of a metre
   /// puts a foot into the ground. Each is fitted again from other starts, from where the replay of the window before it
   /// ends and from readings with noise added anew, and keeps the best. Call Step before and after.
@@ -56,13 +63,20 @@ class LevelFit {
   /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents.
   /// @return the covariance of x
   Eigen::MatrixXd Finish();
-  /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x, at
-  /// their nominal values and in logarithms. By the secants of Finish, and for these by steps of a fiftieth.
-  std::vector<StretchEvidence> EvidenceIn(WindowReplayer& wider, int n_more) const;
+  /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x. By the
+  /// secants of Finish, and by one step of each of these.
+  /// @param nominal, moved  their z before the step, and after it
+  /// @param step            what the step is called: the unit of what is told of them
+  std::vector<StretchEvidence> EvidenceIn(WindowReplayer& wider, const std::vector<double>& nominal,
+                                          const std::vector<double>& moved, double step) const;
   /// Share of windows that noise alone explains, after FinalCost.
   double ShareExplained() const;
-  /// Windows of twice the length, each from two neighbours; it starts where the first of them does.
-  Level Joined() const;
+  /// Mean and standard deviation, over the windows, of each unread coordinate's start, its own uncertainty included;
+  /// after Step.
+  struct Spread {
+    Eigen::VectorXd mean, std;  ///< (n_unread)
+  };
+  Spread OfUnread() const;
 
  private:
   /// The quadratic model of one window's cost, weighted.
@@ -80,17 +94,19 @@ class LevelFit {
 
   int n_steps() const { return level_.windows.front().n_steps; }
   WindowLikelihood Likelihood() const {
-    if (sensor_variance_.size() > 0) return WindowLikelihood::Growing(sensor_variance_, variance_, n_steps());
-    return {variance_, n_steps()};
+    const ReadingModel& readings = replayer_.readings();
+    if (sensor_variance_.size() > 0) return WindowLikelihood::Growing(readings, sensor_variance_, variance_, n_steps());
+    return {readings, variance_, n_steps()};
   }
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
-  /// Forward differences of these steps: (parameters), and of each window (obs_dim).
+  /// Forward differences of these steps: (parameters), and of each window (state_dim).
   struct Differences {
     Eigen::VectorXd x;
     std::vector<Eigen::VectorXd> starts;
   };
+  Eigen::VectorXd StartSteps() const;
   Differences Tangents() const;
   Differences Secants() const;
   void Linearize(const Differences& steps);

@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/matching/designer.h"
+#include "oted/stages/design/replay/replay_fit.h"
 
 namespace oted {
 namespace {
@@ -19,34 +20,18 @@ constexpr double kPredicted = 0.5;                                              
 constexpr int kFewestJudged = 3;
 constexpr double kStretch = 1.0;  // [s]
 constexpr int kMostRows = 10000;
+constexpr int kMostShortRows = 960;
 constexpr int kFitIterations = 6;
 constexpr double kWorse = 2.0;  // standard errors
-
-/// How much farther `a` predicts off than `b`, the mean over channels of the log of the ratio of mean squares, and the
-/// standard error of that (delete-one jackknife over windows).
-struct Comparison {
-  double mean = 0, error = 0;
-};
-
-Comparison Compare(const MatrixXd& a, const MatrixXd& b) {
-  const double n = static_cast<double>(a.cols());
-  const VectorXd sum_a = a.rowwise().sum(), sum_b = b.rowwise().sum();
-  Comparison result{(sum_a.array() / sum_b.array()).log().mean(), 0};
-  double square = 0;
-  for (Eigen::Index w = 0; w < a.cols(); ++w) {
-    const double without = ((sum_a - a.col(w)).array() / (sum_b - b.col(w)).array()).log().mean();
-    square += (without - result.mean) * (without - result.mean);
-  }
-  result.error = std::sqrt(square * (n - 1) / n);
-  return result;
-}
 
 }  // namespace
 
 Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps, int n_rows, double period_s) {
   std::vector<LogWindow> all;
   for (const Episode& episode : dataset.Episodes()) {
-    for (int i = episode.begin; i + n_steps <= episode.end; i += n_steps) all.push_back({i, n_steps, episode.begin});
+    for (int i = episode.begin + replayer.n_past_actions(); i + n_steps <= episode.end; i += n_steps) {
+      all.push_back({i, n_steps, episode.begin});
+    }
   }
   const size_t n = std::min(all.size(), static_cast<size_t>(std::max(1, n_rows / n_steps)));
   const int per_stretch = std::max(1, static_cast<int>(std::lround(kStretch / period_s)));
@@ -60,7 +45,7 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
     last_episode = window.episode_begin;
     last_second = second;
     level.windows.push_back(window);
-    level.starts.push_back(replayer.Logged(window, 0));
+    level.starts.push_back(replayer.Guess(window));
     level.stretch.push_back(stretch);
   }
   return level;
@@ -71,39 +56,42 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   const ParameterSpace& space = in.factory.parameters();
   const double period = in.factory.spec().control_period_s;
   if (!(period > 0)) return {};
-  const int obs_dim = in.factory.spec().obs_dim();
-  const auto make = [&](int n_parameters, const Dataset& logs) {
-    return WindowReplayer(in.factory.Make(WindowReplayer::LinearizationLanes(n_parameters, obs_dim), context.n_threads),
-                          logs);
-  };
-  WindowReplayer learner = make(space.size(), in.learn), other = make(0, in.judge);
+  WindowReplayer learner = MakeReplayer(in.factory, space.size(), in.learn, in.readings, context.n_threads);
+  WindowReplayer other = MakeReplayer(in.factory, 0, in.judge, in.readings, context.n_threads);
   const auto steps_of = [&](double seconds) { return static_cast<int>(std::lround(seconds / period)); };
-  PredictionJudge judge(other, in.judge, in.noise, steps_of(kPredicted), period);
+  PredictionJudge judge(other, in.judge, in.noise, {steps_of(kPredicted)}, period);
   if (judge.n_windows() < kFewestJudged) return {};
 
   const VectorXd scale = ChannelScales(in.learn);
-  const MatrixXd of_short = judge.MeanSquares(ToZ(space, in.short_x));
+  const auto errors_at = [&](const VectorXd& x) { return judge.MeanSquares(ToZ(space, x)); };
+  // The short windows' parameters have seen the logs that judge: they count by what they predict, and by what a fit
+  // that has not seen them predicts, whichever is worse.
+  const Level short_level = LongWindows(learner, in.learn, in.short_steps, kMostShortRows, period);
+  VectorXd short_x = in.short_x;
+  if (!short_level.windows.empty()) {
+    LevelFit fit(learner, space, in.prior, scale, short_level, in.short_x);
+    fit.Descend(kFitIterations, tell);
+    short_x = fit.x();
+  }
+  const MatrixXd as_given = errors_at(in.short_x), unseen = errors_at(short_x);
+  const MatrixXd of_short = ComparePredictions(as_given, unseen).log_ratio > 0 ? as_given : unseen;
   MatrixXd best_errors = of_short;
   LongFitChoice choice{0, in.short_x};
   std::vector<VectorXd> from = {NominalStart(space), in.short_x};
   for (const double seconds : kWindows) {
     const int n_steps = steps_of(seconds);
-    if (n_steps <= in.short_steps) continue;
+    if (n_steps <= std::max(in.short_steps, in.readings.longest_age() + 1)) continue;
     const Level level = LongWindows(learner, in.learn, n_steps, kMostRows, period);
     if (level.windows.size() < 4) break;
     bool worse = true;
     for (const VectorXd& start : from) {
       LevelFit fit(learner, space, in.prior, scale, level, start);
       fit.LetErrorsGrow(in.noise.cwiseAbs2());
-      for (int i = 0; i < kFitIterations; ++i) {
-        const bool settled = fit.Step();
-        tell(fit.x());
-        if (settled && i >= 2) break;
-      }
-      const MatrixXd errors = judge.MeanSquares(ToZ(space, fit.x()));
-      const Comparison to_best = Compare(errors, best_errors);
-      worse = worse && to_best.mean > kWorse * to_best.error;
-      if (to_best.mean < 0) {
+      fit.Descend(kFitIterations, tell);
+      const MatrixXd errors = errors_at(fit.x());
+      const PredictionRatio to_best = ComparePredictions(errors, best_errors);
+      worse = worse && to_best.log_ratio > kWorse * to_best.std;
+      if (to_best.log_ratio < 0) {
         best_errors = errors;
         choice = {n_steps, fit.x()};
       }
@@ -111,9 +99,9 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
     if (worse) break;
     from = {choice.n_steps > 0 ? choice.x : in.short_x};
   }
-  // Other parameters than the short windows' for a reason that chance does not give.
-  const Comparison gain = Compare(best_errors, of_short);
-  if (!(gain.mean < -kWorse * gain.error)) return {};
+  // Parameters that the family explains are left for a reason that chance does not give.
+  const PredictionRatio gain = ComparePredictions(best_errors, of_short);
+  if (!(gain.log_ratio < (in.explained ? -kWorse * gain.std : 0))) return {};
   return choice;
 }
 

@@ -34,9 +34,13 @@ struct LongFitInputs {
   const Dataset& learn;  ///< the logs that windows are fitted to,
   const Dataset& judge;  ///< and those that they are judged by
   const Prior& prior;
+  const ReadingModel& readings;
   Eigen::VectorXd short_x;  ///< what short windows gave
   Eigen::VectorXd noise;    ///< (obs_dim): standard deviations, what short windows left
   int short_steps = 0;      ///< length of the short windows
+  /// Whether the simulator explains the short windows at every length. Then only what is surely better takes their
+  /// place, otherwise what is better.
+  bool explained = true;
 };
 
 /// Fits windows of 0.1 s to 1 s to `learn`, from the nominal parameters and from those of the short windows, and

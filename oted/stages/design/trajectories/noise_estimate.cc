@@ -3,6 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/replay/window_likelihood.h"
+#include "oted/stages/design/trajectories/first_level.h"
+#include "oted/stages/design/trajectories/start_fit.h"
+
 namespace oted {
 namespace {
 
@@ -12,14 +17,12 @@ using Eigen::VectorXd;
 constexpr double kMedianOfSquaredNormal = 0.4549;
 constexpr double kLeastFreedom = 1e-3;  // below it a residual is that of the fit and not of the reading
 constexpr int kLeverageRounds = 3;
+constexpr int kNoiseWindows = 240, kNoiseRounds = 3, kNoiseStartIterations = 3;
+constexpr double kFirstNoiseGuess = 0.01, kNoiseStartStep = 1e-5;  // of a channel's standard deviation
 
-/// 1 - h_i of every number of a window.
-VectorXd Freedom(const FittedWindow& window, const VectorXd& variance) {
-  const Eigen::Index n_channels = variance.size();
-  MatrixXd whitened = window.d_start;
-  for (Eigen::Index i = 0; i < whitened.rows(); i += n_channels) {
-    whitened.middleRows(i, n_channels).array().colwise() /= variance.array().sqrt();
-  }
+/// 1 - h_i of every number of a window. @param precision  of every number
+VectorXd Freedom(const FittedWindow& window, const VectorXd& precision) {
+  const MatrixXd whitened = precision.cwiseSqrt().asDiagonal() * window.d_start;
   const MatrixXd normal = whitened.transpose() * whitened;
   const MatrixXd solved = normal.ldlt().solve(whitened.transpose());
   return (1 - whitened.transpose().cwiseProduct(solved).colwise().sum().transpose().array()).max(0.0);
@@ -39,28 +42,73 @@ double WeightedMedian(std::vector<std::pair<double, double>>& values) {
 
 }  // namespace
 
-VectorXd NoiseVariance(const std::vector<FittedWindow>& windows, const VectorXd& guess, const VectorXd& smallest) {
+VectorXd NoiseVariance(const ReadingModel& readings, const std::vector<FittedWindow>& windows, const VectorXd& guess,
+                       const VectorXd& smallest) {
   const Eigen::Index n_channels = guess.size();
-  VectorXd variance = guess.cwiseMax(smallest);
+  const VectorXd floor = smallest.cwiseMax(readings.smallest_std.cwiseAbs2());
+  VectorXd variance = guess.cwiseMax(floor);
   for (int round = 0; round < kLeverageRounds; ++round) {
     std::vector<std::vector<std::pair<double, double>>> of_channel(static_cast<size_t>(n_channels));
+    VectorXd precision;
     for (const FittedWindow& window : windows) {
       if (window.residual.size() == 0) continue;
-      const VectorXd freedom = Freedom(window, variance);
-      for (Eigen::Index i = 0; i < freedom.size(); ++i) {
+      const Eigen::Index n_readings = window.residual.size() - readings.n_unread();
+      if (precision.size() == 0) {
+        const auto n_steps = static_cast<int>(n_readings / n_channels) - 1;
+        precision = WindowLikelihood(readings, variance, n_steps).precision();
+      }
+      const VectorXd freedom = Freedom(window, precision);
+      for (Eigen::Index i = 0; i < n_readings; ++i) {
         const Eigen::Index c = i % n_channels;
         const double square = window.residual[i] * window.residual[i];
+        if (i / n_channels < readings.ages[static_cast<size_t>(c)]) continue;
         if (freedom[i] < kLeastFreedom || square <= smallest[c]) continue;
         of_channel[static_cast<size_t>(c)].emplace_back(square / freedom[i], freedom[i]);
       }
     }
     for (Eigen::Index c = 0; c < n_channels; ++c) {
       auto& squares = of_channel[static_cast<size_t>(c)];
-      variance[c] =
-          squares.empty() ? smallest[c] : std::max(smallest[c], WeightedMedian(squares) / kMedianOfSquaredNormal);
+      variance[c] = squares.empty() ? floor[c] : std::max(floor[c], WeightedMedian(squares) / kMedianOfSquaredNormal);
     }
   }
   return variance;
+}
+
+VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const ReadingModel& readings,
+                     const std::vector<double>& z, int n_threads) {
+  WindowReplayer replayer = MakeReplayer(factory, 0, logs, readings, n_threads);
+  const int n_steps = ShortestWindow(readings);
+  std::vector<LogWindow> all, windows;
+  for (const Episode& episode : logs.Episodes()) {
+    for (int i = episode.begin + replayer.n_past_actions(); i + n_steps <= episode.end; i += n_steps) {
+      all.push_back({i, n_steps, episode.begin});
+    }
+  }
+  const size_t n = std::min<size_t>(all.size(), kNoiseWindows);
+  for (size_t k = 0; k < n; ++k) {
+    const LogWindow& window = all[k * all.size() / n];
+    if (replayer.CanStart(window)) windows.push_back(window);
+  }
+  const VectorXd scale = ChannelScales(logs), smallest = (kSmallestNoise * scale.cwiseMax(1.0)).cwiseAbs2();
+  const VectorXd step = kNoiseStartStep * readings.state_scale;
+  VectorXd variance = (kFirstNoiseGuess * scale).cwiseAbs2();
+  std::vector<VectorXd> starts = LoggedStarts(replayer, windows);
+  for (int round = 0; round < kNoiseRounds; ++round) {
+    const WindowLikelihood likelihood(readings, variance, n_steps);
+    starts = FitStarts(replayer, std::move(starts),
+                       {.windows = windows,
+                        .z = z,
+                        .likelihood = likelihood,
+                        .start_step = step,
+                        .n_iterations = kNoiseStartIterations})
+                 .starts;
+    std::vector<FittedWindow> fitted;
+    for (auto& linear : replayer.Linearize(windows, starts, z, {}, {}, std::vector<VectorXd>(windows.size(), step))) {
+      if (linear.valid) fitted.push_back({std::move(linear.residual), std::move(linear.d_start)});
+    }
+    variance = NoiseVariance(readings, fitted, variance, smallest);
+  }
+  return variance.cwiseSqrt();
 }
 
 }  // namespace oted

@@ -4,12 +4,16 @@
 #include <Eigen/Dense>
 #include <vector>
 
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+#include "oted/stages/design/replay/reading_model.h"
+
 namespace oted {
 
-/// What one window tells: residuals of `n_observations` consecutive observations, each of `n_channels` numbers.
+/// What one window tells, as WindowReplayer has it.
 struct FittedWindow {
-  Eigen::VectorXd residual;  ///< (n_observations n_channels), logged minus simulated; empty where there is none
-  Eigen::MatrixXd d_start;   ///< (the same, n_channels): of the simulated numbers, by the start that was fitted
+  Eigen::VectorXd residual;  ///< (n), logged minus simulated; empty where there is none
+  Eigen::MatrixXd d_start;   ///< (n, state_dim): of the simulated numbers, by the start that was fitted
 };
 
 /// The variance of every channel's noise.
@@ -19,12 +23,19 @@ struct FittedWindow {
 /// reading i in the weighted fit of the start; without that correction (restricted maximum likelihood makes the same)
 /// one channel's noise can shrink to nothing while the others' grows. The estimate is the median of r_i^2 / (1 - h_i),
 /// each counting 1 - h_i, over that of a squared standard normal: windows through contact, whose starts may be caught
-/// in a local minimum, would govern a mean. Residuals that are rounding say nothing of noise and are left out.
+/// in a local minimum, would govern a mean. Residuals that are rounding say nothing of noise and are left out. Readings
+/// that are not held because they were computed from others tell of their noise all the same; those that are too old
+/// tell nothing. No estimate is below what a reading's own steps make.
 ///
 /// @param guess     (n_channels): variances by which the starts were weighed; leverages follow from it, and are made
 ///                  again from what it gives, twice
 /// @param smallest  (n_channels): variance of rounding; the least that is returned
-Eigen::VectorXd NoiseVariance(const std::vector<FittedWindow>& windows, const Eigen::VectorXd& guess,
-                              const Eigen::VectorXd& smallest);
+Eigen::VectorXd NoiseVariance(const ReadingModel& readings, const std::vector<FittedWindow>& windows,
+                              const Eigen::VectorXd& guess, const Eigen::VectorXd& smallest);
+
+/// (obs_dim): the standard deviation of every channel's noise, as the simulator at z has it: what it leaves of the
+/// shortest windows, spread over the logs.
+Eigen::VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const ReadingModel& readings,
+                            const std::vector<double>& z, int n_threads);
 
 }  // namespace oted

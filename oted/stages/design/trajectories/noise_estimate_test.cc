@@ -40,7 +40,8 @@ VectorXd Vector(double a, double b) { return (VectorXd(2) << a, b).finished(); }
 
 TEST(NoiseVariance, TellsTheNoiseOfEveryChannelFromWindowsThatAreWeighedRightly) {
   const VectorXd noise = Vector(0.02, 0.5), truth = noise.cwiseAbs2();
-  const VectorXd found = NoiseVariance(Windows(noise, truth, 4000), truth, kSmallest).cwiseSqrt();
+  const VectorXd found =
+      NoiseVariance(ReadingModel::Plain(2), Windows(noise, truth, 4000), truth, kSmallest).cwiseSqrt();
   EXPECT_NEAR(found[0] / 0.02, 1, 0.05);
   EXPECT_NEAR(found[1] / 0.5, 1, 0.05);
 }
@@ -50,7 +51,7 @@ TEST(NoiseVariance, ComesToTheTruthFromAWrongGuessWithoutAChannelThatCollapses) 
   for (const VectorXd& guess : {Vector(0.5, 0.02), Vector(0.02, 0.02), Vector(0.5, 0.5)}) {
     VectorXd believed = guess.cwiseAbs2();
     for (int i = 0; i < 15; ++i)
-      believed = NoiseVariance(Windows(Vector(0.02, 0.5), believed, 2000), believed, kSmallest);
+      believed = NoiseVariance(ReadingModel::Plain(2), Windows(Vector(0.02, 0.5), believed, 2000), believed, kSmallest);
     EXPECT_NEAR(std::sqrt(believed[0]) / 0.02, 1, 0.07);
     EXPECT_NEAR(std::sqrt(believed[1]) / 0.5, 1, 0.07);
   }
@@ -60,14 +61,14 @@ TEST(NoiseVariance, AFifthOfTheWindowsGoneWrongMovesItLittle) {
   const VectorXd noise = Vector(0.02, 0.5), truth = noise.cwiseAbs2();
   std::vector<FittedWindow> windows = Windows(noise, truth, 2000);
   for (size_t w = 0; w < windows.size(); w += 5) windows[w].residual *= 100;
-  const VectorXd found = NoiseVariance(windows, truth, kSmallest).cwiseSqrt();
+  const VectorXd found = NoiseVariance(ReadingModel::Plain(2), windows, truth, kSmallest).cwiseSqrt();
   EXPECT_LT(found[0] / 0.02, 1.5);
   EXPECT_LT(found[1] / 0.5, 1.5);
 }
 
 TEST(NoiseVariance, OfResidualsThatAreRoundingIsThatOfRounding) {
   const VectorXd truth = Vector(1e-9, 1e-9).cwiseAbs2();
-  EXPECT_EQ(NoiseVariance(Windows(Vector(1e-9, 1e-9), truth, 50), truth, kSmallest), kSmallest);
+  EXPECT_EQ(NoiseVariance(ReadingModel::Plain(2), Windows(Vector(1e-9, 1e-9), truth, 50), truth, kSmallest), kSmallest);
 }
 
 // A contact sensor that is zero most of the time: the readings that are not tell its noise.
@@ -77,7 +78,7 @@ TEST(NoiseVariance, AChannelThatRarelyShowsAnythingDoesNotCountAsNoiseless) {
   for (size_t w = 0; w < windows.size(); ++w) {
     for (int t = 0; w % 4 > 0 && t < kObservations; ++t) windows[w].residual[kChannels * t + 1] = 0;
   }
-  EXPECT_NEAR(std::sqrt(NoiseVariance(windows, truth, kSmallest)[1]) / 0.5, 1, 0.1);
+  EXPECT_NEAR(std::sqrt(NoiseVariance(ReadingModel::Plain(2), windows, truth, kSmallest)[1]) / 0.5, 1, 0.1);
 }
 
 }  // namespace oted::noise_estimate_test

@@ -9,7 +9,7 @@
 
 namespace oted {
 
-/// Start states (obs_dim) and what their replays leave, as WindowReplayer::Residuals.
+/// Start states (state_dim) and what their replays leave, as WindowReplayer::Residuals.
 struct FittedStarts {
   std::vector<Eigen::VectorXd> starts, residuals;
 };
@@ -19,11 +19,12 @@ struct StartProblem {
   const std::vector<LogWindow>& windows;
   const std::vector<double>& z;
   const WindowLikelihood& likelihood;
-  Eigen::VectorXd start_step;  ///< (obs_dim): of forward differences
+  Eigen::VectorXd start_step;  ///< (state_dim): of forward differences
   int n_iterations;
 };
 
-/// Levenberg-Marquardt, window by window: each keeps the better of its two starts at every step.
+/// Levenberg-Marquardt, window by window: each keeps the better of its two starts at every step, and stays where a step
+/// gains nothing.
 /// @param starts  where to begin; noisy readings, say
 FittedStarts FitStarts(WindowReplayer& replayer, std::vector<Eigen::VectorXd> starts, const StartProblem& problem);
 

@@ -18,7 +18,7 @@ TEST(FitStarts, FindsTheWeightedLeastSquaresStartOfALinearPlant) {
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 16, 1), logs);
   const std::vector<LogWindow> windows = {{0, 6, 0}, {6, 6, 0}};
   const std::vector<VectorXd> readings = {replayer.Logged(windows[0], 0), replayer.Logged(windows[1], 0)};
-  const WindowLikelihood likelihood(VectorXd::Constant(2, 0.05 * 0.05), 6);
+  const WindowLikelihood likelihood(ReadingModel::Plain(2), VectorXd::Constant(2, 0.05 * 0.05), 6);
   const VectorXd step = VectorXd::Constant(2, 1e-4);
   const FittedStarts fitted = FitStarts(replayer, readings, {windows, kTruth, likelihood, step, 6});
 
@@ -36,7 +36,7 @@ TEST(FitStarts, WithoutWindowsThereIsNothingToFit) {
   const Dataset logs = PointMassLogs(kTruth, 1);
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 16, 1), logs);
   const std::vector<LogWindow> none;
-  const WindowLikelihood likelihood(VectorXd::Ones(2), 2);
+  const WindowLikelihood likelihood(ReadingModel::Plain(2), VectorXd::Ones(2), 2);
   EXPECT_TRUE(FitStarts(replayer, {}, {none, kTruth, likelihood, VectorXd::Ones(2), 3}).starts.empty());
 }
 

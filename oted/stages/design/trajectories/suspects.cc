@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
 
 namespace oted {
@@ -11,10 +13,16 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kSurely = 4.0;            // standard deviations
-constexpr double kNoticeableChange = 0.1;  // of log(factor)
-constexpr double kLargestLog = 2.303;      // of log(factor): a linear model knows nothing of a change tenfold
-constexpr size_t kMost = 3;
+constexpr double kDirected = 2.0;  // standard deviations
+constexpr double kStep = 0.02;     // of the logarithm of a multiple, of the range of a value
+constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
+constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
+
+/// z where the linear model has moved by `change`.
+double At(const ParameterSpec& spec, double change) {
+  if (spec.scale == ParameterScale::kNominal) return std::exp(std::clamp(change, -kLargestLog, kLargestLog));
+  return std::clamp(spec.nominal + change * (spec.high - spec.low), spec.low, spec.high);
+}
 
 /// The parts of x and of further parameter `k`.
 std::vector<StretchEvidence> WithOne(const std::vector<StretchEvidence>& all, Eigen::Index n_x, Eigen::Index k) {
@@ -27,32 +35,45 @@ std::vector<StretchEvidence> WithOne(const std::vector<StretchEvidence>& all, Ei
 
 }  // namespace
 
-std::vector<Suspect> FindSuspects(const SimulatorFactory& factory, const Dataset& dataset, const LevelFit& fit,
-                                  const Prior& prior, int n_threads) {
-  const std::vector<ParameterSpec> specs = factory.Suspects();
-  const std::unique_ptr<SimulatorFactory> wider = specs.empty() ? nullptr : factory.With(specs);
-  if (wider == nullptr) return {};
-  const int n_lanes = WindowReplayer::LinearizationLanes(wider->parameters().size(), factory.spec().obs_dim());
-  WindowReplayer replayer(wider->Make(n_lanes, n_threads), dataset);
-  const auto evidence = fit.EvidenceIn(replayer, static_cast<int>(specs.size()));
+Prior WithUniform(const Prior& prior) {
+  const int n = prior.size();
+  if (prior.uniform) return Prior::Uniform(n + 1);
+  VectorXd mean = VectorXd::Zero(n + 1);
+  MatrixXd covariance = Prior::Uniform(n + 1).Covariance();
+  mean.head(n) = prior.mean;
+  covariance.topLeftCorner(n, n) = prior.Covariance();
+  return Prior::Gaussian(mean, covariance);
+}
+
+bool IsNoticeable(const ParameterSpec& spec, double z) {
+  if (spec.scale == ParameterScale::kNominal) return std::abs(std::log(z)) > kNoticeableLog;
+  return std::abs(z - spec.nominal) > kNoticeableShare * (spec.high - spec.low);
+}
+
+std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                                   const Prior& prior) {
+  std::vector<double> nominal, moved;
+  for (const ParameterSpec& spec : specs) {
+    nominal.push_back(spec.nominal);
+    moved.push_back(At(spec, kStep));
+  }
+  const auto evidence = fit.EvidenceIn(wider, nominal, moved, kStep);
   const auto n_x = fit.x().size();
-  VectorXd x = VectorXd::Zero(n_x + 1), mean = x;
-  MatrixXd covariance = Prior::Uniform(static_cast<int>(n_x) + 1).Covariance();
+  VectorXd x = VectorXd::Zero(n_x + 1);
   x.head(n_x) = fit.x();
-  mean.head(n_x) = prior.mean;
-  covariance.topLeftCorner(n_x, n_x) = prior.Covariance();
-  const Prior with_one = Prior::Gaussian(mean, covariance);
-  std::vector<Suspect> suspects;
+  const Prior with_one = WithUniform(prior);
+  std::vector<std::pair<double, Suspect>> scored;
   for (size_t k = 0; k < specs.size(); ++k) {
     const StretchEstimate estimate =
         EstimateFromStretches(WithOne(evidence, n_x, static_cast<Eigen::Index>(k)), x, with_one);
     const double change = estimate.step[n_x], std = std::sqrt(estimate.covariance(n_x, n_x));
-    if (!(std::abs(change) > std::max(kNoticeableChange, kSurely * std))) continue;
-    suspects.push_back({specs[k].field, std::exp(std::clamp(change, -kLargestLog, kLargestLog)), std});
+    const double value = At(specs[k], change);
+    if (!(std::abs(change) > kDirected * std) || value == nominal[k]) continue;
+    scored.emplace_back(std::abs(change) / std, Suspect{.spec = specs[k], .value = value});
   }
-  const auto certainty = [](const Suspect& s) { return std::abs(std::log(s.factor)) / s.log_std; };
-  std::ranges::stable_sort(suspects, [&](const Suspect& a, const Suspect& b) { return certainty(a) > certainty(b); });
-  suspects.resize(std::min(suspects.size(), kMost));
+  std::ranges::stable_sort(scored, [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<Suspect> suspects;
+  for (auto& [unused, suspect] : scored) suspects.push_back(std::move(suspect));
   return suspects;
 }
 

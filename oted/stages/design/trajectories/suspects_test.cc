@@ -6,66 +6,87 @@
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/trajectories/freed.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted::suspects_test {
 
-constexpr double kDamping = 0.5;  // of the model
+constexpr double kDamping = 0.5, kIdle = 0.5;  // of the model
 
 /// The point mass with its gain alone as a parameter; behind it, where there is more, multiples of its damping and
 /// idle.
 class GainOfPointMass : public PointMass {
  public:
-  using PointMass::PointMass;
+  GainOfPointMass(std::vector<ParameterSpec> more, int n_lanes, int n_threads)
+      : PointMass(PointMassOptions{}, n_lanes, n_threads), more_(std::move(more)) {}
   void SetParameters(int lane, std::span<const double> z) override {
-    PointMass::SetParameters(lane, std::vector<double>{z[0], kDamping * (z.size() > 1 ? z[1] : 1.0), 0.5});
+    std::vector<double> all = {z[0], kDamping, kIdle};
+    for (size_t k = 0; k < more_.size(); ++k) all[more_[k].field == "env/damping" ? 1 : 2] *= z[k + 1];
+    PointMass::SetParameters(lane, all);
   }
+
+ private:
+  std::vector<ParameterSpec> more_;
 };
 
 class GainFactory : public PointMassFactory {
  public:
-  explicit GainFactory(const std::vector<ParameterSpec>& more = {}) {
+  explicit GainFactory(const std::vector<ParameterSpec>& more = {}) : more_(more) {
     std::vector<ParameterSpec> specs = {PointMass::MakeParameters()[0]};
     specs.insert(specs.end(), more.begin(), more.end());
     parameters_ = ParameterSpace(specs);
   }
   const ParameterSpace& parameters() const override { return parameters_; }
   std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
-    return std::make_unique<GainOfPointMass>(PointMassOptions{}, n_lanes, n_threads);
+    return std::make_unique<GainOfPointMass>(more_, n_lanes, n_threads);
   }
   std::vector<ParameterSpec> Suspects() const override {
-    return {{.name = "env/damping", .field = "env/damping"}, {.name = "env/idle", .field = "env/idle"}};
+    return {{.name = "damping", .field = "env/damping"}, {.name = "idle", .field = "env/idle"}};
   }
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override {
     return std::make_unique<GainFactory>(more);
   }
 
  private:
+  std::vector<ParameterSpec> more_;
   ParameterSpace parameters_;
 };
 
 /// What is suspected where the target's damping is `factor` times the model's, whose gain alone is searched.
 std::vector<Suspect> SuspectsOf(double factor, uint64_t seed) {
   NullSink log;
-  const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, 0.5}, 20), 0.02, RngKey(seed));
+  const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, kIdle}, 20), 0.02, RngKey(seed));
   const RunContext context{.log = &log, .n_threads = 1};
-  return MatchTrajectories(
-             {GainFactory(), logs, Prior::Uniform(1), RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
-             {.rows = 400, .starts = 2, .coarse = 16})
-      .evidence->suspects;
+  const GainFactory factory;
+  const Prior prior = Prior::Uniform(1);
+  const ReplayFit fit =
+      MatchTrajectories({factory, logs, prior, RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
+                        {.rows = 400, .starts = 2, .coarse = 16});
+  return TrySuspects({.factory = factory,
+                      .dataset = logs,
+                      .prior = prior,
+                      .fit = *fit.evidence,
+                      .z = ToZ(factory.parameters(), fit.mean),
+                      .kept_aside = RngKey(seed),
+                      .context = context},
+                     3);
 }
 
-TEST(FindSuspects, NamesWhatIsOffAndByHowMuch) {
-  for (const double factor : {0.8, 1.25}) {
+TEST(TrySuspects, NamesWhatIsOffAndByHowMuchAndSaysWhatFreeingItBuys) {
+  for (const double factor : {0.6, 1.5}) {
     const std::vector<Suspect> suspects = SuspectsOf(factor, 3);
-    ASSERT_EQ(suspects.size(), 1u);
-    EXPECT_EQ(suspects[0].field, "env/damping");
-    EXPECT_NEAR(suspects[0].factor, factor, 0.08);
+    ASSERT_FALSE(suspects.empty());
+    EXPECT_EQ(suspects[0].spec.field, "env/damping");
+    ASSERT_TRUE(suspects[0].trial.has_value());
+    EXPECT_TRUE(suspects[0].trial->kept);
+    EXPECT_NEAR(suspects[0].trial->value, factor, 0.1);
+    EXPECT_LT(suspects[0].trial->after[0], suspects[0].trial->before[0]);
+    EXPECT_EQ(BestFreed(suspects), suspects.data());
   }
 }
 
-TEST(FindSuspects, SuspectsNothingWhereTheSearchedParametersExplainTheLogs) {
-  for (uint64_t seed = 0; seed < 20; ++seed) EXPECT_TRUE(SuspectsOf(1.0, seed).empty());
+TEST(TrySuspects, FreesNothingWhereTheSearchedParametersExplainTheLogs) {
+  for (uint64_t seed = 0; seed < 10; ++seed) EXPECT_EQ(BestFreed(SuspectsOf(1.0, seed)), nullptr) << seed;
 }
 
 }  // namespace oted::suspects_test

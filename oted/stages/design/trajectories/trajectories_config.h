@@ -10,6 +10,7 @@ struct TrajectoriesConfig {
   int rows = 960;   ///< logged transitions that are matched, at most
   int starts = 3;   ///< starting points that are refined at the first level
   int coarse = 64;  ///< draws of the parameters from the prior among which they are chosen
+  int tried = 3;    ///< likeliest suspects that are freed, where the fit leaves more than the sensors explain
 
   FieldList Fields();
 };

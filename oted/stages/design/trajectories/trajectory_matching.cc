@@ -8,9 +8,10 @@
 
 #include "oted/matching/designer.h"
 #include "oted/matching/held_out.h"
+#include "oted/stages/design/replay/kept_aside.h"
+#include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
-#include "oted/stages/design/trajectories/suspects.h"
 
 namespace oted {
 namespace {
@@ -19,99 +20,18 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kTolerableGrowth = 1.25;  // of the noise estimate from the first level to a longer one
-constexpr int kFirstWindow = 2;
 constexpr int kStartIterations = 5, kLevelIterations = 4;
 constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windows stay unexplained
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
 constexpr int kFirstLevelIterations = 7;
-constexpr size_t kManyEpisodes = 5;
-constexpr int kBlocksPerJudged = 5;
-constexpr double kHeldOutBlock = 2.0;       // [s]
-constexpr double kLongestPrediction = 1.0;  // [s]
-constexpr double kVisibleNoise = 1e-4;      // of a channel's spread: below is rounding
+constexpr double kLongestUnread = 0.6;  // [s]: of short windows where rates are unread
+constexpr int kFewestStretches = 16;    // of that length
+constexpr int kManyReplays = 50000;     // control steps of a linearization: what noisy logs may take
+constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is rounding
+constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 constexpr int kValidationRows = 960;
+constexpr int kLongTries = 30;  // steps of the fits that are compared, about
 constexpr int kLongIterations = 8, kMostLongRows = 30000;
-constexpr int kFewestIterations = 3;  // the starts need them where x does not
-
-/// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into the first level's
-/// windows.
-Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_rows, Rng& rng) {
-  Level level;
-  int n_stretches = 0;
-  for (const LogWindow& stretch : DrawStretches(dataset, length, n_rows, rng)) {
-    for (int i = stretch.begin; i + kFirstWindow <= stretch.begin + length; i += kFirstWindow) {
-      const LogWindow window{i, kFirstWindow, stretch.episode_begin};
-      if (!replayer.CanStart(window)) continue;
-      level.windows.push_back(window);
-      level.starts.push_back(replayer.Logged(window, 0));
-      level.stretch.push_back(n_stretches);
-    }
-    ++n_stretches;
-  }
-  return level;
-}
-
-/// How well z explains one-step replays from the logged states: the log of each channel's error, the worst fifth of the
-/// windows left out.
-double CoarseCost(WindowReplayer& replayer, const Level& level, const VectorXd& scale, const std::vector<double>& z) {
-  const std::vector<VectorXd> residuals = replayer.Residuals(level.windows, level.starts, z);
-  double cost = 0;
-  for (int c = 0; c < scale.size(); ++c) {
-    std::vector<double> errors;
-    for (const VectorXd& residual : residuals) {
-      double error = 1e6;
-      if (residual.size() > 0) {
-        error = 0;
-        for (int t = 1; t <= kFirstWindow; ++t) error += std::pow(residual[t * scale.size() + c] / scale[c], 2);
-      }
-      errors.push_back(error);
-    }
-    std::sort(errors.begin(), errors.end());
-    errors.resize(std::max<size_t>(1, errors.size() * 4 / 5));
-    cost += std::log(std::accumulate(errors.begin(), errors.end(), 1e-14) / static_cast<double>(errors.size()));
-  }
-  return cost;
-}
-
-/// Steps until x has settled.
-void Descend(LevelFit& fit, int n_iterations, const std::function<void(const VectorXd&)>& tell) {
-  for (int i = 0; i < n_iterations; ++i) {
-    const bool settled = fit.Step();
-    tell(fit.x());
-    if (settled && i + 1 >= kFewestIterations) return;
-  }
-}
-
-/// The first `n` windows of a level.
-Level Leading(const Level& level, size_t n) {
-  Level part = level;
-  part.windows.resize(std::min(n, level.windows.size()));
-  part.starts.resize(part.windows.size());
-  part.stretch.resize(part.windows.size());
-  return part;
-}
-
-/// Logs to fit and logs to judge by: whole episodes, but where they are few, each may be of another kind of motion, and
-/// every fifth block of two seconds is kept aside (of a shorter episode its last fifth).
-HeldOutParts PartsOf(const Dataset& dataset, double period_s, RngKey key) {
-  const std::vector<Episode> episodes = dataset.Episodes();
-  if (episodes.size() >= kManyEpisodes || !(period_s > 0)) return HoldOut(dataset, key);
-  std::vector<Episode> learn, judge;
-  for (const Episode& whole : episodes) {
-    const int block =
-        std::min(static_cast<int>(std::lround(kHeldOutBlock / period_s)), whole.size() / kBlocksPerJudged);
-    if (block < 1) return {dataset, dataset};
-    int begin = whole.begin;  // of what was not given to either
-    for (int k = kBlocksPerJudged - 1; whole.begin + (k + 1) * block <= whole.end; k += kBlocksPerJudged) {
-      const int middle = whole.begin + k * block, end = middle + block;
-      learn.push_back({begin, middle, false});
-      judge.push_back({middle, end, whole.terminated && end == whole.end});
-      begin = end;
-    }
-    if (begin < whole.end) learn.push_back({begin, whole.end, whole.terminated});
-  }
-  return {dataset.Select(learn), dataset.Select(judge)};
-}
 
 /// One run of the method, step by step.
 class TrajectoryMatch {
@@ -120,38 +40,51 @@ class TrajectoryMatch {
       : problem_(problem),
         config_(config),
         space_(problem.factory.parameters()),
-        replayer_(MakeReplayer(space_.size(), problem.dataset)),
         scale_(ChannelScales(problem.dataset)),
         rng_(problem.key.MakeRng()),
-        parts_(PartsOf(problem.dataset, problem.factory.spec().control_period_s, problem.key.Stage("held out"))) {
+        parts_(KeepAside(problem.dataset, problem.factory.spec().control_period_s, problem.kept_aside)) {
     evidence_.scale = {scale_.begin(), scale_.end()};
-    int longest = kFirstWindow;
-    for (const Episode& episode : problem.dataset.Episodes()) {
-      while (longest * 2 <= std::min(config.window, episode.size())) longest *= 2;
-    }
-    first_ = FirstLevel(replayer_, problem.dataset, longest, config.rows, rng_);
-    if (first_.windows.empty()) ThrowNothingStartable(problem.dataset, problem.factory.spec(), kFirstWindow);
+    Read({});
     n_total_ = config.starts * kStartIterations + kFirstLevelIterations + kRounds * kRoundIterations;
-    for (int length = kFirstWindow; length < longest; length *= 2) {
+    for (int length = shortest_; length < longest_; length *= 2) {
       n_total_ += kLevelIterations + kRounds * kRoundIterations;
     }
   }
 
   ReplayFit Run() {
     const bool explains_all = FitShortWindows(FindStart());
-    if (!explains_all || AreBriefAndNoisy()) FitLongWindows();
+    if (!explains_all || AreBriefAndNoisy()) FitLongWindows(explains_all);
+    if (choice_.n_steps == 0 && IsNoisy()) UseMoreRows();
+    CountRows();
     const MatrixXd covariance = fit_->Finish();
-    evidence_.suspects =
-        FindSuspects(problem_.factory, problem_.dataset, *fit_, problem_.prior, problem_.context.n_threads);
-    evidence_.held_out = Validate();
+    if (problem_.judged) evidence_.unseen = FitUnseen();
     problem_.progress(n_total_, n_total_, fit_->x());
     return {.mean = fit_->x(), .covariance = covariance, .evidence = evidence_};
   }
 
  private:
-  WindowReplayer MakeReplayer(int n_parameters, const Dataset& logs) const {
-    const int n_lanes = WindowReplayer::LinearizationLanes(n_parameters, problem_.factory.spec().obs_dim());
-    return WindowReplayer(problem_.factory.Make(n_lanes, problem_.context.n_threads), logs);
+  /// Makes the replayer and the shortest windows. @param computed  as ReadingModel has it
+  void Read(const std::vector<char>& computed) {
+    const Dataset& logs = problem_.dataset;
+    const SimulatorSpec& spec = problem_.factory.spec();
+    fit_.reset();
+    replayer_ = std::make_unique<WindowReplayer>(MakeReplayer(
+        problem_.factory, space_.size(), logs, ReadingModel::Of(spec, logs, computed), problem_.context.n_threads));
+    shortest_ = longest_ = ShortestWindow(replayer_->readings());
+    // Rates that are fitted as well take longer windows.
+    const bool all_read = replayer_->readings().unread.empty() || !(spec.control_period_s > 0);
+    const int bound =
+        all_read ? config_.window : std::max(config_.window, static_cast<int>(kLongestUnread / spec.control_period_s));
+    for (const Episode& episode : logs.Episodes()) {
+      while (longest_ * 2 <= std::min(bound, episode.size())) longest_ *= 2;
+    }
+    const int n_rows = all_read ? config_.rows : std::max(config_.rows, kFewestStretches * longest_);
+    first_ = FirstLevel(*replayer_, logs, longest_, shortest_, n_rows, rng_);
+    if (first_.windows.empty()) ThrowNothingStartable(logs, spec, shortest_);
+  }
+
+  WindowReplayer Replayer(int n_parameters, const Dataset& logs) const {
+    return MakeReplayer(problem_.factory, n_parameters, logs, replayer_->readings(), problem_.context.n_threads);
   }
 
   void Tell(const VectorXd& x) {
@@ -160,7 +93,7 @@ class TrajectoryMatch {
   }
 
   void Descend(LevelFit& fit, int n_iterations) {
-    ::oted::Descend(fit, n_iterations, [&](const VectorXd& x) { Tell(x); });
+    fit.Descend(n_iterations, [&](const VectorXd& x) { Tell(x); });
   }
 
   /// Of the prior's draws that explain single steps best, and the nominal parameters, the one that descends farthest.
@@ -174,7 +107,7 @@ class TrajectoryMatch {
         for (double& coordinate : x) coordinate = rng_.Normal();
         x = problem_.prior.mean + problem_.prior.factor * x;
       }
-      candidates.emplace_back(CoarseCost(replayer_, few, scale_, ToZ(space_, x)), x);
+      candidates.emplace_back(CoarseCost(*replayer_, few, scale_, ToZ(space_, x)), x);
       problem_.context.ThrowIfStopped();
     }
     std::stable_sort(candidates.begin(), candidates.end(),
@@ -182,25 +115,27 @@ class TrajectoryMatch {
     VectorXd x = candidates.front().second;
     double best = std::numeric_limits<double>::infinity();
     for (int s = 0; s < std::min(config_.starts, config_.coarse); ++s) {
-      LevelFit fit(replayer_, space_, problem_.prior, scale_, third, candidates[static_cast<size_t>(s)].second);
+      LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, candidates[static_cast<size_t>(s)].second);
       n_planned_ += kStartIterations;
       Descend(fit, kStartIterations);
       n_done_ = n_planned_;
       const double cost = fit.FinalCost();
       if (cost < best) x = fit.x();
       best = std::min(best, cost);
+      if (IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll) break;
     }
     return x;
   }
 
   /// Longer and longer windows, while they are explained as well as the short ones.
+  /// @param again  x is near already
   /// @return whether all were
-  bool FitShortWindows(VectorXd x) {
+  bool FitShortWindows(VectorXd x, bool again = false) {
     Level level = first_;
     while (!level.windows.empty()) {
       const bool is_first = fit_ == nullptr;
-      auto fit = std::make_unique<LevelFit>(replayer_, space_, problem_.prior, scale_, level, x);
-      const int n_iterations = is_first ? kFirstLevelIterations : kLevelIterations;
+      auto fit = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, level, x);
+      const int n_iterations = is_first && !again ? kFirstLevelIterations : kLevelIterations;
       n_planned_ += n_iterations + kRounds * kRoundIterations;
       Descend(*fit, n_iterations);
       for (int round = 0; round < kRounds && fit->TryOtherStarts(rng_); ++round) {
@@ -215,64 +150,126 @@ class TrajectoryMatch {
       const VectorXd noise = fit->noise_variance().cwiseSqrt();
       evidence_.long_noise_std = {noise.begin(), noise.end()};
       if (is_first) evidence_.short_noise_std = evidence_.long_noise_std;
+      if (is_first && LeaveOutComputed()) {
+        level = first_;
+        x = fit->x();
+        continue;
+      }
+      ExpectUnguessed(*fit);
       const double growth = std::exp((noise.array() / SensorNoise().array()).log().mean());
       if (growth > kTolerableGrowth) return false;
       x = fit->x();
       evidence_.window = level.windows.front().n_steps;
       evidence_.explained = fit->ShareExplained();
       evidence_.noise_std = evidence_.long_noise_std;
-      level = fit->Joined();
+      level = NextLevel(fit->level(), is_first && !IsNoisy() && fit->ShareExplained() > kNearlyAll);
       fit_ = std::move(fit);
     }
     return true;
   }
 
-  /// Whether the windows so far are shorter than the first long ones, and more than rounding is left: so brief a window
-  /// says little of what adds up.
+  /// Windows of twice the length; the longest at once where the shorter ones told all but rounding.
+  static Level NextLevel(const Level& level, bool is_known) {
+    Level next = Joined(level);
+    if (!is_known) return next;
+    for (Level longer = Joined(next); !longer.windows.empty(); longer = Joined(longer)) next = longer;
+    return next;
+  }
+
+  /// Whether there are readings that were computed from others; they are left out from here on.
+  bool LeaveOutComputed() {
+    if (!IsNoisy() || std::ranges::any_of(replayer_->readings().computed, [](char c) { return c != 0; })) return false;
+    const std::vector<char> computed = ComputedReadings(problem_.factory.spec(), problem_.dataset, SensorNoise());
+    if (std::ranges::none_of(computed, [](char c) { return c != 0; })) return false;
+    Read(computed);
+    return true;
+  }
+
+  /// What no log suggests of a start is expected to be as in the windows that were fitted.
+  void ExpectUnguessed(const LevelFit& fit) {
+    const ReadingModel& readings = replayer_->readings();
+    if (readings.unread.empty()) return;
+    const LevelFit::Spread spread = fit.OfUnread();
+    for (int k = 0; k < readings.n_unread(); ++k) {
+      if (readings.guessed[static_cast<size_t>(k)] == 0) replayer_->Expect(k, spread.mean[k], spread.std[k]);
+    }
+  }
+
+  /// Whether more than rounding is left.
+  bool IsNoisy() const { return !IsRounding(SensorNoise()); }
+  bool IsRounding(const VectorXd& noise) const { return (noise.array() <= kVisibleNoise * scale_.array()).all(); }
+
+  /// Whether the windows so far are shorter than the first long ones, and noisy: so brief a window says little of what
+  /// adds up, and less where it has to find rates as well.
   bool AreBriefAndNoisy() const {
     const double seconds = evidence_.window * problem_.factory.spec().control_period_s;
-    return seconds < kShortestLongWindow && (SensorNoise().array() > kVisibleNoise * scale_.array()).any();
+    return IsNoisy() && (seconds < kShortestLongWindow || !replayer_->readings().unread.empty());
+  }
+
+  /// Noise averages out over rows: once x is near, as many as a budget allows.
+  void UseMoreRows() {
+    const int n_lanes = 1 + space_.size() + replayer_->state_dim(), n_rows = kManyReplays / n_lanes;
+    longest_ = evidence_.window;
+    Level more = FirstLevel(*replayer_, problem_.dataset, longest_, shortest_, n_rows, rng_);
+    if (more.windows.size() < first_.windows.size() * 5 / 4) return;
+    first_ = std::move(more);
+    const VectorXd x = fit_->x();
+    for (int length = shortest_; length <= longest_; length *= 2) {
+      n_total_ += kLevelIterations + kRounds * kRoundIterations;
+    }
+    fit_.reset();
+    FitShortWindows(x, true);
+  }
+
+  void CountRows() {
+    evidence_.logged_rows = problem_.dataset.size();
+    for (const LogWindow& window : fit_->level().windows) evidence_.rows += window.n_steps;
   }
 
   /// Windows of tenths of a second, where they predict better.
-  void FitLongWindows() {
+  void FitLongWindows(bool explained) {
+    n_total_ += kLongTries;
     choice_ = ChooseLongWindows({.factory = problem_.factory,
                                  .learn = parts_.learn,
                                  .judge = parts_.judge,
                                  .prior = problem_.prior,
+                                 .readings = replayer_->readings(),
                                  .short_x = fit_->x(),
                                  .noise = SensorNoise(),
-                                 .short_steps = evidence_.window},
+                                 .short_steps = evidence_.window,
+                                 .explained = explained},
                                 problem_.context, [&](const VectorXd& x) { Tell(x); });
     if (choice_.n_steps == 0) return;
-    const Level all = LongWindows(replayer_, problem_.dataset, choice_.n_steps, kMostLongRows,
+    const Level all = LongWindows(*replayer_, problem_.dataset, choice_.n_steps, kMostLongRows,
                                   problem_.factory.spec().control_period_s);
-    fit_ = std::make_unique<LevelFit>(replayer_, space_, problem_.prior, scale_, all, choice_.x);
+    fit_ = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, all, choice_.x);
     fit_->LetErrorsGrow(SensorNoise().cwiseAbs2());
     Descend(*fit_, kLongIterations);
     fit_->FinalCost();
     evidence_.window = choice_.n_steps;
   }
 
-  /// How parameters fitted to one part of the logs predict the other.
-  std::optional<HeldOutPrediction> Validate() {
+  /// What has not seen the logs that were kept aside.
+  UnseenFit FitUnseen() {
+    const bool all_learn = parts_.judge.size() == problem_.dataset.size();
+    const ReadingModel& readings = replayer_->readings();
+    return {.z = all_learn ? std::vector<double>{} : ToZ(space_, FitToPart()),
+            .computed = readings.computed,
+            .mean = {readings.mean.begin(), readings.mean.end()},
+            .std = {readings.std.begin(), readings.std.end()}};
+  }
+
+  /// x by the part of the logs that learns alone.
+  VectorXd FitToPart() {
+    if (choice_.n_steps > 0) return choice_.x;
+    WindowReplayer learner = Replayer(space_.size(), parts_.learn);
     const double period = problem_.factory.spec().control_period_s;
-    if (!(period > 0) || parts_.judge.size() == problem_.dataset.size()) return std::nullopt;
-    VectorXd x = choice_.x;
-    if (choice_.n_steps == 0) {
-      WindowReplayer learner = MakeReplayer(space_.size(), parts_.learn);
-      const Level level = LongWindows(learner, parts_.learn, evidence_.window, kValidationRows, period);
-      if (level.windows.empty()) return std::nullopt;
-      const VectorXd scale = ChannelScales(parts_.learn);
-      LevelFit fit(learner, space_, problem_.prior, scale, level, fit_->x());
-      Descend(fit, kLevelIterations);
-      x = fit.x();
-    }
-    WindowReplayer replayer = MakeReplayer(0, parts_.judge);
-    PredictionJudge judge(replayer, parts_.judge, SensorNoise(),
-                          static_cast<int>(std::lround(kLongestPrediction / period)), period);
-    HeldOutPrediction prediction = PredictHeldOut(judge, space_.Nominal(), ToZ(space_, x), period);
-    return prediction.horizons.empty() ? std::nullopt : std::optional(std::move(prediction));
+    const Level level = LongWindows(learner, parts_.learn, evidence_.window, kValidationRows, period);
+    if (level.windows.empty()) return fit_->x();
+    const VectorXd scale = ChannelScales(parts_.learn);
+    LevelFit fit(learner, space_, problem_.prior, scale, level, fit_->x());
+    Descend(fit, kLevelIterations);
+    return fit.x();
   }
 
   /// (obs_dim): what the shortest windows leave.
@@ -281,10 +278,11 @@ class TrajectoryMatch {
   const ReplayProblem& problem_;
   const TrajectoriesConfig& config_;
   const ParameterSpace& space_;
-  WindowReplayer replayer_;
+  std::unique_ptr<WindowReplayer> replayer_;
   VectorXd scale_;
   Rng rng_;
   HeldOutParts parts_;
+  int shortest_ = 0, longest_ = 0;  // control steps of the windows that are joined
   Level first_;
   std::unique_ptr<LevelFit> fit_;
   LongFitChoice choice_;

@@ -136,13 +136,66 @@ TEST(MatchTrajectories, OfTwoParametersThatMatterAsAProductNeitherIsIdentified) 
     const Dataset logs = WithSensorNoise(RandomLogs(target, truth), 0.01, RngKey(300 + k));
     const ReplayFit fit = Match(logs, GearedFactory(), k);
     const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
-    const auto summary = SummarizeParameters({q}, 0, {true, true, true});
+    const auto summary = SummarizeParameters({q}, 0, {true, true, true}, true);
     EXPECT_NE(summary[kGain].verdict, ParameterVerdict::kIdentified) << k;
     EXPECT_NE(summary[kIdle].verdict, ParameterVerdict::kIdentified) << k;
     EXPECT_EQ(summary[kDamping].verdict, ParameterVerdict::kIdentified) << k;
     EXPECT_LT(q.Correlation()(kGain, kIdle), -0.8) << k;
     EXPECT_NEAR(q.Mode()[kGain] * (0.5 + q.Mode()[kIdle]), truth[kGain] * (0.5 + truth[kIdle]), 0.02) << k;
   }
+}
+
+/// What the design makes of logs of the point mass at kTruth behind a channel of this value.
+std::vector<double> ZBehind(const std::string& path, double low, double high, double value, double noise = 0) {
+  const auto factory = PointMassBehind(path, low, high);
+  const Dataset logs = RandomLogs(*factory->Make(20, 1), {kTruth[0], kTruth[1], kTruth[2], value});
+  const ReplayFit fit = Match(noise > 0 ? WithSensorNoise(logs, noise, RngKey(8)) : logs, *factory, 1);
+  return LogitToZ(factory->parameters(), {fit.mean.data(), static_cast<size_t>(fit.mean.size())});
+}
+
+TEST(MatchTrajectories, IsExactWherePositionsAloneAreLogged) {
+  PositionAlone target(8, 1);
+  const std::vector<double> z = Z(Match(RandomLogs(target, kTruth), PositionAloneFactory(), 1));
+  EXPECT_NEAR(z[kGain], 1.5, 1e-5);
+  EXPECT_NEAR(z[kDamping], 0.6, 1e-5);
+}
+
+TEST(MatchTrajectories, FindsParametersFromNoisyPositionsAlone) {
+  PositionAlone target(60, 1);
+  const Dataset logs = WithSensorNoise(RandomLogs(target, kTruth), 0.02, RngKey(3));
+  const ReplayFit fit = Match(logs, PositionAloneFactory(), 1);
+  EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.075);
+  EXPECT_NEAR(Z(fit)[kDamping], 0.6, 0.03);
+  EXPECT_NEAR(fit.evidence->noise_std[0], 0.02, 0.003);
+  ASSERT_TRUE(fit.evidence->unseen);
+  EXPECT_NEAR(fit.evidence->unseen->z[kGain], 1.5, 0.15) << "of the logs that were not kept aside";
+}
+
+TEST(MatchTrajectories, FindsTheLagAndTheBiasOfASensorAndTheDelayOfActions) {
+  for (const double lag : {0.0, 1.5, 2.0}) {
+    const std::vector<double> z = ZBehind("obs/v/delay", 0, 3, lag);
+    EXPECT_NEAR(z[3], lag, 0.02) << "control steps";
+    EXPECT_NEAR(z[kGain], 1.5, 0.01) << lag;
+    EXPECT_NEAR(z[kDamping], 0.6, 0.01) << lag;
+  }
+  EXPECT_NEAR(ZBehind("obs/v/bias", -1, 1, 0.4)[3], 0.4, 1e-4);
+  EXPECT_NEAR(ZBehind("obs/v/bias", -1, 1, 0.4, 0.02)[3], 0.4, 0.02);
+  for (const double delay : {0.0, 1.5, 3.0}) EXPECT_NEAR(ZBehind("action/delay", 0, 4, delay)[3], delay, 0.02);
+  EXPECT_NEAR(ZBehind("obs/v/delay", 0, 3, 1.5, 0.02)[3], 1.5, 0.075);
+}
+
+TEST(MatchTrajectories, ReadsAnEncoderNoFinerThanItsSteps) {
+  Dataset logs = PointMassLogs(kTruth, 20);
+  const double step = 0.01;
+  for (Array2<double>* rows : {&logs.observations, &logs.next_observations}) {
+    for (int i = 0; i < rows->rows(); ++i) {
+      for (double& value : rows->row(i)) value = std::round(value / step) * step;
+    }
+  }
+  const ReplayFit fit = Match(logs);
+  EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.01);
+  EXPECT_NEAR(Z(fit)[kDamping], 0.6, 0.01);
+  for (const double std : fit.evidence->noise_std) EXPECT_GE(std, 0.999 * step / std::sqrt(12.0));
 }
 
 TEST(MatchTrajectories, GivesTheSameBytesAtAnyThreadCount) {

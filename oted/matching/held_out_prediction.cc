@@ -1,0 +1,67 @@
+#include "oted/matching/held_out_prediction.h"
+
+#include <limits>
+#include <nlohmann/json.hpp>
+
+namespace oted {
+
+using nlohmann::json;
+
+namespace {
+
+/// Null is NaN: every window broke down.
+double NumberFrom(const json& value) {
+  return value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>();
+}
+
+json ToJson(const Estimated& estimated) { return {{"value", estimated.value}, {"error", estimated.error}}; }
+
+Estimated EstimatedFrom(const json& record) { return {NumberFrom(record.at("value")), NumberFrom(record.at("error"))}; }
+
+}  // namespace
+
+json ToJson(const HeldOutPrediction& prediction) {
+  json horizons = json::array();
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    json channels = json::array();
+    for (const HeldOutPrediction::Channel& c : h.channels) {
+      channels.push_back({{"nominal", c.nominal},
+                          {"designed", c.designed},
+                          {"floor", c.floor},
+                          {"excess", ToJson(c.excess)},
+                          {"gain", ToJson(c.gain)}});
+    }
+    horizons.push_back({{"seconds", h.seconds},
+                        {"n_steps", h.n_steps},
+                        {"n_windows", h.n_windows},
+                        {"learned", h.learned},
+                        {"channels", channels},
+                        {"excess", ToJson(h.excess)},
+                        {"gain", ToJson(h.gain)}});
+  }
+  return {{"horizons", horizons}};
+}
+
+HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
+  HeldOutPrediction prediction;
+  for (const json& h : record.at("horizons")) {
+    HeldOutPrediction::Horizon horizon{.seconds = h.at("seconds"),
+                                       .n_steps = h.at("n_steps"),
+                                       .n_windows = h.at("n_windows"),
+                                       .learned = h.at("learned"),
+                                       .channels = {},
+                                       .excess = EstimatedFrom(h.at("excess")),
+                                       .gain = EstimatedFrom(h.at("gain"))};
+    for (const json& c : h.at("channels")) {
+      horizon.channels.push_back({.nominal = NumberFrom(c.at("nominal")),
+                                  .designed = NumberFrom(c.at("designed")),
+                                  .floor = NumberFrom(c.at("floor")),
+                                  .excess = EstimatedFrom(c.at("excess")),
+                                  .gain = EstimatedFrom(c.at("gain"))});
+    }
+    prediction.horizons.push_back(std::move(horizon));
+  }
+  return prediction;
+}
+
+}  // namespace oted

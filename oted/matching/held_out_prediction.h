@@ -1,0 +1,44 @@
+#pragma once
+/// How simulators predict logs, open loop, beside what the sensors' noise alone would leave: what verdicts rest on.
+
+#include <nlohmann/json_fwd.hpp>
+#include <vector>
+
+namespace oted {
+
+/// A number with its standard error.
+struct Estimated {
+  double value = 0, error = 0;
+};
+
+/// Errors of the nominal simulator, of a designed one, and the floor: those that the designed simulator leaves when it
+/// predicts, in the same way, logs that it made itself, with the sensors' noise on them.
+///
+/// Gains and excesses are logarithms of ratios of mean squares; of a horizon, the mean over its channels. Squares count
+/// at most the channel's variance over the logs (what is farther off is no nearer than a guess), and kVisibleError of
+/// its spread is added to both sides of a ratio: below it, errors are nobody's concern.
+struct HeldOutPrediction {
+  struct Channel {
+    /// Root mean square errors up to the horizon, in the channel's unit. NaN where the physics broke down.
+    double nominal = 0, designed = 0, floor = 0;
+    Estimated excess;  ///< of the designed simulator over the floor, in these windows and in those that it learned from
+    Estimated gain;    ///< of the designed simulator over the nominal one: of sums over the windows
+  };
+  struct Horizon {
+    double seconds = 0;  ///< 0 where time has no unit
+    int n_steps = 0;     ///< control steps
+    int n_windows = 0;   ///< that errors and gain are of
+    /// The design learned from these windows: none that was kept aside is long enough. Else they were kept aside.
+    bool learned = false;
+    std::vector<Channel> channels;
+    Estimated excess, gain;
+  };
+  std::vector<Horizon> horizons;  ///< in ascending order; at least one
+};
+inline constexpr double kVisibleError = 1e-3;
+
+nlohmann::json ToJson(const HeldOutPrediction& prediction);
+/// @throws nlohmann::json::exception when a member is missing
+HeldOutPrediction HeldOutPredictionFromJson(const nlohmann::json& json);
+
+}  // namespace oted

@@ -1,0 +1,322 @@
+#include "oted/proposal/parameter_candidates.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "oted/base/error.h"
+#include "oted/base/statistics.h"
+#include "oted/checks/parameter_check.h"
+#include "oted/proposal/log_facts.h"
+#include "oted/sim/channel_path.h"
+
+namespace oted {
+namespace {
+
+constexpr size_t kFewJoints = 3;       // that get parameters of their own
+constexpr double kMoves = 1e-3;        // [rad, m], standard deviation of a joint that moves
+constexpr double kLeastEffect = 0.05;  // standard deviations of an observation, between the bounds
+constexpr double kOwnEffect = 0.01;    // share of an effect's square that others together must leave unexplained
+constexpr int kEpisodes = 3, kEpisodeRows = 2000;  // that effects are measured on
+constexpr double kLongestDelay_s = 0.03;
+
+/// The value below which 95 % of the sizes lie.
+double MostOf(std::vector<double> values) {
+  if (values.empty()) return 0;
+  for (double& value : values) value = std::abs(value);
+  const auto at = values.begin() + static_cast<ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, at);
+  return *at;
+}
+
+std::vector<double> Column(const Array2<double>& rows, int column) {
+  std::vector<double> values;
+  for (int i = 0; i < rows.rows(); ++i) values.push_back(rows(i, column));
+  return values;
+}
+
+/// A name as [parameters] has it without quotes.
+std::string PlainName(std::string name) {
+  std::erase(name, '#');
+  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; };
+  std::ranges::replace_if(
+      name, [&](unsigned char c) { return !is_plain(c); }, '_');
+  return name;
+}
+
+/// A joint as the logs show it.
+struct Moving {
+  const ModelOutline::Joint* joint = nullptr;
+  double speed = 0;  ///< [rad/s, m/s] that is rarely exceeded
+  double force = 0;  ///< [N m, N] that acted on it, roughly
+};
+
+class Chooser {
+ public:
+  Chooser(const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model)
+      : nominal_(nominal), spec_(nominal.spec()), dataset_(dataset), model_(model) {
+    for (size_t j = 0; j < model.joints.size(); ++j) AddJoint(j);
+  }
+
+  /// Everything that the model has, in the order of how often it is off.
+  std::vector<ParameterSpec> Candidates() {
+    if (moving_.empty()) {
+      left_out_.emplace_back("joints: none of those in the logs moves");
+    } else {
+      PerJoint("frictionloss", [](const Moving& m) { return 0.5 * m.force; }, {0, 10});
+      PerJoint("damping", [](const Moving& m) { return m.force / m.speed; }, {0, 10});
+      PerJoint("armature", [](const Moving& m) { return m.joint->inertia; }, {0.2, 5});
+      Drives();
+      Masses();
+    }
+    Add({"friction", "geom/*/friction[0]", 0.3, 3, ParameterScale::kNominal, true});
+    const double steps = std::clamp(std::round(kLongestDelay_s / spec_.control_period_s), 1.0, 10.0);
+    Add({"delay", "action/delay", 0, steps, ParameterScale::kAbsolute});
+    return std::move(candidates_);
+  }
+
+  std::vector<std::string>& left_out() { return left_out_; }
+
+ private:
+  int ChannelOf(const std::string& path) const {
+    const auto at = std::ranges::find(spec_.observation_names, path);
+    return at == spec_.observation_names.end() ? -1 : static_cast<int>(at - spec_.observation_names.begin());
+  }
+
+  void AddJoint(size_t j) {
+    const ModelOutline::Joint& joint = model_.joints[j];
+    const int q = ChannelOf(fmt::format("joint/{}/qpos", joint.name));
+    if (!joint.has_one_number() || q < 0) return;
+    if (StandardDeviation(Column(dataset_.observations, q)) < kMoves) {
+      left_out_.push_back(fmt::format("joint {}: it hardly moves in the logs", joint.name));
+      return;
+    }
+    Moving moving{&joint, 0, 0};
+    std::vector<double> speeds;
+    for (int i = 0; i < dataset_.size(); ++i) {
+      speeds.push_back((dataset_.next_observations(i, q) - dataset_.observations(i, q)) / spec_.control_period_s);
+    }
+    moving.speed = MostOf(speeds);
+    // Without a force in the logs: what it takes to bring its inertia to that speed in a fifth of a second.
+    moving.force = 5 * joint.inertia * moving.speed;
+    for (const ModelOutline::Actuator& actuator : model_.actuators) {
+      if (actuator.joint == static_cast<int>(j)) moving.force = std::max(moving.force, ForceOf(actuator));
+    }
+    if (model_.actuators.empty()) {
+      moving.force = std::max(moving.force, LoggedForce(fmt::format("actuator/{}", joint.name)));
+    }
+    if (moving.speed > 0 && moving.force > 0) moving_.push_back(moving);
+  }
+
+  double LoggedForce(const std::string& action) const {
+    const auto at = std::ranges::find(spec_.action_names, action);
+    if (at == spec_.action_names.end()) return 0;
+    return MostOf(Column(dataset_.actions, static_cast<int>(at - spec_.action_names.begin())));
+  }
+
+  double ForceOf(const ModelOutline::Actuator& actuator) const {
+    if (actuator.drive == DriveKind::kMotor) {
+      return std::min(actuator.most_force, actuator.force_per_control * LoggedForce("actuator/" + actuator.name));
+    }
+    return std::isfinite(actuator.most_force) ? actuator.most_force / 2 : 0;
+  }
+
+  bool Exists(const std::string& path) const {
+    try {
+      if (!IsChannelPath(path)) nominal_.Describe(path);
+      return true;
+    } catch (const UsageError&) {
+      return false;  // this model has none
+    }
+  }
+
+  void Add(ParameterSpec spec) {
+    if (!Exists(spec.field)) return;
+    spec.name = PlainName(spec.name);
+    candidates_.push_back(std::move(spec));
+  }
+
+  struct Multiple {
+    double low, high;  ///< searched as a logarithm, unless there may be none of it
+  };
+
+  /// A field of joints: multiples of what the model has, or up to `most` where it has next to nothing.
+  template <class Most>
+  void PerJoint(const std::string& field, Most most, Multiple multiple) {
+    if (moving_.size() <= kFewJoints) {
+      for (const Moving& m : moving_) {
+        const std::string name = moving_.size() == 1 ? field : fmt::format("{}_{}", field, m.joint->name);
+        AddField(name, fmt::format("joint/{}/{}", m.joint->name, field), most(m), multiple);
+      }
+      return;
+    }
+    std::vector<double> each;
+    for (const Moving& m : moving_) each.push_back(most(m));
+    std::ranges::sort(each);
+    AddField(field, fmt::format("joint/{}/{}", Shared(), field), each[each.size() / 2], multiple);
+  }
+
+  std::string Shared() const {
+    const bool driven = model_.actuators.empty() ||
+                        std::ranges::any_of(model_.joints, [](const auto& joint) { return joint.actuated; });
+    return driven ? "@actuated" : "*";
+  }
+
+  void AddField(const std::string& name, const std::string& path, double most, Multiple multiple) {
+    if (!Exists(path)) return;
+    double largest = 0;
+    bool equal = true;
+    const PathInfo info = nominal_.Describe(path);
+    for (const ParameterPlace& place : info.places) {
+      largest = std::max(largest, place.nominal);
+      equal = equal && place.nominal == info.places.front().nominal;
+    }
+    if (equal && multiple.high * largest < 0.1 * most) {
+      Add({name, path, 0, RoundedUp(most), ParameterScale::kAbsolute});
+    } else {
+      Add({name, path, multiple.low, multiple.high, ParameterScale::kNominal, multiple.low > 0});
+    }
+  }
+
+  void Drives() {
+    std::vector<std::string> motors;
+    bool all_motors = true, servos = false, speed_servos = false;
+    for (const ModelOutline::Actuator& actuator : model_.actuators) {
+      all_motors = all_motors && actuator.drive == DriveKind::kMotor;
+      servos = servos || actuator.drive == DriveKind::kPositionServo;
+      speed_servos = speed_servos || actuator.drive == DriveKind::kVelocityServo;
+      const bool logged =
+          std::ranges::find(spec_.action_names, "actuator/" + actuator.name) != spec_.action_names.end();
+      if (actuator.drive == DriveKind::kMotor && logged) motors.push_back(actuator.name);
+      if (actuator.drive == DriveKind::kOther && logged) {
+        left_out_.push_back(fmt::format(
+            "actuator {}: neither a motor nor a servo; 'oted params list' shows its numbers", actuator.name));
+      }
+    }
+    if (model_.actuators.empty()) {
+      for (const std::string& name : spec_.action_names) motors.push_back(name.substr(name.find('/') + 1));
+    }
+    if (servos) Add({"servo_stiffness", "actuator/*/kp", 0.5, 2, ParameterScale::kNominal, true});
+    if (speed_servos) Add({"servo_gain", "actuator/*/kv", 0.5, 2, ParameterScale::kNominal, true});
+    if (motors.size() > kFewJoints && all_motors) {
+      Add({"gain", "actuator/*/gainprm[0]", 0.5, 2, ParameterScale::kNominal, true});
+    } else if (motors.size() <= kFewJoints) {
+      for (const std::string& motor : motors) {
+        Add({motors.size() == 1 ? "gain" : "gain_" + motor, fmt::format("actuator/{}/gainprm[0]", motor), 0.5, 2,
+             ParameterScale::kNominal, true});
+      }
+    }
+  }
+
+  void Masses() {
+    const auto path = [](const std::string& body) { return fmt::format("body/{0}/mass + body/{0}/inertia", body); };
+    if (moving_.size() > kFewJoints) {
+      Add({"mass", path(Shared()), 0.5, 2, ParameterScale::kNominal, true});
+      return;
+    }
+    std::vector<std::string> bodies;
+    for (const Moving& m : moving_) {
+      if (std::ranges::find(bodies, m.joint->body) == bodies.end()) bodies.push_back(m.joint->body);
+    }
+    // The last first: what it carries is known least.
+    std::ranges::reverse(bodies);
+    for (const std::string& body : bodies) {
+      Add({bodies.size() == 1 ? "mass" : "mass_" + body, path(body), 0.5, 2, ParameterScale::kNominal, true});
+    }
+  }
+
+  const SimulatorFactory& nominal_;
+  const SimulatorSpec& spec_;
+  const Dataset& dataset_;
+  const ModelOutline& model_;
+  std::vector<Moving> moving_;
+  std::vector<ParameterSpec> candidates_;
+  std::vector<std::string> left_out_;
+};
+
+/// The beginnings of the first episodes.
+Dataset Beginnings(const Dataset& dataset) {
+  std::vector<Episode> episodes = dataset.Episodes();
+  episodes.resize(std::min<size_t>(episodes.size(), kEpisodes));
+  for (Episode& episode : episodes) {
+    if (episode.size() <= kEpisodeRows) continue;
+    episode.end = episode.begin + kEpisodeRows;
+    episode.terminated = false;
+  }
+  return dataset.Select(episodes);
+}
+
+/// Takes effects one by one and says of each how much of it those taken before do not explain: Cholesky's
+/// decomposition of the matrix of cosines, row by row.
+class Explained {
+ public:
+  explicit Explained(const Array2<double>& cosines) : cosines_(cosines) {}
+
+  /// The share of the square of effect i that is its own. Keeps it among those taken if that is at least `least`.
+  double Take(int i, double least) {
+    std::vector<double> row;
+    double own = cosines_(i, i);
+    for (size_t k = 0; k < taken_.size(); ++k) {
+      double rest = cosines_(i, taken_[k]);
+      for (size_t m = 0; m < k; ++m) rest -= row[m] * rows_[k][m];
+      row.push_back(rest / rows_[k][k]);
+      own -= row.back() * row.back();
+    }
+    if (own < least) return own;
+    row.push_back(std::sqrt(own));
+    rows_.push_back(std::move(row));
+    taken_.push_back(i);
+    return own;
+  }
+
+ private:
+  const Array2<double>& cosines_;
+  std::vector<int> taken_;
+  std::vector<std::vector<double>> rows_;
+};
+
+}  // namespace
+
+ParameterChoice ChooseParameters(
+    const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model, RngKey key, int n_threads,
+    const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake) {
+  Chooser chooser(nominal, dataset, model);
+  const std::vector<ParameterSpec> candidates = chooser.Candidates();
+  ParameterChoice choice;
+  choice.left_out = std::move(chooser.left_out());
+  const Dataset logs = Beginnings(dataset);
+  const ParameterCheck check = CheckParameters(*remake(candidates), &logs, key, n_threads);
+  std::vector<bool> kept(candidates.size(), true);
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const double effect = check.parameters[i].effect.largest_change;
+    if (effect >= kLeastEffect) continue;
+    kept[i] = false;
+    choice.left_out.push_back(fmt::format(
+        "{} ({}): {}", candidates[i].name, candidates[i].field,
+        effect == 0 ? "the logs do not show it"
+                    : fmt::format("over its range it moves the logs by {:.2g} standard deviations", effect)));
+  }
+  for (const TradeOff& pair : check.trade_offs) {
+    const auto first = static_cast<size_t>(pair.first), second = static_cast<size_t>(pair.second);
+    if (!kept[first] || !kept[second]) continue;
+    kept[second] = false;
+    choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from {}", candidates[second].name,
+                                          candidates[second].field, candidates[first].name));
+  }
+  // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
+  Explained explained(check.cosines);
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (!kept[i]) continue;
+    if (explained.Take(static_cast<int>(i), kOwnEffect) >= kOwnEffect) {
+      choice.chosen.push_back(candidates[i]);
+    } else {
+      choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from the others together",
+                                            candidates[i].name, candidates[i].field));
+    }
+  }
+  return choice;
+}
+
+}  // namespace oted

@@ -1,0 +1,525 @@
+#include "oted/proposal/task_proposal.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/checks/data_check.h"
+#include "oted/config/parameters_toml.h"
+#include "oted/data/dataset_files.h"
+#include "oted/data/log_columns.h"
+#include "oted/proposal/log_facts.h"
+#include "oted/proposal/parameter_candidates.h"
+#include "oted/proposal/task_text.h"
+#include "oted/run/run_inputs.h"
+#include "oted/sim/mujoco/model_outline.h"
+
+namespace oted {
+namespace {
+
+constexpr double kSlowest_s = 0.5;     // a time column with longer rows is not in seconds
+constexpr double kPeriodSlack = 0.01;  // of the reader (docs/file_formats.md)
+constexpr double kRangeSlack = 1.1;    // of actions beyond the logged ones
+constexpr size_t kShown = 12;
+constexpr uint64_t kSeed = 1;
+
+bool IsCsv(const std::string& path) { return path.ends_with(".csv") || path.ends_with(".csv.gz"); }
+
+std::string Some(const std::vector<std::string>& names) {
+  const std::span<const std::string> first(names.data(), std::min(names.size(), kShown));
+  return fmt::format("{}{}", fmt::join(first, ", "),
+                     names.size() > kShown ? fmt::format(" and {} more", names.size() - kShown) : "");
+}
+
+/// Removes a file that is of no use without another, unless it is kept.
+class Companion {
+ public:
+  ~Companion() {
+    std::error_code ignored;
+    if (!path_.empty()) std::filesystem::remove(path_, ignored);
+  }
+  void Made(std::filesystem::path path) { path_ = std::move(path); }
+  void Keep() { path_.clear(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+class Proposer {
+ public:
+  Proposer(const ProposalRequest& request, const RunContext& context)
+      : request_(request), context_(context), task_(proposal_.config.task.model), data_(proposal_.config.data) {}
+
+  Proposal Propose() {
+    CheckRequest();
+    model_ = OutlineOf(request_.model);
+    task_.model = request_.model;
+    MapLogs();
+    Observe();
+    Act();
+    task_.control_period = ControlPeriod();
+    JoinLogs();
+    Simulate();
+    Look();
+    ChooseWhatToDoubt();
+    Write();
+    return std::move(proposal_);
+  }
+
+ private:
+  const std::string& log() const { return request_.logs.front(); }
+
+  void CheckRequest() const {
+    if (request_.logs.empty())
+      throw UsageError("no logs are named; give one or more .csv, .npz or .hdf5 after the model");
+    if (request_.out.extension() != ".toml") {
+      throw UsageError(fmt::format("--out is '{}', wanted a file that ends in .toml", request_.out.string()));
+    }
+    std::error_code error;
+    for (const std::filesystem::path& path : {request_.out, JoinedPath()}) {
+      if (!std::filesystem::exists(path, error)) continue;
+      throw UsageError(fmt::format("'{}' is there already; remove it, or name another file with --out", path.string()));
+    }
+  }
+
+  std::filesystem::path JoinedPath() const {
+    std::filesystem::path path = request_.out;
+    return path.replace_extension(".logs.csv.gz");
+  }
+
+  // ------------------------------------------------------------ columns
+
+  void MapLogs() {
+    const std::vector<std::string> names = IsCsv(log()) ? CsvNames() : ArrayNames();
+    ColumnMap& map = proposal_.columns;
+    map = MapColumns(names, model_);
+    for (const std::string& name : text_columns_) {
+      ColumnMap of_text = MapColumns({name}, model_);
+      if (map.episode.empty()) map.episode = of_text.episode;
+    }
+    const auto fail = [&](const char* what, const std::vector<std::string>& wanted) {
+      throw DataError(
+          fmt::format("'{}': no column is {} of model '{}'. The columns are {}; the model has {}; rename columns after "
+                      "these ('hip_pos', 'hip_vel', 'hip_cmd')",
+                      log(), what, request_.model, Some(names), wanted.empty() ? "none" : Some(wanted)));
+    };
+    std::vector<std::string> joints, actuators;
+    for (const auto& joint : model_.joints) joints.push_back(joint.name);
+    for (const auto& actuator : model_.actuators) actuators.push_back(actuator.name);
+    if (map.observations.empty()) fail("a position, velocity or sensor", joints);
+    if (map.actions.empty()) fail("a command", actuators.empty() ? joints : actuators);
+    if (!IsCsv(log())) InFileOrder(names);
+    const auto by_order = [](const ColumnMap::Entry& entry) { return entry.by_order; };
+    if (std::ranges::any_of(map.observations, by_order) || std::ranges::any_of(map.actions, by_order)) {
+      proposal_.guessed.emplace_back("numbered columns are in the model's order");
+    }
+    for (const ColumnMap::Entry& entry : map.observations) {
+      if (!entry.in_degrees) continue;
+      proposal_.suspicious.push_back(
+          fmt::format("column '{}' is in degrees by its name; multiply it by 0.0174533 in the log", entry.column));
+    }
+  }
+
+  std::vector<std::string> CsvNames() {
+    std::vector<std::string> names;
+    for (const LogColumn& column : ReadLogColumns(log())) {
+      (column.is_numeric() ? names : text_columns_).push_back(column.name);
+      if (column.is_numeric()) columns_.push_back(column);
+    }
+    return names;
+  }
+
+  std::vector<std::string> ArrayNames() {
+    DataOptions options;
+    options.check = false;
+    arrays_ = ReadDataset(log(), options);
+    std::vector<std::string> names = arrays_->observation_names;
+    for (int i = 0; names.empty() && i < arrays_->obs_dim(); ++i) arrays_names_.push_back(fmt::format("obs_{}", i));
+    if (names.empty()) names = arrays_names_;
+    n_observations_ = names.size();
+    const std::vector<std::string>& actions = arrays_->action_names;
+    for (int i = 0; i < arrays_->act_dim(); ++i) {
+      names.push_back(actions.empty() ? fmt::format("act_{}", i) : actions[static_cast<size_t>(i)]);
+    }
+    return names;
+  }
+
+  /// Arrays have no columns to choose from: each must be something, in the order of the file.
+  void InFileOrder(const std::vector<std::string>& names) {
+    ColumnMap& map = proposal_.columns;
+    const auto sort = [&](std::vector<ColumnMap::Entry>& entries) {
+      std::ranges::sort(entries, {}, [&](const ColumnMap::Entry& entry) {
+        return std::ranges::find(names, entry.column) - names.begin();
+      });
+    };
+    sort(map.observations);
+    sort(map.actions);
+    if (map.observations.size() == n_observations_ && map.actions.size() == names.size() - n_observations_) return;
+    throw DataError(
+        fmt::format("'{}' has {} numbers per observation and {} per action, and of these {} and {} are in model '{}', "
+                    "whose state has {} positions and {} velocities, with {} actuators; write a CSV with named columns",
+                    log(), n_observations_, names.size() - n_observations_, map.observations.size(), map.actions.size(),
+                    request_.model, model_.qpos.size(), model_.qvel.size(), model_.actuators.size()));
+  }
+
+  // ------------------------------------------------------------ [task]
+
+  static std::vector<std::string> Paths(const std::vector<ColumnMap::Entry>& entries) {
+    std::vector<std::string> paths;
+    for (const ColumnMap::Entry& entry : entries) paths.push_back(entry.path);
+    return paths;
+  }
+
+  void Observe() {
+    const std::vector<std::string> paths = Paths(proposal_.columns.observations);
+    std::vector<std::string> all = model_.qpos;
+    if (paths == all) {
+      task_.observations = {"joint/*/qpos"};
+      return;
+    }
+    all.insert(all.end(), model_.qvel.begin(), model_.qvel.end());
+    if (paths != all) task_.observations = paths;
+  }
+
+  void Act() {
+    task_.motors = proposal_.columns.motors;
+    std::vector<std::string> paths;
+    bool lacks_range = !task_.motors.empty();
+    for (const ColumnMap::Entry& entry : proposal_.columns.actions) {
+      const std::string path = entry.path.substr(0, entry.path.find('['));
+      if (paths.empty() || paths.back() != path) paths.push_back(path);
+    }
+    std::vector<std::string> unlogged;
+    for (const ModelOutline::Actuator& actuator : model_.actuators) {
+      const bool logged = std::ranges::find(paths, "actuator/" + actuator.name) != paths.end();
+      if (!logged) unlogged.push_back(actuator.name);
+      lacks_range = lacks_range || (logged && !actuator.has_range);
+    }
+    if (!unlogged.empty() || (task_.motors.empty() && !InModelOrder(paths))) task_.actions = paths;
+    if (!unlogged.empty()) {
+      proposal_.guessed.push_back(
+          fmt::format("the control of {} is 0 throughout: no column is its command", Some(unlogged)));
+    }
+    if (lacks_range) HoldActionsUpTo(LargestAction());
+  }
+
+  /// Actions of this size lie in the task's range.
+  void HoldActionsUpTo(double largest) {
+    const double most = RoundedUp(std::max(1e-6, kRangeSlack * largest));
+    if (task_.action_range.empty() || most > task_.action_range.back()) task_.action_range = {-most, most};
+  }
+
+  bool InModelOrder(const std::vector<std::string>& paths) const {
+    for (size_t i = 0; i < paths.size(); ++i) {
+      if (paths[i] != "actuator/" + model_.actuators[i].name) return false;
+    }
+    return true;
+  }
+
+  double LargestAction() const {
+    double most = 0;
+    const auto take = [&](double value) { most = std::isfinite(value) ? std::max(most, std::abs(value)) : most; };
+    if (arrays_) std::ranges::for_each(arrays_->actions.values(), take);
+    for (const ColumnMap::Entry& entry : proposal_.columns.actions) {
+      for (const LogColumn& column : columns_) {
+        if (column.name == entry.column) std::ranges::for_each(column.values, take);
+      }
+    }
+    return most;
+  }
+
+  /// The rows' own, as a multiple of the model's time step. [s]
+  double ControlPeriod() {
+    const double rows = request_.control_period > 0 ? request_.control_period : RowPeriod();
+    const double step = model_.time_step;
+    double n = std::max(1.0, std::round(rows / step));
+    if (std::abs(n * step - rows) <= kPeriodSlack * rows) return n * step;
+    n = std::max(1.0, std::ceil(rows / step - kPeriodSlack));
+    proposal_.guessed.push_back(fmt::format(
+        "rows lie {:.6g} s apart, which is no multiple of the model's time step {:.6g} s: they are resampled "
+        "to {:.6g} s; a time step that divides the rows' is better",
+        rows, step, n * step));
+    return n * step;
+  }
+
+  double RowPeriod() {
+    if (arrays_) return ArrayPeriod();
+    const ColumnMap& map = proposal_.columns;
+    const LogColumn* time = nullptr;
+    for (const LogColumn& column : columns_) {
+      if (column.name == (map.scaled_time.empty() ? TimeName() : map.scaled_time)) time = &column;
+    }
+    if (time == nullptr) FailPeriod();
+    std::vector<double> steps;
+    for (size_t i = 1; i < time->values.size(); ++i) {
+      const double rows = (time->values[i] - time->values[i - 1]) * map.time_unit;
+      if (rows > 0) steps.push_back(rows);
+    }
+    if (steps.empty()) FailPeriod();
+    const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
+    std::ranges::nth_element(steps, middle);
+    if (*middle > kSlowest_s) {
+      throw DataError(
+          fmt::format("'{}': column '{}' goes up by {:.6g} per row, wanted seconds; divide it, or rename it "
+                      "(time_ms, time_us, time_ns) and rows count as steps",
+                      log(), time->name, *middle / map.time_unit));
+    }
+    if (!map.scaled_time.empty()) {
+      proposal_.guessed.push_back(
+          fmt::format("column '{}' is no time in seconds: rows count as steps of {:.6g} s, gaps are not seen",
+                      map.scaled_time, *middle));
+    }
+    return *middle;
+  }
+
+  /// Of the time column, as the reader finds it.
+  std::string TimeName() const {
+    if (!proposal_.columns.time.empty()) return proposal_.columns.time;
+    for (const char* wanted : {"time", "time_s", "time [s]", "t", "timestamp"}) {
+      for (const LogColumn& column : columns_) {
+        std::string lower = column.name;
+        std::ranges::transform(lower, lower.begin(),
+                               [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        if (lower == wanted) return column.name;
+      }
+    }
+    return "";
+  }
+
+  [[noreturn]] void FailPeriod() const {
+    throw UsageError(fmt::format("'{}' does not say how far apart its rows are; give it with --period [s]", log()));
+  }
+
+  double ArrayPeriod() {
+    if (arrays_->period_s > 0) return arrays_->period_s;
+    // Where velocities are there, positions tell the time.
+    ModelTask task = task_;
+    task.control_period = model_.time_step;
+    TaskConfig config;
+    config.model = task;
+    config.Resolve();
+    const double rows = PeriodByRates(CompareRates(*arrays_, SpecOf(config).rate_of));
+    if (rows <= 0) FailPeriod();
+    const double n = std::max(1.0, std::round(rows / model_.time_step));
+    proposal_.guessed.push_back(
+        fmt::format("rows lie {:.6g} s apart, as positions and velocities say ({:.4g} s)", n * model_.time_step, rows));
+    return n * model_.time_step;
+  }
+
+  // ------------------------------------------------------------ [data]
+
+  void JoinLogs() {
+    data_.path = log();
+    if (IsCsv(log())) {
+      const auto names = [](const std::vector<ColumnMap::Entry>& entries) {
+        std::vector<std::string> columns;
+        for (const ColumnMap::Entry& entry : entries) columns.push_back(entry.column);
+        return columns;
+      };
+      data_.columns.observations = names(proposal_.columns.observations);
+      data_.columns.actions = names(proposal_.columns.actions);
+      data_.columns.episode = proposal_.columns.episode;
+      data_.columns.time = proposal_.columns.time;
+    }
+    if (request_.logs.size() == 1) return;
+    Dataset joined;
+    for (const std::string& path : request_.logs) {
+      if (IsCsv(path) != IsCsv(log())) {
+        throw UsageError(
+            fmt::format("'{}' and '{}' are of different formats; convert one ('oted data convert')", log(), path));
+      }
+      const Dataset one = ReadDataset(path, data_.Options());
+      if (joined.size() > 0 && (one.obs_dim() != joined.obs_dim() || one.act_dim() != joined.act_dim() ||
+                                one.rewards.empty() != joined.rewards.empty() ||
+                                one.has_states() != joined.has_states() || PeriodsDiffer(one, joined))) {
+        throw DataError(
+            fmt::format("'{}' has other columns or another rate than '{}'; make a task file for each", path, log()));
+      }
+      Tell(path, one);
+      joined.Append(one);
+      joined.period_s = one.period_s;
+    }
+    joined.observation_names = Paths(proposal_.columns.observations);
+    joined.action_names = Paths(proposal_.columns.actions);
+    if (joined.period_s == 0) joined.period_s = task_.control_period;
+    if (!task_.action_range.empty()) {  // of the first log alone until now
+      double largest = 0;
+      for (const double action : joined.actions.values()) largest = std::max(largest, std::abs(action));
+      HoldActionsUpTo(largest);
+    }
+    proposal_.joined = JoinedPath();
+    WriteDataset(joined, proposal_.joined.string());
+    companion_.Made(proposal_.joined);
+    data_.path = proposal_.joined.string();
+    data_.columns = {};
+  }
+
+  /// What the reader changed.
+  void Tell(const std::string& path, const Dataset& read) {
+    for (const std::string& remark : read.remarks) {
+      const bool is_usual = remark.starts_with("the last row of") || remark.starts_with("columns not used");
+      if (!is_usual) proposal_.guessed.push_back(fmt::format("'{}': {}", path, remark));
+    }
+    for (const std::string& warning : read.warnings) {
+      proposal_.suspicious.push_back(fmt::format("'{}': {}", path, warning));
+    }
+  }
+
+  static bool PeriodsDiffer(const Dataset& a, const Dataset& b) {
+    return std::abs(a.period_s - b.period_s) > kPeriodSlack * std::max(a.period_s, b.period_s);
+  }
+
+  // ------------------------------------------------------------ trying it
+
+  void Simulate() {
+    TaskConfig& config = proposal_.config.task;
+    config.Resolve();
+    Unobserve();
+    dataset_ = ReadEpisodes(data_, SpecOf(config));
+    if (proposal_.joined.empty()) Tell(data_.path, dataset_);
+    if (IsCsv(data_.path)) {
+      int longest = 1;
+      for (const Episode& episode : dataset_.Episodes()) longest = std::max(longest, episode.size());
+      task_.max_episode_steps = longest;
+    }
+    if (SpecOf(config).can_replay()) {
+      task_.start = "logs";
+    } else if (!model_.keyframes.empty()) {
+      task_.start = "keyframe/" + model_.keyframes.front();
+      proposal_.guessed.push_back(fmt::format("episodes begin at {}", task_.start));
+    }
+    factory_ = MakeSimulatorFactory(config, {}, dataset_.EpisodeStarts());
+  }
+
+  /// Lists what no column shows as unobserved, where the model allows that.
+  void Unobserve() {
+    const std::vector<std::string> seen = Paths(proposal_.columns.observations);
+    std::vector<std::string> hidden;
+    for (const std::string& path : model_.qpos) {
+      if (std::ranges::find(seen, path) == seen.end()) hidden.push_back(path);
+    }
+    const bool has_velocities = std::ranges::find(seen, model_.qvel.front()) != seen.end();
+    for (const std::string& path : model_.qvel) {
+      const bool alone = has_velocities || std::ranges::find(hidden, PositionOf(path)) != hidden.end();
+      if (alone && std::ranges::find(seen, path) == seen.end()) hidden.push_back(path);
+    }
+    if (model_.has_activations) hidden.emplace_back("actuator/*/act");
+    if (hidden.empty()) return;
+    task_.unobserved = hidden;
+    try {
+      SpecOf(proposal_.config.task);
+    } catch (const UsageError&) {
+      task_.unobserved.clear();
+      const SimulatorSpec spec = SpecOf(proposal_.config.task);
+      if (spec.can_replay()) return;
+      proposal_.suspicious.push_back(
+          fmt::format("the logs do not show {}, and the rest depends on it: states cannot be set, and the design falls "
+                      "back to the method paper, which is weaker; log it, or take it out of the model",
+                      Some(hidden)));
+    }
+  }
+
+  static std::string PositionOf(std::string velocity_path) {
+    const size_t at = velocity_path.rfind("/qvel");
+    return velocity_path.replace(at, 5, "/qpos");
+  }
+
+  void Look() {
+    for (const Finding& finding : CheckDataset(dataset_, FactsOf(factory_->spec()))) {
+      if (finding.severity == Severity::kNote) continue;
+      proposal_.suspicious.push_back(fmt::format("{}: {}; {}", finding.check, finding.what, finding.remedy));
+    }
+    for (std::string& fact : SuspiciousFacts(*factory_, dataset_, model_, context_.n_threads)) {
+      proposal_.suspicious.push_back(std::move(fact));
+    }
+  }
+
+  void ChooseWhatToDoubt() {
+    // What parameters do is seen from states in motion, so velocities that the logs lack are made.
+    TaskConfig config = proposal_.config.task;
+    Dataset logs = dataset_;
+    const SimulatorSpec& spec = factory_->spec();
+    if (!spec.can_set_state && spec.can_replay()) {
+      TaskConfig full = config;
+      for (const HiddenCoordinate& hidden : spec.hidden) full.model.observations.push_back(hidden.name);
+      const SimulatorSpec its = SpecOf(full);
+      std::optional<Dataset> made =
+          WithVelocities(dataset_, spec.observation_names, its.observation_names, spec.control_period_s);
+      if (made && its.can_set_state) {
+        config = std::move(full);
+        logs = *std::move(made);
+      }
+    }
+    const auto make = [&](const std::vector<ParameterSpec>& specs) {
+      return MakeSimulatorFactory(config, specs, logs.EpisodeStarts());
+    };
+    const RngKey key = RngKey(kSeed).Stage("proposal");
+    ParameterChoice choice = ChooseParameters(*make({}), logs, model_, key, context_.n_threads, make);
+    proposal_.config.parameters = std::move(choice.chosen);
+    proposal_.left_out = std::move(choice.left_out);
+    if (proposal_.config.parameters.empty()) {
+      proposal_.suspicious.emplace_back("no parameter moves what the logs show: a design has nothing to find");
+    }
+  }
+
+  /// What stands in the file is tried once more: it must mean what was tried.
+  void Write() {
+    proposal_.text = TaskText(proposal_, request_.out);
+    const RunConfig written = RunConfig::FromToml(proposal_.text, request_.out.string());
+    const Dataset logs = ReadEpisodes(written.data, SpecOf(written.task));
+    MakeSimulatorFactory(written.task, written.parameters, logs.EpisodeStarts());
+    OTED_CHECK(logs.size() == dataset_.size());
+    WriteFileAtomically(request_.out, proposal_.text);
+    companion_.Keep();
+  }
+
+  const ProposalRequest& request_;
+  const RunContext& context_;
+  Proposal proposal_;
+  ModelTask& task_;
+  DataConfig& data_;
+  ModelOutline model_;
+  std::vector<LogColumn> columns_;         // those that hold numbers
+  std::vector<std::string> text_columns_;  // the others
+  std::optional<Dataset> arrays_;
+  std::vector<std::string> arrays_names_;
+  size_t n_observations_ = 0;
+  Dataset dataset_;
+  std::unique_ptr<SimulatorFactory> factory_;
+  Companion companion_;
+};
+
+}  // namespace
+
+nlohmann::json Proposal::ToJson(const std::filesystem::path& out) const {
+  nlohmann::json record = {{"schema", "oted.init/1"},
+                           {"task_file", out.string()},
+                           {"joined_logs", joined.string()},
+                           {"columns", nlohmann::json::array()},
+                           {"parameters", nlohmann::json::object()},
+                           {"unused", columns.unused},
+                           {"guessed", guessed},
+                           {"suspicious", suspicious},
+                           {"not_freed", left_out}};
+  for (const auto* entries : {&columns.observations, &columns.actions}) {
+    for (const ColumnMap::Entry& entry : *entries) {
+      record["columns"].push_back({{"column", entry.column}, {"path", entry.path}, {"by_order", entry.by_order}});
+    }
+  }
+  for (const ParameterSpec& spec : config.parameters) record["parameters"][spec.name] = ParameterToJson(spec);
+  return record;
+}
+
+Proposal ProposeTask(const ProposalRequest& request, const RunContext& context) {
+  return Proposer(request, context).Propose();
+}
+
+}  // namespace oted

@@ -1,0 +1,105 @@
+#include "oted/run/growth_step.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "oted/matching/verdict.h"
+#include "oted/run/artifacts.h"
+#include "oted/run/design_step.h"
+#include "oted/run/run_inputs.h"
+#include "oted/run/trial_log.h"
+#include "oted/stages/design/design.h"
+#include "oted/stages/design/trajectories/freed.h"
+
+namespace oted {
+namespace {
+
+/// Whether suspects tell anything: something is left to explain, and no bound holds a parameter where others then seem
+/// to be off.
+bool AsksForMore(const Designer& q, const std::optional<HeldOutPrediction>& prediction) {
+  return prediction && !ReachesFloor(*prediction) && ParametersAtBounds(q).empty();
+}
+
+/// @param design  what the method was given; q and fit are what it gave
+std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config, const FitEvidence& fit,
+                         const Designer& q) {
+  const Prior prior = config.Start(design.factory.parameters()).prior();
+  const FreedProblem problem{.factory = design.factory,
+                             .dataset = design.dataset,
+                             .prior = prior,
+                             .fit = fit,
+                             .z = q.Mode(),
+                             .kept_aside = design.KeptAsideKey(),
+                             .context = design.context};
+  return TrySuspects(problem, config.trajectories.tried);
+}
+
+GrowthRecord MakeRound(const RunSetup& run, int round) {
+  const DesignConfig& config = run.settings.begin()->second.config;
+  TrialLog log(run.context.log, "growth");
+  RunContext context = run.context;
+  context.log = &log;
+  const DesignProblem problem{.factory = *run.factory,
+                              .dataset = run.dataset,
+                              .clone = nullptr,
+                              .key = run.Key("growth").Index(static_cast<uint64_t>(round)),
+                              .folder = run.directory.growth(round),
+                              .run_name = run.directory.NameOf(run.directory.growth(round)),
+                              .context = context};
+  const DesignResult design = LearnDesign(problem, config);
+  if (!design.fit || !AsksForMore(design.q, PredictKeptAside(problem, design.q, design.fit))) return {};
+  return {Try(problem, config, *design.fit, design.q)};
+}
+
+/// Makes `run` one of a parameter more.
+void AddParameter(RunSetup& run, const Suspect& freed) {
+  RunConfig& config = run.config;
+  config.parameters.push_back(freed.spec);
+  // The target of a study and the simulator to compare with know nothing of it.
+  if (!config.truth.empty()) config.truth[freed.spec.name] = freed.spec.nominal;
+  if (!config.agents.nominal_at.empty()) config.agents.nominal_at.push_back(freed.spec.nominal);
+  run.factory = MakeSimulatorFactory(config.task, config.parameters, run.dataset.EpisodeStarts());
+  run.has_effect.clear();
+}
+
+/// Rounds until one frees nothing. @param next  gives a round's record; none: not made yet
+template <class Next>
+void GrowBy(RunSetup& run, const Next& next) {
+  if (!run.grows()) return;
+  while (run.growth.size() < static_cast<size_t>(kMostRounds)) {
+    if (!run.growth.empty() && run.growth.back().Freed() == nullptr) return;
+    std::optional<GrowthRecord> record = next(static_cast<int>(run.growth.size()) + 1);
+    if (!record) return;
+    if (const Suspect* freed = record->Freed()) AddParameter(run, *freed);
+    run.growth.push_back(*std::move(record));
+  }
+}
+
+}  // namespace
+
+std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findings) {
+  const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
+  const Candidate& told = findings.candidates[ToldBy(findings)];
+  if (!told.fit || !AsksForMore(best.q, best.prediction)) return {};
+  const DesignProblem problem = ProblemOf(run, told.setting, told.seed, nullptr, run.context);
+  return Try(problem, run.Designs(told.setting).config, *told.fit, told.q);
+}
+
+void Grow(RunSetup& run) {
+  GrowBy(run, [&](int round) -> std::optional<GrowthRecord> {
+    return OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
+  });
+}
+
+void TakeFinishedGrowth(RunSetup& run) {
+  GrowBy(run, [&](int round) -> std::optional<GrowthRecord> {
+    const Artifact artifact = GrowthArtifact(run, round);
+    if (!run.directory.IsComplete(artifact)) return std::nullopt;
+    return OnceAs<GrowthRecord>(run.directory, artifact, [] { return GrowthRecord{}; });
+  });
+}
+
+}  // namespace oted

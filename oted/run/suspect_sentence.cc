@@ -1,0 +1,47 @@
+#include "oted/run/suspect_sentence.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace oted {
+namespace {
+
+/// "about 1.9 control steps", "0.70 times the model's value".
+std::string ValueInWords(const ParameterSpec& spec, double value) {
+  if (spec.scale == ParameterScale::kNominal) return fmt::format("{:.2g} times the model's value", value);
+  return spec.unit.empty() ? fmt::format("{:.2g}", value) : fmt::format("{:.2g} {}", value, spec.unit);
+}
+
+/// ": elbow 0.041 to 0.012 rad over 0.5 s, with 64 % less error in all".
+std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Validation::Channel>& channels,
+                   const std::vector<int>& off) {
+  const size_t c = off.empty() ? 0 : static_cast<size_t>(off.front());
+  const std::string horizon =
+      trial.seconds > 0 ? fmt::format("{:.2g} s", trial.seconds) : fmt::format("{} control steps", trial.n_steps);
+  std::string text = fmt::format("{:.0f} % less error over {}", 100 * (1 - std::exp(-0.5 * trial.gain.value)), horizon);
+  if (c < channels.size() && c < trial.before.size() && std::isfinite(trial.before[c] + trial.after[c])) {
+    const std::string unit = channels[c].unit.empty() ? "" : " " + channels[c].unit;
+    text += fmt::format(", {} {:.2g} to {:.2g}{}", channels[c].name, trial.before[c], trial.after[c], unit);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string ParameterLine(const ParameterSpec& spec) {
+  return fmt::format("{} = {{ field = \"{}\", range = [{:g}, {:g}]{}{} }}", spec.name, spec.field, spec.low, spec.high,
+                     spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",
+                     spec.logarithmic ? ", log = true" : "");
+}
+
+std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignRecord::Validation::Channel>& channels,
+                            const std::vector<int>& off) {
+  const ParameterSpec& spec = suspect.spec;
+  if (!suspect.trial) return fmt::format("{}: by the logs about {}", spec.field, ValueInWords(spec, suspect.value));
+  const std::string freed = fmt::format("with {} freed ({})", spec.field, ValueInWords(spec, suspect.trial->value));
+  if (!suspect.trial->kept) return freed + ": no surely better prediction";
+  return fmt::format("{}: {}", freed, Bought(*suspect.trial, channels, off));
+}
+
+}  // namespace oted

@@ -1,0 +1,20 @@
+#pragma once
+/// A suspect in words, the same on the terminal, in design.json and on the report.
+
+#include <string>
+#include <vector>
+
+#include "oted/run/records.h"
+
+namespace oted {
+
+/// "delay = { field = "action/delay", range = [0, 3], scale = "absolute" }": what adds it to [parameters].
+std::string ParameterLine(const ParameterSpec& spec);
+
+/// What the logs say of a suspect, and what freeing it bought.
+/// @param channels  of the predictions: names and units
+/// @param off       those in which more is left than the sensors explain, the farthest off first; the first is told of
+std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignRecord::Validation::Channel>& channels,
+                            const std::vector<int>& off);
+
+}  // namespace oted

@@ -1,0 +1,140 @@
+#include "oted/run/validation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/checks/data_check.h"
+#include "oted/matching/verdict.h"
+#include "oted/run/design_record.h"
+#include "oted/run/finished_design.h"
+#include "oted/run/run_inputs.h"
+#include "oted/run/verdict_sentence.h"
+#include "oted/stages/design/replay/prediction_evidence.h"
+#include "oted/stages/design/replay/replay_fit.h"
+
+namespace oted {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr double kNoiseGuess = 0.01;  // of a channel's spread, where no fit told; PredictLogs corrects it
+
+/// (obs_dim): the sensors' noise, as the design's fit told it.
+VectorXd NoiseOf(const DesignRecord& design, const Dataset& logs) {
+  const VectorXd scale = ChannelScales(logs);
+  if (!design.fit || static_cast<Eigen::Index>(design.fit->channels.size()) != scale.size()) return kNoiseGuess * scale;
+  VectorXd noise(scale.size());
+  for (Eigen::Index c = 0; c < noise.size(); ++c) {
+    noise[c] = design.fit->channels[static_cast<size_t>(c)].short_noise_std;
+  }
+  return noise;
+}
+
+HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, const std::vector<double>& z,
+                          const VectorXd& noise, int n_threads) {
+  const std::optional<HeldOutPrediction> prediction = PredictLogs({.factory = factory,
+                                                                   .kept_aside = logs,
+                                                                   .learned = nullptr,
+                                                                   .z = z,
+                                                                   .noise = noise,
+                                                                   .readings = ReadingModel::Of(factory.spec(), logs),
+                                                                   .key = RngKey(1).Stage("validation"),
+                                                                   .n_threads = n_threads});
+  if (!prediction) {
+    throw DataError(fmt::format(
+        "no window of '{}' can be predicted: its episodes are too short, or its states cannot be set; give longer ones",
+        logs.path));
+  }
+  return *prediction;
+}
+
+std::string SentenceOf(const ValidationResult& result) {
+  const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
+  const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain"
+                                                : "; what it leaves is more than the sensors explain";
+  if (!result.predicts_better) {
+    return fmt::format(
+        "over {} the designed simulator predicts these recordings no better than the nominal one, "
+        "beyond chance{}",
+        InWords(shown), rest);
+  }
+  return fmt::format(
+             "over {} the designed simulator predicts these recordings with {:.0f} % less error than the nominal one{}",
+             InWords(shown), 100 * shown.narrowed, rest) +
+         ButElsewhere(result.validation);
+}
+
+/// Why these recordings may say less, or something else, than they seem to.
+std::vector<std::string> Doubts(const DesignRecord& design, const Dataset& logs, const SimulatorSpec& spec) {
+  std::vector<std::string> doubts = logs.warnings;
+  if (logs.sha256 == design.dataset.sha256) {
+    doubts.emplace_back("the design learned from this very file: what it predicts of others stands in design.json");
+  }
+  std::ranges::move(DataWarnings(logs, spec), std::back_inserter(doubts));
+  return doubts;
+}
+
+}  // namespace
+
+ValidationResult Validate(const ValidationRequest& request, const RunContext& context) {
+  FinishedDesign design = ReadDesign(request.run);
+  RunConfig& config = design.config;
+  config.task.Resolve();
+  if (!request.model.empty() && !config.task.has_model()) {
+    throw UsageError(
+        fmt::format("--model takes the place of a task file's model, and task '{}' is built in; describe the task in a "
+                    "file to compare models of it",
+                    config.task.name));
+  }
+  if (request.data.ends_with(".toml"))
+    config.data = RunConfig::FromTomlFile(request.data).data;
+  else
+    config.data.path = request.data;
+  config.data.episodes = request.episodes;
+  const Dataset logs = ReadEpisodes(config.data, SpecOf(config.task));
+  const auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());
+  const SimulatorSpec& spec = factory->spec();
+  logs.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
+  if (!spec.can_replay()) {
+    throw UsageError(
+        fmt::format("task '{}' cannot be set to a logged state: its recordings cannot be predicted", config.task.name));
+  }
+  CheckSameModel(design, config.task.name, factory->model_sha256());
+  const VectorXd noise = NoiseOf(design.record, logs);
+  const HeldOutPrediction prediction = Predict(*factory, logs, design.record.BestMode(), noise, context.n_threads);
+  ValidationResult result{.validation = InRecord(prediction, spec),
+                          .model = std::nullopt,
+                          .predicts_better = PredictsBetter(prediction),
+                          .reaches_floor = ReachesFloor(prediction),
+                          .sentence = {},
+                          .warnings = Doubts(design.record, logs, spec),
+                          .data_sha256 = logs.sha256,
+                          .n_transitions = logs.size()};
+  result.sentence = SentenceOf(result);
+  if (request.model.empty()) return result;
+  context.ThrowIfStopped();
+  TaskConfig other = config.task;
+  other.model.model = request.model;
+  const auto other_factory = MakeSimulatorFactory(other, {}, logs.EpisodeStarts());
+  result.model = InRecord(Predict(*other_factory, logs, {}, noise, context.n_threads), spec);
+  return result;
+}
+
+nlohmann::json ValidationResult::ToJson(const ValidationRequest& request) const {
+  nlohmann::json record = {
+      {"schema", "oted.validation/1"},
+      {"run", request.run.string()},
+      {"dataset", {{"path", request.data}, {"sha256", data_sha256}, {"n_transitions", n_transitions}}},
+      {"sentence", sentence},
+      {"warnings", warnings},
+      {"predicts_better", predicts_better},
+      {"reaches_floor", reaches_floor},
+      {"validation", ValidationToJson(validation)}};
+  if (model) record["model"] = {{"path", request.model}, {"validation", ValidationToJson(*model)}};
+  return record;
+}
+
+}  // namespace oted

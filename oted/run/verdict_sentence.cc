@@ -1,0 +1,124 @@
+#include "oted/run/verdict_sentence.h"
+
+#include <fmt/format.h>
+
+namespace oted {
+namespace {
+
+constexpr double kShown = 0.5;  // [s]
+constexpr double kWorse = 1.1;  // times the nominal simulator's error
+
+/// "[rad/s]" behind a number.
+std::string WithUnit(double value, const std::string& unit) {
+  return unit.empty() ? fmt::format("{:.2g}", value) : fmt::format("{:.2g} {}", value, unit);
+}
+
+/// "elbow 0.021 rad (sensors alone: 0.003) and 2 other channels"
+std::string WhatRemains(const DesignRecord::Validation::Horizon& horizon, const std::vector<int>& off) {
+  const auto& c = horizon.channels[static_cast<size_t>(off.front())];
+  std::string text = fmt::format("{} {} (sensors alone: {:.2g})", c.name, WithUnit(c.designed, c.unit), c.floor);
+  if (off.size() == 2) text += " and " + horizon.channels[static_cast<size_t>(off[1])].name;
+  if (off.size() > 2) text += fmt::format(" and {} other channels", off.size() - 1);
+  return text;
+}
+
+std::string AtBounds(const DesignRecord& record) {
+  std::string names;
+  for (const DesignRecord::Parameter& p : record.parameters) {
+    if (p.verdict == ParameterVerdict::kAtBound) names += (names.empty() ? "'" : ", '") + p.name + "'";
+  }
+  return names;
+}
+
+std::string WithoutPrediction(const DesignRecord& record) {
+  switch (record.verdict) {
+    case DesignVerdict::kNoGap:
+      return "no gap: a classifier cannot tell the nominal simulator from the logs";
+    case DesignVerdict::kGapClosed:
+      return "gap closed: a classifier cannot tell the designed simulator from the logs; it can tell the nominal one";
+    case DesignVerdict::kGapNarrowed:
+      return "gap narrowed: a classifier tells the designed simulator from the logs, but less surely than the nominal "
+             "one";
+    case DesignVerdict::kOutsideFamily:
+      break;
+  }
+  return "outside the family: a classifier tells the designed simulator from the logs as surely as the nominal one";
+}
+
+}  // namespace
+
+const DesignRecord::Validation::Horizon& ShownHorizon(const DesignRecord::Validation& validation) {
+  const auto rank = [](const DesignRecord::Validation::Horizon& h) { return 2 * !h.learned + h.surely_better; };
+  const auto* shown = &validation.horizons.front();
+  for (const auto& horizon : validation.horizons) {
+    const bool is_brief = horizon.seconds > 0 && horizon.seconds <= kShown + 1e-9;
+    if (is_brief && rank(horizon) >= rank(*shown)) shown = &horizon;
+  }
+  return *shown;
+}
+
+std::string InWords(const DesignRecord::Validation::Horizon& horizon) {
+  return horizon.seconds > 0 ? fmt::format("{:.2g} s", horizon.seconds)
+                             : fmt::format("{} control steps", horizon.n_steps);
+}
+
+std::string InWords(const DesignRecord::Validation::Channel& channel) {
+  return channel.unit.empty() ? channel.name : fmt::format("{} [{}]", channel.name, channel.unit);
+}
+
+std::string ButElsewhere(const DesignRecord::Validation& validation) {
+  const auto& shown = ShownHorizon(validation);
+  std::string unsure;
+  const DesignRecord::Validation::Horizon* worst_at = nullptr;
+  const DesignRecord::Validation::Channel* worst = nullptr;
+  for (const auto& horizon : validation.horizons) {
+    if (horizon.n_steps > shown.n_steps && shown.surely_better && !horizon.surely_better) {
+      unsure += (unsure.empty() ? "" : " and ") + InWords(horizon);
+    }
+    for (const auto& channel : horizon.channels) {
+      const auto ratio = [](const auto& c) { return c.designed / c.nominal; };
+      if (!(ratio(channel) > kWorse) || (worst != nullptr && ratio(channel) <= ratio(*worst))) continue;
+      worst = &channel;
+      worst_at = &horizon;
+    }
+  }
+  std::string text;
+  if (!unsure.empty()) text = fmt::format("; over {} it is not surely better", unsure);
+  if (worst == nullptr) return text;
+  return text + fmt::format("; it predicts {} worse than the nominal simulator over {}: {} against {:.2g}", worst->name,
+                            InWords(*worst_at), WithUnit(worst->designed, worst->unit), worst->nominal);
+}
+
+std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& off) {
+  if (!record.validation || record.validation->horizons.empty()) return WithoutPrediction(record);
+  const auto& horizon = ShownHorizon(*record.validation);
+  const std::string over = "over " + InWords(horizon), share = fmt::format("{:.0f} %", 100 * horizon.narrowed);
+  const std::string at_bounds = AtBounds(record);
+  switch (record.verdict) {
+    case DesignVerdict::kNoGap:
+      return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it", over);
+    case DesignVerdict::kGapClosed:
+      return fmt::format(
+          "gap closed: {} the designed simulator predicts the logs as well as the sensors let it, with {} less error "
+          "than the nominal one",
+          over, share);
+    case DesignVerdict::kGapNarrowed:
+      return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
+                         WhatRemains(horizon, off)) +
+             ButElsewhere(*record.validation);
+    case DesignVerdict::kOutsideFamily:
+      break;
+  }
+  if (record.predicts_better && !at_bounds.empty()) {
+    return fmt::format(
+        "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less than "
+        "the nominal simulator's, and more than the sensors explain: {}",
+        at_bounds, over, share, WhatRemains(horizon, off));
+  }
+  return fmt::format(
+      "outside the family: {} the designed simulator does not surely predict better than the nominal one, and what "
+      "remains is more than the sensors explain: {}",
+      over, WhatRemains(horizon, off));
+}
+
+}  // namespace oted

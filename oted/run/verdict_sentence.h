@@ -1,0 +1,28 @@
+#pragma once
+/// A design's verdict in one sentence, the same on the terminal, in design.json and on the report.
+
+#include <string>
+#include <vector>
+
+#include "oted/run/records.h"
+
+namespace oted {
+
+/// The horizon that is talked of, up to half a second: the longest over which the design is surely better than the
+/// nominal simulator, of windows that were kept aside; where there is none, the longest of such windows, if any was.
+const DesignRecord::Validation::Horizon& ShownHorizon(const DesignRecord::Validation& validation);
+
+/// What a shown horizon leaves out, to be appended to a sentence about it: longer horizons over which the design is not
+/// surely better, and the channel that it predicts worst beside the nominal simulator, where it does so by a tenth.
+std::string ButElsewhere(const DesignRecord::Validation& validation);
+
+/// "0.5 s", or "10 control steps" where time has no unit.
+std::string InWords(const DesignRecord::Validation::Horizon& horizon);
+
+/// "joint/hip/qvel [rad/s]".
+std::string InWords(const DesignRecord::Validation::Channel& channel);
+
+/// @param off  channels in which more is left than the sensors explain, the farthest off first
+std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& off);
+
+}  // namespace oted

@@ -1,0 +1,135 @@
+#include "oted/run/verify.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/seal.h"
+#include "oted/data/npz.h"
+#include "oted/run/run_lock.h"
+
+namespace oted {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+namespace {
+
+class Verifier {
+ public:
+  explicit Verifier(fs::path root) : root_(std::move(root)) {}
+
+  Verification Run() {
+    for (const auto& entry : fs::recursive_directory_iterator(root_)) {
+      if (!entry.is_regular_file()) continue;
+      Add(entry.path(), FileState::kUnproven);
+    }
+    for (const auto& [path, unused] : std::map(files_)) {
+      if (IsTemporaryName(path.filename().string())) {
+        Set(path, FileState::kLeftOver, "of a program that died; the next command on this directory removes it");
+      } else if (path.extension() == ".json") {
+        Guarded(path, [&, &file = path] { CheckRecord(file); });
+      } else if (path == root_ / "run.toml") {
+        Guarded(path, [&, &file = path] {
+          ReadSealedText(file, "an edited file is run with CONFIG, its name");
+          Set(file, FileState::kWhole);
+        });
+      } else if (path.filename() == "checkpoint.npz") {
+        Guarded(path, [&, &file = path] {
+          ReadCheckpoint(file);
+          Set(file, FileState::kWhole);
+        });
+      }
+    }
+    Verification found;
+    found.in_use = IsLocked(root_);
+    for (const auto& [path, file] : files_) {
+      if (path.filename() != ".lock") found.files.push_back(file);
+    }
+    return found;
+  }
+
+ private:
+  void Add(const fs::path& path, FileState state) { files_[path] = {path.lexically_relative(root_), state, ""}; }
+
+  /// What is worse stays.
+  void Set(const fs::path& path, FileState state, const std::string& note = "") {
+    if (!files_.contains(path)) Add(path, FileState::kMissing);
+    VerifiedFile& file = files_.at(path);
+    if (file.state == FileState::kDamaged) return;
+    file.state = state;
+    file.note = note;
+  }
+
+  template <class F>
+  void Guarded(const fs::path& path, const F& check) {
+    try {
+      check();
+    } catch (const Error& e) {
+      Set(path, FileState::kDamaged, e.what());
+    }
+  }
+
+  void CheckRecord(const fs::path& path) {
+    const json record = ReadSealed(path, true);
+    if (SealOf(record).empty()) return;
+    Set(path, FileState::kWhole);
+    const std::vector<std::string> damaged = DamagedFiles(record, path);
+    for (const auto& [name, unused] : SealedFiles(record, path.string())) {
+      const fs::path file = path.parent_path() / name;
+      if (std::ranges::find(damaged, name) == damaged.end()) {
+        Set(file, FileState::kWhole);
+      } else if (fs::exists(file)) {
+        Set(file, FileState::kDamaged, fmt::format("its SHA-256 is not the one in '{}'", path.filename().string()));
+      } else {
+        Set(file, FileState::kMissing, fmt::format("'{}' names it", path.lexically_relative(root_).string()));
+      }
+    }
+    if (!record.contains("made_from") || !record.at("made_from").is_object()) return;
+    for (const auto& [name, seal] : record.at("made_from").items()) CheckSource(path, name, seal);
+  }
+
+  void CheckSource(const fs::path& record, const std::string& name, const json& seal) {
+    const fs::path source = (record.parent_path() / name).lexically_normal();
+    if (!fs::exists(source)) {
+      return Set(source, FileState::kMissing, fmt::format("'{}' was made from it", Relative(record)));
+    }
+    json from;
+    try {
+      from = ReadSealed(source);
+    } catch (const Error& e) {
+      return Set(source, FileState::kDamaged, e.what());  // a file without a seal does not tell of itself
+    }
+    if (json(SealOf(from)) == seal) return;
+    Set(record, FileState::kDamaged, fmt::format("it was made from another '{}'", Relative(source)));
+  }
+
+  std::string Relative(const fs::path& path) const { return path.lexically_relative(root_).string(); }
+
+  fs::path root_;
+  std::map<fs::path, VerifiedFile> files_;
+};
+
+}  // namespace
+
+bool Verification::is_whole() const {
+  return std::ranges::none_of(files, [](const VerifiedFile& file) {
+    return file.state == FileState::kDamaged || file.state == FileState::kMissing;
+  });
+}
+
+Verification VerifyRun(const fs::path& run_directory) {
+  const fs::path root = run_directory.lexically_normal();
+  if (!fs::exists(root / "run.toml")) {
+    throw UsageError(
+        fmt::format("'{}' holds no run.toml; name the folder that was given as --out", run_directory.string()));
+  }
+  return Verifier(root.has_filename() ? root : root.parent_path()).Run();
+}
+
+}  // namespace oted

@@ -1,0 +1,64 @@
+#include "oted/sim/channel_suspects.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+
+#include "oted/base/error.h"
+#include "oted/sim/channel_path.h"
+#include "oted/sim/suspect_name.h"
+
+namespace oted {
+namespace {
+
+constexpr double kLongest = 3.0;                  // [control steps]
+constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's zero
+constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
+
+ParameterSpec Spec(const std::string& name, const std::string& path, double low, double high,
+                   const ParameterSpace& searched) {
+  return {
+      .name = SuspectName(name, searched), .field = path, .low = low, .high = high, .scale = ParameterScale::kAbsolute};
+}
+
+}  // namespace
+
+std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const ParameterSpace& searched) {
+  if (spec.observation_shape.size() != 1 || spec.n_discrete_actions > 0 || !(spec.control_period_s > 0)) return {};
+  std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, kLongest, searched)};
+  candidates.push_back(Spec("rates_delay", kRates, 0, kLongest, searched));
+  const size_t n_named = std::min(spec.observation_names.size(), spec.observation_units.size());
+  for (size_t j = 0; j < n_named; ++j) {
+    const std::string &name = spec.observation_names[j], &unit = spec.observation_units[j];
+    if (unit != "rad" && unit != "m") continue;
+    candidates.push_back(Spec(name + "_bias", fmt::format("obs/{}/bias", name), -kFarthest, kFarthest, searched));
+  }
+  std::vector<ChannelField> taken;
+  for (const ParameterSpec& parameter : searched.specs()) {
+    if (IsChannelPath(parameter.field)) taken.push_back(ResolveChannel(spec, parameter.field));
+  }
+  const auto is_set = [&](const ChannelField& field) {
+    return std::ranges::any_of(taken, [&](const ChannelField& other) {
+      const bool delays = field.quantity == ChannelQuantity::kActionDelay &&
+                          other.quantity == ChannelQuantity::kObservationDelay &&
+                          static_cast<int>(other.observations.size()) == spec.obs_dim();
+      if (other.quantity != field.quantity) return delays;
+      return field.quantity == ChannelQuantity::kActionDelay || std::ranges::any_of(field.observations, [&](int j) {
+               return std::ranges::find(other.observations, j) != other.observations.end();
+             });
+    });
+  };
+  std::vector<ParameterSpec> suspects;
+  for (ParameterSpec& candidate : candidates) {
+    try {
+      if (is_set(ResolveChannelParameter(spec, candidate))) continue;
+    } catch (const UsageError&) {
+      continue;  // no rate has such a name
+    }
+    suspects.push_back(candidate);
+  }
+  return suspects;
+}
+
+}  // namespace oted

@@ -1,0 +1,15 @@
+#pragma once
+/// What is often off between controller and plant, beside the parameters that are searched.
+
+#include <vector>
+
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// The delay of actions, that of all rates together (as far as a pattern names them), and the zero of every angle and
+/// length. What a searched parameter sets is left out, and an action delay beside a searched lag of all sensors, which
+/// no log tells apart. None where observations are images or actions are no quantities.
+std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const ParameterSpace& searched);
+
+}  // namespace oted

@@ -1,0 +1,95 @@
+#include "oted/sim/mujoco/model_outline.h"
+
+#include <mujoco/mujoco.h>
+
+#include "oted/sim/mujoco/model.h"
+#include "oted/sim/mujoco/model_probe.h"
+#include "oted/sim/mujoco/model_task.h"
+#include "oted/sim/mujoco/mujoco_errors.h"
+#include "oted/sim/mujoco/object_path.h"
+#include "oted/sim/mujoco/observables.h"
+
+namespace oted {
+namespace {
+
+JointKind KindOfJoint(int type) {
+  switch (type) {
+    case mjJNT_FREE:
+      return JointKind::kFree;
+    case mjJNT_BALL:
+      return JointKind::kBall;
+    case mjJNT_SLIDE:
+      return JointKind::kSlide;
+    default:
+      return JointKind::kHinge;
+  }
+}
+
+/// As model_field.cc tells servos from motors.
+DriveKind DriveOf(const mjModel& model, int id) {
+  const double gain = model.actuator_gainprm[id * mjNGAIN];
+  const double* bias = model.actuator_biasprm + id * mjNBIAS;
+  if (model.actuator_gaintype[id] != mjGAIN_FIXED) return DriveKind::kOther;
+  if (model.actuator_biastype[id] == mjBIAS_NONE) return DriveKind::kMotor;
+  if (model.actuator_biastype[id] != mjBIAS_AFFINE) return DriveKind::kOther;
+  if (bias[1] == 0 && bias[2] == 0) return DriveKind::kMotor;
+  if (gain != 0 && bias[1] == -gain) return DriveKind::kPositionServo;
+  return gain != 0 && bias[1] == 0 && bias[2] == -gain ? DriveKind::kVelocityServo : DriveKind::kOther;
+}
+
+ModelOutline::Actuator OutlineOfActuator(const mjModel& model, int id) {
+  ModelOutline::Actuator actuator;
+  actuator.name = ObjectName(model, mjOBJ_ACTUATOR, id);
+  const int type = model.actuator_trntype[id];
+  if (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) actuator.joint = model.actuator_trnid[2 * id];
+  actuator.drive = DriveOf(model, id);
+  actuator.n_controls = model.actuator_ctrlnum[id];
+  const double gear = std::abs(model.actuator_gear[6 * model.actuator_outadr[id]]);
+  actuator.force_per_control = gear * std::abs(model.actuator_gainprm[id * mjNGAIN]);
+  actuator.has_range = true;
+  for (int k = 0; k < actuator.n_controls; ++k) {
+    actuator.has_range = actuator.has_range && model.actuator_ctrllimited[model.actuator_ctrladr[id] + k] != 0;
+  }
+  if (model.actuator_forcelimited[id] != 0) actuator.most_force = gear * model.actuator_forcerange[2 * id + 1];
+  return actuator;
+}
+
+}  // namespace
+
+ModelOutline OutlineOf(const std::string& model_file) {
+  TakeOverMujocoErrors();
+  const std::filesystem::path path = FindModelFile(model_file);
+  ProbeModel(path);
+  const LoadedModel loaded = LoadModel(path);
+  const mjModel& model = *loaded.model;
+  ModelOutline outline;
+  outline.time_step = model.opt.timestep;
+  outline.has_activations = model.na > 0;
+  for (int i = 0; i < model.njnt; ++i) {
+    ModelOutline::Joint joint;
+    joint.name = ObjectName(model, mjOBJ_JOINT, i);
+    joint.body = ObjectName(model, mjOBJ_BODY, model.jnt_bodyid[i]);
+    joint.kind = KindOfJoint(model.jnt_type[i]);
+    joint.limited = model.jnt_limited[i] != 0;
+    joint.low = model.jnt_range[2 * i];
+    joint.high = model.jnt_range[2 * i + 1];
+    joint.inertia = model.dof_M0[model.jnt_dofadr[i]];
+    outline.joints.push_back(joint);
+  }
+  for (int i = 0; i < model.nactuator; ++i) {
+    outline.actuators.push_back(OutlineOfActuator(model, i));
+    const int joint = outline.actuators.back().joint;
+    if (joint >= 0) outline.joints[static_cast<size_t>(joint)].actuated = true;
+  }
+  for (int i = 0; i < model.nsensor; ++i) {
+    outline.sensors.push_back({ObjectName(model, mjOBJ_SENSOR, i), model.sensor_dim[i]});
+  }
+  for (int i = 0; i < model.nkey; ++i) outline.keyframes.push_back(ObjectName(model, mjOBJ_KEY, i));
+  if (model.njnt > 0) {
+    for (const Observable& o : ResolveObservable(model, "joint/*/qpos", "")) outline.qpos.push_back(o.name);
+    for (const Observable& o : ResolveObservable(model, "joint/*/qvel", "")) outline.qvel.push_back(o.name);
+  }
+  return outline;
+}
+
+}  // namespace oted

@@ -1,0 +1,50 @@
+#pragma once
+/// What a model has, by name, for those who do not know it: joints, drives, sensors.
+
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace oted {
+
+enum class JointKind { kHinge, kSlide, kBall, kFree };
+/// What a control of an actuator is: a force, a position or a velocity to be reached, or something else.
+enum class DriveKind { kMotor, kPositionServo, kVelocityServo, kOther };
+
+struct ModelOutline {
+  struct Joint {
+    std::string name;
+    std::string body;  ///< that it moves
+    JointKind kind = JointKind::kHinge;
+    bool limited = false;
+    double low = 0, high = 0;  ///< [rad, m] where limited
+    double inertia = 0;        ///< about it in the start state [kg m^2, kg]
+    bool actuated = false;
+    bool has_one_number() const { return kind == JointKind::kHinge || kind == JointKind::kSlide; }
+  };
+  struct Actuator {
+    std::string name;
+    int joint = -1;  ///< that it drives; -1: a tendon or something else
+    DriveKind drive = DriveKind::kOther;
+    int n_controls = 1;
+    bool has_range = false;
+    double force_per_control = 1;                                 ///< on the joint, of a motor
+    double most_force = std::numeric_limits<double>::infinity();  ///< on the joint
+  };
+  struct Sensor {
+    std::string name;
+    int size = 1;
+  };
+  std::vector<Joint> joints;
+  std::vector<Actuator> actuators;
+  std::vector<Sensor> sensors;
+  std::vector<std::string> keyframes;
+  std::vector<std::string> qpos, qvel;  ///< the paths of every number of the state: "joint/hip/qpos"
+  double time_step = 0;                 ///< [s]
+  bool has_activations = false;
+};
+
+/// @param model  as ModelTask::model. @throws DataError, UsageError as a task of that model would
+ModelOutline OutlineOf(const std::string& model);
+
+}  // namespace oted

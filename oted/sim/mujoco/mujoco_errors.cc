@@ -1,0 +1,29 @@
+#include "oted/sim/mujoco/mujoco_errors.h"
+
+#include <fmt/format.h>
+#include <mujoco/mujoco.h>
+
+#include <mutex>
+
+#include "oted/base/error.h"
+
+namespace oted {
+namespace {
+
+// MuJoCo is C, or C++ that lets exceptions pass: its functions have unwind tables on every platform that this program
+// is built for, and hold nothing between the error and the call that would have to be destroyed.
+[[noreturn]] void ThrowError(const char* message) {
+  throw DataError(fmt::format("MuJoCo {} cannot go on: {}; correct the model", mj_versionString(), message));
+}
+
+}  // namespace
+
+void TakeOverMujocoErrors() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    if (mju_user_warning == nullptr) mju_user_warning = [](const char*) {};
+    if (mju_user_error == nullptr) mju_user_error = [](const char* message) { ThrowError(message); };
+  });
+}
+
+}  // namespace oted

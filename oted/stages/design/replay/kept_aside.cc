@@ -1,0 +1,42 @@
+#include "oted/stages/design/replay/kept_aside.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace oted {
+namespace {
+
+constexpr size_t kManyEpisodes = 5;
+constexpr int kBlocksPerJudged = 5;
+constexpr double kBlock = 2.0;           // [s]
+constexpr double kShortestBlock = 1.25;  // [s]: holds the longest horizon and the lead before it
+
+}  // namespace
+
+HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
+  const bool are_many = dataset.Episodes().size() >= kManyEpisodes;
+  if (!(period_s > 0)) return HoldOut(dataset, key);
+  HeldOutParts parts = are_many ? HoldOut(dataset, key) : HeldOutParts{dataset, {}};
+  const auto rows = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period_s))); };
+  std::vector<Episode> learn, judge;
+  for (const Episode& episode : parts.learn.Episodes()) {
+    const int fifth = episode.size() / kBlocksPerJudged;
+    // Where whole episodes judge already, short ones learn whole.
+    const int block = are_many && fifth < rows(kShortestBlock) ? episode.size() : std::min(rows(kBlock), fifth);
+    if (block < 1) return {dataset, dataset};
+    int begin = episode.begin;  // of what was not given to either
+    for (int k = kBlocksPerJudged - 1; episode.begin + (k + 1) * block <= episode.end; k += kBlocksPerJudged) {
+      const int middle = episode.begin + k * block, end = middle + block;
+      learn.push_back({begin, middle, false});
+      judge.push_back({middle, end, episode.terminated && end == episode.end});
+      begin = end;
+    }
+    if (begin < episode.end) learn.push_back({begin, episode.end, episode.terminated});
+  }
+  parts.judge.Append(parts.learn.Select(judge));
+  parts.learn = parts.learn.Select(learn);
+  return parts;
+}
+
+}  // namespace oted

@@ -1,0 +1,46 @@
+#pragma once
+/// The evidence that verdicts rest on: how a designed simulator predicts logs beside the nominal one, and beside what
+/// the sensors' noise would leave if it were right.
+
+#include <Eigen/Dense>
+#include <optional>
+#include <vector>
+
+#include "oted/base/rng.h"
+#include "oted/data/dataset.h"
+#include "oted/matching/held_out_prediction.h"
+#include "oted/sim/simulator.h"
+#include "oted/stages/design/replay/reading_model.h"
+
+namespace oted {
+
+/// What is predicted, and by which simulator. What it refers to must outlive the call.
+struct PredictionProblem {
+  const SimulatorFactory& factory;  ///< whose state can be set
+  const Dataset& kept_aside;        ///< logs that the design did not learn from,
+  const Dataset* learned;           ///< and those that it did: they count where the floor is compared. May be null
+  const std::vector<double>& z;     ///< the design's
+  const Eigen::VectorXd& noise;     ///< (obs_dim): standard deviations of the sensors, roughly
+  const ReadingModel& readings;     ///< how starts are told by them
+  RngKey key;
+  int n_threads = 1;
+};
+
+/// Predictions over 0.1, 0.5 and 1 s (2, 10 and 20 control steps where time has no unit), as far as episodes last that
+/// long: at a horizon for which those kept aside are too short, the learned ones judge. None where nothing can be
+/// predicted.
+///
+/// The floor is a parametric bootstrap of the judge itself. The designed simulator makes logs of its own on the same
+/// windows, from where it follows them best, and predicts these in the same way: from starts that are fitted to noisy
+/// readings, through contacts that magnify what is unknown of them. Its sensors' noise is first scaled, channel by
+/// channel, until starts fitted to readings leave as much as in the logs (the median over windows), so that neither a
+/// guess that is too high nor noise that is no Gaussian passes for an error of the simulator.
+///
+/// Standard errors: delete-one jackknife over ten blocks of neighbouring windows.
+std::optional<HeldOutPrediction> PredictLogs(const PredictionProblem& problem);
+
+/// How the simulator predicts at problem.z beside the same one at `other`, which takes the nominal one's place. No
+/// floor is looked for, which takes most of the time: it and the excess are 0.
+std::optional<HeldOutPrediction> PredictBeside(const PredictionProblem& problem, const std::vector<double>& other);
+
+}  // namespace oted

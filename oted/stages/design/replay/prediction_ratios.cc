@@ -1,0 +1,87 @@
+#include "oted/stages/design/replay/prediction_ratios.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace oted {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kBlocksOfWindows = 10;
+constexpr double kUnknownError = 100.0;  // of a logarithm: one block says nothing of chance
+
+/// By how much an error from so few degrees of freedom must be wider so that the normal's 99 % holds: Student's t over
+/// the normal.
+double Widening(Eigen::Index freedom) {
+  constexpr std::array<double, kBlocksOfWindows - 1> kStudent = {31.82, 6.965, 4.541, 3.747, 3.365,
+                                                                 3.143, 2.998, 2.896, 2.821};
+  return freedom < 1 ? 1.0 : kStudent[static_cast<size_t>(freedom - 1)] / 2.326;
+}
+
+/// (rows, blocks) of (rows, windows).
+MatrixXd BlockSums(const MatrixXd& of_windows) {
+  const Eigen::Index n = of_windows.cols(), n_blocks = std::min<Eigen::Index>(n, kBlocksOfWindows);
+  MatrixXd sums = MatrixXd::Zero(of_windows.rows(), n_blocks);
+  for (Eigen::Index w = 0; w < n; ++w) sums.col(w * n_blocks / n) += of_windows.col(w);
+  return sums;
+}
+
+/// Squares as HeldOutPrediction counts them.
+MatrixXd Counted(const MatrixXd& squares, const VectorXd& spread) {
+  const VectorXd most = spread.cwiseAbs2(), visible = kVisibleError * kVisibleError * most;
+  MatrixXd counted = squares;
+  for (Eigen::Index w = 0; w < squares.cols(); ++w) {
+    counted.col(w) = (squares.col(w).hasNaN() ? most : squares.col(w).cwiseMin(most).eval()) + visible;
+  }
+  return counted;
+}
+
+/// Behind the channels' numbers, their mean.
+MatrixXd WithMean(const MatrixXd& of_channels) {
+  MatrixXd all(of_channels.rows() + 1, of_channels.cols());
+  all << of_channels, of_channels.colwise().mean();
+  return all;
+}
+
+}  // namespace
+
+PredictionRatios::PredictionRatios(VectorXd value, Eigen::Index n_blocks,
+                                   const std::function<VectorXd(Eigen::Index)>& without)
+    : value_(std::move(value)) {
+  VectorXd square = VectorXd::Zero(value_.size());
+  for (Eigen::Index k = 0; k < n_blocks; ++k) square += (without(k) - value_).cwiseAbs2();
+  const double blocks = static_cast<double>(n_blocks);
+  error_ = Widening(n_blocks - 1) * (square * (blocks - 1) / blocks).cwiseSqrt();
+  if (n_blocks < 2) error_.setConstant(kUnknownError);
+}
+
+PredictionRatios TypicalRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Index n, const VectorXd& spread) {
+  const auto mean_logs = [&](const MatrixXd& squares) {
+    const MatrixXd counted = Counted(squares, spread);
+    MatrixXd logs = MatrixXd::Zero(squares.rows(), n);
+    for (Eigen::Index i = 0; i < squares.cols(); ++i) logs.col(i % n) += counted.col(i).array().log().matrix();
+    logs *= static_cast<double>(n) / static_cast<double>(squares.cols());
+    return WithMean(logs);
+  };
+  const MatrixXd sums = BlockSums(mean_logs(a) - mean_logs(b)), counts = BlockSums(MatrixXd::Ones(1, n));
+  const VectorXd sum = sums.rowwise().sum();
+  const double windows = static_cast<double>(n);
+  return {sum / windows, sums.cols(),
+          [&](Eigen::Index k) -> VectorXd { return (sum - sums.col(k)) / (windows - counts(0, k)); }};
+}
+
+PredictionRatios RatiosOfSums(const MatrixXd& a, const MatrixXd& b, const VectorXd& spread) {
+  const MatrixXd sums_a = BlockSums(Counted(a, spread)), sums_b = BlockSums(Counted(b, spread));
+  const VectorXd sum_a = sums_a.rowwise().sum(), sum_b = sums_b.rowwise().sum();
+  const auto log_ratios = [](const VectorXd& x, const VectorXd& y) -> VectorXd {
+    return WithMean((x.array() / y.array()).log().matrix());
+  };
+  return {log_ratios(sum_a, sum_b), sums_a.cols(),
+          [&](Eigen::Index k) { return log_ratios(sum_a - sums_a.col(k), sum_b - sums_b.col(k)); }};
+}
+
+}  // namespace oted

@@ -1,0 +1,36 @@
+#pragma once
+/// How two simulators' errors compare in the same windows, with errors that know of chance.
+
+#include <Eigen/Dense>
+#include <functional>
+
+#include "oted/matching/held_out_prediction.h"
+
+namespace oted {
+
+/// Logarithms of ratios, of each channel and behind them of all channels together, with errors by the delete-one
+/// jackknife over ten blocks of neighbouring windows.
+class PredictionRatios {
+ public:
+  /// @param without  the ratios when one block is left out, by its index
+  PredictionRatios(Eigen::VectorXd value, Eigen::Index n_blocks,
+                   const std::function<Eigen::VectorXd(Eigen::Index)>& without);
+
+  Estimated OfChannel(Eigen::Index c) const { return {value_[c], error_[c]}; }
+  Estimated OfAll() const { return OfChannel(value_.size() - 1); }
+
+ private:
+  Eigen::VectorXd value_, error_;
+};
+
+/// How much larger the errors `a` are than `b` in a typical one of the same `n` windows: means of logarithms. Either
+/// may hold several draws of each window, one behind the other.
+/// @param a, b    (channels, windows): mean squared errors, NaN where the physics broke down
+/// @param spread  (channels): PredictionJudge::spread; squares count as HeldOutPrediction has it
+PredictionRatios TypicalRatios(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::Index n,
+                               const Eigen::VectorXd& spread);
+
+/// The same by sums over the windows: what users feel is the error of the windows that are far off.
+PredictionRatios RatiosOfSums(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const Eigen::VectorXd& spread);
+
+}  // namespace oted

@@ -1,0 +1,62 @@
+#include "oted/stages/design/trajectories/first_level.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "oted/stages/design/replay/replay_fit.h"
+
+namespace oted {
+
+using Eigen::VectorXd;
+
+int ShortestWindow(const ReadingModel& readings) { return (readings.unread.empty() ? 2 : 4) + readings.longest_age(); }
+
+Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_steps, int n_rows, Rng& rng) {
+  Level level;
+  int n_stretches = 0;
+  for (const LogWindow& stretch : DrawStretches(dataset, length, n_rows, rng)) {
+    for (int i = stretch.begin; i + n_steps <= stretch.begin + length; i += n_steps) {
+      const LogWindow window{i, n_steps, stretch.episode_begin};
+      if (!replayer.CanStart(window)) continue;
+      level.windows.push_back(window);
+      level.starts.push_back(replayer.Guess(window));
+      level.stretch.push_back(n_stretches);
+    }
+    ++n_stretches;
+  }
+  return level;
+}
+
+Level Leading(const Level& level, size_t n) {
+  Level part = level;
+  part.windows.resize(std::min(n, level.windows.size()));
+  part.starts.resize(part.windows.size());
+  part.stretch.resize(part.windows.size());
+  return part;
+}
+
+double CoarseCost(WindowReplayer& replayer, const Level& level, const VectorXd& scale, const std::vector<double>& z) {
+  const std::vector<VectorXd> residuals = replayer.Residuals(level.windows, level.starts, z);
+  const int n_steps = level.windows.front().n_steps;
+  double cost = 0;
+  for (int c = 0; c < scale.size(); ++c) {
+    std::vector<double> errors;
+    for (const VectorXd& residual : residuals) {
+      double error = 1e6;
+      if (residual.size() > 0) {
+        error = 0;
+        for (int t = 1; t <= n_steps; ++t) {
+          if (replayer.readings().IsHeld(c, t)) error += std::pow(residual[t * scale.size() + c] / scale[c], 2);
+        }
+      }
+      errors.push_back(error);
+    }
+    std::sort(errors.begin(), errors.end());
+    errors.resize(std::max<size_t>(1, errors.size() * 4 / 5));
+    cost += std::log(std::accumulate(errors.begin(), errors.end(), 1e-14) / static_cast<double>(errors.size()));
+  }
+  return cost;
+}
+
+}  // namespace oted

@@ -1,0 +1,29 @@
+#pragma once
+/// The shortest windows of trajectory matching, and how well parameters explain them before anything is fitted.
+
+#include <Eigen/Dense>
+#include <vector>
+
+#include "oted/base/rng.h"
+#include "oted/data/dataset.h"
+#include "oted/stages/design/replay/windows.h"
+#include "oted/stages/design/trajectories/level_fit.h"
+
+namespace oted {
+
+/// Control steps of the shortest windows that tell anything: two where a reading shows the state, four where rates are
+/// unread, and as many more as a reading may be late.
+int ShortestWindow(const ReadingModel& readings);
+
+/// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into windows of `n_steps`.
+Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_steps, int n_rows, Rng& rng);
+
+/// The first `n` windows of a level.
+Level Leading(const Level& level, size_t n);
+
+/// How well z explains replays from the guessed states: the log of each channel's error, the worst fifth of the windows
+/// left out.
+double CoarseCost(WindowReplayer& replayer, const Level& level, const Eigen::VectorXd& scale,
+                  const std::vector<double>& z);
+
+}  // namespace oted

@@ -1,0 +1,241 @@
+#include "oted/stages/design/trajectories/freed.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "oted/matching/designer.h"
+#include "oted/matching/verdict.h"
+#include "oted/stages/design/replay/kept_aside.h"
+#include "oted/stages/design/replay/prediction_evidence.h"
+#include "oted/stages/design/replay/reading_model.h"
+#include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/first_level.h"
+#include "oted/stages/design/trajectories/long_windows.h"
+#include "oted/stages/design/trajectories/suspects.h"
+
+namespace oted {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kFreedRows = 1600;  // of the windows that are fitted
+constexpr int kFreedIterations = 12;
+constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
+constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
+constexpr double kShownSeconds = 0.5;
+constexpr double kSurelyGained = 2.0;  // standard errors
+constexpr int kScreenedRows = 960, kScreenedIterations = 12;
+constexpr int kFewestScreenedSteps = 4, kMostScreenedSteps = 8;
+constexpr double kScreenedSeconds = 0.06;
+constexpr size_t kMostScreened = 8, kFewestNamed = 3;
+constexpr double kFewestNats = 8.0;  // as much as four standard deviations of one number
+
+struct Fitted {
+  VectorXd x;
+  double cost = 0;
+  MatrixXd covariance;
+};
+
+/// The horizon that is told: the longest up to half a second, of logs kept aside if there is one.
+const HeldOutPrediction::Horizon& Told(const HeldOutPrediction& prediction) {
+  const HeldOutPrediction::Horizon* told = &prediction.horizons.front();
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    if (h.seconds <= kShownSeconds + 1e-9 && (told->learned || !h.learned)) told = &h;
+  }
+  return *told;
+}
+
+class FreedTrials {
+ public:
+  explicit FreedTrials(const FreedProblem& problem)
+      : problem_(problem),
+        period_(problem.factory.spec().control_period_s),
+        noise_(Eigen::Map<const VectorXd>(problem.fit.short_noise_std.data(),
+                                          static_cast<Eigen::Index>(problem.fit.short_noise_std.size()))),
+        parts_(KeepAside(problem.dataset, period_, problem.kept_aside)) {
+    const bool has_unseen = problem.fit.unseen && !problem.fit.unseen->z.empty();
+    const std::vector<double> x =
+        ZToLogit(problem.factory.parameters(), has_unseen ? problem.fit.unseen->z : problem.z);
+    x_ = Eigen::Map<const VectorXd>(x.data(), static_cast<Eigen::Index>(x.size()));
+  }
+
+  /// The likeliest first.
+  std::vector<Suspect> Find() {
+    const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
+    const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
+    if (wide == nullptr) return {};
+    // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
+    const ReadingModel readings = ReadingsOf(problem_.factory);
+    WindowReplayer every = Replayer(*wide, readings), alone = Replayer(problem_.factory, readings);
+    const int n_steps =
+        std::max(ShortestWindow(readings), std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
+                                                      kFewestScreenedSteps, kMostScreenedSteps));
+    const Level level = LongWindows(every, parts_.learn, n_steps, kScreenedRows, period_);
+    if (level.windows.size() < kFewestFreedWindows) return {};
+    const VectorXd scale = ChannelScales(parts_.learn);
+    LevelFit fit(alone, problem_.factory.parameters(), problem_.prior, scale, level, x_);
+    Descend(fit, kScreenedIterations);
+    const double cost = fit.FinalCost();
+    std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
+    suspects.resize(std::min(suspects.size(), kMostScreened));
+    for (Suspect& suspect : suspects) {
+      const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
+      WindowReplayer replayer = Replayer(*wider, readings);
+      const Prior prior = WithUniform(problem_.prior);
+      LevelFit with(replayer, wider->parameters(), prior, scale, fit.level(), StartOf(*wider, fit.x(), suspect.value));
+      Descend(with, kScreenedIterations);
+      suspect.explains = cost - with.FinalCost();
+      suspect.value = ToZ(wider->parameters(), with.x()).back();
+    }
+    std::erase_if(suspects,
+                  [](const Suspect& s) { return !(s.explains > kFewestNats) || !IsNoticeable(s.spec, s.value); });
+    std::ranges::stable_sort(suspects, [](const Suspect& a, const Suspect& b) { return a.explains > b.explains; });
+    return suspects;
+  }
+
+  std::optional<FreedTrial> Try(const Suspect& suspect) {
+    const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
+    if (wider == nullptr) return std::nullopt;
+    const ParameterSpace& space = wider->parameters();
+    const VectorXd x = Without();
+    std::vector<double> before = ToZ(problem_.factory.parameters(), x);
+    before.push_back(space[space.size() - 1].nominal);
+    const Prior prior = WithUniform(problem_.prior);
+    const ReadingModel readings = ReadingsOf(*wider);
+    std::optional<Fitted> best;
+    for (const double value : {suspect.value, before.back()}) {
+      std::optional<Fitted> fitted = Fit(*wider, prior, readings, StartOf(*wider, x, value));
+      if (fitted && (!best || fitted->cost < best->cost)) best = std::move(fitted);
+    }
+    if (!best) return std::nullopt;
+    const Designer q(space, best->x, best->covariance);
+    const auto prediction = Beside(*wider, readings, q.Mode(), before);
+    if (!prediction) return std::nullopt;
+    const HeldOutPrediction::Horizon& told = Told(*prediction);
+    FreedTrial trial{.value = q.Mode().back(),
+                     .std = q.Std().back(),
+                     .kept = PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error,
+                     .seconds = told.seconds,
+                     .n_steps = told.n_steps,
+                     .n_windows = told.n_windows,
+                     .learned = told.learned || LearnsFromAll(),
+                     .gain = told.gain,
+                     .before = {},
+                     .after = {}};
+    for (const HeldOutPrediction::Channel& channel : told.channels) {
+      trial.before.push_back(channel.nominal);
+      trial.after.push_back(channel.designed);
+    }
+    return trial;
+  }
+
+ private:
+  bool LearnsFromAll() const { return parts_.judge.size() == problem_.dataset.size(); }
+
+  ReadingModel ReadingsOf(const SimulatorFactory& factory) const {
+    return ::oted::ReadingsOf(factory.spec(), problem_.dataset, problem_.fit.unseen);
+  }
+
+  /// x, and behind it what a further parameter of this value has.
+  static VectorXd StartOf(const SimulatorFactory& wider, const VectorXd& x, double value) {
+    const ParameterSpace& space = wider.parameters();
+    std::vector<double> z = space.Nominal();
+    z.back() = value;
+    VectorXd start(x.size() + 1);
+    start << x, std::clamp(ZToLogit(space, z).back(), -kLargestStartX, kLargestStartX);
+    return start;
+  }
+
+  WindowReplayer Replayer(const SimulatorFactory& factory, const ReadingModel& readings) const {
+    return MakeReplayer(factory, factory.parameters().size(), parts_.learn, readings, problem_.context.n_threads);
+  }
+
+  void Descend(LevelFit& fit, int n_iterations) const {
+    fit.Descend(n_iterations, [&](const VectorXd&) { problem_.context.ThrowIfStopped(); });
+  }
+
+  std::optional<Fitted> Fit(const SimulatorFactory& factory, const Prior& prior, const ReadingModel& readings,
+                            const VectorXd& from) const {
+    const ParameterSpace& space = factory.parameters();
+    WindowReplayer replayer = Replayer(factory, readings);
+    const int n_steps = std::max({problem_.fit.window, static_cast<int>(std::lround(kShortestLongWindow / period_)),
+                                  readings.longest_age() + kFewestFreedSteps});
+    const Level level = LongWindows(replayer, parts_.learn, n_steps, kFreedRows, period_);
+    if (level.windows.size() < kFewestFreedWindows) return std::nullopt;
+    const VectorXd scale = ChannelScales(parts_.learn);
+    LevelFit fit(replayer, space, prior, scale, level, from);
+    fit.LetErrorsGrow(noise_.cwiseAbs2());
+    Descend(fit, kFreedIterations);
+    const double cost = fit.FinalCost();
+    if (!std::isfinite(cost)) return std::nullopt;
+    const MatrixXd covariance = fit.Finish();
+    return Fitted{fit.x(), cost, covariance};
+  }
+
+  /// Of what the design found in the part of the logs that learns, and what that part gives in the windows that freed
+  /// suspects are fitted to, what predicts better.
+  const VectorXd& Without() {
+    if (without_) return *without_;
+    without_ = x_;
+    const ReadingModel readings = ReadingsOf(problem_.factory);
+    const std::optional<Fitted> fitted = Fit(problem_.factory, problem_.prior, readings, x_);
+    if (!fitted) return *without_;
+    const ParameterSpace& space = problem_.factory.parameters();
+    const auto prediction = Beside(problem_.factory, readings, ToZ(space, fitted->x), ToZ(space, x_));
+    if (prediction && Told(*prediction).gain.value > 0) without_ = fitted->x;
+    return *without_;
+  }
+
+  std::optional<HeldOutPrediction> Beside(const SimulatorFactory& factory, const ReadingModel& readings,
+                                          const std::vector<double>& z, const std::vector<double>& other) const {
+    return PredictBeside({.factory = factory,
+                          .kept_aside = parts_.judge,
+                          .learned = LearnsFromAll() ? nullptr : &parts_.learn,
+                          .z = z,
+                          .noise = noise_,
+                          .readings = readings,
+                          .key = problem_.kept_aside,
+                          .n_threads = problem_.context.n_threads},
+                         other);
+  }
+
+  const FreedProblem& problem_;
+  double period_;
+  VectorXd noise_;
+  HeldOutParts parts_;
+  VectorXd x_;  ///< what the design found without the part that judges
+  std::optional<VectorXd> without_;
+};
+
+}  // namespace
+
+std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
+  if (!(problem.factory.spec().control_period_s > 0)) return {};
+  FreedTrials trials(problem);
+  std::vector<Suspect> suspects = trials.Find();
+  suspects.resize(std::min(suspects.size(), std::max(kFewestNamed, static_cast<size_t>(n))));
+  const auto n_tried = static_cast<int64_t>(std::min(suspects.size(), static_cast<size_t>(n)));
+  for (int64_t k = 0; k < n_tried; ++k) {
+    Suspect& suspect = suspects[static_cast<size_t>(k)];
+    problem.context.log->Progress("suspects", "tried", k, n_tried, suspect.spec.name);
+    suspect.trial = trials.Try(suspect);
+  }
+  if (n_tried > 0) problem.context.log->Progress("suspects", "tried", n_tried, n_tried, "");
+  return suspects;
+}
+
+const Suspect* BestFreed(const std::vector<Suspect>& suspects) {
+  const Suspect* best = nullptr;
+  for (const Suspect& suspect : suspects) {
+    if (!suspect.trial || !suspect.trial->kept) continue;
+    if (best == nullptr || suspect.trial->gain.value > best->trial->gain.value) best = &suspect;
+  }
+  return best;
+}
+
+}  // namespace oted

@@ -1,0 +1,128 @@
+// Finished designs: samples of q, exports; and what a task and its model have to offer.
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/report/report.h"
+#include "oted/run/export.h"
+#include "oted/run/records.h"
+#include "oted/run/run_inputs.h"
+#include "oted/sim/mujoco/task.h"
+#include "python/binding.h"
+
+namespace oted::python {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+/// The selected setting's mixture of q.
+class Sampler {
+ public:
+  explicit Sampler(const std::string& run_directory) {
+    const fs::path folder = run_directory;
+    RunConfig config = RunConfig::FromTomlFile((folder / "run.toml").string());
+    const fs::path file = folder / "design.json";
+    const DesignRecord design = DesignRecord::FromJson(ReadJson(file), file.string());
+    for (const Suspect& grown : design.grown) config.parameters.push_back(grown.spec);
+    const ParameterSpace space(config.parameters);
+    for (const DesignRecord::Member& member : design.mixture) {
+      const fs::path path = folder / "design" / design.selected / std::to_string(member.seed) / "q.json";
+      q_.push_back(QRecord::FromJson(ReadJson(path), space, path.string()).q);
+    }
+    if (q_.empty()) throw DataError("'" + file.string() + "' has no seeds; make the design again");
+  }
+
+  /// (n, parameters): draw i is from seed i modulo the number of seeds.
+  OutArray Draw(int n, uint64_t seed) const {
+    Array2<double> samples(n, q_.front().size());
+    const RngKey key = RngKey(seed).Stage("samples of q");
+    for (int i = 0; i < n; ++i) {
+      Rng rng = key.Index(static_cast<uint64_t>(i)).MakeRng();
+      const Designer::Sample draw = q_[static_cast<size_t>(i) % q_.size()].Draw(rng);
+      std::copy(draw.z.begin(), draw.z.end(), samples.row(i).begin());
+    }
+    return ToNumpy<double>(samples.values(),
+                           {static_cast<size_t>(samples.rows()), static_cast<size_t>(samples.cols())});
+  }
+
+ private:
+  std::vector<Designer> q_;
+};
+
+json ToJson(const ParameterSpec& spec) {
+  return {{"name", spec.name},
+          {"field", spec.field},
+          {"low", spec.low},
+          {"high", spec.high},
+          {"scale", spec.scale == ParameterScale::kNominal ? "nominal" : "absolute"},
+          {"log", spec.logarithmic},
+          {"unit", spec.unit},
+          {"nominal", spec.nominal}};
+}
+
+/// What a configuration's simulator is: shapes, names, units and parameters.
+std::string Describe(const Study& study) {
+  const nb::gil_scoped_release release;
+  RunConfig config = ExpandPresets(study.Config());
+  config.task.model.start = "default";
+  const auto factory = MakeSimulatorFactory(config.task, config.parameters);
+  const SimulatorSpec& spec = factory->spec();
+  json parameters = json::array(), offers = json::array();
+  for (const ParameterSpec& p : factory->parameters().specs()) parameters.push_back(ToJson(p));
+  for (const ParameterOffer& offer : factory->Offers()) {
+    json values = json::array();
+    for (const ParameterPlace& place : offer.places)
+      values.push_back({{"path", place.path}, {"nominal", place.nominal}});
+    offers.push_back({{"owner", offer.owner},
+                      {"path", offer.path},
+                      {"unit", offer.unit},
+                      {"meaning", offer.meaning},
+                      {"values", values}});
+  }
+  return json{{"task", spec.task},
+              {"observation_names", spec.observation_names},
+              {"observation_units", spec.observation_units},
+              {"observation_shape", spec.observation_shape},
+              {"action_names", spec.action_names},
+              {"action_low", spec.action_low},
+              {"action_high", spec.action_high},
+              {"n_discrete_actions", spec.n_discrete_actions},
+              {"control_period", spec.control_period_s},
+              {"max_episode_steps", spec.max_episode_steps},
+              {"can_set_state", spec.can_set_state},
+              {"has_reward", spec.has_reward},
+              {"parameters", parameters},
+              {"offers", offers}}
+      .dump();
+}
+
+}  // namespace
+
+void AddDesigns(nb::module_& m) {
+  nb::class_<Sampler>(m, "Sampler")
+      .def(nb::init<const std::string&>(), nb::arg("run_directory"))
+      .def("draw", &Sampler::Draw, nb::arg("n"), nb::arg("seed"));
+  m.def("describe", &Describe, nb::arg("study"));
+  m.def(
+      "export_design",
+      [](const std::string& run_directory, const std::string& mjcf, const std::string& sysid,
+         const std::string& member) {
+        const nb::gil_scoped_release release;
+        ExportRequest request;
+        request.mjcf = mjcf;
+        request.sysid = sysid;
+        request.member = member;
+        std::vector<std::string> written;
+        for (const ExportedFile& file : Export(run_directory, request)) written.push_back(file.path.string());
+        return written;
+      },
+      nb::arg("run_directory"), nb::arg("mjcf"), nb::arg("sysid"), nb::arg("member"));
+  m.def("task_names", &TaskNames);
+}
+
+}  // namespace oted::python

@@ -1,0 +1,278 @@
+// Logged trajectories: from files by the library's readers, from arrays, and the checks of them.
+#include <fmt/format.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <tuple>
+
+#include "oted/base/error.h"
+#include "oted/base/parallel.h"
+#include "oted/checks/data_check.h"
+#include "oted/checks/data_record.h"
+#include "oted/data/dataset_files.h"
+#include "oted/data/recording.h"
+#include "oted/run/run_inputs.h"
+#include "python/binding.h"
+
+namespace oted::python {
+namespace {
+
+using Maybe = std::optional<InArray>;
+
+Array2<double> Matrix(const InArray& array, const char* name) {
+  if (array.ndim() != 2) {
+    throw UsageError(fmt::format("{} has {} dimensions, wanted 2: (rows, columns)", name, array.ndim()));
+  }
+  Array2<double> matrix(static_cast<int>(array.shape(0)), static_cast<int>(array.shape(1)));
+  std::copy_n(array.data(), array.size(), matrix.data());
+  return matrix;
+}
+
+Array2<double> Matrix(const Maybe& array, const char* name) { return array ? Matrix(*array, name) : Array2<double>(); }
+
+std::vector<double> Vector(const Maybe& array, const char* name) {
+  if (!array) return {};
+  if (array->ndim() != 1) {
+    throw UsageError(fmt::format("{} has {} dimensions, wanted 1: one number per row", name, array->ndim()));
+  }
+  return {array->data(), array->data() + array->size()};
+}
+
+OutArray Copy(const Array2<double>& m) {
+  return ToNumpy<double>(m.values(), {static_cast<size_t>(m.rows()), static_cast<size_t>(m.cols())});
+}
+
+/// A log as rows of (s_k, a_k) at times, in runs [begin, end) of rows; a run's last row gives its final observation.
+struct Rows {
+  InArray observations, actions;
+  Maybe times, rewards, qpos, qvel;
+  std::vector<std::tuple<int, int, bool>> runs;
+  std::vector<std::string> observation_names, action_names;
+};
+
+Recording RecordingOf(const Rows& rows) {
+  Recording recording;
+  recording.file = "logs";
+  recording.observations = Matrix(rows.observations, "observations");
+  recording.actions = Matrix(rows.actions, "actions");
+  recording.times = Vector(rows.times, "times");
+  recording.rewards = Vector(rows.rewards, "rewards");
+  recording.qpos = Matrix(rows.qpos, "qpos");
+  recording.qvel = Matrix(rows.qvel, "qvel");
+  for (const auto& [begin, end, terminated] : rows.runs) recording.runs.push_back({begin, end, terminated});
+  recording.observation_names = rows.observation_names;
+  recording.action_names = rows.action_names;
+  const auto check = [&](const char* name, size_t n) {
+    const auto wanted = static_cast<size_t>(recording.observations.rows());
+    if (n == wanted || n == 0) return;
+    throw UsageError(fmt::format("{} has {} rows, wanted {} as observations have", name, n, wanted));
+  };
+  check("actions", static_cast<size_t>(recording.actions.rows()));
+  check("times", recording.times.size());
+  check("rewards", recording.rewards.size());
+  check("qpos", static_cast<size_t>(recording.qpos.rows()));
+  check("qvel", static_cast<size_t>(recording.qvel.rows()));
+  return recording;
+}
+
+/// Takes the rows' period from their times, and ends a run where two lie more than three periods apart.
+/// @throws UsageError where times do not rise
+void UseTimes(Recording& recording) {
+  constexpr double kGap = 3;
+  const std::vector<double>& times = recording.times;
+  std::vector<double> steps;
+  for (const Recording::Run& run : recording.runs) {
+    for (int i = run.begin + 1; i < run.end; ++i) {
+      const double step = times[static_cast<size_t>(i)] - times[static_cast<size_t>(i) - 1];
+      if (!(step > 0)) {
+        throw UsageError(
+            fmt::format("times: row {} lies {:.6g} s after the row before, wanted times that rise within "
+                        "an episode; sort the rows, or say where episodes end",
+                        i, step));
+      }
+      steps.push_back(step);
+    }
+  }
+  if (steps.empty()) return;
+  const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  recording.period_s = *middle;
+  std::vector<Recording::Run> runs;
+  for (Recording::Run rest : recording.runs) {
+    for (int i = rest.begin + 1; i < rest.end; ++i) {
+      if (times[static_cast<size_t>(i)] - times[static_cast<size_t>(i) - 1] <= kGap * recording.period_s) continue;
+      runs.push_back({rest.begin, i, false});
+      rest.begin = i;
+    }
+    runs.push_back(rest);
+  }
+  if (runs.size() > recording.runs.size()) {
+    recording.remarks.push_back(fmt::format("{} gaps of more than {:g} periods in the times: episodes end there",
+                                            runs.size() - recording.runs.size(), kGap));
+  }
+  recording.runs = std::move(runs);
+}
+
+/// The transitions of the rows, at one per `period_s` where that is given and there are times.
+Dataset FromRows(const Rows& rows, double period_s) {
+  Recording recording = RecordingOf(rows);
+  recording.period_s = period_s;
+  const nb::gil_scoped_release release;
+  if (!recording.times.empty()) {
+    UseTimes(recording);
+    if (period_s > 0) recording = Resample(recording, period_s);
+  }
+  Dataset dataset = ToDataset(recording);
+  dataset.path.clear();
+  dataset.Check();
+  return dataset;
+}
+
+Dataset Read(const Study& study) {
+  const nb::gil_scoped_release release;
+  const RunConfig config = study.Config();
+  if (config.task.name.empty()) return ReadDataset(config.data.path, config.data.Options());
+  return ReadEpisodes(config.data, SpecOf(config.task));
+}
+
+void Write(Dataset dataset, const std::string& path, const Study& study) {
+  const nb::gil_scoped_release release;
+  const RunConfig config = study.Config();
+  if (!config.task.name.empty()) {
+    const SimulatorSpec spec = SpecOf(config.task);
+    MatchNames(dataset, spec.observation_names, spec.action_names);
+    dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
+  }
+  WriteDataset(dataset, path);
+}
+
+/// oted.data_check/1. The data are those given, or else those that the configuration names.
+std::string Check(const std::optional<Dataset>& given, const Study& study, uint64_t seed) {
+  const nb::gil_scoped_release release;
+  RunConfig config = study.Config();
+  const bool has_task = !config.task.name.empty();
+  Dataset dataset;
+  if (given) {
+    dataset = *given;
+    if (has_task) {
+      const SimulatorSpec spec = SpecOf(config.task);
+      MatchNames(dataset, spec.observation_names, spec.action_names);
+    }
+  } else {
+    DataOptions how = has_task ? DataOptionsFor(config.data, SpecOf(config.task)) : config.data.Options();
+    how.check = false;
+    dataset = ReadDataset(config.data.path, how);
+  }
+  if (has_task) config = ExpandPresets(config);
+  const auto factory =
+      has_task ? MakeSimulatorFactory(config.task, config.parameters, dataset.EpisodeStarts()) : nullptr;
+  NullSink log;
+  RunContext context;
+  context.log = &log;
+  context.n_threads = config.Threads();
+  const DataCheck check = CheckData(dataset, factory.get(), seed, context);
+  return DataCheckRecord(dataset, factory ? &factory->spec() : nullptr, check).dump();
+}
+
+}  // namespace
+
+namespace {
+
+void AddDataset(nb::module_& m) {
+  nb::class_<Dataset>(m, "Dataset")
+      .def_prop_ro(
+          "observations", [](const Dataset& d) { return Copy(d.observations); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "actions", [](const Dataset& d) { return Copy(d.actions); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "next_observations", [](const Dataset& d) { return Copy(d.next_observations); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "qpos", [](const Dataset& d) { return Copy(d.qpos); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "qvel", [](const Dataset& d) { return Copy(d.qvel); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "rewards", [](const Dataset& d) { return ToNumpy<double>(d.rewards, {d.rewards.size()}); },
+          nb::rv_policy::move)
+      .def_prop_ro(
+          "terminals", [](const Dataset& d) { return ToNumpy<uint8_t>(d.terminals, {d.terminals.size()}); },
+          nb::rv_policy::move)
+      .def_prop_ro(
+          "timeouts", [](const Dataset& d) { return ToNumpy<uint8_t>(d.timeouts, {d.timeouts.size()}); },
+          nb::rv_policy::move)
+      .def_ro("observation_names", &Dataset::observation_names)
+      .def_ro("action_names", &Dataset::action_names)
+      .def_ro("remarks", &Dataset::remarks)
+      .def_ro("warnings", &Dataset::warnings)
+      .def_ro("period", &Dataset::period_s)
+      .def_ro("path", &Dataset::path)
+      .def("__len__", &Dataset::size)
+      .def("episodes",
+           [](const Dataset& d) {
+             std::vector<std::tuple<int, int, bool>> episodes;
+             for (const Episode& e : d.Episodes()) episodes.emplace_back(e.begin, e.end, e.terminated);
+             return episodes;
+           })
+      .def("append", &Dataset::Append, nb::arg("other"))
+      .def("copy", [](const Dataset& d) { return d; })
+      .def("select", [](const Dataset& d, const std::vector<int>& which) {
+        const std::vector<Episode> all = d.Episodes();
+        std::vector<Episode> chosen;
+        for (const int i : which) chosen.push_back(all.at(static_cast<size_t>(i)));
+        return d.Select(chosen);
+      });
+}
+
+}  // namespace
+
+void AddLogs(nb::module_& m) {
+  AddDataset(m);
+  m.def("read_logs", &Read, nb::arg("study"));
+  m.def("write_logs", &Write, nb::arg("dataset"), nb::arg("path"), nb::arg("study"));
+  m.def("check_logs", &Check, nb::arg("dataset").none(), nb::arg("study"), nb::arg("seed"));
+  m.def(
+      "logs_from_rows",
+      [](const InArray& observations, const InArray& actions, const std::vector<std::tuple<int, int, bool>>& runs,
+         const Maybe& times, const Maybe& rewards, const Maybe& qpos, const Maybe& qvel,
+         const std::vector<std::string>& observation_names, const std::vector<std::string>& action_names,
+         double period) {
+        return FromRows({observations, actions, times, rewards, qpos, qvel, runs, observation_names, action_names},
+                        period);
+      },
+      nb::arg("observations"), nb::arg("actions"), nb::arg("runs"), nb::arg("times").none(), nb::arg("rewards").none(),
+      nb::arg("qpos").none(), nb::arg("qvel").none(), nb::arg("observation_names"), nb::arg("action_names"),
+      nb::arg("period"));
+  m.def(
+      "logs_from_transitions",
+      [](const InArray& observations, const InArray& actions, const InArray& next_observations, const Maybe& terminals,
+         const Maybe& timeouts, const Maybe& rewards, const std::vector<std::string>& observation_names,
+         const std::vector<std::string>& action_names, double period) {
+        Dataset d;
+        d.observations = Matrix(observations, "observations");
+        d.actions = Matrix(actions, "actions");
+        d.next_observations = Matrix(next_observations, "next_observations");
+        const auto flags = [&](const Maybe& array, const char* name) {
+          const std::vector<double> values = Vector(array, name);
+          std::vector<uint8_t> result(array ? values.size() : static_cast<size_t>(d.size()), 0);
+          for (size_t i = 0; i < values.size(); ++i) result[i] = values[i] != 0;
+          return result;
+        };
+        d.terminals = flags(terminals, "terminals");
+        d.timeouts = flags(timeouts, "timeouts");
+        d.rewards = Vector(rewards, "rewards");
+        d.observation_names = observation_names;
+        d.action_names = action_names;
+        d.period_s = period;
+        d.Check();
+        return d;
+      },
+      nb::arg("observations"), nb::arg("actions"), nb::arg("next_observations"), nb::arg("terminals").none(),
+      nb::arg("timeouts").none(), nb::arg("rewards").none(), nb::arg("observation_names"), nb::arg("action_names"),
+      nb::arg("period"));
+}
+
+}  // namespace oted::python

@@ -1,0 +1,65 @@
+// oted._core.
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <filesystem>
+#include <system_error>
+
+#include "cli/main.h"
+#include "oted/base/error.h"
+#include "python/binding.h"
+
+namespace oted::python {
+
+/// Errors become those of oted.errors, by class.
+void AddErrors(nb::module_&) {
+  nb::register_exception_translator([](const std::exception_ptr& error, void*) {
+    const auto raise = [](const char* name, const char* message) {
+      const nb::object kind = nb::module_::import_("oted.errors").attr(name);
+      PyErr_SetString(kind.ptr(), message);
+    };
+    try {
+      std::rethrow_exception(error);
+    } catch (const UsageError& e) {
+      raise("UsageError", e.what());
+    } catch (const DataError& e) {
+      raise("DataError", e.what());
+    } catch (const Interrupted& e) {
+      raise("Interrupted", e.what());
+    } catch (const Error& e) {
+      raise("InternalError", e.what());
+    } catch (const std::filesystem::filesystem_error& e) {
+      raise("DataError", e.what());
+    } catch (const std::system_error& e) {
+      raise("DataError", e.what());
+    }
+  });
+}
+
+namespace {
+
+/// The program `oted`, in this process.
+int Main(std::vector<std::string> words) {
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  const nb::gil_scoped_release release;
+  return cli::Main(static_cast<int>(words.size()), argv.data());
+}
+
+}  // namespace
+}  // namespace oted::python
+
+NB_MODULE(_core, m) {
+  m.doc() = "oted's library. Use the package oted, not this module.";
+  m.attr("version") = OTED_VERSION;
+  oted::python::AddErrors(m);
+  oted::python::AddStudies(m);
+  oted::python::AddFiles(m);
+  oted::python::AddLogs(m);
+  oted::python::AddSession(m);
+  oted::python::AddDesigns(m);
+  oted::python::AddSimulators(m);
+  oted::python::AddPolicies(m);
+  m.def("main", &oted::python::Main, nanobind::arg("argv"));
+}

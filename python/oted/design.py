@@ -1,0 +1,248 @@
+"""A finished design: a run directory, read."""
+
+import enum
+import html
+import json
+import os
+import pathlib
+import shutil
+import tempfile
+import weakref
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oted import _toml
+from oted._engine import core
+from oted._needs import need
+from oted.errors import DataError, UsageError
+
+
+class Verdict(enum.StrEnum):
+    """What a design says of the whole simulator. `Design.sentence` says why."""
+
+    NO_GAP = "no_gap"
+    GAP_CLOSED = "gap_closed"
+    GAP_NARROWED = "gap_narrowed"
+    OUTSIDE_FAMILY = "outside_family"
+
+
+class Validation:
+    """How the design predicts logs that it did not see, open loop, in each channel and over each horizon [s]."""
+
+    def __init__(self, record: dict[str, Any]) -> None:
+        self.record = record
+        self.horizons: list[float] = [horizon["seconds"] for horizon in record["horizons"]]
+        self.n_windows: list[int] = [horizon["n_windows"] for horizon in record["horizons"]]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Root mean square errors in the channel's unit: of the nominal and the designed simulator, and what the sensors'
+        noise alone leaves."""
+        columns = ("name", "unit", "nominal", "designed", "floor")
+        return [{"horizon": horizon["seconds"], **{column: channel[column] for column in columns}}
+                for horizon in self.record["horizons"] for channel in horizon["channels"]]
+
+    def table(self) -> Any:
+        """The same as a pandas DataFrame."""
+        return need("pandas", "a table").DataFrame(self.rows())
+
+    def _repr_html_(self) -> str:
+        return _html_table(self.rows())
+
+
+class Design:
+    """What a design found and how far to trust it. `path` is its run directory, which the program `oted` goes on with."""
+
+    def __init__(self, path: str | os.PathLike[str], *, temporary: bool = False) -> None:
+        self.path = pathlib.Path(path)
+        if temporary:  # nothing of it outlives the object
+            weakref.finalize(self, shutil.rmtree, self.path, True)
+        file = self.path / "design.json"
+        try:
+            self.record: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+            self.parameters: list[dict[str, Any]] = self.record["parameters"]
+            self._verdict = Verdict(self.record["verdict"])
+        except OSError as e:
+            raise UsageError(f"'{self.path}' holds no design.json ({e.strerror}); name a run directory with a finished "
+                             "design") from e
+        except (ValueError, KeyError) as e:
+            raise DataError(f"'{file}' is damaged ({e}); make the design again") from e
+        self._sampler: Any = None
+
+    @property
+    def task(self) -> str:
+        name: str = self.record["task"]
+        return name
+
+    @property
+    def verdict(self) -> Verdict:
+        return self._verdict
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence, with the figures that it rests on."""
+        sentence: str = self.record["sentence"]
+        return sentence
+
+    @property
+    def names(self) -> list[str]:
+        return [p["name"] for p in self.parameters]
+
+    @property
+    def mode(self) -> dict[str, float]:
+        """The best-scoring seed's mode of q, in the parameters' units (multiples of nominal, or absolute)."""
+        return {p["name"]: p["mode"] for p in self.parameters}
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        return {p["name"]: p["nominal"] for p in self.parameters}
+
+    @property
+    def validation(self) -> Validation | None:
+        """None where no logs could be kept aside."""
+        record = self.record.get("validation")
+        return Validation(record) if record else None
+
+    @property
+    def suspects(self) -> list[dict[str, Any]]:
+        """What is not among the parameters and would explain what is left."""
+        return list((self.record.get("fit") or {}).get("suspects", []))
+
+    @property
+    def warnings(self) -> list[str]:
+        return list(self.record["warnings"])
+
+    @property
+    def report(self) -> pathlib.Path:
+        """One HTML file that opens offline."""
+        return self.path / "report.html"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dict per parameter: name, unit, nominal, mode, std, the 90 % interval's ends q05 and q95, verdict."""
+        return [{"parameter": p["name"], "unit": p["unit"], "nominal": p["nominal"], "mode": p["mode"], "std": p["std"],
+                 "q05": p["interval90"][0], "q95": p["interval90"][1], "verdict": p["verdict"], "field": p["field"]}
+                for p in self.parameters]
+
+    def table(self) -> Any:
+        """The same as a pandas DataFrame, indexed by parameter."""
+        return need("pandas", "a table").DataFrame(self.rows()).set_index("parameter")
+
+    def samples(self, n: int, seed: int = 0) -> NDArray[Any]:
+        """n draws of q, the mixture of the seeds in turn, as a structured array: samples(1000)["friction"]."""
+        values = self.draw(n, seed)
+        return np.ascontiguousarray(values).view([(name, np.float64) for name in self.names]).reshape(n)
+
+    def draw(self, n: int, seed: int = 0) -> NDArray[np.float64]:
+        """The same as (n, parameters)."""
+        if n < 1:
+            raise UsageError(f"samples: got {n}, wanted at least 1")
+        if self._sampler is None:
+            self._sampler = core.Sampler(str(self.path))
+        drawn: NDArray[np.float64] = self._sampler.draw(n, seed)
+        return drawn
+
+    @property
+    def modes(self) -> NDArray[np.float64]:
+        """(seeds, parameters): the mode of each seed's q, in which agents train (Algorithm 2)."""
+        return np.array([member["mode"] for member in self.record["mixture"]], dtype=np.float64)
+
+    def to_mjcf(self, path: str | os.PathLike[str], member: str | int = "best") -> pathlib.Path:
+        """Writes the designed model. member: "best", or a seed's number."""
+        return pathlib.Path(core.export_design(str(self.path), os.fspath(path), "", str(member))[0])
+
+    def to_spec(self, member: str | int = "best") -> Any:
+        """The designed model as a mujoco.MjSpec."""
+        mujoco = need("mujoco", "an MjSpec")
+        with tempfile.TemporaryDirectory() as folder:
+            return mujoco.MjSpec.from_file(str(self.to_mjcf(pathlib.Path(folder) / "designed.xml", member)))
+
+    def to_sysid(self, path: str | os.PathLike[str]) -> pathlib.Path:
+        """Writes the parameters as a file that mujoco.sysid's ParameterDict.load_from_disk reads."""
+        return pathlib.Path(core.export_design(str(self.path), "", os.fspath(path), "best")[0])
+
+    def to_arviz(self, n: int = 1000, seed: int = 0) -> Any:
+        """q as ArviZ has a posterior: a chain per seed, n draws each; and the constants nominal, low, high."""
+        arviz = need("arviz", "to_arviz")
+        n_seeds = len(self.modes)
+        drawn = self.draw(n * n_seeds, seed).reshape(n, n_seeds, -1)
+        posterior = {name: drawn[:, :, i].T for i, name in enumerate(self.names)}
+        constants = {"nominal": np.array([p["nominal"] for p in self.parameters]),
+                     "low": np.array([p["bounds"][0] for p in self.parameters]),
+                     "high": np.array([p["bounds"][1] for p in self.parameters])}
+        try:
+            return arviz.from_dict(posterior=posterior, constant_data=constants)
+        except TypeError:  # ArviZ 1 takes one dict of groups
+            return arviz.from_dict({"posterior": posterior, "constant_data": constants})
+
+    def plot(self, axes: Any = None) -> Any:
+        """Each parameter's interval between its bounds, with mode and nominal value (Matplotlib). Gives the axes."""
+        pyplot = need("matplotlib.pyplot", "plot")
+        if axes is None:
+            axes = pyplot.subplots(figsize=(7, 0.6 + 0.5 * len(self.parameters)), layout="constrained")[1]
+        for i, p in enumerate(self.parameters):
+            low, high = p["bounds"]
+
+            def where(z: float, low: float = low, high: float = high) -> float:
+                return (z - low) / (high - low)
+
+            axes.plot([0, 1], [i, i], color="0.85", lw=6, solid_capstyle="butt", zorder=1)
+            axes.plot([where(z) for z in p["interval90"]], [i, i], color="C0", lw=6, solid_capstyle="butt", zorder=2)
+            axes.plot(where(p["mode"]), i, "o", color="C0", mec="white", zorder=4, label="mode" if i == 0 else None)
+            axes.plot(where(p["nominal"]), i, "|", color="k", ms=14, zorder=3, label="nominal" if i == 0 else None)
+            axes.annotate(f"{p['mode']:.3g} [{p['interval90'][0]:.3g}, {p['interval90'][1]:.3g}]  {p['verdict']}",
+                          (1.02, i), va="center", annotation_clip=False, fontsize="small")
+        axes.set_yticks(range(len(self.parameters)), [f"{p['name']} [{p['unit']}]" for p in self.parameters])
+        axes.set_xlim(0, 1)
+        axes.set_xticks([0, 1], ["lower bound", "upper bound"])
+        axes.invert_yaxis()
+        axes.set_title(str(self.verdict).replace("_", " "), fontsize="medium")
+        axes.legend(loc="best", fontsize="small")
+        return axes
+
+    def save(self, path: str | os.PathLike[str]) -> "Design":
+        """Copies the run directory. @return the design there"""
+        target = pathlib.Path(path)
+        if target.exists():
+            raise UsageError(f"'{target}' exists already; remove it or name another")
+        shutil.copytree(self.path, target)
+        # run.toml names logs and models from its own folder: the finished run is called again from the new one.
+        given = target / "given" / "logs.npz"
+        data = _toml.section("data", {"path": given.resolve()}) if given.is_file() else ""
+        toml = (self.path / "run.toml").read_text(encoding="utf-8")
+        what = core.Study(toml, str(self.path.resolve() / "run.toml"), data)
+        core.run_stage(what, str(target), [], "design", "oted.Design.save", None)
+        return Design(target)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Design":
+        return self  # it never changes
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Design, (str(self.path.resolve()),)
+
+    def __repr__(self) -> str:
+        lines = [f"{p['name']}: {p['mode']:.4g} [{p['interval90'][0]:.4g}, {p['interval90'][1]:.4g}] "
+                 f"(nominal {p['nominal']:.4g}), {p['verdict']}" for p in self.parameters]
+        return "\n".join([f"Design of {self.task} in '{self.path}'", *lines, self.sentence])
+
+    def _repr_html_(self) -> str:
+        text = f"<p><b>{html.escape(self.sentence)}</b></p>" + _html_table(self.rows())
+        for suspect in self.suspects:
+            text += f"<p>suspect, not among the parameters: {html.escape(str(suspect['sentence']))}</p>"
+        return text
+
+
+def _html_table(rows: list[dict[str, Any]]) -> str:
+    def cell(v: Any) -> str:
+        return html.escape(f"{v:.4g}" if isinstance(v, float) else str(v))
+
+    if not rows:
+        return ""
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in rows[0])
+    body = "".join("<tr>" + "".join(f"<td>{cell(v)}</td>" for v in row.values()) + "</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def load(path: str | os.PathLike[str]) -> Design:
+    """The design in a run directory, whether oted.fit or the program made it."""
+    return Design(path)

@@ -1,0 +1,289 @@
+"""Logged trajectories: what a design is fitted to."""
+
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from oted._engine import core
+from oted.errors import UsageError
+from oted.task import TaskLike, study
+
+Array = NDArray[np.float64]
+
+
+def _maybe(name: str, given: ArrayLike | None, ndim: int) -> Array | None:
+    return None if given is None else _array(name, given, ndim)
+
+
+def _array(name: str, given: ArrayLike, ndim: int) -> Array:
+    try:
+        array = np.ascontiguousarray(np.asarray(given), dtype=np.float64)
+    except (TypeError, ValueError) as e:
+        raise UsageError(f"{name}: got {type(given).__name__} that holds no numbers ({e}), wanted an array") from e
+    if array.ndim == 1 and ndim == 2:
+        array = array[:, None]
+    if array.ndim != ndim:
+        raise UsageError(f"{name}: got an array of shape {array.shape}, wanted {ndim} dimensions")
+    return array
+
+
+class Logs:
+    """Rows of logs, in the order in which they were logged. Row k of an episode holds the observation s_k and the action
+    a_k that was commanded then and held until row k + 1. An episode's last row gives its final observation; its action
+    is not read.
+
+    observations: (rows, channels). actions: (rows, actions).
+    episode_ends: one past the last row of each episode; episode: a label per row instead. Without both: one episode.
+    terminated: one flag per episode: it ended in a terminal state, not by a time limit or the end of the log.
+    times: [s] per row. period: [s] between two rows; with both, rows come at one per period: observations are interpolated
+    linearly, the action is the one in force. Times that jump by more than three rows end an episode.
+    """
+
+    def __init__(
+        self,
+        observations: ArrayLike,
+        actions: ArrayLike,
+        *,
+        episode_ends: Sequence[int] | None = None,
+        episode: ArrayLike | None = None,
+        terminated: Sequence[bool] | None = None,
+        times: ArrayLike | None = None,
+        period: float | None = None,
+        rewards: ArrayLike | None = None,
+        qpos: ArrayLike | None = None,
+        qvel: ArrayLike | None = None,
+        observation_names: Sequence[str] = (),
+        action_names: Sequence[str] = (),
+    ) -> None:
+        seen = _array("observations", observations, 2)
+        ends = _episode_ends(len(seen), episode_ends, episode)
+        flags = [False] * len(ends) if terminated is None else [bool(flag) for flag in terminated]
+        if len(flags) != len(ends):
+            raise UsageError(f"terminated: got {len(flags)} flags, wanted one for each of the {len(ends)} episodes")
+        runs = list(zip([0, *ends[:-1]], ends, flags))
+        self._set(core.logs_from_rows(
+            seen, _array("actions", actions, 2), runs, _maybe("times", times, 1), _maybe("rewards", rewards, 1),
+            _maybe("qpos", qpos, 2), _maybe("qvel", qvel, 2), list(observation_names), list(action_names),
+            period or 0.0))
+
+    def _set(self, data: "core.Dataset", path: str | None = None) -> None:
+        self._data = data
+        self._path = path
+
+    @classmethod
+    def _of(cls, data: "core.Dataset", path: str | None = None) -> "Logs":
+        logs = cls.__new__(cls)
+        logs._set(data, path)
+        return logs
+
+    @classmethod
+    def from_episodes(cls, episodes: Iterable[tuple[ArrayLike, ArrayLike]], **keywords: Any) -> "Logs":
+        """From (observations (T + 1, d), actions (T, a) or (T + 1, a)) for each episode."""
+        all_observations: list[Array] = []
+        all_actions: list[Array] = []
+        ends: list[int] = []
+        for i, (observations, actions) in enumerate(episodes):
+            seen, done = _array(f"observations of episode {i}", observations, 2), _array(f"actions of {i}", actions, 2)
+            if len(seen) - len(done) not in (0, 1):
+                raise UsageError(f"episode {i}: got {len(seen)} observations and {len(done)} actions, wanted as many, or "
+                                 "one observation more")
+            if len(done) < len(seen):
+                done = np.vstack([done, np.zeros((1, done.shape[1]))])
+            all_observations.append(seen)
+            all_actions.append(done)
+            ends.append(len(seen) + (ends[-1] if ends else 0))
+        if not ends:
+            raise UsageError("no episodes were given")
+        return cls(np.vstack(all_observations), np.vstack(all_actions), episode_ends=ends, **keywords)
+
+    @classmethod
+    def from_transitions(
+        cls,
+        observations: ArrayLike,
+        actions: ArrayLike,
+        next_observations: ArrayLike,
+        *,
+        terminals: ArrayLike | None = None,
+        timeouts: ArrayLike | None = None,
+        rewards: ArrayLike | None = None,
+        period: float | None = None,
+        observation_names: Sequence[str] = (),
+        action_names: Sequence[str] = (),
+    ) -> "Logs":
+        """From D4RL's arrays, one row per transition: an episode ends after each terminal and each timeout."""
+        return cls._of(core.logs_from_transitions(
+            _array("observations", observations, 2), _array("actions", actions, 2),
+            _array("next_observations", next_observations, 2), _maybe("terminals", terminals, 1),
+            _maybe("timeouts", timeouts, 1), _maybe("rewards", rewards, 1), list(observation_names),
+            list(action_names), period or 0.0))
+
+    @classmethod
+    def from_pandas(
+        cls,
+        frame: Any,
+        *,
+        observations: Sequence[str],
+        actions: Sequence[str],
+        episode: str | None = None,
+        time: str | None = None,
+        period: float | None = None,
+        reward: str | None = None,
+        terminated: str | None = None,
+        observation_names: Sequence[str] | None = None,
+        action_names: Sequence[str] | None = None,
+    ) -> "Logs":
+        """From a DataFrame of pandas, Polars or pyarrow, or any mapping of columns, one row as in Logs. The columns keep
+        their names, by which a task finds them; give others where the task has others. A column of times is numbers [s]
+        or time stamps. `terminated` names a column of flags, read in each episode's last row."""
+        def column(name: str) -> NDArray[Any]:
+            try:
+                values = frame[name]
+            except Exception as e:
+                raise UsageError(f"the frame has no column '{name}'") from e
+            return np.asarray(values.to_numpy() if hasattr(values, "to_numpy") else values)
+
+        def matrix(names: Sequence[str]) -> Array:
+            columns = []
+            for name in names:
+                values = column(name)
+                try:
+                    columns.append(values.astype(np.float64))
+                except (TypeError, ValueError) as e:
+                    raise UsageError(f"column '{name}' holds no numbers ({e})") from e
+            return np.column_stack(columns)
+
+        for what, names in (("observations", observations), ("actions", actions)):
+            if isinstance(names, str) or not names:
+                raise UsageError(f"{what}: wanted a list of columns")
+        labels = None if episode is None else column(episode)
+        times = None if time is None else _seconds(time, column(time))
+        flags = None
+        if terminated is not None:
+            ends = _episode_ends(len(column(observations[0])), None, labels)
+            flags = [bool(column(terminated)[end - 1]) for end in ends]
+        return cls(matrix(observations), matrix(actions), episode=labels, times=times, period=period,
+                   rewards=None if reward is None else column(reward).astype(np.float64), terminated=flags,
+                   observation_names=list(observation_names or observations),
+                   action_names=list(action_names or actions))
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    @property
+    def observations(self) -> Array:
+        """(transitions, channels)"""
+        return self._data.observations
+
+    @property
+    def actions(self) -> Array:
+        """(transitions, actions)"""
+        return self._data.actions
+
+    @property
+    def next_observations(self) -> Array:
+        """(transitions, channels): what each action led to."""
+        return self._data.next_observations
+
+    @property
+    def rewards(self) -> Array | None:
+        rewards = self._data.rewards
+        return rewards if len(rewards) else None
+
+    @property
+    def episodes(self) -> list[tuple[int, int, bool]]:
+        """(begin, end, terminated) of each, rows of transitions."""
+        return self._data.episodes()
+
+    @property
+    def observation_names(self) -> list[str]:
+        return self._data.observation_names
+
+    @property
+    def action_names(self) -> list[str]:
+        return self._data.action_names
+
+    @property
+    def period(self) -> float | None:
+        """[s] between two rows, where it is known."""
+        return self._data.period or None
+
+    @property
+    def path(self) -> str | None:
+        """The file that these logs are, unchanged; None where they were made or chosen in memory."""
+        return self._path
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the reader inferred, left out or changed, by its documented rules."""
+        return [*self._data.warnings, *self._data.remarks]
+
+    def select(self, episodes: Sequence[int]) -> "Logs":
+        """The episodes of these numbers, from 0, in that order."""
+        n = len(self.episodes)
+        chosen = [int(i) for i in episodes]
+        for i in chosen:
+            if not 0 <= i < n:
+                raise UsageError(f"episode {i} does not exist; there are {n}, from 0")
+        return Logs._of(self._data.select(chosen))
+
+    def __add__(self, other: "Logs") -> "Logs":
+        """Both, one after the other; no episode goes on across the seam."""
+        data = self._data.copy()
+        data.append(other._data)
+        return Logs._of(data)
+
+    def save(self, path: str | os.PathLike[str], task: TaskLike = None) -> None:
+        """Writes .npz, .hdf5 or .csv; with a task, in the order of its channels."""
+        core.write_logs(self._data, os.fspath(path), study(task))
+
+    def __repr__(self) -> str:
+        seen, done = self.observations.shape[1], self.actions.shape[1]
+        return (f"Logs({len(self)} transitions, {len(self.episodes)} episodes, {seen} observations, {done} actions"
+                + (f", {self._path!r}" if self._path else "") + ")")
+
+
+def _episode_ends(n_rows: int, ends: Sequence[int] | None, labels: ArrayLike | None) -> list[int]:
+    if ends is not None and labels is not None:
+        raise UsageError("got episode_ends and episode, which say the same; give one")
+    if labels is not None:
+        column = np.asarray(labels)
+        if column.shape != (n_rows,):
+            raise UsageError(f"episode: got shape {column.shape}, wanted a label for each of {n_rows} rows")
+        return [*(int(i) + 1 for i in np.flatnonzero(column[1:] != column[:-1])), n_rows]
+    if ends is None:
+        return [n_rows]
+    found = [int(end) for end in ends]
+    if not found or found[-1] != n_rows or any(b <= a for a, b in zip([0, *found], found)):
+        raise UsageError(f"episode_ends: got {found[:5]}..., wanted rising numbers up to the {n_rows} rows")
+    return found
+
+
+def _seconds(name: str, values: NDArray[Any]) -> Array:
+    if np.issubdtype(values.dtype, np.datetime64) or np.issubdtype(values.dtype, np.timedelta64):
+        nanoseconds = values.astype(values.dtype.kind + "8[ns]").astype(np.int64)
+        seconds: Array = (nanoseconds - nanoseconds[0]) * 1e-9
+        return seconds
+    try:
+        return values.astype(np.float64)
+    except (TypeError, ValueError) as e:
+        raise UsageError(f"column '{name}' holds neither seconds nor time stamps ({e})") from e
+
+
+def read_logs(
+    path: str | os.PathLike[str],
+    task: TaskLike = None,
+    *,
+    episodes: int | None = None,
+    format: str | None = None,
+    action_delay: int = 0,
+) -> Logs:
+    """Reads .hdf5 (D4RL or Minari), .npz, .csv, .csv.gz, or a Minari folder, by the program's own readers; with a task,
+    in its channels' order and at its control period. `episodes`: the first so many."""
+    chosen = {"episodes": None if episodes is None else str(episodes), "format": format,
+              "action_delay": action_delay or None}
+    data = core.read_logs(study(task, data={"path": path, **chosen}))
+    plain = all(v is None for v in chosen.values())
+    return Logs._of(data, os.fspath(path) if plain else None)

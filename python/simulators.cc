@@ -1,0 +1,151 @@
+// Lanes of a simulator, for environments.
+#include <fmt/format.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "oted/base/error.h"
+#include "oted/run/run_inputs.h"
+#include "oted/sim/mujoco/task.h"
+#include "python/binding.h"
+
+namespace oted::python {
+namespace {
+
+class Lanes {
+ public:
+  Lanes(const Study& study, int n_lanes, int n_threads) {
+    const nb::gil_scoped_release release;
+    const RunConfig config = ExpandPresets(study.Config());
+    task_ = config.task;
+    Array2<double> starts;
+    if (task_.has_model() && task_.model.start == "logs") {
+      starts = ReadEpisodes(config.data, SpecOf(task_)).EpisodeStarts();
+    }
+    factory_ = MakeSimulatorFactory(task_, config.parameters, starts);
+    lanes_ = factory_->Make(n_lanes, n_threads);
+    observations_ = Array2<double>(n_lanes, factory_->spec().obs_dim());
+    rewards_.resize(static_cast<size_t>(n_lanes));
+    status_.resize(static_cast<size_t>(n_lanes));
+  }
+
+  int n_lanes() const { return lanes_->n_lanes(); }
+  std::vector<double> Nominal() const { return factory_->parameters().Nominal(); }
+
+  void SetParameters(int lane, const InArray& z) {
+    CheckLane(lane);
+    lanes_->SetParameters(lane, Values(z));
+  }
+  void Reset(int lane, uint64_t seed) {
+    CheckLane(lane);
+    Rng rng = RngKey(seed).Stage("python reset").MakeRng();
+    lanes_->Reset(lane, rng);
+    Show(lane);
+  }
+  void ResetTo(int lane, const InArray& qpos, const InArray& qvel, uint64_t seed) {
+    CheckLane(lane);
+    Rng rng = RngKey(seed).Stage("python reset").MakeRng();
+    lanes_->ResetTo(lane, Values(qpos), Values(qvel), rng);
+    Show(lane);
+  }
+
+  /// One control period of the listed lanes; `actions` has a row for every lane.
+  void Step(const std::vector<int>& lanes, const InArray& actions) {
+    for (const int lane : lanes) CheckLane(lane);
+    const auto wanted = static_cast<size_t>(n_lanes()) * static_cast<size_t>(factory_->spec().act_dim);
+    if (actions.size() != wanted) {
+      throw UsageError(
+          fmt::format("got {} numbers of actions, wanted {} for {} environments", actions.size(), wanted, n_lanes()));
+    }
+    const std::span<const double> values = Values(actions);
+    const nb::gil_scoped_release release;
+    lanes_->Step(lanes, values);
+    for (const int lane : lanes) {
+      Show(lane);
+      rewards_[static_cast<size_t>(lane)] = lanes_->reward(lane);
+      status_[static_cast<size_t>(lane)] = static_cast<uint8_t>(lanes_->status(lane));
+    }
+  }
+
+  OutArray Observations() const {
+    return ToNumpy<double>(observations_.values(),
+                           {static_cast<size_t>(observations_.rows()), static_cast<size_t>(observations_.cols())});
+  }
+  OutArray Rewards() const { return ToNumpy<double>(rewards_, {rewards_.size()}); }
+  nb::ndarray<nb::numpy, uint8_t> Status() const { return ToNumpy<uint8_t>(status_, {status_.size()}); }
+  OutArray Pose(int lane) const {
+    CheckLane(lane);
+    const std::span<const double> pose = lanes_->pose(lane);
+    return ToNumpy<double>(pose, {pose.size()});
+  }
+
+  /// (height, width, 3), the lane as it stands, drawn with parameters z.
+  nb::ndarray<nb::numpy, uint8_t> Draw(int lane, const InArray& z, int width, int height) {
+    CheckLane(lane);
+    if (!renderer_ || renderer_->width() != width || renderer_->height() != height) {
+      std::string why_not;
+      renderer_ = factory_->MakeRenderer(width, height, &why_not);
+      if (!renderer_) throw DataError(fmt::format("nothing can be drawn: {}", why_not));
+    }
+    const std::vector<uint8_t>& picture = renderer_->Draw(Values(z), lanes_->pose(lane));
+    return ToNumpy<uint8_t>(picture, {static_cast<size_t>(height), static_cast<size_t>(width), 3});
+  }
+
+  /// How Gymnasium's own task of this name draws its starts: (half width of the noise on positions, the same on
+  /// velocities or their standard deviation, whether that is normal); empty for other tasks.
+  std::optional<std::pair<double, bool>> GymnasiumNoise() const {
+    if (task_.has_model() || task_.is_grid()) return std::nullopt;
+    const std::vector<std::string> names = TaskNames();
+    if (std::find(names.begin(), names.end(), task_.name) == names.end()) return std::nullopt;
+    const MujocoTask& task = FindTask(task_.name);
+    return std::pair(task.reset_noise_scale, task.reset_noise == ResetNoise::kUniformPositionsNormal);
+  }
+
+ private:
+  void CheckLane(int lane) const {
+    if (lane >= 0 && lane < n_lanes()) return;
+    throw UsageError(fmt::format("environment {} does not exist, there are {}", lane, n_lanes()));
+  }
+  void Show(int lane) {
+    const std::span<const double> shown = lanes_->observation(lane);
+    std::copy(shown.begin(), shown.end(), observations_.row(lane).begin());
+  }
+
+  TaskConfig task_;
+  std::unique_ptr<SimulatorFactory> factory_;
+  std::unique_ptr<Simulator> lanes_;
+  std::unique_ptr<Renderer> renderer_;
+  Array2<double> observations_;
+  std::vector<double> rewards_;
+  std::vector<uint8_t> status_;
+};
+
+}  // namespace
+
+void AddSimulators(nb::module_& m) {
+  nb::class_<Lanes>(m, "Lanes")
+      .def(nb::init<const Study&, int, int>(), nb::arg("study"), nb::arg("n_lanes"), nb::arg("n_threads"))
+      .def_prop_ro("n_lanes", &Lanes::n_lanes)
+      .def("nominal", &Lanes::Nominal)
+      .def("set_parameters", &Lanes::SetParameters, nb::arg("lane"), nb::arg("z"))
+      .def("reset", &Lanes::Reset, nb::arg("lane"), nb::arg("seed"))
+      .def("reset_to", &Lanes::ResetTo, nb::arg("lane"), nb::arg("qpos"), nb::arg("qvel"), nb::arg("seed"))
+      .def("step", &Lanes::Step, nb::arg("lanes"), nb::arg("actions"))
+      .def("observations", &Lanes::Observations)
+      .def("rewards", &Lanes::Rewards)
+      .def("status", &Lanes::Status)
+      .def("pose", &Lanes::Pose, nb::arg("lane"))
+      .def("draw", &Lanes::Draw, nb::arg("lane"), nb::arg("z"), nb::arg("width"), nb::arg("height"))
+      .def("gymnasium_noise", [](const Lanes& lanes) -> nb::object {
+        const auto noise = lanes.GymnasiumNoise();
+        return noise ? nb::object(nb::make_tuple(noise->first, noise->second)) : nb::object(nb::none());
+      });
+  m.attr("TERMINATED") = static_cast<int>(LaneStatus::kTerminated);
+  m.attr("TRUNCATED") = static_cast<int>(LaneStatus::kTruncated);
+  m.attr("DIVERGED") = static_cast<int>(LaneStatus::kDiverged);
+}
+
+}  // namespace oted::python

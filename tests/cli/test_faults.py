@@ -1,0 +1,382 @@
+"""Faults, damage and hostile input: each row of what the program promises (docs/reliability.md).
+
+    test_faults.py PATH/TO/oted PATH/TO/liboted_fault_points.so [TestClass.test_name ...]
+"""
+
+import gzip
+import io
+import json
+import os
+import pathlib
+import resource
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+import zipfile
+
+import numpy as np
+
+import program
+from program import DATA_OR_MODEL, FRICTION, GRAVITY, INTERRUPTED, NO_SIMULATOR, TINY, USAGE, ProgramTest, oted, sets
+
+LIBRARY = None
+GIB = 1 << 30
+UNEQUAL = ("events.out.tfevents", "versions.json", "report.json", "report.html")
+
+
+def peak_memory(*arguments):
+    """The result of a command, and the largest resident set of it [bytes]."""
+    child = subprocess.Popen([program.OTED, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with child.stdout, child.stderr:
+        out, err = child.stdout.read(), child.stderr.read()
+    _, status, usage = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    return subprocess.CompletedProcess(child.args, child.returncode, out, err), usage.ru_maxrss * 1024
+
+
+def flip(path, at=None):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2 if at is None else at] ^= 0x10
+    path.write_bytes(content)
+
+
+class RunTest(ProgramTest):
+    """With a finished run of seconds, made once, and a copy of it for each test."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.shared = pathlib.Path(tempfile.mkdtemp(prefix="oted-faults-"))
+        cls.addClassCleanup(shutil.rmtree, cls.shared)
+        cls.demos = cls.shared / "demos.hdf5"
+        program.log_hopper(cls.demos)
+        cls.finished = cls.shared / "finished"
+        result = oted(*cls.words(cls.finished))
+        assert result.returncode in (0, NO_SIMULATOR), result.stderr
+
+    @classmethod
+    def words(cls, out, *more, verb="run"):
+        settings = TINY + ["design.method=transitions", "selection.n_seeds=1"]
+        return [verb, "--task", "Hopper-v5", "--data", str(cls.demos), "--param", FRICTION, "--param", GRAVITY, "--truth",
+                "friction=0.6", "--truth", "gravity=1.2", "--threads", "1", "--out", str(out), *sets(settings), *more]
+
+    def setUp(self):
+        super().setUp()
+        shutil.copytree(self.finished, self.out)
+
+    def again(self, *more, verb="run"):
+        return oted(*self.words(self.out, *more, verb=verb))
+
+    def results(self, out):
+        return {str(p.relative_to(out)): p.read_bytes() for p in out.rglob("*") if p.is_file() and not p.name.startswith(UNEQUAL)
+                and p.parent.name != "export"}  # which a command of its own writes
+
+    def assertAsFinished(self):
+        wanted, got = self.results(self.finished), self.results(self.out)
+        self.assertEqual(sorted(got), sorted(wanted))
+        for name, content in wanted.items():
+            if name != "run.toml":
+                self.assertEqual(got[name], content, name)
+        self.assertEqual(oted("verify", self.out).returncode, 0)
+
+
+class TestStreams(RunTest):
+    def run_with(self, redirection, *words):
+        command = " ".join(f"'{word}'" for word in [program.OTED, *map(str, words)])
+        return subprocess.run(["bash", "-c", f"{command} {redirection}"], capture_output=True, text=True, timeout=300)
+
+    def test_standard_error_that_takes_nothing_or_is_closed_changes_no_result(self):
+        for redirection in ("2>/dev/full", "2>&-", "<&- 2>&-"):
+            shutil.rmtree(self.out)
+            result = self.run_with(redirection, *self.words(self.out))
+            self.assertIn(result.returncode, (0, NO_SIMULATOR), redirection)
+            self.assertAsFinished()
+
+    def test_standard_output_that_takes_nothing_is_an_error_and_the_results_stay(self):
+        for redirection in (">/dev/full", ">&-"):
+            for more in ([], ["--json"]):
+                result = self.run_with(redirection, *self.words(self.out, *more))
+                self.assertEqual(result.returncode, DATA_OR_MODEL, redirection)
+                self.assertRegex(result.stderr, r"\A(warning: not exported: [^\n]+\n)?oted: cannot write to standard output: [^\n]+\n\Z")
+        self.assertEqual(self.run_with(">/dev/full", "--help").returncode, DATA_OR_MODEL)
+        self.assertAsFinished()
+
+
+class TestDamage(RunTest):
+    def test_what_can_be_written_again_is(self):
+        for name in ("policy.onnx", "agents/1/policy.onnx"):
+            (self.out / name).write_bytes(b"")
+        result = self.again()
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+        self.assertIn("agents/1/policy.onnx' is damaged and is written again", result.stderr)
+        self.assertAsFinished()
+
+    def test_a_stage_with_a_damaged_file_is_made_again_and_proves_to_be_the_same(self):
+        for name in ("clone/policy.npz", "design/default/1/discriminator.npz", "agents/1/policy.npz", "clone/clone.json"):
+            flip(self.out / name) if name.endswith("npz") else (self.out / name).write_text('{"schema"')
+            self.assertEqual(oted("verify", self.out).returncode, DATA_OR_MODEL)
+            result = self.again()
+            self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+            self.assertIn(f"{name}' is damaged", result.stderr)
+            self.assertAsFinished()
+
+    def test_an_empty_record_in_the_place_of_one_is_damage(self):
+        for name in ("design/default/1/q.json", "clone/clone.json"):
+            (self.out / name).write_text("{}")
+            result = oted("verify", self.out)
+            self.assertEqual(result.returncode, DATA_OR_MODEL)
+            self.assertRegex(result.stdout, f"damaged +{name}: ")
+            shutil.copy(self.finished / name, self.out / name)
+
+    def test_a_changed_record_is_refused_with_its_name_by_every_reader(self):
+        for name, field in (("design/default/1/q.json", "mean"), ("design.json", "score"), ("agents/1/agent.json", "eval_return")):
+            record = json.loads((self.finished / name).read_text())
+            record[field] = [0.123, 0.2] if field == "mean" else 0.123
+            (self.out / name).write_text(json.dumps(record))
+            for command in (self.words(self.out), ["report", self.out], ["export", self.out], ["verify", self.out]):
+                if name.startswith("agents") and command[0] == "export":
+                    continue  # which does not read it
+                result = oted(*command)
+                self.assertEqual(result.returncode, DATA_OR_MODEL, command[0])
+                self.assertIn(name, result.stderr + result.stdout)
+            shutil.copy(self.finished / name, self.out / name)
+        self.assertAsFinished()
+
+    def test_a_result_of_another_predecessor_is_refused(self):
+        # Whole and sealed, but of another seed: what was made from the first one does not fit it.
+        other = self.folder / "other"
+        self.assertIn(oted(*self.words(other, "--seed", "2", verb="design")).returncode, (0, NO_SIMULATOR))
+        for name in ("q.json", "discriminator.npz", "curves.csv"):
+            shutil.copy(other / "design/default/1" / name, self.out / "design/default/1" / name)
+        result = oted("verify", self.out)
+        self.assertEqual(result.returncode, DATA_OR_MODEL)
+        self.assertIn("was made from another 'design/default/1/q.json'", result.stdout)
+
+    def test_a_changed_run_toml_is_refused_until_it_is_named(self):
+        text = (self.out / "run.toml").read_text()
+        (self.out / "run.toml").write_text(text.replace("threads = 1", "threads = 2"))
+        for command in ("run", "report", "export"):
+            self.assertOneLine(oted(command, "--out", self.out), DATA_OR_MODEL, "run.toml")
+        result = oted("run", self.out / "run.toml", "--out", self.out, "--data", self.demos)
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+        self.assertAsFinished()
+
+    def test_the_report_shows_no_file_from_elsewhere(self):
+        (self.folder / "secret").write_text("a secret")
+        folder = self.out / "motion"
+        folder.mkdir(exist_ok=True)
+        for name in ("/etc/passwd", "../../secret", "..", ""):
+            (folder / "motion.json").write_text(json.dumps({"schema": "oted.motion/1", "panels": [{"name": "logged", "file": name}]}))
+            self.assertOneLine(oted("report", self.out), DATA_OR_MODEL, "motion.json")
+
+    def test_a_record_nested_without_end_is_refused(self):
+        for text in ("[" * 60000, "[" * 60000 + "]" * 60000, '{"a":' * 60000):
+            (self.out / "design.json").write_text(text)
+            for command in (["report", self.out], ["verify", self.out]):
+                result = oted(*command)
+                self.assertEqual(result.returncode, DATA_OR_MODEL, result.stderr)
+                self.assertIn("design.json", result.stderr + result.stdout)
+
+    def test_a_damaged_checkpoint_and_damaged_curves_are_noticed(self):
+        shutil.rmtree(self.out)
+        words = self.words(self.out)
+        words[words.index("sac.n_steps=200")] = "sac.n_steps=600"
+        child = subprocess.Popen([program.OTED, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        checkpoint = self.out / "agents/1/checkpoint.npz"
+        while child.poll() is None and not checkpoint.exists():
+            time.sleep(0.002)
+        child.kill()
+        child.wait()
+        if not checkpoint.exists():
+            self.skipTest("the run was over before it could be killed")
+        whole = checkpoint.read_bytes()
+        for at in (10, len(whole) // 3, len(whole) // 2, len(whole) - 5):
+            flip(checkpoint, at)
+            self.assertOneLine(oted(*words, "--quiet", "--json"), DATA_OR_MODEL, "checkpoint.npz")
+            checkpoint.write_bytes(whole)
+        curves = self.out / "agents/1/curves.csv"
+        flip(curves)
+        self.assertOneLine(oted("report", self.out), DATA_OR_MODEL, "curves.csv")
+        result = oted(*words)
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+        self.assertIn("curves.csv.damaged", result.stderr)
+
+
+class TestDirectory(RunTest):
+    def test_two_programs_do_not_work_in_one_directory(self):
+        shutil.rmtree(self.out)
+        words = self.words(self.out)
+        words[words.index("sac.n_steps=200")] = "sac.n_steps=100000"
+        first = subprocess.Popen([program.OTED, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(first.wait)
+        self.addCleanup(first.kill)
+        while not (self.out / "dataset.json").exists():
+            time.sleep(0.01)
+        self.assertOneLine(oted(*words, "--quiet"), USAGE, f"process {first.pid} on ", "choose another --out")
+        self.assertIn(oted("report", self.out).returncode, (0, NO_SIMULATOR), "a run can be looked at while it works")
+        first.kill()
+        first.wait()
+        # The lock of a program that died holds nobody up, and what it left half-written goes.
+        left = self.out / "clone/policy.npz.tmp-0123abcd-99-1"
+        left.parent.mkdir(exist_ok=True)
+        left.write_text("half")
+        self.assertIn(self.again(verb="clone").returncode, (0, NO_SIMULATOR))
+        self.assertFalse(left.exists())
+        self.assertFalse((self.out / ".lock").exists())
+
+    @unittest.skipIf(os.geteuid() == 0 and not shutil.which("setpriv"), "root may write everywhere")
+    def test_a_run_that_cannot_be_written_to_can_be_read(self):
+        prefix = []
+        if os.geteuid() == 0:  # as somebody who may not write there
+            prefix = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
+        target = self.folder / "elsewhere"
+        target.mkdir()
+        target.chmod(0o777)
+        self.folder.chmod(0o755)
+        for path in [self.out, *self.out.rglob("*")]:
+            path.chmod(0o555 if path.is_dir() else 0o444)
+        self.addCleanup(lambda: [p.chmod(0o755) for p in [self.out, *self.out.rglob("*")]])
+        before = self.results(self.out)
+        for command in (["verify", self.out], ["report", self.out, "--to", target],
+                        ["export", self.out, "--q", target / "q.json", "--mjcf", target / "m.xml"]):
+            result = subprocess.run([*prefix, program.OTED, *map(str, command)], capture_output=True, text=True)
+            self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+        self.assertEqual(sorted(p.name for p in target.iterdir()), ["m.xml", "q.json", "report.html", "report.json"])
+        self.assertEqual(self.results(self.out), before)
+
+    def test_the_curves_of_a_stopped_run_are_those_of_one_that_was_not(self):
+        shutil.rmtree(self.out)
+        for seconds in (0.5, 0.9, 1.3):
+            child = subprocess.Popen([program.OTED, *self.words(self.out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            time.sleep(seconds)
+            child.kill()
+            child.wait()
+        self.again()
+        self.assertAsFinished()
+
+    def test_a_sync_that_fails_and_a_full_disk_are_errors_and_nothing_is_lost(self):
+        for fault in ("3 ioerror", "30 nospace", "41 ioerror"):
+            shutil.rmtree(self.out)
+            environment = {**os.environ, "LD_PRELOAD": LIBRARY, "OTED_FAULT_FOLDER": str(self.out), "OTED_FAULT": fault}
+            result = subprocess.run([program.OTED, *self.words(self.out), "--quiet"], capture_output=True, text=True, env=environment)
+            self.assertOneLine(result, DATA_OR_MODEL, str(self.out))
+            self.again()
+            self.assertAsFinished()
+
+    def test_limits_of_memory_and_of_file_size_end_in_an_error(self):
+        def under(which, most, *words):
+            return subprocess.run([program.OTED, *map(str, words)], capture_output=True, text=True,
+                                  preexec_fn=lambda: resource.setrlimit(which, (most, most)))
+        shutil.rmtree(self.out)
+        self.assertOneLine(under(resource.RLIMIT_FSIZE, 5000, *self.words(self.out, "--quiet")), DATA_OR_MODEL, "File too large")
+        self.again()
+        self.assertAsFinished()
+        path = self.folder / "large.csv"
+        path.write_bytes(b"obs_0,action_0\n" + b"0,0\n" * (8 << 20))
+        self.assertOneLine(under(resource.RLIMIT_AS, 400 << 20, "data", "info", path), DATA_OR_MODEL, "not enough memory")
+
+
+class TestSignals(ProgramTest):
+    MODEL = """<mujoco><option timestep="{step}"/><worldbody><body><joint name="a" axis="0 1 0"/><geom size="0.1"/></body>
+      </worldbody><actuator><motor joint="a" ctrlrange="-1 1"/></actuator></mujoco>"""
+    TASK = """[task]
+model = "m.xml"
+control_period = 0.02
+observations = ["joint/*/qpos", "joint/*/qvel"]
+[data]
+path = "logs.csv"
+[parameters]
+armature = {{ field = "joint/a/damping", range = [0.2, 5.0], scale = "absolute" }}
+"""
+
+    def task(self, step):
+        (self.folder / "m.xml").write_text(self.MODEL.format(step=step))
+        (self.folder / "task.toml").write_text(self.TASK.format())
+        rows = "\n".join(f"{e},{0.02 * i:.2f},{np.sin(i / 9 + e):.6f},{np.cos(i / 9 + e):.6f},{np.sin(i / 3):.4f}"
+                         for e in range(3) for i in range(200))
+        (self.folder / "logs.csv").write_text("episode,time,obs.joint/a/qpos,obs.joint/a/qvel,action.a\n" + rows + "\n")
+        return self.folder / "task.toml"
+
+    def test_options_that_no_simulation_ends_with_are_refused(self):
+        for step in ("nan", "1e-12", "1e-10", "0", "-1", "inf"):
+            result = subprocess.run([program.OTED, "params", "list", "--task", self.task(step)], capture_output=True, text=True,
+                                    cwd=self.folder, timeout=60)
+            self.assertIn(result.returncode, (USAGE, DATA_OR_MODEL), step)
+            self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
+            self.assertFalse((self.folder / "MUJOCO_LOG.TXT").exists())
+
+    def test_a_signal_is_answered_within_two_seconds(self):
+        task = self.task("2e-7")  # 100,000 steps of the physics in a control period
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            child = subprocess.Popen([program.OTED, "design", task, "--out", self.out, "--threads", "2"], stdout=subprocess.DEVNULL,
+                                     stderr=subprocess.DEVNULL)
+            time.sleep(1)
+            self.assertIsNone(child.poll(), "it had ended by itself")
+            start = time.monotonic()
+            child.send_signal(number)
+            self.assertEqual(child.wait(timeout=20), INTERRUPTED)
+            # The scheduler of a loaded machine included.
+            self.assertLess(time.monotonic() - start, 3.5)
+
+
+class TestHostileInput(ProgramTest):
+    def assertRefusedCheaply(self, *arguments, needle):
+        result, peak = peak_memory(*arguments)
+        self.assertOneLine(result, DATA_OR_MODEL, needle)
+        self.assertLess(peak, 2 * GIB)
+
+    def bomb(self, member, n):
+        """An archive with `n` zeros, of a thousandth of the size."""
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(header, {"descr": "|u1", "fortran_order": False, "shape": (n // 11, 11)})
+        path = self.folder / "bomb.npz"
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            with archive.open(member + ".npy", "w", force_zip64=True) as file:
+                file.write(header.getvalue())
+                for _ in range(n >> 20):
+                    file.write(bytes(1 << 20))
+        self.assertLess(path.stat().st_size, 8 << 20)
+        return path
+
+    def test_archives_that_unpack_without_end_are_refused(self):
+        for member in ("observations", "never_read"):
+            self.assertRefusedCheaply("data", "info", self.bomb(member, 1 << 30), needle="bomb.npz")
+        path = self.folder / "bomb.csv.gz"
+        with gzip.open(path, "wb") as file:
+            file.write(b"obs_0,action_0\n")
+            for _ in range(600):
+                file.write(b"0,0\n" * (1 << 18))
+        self.assertRefusedCheaply("data", "info", path, needle="bomb.csv.gz")
+
+    def test_what_fits_the_budget_is_read_below_two_gigabytes(self):
+        path = self.folder / "flat.csv.gz"
+        with gzip.open(path, "wb") as file:
+            file.write(b"obs_0,action_0\n" + b"0,0\n" * (15 << 20))
+        result, peak = peak_memory("data", "info", path)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertLess(peak, 2 * GIB)
+
+    def test_names_that_are_no_files_are_usage_errors(self):
+        for ending in ("csv", "npz", "hdf5", "csv.gz"):
+            device = self.folder / f"device.{ending}"
+            device.symlink_to("/dev/zero")
+            fifo = self.folder / f"fifo.{ending}"
+            os.mkfifo(fifo)
+            for path in (device, fifo):
+                self.assertOneLine(oted("data", "info", path), USAGE, path.name)
+        (self.folder / "p.onnx").symlink_to("/dev/zero")
+        self.assertOneLine(oted("evaluate", "--task", "Hopper-v5", "--policy", self.folder / "p.onnx"), USAGE, "p.onnx")
+        self.assertOneLine(oted("run", "/dev/zero", "--out", self.out), USAGE, "/dev/zero")
+        self.assertOneLine(oted("report", "--out", "a" * 300), USAGE, "aaa")
+        self.assertOneLine(oted("run", "a" * 300 + ".toml", "--out", self.out), USAGE, "aaa")
+        for words in ([b"data", b"info", b"a\xff.csv"], [b"report", b"a\xff"], [b"run", b"--out", b"\xc3\x28"]):
+            result = subprocess.run([program.OTED.encode(), *words], capture_output=True)
+            self.assertEqual(result.returncode, USAGE, result.stderr)
+            self.assertIn("not UTF-8", result.stderr.decode())
+
+
+if __name__ == "__main__":
+    LIBRARY = program.take_paths(__doc__, 1)[0]
+    unittest.main()

@@ -1,0 +1,225 @@
+"""oted init: from a model and logs to a task file that runs.
+
+    test_init.py PATH/TO/oted [TestClass.test_name ...]
+"""
+
+import csv
+import json
+import math
+import tomllib
+import unittest
+
+import mujoco
+import numpy as np
+
+import program
+from program import DATA_OR_MODEL, USAGE, ProgramTest, oted
+
+ARM = """<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.005" integrator="implicitfast"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder_joint" axis="0 1 0" damping="0.05" armature="0.01" range="-3 3" limited="true"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0 0 -0.4" mass="1" contype="0" conaffinity="0"/>
+      <body name="lower" pos="0 0 -0.4">
+        <joint name="elbow_joint" axis="0 1 0" damping="0.05" armature="0.01"/>
+        <geom type="capsule" size="0.03" fromto="0 0 0 0 0 -0.3" mass="0.6" contype="0" conaffinity="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="shoulder" joint="shoulder_joint" ctrlrange="-20 20"/>
+    <motor name="elbow" joint="elbow_joint" ctrlrange="-20 20"/>
+  </actuator>
+</mujoco>
+"""
+NAMES = ["time", "shoulder_pos", "elbow_pos", "shoulder_vel", "elbow_vel", "shoulder_cmd", "elbow_cmd"]
+
+
+def swing(seed, damping=0.2, n=300, skip=4):
+    """Rows of time, positions, velocities and torques of the arm with more damping than its model has."""
+    model = mujoco.MjModel.from_xml_string(ARM.replace('damping="0.05"', f'damping="{damping}"'))
+    data = mujoco.MjData(model)
+    phase = np.random.default_rng(seed).uniform(0, 6, 4)
+    rows = []
+    for k in range(n):
+        t = k * skip * model.opt.timestep
+        u = [2 * math.sin(3 * t + phase[0]) + math.sin(9 * t + phase[1]), math.sin(5 * t + phase[2]) + 0.5 * math.sin(14 * t + phase[3])]
+        rows.append([t, *data.qpos, *data.qvel, *u])
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data, skip)
+    return np.array(rows)
+
+
+class InitTest(ProgramTest):
+    def setUp(self):
+        super().setUp()
+        self.model = self.folder / "arm.xml"
+        self.model.write_text(ARM)
+        self.task = self.folder / "arm.toml"
+
+    def csv(self, rows, names=NAMES, file="log.csv"):
+        path = self.folder / file
+        with open(path, "w", newline="", encoding="utf-8") as out:
+            writer = csv.writer(out)
+            writer.writerow(names)
+            writer.writerows([list(map(repr, map(float, row))) for row in rows])
+        return path
+
+    def init(self, *logs, more=()):
+        result = self.succeed("init", self.model, *logs, "--out", self.task, *more)
+        return result.stdout, tomllib.loads(self.task.read_text())
+
+    def assertNothingLeft(self, result, code, *needles):
+        self.assertRefused(result, code, *needles)
+        self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.suffix in (".toml", ".gz")), [])
+
+    # --- what it writes runs
+
+    def test_the_task_file_says_what_the_logs_are_and_runs(self):
+        text, task = self.init(self.csv(swing(1)))
+        self.assertAlmostEqual(task["task"]["control_period"], 0.02)
+        self.assertEqual(task["task"]["model"], "arm.xml")
+        self.assertEqual(task["data"]["observations"], NAMES[1:5])
+        self.assertEqual(task["data"]["actions"], NAMES[5:])
+        self.assertIn("damping_elbow_joint", task["parameters"])
+        # The model has no dry friction, and no contact that the logs could show.
+        self.assertEqual(task["parameters"]["frictionloss_elbow_joint"]["scale"], "absolute")
+        self.assertNotIn("friction", task["parameters"])
+        self.assertIn("friction (geom/*/friction[0]): the logs do not show it", text)
+        check = json.loads(self.succeed("data", "check", self.task, "--json").stdout)
+        self.assertEqual((check["errors"], check["dataset"]["n_episodes"]), (0, 1))
+
+    def test_its_parameters_hold_the_truth(self):
+        self.init(self.csv(swing(1)))
+        self.succeed("design", self.task, "--out", self.out, "--quiet", "--set", "selection.n_seeds=1",
+                     "--set", "design.method=trajectories", "--set", "report.motion=false", "--threads", 2)
+        found = {p["name"]: p["mode"] for p in json.loads((self.out / "design.json").read_text())["parameters"]}
+        self.assertAlmostEqual(found["damping_elbow_joint"], 4.0, delta=0.1)  # 0.2 / 0.05
+        self.assertAlmostEqual(found["damping_shoulder_joint"], 4.0, delta=0.1)
+        # All drives, masses, damping and friction times two move as before: one of them must stay.
+        self.assertNotIn("mass_upper", found)
+        self.assertAlmostEqual(found["gain_elbow"], 1.0, delta=0.05)
+
+    def test_any_number_of_threads_writes_the_same_bytes(self):
+        log = self.csv(swing(1))
+        written = set()
+        for threads in (1, 2):
+            self.init(log, more=["--threads", threads])
+            written.add(self.task.read_bytes())
+            self.task.unlink()
+        self.assertEqual(len(written), 1)
+
+    def test_several_logs_become_one(self):
+        first, second = self.csv(swing(1), file="a.csv"), self.csv(swing(2), file="b.csv")
+        _, task = self.init(first, second)
+        self.assertEqual(task["data"]["path"], "arm.logs.csv.gz")
+        info = json.loads(self.succeed("data", "info", self.task, "--json").stdout)
+        self.assertEqual(info["dataset"]["n_episodes"], 2)
+
+    def test_the_range_of_actions_holds_those_of_all_logs(self):
+        self.model.write_text(ARM.replace(' ctrlrange="-20 20"', ""))
+        small, large = swing(1), swing(2)
+        small[:, 5:] *= 0.1
+        _, task = self.init(self.csv(small, file="a.csv"), self.csv(large, file="b.csv"))
+        low, high = task["task"]["action_range"]
+        self.assertGreaterEqual(high, np.abs(large[:-1, 5:]).max())
+        self.assertEqual((low, high), (-high, round(high)), "in few digits")
+
+    def test_what_the_reader_made_even_is_told(self):
+        rows = swing(1)
+        text, _ = self.init(self.csv(np.delete(rows, 50, axis=0), file="a.csv"), self.csv(swing(2), file="b.csv"))
+        self.assertIn("a.csv': rows made even", text)
+        self.assertIn("1 missing rows filled in", text)
+        self.assertNotIn("b.csv': rows made even", text)
+
+    def test_arrays_tell_their_period_by_their_velocities(self):
+        rows = swing(1)
+        ends = np.zeros(len(rows) - 1)
+        np.savez(self.folder / "log.npz", observations=rows[:-1, 1:5], actions=rows[:-1, 5:], next_observations=rows[1:, 1:5],
+                 terminals=ends, timeouts=ends)
+        text, task = self.init(self.folder / "log.npz")
+        self.assertAlmostEqual(task["task"]["control_period"], 0.02)
+        self.assertIn("as positions and velocities say", text)
+
+    def test_positions_alone_are_enough(self):
+        _, task = self.init(self.csv(swing(1)[:, [0, 1, 2, 5, 6]], [NAMES[i] for i in (0, 1, 2, 5, 6)]))
+        self.assertEqual(task["task"]["observations"], ["joint/*/qpos"])
+        self.assertEqual(task["task"]["start"], "logs")
+        self.assertIn("damping_elbow_joint", task["parameters"])
+        self.succeed("data", "check", self.task)
+
+    def test_a_urdf_gets_motors(self):
+        self.model = self.folder / "arm.urdf"
+        link = "<link name='{}'><inertial><mass value='1'/><origin xyz='0 0 -0.2'/><inertia ixx='.02' iyy='.02' izz='.01' ixy='0' ixz='0' iyz='0'/></inertial></link>"
+        self.model.write_text("<robot name='arm'>" + "".join(map(link.format, ("base", "upper"))) +
+                              "<joint name='hinge' type='continuous'><parent link='base'/><child link='upper'/><axis xyz='0 1 0'/></joint></robot>")
+        rows = swing(1)[:, [0, 1, 3, 5]]
+        _, task = self.init(self.csv(rows, ["time", "hinge_pos", "hinge_vel", "hinge_effort"]))
+        self.assertEqual(task["task"]["motors"], ["joint/hinge"])
+        self.assertGreaterEqual(task["task"]["action_range"][1], abs(rows[:, 3]).max())
+
+    # --- what does not fit is told
+
+    def test_degrees_are_told(self):
+        rows = swing(1)
+        rows[:, 1] *= 180 / math.pi
+        self.assertIn("joint/shoulder_joint/qpos changes 57.3 times as fast as", self.init(self.csv(rows))[0])
+
+    def test_a_velocity_of_the_other_sign_is_told(self):
+        rows = swing(1)
+        rows[:, 4] *= -1
+        text, _ = self.init(self.csv(rows))
+        self.assertIn("joint/elbow_joint/qpos changes -1 times as fast as joint/elbow_joint/qvel says", text)
+        self.assertNotIn("with the other sign of", text, "one correction at a time")
+
+    def test_an_action_of_the_other_sign_is_told(self):
+        rows = swing(1)
+        rows[:, 6] *= -1
+        text, _ = self.init(self.csv(rows))
+        self.assertIn("with the other sign of actuator/elbow the model predicts better", text)
+        self.assertNotIn("with the other sign of actuator/shoulder", text)
+
+    def test_an_offset_beyond_the_limits_is_told(self):
+        rows = swing(1)
+        rows[:, 1] += 4
+        self.assertIn("another zero, sign or unit", self.init(self.csv(rows))[0])
+
+    def test_right_logs_raise_no_suspicion(self):
+        self.assertNotIn("look at this before a design", self.init(self.csv(swing(1, damping=0.05)))[0])
+
+    def test_milliseconds_by_name_count_as_steps(self):
+        rows = swing(1)
+        rows[:, 0] *= 1000
+        text, task = self.init(self.csv(rows, ["time_ms", *NAMES[1:]]))
+        self.assertAlmostEqual(task["task"]["control_period"], 0.02)
+        self.assertIn("rows count as steps", text)
+
+    def test_what_it_cannot_tell_is_refused_with_nothing_left(self):
+        rows = swing(1)
+        scaled = rows * ([1000] + [1] * 6)
+        for log, code, needles in [
+                (self.csv(scaled, file="0.csv"), DATA_OR_MODEL, ["goes up by 20 per row, wanted seconds"]),
+                (self.csv(rows[:, 1:], NAMES[1:], file="1.csv"), USAGE, ["--period"]),
+                (self.csv(rows, ["time", *"abcdef"], file="2.csv"), DATA_OR_MODEL, ["no column is a position", "shoulder_joint"]),
+                (self.csv(rows[:, :5], NAMES[:5], file="3.csv"), DATA_OR_MODEL, ["no column is a command"]),
+                (self.csv(rows[:1], file="4.csv"), DATA_OR_MODEL, ["has 1 rows"]),
+                (self.folder / "missing.csv", DATA_OR_MODEL, ["missing.csv"])]:
+            with self.subTest(needles):
+                self.assertNothingLeft(oted("init", self.model, log, "--out", self.task), code, *needles)
+        good, other = self.csv(rows, file="a.csv"), self.csv(rows[::2], file="b.csv")
+        self.assertNothingLeft(oted("init", self.model, good, other, "--out", self.task), DATA_OR_MODEL, "another rate")
+        self.assertNothingLeft(oted("init", self.folder / "no.xml", good, "--out", self.task), DATA_OR_MODEL, "no.xml")
+        self.assertNothingLeft(oted("init", self.model, good, "--out", self.folder / "task.txt"), USAGE, ".toml")
+
+    def test_a_file_that_is_there_stays(self):
+        self.task.write_text("# mine\n")
+        result = oted("init", self.model, self.csv(swing(1)), "--out", self.task)
+        self.assertOneLine(result, USAGE, "is there already")
+        self.assertEqual(self.task.read_text(), "# mine\n")
+
+
+if __name__ == "__main__":
+    program.take_paths(__doc__)
+    unittest.main()
