@@ -89,7 +89,7 @@ class PlanTest(program.HopperTest):
 
     def test_a_stopped_or_killed_unit_goes_on_to_the_bytes_of_one_that_was_not(self):
         slow = [s for s in DESIGN if "n_iterations" not in s] + ["design.method=transitions",
-                                                                           "design.adversarial.n_iterations=40"]
+                                                                           "design.adversarial.n_iterations=100"]
         self.assertEqual(self.sweep("--data", self.demos, settings=slow).returncode, 0)
         words = [program.OTED, "unit", str(self.plan), "--index", "0"]
         for sent, ends in ((signal.SIGTERM, program.INTERRUPTED), (signal.SIGKILL, -signal.SIGKILL)):
@@ -114,9 +114,9 @@ class PlanTest(program.HopperTest):
         """Until it has something that it made itself to go on with."""
         while time.time() - start < 60 and unit.poll() is None:
             for found in self.root.glob("runs/*/*/result/design/**/checkpoint.npz"):
-                if found.exists() and found.stat().st_mtime > start and self.states() == ["running"]:
+                if found.exists() and found.stat().st_mtime > start:
                     return
-            time.sleep(0.02)
+            time.sleep(0.005)
         self.fail(f"no checkpoint: {unit.poll()}")
 
     def test_a_study_is_that_of_one_machine_and_a_part_of_it_has_gaps(self):
