@@ -19,6 +19,7 @@ constexpr double kLongestSecantOfStart = 0.5;    // in standard deviations of th
 constexpr double kLongestSecantOfUnread = 0.05;  // in standard deviations of the coordinate over the logs
 constexpr double kHardlyTold = 0.3;              // in x: a direction with such a standard deviation
 constexpr double kLongestLastStep = 3.0;         // in standard deviations of x; further, the quadratic model is a guess
+constexpr int kMostLastSteps = 3;                // where that cuts it short
 
 }  // namespace
 
@@ -62,6 +63,13 @@ std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer
 }
 
 MatrixXd LevelFit::Finish() {
+  for (int step = 1;; ++step) {
+    const LastStep last = TakeLastStep();
+    if (last.arrived || step == kMostLastSteps) return last.covariance;
+  }
+}
+
+LevelFit::LastStep LevelFit::TakeLastStep() {
   Linearize(Secants());
   const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_);
   // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
@@ -75,7 +83,7 @@ MatrixXd LevelFit::Finish() {
     length = std::max(length, std::abs(along[i]) / (kLongestLastStep * std));
   }
   x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(-kMaxX).cwiseMin(kMaxX);
-  return estimate.covariance;
+  return {.covariance = estimate.covariance, .arrived = length == 1};
 }
 
 std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, const std::vector<double>& nominal,

@@ -57,10 +57,11 @@ class LevelFit {
   /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
   /// windows.
   double FinalCost();
-  /// The last step, after FinalCost: one undamped Newton step on x with derivatives that are secants over the scale of
+  /// The last step, after FinalCost: an undamped Newton step on x with derivatives that are secants over the scale of
   /// the uncertainty, of x and of every start. Under noise the cost is rough at a smaller scale, since contacts begin
   /// and end a physics step earlier or later; tangents tell nothing of that, or everything. From an x that is near, one
-  /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents.
+  /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents. From an x
+  /// that is farther than that, it takes another.
   /// @return the covariance of x
   Eigen::MatrixXd Finish();
   /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x. By the
@@ -109,6 +110,11 @@ class LevelFit {
   Eigen::VectorXd StartSteps() const;
   Differences Tangents() const;
   Differences Secants() const;
+  struct LastStep {
+    Eigen::MatrixXd covariance;
+    bool arrived = false;  // it was not cut short
+  };
+  LastStep TakeLastStep();
   void Linearize(const Differences& steps);
   /// z with one search coordinate moved by its step, one per parameter.
   std::vector<std::vector<double>> Perturbed(const Eigen::VectorXd& steps) const;

@@ -22,9 +22,10 @@ struct StretchEstimate {
 /// One undamped Newton step over all stretches and the prior, and its covariance. Two things are not
 /// taken on trust, since derivatives through contact are what two replays happened to show and noise is no Gaussian:
 ///
-/// No stretch decides more than a quarter of any direction of x. One whose derivatives crossed a contact can otherwise
-/// outweigh all others with a number that means nothing. Its weight depends on its information alone, and not on what
-/// it says, so that the estimate stays unbiased.
+/// No stretch decides more than six times its part of any direction of x, and none more than a quarter; more than six
+/// times where so few tell of it that the prior would take their place. One whose derivatives crossed a contact can
+/// otherwise outweigh all others with a number that means nothing. Its weight depends on its information alone, and not
+/// on what it says, so that the estimate stays unbiased.
 ///
 /// The covariance is H^-1, the inverse of the information that was counted, but wider in every direction in which the
 /// estimates without one stretch (a delete-one jackknife) scatter more than that. It is never narrower: where few

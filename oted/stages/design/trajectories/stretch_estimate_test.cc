@@ -52,13 +52,13 @@ TEST(EstimateFromStretches, OfALinearPlantIsThePosteriorMeanFromWhereverItStarts
 }
 
 /// How many of `n_cases` 90 % intervals hold the truth, of two parameters.
-int Held(int n_cases, int n_stretches, double spread, double spoiled_information) {
+int Held(int n_cases, int n_stretches, double spread, double spoiled_information, int n_spoiled = 1) {
   int held = 0;
   for (int k = 0; k < n_cases; ++k) {
     Rng rng = RngKey(2).Index(static_cast<uint64_t>(k)).MakeRng();
     const VectorXd truth = Pair(rng.Uniform(-1, 1), rng.Uniform(-1, 1)), at = truth + Pair(0.1, -0.1);
     auto stretches = Linear(truth, at, n_stretches, spread, rng);
-    if (spoiled_information > 0) {
+    for (int spoiled = 0; spoiled < n_spoiled && spoiled_information > 0; ++spoiled) {
       // A derivative across a contact: a residual of the usual size, against a number that means nothing.
       const VectorXd jacobian = std::sqrt(spoiled_information) * Pair(rng.Normal(), rng.Normal());
       stretches.push_back({jacobian * jacobian.transpose(), jacobian * rng.Normal()});
@@ -99,6 +99,34 @@ TEST(EstimateFromStretches, AndWhereOneStretchHasADerivativeThatMeansNothing) {
   // deviations.
   EXPECT_GE(Held(200, 40, 1, 1e8), 342);
   EXPECT_LE(Held(200, 40, 1, 1e8), 395);
+}
+
+TEST(EstimateFromStretches, AndWhereSeveralOfManyDo) {
+  EXPECT_GE(Held(200, 150, 1, 1e4, 4), 342);
+  EXPECT_LE(Held(200, 150, 1, 1e4, 4), 395);
+}
+
+TEST(EstimateFromStretches, WhatFewStretchesOfManyTellTheseDecide) {
+  const VectorXd truth = Pair(0.3, -0.7), at = truth + Pair(0.1, -0.1);
+  for (const int n_telling : {5, 10, 40}) {
+    int held = 0;
+    double widest = 0;
+    for (int k = 0; k < 200; ++k) {
+      Rng rng = RngKey(3).Index(static_cast<uint64_t>(k)).MakeRng();
+      auto stretches = Linear(truth, at, 150, 1, rng);
+      for (size_t i = static_cast<size_t>(n_telling); i < stretches.size();
+           ++i) {  // the others tell of the first alone
+        stretches[i].information.row(1).setZero();
+        stretches[i].information.col(1).setZero();
+        stretches[i].score[1] = 0;
+      }
+      const StretchEstimate estimate = EstimateFromStretches(stretches, at, Prior::Uniform(2));
+      held += std::abs(at[1] + estimate.step[1] - truth[1]) <= 1.645 * std::sqrt(estimate.covariance(1, 1));
+      widest = std::max(widest, std::sqrt(estimate.covariance(1, 1)));
+    }
+    EXPECT_GE(held, 165) << n_telling;
+    EXPECT_LT(widest, 4 / std::sqrt(n_telling * kReadings)) << n_telling;
+  }
 }
 
 TEST(EstimateFromStretches, WithoutEvidenceIsThePrior) {
