@@ -39,7 +39,11 @@ json ToJson(const HeldOutPrediction& prediction) {
                         {"excess", ToJson(h.excess)},
                         {"gain", ToJson(h.gain)}});
   }
-  return {{"horizons", horizons}};
+  json open_ends = json::array();
+  for (const HeldOutPrediction::OpenEnd& end : prediction.open_ends) {
+    open_ends.push_back({{"parameter", end.parameter}, {"above", end.above}});
+  }
+  return {{"horizons", horizons}, {"open_ends", open_ends}};
 }
 
 HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
@@ -60,6 +64,9 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
                                   .gain = EstimatedFrom(c.at("gain"))});
     }
     prediction.horizons.push_back(std::move(horizon));
+  }
+  for (const json& end : record.at("open_ends")) {
+    prediction.open_ends.push_back({end.at("parameter"), end.at("above")});
   }
   return prediction;
 }

@@ -34,6 +34,14 @@ struct HeldOutPrediction {
     Estimated excess, gain;
   };
   std::vector<Horizon> horizons;  ///< in ascending order; at least one
+
+  /// A parameter that may be a quarter of its range higher, or lower, than the design's: the logs are not surely
+  /// predicted worse. However steep the fit's cost, they do not show that end of its interval.
+  struct OpenEnd {
+    int parameter = 0;
+    bool above = false;
+  };
+  std::vector<OpenEnd> open_ends;
 };
 inline constexpr double kVisibleError = 1e-3;
 

@@ -21,7 +21,8 @@ TEST(HeldOutPrediction, ComesBackFromTheTextOfItsJson) {
                        .gain = {1.5, 2}}};
   horizon.excess = {3, 4};
   horizon.gain = {5, 6};
-  const nlohmann::json written = nlohmann::json::parse(ToJson({.horizons = {horizon}}).dump());
+  const nlohmann::json written =
+      nlohmann::json::parse(ToJson({.horizons = {horizon}, .open_ends = {{.parameter = 2, .above = true}}}).dump());
   const HeldOutPrediction read = HeldOutPredictionFromJson(written);
   EXPECT_EQ(ToJson(read).dump(), written.dump());
   EXPECT_TRUE(std::isnan(read.horizons[0].channels[0].nominal)) << "its physics broke down";

@@ -74,10 +74,12 @@ double PriorWidth(const Designer& q, int p) {
   return UnitWidth(q.space()[p], interval.low, interval.high);
 }
 
-ParameterVerdict VerdictOf(const ParameterSpec& spec, const ParameterSummary& summary, double prior_width) {
+/// @param at_bound  the interval that q gives ends at one
+ParameterVerdict VerdictOf(const ParameterSpec& spec, const ParameterSummary& summary, double prior_width,
+                           bool at_bound) {
   const double width = UnitWidth(spec, summary.interval90_low, summary.interval90_high) / prior_width;
   if (width >= kWeakBelow) return ParameterVerdict::kNotIdentified;
-  if (EndsAtBound(spec, summary.interval90_low, summary.interval90_high)) return ParameterVerdict::kAtBound;
+  if (at_bound) return ParameterVerdict::kAtBound;
   return width < kIdentifiedBelow ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
 }
 
@@ -127,7 +129,8 @@ std::string ToString(ParameterVerdict verdict) { return NameOf(ParameterVerdictN
 std::string ToString(DesignVerdict verdict) { return NameOf(DesignVerdictNames(), verdict); }
 
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
-                                                  const std::vector<bool>& has_effect, bool reaches_floor) {
+                                                  const std::vector<bool>& has_effect, bool reaches_floor,
+                                                  const std::vector<HeldOutPrediction::OpenEnd>& open_ends) {
   OTED_CHECK(!designs.empty());
   const ParameterSpace& space = designs[0].space();
   const double n = static_cast<double>(designs.size());
@@ -150,12 +153,22 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
       summary.interval90_low = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.05));
       summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
     }
-    summary.verdict = VerdictOf(space[p], summary, PriorWidth(designs[0], p));
+    const bool at_bound = EndsAtBound(space[p], summary.interval90_low, summary.interval90_high);
+    for (const HeldOutPrediction::OpenEnd& end : open_ends) {
+      if (end.parameter != p) continue;
+      (end.above ? summary.interval90_high : summary.interval90_low) = end.above ? space[p].high : space[p].low;
+    }
+    summary.verdict = VerdictOf(space[p], summary, PriorWidth(designs[0], p), at_bound);
     if (!has_effect[i]) summary.verdict = ParameterVerdict::kNotIdentified;
     if (!reaches_floor && summary.verdict == ParameterVerdict::kIdentified) summary.verdict = ParameterVerdict::kWeak;
     summaries.push_back(summary);
   }
   return summaries;
+}
+
+bool IsNarrow(const Designer& q, int parameter) {
+  const Designer::Interval interval = q.CentralInterval(kIntervalMass)[static_cast<size_t>(parameter)];
+  return UnitWidth(q.space()[parameter], interval.low, interval.high) < kIdentifiedBelow * PriorWidth(q, parameter);
 }
 
 bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
@@ -198,6 +211,12 @@ std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
 }
 
 bool IsSure(const Estimated& gain) { return gain.value > std::max(kLeastGain, kGainErrors * gain.error); }
+
+bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
+  return IsSure(compared.gain) || std::ranges::any_of(compared.channels, [](const HeldOutPrediction::Channel& c) {
+           return IsChannelExcess(c.gain);
+         });
+}
 
 bool PredictsBetter(const HeldOutPrediction& prediction) {
   bool better = false;

@@ -41,8 +41,13 @@ struct ParameterSummary {
 /// identified when it is narrower than a quarter of the prior's, weak below 0.6, otherwise not identified. Without
 /// measured effect nothing is identified, and where the family is rejected nothing is more than weak.
 /// @param reaches_floor  the design explains the logs (DesignVerdict is kNoGap or kGapClosed)
+/// @param open_ends      where intervals go to the end of the range: predictions do not tell
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
-                                                  const std::vector<bool>& has_effect, bool reaches_floor);
+                                                  const std::vector<bool>& has_effect, bool reaches_floor,
+                                                  const std::vector<HeldOutPrediction::OpenEnd>& open_ends = {});
+
+/// Whether q alone would call a parameter identified: what predictions then have to bear out.
+bool IsNarrow(const Designer& q, int parameter);
 
 /// Whether a value (or an interval) of a parameter ends at a bound: within a hundredth of the range, on the scale of
 /// the search. A lower bound of zero is none where friction or damping cannot be less; nor is a bound where the nominal
@@ -68,6 +73,8 @@ bool ReachesFloor(const HeldOutPrediction& prediction);
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction);
 /// Whether an error is surely smaller: by a twentieth (of mean squares) and by two standard errors.
 bool IsSure(const Estimated& gain);
+/// Whether what is compared at a horizon surely predicts worse than the design: over all channels, or in one.
+bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared);
 /// Whether the design surely predicts better than the nominal simulator: at some horizon, and at none surely worse.
 bool PredictsBetter(const HeldOutPrediction& prediction);
 

@@ -63,6 +63,20 @@ TEST(SummarizeParameters, VerdictFollowsTheWidthOfTheIntervalInUnitsOfThePriors)
   EXPECT_EQ(LabelOf(0, std_of(0.61)), ParameterVerdict::kNotIdentified);
 }
 
+TEST(SummarizeParameters, AnEndThatPredictionsDoNotTellIsOpen) {
+  const Designer q = MakeDesigner({0, 0}, {0.01, 0.01});
+  const std::vector<bool> effect = {true, true};
+  const auto whole = SummarizeParameters({q}, 0, effect, true);
+  EXPECT_EQ(whole[0].verdict, ParameterVerdict::kIdentified);
+  const auto above = SummarizeParameters({q}, 0, effect, true, {{.parameter = 0, .above = true}});
+  EXPECT_EQ(above[0].interval90_low, whole[0].interval90_low);
+  EXPECT_EQ(above[0].interval90_high, q.space()[0].high);
+  EXPECT_EQ(above[0].verdict, ParameterVerdict::kWeak) << "and not at its bound";
+  EXPECT_EQ(above[1].verdict, ParameterVerdict::kIdentified);
+  const auto both = SummarizeParameters({q}, 0, effect, true, {{.parameter = 0, .above = true}, {.parameter = 0}});
+  EXPECT_EQ(both[0].verdict, ParameterVerdict::kNotIdentified);
+}
+
 TEST(SummarizeParameters, WidthsAreThoseOfTheSearchsScale) {
   // In z the interval is narrow near the lower bound of a parameter that is searched by its logarithm.
   const ParameterSpace space({{.name = "a", .field = "env/a", .low = 0.01, .high = 100, .logarithmic = true}});
@@ -123,7 +137,7 @@ HeldOutPrediction Predicted(Estimated excess, Estimated gain, Estimated of_first
                       {.nominal = 2, .designed = 1, .floor = 1, .excess = {}, .gain = {}}};
   horizon.excess = excess;
   horizon.gain = gain;
-  return {.horizons = {horizon}};
+  return {.horizons = {horizon}, .open_ends = {}};
 }
 
 const Estimated kNothing = {0, 0.01}, kMuch = {1, 0.1};

@@ -165,7 +165,9 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const Mixture mixture = SelectedMixture(findings);
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
   const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common);
-  const auto summaries = SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor);
+  const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
+  const auto summaries =
+      SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends);
 
   DesignRecord record;
   record.task = run.config.task.name;

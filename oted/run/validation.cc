@@ -41,6 +41,7 @@ HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, 
                                                                    .z = z,
                                                                    .noise = noise,
                                                                    .readings = ReadingModel::Of(factory.spec(), logs),
+                                                                   .narrow = {},
                                                                    .key = RngKey(1).Stage("validation"),
                                                                    .n_threads = n_threads});
   if (!prediction) {

@@ -1,5 +1,6 @@
 #include "oted/stages/design/design.h"
 
+#include "oted/matching/verdict.h"
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/replay/kept_aside.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
@@ -23,6 +24,10 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const Dataset& logs = problem.dataset;
   const int n_threads = problem.context.n_threads;
   const RngKey key = problem.key.Stage("prediction");
+  std::vector<int> narrow;
+  for (int i = 0; i < q.size(); ++i) {
+    if (IsNarrow(q, i)) narrow.push_back(i);
+  }
   if (!fit || !fit->unseen) {
     // A few parameters fit no noise of many rows: little is lost, and it is said.
     const ReadingModel readings = ReadingModel::Of(spec, logs);
@@ -33,6 +38,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                         .z = q.Mode(),
                         .noise = noise,
                         .readings = readings,
+                        .narrow = narrow,
                         .key = key,
                         .n_threads = n_threads});
   }
@@ -48,6 +54,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                       .z = all_learned ? q.Mode() : unseen.z,
                       .noise = noise,
                       .readings = readings,
+                      .narrow = narrow,
                       .key = key,
                       .n_threads = n_threads});
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 
+#include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/prediction.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
@@ -23,6 +24,7 @@ constexpr int kImitations = 2;
 constexpr int kFewestPredicted = 3, kMostPredicted = 60;  // windows of each part at each horizon
 constexpr double kSurely = 2.0;                           // standard errors
 constexpr int kNoiseCorrections = 2;
+constexpr double kMoved = 0.25;  // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
@@ -149,6 +151,25 @@ class Evidence {
     return Compare(n_steps, parts, at);
   }
 
+  /// Whether the simulator at z surely predicts worse than the design, over some horizon.
+  bool IsWorse(const std::vector<double>& z) const {
+    const auto can_judge = [](const auto& part) { return part->judge().n_windows(0) >= kFewestPredicted; };
+    const size_t p = can_judge(parts_.front()) ? 0 : parts_.size() - 1;
+    const PredictionJudge& judge = parts_[p]->judge();
+    const PredictionJudge::Squares moved = judge.Predict(z);
+    for (size_t h = 0; h < judge.horizons().size(); ++h) {
+      const PredictionRatios gain = RatiosOfSums(moved.predicted[h], designed_[p].predicted[h], judge.spread());
+      HeldOutPrediction::Horizon compared;
+      compared.gain = gain.OfAll();
+      compared.channels.resize(static_cast<size_t>(judge.spread().size()));
+      for (size_t c = 0; c < compared.channels.size(); ++c) {
+        compared.channels[c].gain = gain.OfChannel(static_cast<Eigen::Index>(c));
+      }
+      if (IsSurelyWorse(compared)) return true;
+    }
+    return false;
+  }
+
  private:
   /// Logs in which some window can be predicted.
   void AddPart(const Dataset& logs, bool learned, const std::vector<int>& horizons, double period_s) {
@@ -239,13 +260,30 @@ std::vector<double> WithoutNoise(const ParameterSpace& space, std::vector<double
   return z;
 }
 
+std::vector<HeldOutPrediction::OpenEnd> OpenEnds(const Evidence& evidence, const PredictionProblem& problem) {
+  const ParameterSpace& space = problem.factory.parameters();
+  const std::vector<double> unit = space.ToUnit(problem.z);
+  std::vector<HeldOutPrediction::OpenEnd> ends;
+  for (const int i : problem.narrow) {
+    if (IsSensorNoise(space[i].field)) continue;  // no prediction is of noise
+    for (const bool above : {false, true}) {
+      std::vector<double> moved = unit;
+      double& u = moved[static_cast<size_t>(i)];
+      u += above ? kMoved : -kMoved;
+      if (u < 0 || u > 1) continue;  // the interval ends at the range anyhow
+      if (!evidence.IsWorse(space.FromUnit(moved))) ends.push_back({i, above});
+    }
+  }
+  return ends;
+}
+
 /// @param with_floor  whether the floor is asked for
 std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const std::vector<double>& other,
                                          bool with_floor) {
   const ParameterSpace& space = asked.factory.parameters();
   const std::vector<double> quiet = WithoutNoise(space, asked.z);
-  const PredictionProblem problem{asked.factory, asked.kept_aside, asked.learned, quiet,
-                                  asked.noise,   asked.readings,   asked.key,     asked.n_threads};
+  const PredictionProblem problem{asked.factory,  asked.kept_aside, asked.learned, quiet,          asked.noise,
+                                  asked.readings, asked.narrow,     asked.key,     asked.n_threads};
   const double period = problem.factory.spec().control_period_s, step = period > 0 ? period : kStepWithoutUnit;
   std::vector<int> horizons;
   for (const double seconds : kHorizons) {
@@ -261,7 +299,9 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
     if (!horizon) break;
     prediction.horizons.push_back(*std::move(horizon));
   }
-  return prediction.horizons.empty() ? std::nullopt : std::optional(std::move(prediction));
+  if (prediction.horizons.empty()) return std::nullopt;
+  prediction.open_ends = OpenEnds(evidence, problem);
+  return prediction;
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ struct PredictionProblem {
   const std::vector<double>& z;     ///< the design's
   const Eigen::VectorXd& noise;     ///< (obs_dim): standard deviations of the sensors, roughly
   const ReadingModel& readings;     ///< how starts are told by them
+  std::vector<int> narrow;          ///< parameters whose intervals have to be borne out (HeldOutPrediction::OpenEnd)
   RngKey key;
   int n_threads = 1;
 };

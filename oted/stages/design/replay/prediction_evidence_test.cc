@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "oted/data/sensor_noise.h"
@@ -16,10 +17,8 @@ using Eigen::VectorXd;
 
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
-/// Of noisy logs that the simulator at the truth made; judged at z, whose guess of the noise is `guess`.
-HeldOutPrediction Evidence(const std::vector<double>& z, double noise, double guess, uint64_t seed) {
-  const Dataset clean = PointMassLogs(kTruth, 25);
-  const Dataset logs = noise > 0 ? WithSensorNoise(clean, noise, RngKey(seed)) : clean;
+/// Of these logs, judged at z, whose guess of the noise is `guess`. Every interval has to be borne out.
+HeldOutPrediction Evidence(const Dataset& logs, const std::vector<double>& z, double guess, uint64_t seed) {
   const PointMassFactory factory;
   const VectorXd guessed = VectorXd::Constant(2, guess);
   const ReadingModel readings = ReadingModel::Of(factory.spec(), logs);
@@ -29,10 +28,17 @@ HeldOutPrediction Evidence(const std::vector<double>& z, double noise, double gu
                                        .z = z,
                                        .noise = guessed,
                                        .readings = readings,
+                                       .narrow = {0, 1, 2},
                                        .key = RngKey(seed + 100),
                                        .n_threads = 1});
   OTED_CHECK(prediction.has_value());
   return *prediction;
+}
+
+/// Of noisy logs that the simulator at the truth made.
+HeldOutPrediction Evidence(const std::vector<double>& z, double noise, double guess, uint64_t seed) {
+  const Dataset clean = PointMassLogs(kTruth, 25);
+  return Evidence(noise > 0 ? WithSensorNoise(clean, noise, RngKey(seed)) : clean, z, guess, seed);
 }
 
 TEST(PredictLogs, TheTruthReachesTheFloorAtAnyNoiseAndFromAWrongGuessOfIt) {
@@ -72,6 +78,30 @@ TEST(PredictLogs, AParameterThatIsOffByATenthIsMoreThanTheSensorsExplain) {
   }
 }
 
+std::vector<std::pair<int, bool>> OpenEnds(const HeldOutPrediction& prediction) {
+  std::vector<std::pair<int, bool>> ends;
+  for (const HeldOutPrediction::OpenEnd& end : prediction.open_ends) ends.emplace_back(end.parameter, end.above);
+  return ends;
+}
+
+TEST(PredictLogs, OnlyWhatPredictionsTellLeavesNoEndOpen) {
+  // Gain and damping move the point mass; the third parameter moves nothing.
+  const std::vector<std::pair<int, bool>> third = {{2, false}, {2, true}};
+  for (const double noise : {0.0, 0.02}) EXPECT_EQ(OpenEnds(Evidence(kTruth, noise, std::max(noise, 1e-8), 1)), third);
+}
+
+TEST(PredictLogs, AtRestEveryEndIsOpen) {
+  Dataset still = PointMassLogs(kTruth, 25);
+  for (Array2<double>* of : {&still.observations, &still.next_observations, &still.actions}) {
+    std::ranges::fill(of->values(), 0.0);
+  }
+  still.qpos = still.qvel = {};
+  const Dataset logs = WithSensorNoise(still, 0.02, RngKey(1));
+  const std::vector<double> middle = {1.0, 0.6, 0.5};
+  const std::vector<std::pair<int, bool>> all = {{0, false}, {0, true}, {1, false}, {1, true}, {2, false}, {2, true}};
+  EXPECT_EQ(OpenEnds(Evidence(logs, middle, 0.02, 1)), all);
+}
+
 TEST(PredictLogs, EpisodesThatAreTooShortGiveNone) {
   PointMassOptions brief;
   brief.max_episode_steps = 4;
@@ -85,6 +115,7 @@ TEST(PredictLogs, EpisodesThatAreTooShortGiveNone) {
                             .z = kTruth,
                             .noise = noise,
                             .readings = readings,
+                            .narrow = {},
                             .key = RngKey(1),
                             .n_threads = 1}));
 }

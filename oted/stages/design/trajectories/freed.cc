@@ -199,6 +199,7 @@ class FreedTrials {
                           .z = z,
                           .noise = noise_,
                           .readings = readings,
+                          .narrow = {},
                           .key = problem_.kept_aside,
                           .n_threads = problem_.context.n_threads},
                          other);
