@@ -108,6 +108,7 @@ void AddVerbs(oted::cli::Program& program) {
   AddUnitVerb(program);
   AddMergeVerb(program);
   AddValidateVerb(program);
+  AddSchemaVerb(program);
 }
 
 }  // namespace

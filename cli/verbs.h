@@ -36,5 +36,6 @@ void AddSubmitVerb(Program& program);
 void AddMergeVerb(Program& program);
 void AddValidateVerb(Program& program);
 void AddInitVerb(Program& program);
+void AddSchemaVerb(Program& program);
 
 }  // namespace oted::cli
