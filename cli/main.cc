@@ -109,6 +109,7 @@ void AddVerbs(oted::cli::Program& program) {
   AddMergeVerb(program);
   AddValidateVerb(program);
   AddSchemaVerb(program);
+  AddCompletionVerb(program);
 }
 
 }  // namespace

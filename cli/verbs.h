@@ -37,5 +37,6 @@ void AddMergeVerb(Program& program);
 void AddValidateVerb(Program& program);
 void AddInitVerb(Program& program);
 void AddSchemaVerb(Program& program);
+void AddCompletionVerb(Program& program);
 
 }  // namespace oted::cli
