@@ -13,7 +13,7 @@ BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetition
 export CMAKE CTEST JOBS
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build build-cuda wheel test test-python test-long test-slurm quickstart report-picture bench bench-peers fuzz crash corrupt lint format clean
+.PHONY: help setup build build-cuda wheel release site test test-python test-long test-slurm quickstart report-picture bench bench-peers fuzz crash corrupt lint format clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -33,6 +33,12 @@ build-cuda:  ## the same with libtorch, for --device cuda; downloads torch
 
 wheel:  ## dist/oted-*.whl, the Python package with the libraries that it needs: PYTHONS="python3.11 python3.12"
 	@scripts/wheel.sh $(PYTHONS)
+
+release:  ## dist: the source archive and the wheel built from it alone, checked as a stranger would: PYTHON=
+	@scripts/release.sh $(PYTHON)
+
+site:  ## the documentation as pages to read offline: build/site/README.html
+	@scripts/site.sh
 
 test:  ## set-up, build, all tests but the long ones, sanitizers, lint; ends with "N passed, N failed"
 	@scripts/test.sh

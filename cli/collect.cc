@@ -9,6 +9,7 @@
 
 #include "cli/console.h"
 #include "cli/options.h"
+#include "cli/value_kinds.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -78,7 +79,7 @@ void AddCollectVerb(Program& program) {
   CLI::App* verb = program.app.add_subcommand(
       "collect", "log demonstrations in a simulated target, with a policy or with excitation");
   auto options = std::make_shared<CollectOptions>();
-  verb->add_option("--task", options->task, kTaskHelp)->required();
+  verb->add_option("--task", options->task, kTaskHelp)->type_name(value_kind::kTask)->required();
   verb->add_option(
           "--policy", options->policies,
           "policy.npz, or open-loop excitation: random, noise:STD[:SECONDS], sine[:AMPLITUDE] (fractions of the "
@@ -105,7 +106,7 @@ void AddBehaviorVerb(Program& program) {
     std::string algorithm = "sac";
   };
   auto options = std::make_shared<BehaviorOptions>();
-  verb->add_option("--task", options->task, kTaskHelp)->required();
+  verb->add_option("--task", options->task, kTaskHelp)->type_name(value_kind::kTask)->required();
   AddTargetOptions(*verb, *options);
   verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "most threads [default: all processors]");
@@ -114,6 +115,7 @@ void AddBehaviorVerb(Program& program) {
       ->check(CLI::IsMember({"sac", "crossq"}))
       ->capture_default_str();
   verb->add_option("--set", options->assignments, "sac.key=value or crossq.key=value; repeatable")
+      ->type_name(value_kind::kSetting)
       ->allow_extra_args(false);
   verb->add_flag("--quiet", options->quiet, "no progress on stderr");
   verb->footer(SettingsHelp({"sac", "crossq"}));

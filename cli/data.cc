@@ -9,6 +9,7 @@
 #include "cli/console.h"
 #include "cli/data_report.h"
 #include "cli/options.h"
+#include "cli/value_kinds.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/checks/data_check.h"
@@ -67,7 +68,8 @@ void AddCommon(CLI::App& verb, Options& options) {
                   "data and task")
       ->required();
   verb.add_option("--task", options.task,
-                  "simulator: Hopper-v5, ...; adds channel names and the checks that need a simulator");
+                  "simulator: Hopper-v5, ...; adds channel names and the checks that need a simulator")
+      ->type_name(value_kind::kTask);
   verb.add_option("--episodes", options.episodes, "which episodes: 5 (the first five), 3-7, or all");
   verb.add_flag("--json", options.json, "print the result as JSON");
 }
@@ -135,7 +137,7 @@ void AddConvert(CLI::App& data) {
   auto options = std::make_shared<ConvertOptions>();
   verb->add_option("IN,--data", options->data, "file to read")->required();
   verb->add_option("OUT,--out", options->out, "file to write")->required();
-  verb->add_option("--task", options->task, "the task that the data must fit");
+  verb->add_option("--task", options->task, "the task that the data must fit")->type_name(value_kind::kTask);
   verb->add_option("--episodes", options->episodes, "which episodes: 5 (the first five), 3-7, or all");
   verb->add_option("--noise", options->noise,
                    "add sensor noise of this standard deviation to every observation, in its own unit; full states "

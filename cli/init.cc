@@ -64,6 +64,8 @@ void AddInitVerb(Program& program) {
   verb->add_option("--out", words->out, "task file to write [default: task.toml]");
   verb->add_option("--period", words->request.control_period, "time between two rows [s], where the logs do not say")
       ->check(CLI::PositiveNumber);
+  verb->add_flag("--schema", words->request.with_schema,
+                 "write the schema of task files beside it, and name it in the first line: editors complete and check");
   verb->add_option("--threads", words->threads, "most threads [default: all processors]")
       ->check(CLI::NonNegativeNumber);
   verb->add_flag("--json", words->json, "print the result as JSON");

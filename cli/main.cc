@@ -108,6 +108,8 @@ void AddVerbs(oted::cli::Program& program) {
   AddUnitVerb(program);
   AddMergeVerb(program);
   AddValidateVerb(program);
+  AddSchemaVerb(program);
+  AddCompletionVerb(program);
 }
 
 }  // namespace

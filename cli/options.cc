@@ -11,6 +11,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "cli/value_kinds.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
@@ -116,6 +117,7 @@ void AddParameterOptions(CLI::App& app, Options& options) {
                  fmt::format("add the parameters that are usually off and that the model has: {}; repeatable; a "
                              "--param of the same name replaces one",
                              fmt::join(PresetNames(), ", ")))
+      ->type_name(value_kind::kPreset)
       ->allow_extra_args(false);
   app.add_option("--params", options.parameter_file,
                  "parameter file of mujoco.sysid (YAML) with names, bounds and nominal values; replaces "
@@ -125,7 +127,7 @@ void AddParameterOptions(CLI::App& app, Options& options) {
 void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
-  app.add_option("--task", options.task, kTaskHelp);
+  app.add_option("--task", options.task, kTaskHelp)->type_name(value_kind::kTask);
   app.add_option("--data", options.data, "logged trajectories: .hdf5, .npz, .csv, or a Minari folder");
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   AddParameterOptions(app, options);
@@ -134,13 +136,15 @@ void AddRunOptions(CLI::App& app, Options& options) {
       ->allow_extra_args(false);
   app.add_option("--seed", options.seed, "seed of every random stream [default: 1]")->check(CLI::NonNegativeNumber);
   app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(CLI::PositiveNumber);
-  app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]");
+  app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]")
+      ->type_name(value_kind::kDevice);
   app.add_option("--threads", options.threads, "most threads; results do not depend on it [default: all processors]")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--out", options.out, "run directory")->required()->check([](const std::string& folder) {
     return std::string(folder.empty() ? "names no folder" : "");
   });
   app.add_option("--set", options.assignments, "section.key=value, any setting of the configuration; repeatable")
+      ->type_name(value_kind::kSetting)
       ->allow_extra_args(false);
   app.add_flag("--json", options.json, "print the result as JSON");
   app.add_flag("--quiet", options.quiet, "no progress on stderr");

@@ -9,6 +9,7 @@
 
 #include "cli/console.h"
 #include "cli/options.h"
+#include "cli/value_kinds.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
@@ -28,8 +29,9 @@ struct ParamsOptions : Options {
 
 void AddModelOptions(CLI::App& verb, ParamsOptions& options) {
   verb.add_option("CONFIG,--config", options.config, "configuration file (TOML)");
-  verb.add_option("--task", options.task, "simulator: Hopper-v5, ...");
+  verb.add_option("--task", options.task, "simulator: Hopper-v5, ...")->type_name(value_kind::kTask);
   verb.add_option("--set", options.assignments, "section.key=value, any setting of the configuration; repeatable")
+      ->type_name(value_kind::kSetting)
       ->allow_extra_args(false);
   verb.add_flag("--json", options.json, "print JSON");
 }

@@ -12,6 +12,7 @@
 #include "cli/console.h"
 #include "cli/options.h"
 #include "cli/plan_options.h"
+#include "cli/value_kinds.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -84,6 +85,7 @@ void AddStudyOptions(CLI::App& verb, StudyUse use, StudyOptions& options) {
     verb.add_flag("--quiet", options.quiet, "no progress on stderr");
   }
   verb.add_option("--set", options.assignments, "section.key=value, any setting, in every cell; repeatable")
+      ->type_name(value_kind::kSetting)
       ->allow_extra_args(false);
 }
 
@@ -105,10 +107,18 @@ void AddDesignStudy(Program& program, CLI::App& parent, StudyUse use, const std:
   options->study = DesignStudy::Named(name);
   DesignStudy& study = options->study;
   AddStudyOptions(*verb, use, *options);
-  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")->capture_default_str();
-  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
-  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
-  verb->add_option("--design-method", study.design_method, "design.method of every cell")->capture_default_str();
+  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")
+      ->type_name(value_kind::kRobot)
+      ->capture_default_str();
+  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")
+      ->type_name(value_kind::kDataset)
+      ->capture_default_str();
+  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")
+      ->type_name(value_kind::kParameter)
+      ->capture_default_str();
+  verb->add_option("--design-method", study.design_method, "design.method of every cell")
+      ->type_name(value_kind::kMethod)
+      ->capture_default_str();
   verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(CLI::PositiveNumber)->capture_default_str();
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
   verb->add_option("--seed", study.seed, "names every random stream")->capture_default_str();
@@ -171,12 +181,20 @@ void AddTable1(Program& program, CLI::App& parent, StudyUse use) {
   auto options = std::make_shared<Table1Options>();
   Table1Study& study = options->study;
   AddStudyOptions(*verb, use, *options);
-  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")->capture_default_str();
-  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")->capture_default_str();
-  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")->capture_default_str();
+  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")
+      ->type_name(value_kind::kRobot)
+      ->capture_default_str();
+  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")
+      ->type_name(value_kind::kDataset)
+      ->capture_default_str();
+  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")
+      ->type_name(value_kind::kParameter)
+      ->capture_default_str();
   verb->add_option("--methods", study.methods, "bc, f_brc, mbop, td3_bc, rebrac, dr, is, bc_dr, oted, nominal")
+      ->type_name(value_kind::kLearner)
       ->capture_default_str();
   verb->add_option("--design-method", study.design_method, "design.method; paper: Algorithm 1 to the letter")
+      ->type_name(value_kind::kMethod)
       ->capture_default_str();
   verb->add_option("--algorithm", study.algorithm, "how agents learn: sac, as the paper's, or crossq")
       ->check(CLI::IsMember({"sac", "crossq"}))

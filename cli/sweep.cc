@@ -12,6 +12,7 @@
 
 #include "cli/options.h"
 #include "cli/plan_options.h"
+#include "cli/value_kinds.h"
 #include "cli/verbs.h"
 #include "oted/base/error.h"
 
@@ -146,13 +147,15 @@ void AddSweepOptions(CLI::App& verb, SweepOptions& options) {
       ->check(CLI::IsMember({"design", "run"}))
       ->capture_default_str();
   verb.add_option("--vary", options.vary,
-                  "section.key=value; values of one key are runs of their own, keys make a grid; repeatable");
+                  "section.key=value; values of one key are runs of their own, keys make a grid; repeatable")
+      ->type_name(value_kind::kSetting);
   verb.add_option("--data", options.data, "logged trajectories; each file is a run of its own");
   verb.add_option("--seed", options.seeds, "seeds; each is a run of its own")->check(CLI::NonNegativeNumber);
-  verb.add_option("--task", run.task, kTaskHelp);
+  verb.add_option("--task", run.task, kTaskHelp)->type_name(value_kind::kTask);
   AddParameterOptions(verb, run);
   verb.add_option("--truth", run.truth, "name=value, if the truth is known; repeatable")->allow_extra_args(false);
   verb.add_option("--set", run.assignments, "section.key=value, any setting, in every run; repeatable")
+      ->type_name(value_kind::kSetting)
       ->allow_extra_args(false);
 }
 

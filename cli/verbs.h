@@ -36,5 +36,7 @@ void AddSubmitVerb(Program& program);
 void AddMergeVerb(Program& program);
 void AddValidateVerb(Program& program);
 void AddInitVerb(Program& program);
+void AddSchemaVerb(Program& program);
+void AddCompletionVerb(Program& program);
 
 }  // namespace oted::cli

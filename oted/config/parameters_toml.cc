@@ -14,8 +14,43 @@
 namespace oted {
 
 using nlohmann::json;
+using nlohmann::ordered_json;
+
+const ordered_json& ParameterSchema() {
+  const ordered_json number = {{"type", "number"}}, text = {{"type", "string"}};
+  static const ordered_json schema = {
+      {"type", "object"},
+      {"required", {"field"}},
+      {"additionalProperties", false},
+      {"properties",
+       {{"field",
+         {{"anyOf", {text, {{"type", "array"}, {"items", text}, {"minItems", 1}}}},
+          {"description", "path of the numbers, as geom/*/friction[0]; a list of paths ties them together"}}},
+        {"range",
+         {{"type", "array"},
+          {"items", number},
+          {"minItems", 2},
+          {"maxItems", 2},
+          {"description", "[low, high]: multiples of nominal, or with scale = \"absolute\" the values themselves"}}},
+        {"scale", {{"enum", {"nominal", "absolute"}}, {"default", "nominal"}, {"description", "what range counts in"}}},
+        {"log", {{"type", "boolean"}, {"default", false}, {"description", "search in the logarithm"}}},
+        {"unit", {{"type", "string"}, {"description", "for tables and the report"}}},
+        {"prior",
+         {{"type", "object"},
+          {"required", {"mean", "std"}},
+          {"additionalProperties", false},
+          {"properties", {{"mean", number}, {"std", number}}},
+          {"description", "a belief, which design.prior = \"gaussian\" uses"}}}}}};
+  return schema;
+}
 
 namespace {
+
+std::vector<std::string> ParameterKeys() {
+  std::vector<std::string> keys;
+  for (const auto& [key, unused] : ParameterSchema().at("properties").items()) keys.push_back(key);
+  return keys;
+}
 
 /// A path, or a list of paths that are tied together.
 bool IsPath(const json& field) {
@@ -35,7 +70,7 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
                     "ties them together",
                     where, name));
   }
-  const std::vector<std::string> keys = {"field", "range", "scale", "log", "unit", "prior"};
+  const std::vector<std::string> keys = ParameterKeys();
   for (const auto& [key, value] : table.items()) {
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
       throw UsageError(fmt::format("{}: parameters.{}.{} is not a setting{}; a parameter has {}", where, name, key,
@@ -96,6 +131,23 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
 }
 
 }  // namespace
+
+ordered_json ParametersSchema() {
+  const ordered_json preset = {{"enum", PresetNames()}};
+  const ordered_json parameter = {{"$ref", "#/definitions/parameter"}};
+  const auto or_parameter = [&](const ordered_json& plain, const char* help) {
+    ordered_json schema = {{"anyOf", plain}, {"description", help}};
+    schema["anyOf"].push_back(parameter);  // a parameter may be called so
+    return schema;
+  };
+  return {
+      {"type", "object"},
+      {"properties",
+       {{"preset", or_parameter({preset, {{"type", "array"}, {"items", preset}}},
+                                "parameters that are usually off: a preset's name, or a list of names")},
+        {"sysid", or_parameter({{{"type", "string"}, {"minLength", 1}}}, "a parameter file of mujoco.sysid (YAML)")}}},
+      {"additionalProperties", parameter}};
+}
 
 std::vector<std::string> PresetsFromToml(const toml::table& section, const std::string& file_name) {
   std::vector<std::string> presets;

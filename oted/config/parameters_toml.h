@@ -10,6 +10,11 @@
 
 namespace oted {
 
+/// One parameter's table as a JSON schema: the reader takes the keys from here.
+const nlohmann::ordered_json& ParameterSchema();
+/// [parameters] likewise; a parameter's schema stands in "definitions" (task_file_schema.h).
+nlohmann::ordered_json ParametersSchema();
+
 /// preset = "arm", or ["arm", "gripper"]; none where there is no such line.
 std::vector<std::string> PresetsFromToml(const toml::table& section, const std::string& file_name);
 

@@ -54,9 +54,10 @@ void ReadSection(const toml::table& table, const std::string& file_name, FieldLi
     if (setting == "task.quantities") continue;
     RefuseFormerName(section.section(), key.str(), at);
     json value = TomlToJson(node, at);
-    // A count or a word, a choice that may be a truth value: the fields are text.
-    if (setting == "data.episodes" && value.is_number_integer()) value = value.dump();
-    if (setting == "report.motion" && value.is_boolean()) value = value.dump();
+    const OtherType other = OtherTypeOf(section.section(), key.str());
+    if (other == OtherType::kInteger ? value.is_number_integer() : other == OtherType::kBoolean && value.is_boolean()) {
+      value = value.dump();
+    }
     section.Find(std::string(key.str()), at).FromJson(value, at);
   }
 }

@@ -38,6 +38,12 @@ double NumberAt(const json& value, const std::string& what, const std::string& w
   return value.get<double>();
 }
 
+OtherType OtherTypeOf(std::string_view section, std::string_view setting) {
+  if (section == "data" && setting == "episodes") return OtherType::kInteger;
+  if (section == "report" && setting == "motion") return OtherType::kBoolean;
+  return OtherType::kNone;
+}
+
 std::string BesideFile(const std::string& path, const std::string& file_name) {
   const std::filesystem::path folder = std::filesystem::path(file_name).parent_path();
   return path.empty() || std::filesystem::path(path).is_absolute() ? path : (folder / path).lexically_normal().string();

@@ -14,6 +14,7 @@
 #include "oted/base/files.h"
 #include "oted/checks/data_check.h"
 #include "oted/config/parameters_toml.h"
+#include "oted/config/task_file_schema.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/log_columns.h"
 #include "oted/proposal/log_facts.h"
@@ -472,11 +473,15 @@ class Proposer {
 
   /// What stands in the file is tried once more: it must mean what was tried.
   void Write() {
-    proposal_.text = TaskText(proposal_, request_.out);
+    if (request_.with_schema) proposal_.text = fmt::format("#:schema ./{}\n", kTaskFileSchemaName);
+    proposal_.text += TaskText(proposal_, request_.out);
     const RunConfig written = RunConfig::FromToml(proposal_.text, request_.out.string());
     const Dataset logs = ReadEpisodes(written.data, SpecOf(written.task));
     MakeSimulatorFactory(written.task, written.parameters, logs.EpisodeStarts());
     OTED_CHECK(logs.size() == dataset_.size());
+    if (request_.with_schema) {
+      WriteFileAtomically(request_.out.parent_path() / kTaskFileSchemaName, TaskFileSchemaText());
+    }
     WriteFileAtomically(request_.out, proposal_.text);
     companion_.Keep();
   }

@@ -17,6 +17,7 @@ struct ProposalRequest {
   std::vector<std::string> logs;            ///< at least one; several are joined
   std::filesystem::path out = "task.toml";  ///< must not exist
   double control_period = 0;                ///< [s]; 0: that of the logs
+  bool with_schema = false;                 ///< the schema beside `out`, named in its first line, for editors
 };
 
 struct Proposal {
@@ -32,7 +33,8 @@ struct Proposal {
   nlohmann::json ToJson(const std::filesystem::path& out) const;
 };
 
-/// Writes request.out and, of several logs, the joined one beside it: FILE.logs.csv.gz. What it writes has been tried:
+/// Writes request.out and, of several logs, the joined one beside it: FILE.logs.csv.gz. A schema that lies there is
+/// written anew. What it writes has been tried:
 /// the model, the logs and the parameters go together.
 /// @throws UsageError where `out` is there already or something has to be said (the control period); DataError where
 /// no column is an observation, or none an action

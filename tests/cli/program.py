@@ -2,6 +2,7 @@
 a refusal is: one line that says what, and nothing left behind.
 """
 
+import functools
 import hashlib
 import json
 import pathlib
@@ -9,10 +10,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 import unittest
 
 import gymnasium
 import h5py
+import jsonschema
 import numpy as np
 
 OTED = None  # the program's path, from the command line
@@ -56,8 +59,27 @@ def sets(assignments):
     return [word for assignment in assignments for word in ("--set", assignment)]
 
 
+@functools.cache
+def task_file_validator():
+    schema = json.loads((ROOT / "docs/schemas/oted.task.1.schema.json").read_text())
+    jsonschema.Draft7Validator.check_schema(schema)
+    return jsonschema.Draft7Validator(schema)
+
+
+def check_task_files(arguments, cwd):
+    """What the program took, the schema for editors takes: task files, and the configuration of a run directory."""
+    for argument in arguments:
+        path = pathlib.Path(cwd or ".", str(argument))
+        for file in (path, path / "run.toml"):
+            if file.suffix == ".toml" and file.is_file():
+                task_file_validator().validate(tomllib.loads(file.read_text()))
+
+
 def oted(*arguments, cwd=None, program=None):
-    return subprocess.run([program or OTED, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
+    result = subprocess.run([program or OTED, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
+    if result.returncode in (0, NO_SIMULATOR):
+        check_task_files(arguments, cwd)
+    return result
 
 
 def log_hopper(path, n_episodes=10):

@@ -91,6 +91,14 @@ class InitTest(ProgramTest):
         check = json.loads(self.succeed("data", "check", self.task, "--json").stdout)
         self.assertEqual((check["errors"], check["dataset"]["n_episodes"]), (0, 1))
 
+    def test_with_schema_an_editor_finds_the_programs_own_beside_the_task_file(self):
+        self.init(self.csv(swing(1)), more=["--schema"])
+        named = self.task.read_text().splitlines()[0].removeprefix("#:schema ")
+        self.assertEqual((self.folder / named).read_text(), self.succeed("schema").stdout)
+        # A second task file shares it.
+        self.task = self.folder / "second.toml"
+        self.init(self.folder / "log.csv", more=["--schema"])
+
     def test_its_parameters_hold_the_truth(self):
         self.init(self.csv(swing(1)))
         self.succeed("design", self.task, "--out", self.out, "--quiet", "--set", "selection.n_seeds=1",
