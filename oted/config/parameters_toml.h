@@ -19,6 +19,10 @@ std::vector<std::string> PresetsFromToml(const toml::table& section, const std::
 std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const std::string& file_name,
                                               std::string parameter_file);
 
+/// [task.constants], in the order of the file. @throws UsageError with file and line
+std::vector<ParameterSpec> ConstantsFromToml(const toml::node& section, const std::string& file_name);
+nlohmann::json ConstantToJson(const ParameterSpec& constant);
+
 /// One parameter as [parameters] has it.
 nlohmann::json ParameterToJson(const ParameterSpec& spec);
 
