@@ -27,8 +27,8 @@ RunConfig StudyOf(const Options& options) {
   const std::string file = path_is_study ? options.data : options.task;
   RunConfig config = file.ends_with(".toml") ? RunConfig::FromTomlFile(file) : RunConfig();
   if (!options.task.empty()) config.task = TaskConfig::FromArgument(options.task);
-  if (!path_is_study) config.data.path = options.data;
-  if (config.data.path.empty()) {
+  if (!path_is_study) config.data.Take(options.data);
+  if (config.data.empty()) {
     throw UsageError(fmt::format("'{}' names no data; add [data] path = \"...\" to it, or give the data's path", file));
   }
   config.task.Resolve();
@@ -44,7 +44,7 @@ RunConfig StudyOf(const Options& options) {
 Dataset ReadChosen(const RunConfig& config, const std::string& episodes) {
   DataOptions how = config.task.name.empty() ? config.data.Options() : DataOptionsFor(config.data, SpecOf(config.task));
   how.check = false;
-  const Dataset all = ReadDataset(config.data.path, how);
+  const Dataset all = ReadFiles(config.data, how);
   if (episodes.empty() || episodes == "all") return all;
   return all.Select(ChooseEpisodes(all, episodes));
 }
@@ -87,10 +87,10 @@ void AddInfo(CLI::App& data) {
     const DatasetSummary summary = Describe(dataset, spec != nullptr ? FactsOf(*spec) : TaskFacts{});
     if (options->json) {
       nlohmann::json record = DataInfoRecord(dataset, spec, summary);
-      record["format"] = FormatOf(config.data.path);
+      record["format"] = FormatOf(config.data.AllFiles().front());
       Print("{}\n", record.dump(2));
     } else {
-      PrintDataInfo(dataset, FormatOf(config.data.path), spec, summary);
+      PrintDataInfo(dataset, FormatOf(config.data.AllFiles().front()), spec, summary);
     }
   });
 }

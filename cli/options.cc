@@ -218,7 +218,7 @@ RunConfig ResolveConfig(const Options& options) {
     config = ReadKeptConfig(out);
   }
   if (!options.task.empty()) config.task = TaskConfig::FromArgument(options.task);
-  if (!options.data.empty()) config.data.path = options.data;
+  if (!options.data.empty()) config.data.Take(options.data);
   if (!options.episodes.empty()) config.data.episodes = options.episodes;
   const bool from_file = !options.parameter_file.empty() && options.config.empty();
   if (!options.presets.empty() || !options.parameters.empty() || from_file) config.presets = options.presets;

@@ -230,7 +230,7 @@ int Check(const ParamsOptions& options) {
   const RunConfig config = ExpandPresets(ResolveWithTask(options), &notes);
   config.Check();
   Dataset logs;
-  const bool logged = !config.data.path.empty();
+  const bool logged = !config.data.empty();
   if (logged) logs = ReadEpisodes(config.data, SpecOf(config.task));
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());
   const ParameterCheck check =

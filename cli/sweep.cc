@@ -118,12 +118,15 @@ PlanLine LineOf(const SweepOptions& sweep, const Point& point, Hashes& hashes) {
   const Options options = OptionsOf(sweep, point);
   const RunConfig config = ResolveConfig(options);
   PlanLine line;
-  const PlanInput& data = hashes.Of(config.data.path);
-  line.inputs = {data};
+  std::string data;
+  for (const std::string& file : config.data.AllFiles()) {
+    line.inputs.push_back(hashes.Of(file));
+    data += (data.empty() ? "" : " ") + line.inputs.back().sha256;
+  }
   for (const std::string& file : {options.config, options.task, config.task.model.model}) {
     if (!file.empty() && fs::exists(file)) line.inputs.push_back(hashes.Of(file));
   }
-  nlohmann::json identity = SweepIdentity(config, sweep.command, data.sha256);
+  nlohmann::json identity = SweepIdentity(config, sweep.command, data);
   if (const std::string prior = config.design.Assumed().prior; fs::exists(prior)) {
     line.inputs.push_back(hashes.Of(prior));
     identity["prior"] = line.inputs.back().sha256;

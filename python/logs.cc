@@ -136,7 +136,7 @@ Dataset FromRows(const Rows& rows, double period_s) {
 Dataset Read(const Study& study) {
   const nb::gil_scoped_release release;
   const RunConfig config = study.Config();
-  if (config.task.name.empty()) return ReadDataset(config.data.path, config.data.Options());
+  if (config.task.name.empty()) return ReadFiles(config.data, config.data.Options());
   return ReadEpisodes(config.data, SpecOf(config.task));
 }
 
@@ -166,7 +166,7 @@ std::string Check(const std::optional<Dataset>& given, const Study& study, uint6
   } else {
     DataOptions how = has_task ? DataOptionsFor(config.data, SpecOf(config.task)) : config.data.Options();
     how.check = false;
-    dataset = ReadDataset(config.data.path, how);
+    dataset = ReadFiles(config.data, how);
   }
   if (has_task) config = ExpandPresets(config);
   const auto factory =

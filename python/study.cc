@@ -17,7 +17,7 @@ RunConfig Study::Config() const {
     config.parameters = more.parameters;
     config.presets = more.presets;
   }
-  if (!more.data.path.empty()) config.data.path = more.data.path;
+  if (!more.data.path.empty()) config.data.Take(more.data.path);
   if (more.data.episodes != DataConfig().episodes) config.data.episodes = more.data.episodes;
   if (more.data.format != DataConfig().format) config.data.format = more.data.format;
   if (more.data.action_delay != 0) config.data.action_delay = more.data.action_delay;

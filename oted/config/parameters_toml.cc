@@ -44,11 +44,19 @@ const ordered_json& ParameterSchema() {
   return schema;
 }
 
+ordered_json ConstantSchema() {
+  ordered_json schema = ParameterSchema(), properties;
+  for (const char* key : {"field", "scale", "unit"}) properties[key] = schema["properties"][key];
+  properties["scale"]["description"] = "what the recordings' values count in";
+  schema["properties"] = properties;
+  return schema;
+}
+
 namespace {
 
-std::vector<std::string> ParameterKeys() {
+std::vector<std::string> KeysOf(const ordered_json& schema) {
   std::vector<std::string> keys;
-  for (const auto& [key, unused] : ParameterSchema().at("properties").items()) keys.push_back(key);
+  for (const auto& [key, unused] : schema.at("properties").items()) keys.push_back(key);
   return keys;
 }
 
@@ -59,28 +67,27 @@ bool IsPath(const json& field) {
          std::ranges::all_of(field, [](const json& path) { return path.is_string(); });
 }
 
-/// @param needs_range  of an absolute parameter; false where a parameter file gives it
-ParameterSpec ParameterFromJson(const std::string& name, const json& table, const std::string& where,
-                                bool needs_range) {
+/// What parameters and constants have in common. @param keys  that the table may have
+ParameterSpec FieldFromJson(const char* section, const std::string& name, const json& table, const std::string& where,
+                            const std::vector<std::string>& keys) {
   ParameterSpec spec;
   spec.name = name;
   if (!table.is_object() || !table.contains("field") || !IsPath(table["field"])) {
     throw UsageError(
-        fmt::format("{}: parameters.{} needs a field, for example field = \"geom/*/friction[0]\"; a list of paths "
+        fmt::format("{}: {}.{} needs a field, for example field = \"geom/*/friction[0]\"; a list of paths "
                     "ties them together",
-                    where, name));
+                    where, section, name));
   }
-  const std::vector<std::string> keys = ParameterKeys();
   for (const auto& [key, value] : table.items()) {
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
-      throw UsageError(fmt::format("{}: parameters.{}.{} is not a setting{}; a parameter has {}", where, name, key,
+      throw UsageError(fmt::format("{}: {}.{}.{} is not a setting{}; it has {}", where, section, name, key,
                                    DidYouMean(key, keys), fmt::join(keys, ", ")));
     }
   }
   for (const json& path : table["field"].is_array() ? table["field"] : json::array({table["field"]})) {
     spec.field += (spec.field.empty() ? "" : " + ") + path.get<std::string>();
   }
-  const std::string prefix = fmt::format("parameters.{}.", name);
+  const std::string prefix = fmt::format("{}.{}.", section, name);
   if (table.contains("scale")) {
     if (table["scale"] != "nominal" && table["scale"] != "absolute") {
       throw UsageError(
@@ -89,6 +96,19 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
     }
     if (table["scale"] == "absolute") spec.scale = ParameterScale::kAbsolute;
   }
+  if (table.contains("unit")) {
+    if (!table["unit"].is_string())
+      throw UsageError(fmt::format("{}: {}unit is {}, wanted text", where, prefix, table["unit"].dump()));
+    spec.unit = table["unit"].get<std::string>();
+  }
+  return spec;
+}
+
+/// @param needs_range  of an absolute parameter; false where a parameter file gives it
+ParameterSpec ParameterFromJson(const std::string& name, const json& table, const std::string& where,
+                                bool needs_range) {
+  ParameterSpec spec = FieldFromJson("parameters", name, table, where, KeysOf(ParameterSchema()));
+  const std::string prefix = fmt::format("parameters.{}.", name);
   if (table.contains("range")) {
     const json& range = table["range"];
     if (!range.is_array() || range.size() != 2) {
@@ -104,11 +124,6 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
     if (!table["log"].is_boolean())
       throw UsageError(fmt::format("{}: {}log is {}, wanted true|false", where, prefix, table["log"].dump()));
     spec.logarithmic = table["log"].get<bool>();
-  }
-  if (table.contains("unit")) {
-    if (!table["unit"].is_string())
-      throw UsageError(fmt::format("{}: {}unit is {}, wanted text", where, prefix, table["unit"].dump()));
-    spec.unit = table["unit"].get<std::string>();
   }
   if (table.contains("prior")) {
     const json& prior = table["prior"];
@@ -128,6 +143,16 @@ ParameterSpec ParameterFromJson(const std::string& name, const json& table, cons
     throw UsageError(fmt::format("{}: {}", where, e.what()));
   }
   return spec;
+}
+
+/// The keys as they stand in the file.
+std::vector<std::string> InOrder(const toml::table& section) {
+  std::vector<std::pair<toml::source_position, std::string>> order;
+  for (const auto& [key, node] : section) order.push_back({node.source().begin, std::string(key.str())});
+  std::sort(order.begin(), order.end());
+  std::vector<std::string> keys;
+  for (auto& [position, key] : order) keys.push_back(std::move(key));
+  return keys;
 }
 
 }  // namespace
@@ -176,15 +201,10 @@ std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const 
   if (names_file && parameter_file.empty()) parameter_file = BesideFile(**named->as_string(), file_name);
   const std::vector<SysidParameter> given =
       parameter_file.empty() ? std::vector<SysidParameter>{} : ReadSysidFile(parameter_file);
-  std::vector<std::pair<toml::source_position, std::string>> order;
-  for (const auto& [key, node] : section) {
-    if ((key.str() == "sysid" && names_file) || (key.str() == "preset" && !node.is_table())) continue;
-    order.push_back({node.source().begin, std::string(key.str())});
-  }
-  std::sort(order.begin(), order.end());
   std::vector<ParameterSpec> declared;
   std::vector<bool> has_range;
-  for (const auto& [position, name] : order) {
+  for (const std::string& name : InOrder(section)) {
+    if ((name == "sysid" && names_file) || (name == "preset" && !section.get(name)->is_table())) continue;
     const std::string at = TomlPlace(file_name, *section.get(name));
     const json entry = TomlToJson(*section.get(name), at);
     const bool in_file = std::ranges::any_of(given, [&](const auto& p) { return p.spec.name == name; });
@@ -192,6 +212,30 @@ std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const 
     has_range.push_back(entry.contains("range"));
   }
   return parameter_file.empty() ? declared : MergeSysid(given, parameter_file, declared, has_range);
+}
+
+std::vector<ParameterSpec> ConstantsFromToml(const toml::node& section, const std::string& file_name) {
+  constexpr double kAny = 1e9;  // values come with the recordings
+  if (!section.is_table()) {
+    throw UsageError(
+        fmt::format("{}: task.constants is no table; write [task.constants] and NAME = {{ field = \"PATH\" }} below it",
+                    TomlPlace(file_name, section)));
+  }
+  std::vector<ParameterSpec> constants;
+  for (const std::string& name : InOrder(*section.as_table())) {
+    const toml::node& node = *section.as_table()->get(name);
+    const std::string at = TomlPlace(file_name, node);
+    constants.push_back(FieldFromJson("task.constants", name, TomlToJson(node, at), at, KeysOf(ConstantSchema())));
+    constants.back().low = -kAny;
+    constants.back().high = kAny;
+  }
+  return constants;
+}
+
+json ConstantToJson(const ParameterSpec& constant) {
+  return {{"field", constant.field},
+          {"scale", constant.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
+          {"unit", constant.unit}};
 }
 
 json ParameterToJson(const ParameterSpec& spec) {

@@ -14,6 +14,8 @@ namespace oted {
 const nlohmann::ordered_json& ParameterSchema();
 /// [parameters] likewise; a parameter's schema stands in "definitions" (task_file_schema.h).
 nlohmann::ordered_json ParametersSchema();
+/// The same of one entry of [task.constants].
+nlohmann::ordered_json ConstantSchema();
 
 /// preset = "arm", or ["arm", "gripper"]; none where there is no such line.
 std::vector<std::string> PresetsFromToml(const toml::table& section, const std::string& file_name);
@@ -23,6 +25,10 @@ std::vector<std::string> PresetsFromToml(const toml::table& section, const std::
 /// @throws UsageError with file and line
 std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const std::string& file_name,
                                               std::string parameter_file);
+
+/// [task.constants], in the order of the file. @throws UsageError with file and line
+std::vector<ParameterSpec> ConstantsFromToml(const toml::node& section, const std::string& file_name);
+nlohmann::json ConstantToJson(const ParameterSpec& constant);
 
 /// One parameter as [parameters] has it.
 nlohmann::json ParameterToJson(const ParameterSpec& spec);

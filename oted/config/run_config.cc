@@ -41,6 +41,46 @@ FieldList DataConfig::Fields() {
   return fields;
 }
 
+std::vector<std::string> DataConfig::AllFiles() const {
+  if (recordings.empty()) return {path};
+  std::vector<std::string> files;
+  for (const Recording& recording : recordings) files.push_back(recording.path);
+  return files;
+}
+
+std::string DataConfig::Files() const {
+  if (recordings.empty()) return path;
+  const std::string& first = recordings.front().path;
+  return recordings.size() == 1 ? first : fmt::format("{} and {} more", first, recordings.size() - 1);
+}
+
+void DataConfig::Take(const std::string& file) {
+  path = file;
+  recordings.clear();
+}
+
+json DataConfig::RecordingsToJson() const {
+  json list = json::array();
+  for (const Recording& recording : recordings) {
+    list.push_back({{"path", recording.path}});
+    if (!recording.constants.empty()) list.back()["constants"] = recording.constants;
+  }
+  return list;
+}
+
+void DataConfig::CheckConstants(const std::vector<std::string>& names) const {
+  for (const Recording& recording : recordings) {
+    for (const auto& [name, value] : recording.constants) {
+      if (std::ranges::find(names, name) != names.end()) continue;
+      throw UsageError(
+          fmt::format("data.recordings: '{}' has constant '{}', which [task.constants] does not name{}; add {} = {{ "
+                      "field = \"...\" }} "
+                      "there",
+                      recording.path, name, DidYouMean(name, names), name));
+    }
+  }
+}
+
 DataOptions DataConfig::Options() const {
   DataOptions options;
   options.format = format;
@@ -160,11 +200,17 @@ void RunConfig::Check() const {
     throw UsageError(
         fmt::format("the truth names {} of {} parameters; name all of them, or none", truth.size(), names.size()));
   }
+  if (!data.path.empty() && !data.recordings.empty()) {
+    throw UsageError("both data.path and data.recordings name logs; keep one of them");
+  }
+  data.CheckConstants(task.ConstantNames());
+  for (const ParameterSpec& constant : task.constants) CheckName("constant", constant.name);
   try {
     static_cast<void>(json(data.path).dump());
+    static_cast<void>(data.RecordingsToJson().dump());
   } catch (const json::exception&) {
     throw UsageError(
-        fmt::format("data.path '{}' is not UTF-8 text, which run.toml cannot hold; rename the file", data.path));
+        fmt::format("data.path '{}' is not UTF-8 text, which run.toml cannot hold; rename the file", data.Files()));
   }
   try {
     DataConfig copy = data;

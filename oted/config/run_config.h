@@ -25,6 +25,8 @@ struct TaskConfig {
   std::string name;   ///< with a model, what reports call the task
   ModelTask model;    ///< unused while model.model is empty
   GridSettings grid;  ///< [grid]; unused by all but the grid worlds
+  /// [task.constants]: what is known of each recording and differs between them (oted/sim/known_constants.h).
+  std::vector<ParameterSpec> constants;
   FieldList Fields();
 
   bool has_model() const { return !model.model.empty(); }
@@ -33,7 +35,8 @@ struct TaskConfig {
   void Resolve();
   /// What --task takes: a built-in task's name, or the path of a TOML file whose [task] is read.
   static TaskConfig FromArgument(const std::string& name_or_file);
-  /// [task], [task.quantities] and [grid], every setting written out.
+  std::vector<std::string> ConstantNames() const;
+  /// [task], [task.quantities], [task.constants] and [grid], every setting written out.
   std::string ToToml() const;
   nlohmann::json ToJson() const;
   /// What results depend on, beside the model itself: the name of a built-in task, the settings of a model's.
@@ -41,12 +44,28 @@ struct TaskConfig {
 };
 
 struct DataConfig {
+  /// One of data.recordings: a file, and the values of the task's constants while it was recorded.
+  struct Recording {
+    std::string path;
+    std::map<std::string, double> constants;
+  };
+
   std::string path;
+  std::vector<Recording> recordings;  ///< in place of `path`
   std::string episodes = "all";
   std::string format = "auto";
   CsvLayout columns;
   int action_delay = 0;
   FieldList Fields();
+  bool empty() const { return path.empty() && recordings.empty(); }
+  std::vector<std::string> AllFiles() const;
+  /// For sentences: "a.csv", "a.csv and 2 more".
+  std::string Files() const;
+  /// This file and no other.
+  void Take(const std::string& file);
+  nlohmann::json RecordingsToJson() const;
+  /// @throws UsageError where a recording has a constant that is none of `names`
+  void CheckConstants(const std::vector<std::string>& names) const;
   /// What the reader is told; the task's own numbers and names are the pipeline's to add (DataOptionsFor).
   DataOptions Options() const;
 };

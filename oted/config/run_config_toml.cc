@@ -47,11 +47,39 @@ toml::table Parsed(const std::string& text, const std::string& file_name) {
   }
 }
 
-/// A section of plain settings. What is no setting in it, [task.quantities], is read apart.
+/// data.recordings = [{ path = "monday.csv", constants = { payload = 0.4 } }], or [[data.recordings]].
+std::vector<DataConfig::Recording> ReadRecordings(const toml::node& node, const std::string& file) {
+  const std::string at = TomlPlace(file, node);
+  const json list = TomlToJson(node, at);
+  const auto refuse = [&](const std::string& what) {
+    throw UsageError(
+        fmt::format("{}: {}; wanted [{{ path = \"monday.csv\", constants = {{ payload = 0.4 }} }}, ...]", at, what));
+  };
+  if (!list.is_array() || list.empty()) refuse("data.recordings is no list of recordings");
+  std::vector<DataConfig::Recording> recordings;
+  for (const json& entry : list) {
+    if (!entry.is_object() || !entry.contains("path") || !entry["path"].is_string() || entry["path"] == "") {
+      refuse("an entry of data.recordings has no path");
+    }
+    for (const auto& [key, value] : entry.items()) {
+      if (key != "path" && key != "constants") refuse(fmt::format("data.recordings.{} is no setting", key));
+    }
+    DataConfig::Recording recording{BesideFile(entry["path"].get<std::string>(), file), {}};
+    const json constants = entry.value("constants", json::object());
+    if (!constants.is_object()) refuse("the constants of a recording are no table");
+    for (const auto& [name, value] : constants.items()) {
+      recording.constants[name] = NumberAt(value, "data.recordings.constants." + name, at);
+    }
+    recordings.push_back(std::move(recording));
+  }
+  return recordings;
+}
+
+/// A section of plain settings. What is no setting in it, such as [task.quantities], is read apart.
 void ReadSection(const toml::table& table, const std::string& file_name, FieldList& section) {
   for (const auto& [key, node] : table) {
     const std::string setting = fmt::format("{}.{}", section.section(), key.str()), at = TomlPlace(file_name, node);
-    if (setting == "task.quantities") continue;
+    if (setting == "task.quantities" || setting == "task.constants" || setting == "data.recordings") continue;
     RefuseFormerName(section.section(), key.str(), at);
     json value = TomlToJson(node, at);
     const OtherType other = OtherTypeOf(section.section(), key.str());
@@ -169,6 +197,12 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
   if (const toml::node* quantities = document["task"]["quantities"].node()) {
     ReadQuantities(*quantities, file_name, config.task.model.quantities);
   }
+  if (const toml::node* constants = document["task"]["constants"].node()) {
+    config.task.constants = ConstantsFromToml(*constants, file_name);
+  }
+  if (const toml::node* recordings = document["data"]["recordings"].node()) {
+    config.data.recordings = ReadRecordings(*recordings, file_name);
+  }
   if (const toml::node* settings = document["design"]["settings"].node()) {
     config.settings = ReadDesignSettings(*settings, config.design, file_name);
   }
@@ -196,6 +230,7 @@ json RunConfig::ToJson() const {
   json object;
   for (const FieldList& section : PlainSections(copy)) object[section.section()] = section.ToJson();
   object["task"] = task.ToJson();
+  if (!data.recordings.empty()) object["data"]["recordings"] = data.RecordingsToJson();
   if (!task.is_grid()) object.erase("grid");
   object["design"] = design.ToJson();
   for (const auto& [name, setting] : settings) object["design"]["settings"][name] = setting.ToJson();
@@ -218,6 +253,11 @@ std::string RunConfig::ToToml() const {
     }
     out << "\n[" << section.section() << "]\n";
     WriteFields(out, section.fields(), true);
+    if (section.section() == "data" && !data.recordings.empty()) {
+      out << "recordings = ";
+      WriteTomlValue(out, data.RecordingsToJson());
+      out << "\n";
+    }
     if (section.section() == "run") {
       out << "\n[parameters]\n";
       if (!presets.empty()) out << "preset = " << json(presets).dump() << "\n";

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "oted/base/error.h"
+#include "oted/config/parameters_toml.h"
 #include "oted/config/run_config.h"
 #include "oted/config/toml_writer.h"
 
@@ -37,6 +38,12 @@ FieldList TaskConfig::Fields() {
   return fields;
 }
 
+std::vector<std::string> TaskConfig::ConstantNames() const {
+  std::vector<std::string> names;
+  for (const ParameterSpec& constant : constants) names.push_back(constant.name);
+  return names;
+}
+
 void TaskConfig::Resolve() {
   if (has_model()) {
     model.name = name.empty() ? std::filesystem::path(model.model).stem().string() : name;
@@ -44,6 +51,9 @@ void TaskConfig::Resolve() {
     return;
   }
   TaskConfig defaults;
+  if (is_grid() && !constants.empty()) {
+    throw UsageError("task.constants are of models, and a grid world has none; leave them out");
+  }
   if (!is_grid() && grid != defaults.grid) {
     throw UsageError(
         fmt::format("[grid] is of grid worlds, and the task is '{}'; leave it out, or name a MiniGrid task", name));
@@ -75,9 +85,10 @@ TaskConfig TaskConfig::FromArgument(const std::string& name_or_file) {
 
 json TaskConfig::ToJson() const {
   TaskConfig copy = *this;
-  if (!has_model()) return {{"name", name}};  // [grid] is a section of its own
-  json object = copy.Fields().ToJson();
+  // [grid] is a section of its own.
+  json object = has_model() ? copy.Fields().ToJson() : json{{"name", name}};
   if (!model.quantities.empty()) object["quantities"] = model.quantities;
+  for (const ParameterSpec& constant : constants) object["constants"][constant.name] = ConstantToJson(constant);
   return object;
 }
 
@@ -107,6 +118,12 @@ std::string TaskConfig::ToToml() const {
     WriteTomlValue(out, path);
     out << "\n";
   }
+  if (!constants.empty()) out << "\n[task.constants]\n";
+  for (const ParameterSpec& constant : constants) {
+    out << constant.name << " = ";
+    WriteTomlValue(out, ConstantToJson(constant));
+    out << "\n";
+  }
   return out.str();
 }
 
@@ -115,8 +132,8 @@ json TaskConfig::Identity() const {
     GridSettings settings = grid;
     return {name, settings.Fields().ToJson()};
   }
-  if (!has_model()) return name;
   json object = ToJson();
+  if (!has_model()) return constants.empty() ? json(name) : object;
   object.erase("name");
   object.erase("model");
   return object;

@@ -130,6 +130,18 @@ ordered_json TaskFileSchema() {
   sections["task"]["properties"]["quantities"] = {{"type", "object"},
                                                   {"additionalProperties", {{"type", "string"}}},
                                                   {"description", "NAME = \"PATH\": what expressions may read"}};
+  sections["task"]["properties"]["constants"] = {
+      {"type", "object"},
+      {"additionalProperties", ConstantSchema()},
+      {"description", "NAME = { field = \"PATH\" }: known numbers that differ between recordings"}};
+  ordered_json recording = Table({{"path", {{"type", "string"}, {"minLength", 1}}},
+                                  {"constants", {{"type", "object"}, {"additionalProperties", {{"type", "number"}}}}}});
+  recording["required"] = {"path"};
+  sections["data"]["properties"]["recordings"] = {
+      {"type", "array"},
+      {"minItems", 1},
+      {"items", recording},
+      {"description", "several files, with the constants of each"}};
   sections["truth"] = {{"type", "object"},
                        {"additionalProperties", {{"type", "number"}}},
                        {"description", "NAME = value, where it is known; only evaluation and report read it"}};

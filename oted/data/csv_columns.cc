@@ -81,6 +81,16 @@ class Finder {
     return columns;
   }
 
+  /// Columns of these names, -1 for those that are not there; empty where none is.
+  std::vector<int> Optional(const std::vector<std::string>& names) {
+    std::vector<int> columns;
+    for (const std::string& name : names) {
+      const auto found = index_.find(name);
+      columns.push_back(found == index_.end() ? -1 : Use(found->second, "recordings"));
+    }
+    return std::ranges::all_of(columns, [](int column) { return column < 0; }) ? std::vector<int>{} : columns;
+  }
+
   bool HasAll(const std::vector<std::string>& names) const {
     return !names.empty() && std::ranges::all_of(names, [&](const std::string& n) { return index_.contains(n); });
   }
@@ -177,6 +187,7 @@ CsvColumns FindColumns(const std::vector<std::string>& header, const DataOptions
   columns.reward = named(layout.reward, "reward");
   columns.terminal = named(layout.terminal, "terminal");
   columns.timeout = named(layout.timeout, "timeout");
+  columns.constants = finder.Optional(options.constant_names);
   if (columns.observations.empty() && finder.HasAll(options.observation_names)) {
     columns.observations = finder.Named(options.observation_names, "observations");
     columns.observation_names = options.observation_names;

@@ -14,6 +14,7 @@ struct CsvColumns {
   std::vector<int> actions;
   std::vector<int> qpos;
   std::vector<int> qvel;
+  std::vector<int> constants;  ///< one for each of the options' names, -1 where the file has none; empty: none of them
   int episode = -1;
   int time = -1;
   int reward = -1;

@@ -58,6 +58,7 @@ class CsvReader {
     columns_ = FindColumns(header_, options_, path_);
     recording_.observation_names = columns_.observation_names;
     recording_.action_names = columns_.action_names;
+    if (!columns_.constants.empty()) recording_.constant_names = options_.constant_names;
     if (!columns_.unused.empty()) {
       const size_t n = std::min(columns_.unused.size(), kShownUnused);
       const std::span<const std::string> shown(columns_.unused.data(), n);
@@ -167,6 +168,7 @@ class CsvReader {
     };
     append_state(columns_.qpos, recording_.qpos);
     append_state(columns_.qvel, recording_.qvel);
+    AddConstants(fields);
     if (columns_.time >= 0) recording_.times.push_back(Number(fields, columns_.time));
     if (columns_.reward >= 0) {
       recording_.rewards.push_back(!has_action && is_empty(columns_.reward) ? 0 : Number(fields, columns_.reward));
@@ -174,6 +176,31 @@ class CsvReader {
     terminals_.push_back(columns_.terminal >= 0 && Flag(fields, columns_.terminal));
     timeouts_.push_back(columns_.timeout >= 0 && Flag(fields, columns_.timeout));
     if (columns_.episode >= 0) episodes_.push_back(fields[static_cast<size_t>(columns_.episode)]);
+  }
+
+  /// An empty field says that the recording is as the model.
+  void AddConstants(const std::vector<std::string>& fields) {
+    if (columns_.constants.empty()) return;
+    row_.clear();
+    for (const int column : columns_.constants) {
+      const bool is_given = column >= 0 && !Trimmed(fields[static_cast<size_t>(column)]).empty();
+      row_.push_back(is_given ? Number(fields, column) : std::numeric_limits<double>::quiet_NaN());
+    }
+    recording_.constants.AppendRow(row_);
+  }
+
+  /// What is known of a recording holds for all of its episode; the last row, without an action, need not say it.
+  void CheckConstants(int begin, int end) const {
+    for (int row = begin + 1; row + 1 < end && !recording_.constants.empty(); ++row) {
+      for (int k = 0; k < recording_.constants.cols(); ++k) {
+        const double first = recording_.constants(begin, k), here = recording_.constants(row, k);
+        if (here == first || (std::isnan(here) && std::isnan(first))) continue;
+        Fail(row,
+             fmt::format("constant '{}' changes from {} to {} within an episode", options_.constant_names[k], first,
+                         here),
+             "give what follows another episode number");
+      }
+    }
   }
 
   bool SameEpisodeNumber(int row) const {
@@ -321,6 +348,7 @@ class CsvReader {
     }
     n_single_ += end - begin == 1;
     if (end - begin < 2) return;
+    CheckConstants(begin, end);
     recording_.runs.push_back({begin, end, terminated});
     if (period > 0) Measure(recording_.runs.back(), period);
   }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "oted/base/error.h"
@@ -23,6 +24,10 @@ std::vector<std::string> ColumnNames(const std::string& prefix, const std::vecto
   return columns;
 }
 
+std::span<const double> ConstantsOf(const Dataset& dataset, int row) {
+  return dataset.constants.empty() ? std::span<const double>() : dataset.constants.row(row);
+}
+
 }  // namespace
 
 void WriteCsv(const Dataset& dataset, const std::string& path) {
@@ -41,6 +46,7 @@ void WriteCsv(const Dataset& dataset, const std::string& path) {
     header(ColumnNames("infos/qpos", {}, dataset.qpos.cols()));
     header(ColumnNames("infos/qvel", {}, dataset.qvel.cols()));
   }
+  for (const std::string& name : dataset.constant_names) text += "," + CsvField(name);
   text += '\n';
   const auto numbers = [&](std::span<const double> values) {
     for (const double value : values) fmt::format_to(std::back_inserter(text), ",{}", value);
@@ -66,12 +72,13 @@ void WriteCsv(const Dataset& dataset, const std::string& path) {
         numbers(dataset.qpos.row(i));
         numbers(dataset.qvel.row(i));
       }
+      for (const double value : ConstantsOf(dataset, i)) text += std::isnan(value) ? "," : fmt::format(",{}", value);
       text += '\n';
     }
     text += std::to_string(e);
     if (dataset.period_s > 0) numbers(std::vector<double>{(end - begin) * dataset.period_s});
     numbers(dataset.next_observations.row(end - 1));
-    none(dataset.act_dim() + has_rewards + 2 + dataset.qpos.cols() + dataset.qvel.cols());
+    none(dataset.act_dim() + has_rewards + 2 + dataset.qpos.cols() + dataset.qvel.cols() + dataset.constants.cols());
     text += '\n';
   }
   WriteFileAtomically(path, path.ends_with(".gz") ? Gzip(text) : text);

@@ -42,6 +42,7 @@ struct DataOptions {
   int max_episode_steps = 0;                   ///< time limit of D4RL files without timeouts; 0: 1,000
   std::vector<std::string> observation_names;  ///< named columns are put into this order
   std::vector<std::string> action_names;       ///< the same for actions
+  std::vector<std::string> constant_names;     ///< what differs between recordings: columns that a CSV may have
 
   ChildLimits hdf5_limits;
   bool check = true;  ///< Dataset::Check; without it, what the file holds, NaN included, for the checks that name it

@@ -33,6 +33,7 @@ void AppendRange(Dataset& to, const Dataset& from, int begin, int end) {
     AppendRows(to.qpos, from.qpos, begin, end);
     AppendRows(to.qvel, from.qvel, begin, end);
   }
+  if (!from.constants.empty()) AppendRows(to.constants, from.constants, begin, end);
 }
 
 }  // namespace
@@ -75,6 +76,7 @@ Dataset Dataset::Select(const std::vector<Episode>& episodes) const {
   selected.period_s = period_s;
   selected.observation_names = observation_names;
   selected.action_names = action_names;
+  selected.constant_names = constant_names;
   selected.remarks = remarks;
   selected.warnings = warnings;
   selected.path = path;
@@ -92,6 +94,7 @@ void Dataset::Append(const Dataset& other) {
   OTED_CHECK(obs_dim() == other.obs_dim() && act_dim() == other.act_dim());
   OTED_CHECK(has_states() == other.has_states() && rewards.empty() == other.rewards.empty());
   OTED_CHECK(qpos.cols() == other.qpos.cols() && qvel.cols() == other.qvel.cols());
+  OTED_CHECK(constant_names == other.constant_names);
   // An episode that this dataset's end cut off must not go on in the other's first.
   if (!terminals.back()) timeouts.back() = 1;
   AppendRange(*this, other, 0, other.size());

@@ -29,10 +29,14 @@ struct Dataset {
   std::vector<uint8_t> timeouts;     ///< (N), 1 where the episode was cut after this row
   Array2<double> qpos;               ///< (N, nq) state before action i, or empty
   Array2<double> qvel;               ///< (N, nv) state before action i, or empty
+  /// (N, n): what is known of the recording that row i is of, the values of the task's constants; NaN where they are as
+  /// in the model. Empty where the task has none.
+  Array2<double> constants;
 
   double period_s = 0;                         ///< time between two rows [s]; 0 where the file does not say
   std::vector<std::string> observation_names;  ///< one per column, or empty where the file has none
   std::vector<std::string> action_names;       ///< the same for actions
+  std::vector<std::string> constant_names;     ///< one per column of `constants`
   /// What the reader left out, inferred or changed by its documented rules, one sentence each.
   std::vector<std::string> remarks;
   /// What it had to change that may make the data worse: the user should look.

@@ -186,6 +186,10 @@ void WriteDataset(const Dataset& dataset, const std::string& path, const WriteOp
     if (!IsMinariName(path)) FailEnding(path);
     format = Format::kMinari;
   }
+  if (format != Format::kCsv && !dataset.constants.empty()) {
+    throw DataError(fmt::format("'{}': only a CSV holds constants of recordings ({}); write .csv or .csv.gz", path,
+                                fmt::join(dataset.constant_names, ", ")));
+  }
   if (format == Format::kD4rl) {
     WriteD4rlHdf5(dataset, path);
   } else if (format == Format::kMinari) {

@@ -30,6 +30,7 @@ class Resampler {
     to_.period_s = control_period_s;
     to_.observation_names = from.observation_names;
     to_.action_names = from.action_names;
+    to_.constant_names = from.constant_names;
     to_.remarks = from.remarks;
     to_.warnings = from.warnings;
   }
@@ -109,6 +110,7 @@ class Resampler {
       AppendBetween(from_.observations, row, 0, to_.observations);
       AppendBetween(from_.qpos, row, 0, to_.qpos);
       AppendBetween(from_.qvel, row, 0, to_.qvel);
+      AppendBetween(from_.constants, row, 0, to_.constants);
       to_.actions.AppendRow(from_.actions.row(row));
       to_.times.push_back(from_.times[static_cast<size_t>(row)]);
       if (!from_.rewards.empty()) to_.rewards.push_back(from_.rewards[static_cast<size_t>(row)]);
@@ -198,6 +200,7 @@ class Resampler {
       AppendBetween(from_.observations, row, share, to_.observations);
       AppendBetween(from_.qpos, row, share, to_.qpos);
       AppendBetween(from_.qvel, row, share, to_.qvel);
+      AppendBetween(from_.constants, run.begin, 0, to_.constants);
       // The last row of an episode has no action of its own.
       const int in_force = IsAtRate(run) ? RowAt(run, row, time + 0.5 * period_s_) : row;
       to_.actions.AppendRow(from_.actions.row(std::min(in_force, run.end - 2)));
@@ -245,6 +248,7 @@ Dataset ToDataset(const Recording& recording) {
   dataset.period_s = recording.period_s;
   dataset.observation_names = recording.observation_names;
   dataset.action_names = recording.action_names;
+  dataset.constant_names = recording.constant_names;
   dataset.remarks = recording.remarks;
   dataset.warnings = recording.warnings;
   for (const Recording::Run& run : recording.runs) {
@@ -256,6 +260,7 @@ Dataset ToDataset(const Recording& recording) {
       if (!recording.rewards.empty()) dataset.rewards.push_back(recording.rewards[i]);
       if (!recording.qpos.empty()) dataset.qpos.AppendRow(recording.qpos.row(i));
       if (!recording.qvel.empty()) dataset.qvel.AppendRow(recording.qvel.row(i));
+      if (!recording.constants.empty()) dataset.constants.AppendRow(recording.constants.row(i));
       dataset.terminals.push_back(last && run.terminated);
       dataset.timeouts.push_back(last && !run.terminated);
     }

@@ -28,6 +28,7 @@ struct Recording {
   std::vector<double> rewards;  ///< of the row's action, or empty
   Array2<double> qpos;          ///< or empty
   Array2<double> qvel;          ///< or empty
+  Array2<double> constants;     ///< as a Dataset's
   std::vector<Run> runs;
   /// [s]
   double PeriodOf(const Run& run) const { return run.period_s > 0 ? run.period_s : period_s; }
@@ -35,6 +36,7 @@ struct Recording {
   double period_s = 0;  ///< mean time between two rows, of the slowest where rates differ; 0 without times
   std::vector<std::string> observation_names;
   std::vector<std::string> action_names;
+  std::vector<std::string> constant_names;
   std::vector<std::string> remarks;   ///< as a Dataset's
   std::vector<std::string> warnings;  ///< the same
 };

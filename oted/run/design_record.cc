@@ -198,7 +198,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.nominal_common = findings.result.nominal_common;
   AddSettings(findings, record);
   record.sentence = VerdictSentence(record, judgement.off);
-  record.dataset = {run.config.data.path, run.dataset.sha256, run.dataset.size()};
+  record.dataset = {run.config.data.Files(), run.dataset.sha256, run.dataset.size()};
   record.model_sha256 = run.model_sha256;
   record.oted_version = OTED_VERSION;
   record.mujoco_version = MujocoVersion();

@@ -14,6 +14,7 @@
 #include "oted/run/provenance.h"
 #include "oted/run/run_directory.h"
 #include "oted/sim/mujoco/export_mjcf.h"
+#include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/sysid_file.h"
 
@@ -195,7 +196,7 @@ ExportRequest DefaultExports(const fs::path& run_directory) {
 std::string NotInModel(const std::vector<std::pair<std::string, std::string>>& names_and_fields) {
   std::string names;
   for (const auto& [name, field] : names_and_fields) {
-    if (!IsFieldOfModel(field)) names += (names.empty() ? "" : ", ") + name;
+    if (!IsFieldOfModel(field) || IsFrictionPath(field)) names += (names.empty() ? "" : ", ") + name;
   }
   return names;
 }

@@ -17,7 +17,7 @@ namespace oted {
 Pipeline::Pipeline(RunConfig config, const std::filesystem::path& out, RunContext context)
     : run_(SetUpRun(std::move(config), out, context)) {
   for (const std::string& warning : run_.dataset.warnings) {
-    run_.context.log->Warning(fmt::format("'{}': {}", run_.config.data.path, warning));
+    run_.context.log->Warning(fmt::format("'{}': {}", run_.config.data.Files(), warning));
   }
   WriteProvenance(run_);
 }

@@ -62,7 +62,11 @@ RunConfig AskedConfig(const RunSetup& run) {
 void WriteConfig(const RunSetup& run) {
   const fs::path& root = run.directory.root();
   RunConfig written = AskedConfig(run);
-  written.data.path = fs::proximate(run.config.data.path, root).string();
+  const auto place = [&](std::string& path) {
+    if (!path.empty()) path = fs::proximate(path, root).string();
+  };
+  place(written.data.path);
+  for (DataConfig::Recording& recording : written.data.recordings) place(recording.path);
   std::string& model = written.task.model.model;
   if (!model.empty() && !model.starts_with("package:")) model = fs::proximate(model, root).string();
   const auto place_prior = [&](DesignChoice& design) {
@@ -83,7 +87,7 @@ void WriteProvenance(const RunSetup& run) {
   const Dataset& dataset = run.dataset;
   KeepSealed(run.directory.root() / "dataset.json",
              {{"schema", "oted.dataset/1"},
-              {"path", run.config.data.path},
+              {"path", run.config.data.Files()},
               {"sha256", dataset.sha256},
               {"n_transitions", dataset.size()},
               {"n_episodes", dataset.Episodes().size()},

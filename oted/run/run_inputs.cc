@@ -3,26 +3,96 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
 #include "oted/base/error.h"
+#include "oted/base/files.h"
 #include "oted/config/task_registry.h"
 #include "oted/data/dataset_files.h"
 #include "oted/sim/channel_factory.h"
+#include "oted/sim/known_constants.h"
 #include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/presets.h"
 
 namespace oted {
 
+namespace {
+
+/// One file, its constants by `names`. @throws DataError where the file and the configuration both give one
+Dataset ReadRecording(const DataConfig::Recording& recording, const DataOptions& options) {
+  const std::vector<std::string>& names = options.constant_names;
+  Dataset logs = ReadDataset(recording.path, options);
+  if (names.empty()) return logs;
+  if (logs.constants.empty()) {
+    logs.constant_names = names;
+    logs.constants = Array2<double>(logs.size(), static_cast<int>(names.size()));
+    std::ranges::fill(logs.constants.values(), std::numeric_limits<double>::quiet_NaN());
+  }
+  for (size_t k = 0; k < names.size(); ++k) {
+    const auto known = recording.constants.find(names[k]);
+    if (known == recording.constants.end()) continue;
+    for (int i = 0; i < logs.size(); ++i) {
+      double& value = logs.constants(i, static_cast<int>(k));
+      if (!std::isnan(value)) {
+        throw DataError(fmt::format("'{}' has a column '{}', and data.recordings gives it as well; keep one of them",
+                                    recording.path, names[k]));
+      }
+      value = known->second;
+    }
+  }
+  return logs;
+}
+
+/// @throws DataError where it cannot be appended to `first`
+void CheckAlike(const Dataset& first, const Dataset& other) {
+  const auto has = [](bool yes, const char* what) { return fmt::format("has {}{}", yes ? "" : "no ", what); };
+  std::string difference;
+  if (other.obs_dim() != first.obs_dim() || other.act_dim() != first.act_dim()) {
+    difference = fmt::format("has observations of {} and actions of {} numbers, wanted {} and {}", other.obs_dim(),
+                             other.act_dim(), first.obs_dim(), first.act_dim());
+  } else if (other.rewards.empty() != first.rewards.empty()) {
+    difference = has(!other.rewards.empty(), "rewards");
+  } else if (other.qpos.cols() != first.qpos.cols() || other.qvel.cols() != first.qvel.cols()) {
+    difference = has(other.has_states(), "such columns infos/qpos and infos/qvel");
+  }
+  if (difference.empty()) return;
+  throw DataError(
+      fmt::format("'{}' {}, unlike '{}'; data.recordings need the same columns", other.path, difference, first.path));
+}
+
+}  // namespace
+
+Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
+  config.CheckConstants(options.constant_names);
+  if (config.recordings.empty()) return ReadRecording({config.path, {}}, options);
+  Dataset all;
+  std::string path, hashes;
+  for (const DataConfig::Recording& recording : config.recordings) {
+    const Dataset one = ReadRecording(recording, options);
+    if (all.size() > 0) CheckAlike(all, one);
+    if (path.empty()) path = one.path;
+    all.path = path;
+    hashes += fmt::format("{} {}\n", one.sha256, nlohmann::json(recording.constants).dump());
+    all.Append(one);
+  }
+  all.path = config.Files();
+  all.sha256 = Sha256(hashes);
+  return all;
+}
+
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
-  if (config.path.empty())
-    throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
-  const Dataset all = ReadDataset(config.path, DataOptionsFor(config, spec));
+  if (config.empty()) throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
+  const Dataset all = ReadFiles(config, DataOptionsFor(config, spec));
   if (config.episodes == "all") return all;
   std::vector<Episode> episodes = all.Episodes();
   const size_t wanted = std::stoul(config.episodes);
   if (wanted > episodes.size()) {
     throw DataError(fmt::format("data.episodes asks for {} episodes, but '{}' holds {}; ask for fewer, or for all",
-                                wanted, config.path, episodes.size()));
+                                wanted, config.Files(), episodes.size()));
   }
   episodes.resize(wanted);
   return all.Select(episodes);
@@ -47,17 +117,16 @@ std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
                                                        const std::vector<ParameterSpec>& parameters,
                                                        const Array2<double>& logged_starts) {
   // By value: the factory makes further ones of the same task later (SimulatorFactory::With).
-  return WithChannels(parameters,
-                      [task, logged_starts](std::vector<ParameterSpec> own) -> std::unique_ptr<SimulatorFactory> {
-                        if (task.has_model())
-                          return std::make_unique<MujocoSimulatorFactory>(task.model, std::move(own), logged_starts);
-                        if (task.is_grid()) {
-                          return std::make_unique<MinigridSimulatorFactory>(
-                              task.grid.ApplyTo(FindMinigridTask(task.name)), std::move(own));
-                        }
-                        if (auto registered = MakeRegisteredTask(task.name, own)) return registered;
-                        return std::make_unique<MujocoSimulatorFactory>(task.name, std::move(own));
-                      });
+  const auto make = [task, logged_starts](std::vector<ParameterSpec> own) -> std::unique_ptr<SimulatorFactory> {
+    if (task.has_model()) return std::make_unique<MujocoSimulatorFactory>(task.model, std::move(own), logged_starts);
+    if (task.is_grid()) {
+      return std::make_unique<MinigridSimulatorFactory>(task.grid.ApplyTo(FindMinigridTask(task.name)), std::move(own));
+    }
+    if (auto registered = MakeRegisteredTask(task.name, own)) return registered;
+    return std::make_unique<MujocoSimulatorFactory>(task.name, std::move(own));
+  };
+  return WithConstants(parameters, task.constants,
+                       [make](const std::vector<ParameterSpec>& all) { return WithChannels(all, make); });
 }
 
 SimulatorSpec SpecOf(TaskConfig task) {
@@ -72,6 +141,7 @@ DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec) 
   options.max_episode_steps = spec.max_episode_steps;
   options.observation_names = spec.observation_names;
   options.action_names = spec.action_names;
+  options.constant_names = spec.constant_names;
   return options;
 }
 

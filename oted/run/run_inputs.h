@@ -17,6 +17,10 @@ SimulatorSpec SpecOf(TaskConfig task);
 /// How the logs of a task are read: what the configuration says, and the task's control period, time limit and names.
 DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec);
 
+/// All files that a configuration names, one after the other, each with the constants of its recording.
+/// @throws UsageError, DataError
+Dataset ReadFiles(const DataConfig& config, const DataOptions& options);
+
 /// The logged episodes that a configuration names, for a task. @throws UsageError, DataError
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec);
 

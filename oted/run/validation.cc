@@ -93,7 +93,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   if (request.data.ends_with(".toml"))
     config.data = RunConfig::FromTomlFile(request.data).data;
   else
-    config.data.path = request.data;
+    config.data.Take(request.data);
   config.data.episodes = request.episodes;
   const Dataset logs = ReadEpisodes(config.data, SpecOf(config.task));
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());

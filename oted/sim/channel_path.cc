@@ -64,6 +64,7 @@ std::vector<int> MatchObservations(const SimulatorSpec& spec, std::string_view p
 }  // namespace
 
 bool IsSensorNoise(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/noise_std"); }
+bool IsSensorBias(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/bias"); }
 
 bool IsChannelPath(const std::string& path) {
   const std::string word = path.substr(0, path.find('/'));

@@ -26,6 +26,8 @@ struct ChannelField {
 bool IsChannelPath(const std::string& path);
 /// Whether it is "obs/NAME/noise_std".
 bool IsSensorNoise(const std::string& path);
+/// Whether it is "obs/NAME/bias".
+bool IsSensorBias(const std::string& path);
 
 /// @throws UsageError saying which part of the path matches nothing, with the nearest name.
 ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "oted/sim/channel_factory.h"
+#include "oted/sim/known_constants.h"
 #include "oted/sim/testing.h"
 #include "tests/conformance/simulator_conformance.h"
 
@@ -31,9 +32,16 @@ std::vector<ParameterSpec> AllChannels() {
           Channel("bias", "obs/v/bias", -0.5, 0.5), Channel("lag", "obs/x/delay", 0, 3)};
 }
 
+/// Channels whose bias differs between recordings.
+std::unique_ptr<SimulatorFactory> WithKnownBias() {
+  return WithConstants(PointMass::MakeParameters().specs(), {Channel("zero", "obs/x/bias", -1, 1)},
+                       [](const std::vector<ParameterSpec>& all) { return Factory({all.back()}); });
+}
+
 INSTANTIATE_TEST_SUITE_P(Channels, SimulatorConformance,
                          testing::Values(ConformanceCase{"None", [] { return Factory({}); }},
-                                         ConformanceCase{"All", [] { return Factory(AllChannels()); }}),
+                                         ConformanceCase{"All", [] { return Factory(AllChannels()); }},
+                                         ConformanceCase{"KnownConstants", [] { return WithKnownBias(); }}),
                          [](const auto& parameter) { return parameter.param.name; });
 
 constexpr int kLane = 0;

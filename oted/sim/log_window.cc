@@ -20,7 +20,8 @@ LoggedHistory HistoryBefore(const Dataset& dataset, const LogWindow& window) {
     return rows.values().subspan(static_cast<size_t>(window.episode_begin) * width,
                                  static_cast<size_t>(window.begin - window.episode_begin) * width);
   };
-  return {before(dataset.observations), before(dataset.actions)};
+  return {before(dataset.observations), before(dataset.actions),
+          dataset.constants.empty() ? std::span<const double>() : dataset.constants.row(window.begin)};
 }
 
 }  // namespace oted

@@ -50,7 +50,8 @@ struct SimulatorSpec {
   std::vector<int> rate_of;
   /// (obs_dim): for how many control steps after SetState a reading may be older than that state; empty: for none.
   std::vector<int> reading_ages;
-  bool has_reward = true;    ///< false: reward() is always 0, and no agent can be trained
+  std::vector<std::string> constant_names;  ///< one per number of LoggedHistory::constants
+  bool has_reward = true;                   ///< false: reward() is always 0, and no agent can be trained
   int n_past_actions = 0;    ///< earlier actions that, beside the present one, the next observation may depend on
   double return_random = 0;  ///< D4RL's reference returns; the normalised score is
   double return_expert = 0;  ///< 100 (return - random) / (expert - random); equal: no score
@@ -76,6 +77,8 @@ enum class LaneStatus : uint8_t {
 struct LoggedHistory {
   std::span<const double> observations;  ///< (n, obs_dim)
   std::span<const double> actions;       ///< (n, act_dim): row k was given at observation k
+  /// What is known of the recording, as a Dataset's constants; empty: it is as the model.
+  std::span<const double> constants = {};
 };
 
 /// A policy that a task brings along. It acts on a lane's true state, which no observation need show.

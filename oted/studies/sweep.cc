@@ -78,6 +78,7 @@ std::string TextCell(const std::string& text) {
 json SweepIdentity(const RunConfig& config, const std::string& command, const std::string& data_sha256) {
   RunConfig same = config;
   same.data.path.clear();
+  for (DataConfig::Recording& recording : same.data.recordings) recording.path.clear();
   same.run.threads = 0;
   json settings = same.ToJson();
   // A built-in task's model comes with MuJoCo or Gymnasium; one of a file may include others.

@@ -14,21 +14,25 @@
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
 #include "oted/sim/mujoco/field_info.h"
+#include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
 namespace {
 
-// A floating-point array of mjModel: n rows of `width` numbers.
+// A floating-point array of mjModel, or one that it lacks (joint_friction.h): n rows of `width` numbers.
 struct ModelArray {
   std::string name;
-  const double* values;
+  const double* values;  // null: all of them are `value`
   int n;
   int width;
+  double value = 0;
+
+  double operator[](int i) const { return values == nullptr ? value : values[i]; }
 };
 
 void AddArray(std::vector<ModelArray>& arrays, const char* name, const double* values, int n, int width) {
-  arrays.push_back({name, values, n, width});
+  arrays.push_back({.name = name, .values = values, .n = n, .width = width});
 }
 // Integers, flags and colours are structure, not parameters.
 template <class T>
@@ -43,6 +47,9 @@ std::vector<ModelArray> ModelArrays(const mjModel& model) {
 #undef X
 #undef MJ_M
 #define MJ_M(n) n
+  for (const auto& [name, nominal] : kFrictionArrays) {
+    arrays.push_back({.name = name, .values = nullptr, .n = static_cast<int>(model.nv), .width = 1, .value = nominal});
+  }
   return arrays;
 }
 
@@ -122,7 +129,7 @@ ModelField Collect(const ModelArray& array, std::string expand_name, const std::
       field.places.push_back(array.width > 1 ? fmt::format("{}[{}]", place, column) : place);
     }
   }
-  for (int i : field.indices) field.nominal.push_back(array.values[i]);
+  for (int i : field.indices) field.nominal.push_back(array[i]);
   field.unit = DescribeField(array.name, index).unit;
   field.changes_constants = kConstantsDependOn.contains(array.name);
   return field;
@@ -186,8 +193,10 @@ std::vector<ModelField> ServoFields(const mjModel& model, const Owner& owner, co
         path, stiffness ? "position" : "position or velocity", stiffness ? "" : ", or gainprm[0] = kv = -biasprm[2]"));
   }
   const auto prefix = [&](int row) { return fmt::format("{}/{}", owner.word, ObjectName(model, owner.type, row)); };
-  const ModelArray gains{"actuator_gainprm", model.actuator_gainprm, owner.count, mjNGAIN};
-  const ModelArray biases{"actuator_biasprm", model.actuator_biasprm, owner.count, mjNBIAS};
+  const ModelArray gains{
+      .name = "actuator_gainprm", .values = model.actuator_gainprm, .n = owner.count, .width = mjNGAIN};
+  const ModelArray biases{
+      .name = "actuator_biasprm", .values = model.actuator_biasprm, .n = owner.count, .width = mjNBIAS};
   std::vector<ModelField> fields;
   const auto add = [&](const ModelArray& array, const std::vector<int>& rows, int column, const char* name,
                        double sign) {

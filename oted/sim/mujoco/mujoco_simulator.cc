@@ -11,6 +11,7 @@
 #include "oted/base/error.h"
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/channel_suspects.h"
+#include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/model_offers.h"
 #include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/model_suspects.h"
@@ -51,6 +52,13 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
   if (setup_->loaded.model->na > 0) act_ = StateComponent(mjSTATE_ACT);
   rules_ = setup_->make_rules();
   for (const std::string& name : rules_->arrays()) arrays_.push_back(ArrayNamed(name));
+  const auto is_searched = [&](const auto& is_it) {
+    return std::ranges::any_of(setup_->fields, [&](const ModelField& field) { return is_it(field.array); });
+  };
+  if (is_searched(IsFrictionArray)) {
+    const bool loaded = is_searched([](const auto& array) { return array == kFrictionArrays[kLoadFriction].name; });
+    friction_ = std::make_unique<JointFriction>(batch_.get(), loaded);
+  }
   for (const ModelField& field : setup_->fields) {
     fields_.push_back(Expand(field.array));
     if (field.array == "geom_size") bounding_radii_ = Expand("geom_rbound");
@@ -98,6 +106,9 @@ LaneState MujocoSimulator::StateOf(int lane) const {
 
 MujocoSimulator::ExpandedField MujocoSimulator::Expand(const std::string& array) {
   ExpandedField expanded;
+  if (friction_ != nullptr && (IsFrictionArray(array) || array == "dof_frictionloss")) {
+    return {.values = friction_->Values(array), .size = static_cast<int>(setup_->loaded.model->nv)};
+  }
   int element_size = 0;
   expanded.values = static_cast<double*>(mjb_expand(batch_.get(), array.c_str(), &expanded.size, &element_size));
   OTED_CHECK(expanded.values != nullptr && element_size == static_cast<int>(sizeof(double)));
@@ -120,6 +131,7 @@ std::span<const double> MujocoSimulator::IntegrationState(int lane) const { retu
 void MujocoSimulator::CopyModel(int lane, mjModel_& model) const {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
   mjb_getModel(batch_.get(), lane, &model);
+  if (friction_ != nullptr) std::ranges::copy(friction_->Base(lane), model.dof_frictionloss);
 }
 
 void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
@@ -159,6 +171,7 @@ void MujocoSimulator::StartEpisode(int lane) {
   lanes_[static_cast<size_t>(lane)] = Lane{};
   mjWarningStat* warnings = mjb_warning(batch_.get()) + static_cast<ptrdiff_t>(lane) * mjNWARNING;
   std::fill_n(warnings, static_cast<int>(mjNWARNING), mjWarningStat{});
+  if (friction_ != nullptr) friction_->Rest(lane);
   // A state that is no state would be computed with; its next step reports it.
   if (rules_->stage() != mjSTAGE_NONE && AllFinite(state_.row(lane)) &&
       mjb_forward(batch_.get(), &lane, 1, rules_->stage()) != 0) {
@@ -260,7 +273,10 @@ void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> a
   }
   if (active_.empty()) return;
   const int n_active = static_cast<int>(active_.size());
-  if (mjb_step(batch_.get(), active_.data(), n_active, setup_->frame_skip, rules_->stage()) != 0) {
+  const int n_failed = friction_ != nullptr
+                           ? friction_->Step(active_, setup_->frame_skip, rules_->stage())
+                           : mjb_step(batch_.get(), active_.data(), n_active, setup_->frame_skip, rules_->stage());
+  if (n_failed != 0) {
     for (int lane : active_) {
       if (mjb_status(batch_.get())[lane] != 0) {
         throw DataError(

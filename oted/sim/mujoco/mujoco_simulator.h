@@ -19,6 +19,7 @@ struct mjSpec_;
 
 namespace oted {
 
+class JointFriction;
 struct ModelTask;
 
 /// What the simulators of one factory share, read-only.
@@ -64,7 +65,8 @@ class MujocoSimulator : public Simulator {
   /// Restores it; the episode clock starts at zero. @throws UsageError when the length is wrong.
   void SetIntegrationState(int lane, std::span<const double> state);
 
-  /// Writes the model that the lane simulates, its parameters applied, into a copy of the factory's model().
+  /// Writes the model that the lane simulates, its parameters applied as far as a model has them, into a copy of the
+  /// factory's model().
   void CopyModel(int lane, mjModel_& model) const;
 
   std::span<const double> qpos(int lane) const;  ///< generalised positions (nq) [m, rad]
@@ -104,9 +106,10 @@ class MujocoSimulator : public Simulator {
   int n_state_ = 0;
   LaneArray state_, qpos_, qvel_, act_, ctrl_;
   std::unique_ptr<TaskRules> rules_;
-  std::vector<LaneArray> arrays_;      // parallel to rules_->arrays()
-  std::vector<ExpandedField> fields_;  // parallel to the parameters
-  ExpandedField bounding_radii_;       // used when a parameter changes the size of a geom
+  std::unique_ptr<JointFriction> friction_;  // where parameters of it are searched
+  std::vector<LaneArray> arrays_;            // parallel to rules_->arrays()
+  std::vector<ExpandedField> fields_;        // parallel to the parameters
+  ExpandedField bounding_radii_;             // used when a parameter changes the size of a geom
   bool changes_constants_ = false;
   std::vector<std::vector<double>> parameters_;  // of each lane, as its model has them; empty where not set yet
   Array2<double> observations_;

@@ -61,12 +61,21 @@ ConformanceCase HopperChannels() {
           }};
 }
 
+std::vector<ParameterSpec> FrictionParameters() {
+  const auto friction = [](const std::string& name, double high) {
+    return ParameterSpec{
+        .name = name, .field = "joint/@actuated/" + name, .low = 0, .high = high, .scale = ParameterScale::kAbsolute};
+  };
+  return {friction("stribeck_torque", 5), friction("stribeck_velocity", 2), friction("load_friction", 0.5)};
+}
+
 INSTANTIATE_TEST_SUITE_P(Mujoco, SimulatorConformance,
                          testing::Values(Case("Hopper", "Hopper-v5", ThreeParameters()),
                                          Case("HalfCheetah", "HalfCheetah-v5", ThreeParameters()),
                                          Case("Walker2d", "Walker2d-v5", ThreeParameters()), HopperChannels(),
                                          Case("HopperInertia", "Hopper-v4", InertialParameters()),
-                                         Case("HalfCheetahInertia", "HalfCheetah-v4", InertialParameters())),
+                                         Case("HalfCheetahInertia", "HalfCheetah-v4", InertialParameters()),
+                                         Case("HopperFriction", "Hopper-v5", FrictionParameters())),
                          [](const auto& parameter) { return parameter.param.name; });
 
 // Runs `work` in an empty working directory; returns what it wrote to stdout and stderr and the files it left.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "oted/data/normalizer.h"
+#include "oted/sim/log_window.h"
 
 namespace oted {
 namespace {
@@ -78,12 +79,7 @@ class PairedLanes {
 
   /// Puts every lane into the state of one row. False when that cannot be.
   bool SetAll(const Episode& episode, int row) {
-    const auto logged = [&](const Array2<double>& rows) {
-      const size_t width = static_cast<size_t>(rows.cols());
-      return rows.values().subspan(static_cast<size_t>(episode.begin) * width,
-                                   static_cast<size_t>(row - episode.begin) * width);
-    };
-    const LoggedHistory before{logged(dataset_.observations), logged(dataset_.actions)};
+    const LoggedHistory before = HistoryBefore(dataset_, {.begin = row, .n_steps = 1, .episode_begin = episode.begin});
     bool settable = true;
     for (int lane = 0; lane < simulator_->n_lanes(); ++lane) {
       settable = settable && simulator_->SetStateFromLog(lane, dataset_.observations.row(row), before);

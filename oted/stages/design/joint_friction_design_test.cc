@@ -1,0 +1,91 @@
+// Friction that falls with speed and grows with load is found from logs; without it, what is searched stands in for it.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "oted/base/testing.h"
+#include "oted/matching/designer.h"
+#include "oted/sim/mujoco/model_task.h"
+#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/stages/design/trajectories/trajectory_matching.h"
+
+namespace oted::joint_friction_design_test {
+
+constexpr const char* kXml = R"(<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody><body><joint name="hinge" axis="0 1 0" damping="0.02" frictionloss="0.05"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" mass="0.5"/></body></worldbody>
+  <actuator><motor name="motor" joint="hinge" ctrlrange="-3 3" ctrllimited="true"/></actuator>
+</mujoco>)";
+const std::vector<double> kTruth = {0.08, 0.4, 0.12};
+
+ParameterSpec Absolute(const std::string& name, double high) {
+  return {.name = name, .field = "joint/hinge/" + name, .low = 0, .high = high, .scale = ParameterScale::kAbsolute};
+}
+const std::vector<ParameterSpec> kFriction = {Absolute("stribeck_torque", 0.3), Absolute("stribeck_velocity", 2),
+                                              Absolute("load_friction", 0.4)};
+
+class Hinge {
+ public:
+  Hinge() { WriteFileAtomically(folder_ / "hinge.xml", kXml); }
+
+  std::unique_ptr<MujocoSimulatorFactory> Factory(const std::vector<ParameterSpec>& specs) const {
+    ModelTask task;
+    task.name = "Hinge";
+    task.model = folder_ / "hinge.xml";
+    task.control_period = 0.01;
+    task.observations = {"joint/*/qpos", "joint/*/qvel"};
+    task.max_episode_steps = 1000;
+    return std::make_unique<MujocoSimulatorFactory>(task, specs);
+  }
+
+  /// Two episodes under slow and fast torques.
+  Dataset Logs() const {
+    const auto simulator = Factory(kFriction)->Make(1, 1);
+    simulator->SetParameters(0, kTruth);
+    Dataset logs;
+    for (const double rate : {0.021, 0.034}) {
+      Rng rng(1);
+      simulator->Reset(0, rng);
+      for (int i = 0; i < 400; ++i) {
+        const std::vector<double> torque = {1.1 * std::sin(rate * i) + 0.5 * std::sin(5.3 * rate * i)};
+        logs.observations.AppendRow(simulator->observation(0));
+        logs.actions.AppendRow(torque);
+        const int lane = 0;
+        simulator->Step({&lane, 1}, torque);
+        logs.next_observations.AppendRow(simulator->observation(0));
+        logs.terminals.push_back(0);
+        logs.timeouts.push_back(i == 399);
+      }
+    }
+    return logs;
+  }
+
+ private:
+  TestFolder folder_;
+};
+
+std::vector<double> Match(const SimulatorFactory& factory, const Dataset& logs) {
+  NullSink log;
+  const Prior prior = Prior::Uniform(factory.parameters().size());
+  const RunContext context{.log = &log, .n_threads = 1};
+  const ReplayFit fit =
+      MatchTrajectories({factory, logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
+                        {.rows = 400, .starts = 2, .coarse = 16});
+  return LogitToZ(factory.parameters(), {fit.mean.data(), static_cast<size_t>(fit.mean.size())});
+}
+
+TEST(DesignOfJointFriction, RecoversAllOfItsNumbers) {
+  const Hinge hinge;
+  const std::vector<double> z = Match(*hinge.Factory(kFriction), hinge.Logs());
+  for (size_t k = 0; k < z.size(); ++k) EXPECT_NEAR(z[k] / kTruth[k], 1, 0.02) << kFriction[k].name;
+}
+
+TEST(DesignOfJointFriction, WithoutItDryFrictionIsWrong) {
+  const Hinge hinge;
+  const std::vector<double> z = Match(*hinge.Factory({Absolute("frictionloss", 0.4)}), hinge.Logs());
+  EXPECT_GT(z[0], 0.07) << "the target's is 0.05";
+}
+
+}  // namespace oted::joint_friction_design_test
