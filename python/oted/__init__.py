@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from oted.logs import Logs, read_logs
     from oted.starting import Proposal, init
     from oted.task import Param, Task, describe
+    from oted.viewer import view
 
 __version__: str = _module.version
 
@@ -37,6 +38,7 @@ _PLACES = {
     "oted.logs": ("Logs", "read_logs"),
     "oted.starting": ("Proposal", "init"),
     "oted.task": ("Param", "Task", "describe"),
+    "oted.viewer": ("view",),
 }
 _SUBMODULES = ("bags", "lerobot", "progress", "sb3", "streams")
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
@@ -45,6 +47,7 @@ __all__ = [
     "Agent", "Check", "DataError", "Design", "Error", "Evaluation", "InternalError", "Interrupted", "Logs",
     "MissingPackage", "Param", "Proposal", "Task", "UsageError", "Validation", "Verdict", "check", "describe", "evaluate", "fit",
     "bags", "init", "lerobot", "load", "make_env", "make_vec_env", "progress", "read_logs", "register", "streams", "train",
+    "view",
 ]
 
 

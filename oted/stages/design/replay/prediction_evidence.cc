@@ -24,6 +24,7 @@ constexpr int kImitations = 2;
 constexpr int kFewestPredicted = 3, kMostPredicted = 60;  // windows of each part at each horizon
 constexpr double kSurely = 2.0;                           // standard errors
 constexpr int kNoiseCorrections = 2;
+constexpr double kNoNoise = 1e-6;  // of a channel's spread: such noise is none
 constexpr double kMoved = 0.25;  // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
@@ -114,6 +115,15 @@ class Evidence {
 
   /// Before Compare, where the floor is asked for: it takes most of the time.
   void FindFloor() {
+    if (parts_.empty()) return;
+    if ((noise_.array() <= kNoNoise * parts_.front()->judge().spread().array()).all()) {
+      // Readings are the state. The design's own logs would be predicted without error.
+      imitated_ = {designed_};
+      for (PredictionJudge::Squares& squares : imitated_.front()) {
+        for (MatrixXd& predicted : squares.predicted) predicted.setZero();
+      }
+      return;
+    }
     for (int round = 0; round < kNoiseCorrections; ++round) {
       const RngKey key = problem_.key.Stage("noise").Index(static_cast<uint64_t>(round));
       const VectorXd corrected = CorrectedNoise(key.MakeRng());
