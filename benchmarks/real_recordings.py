@@ -7,11 +7,16 @@ oted: windows of 1 s begin every 0.25 s in the held-out recordings, the logged a
 starts from the same state, a parabola through the logged positions of 0.05 s about the start. The error is the root mean
 square of the joint positions over the first 0.1, 0.5 and 1 s; printed are ratios to the nominal model's, geometric means over
 joints. A cell that is in results/real_recordings.jsonl is not made again. Needs mujoco and numpy (requirements-test.txt).
+
+The method mujoco.sysid is MuJoCo's own identification, judged alike (rival_sysid_real.py):
+
+    .venv-bench/bin/python benchmarks/real_recordings.py --methods mujoco.sysid      # requirements-sysid.txt
 """
 
 import argparse
 import csv
 import gzip
+import pathlib
 import subprocess
 import tempfile
 import time
@@ -23,6 +28,7 @@ from study_data import ROOT, add_record, records
 
 STUDY = ROOT / "benchmarks/results/real_recordings.jsonl"
 MARKS = (0.1, 0.5, 1.0)  # [s]
+RIVAL = "mujoco.sysid"
 SETS = {  # control period [s], held-out recordings by name
     "double_pendulum": (0.002, {"sine": ("143524", "143704", "144003"), "swing-up": ("154548",)}),
     "simple_pendulum": (0.005, {"all": None}),
@@ -72,24 +78,40 @@ def errors(model_file, logs, period):
     return {mark: np.sqrt(mean[:round(mark / period)].mean(axis=0)) for mark in MARKS}
 
 
+def design(folder, method, oted, out):
+    """The designed model's file, and the program's exit code."""
+    command = [str(oted), "design", str(folder / "task.toml"), "--out", str(out), "--quiet", "--set", f"design.method={method}"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode not in (0, 4):
+        raise SystemExit(done.stderr)
+    # A design that does not surely predict better is judged as well.
+    subprocess.run([str(oted), "export", str(out), "--mjcf", f"{out}/export/designed.xml"], check=True, capture_output=True)
+    return out / "export/designed.xml", done.returncode
+
+
+def rival(folder, period, out):
+    import rival_sysid_real  # in an environment of its own: requirements-sysid.txt
+
+    rival_sysid_real.fit(folder, list(episodes(folder / "fit.csv.gz").values()), period, start_state, out / "designed.xml")
+    return out / "designed.xml", 0
+
+
 def make(name, method, oted):
     period, parts = SETS[name]
     folder = ROOT / "examples/real" / name
     with tempfile.TemporaryDirectory() as out:
-        begin = time.monotonic()
-        command = [str(oted), "design", str(folder / "task.toml"), "--out", out, "--quiet", "--set", f"design.method={method}"]
-        done = subprocess.run(command, check=False, capture_output=True, text=True)
-        if done.returncode not in (0, 4):
-            raise SystemExit(done.stderr)
+        begin, cpu = time.monotonic(), time.process_time()
+        place = pathlib.Path(out)
+        model, code = rival(folder, period, place) if method == RIVAL else design(folder, method, oted, place)
         seconds = time.monotonic() - begin
-        # A design that does not surely predict better is judged as well.
-        subprocess.run([str(oted), "export", out, "--mjcf", f"{out}/export/designed.xml"], check=True, capture_output=True)
         logs = episodes(folder / "held_out.csv.gz")
-        cell = {"set": name, "method": method, "exit_code": done.returncode, "seconds": round(seconds), "ratios": {}, "nominal": {}}
+        cell = {"set": name, "method": method, "exit_code": code, "seconds": round(seconds), "ratios": {}, "nominal": {}}
+        if method == RIVAL:
+            cell["cpu_seconds"] = round(time.process_time() - cpu)
         for part, wanted in parts.items():
             chosen = [of for episode, of in logs.items() if wanted is None or episode in wanted]
             nominal = errors(folder / "model.xml", chosen, period)
-            designed = errors(f"{out}/export/designed.xml", chosen, period)
+            designed = errors(model, chosen, period)
             cell["nominal"][part] = {str(mark): [round(float(v), 4) for v in nominal[mark]] for mark in MARKS}
             cell["ratios"][part] = {
                 str(mark): round(float(np.exp(np.mean(np.log(designed[mark] / nominal[mark])))), 3) for mark in MARKS}
