@@ -51,6 +51,13 @@ class Lanes {
     lanes_->ResetTo(lane, Values(qpos), Values(qvel), rng);
     Show(lane);
   }
+  /// Into the state that a logged observation shows. False where it shows none: the lane is then unchanged.
+  bool SetToLog(int lane, const InArray& observation) {
+    CheckLane(lane);
+    if (!lanes_->SetStateFromObservation(lane, Values(observation))) return false;
+    Show(lane);
+    return true;
+  }
 
   /// One control period of the listed lanes; `actions` has a row for every lane.
   void Step(const std::vector<int>& lanes, const InArray& actions) {
@@ -133,6 +140,7 @@ void AddSimulators(nb::module_& m) {
       .def("set_parameters", &Lanes::SetParameters, nb::arg("lane"), nb::arg("z"))
       .def("reset", &Lanes::Reset, nb::arg("lane"), nb::arg("seed"))
       .def("reset_to", &Lanes::ResetTo, nb::arg("lane"), nb::arg("qpos"), nb::arg("qvel"), nb::arg("seed"))
+      .def("set_to_log", &Lanes::SetToLog, nb::arg("lane"), nb::arg("observation"))
       .def("step", &Lanes::Step, nb::arg("lanes"), nb::arg("actions"))
       .def("observations", &Lanes::Observations)
       .def("rewards", &Lanes::Rewards)

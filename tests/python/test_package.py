@@ -434,6 +434,35 @@ class Designs(InFolder):
         self.assertEqual(by_file.returns, by_call.returns)
 
 
+    def test_the_viewers_ghost_is_the_log_and_the_simulator_moves_by_the_logged_actions(self):
+        from oted.viewer import motion
+        logs = oted.read_logs(HOPPER, task="Hopper-v5")
+        seen = logs.observations[logs.episodes[0][0]:logs.episodes[0][1]]
+        logged, designed, period = motion(self.design, 1, seconds=10 * 0.008)
+        self.assertEqual((len(logged), period), (len(seen), 0.008))
+        clear = np.abs(seen[:, 5:]).max(axis=1) < 10  # Gymnasium clips velocities: other rows show no state
+        self.assertTrue(clear[0] and clear.sum() > 20)
+        # qpos without the distance walked, which no log shows.
+        np.testing.assert_array_equal(logged[clear, 1:], seen[clear, :5])
+        # From the start on it is an environment at the same parameters.
+        env = oted.make_env(self.design)
+        env.reset(options={"qpos": designed[0], "qvel": seen[0, 5:]})
+        for row in range(10):
+            np.testing.assert_allclose(designed[row, 1:], env.unwrapped._sims.lanes.pose(0)[1:], atol=1e-12)
+            env.step(logs.actions[row])
+        start = next(row for row in range(10, len(seen)) if clear[row])
+        np.testing.assert_array_equal(designed[start, 1:], logged[start, 1:])
+        self.assertGreater(np.abs(designed[:, 1:] - logged[:, 1:]).max(), 1e-9)
+        with self.assertRaisesRegex(oted.UsageError, "episode: got 0"):
+            motion(self.design, 0)
+
+    def test_without_a_display_the_viewer_says_so_in_a_line(self):
+        shown = subprocess.run([sys.executable, "-m", "oted", "view", self.design.path], capture_output=True, text=True,
+                               env={k: v for k, v in os.environ.items() if "DISPLAY" not in k} | {"PYTHONPATH": FOLDER})
+        self.assertEqual((shown.returncode, shown.stdout), (3, ""))
+        self.assertRegex(shown.stderr, r"\Aoted: there is no display [^\n]+\n\Z")
+
+
 class Refusals(InFolder):
     def test_errors_have_classes_and_leave_nothing(self):
         out = self.folder / "run"

@@ -1,0 +1,112 @@
+"""The designed simulator in MuJoCo's viewer, with the logged motion as a ghost."""
+
+import argparse
+import json
+import os
+import threading
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oted._engine import core
+from oted._needs import need
+from oted.agents import study_of
+from oted.design import Design, load
+from oted.errors import DataError, UsageError
+
+Poses = NDArray[np.float64]
+GHOST = (0.25, 0.55, 1.0, 0.35)  # red, green, blue, opacity
+LOGGED, DESIGNED = 0, 1  # lanes
+
+
+def motion(design: Design, episode: int = 1, seconds: float = 1.0) -> tuple[Poses, Poses, float]:
+    """Positions, a row of qpos for each logged step: as logged, and as the designed simulator moves under the logged
+    actions, which begins anew at the logged state every `seconds`. And the time between two rows [s]. Coordinates that no
+    log shows stay as in the start state."""
+    what = study_of(design)
+    logs = core.read_logs(what)
+    episodes = logs.episodes()
+    if not 1 <= episode <= len(episodes):
+        raise UsageError(f"episode: got {episode}, wanted 1 to {len(episodes)}, the episodes of the logs")
+    begin, end, _ = episodes[episode - 1]
+    period = float(json.loads(core.describe(what))["control_period"])
+    between = max(1, round(seconds / period))
+
+    lanes = core.Lanes(what, 2, 1)
+    for lane in (LOGGED, DESIGNED):
+        lanes.set_parameters(lane, np.asarray(list(design.mode.values()), dtype=np.float64))
+    next_start = begin
+    poses: tuple[list[Poses], list[Poses]] = ([], [])
+    for row in range(begin, end):
+        seen = np.ascontiguousarray(logs.observations[row], dtype=np.float64)
+        # A reading that shows no state (a clipped velocity) leaves a lane as it was.
+        lanes.set_to_log(LOGGED, seen)
+        if row >= next_start and lanes.set_to_log(DESIGNED, seen):
+            next_start = row + between
+        for lane in (LOGGED, DESIGNED):
+            poses[lane].append(np.array(lanes.pose(lane)))
+        actions = np.tile(np.asarray(logs.actions[row], dtype=np.float64), (2, 1))
+        lanes.step([DESIGNED], np.ascontiguousarray(actions))
+    return np.array(poses[LOGGED]), np.array(poses[DESIGNED]), period
+
+
+def _add_ghost(mujoco: Any, model: Any, data: Any, scene: Any) -> None:
+    """The robot as `data` has it, see-through, in place of what the scene held."""
+    scene.ngeom = 0
+    mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), int(mujoco.mjtCatBit.mjCAT_DYNAMIC), scene)
+    for i in range(scene.ngeom):
+        scene.geoms[i].rgba[:] = GHOST
+
+
+def _passive_viewer() -> Any:
+    """mujoco.viewer, once it is known that a window can open: it would wait for ever for one that cannot."""
+    viewer = need("mujoco.viewer", "oted view")
+    glfw = need("glfw", "oted view")
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")) or not glfw.init():
+        raise DataError("there is no display to open a window on; set DISPLAY, or look at the report's films")
+    return viewer
+
+
+def view(design: Design | str | os.PathLike[str], *, episode: int = 1, seconds: float = 1.0, speed: float = 1.0,
+         rounds: int | None = None) -> None:
+    """Shows an episode of the logs in MuJoCo's viewer until its window is closed: the designed simulator, and as a ghost
+    the logged motion. Every `seconds` the simulator begins anew at the logged state. speed: 1 is real time. rounds: how
+    often the episode is shown; None: for ever. Needs mujoco and a display."""
+    found = design if isinstance(design, Design) else load(design)
+    viewer = _passive_viewer()
+    mujoco = need("mujoco", "oted view")
+    logged, designed, period = motion(found, episode, seconds)
+    model = found.to_spec().compile()
+    data, ghost = mujoco.MjData(model), mujoco.MjData(model)
+    others = set(threading.enumerate())
+    with viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False) as window:
+        shown = 0
+        while window.is_running() and (rounds is None or shown < rounds):
+            for there, here in zip(logged, designed):
+                begun = time.monotonic()
+                if not window.is_running():
+                    break
+                with window.lock():
+                    ghost.qpos[:], data.qpos[:] = there, here
+                    mujoco.mj_forward(model, ghost)
+                    mujoco.mj_forward(model, data)
+                    _add_ghost(mujoco, model, ghost, window.user_scn)
+                window.sync()
+                time.sleep(max(0.0, begun + period / speed - time.monotonic()))
+            shown += 1
+    # MuJoCo closes the window in a thread of its own, which must not meet the end of the interpreter.
+    for thread in set(threading.enumerate()) - others:
+        thread.join(10)
+
+
+def main(words: list[str]) -> None:
+    """oted view RUN_DIR"""
+    parser = argparse.ArgumentParser(prog="oted view", description=view.__doc__)
+    parser.add_argument("run_dir", help="run directory of a finished design")
+    parser.add_argument("--episode", type=int, default=1, help="of the logs [default: 1]")
+    parser.add_argument("--seconds", type=float, default=1.0, help="after which the simulator begins anew [default: 1]")
+    parser.add_argument("--speed", type=float, default=1.0, help="1 is real time")
+    given = parser.parse_args(words)
+    view(given.run_dir, episode=given.episode, seconds=given.seconds, speed=given.speed)
