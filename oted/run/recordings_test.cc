@@ -129,7 +129,7 @@ TEST(Recordings, AreReplayedAndPredictedWithTheirConstants) {
   }
   const Eigen::VectorXd noise = Eigen::VectorXd::Constant(2, 1e-3);
   const auto prediction = PredictLogs({*inputs.factory, inputs.logs, nullptr, truth, noise,
-                                       ReadingModel::Of(inputs.factory->spec(), inputs.logs), RngKey(1), 1});
+                                       ReadingModel::Of(inputs.factory->spec(), inputs.logs), {}, RngKey(1), 1});
   ASSERT_TRUE(prediction.has_value());
   EXPECT_LT(prediction->horizons.back().channels[0].designed, 1e-4) << "[rad] after a second";
 }

@@ -30,7 +30,7 @@ std::unique_ptr<SimulatorFactory> Factory(std::vector<ParameterSpec> constants =
 
 /// What the point mass shows a step after it was set to (0, 1) in a log with these constants, no action given.
 std::vector<double> Shown(Simulator& simulator, const std::vector<double>& constants, bool by_state = false) {
-  const std::vector<double> start = {0, 1}, idle = {0};
+  const std::vector<double> start = {0, 1}, idle(static_cast<size_t>(simulator.n_lanes()), 0.0);
   const LoggedHistory before{.observations = {}, .actions = {}, .constants = constants};
   EXPECT_TRUE(by_state ? simulator.SetState(0, start, before) : simulator.SetStateFromLog(0, start, before));
   const int lane = 0;
