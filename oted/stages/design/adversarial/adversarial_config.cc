@@ -88,17 +88,24 @@ void AdversarialConfig::Check() const {
 }
 
 void AdversarialConfig::SetPaperDefaults() {
-  StartAtResets();
+  actions = RolloutActions::kClone;
   evidence = SeenByG::kStateAction;
-  horizon = 300;
-  n_steps = 300;
-  n_iterations = 60;
+  horizon = 30;
+  n_steps = 150;
+  step_mean = 1.0;
+  step_log_std = 0.5;
+  average = 0.5;
 }
 
 void AdversarialConfig::StartAtResets() {
   starts = RolloutStarts::kInitial;
   actions = RolloutActions::kClone;
   rows = LoggedRows::kFirst;
+  horizon = 300;
+  n_steps = 300;
+  step_mean = 0.5;
+  step_log_std = 0.25;
+  average = 0.0;
 }
 
 EvidenceConfig AdversarialConfig::Evidence(const SimulatorSpec& spec) const {
