@@ -158,7 +158,7 @@ DesignConfig DesignChoice::Resolved(DesignMethod wanted, const SimulatorSpec& sp
   DesignConfig config = For(wanted);
   if (!spec.can_set_state && config.adversarial.starts == RolloutStarts::kDataset) {
     config = FromResets(wanted);
-    for (const auto& [key, value] : given_) FieldAt(config, key).FromJson(value, "design");
+    for (const auto& [key, value] : given_) FieldAt(config, key, "design").FromJson(value, "design");
     const DesignConfig from_resets = FromResets(wanted);
     config.adversarial.starts = from_resets.adversarial.starts;
     config.adversarial.actions = from_resets.adversarial.actions;

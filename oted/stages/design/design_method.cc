@@ -93,11 +93,10 @@ DesignResult LearnByRatios(const DesignProblem& problem, const DesignConfig& con
   return {.q = MatchRatios(to_match, config.images, config.discriminator)};
 }
 
-/// A small g that learns fast: it has to follow q.
+/// A small g: a larger one remembers short logs, and takes most of the time.
 void SetPaperDefaults(DesignConfig& config) {
   config.adversarial.SetPaperDefaults();
   config.discriminator.hidden = {100, 100};
-  config.discriminator.learning_rate = 1e-3;
   config.discriminator.steps = 40;
 }
 
