@@ -26,6 +26,7 @@ from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, add_record, collect,
 
 VARIANTS = {
     "paper": ["design.method=paper"],
+    "letter": ["design.method=paper", "design.adversarial.starts=initial", "design.adversarial.n_iterations=60"],
     "transitions": ["design.method=transitions"],
 }
 TRAINED = {

@@ -135,8 +135,8 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   for (const Episode& episode : dataset.Episodes()) {
     for (int i = episode.begin; i < episode.end; ++i) {
       const LogWindow window{i, std::min(config.horizon, episode.end - i), episode.begin};
-      // A remainder is short where the log was cut, and compared only if the episode itself is shorter than the horizon.
-      // Where the task ended the clone's rollout may end as well, sooner or later.
+      // A remainder is short where the log was cut, and compared only if the episode itself is shorter than the
+      // horizon. Where the task ended the clone's rollout may end as well, sooner or later.
       const bool ends_itself = episode.terminated && !config.replayed_actions;
       if (window.n_steps < config.horizon && i > episode.begin && !ends_itself) break;
       if (simulator_->SetStateFromObservation(0, dataset.observations.row(i))) windows_.push_back(window);

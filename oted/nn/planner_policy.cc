@@ -39,8 +39,7 @@ class Planner : public PolicyActor {
     plans_ = std::move(kept);
   }
 
-  void Act(std::span<const double> observations, int n, ActionStreams streams,
-           std::span<double> actions) override {
+  void Act(std::span<const double> observations, int n, ActionStreams streams, std::span<double> actions) override {
     const size_t n_rows = static_cast<size_t>(n), obs_dim = static_cast<size_t>(policy_.obs_dim());
     if (plans_.size() != n_rows * plan_size_) Begin(n);
     states_.resize(observations.size());

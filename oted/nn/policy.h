@@ -35,8 +35,7 @@ class PolicyActor {
  public:
   virtual ~PolicyActor() = default;
   /// observations (n, obs_dim), raw -> actions (n, act_dim).
-  virtual void Act(std::span<const double> observations, int n, ActionStreams streams,
-                   std::span<double> actions) = 0;
+  virtual void Act(std::span<const double> observations, int n, ActionStreams streams, std::span<double> actions) = 0;
   /// What an actor that remembers is told: `n` rows begin episodes; or the rows `rows` (ascending) of the last Act go
   /// on and the others are over.
   virtual void Begin(int n) { static_cast<void>(n); }

@@ -106,8 +106,7 @@ std::unique_ptr<PolicyActor> TanhGaussianPolicy::MakeActor(ActionNoise noise, do
   return std::make_unique<PolicyRunner>(*this, noise, noise_scale);
 }
 
-void PolicyRunner::Act(std::span<const double> observations, int n, ActionStreams streams,
-                       std::span<double> actions) {
+void PolicyRunner::Act(std::span<const double> observations, int n, ActionStreams streams, std::span<double> actions) {
   const int act_dim = policy_->act_dim();
   OTED_CHECK(actions.size() == static_cast<size_t>(n) * static_cast<size_t>(act_dim));
   input_.resize(observations.size());

@@ -159,7 +159,7 @@ TEST(DesignMethods, EachIsFoundByItsNameAndNamesSectionsThatExist) {
 }
 
 TEST(DefaultInWords, ListsTheMethodsThatHaveAnother) {
-  EXPECT_EQ(DefaultInWords("design.adversarial", "horizon"), "10; paper: 300; images: 8");
+  EXPECT_EQ(DefaultInWords("design.adversarial", "horizon"), "10; paper: 30; images: 8");
   EXPECT_EQ(DefaultInWords("design.trajectories", "window"), "16");
   EXPECT_FALSE(DependsOnMethod("design", "prior"));
 }

@@ -140,8 +140,9 @@ const std::vector<MethodDescription>& DesignMethods() {
        .learn = LearnByAlgorithm1},
       {.method = DesignMethod::kPaper,
        .name = "paper",
-       .summary = "Algorithm 1 with g(s, a): the clone is rolled out from logged states, or from the initial ones where no "
-                  "state can be set",
+       .summary =
+           "Algorithm 1 with g(s, a): the clone is rolled out from logged states, or from the initial ones where no "
+           "state can be set",
        .needs = {.clone = true},
        .sections = {"adversarial", "discriminator"},
        .is_algorithm1 = true,
