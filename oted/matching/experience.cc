@@ -119,6 +119,7 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   OTED_CHECK(config.replayed_actions || clone != nullptr);
   past_actions_.assign(static_cast<size_t>(simulator_->n_lanes()), PastActions(config.n_past_actions, spec.act_dim));
   stacks_.assign(static_cast<size_t>(simulator_->n_lanes()), StepStack(config));
+  noise_.assign(static_cast<size_t>(simulator_->n_lanes()), Rng(0));
   if (!config.dataset_starts) {
     OTED_CHECK(!config.replayed_actions);  // replaying from another state than the logged one would prove nothing
     return;
@@ -134,8 +135,10 @@ ExperienceGatherer::ExperienceGatherer(std::unique_ptr<Simulator> simulator, con
   for (const Episode& episode : dataset.Episodes()) {
     for (int i = episode.begin; i < episode.end; ++i) {
       const LogWindow window{i, std::min(config.horizon, episode.end - i), episode.begin};
-      // A short remainder only where the episode itself is shorter than the horizon.
-      if (window.n_steps < config.horizon && i > episode.begin) break;
+      // A remainder is short where the log was cut, and compared only if the episode itself is shorter than the
+      // horizon. Where the task ended the clone's rollout may end as well, sooner or later.
+      const bool ends_itself = episode.terminated && !config.replayed_actions;
+      if (window.n_steps < config.horizon && i > episode.begin && !ends_itself) break;
       if (simulator_->SetStateFromObservation(0, dataset.observations.row(i))) windows_.push_back(window);
     }
   }
@@ -156,10 +159,19 @@ LogWindow ExperienceGatherer::window(int lane, int n_started, RngKey key) const 
   return windows_[rng.Below(windows_.size())];
 }
 
+int ExperienceGatherer::RolloutLength(int lane, int n_started, RngKey key) const {
+  if (!config_.dataset_starts) return config_.horizon;
+  const LogWindow w = window(lane, n_started, key);
+  const bool terminated = dataset_.terminals[static_cast<size_t>(w.begin + w.n_steps - 1)] != 0;
+  return terminated && !config_.replayed_actions ? config_.horizon : w.n_steps;
+}
+
 void ExperienceGatherer::StartRollout(int lane, int n_started, RngKey key) {
   PastActions& before = past_actions_[static_cast<size_t>(lane)];
   before.Clear();
   stacks_[static_cast<size_t>(lane)].Clear();
+  noise_[static_cast<size_t>(lane)] =
+      StartKey(lane, key).Stage("clone").Index(static_cast<uint64_t>(n_started)).MakeRng();
   if (config_.dataset_starts) {
     const LogWindow w = window(lane, n_started, key);
     OTED_CHECK(simulator_->SetStateFromLog(lane, dataset_.observations.row(w.begin), HistoryBefore(dataset_, w)));
@@ -183,7 +195,6 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
   std::vector<double> observations(n_lanes * obs_dim), actions(n_lanes * act_dim), row;
   std::unique_ptr<PolicyActor> actor;
   if (!config_.replayed_actions) actor = clone_->MakeActor(ActionNoise::kSampled, config_.clone_noise);
-  Rng noise = key.Stage("clone").MakeRng();
 
   for (const int lane : lanes) {
     simulator_->SetParameters(lane, z[static_cast<size_t>(lane)]);
@@ -195,7 +206,7 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       std::copy(observation.begin(), observation.end(), observations.begin() + static_cast<ptrdiff_t>(k * obs_dim));
     }
     if (actor) {
-      actor->Act(observations, static_cast<int>(n_lanes), noise, actions);
+      actor->Act(observations, static_cast<int>(n_lanes), ActionStreams(std::span(noise_).first(n_lanes)), actions);
     } else {
       for (size_t k = 0; k < n_lanes; ++k) {
         const auto action = dataset_.actions.row(window(lanes[k], n_started[k] - 1, key).begin + step_in_rollout[k]);
@@ -223,7 +234,7 @@ std::vector<LaneExperience> ExperienceGatherer::Gather(const std::vector<std::ve
       }
       past_actions_[k].Push(action);
       ++step_in_rollout[k];
-      const int length = config_.replayed_actions ? window(lanes[k], n_started[k] - 1, key).n_steps : config_.horizon;
+      const int length = RolloutLength(lanes[k], n_started[k] - 1, key);
       const bool ended = status == LaneStatus::kDiverged || step_in_rollout[k] >= length ||
                          (!config_.replayed_actions && status != LaneStatus::kRunning);
       if (ended) {

@@ -34,8 +34,8 @@ struct EvidenceConfig {
   /// Samples are this many steps of a rollout, or of an episode from its start, side by side; what is left over at its
   /// end is no sample. The channels of their images lie side by side in one image.
   int stack = 1;
-  /// Every lane of a batch gets the same starts, so that lanes differ in z alone and their rewards can be compared;
-  /// otherwise each has its own, as what learns from all of them wants.
+  /// Every lane of a batch gets the same starts and the same noise of the clone, so that lanes differ in z alone and
+  /// their rewards can be compared; otherwise each has its own, as what learns from all of them wants.
   bool common_starts = true;
   std::vector<int> image = {};  ///< SimulatorSpec::image_shape, of one step
   bool keep_steps = false;      ///< LaneExperience::steps are kept
@@ -95,6 +95,9 @@ class ExperienceGatherer {
                      const EvidenceConfig& config);
 
   int n_lanes() const { return simulator_->n_lanes(); }
+  /// Where rollouts from logged states begin, and for how long the log goes on from there. Empty where they begin at
+  /// the initial distribution.
+  const std::vector<LogWindow>& windows() const { return windows_; }
 
   /// `n_steps` control steps for each z[k], k < n_lanes. A rollout ends at its horizon, at termination (replayed
   /// actions go on: the log did) or divergence, and the next begins.
@@ -104,6 +107,7 @@ class ExperienceGatherer {
   void StartRollout(int lane, int n_started, RngKey key);
   RngKey StartKey(int lane, RngKey key) const;
   LogWindow window(int lane, int n_started, RngKey key) const;
+  int RolloutLength(int lane, int n_started, RngKey key) const;
 
   std::unique_ptr<Simulator> simulator_;
   const Dataset& dataset_;
@@ -112,6 +116,7 @@ class ExperienceGatherer {
   std::vector<LogWindow> windows_;         // those whose first state the simulator can be set to
   std::vector<PastActions> past_actions_;  // of each lane
   std::vector<StepStack> stacks_;          // of each lane
+  std::vector<Rng> noise_;                 // of each lane: of the clone's actions in its rollout
 };
 
 }  // namespace oted

@@ -243,6 +243,40 @@ TEST(ExperienceGatherer, ClonesNoiseIsScaled) {
   EXPECT_EQ(deviation(0.0), 0);
 }
 
+TEST(ExperienceGatherer, TheClonesNoiseIsTheSameInAllLanesUnlessEachHasItsOwnStarts) {
+  const Dataset dataset = MakeDataset();
+  TanhGaussianPolicy clone(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  clone.net().parameters()[5] = -1.0f;
+  EvidenceConfig evidence{.replayed_actions = false, .horizon = 7, .n_steps = 30};
+  // The third lane ends its rollouts early; the next ones still begin and act as those of the others.
+  const PointMassOptions options{.terminate_beyond = 0.6};
+  const std::vector<std::vector<double>> z = {kTruth, kTruth, {2, 1, 0}};
+  const auto common = Gather(dataset, evidence, z, &clone, options);
+  EXPECT_EQ(common[0].features, common[1].features);
+  EXPECT_EQ(common[0].features(0, 2), common[2].features(0, 2));
+  EXPECT_NE(common[0].features(0, 2), common[0].features(1, 2)) << "it is noise";
+  evidence.common_starts = false;
+  const auto own = Gather(dataset, evidence, z, &clone, options);
+  EXPECT_NE(own[0].features(0, 2), own[1].features(0, 2));
+}
+
+TEST(ExperienceGatherer, TheCloneMayBeginWhereTheTaskSoonEndsButNotWhereTheLogWasCut) {
+  Dataset dataset = MakeDataset();
+  dataset.terminals[19] = 1;  // the first of four episodes of 20 steps; the others were cut
+  dataset.timeouts[19] = 0;
+  TanhGaussianPolicy clone(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});
+  const auto windows = [&](bool replayed) {
+    const ExperienceGatherer gatherer(std::make_unique<PointMass>(PointMassOptions{}, 1, 1), dataset, &clone,
+                                      {.replayed_actions = replayed, .horizon = 6});
+    return gatherer.windows();
+  };
+  EXPECT_EQ(windows(true).size(), 4u * 15) << "a replay ends with the log";
+  const std::vector<LogWindow> of_clone = windows(false);
+  ASSERT_EQ(of_clone.size(), 20u + 3 * 15);
+  EXPECT_EQ(of_clone[19].begin, 19);
+  EXPECT_EQ(of_clone[19].n_steps, 1) << "of the log; the clone's rollout may be longer";
+}
+
 TEST(ExperienceGatherer, ADivergingLaneIsMarkedAndItsBrokenStepsAreLeftOut) {
   const Dataset dataset = MakeDataset();
   const PointMassOptions options{.diverge_beyond = 1.6};

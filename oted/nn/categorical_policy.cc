@@ -15,7 +15,7 @@ class CategoricalActor : public PolicyActor {
  public:
   CategoricalActor(const CategoricalPolicy& policy, double noise) : policy_(&policy), noise_(noise) {}
 
-  void Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) override {
+  void Act(std::span<const double> observations, int n, ActionStreams streams, std::span<double> actions) override {
     const size_t obs_dim = static_cast<size_t>(policy_->obs_dim()), width = static_cast<size_t>(policy_->n_actions());
     OTED_CHECK(observations.size() == static_cast<size_t>(n) * obs_dim && actions.size() == static_cast<size_t>(n));
     if (n == 0) return;
@@ -32,7 +32,7 @@ class CategoricalActor : public PolicyActor {
         continue;
       }
       for (float& logit : logits) logit /= static_cast<float>(noise_);
-      actions[i] = SampleCategorical(logits, rng);
+      actions[i] = SampleCategorical(logits, streams.of(static_cast<int>(i)));
     }
   }
 

@@ -39,7 +39,7 @@ class Planner : public PolicyActor {
     plans_ = std::move(kept);
   }
 
-  void Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) override {
+  void Act(std::span<const double> observations, int n, ActionStreams streams, std::span<double> actions) override {
     const size_t n_rows = static_cast<size_t>(n), obs_dim = static_cast<size_t>(policy_.obs_dim());
     if (plans_.size() != n_rows * plan_size_) Begin(n);
     states_.resize(observations.size());
@@ -54,7 +54,7 @@ class Planner : public PolicyActor {
     for (size_t k = 0; k < policy_.members().size(); ++k) {
       const int count =
           CountOf(static_cast<int>(k), static_cast<int>(policy_.members().size()), policy_.options().trajectories);
-      if (count > 0) Simulate(policy_.members()[k], n, first, count, rng);
+      if (count > 0) Simulate(policy_.members()[k], n, first, count, streams);
       first += static_cast<size_t>(count);
     }
     for (size_t i = 0; i < n_rows; ++i) {
@@ -75,7 +75,7 @@ class Planner : public PolicyActor {
   }
 
   /// Trajectories [first, first + count) of every row, by one member.
-  void Simulate(const PlannerMember& member, int n, size_t first, int count, Rng& rng) {
+  void Simulate(const PlannerMember& member, int n, size_t first, int count, ActionStreams streams) {
     const PlanOptions& options = policy_.options();
     const PlannerUnits& units = policy_.units();
     const size_t obs_dim = static_cast<size_t>(policy_.obs_dim()), width = obs_dim + act_dim_,
@@ -88,7 +88,7 @@ class Planner : public PolicyActor {
       Return(b / each, first + b % each) = 0;
     }
     for (size_t t = 0; t < static_cast<size_t>(options.horizon); ++t) {
-      rng.FillNormal({noise_.data(), noise_.size()});
+      streams.FillNormal({noise_.data(), noise_.size()}, n);
       const float* prior = pass_.Forward(member.prior, input_.data(), static_cast<int>(rows));
       for (size_t b = 0; b < rows; ++b) {
         const float* former = plans_.data() + b / each * plan_size_ + t * act_dim_;

@@ -106,7 +106,7 @@ std::unique_ptr<PolicyActor> TanhGaussianPolicy::MakeActor(ActionNoise noise, do
   return std::make_unique<PolicyRunner>(*this, noise, noise_scale);
 }
 
-void PolicyRunner::Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) {
+void PolicyRunner::Act(std::span<const double> observations, int n, ActionStreams streams, std::span<double> actions) {
   const int act_dim = policy_->act_dim();
   OTED_CHECK(actions.size() == static_cast<size_t>(n) * static_cast<size_t>(act_dim));
   input_.resize(observations.size());
@@ -117,7 +117,7 @@ void PolicyRunner::Act(std::span<const double> observations, int n, Rng& rng, st
       double u = out[j];
       if (noise_ == ActionNoise::kSampled) {
         const double log_std = std::clamp(out[act_dim + j], kLogStdMin, kLogStdMax);
-        u += noise_scale_ * std::exp(log_std) * rng.Normal();
+        u += noise_scale_ * std::exp(log_std) * streams.of(i).Normal();
       }
       actions[static_cast<size_t>(i * act_dim + j)] = policy_->SquashAction(u, j);
     }

@@ -58,7 +58,7 @@ class PolicyRunner : public PolicyActor {
   explicit PolicyRunner(const TanhGaussianPolicy& policy, ActionNoise noise, double noise_scale = 1.0)
       : policy_(&policy), noise_(noise), noise_scale_(noise_scale) {}
   /// observations (n, obs_dim) -> actions (n, act_dim).
-  void Act(std::span<const double> observations, int n, Rng& rng, std::span<double> actions) override;
+  void Act(std::span<const double> observations, int n, ActionStreams streams, std::span<double> actions) override;
 
  private:
   const TanhGaussianPolicy* policy_;

@@ -80,6 +80,14 @@ Field FieldAt(DesignConfig& config, const std::string& key, std::string_view whe
                                DidYouMean(section, names), fmt::join(names, ", ")));
 }
 
+/// The defaults where rollouts begin at the simulator's own starts.
+DesignConfig FromResets(DesignMethod method) {
+  DesignConfig config = DesignConfig::For(method);
+  config.adversarial.StartAtResets();
+  config.discriminator = {};
+  return config;
+}
+
 json DefaultOf(DesignMethod method, const std::string& section, const std::string& name) {
   DesignConfig config = DesignConfig::For(method);
   for (const FieldList& fields : config.Sections()) {
@@ -129,7 +137,9 @@ void DesignChoice::SetText(const std::string& key, std::string_view text, std::s
 }
 
 DesignConfig DesignChoice::For(DesignMethod wanted) const {
-  DesignConfig config = DesignConfig::For(wanted);
+  const auto starts = given_.find("adversarial.starts");
+  const bool from_resets = wanted == DesignMethod::kPaper && starts != given_.end() && starts->second == "initial";
+  DesignConfig config = from_resets ? FromResets(wanted) : DesignConfig::For(wanted);
   for (const auto& [key, value] : given_) FieldAt(config, key, "design").FromJson(value, "design");
   return config;
 }
@@ -146,18 +156,19 @@ DesignConfig DesignChoice::Resolved(DesignMethod wanted, const SimulatorSpec& sp
                     described.name, spec.task));
   }
   DesignConfig config = For(wanted);
-  AdversarialConfig& settings = config.adversarial;
-  if (settings.clone_updates > 0 && (spec.n_discrete_actions > 0 || !spec.image_shape.empty())) {
+  if (!spec.can_set_state && config.adversarial.starts == RolloutStarts::kDataset) {
+    config = FromResets(wanted);
+    for (const auto& [key, value] : given_) FieldAt(config, key, "design").FromJson(value, "design");
+    const DesignConfig from_resets = FromResets(wanted);
+    config.adversarial.starts = from_resets.adversarial.starts;
+    config.adversarial.actions = from_resets.adversarial.actions;
+    config.adversarial.rows = from_resets.adversarial.rows;
+  }
+  if (config.adversarial.clone_updates > 0 && (spec.n_discrete_actions > 0 || !spec.image_shape.empty())) {
     throw UsageError(fmt::format(
         "design.adversarial.clone_updates trains the clone by ValueDICE, which takes continuous actions and "
         "no images; set it to 0 for task '{}'",
         spec.task));
-  }
-  if (!spec.can_set_state && settings.starts == RolloutStarts::kDataset) {
-    const AdversarialConfig paper = DesignConfig::For(DesignMethod::kPaper).adversarial;
-    settings.StartAtResets();
-    if (!Has("adversarial.horizon")) settings.horizon = paper.horizon;
-    if (!Has("adversarial.n_steps")) settings.n_steps = paper.n_steps;
   }
   return config;
 }

@@ -32,8 +32,8 @@ class DesignChoice {
   DesignConfig For(DesignMethod wanted) const;
   /// The same where the simulator is not known: of trajectories in the place of auto.
   DesignConfig Assumed() const { return For(method.value_or(DesignMethod::kTrajectories)); }
-  /// The method that runs first in this simulator, and its settings. Where no state can be set, rollouts begin at the
-  /// simulator's own starts; a horizon and a number of steps that were not given are then the paper method's.
+  /// The method that runs first in this simulator, and its settings. Where no state can be set, rollouts of the clone
+  /// begin at the simulator's own starts, with the settings of Algorithm 1 there as far as none were given.
   /// @throws UsageError for a method that the simulator cannot serve
   DesignConfig Resolved(const ParameterSpace& space, const SimulatorSpec& spec) const;
   /// The same for another method than the first.

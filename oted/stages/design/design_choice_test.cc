@@ -36,7 +36,7 @@ TEST(DesignChoice, AutoMatchesTrajectoriesWhereStatesCanBeSetAndIsThePapersMetho
   EXPECT_EQ(choice.Resolved(none, positions_alone).method, DesignMethod::kTrajectories);
   const ParameterSpace lag({ParseParameterSpec("lag=obs/*/delay:0:3:absolute")});
   EXPECT_EQ(choice.Resolved(lag, Settable()).method, DesignMethod::kTrajectories);
-  EXPECT_EQ(choice.Resolved(none, SimulatorSpec{}).ToJson(), DesignConfig::For(DesignMethod::kPaper).ToJson());
+  EXPECT_EQ(choice.Resolved(none, SimulatorSpec{}).method, DesignMethod::kPaper);
 }
 
 TEST(DesignChoice, MethodsThatReplayTheLogNeedStatesThatCanBeSet) {
@@ -54,7 +54,7 @@ TEST(DesignChoice, WhatWasGivenHoldsForEveryMethodAndTheRestIsThatMethods) {
   DesignConfig expected = DesignConfig::For(DesignMethod::kPaper);
   expected.adversarial.n_iterations = 7;
   expected.adversarial.lambda = 0.5;
-  EXPECT_EQ(choice.Resolved(ParameterSpace(), SimulatorSpec{}).ToJson(), expected.ToJson());
+  EXPECT_EQ(choice.Resolved(DesignMethod::kPaper, Settable()).ToJson(), expected.ToJson());
   EXPECT_EQ(choice.Resolved(DesignMethod::kTransitions, Settable()).adversarial.n_iterations, 7);
 }
 
@@ -66,7 +66,7 @@ TEST(DesignChoice, TheOrderInWhichMethodAndSettingsAreGivenMeansNothing) {
   two.SetText("adversarial.horizon", "50", "here");
   EXPECT_EQ(one.ToJson(), two.ToJson());
   EXPECT_EQ(one.Assumed().adversarial.horizon, 50);
-  EXPECT_EQ(one.Assumed().adversarial.n_steps, 300);
+  EXPECT_EQ(one.Assumed().adversarial.n_steps, 150);
 }
 
 TEST(DesignChoice, WhereNoStateCanBeSetRolloutsBeginAtResetsAndTheCloneActs) {
@@ -79,6 +79,22 @@ TEST(DesignChoice, WhereNoStateCanBeSetRolloutsBeginAtResetsAndTheCloneActs) {
   EXPECT_EQ(config.horizon, 300);
   EXPECT_EQ(config.n_steps, 7) << "it was given";
   EXPECT_EQ(config.evidence, SeenByG::kTransition);
+  const DesignConfig paper = Of(DesignMethod::kPaper).Resolved(ParameterSpace(), SimulatorSpec{});
+  EXPECT_EQ(paper.adversarial.starts, RolloutStarts::kInitial);
+  EXPECT_EQ(paper.adversarial.evidence, SeenByG::kStateAction);
+  EXPECT_EQ(paper.discriminator.hidden, DiscriminatorConfig().hidden) << "its g is larger, and learns more slowly";
+}
+
+TEST(DesignChoice, StartsAtResetsBringTheSettingsOfAlgorithm1ToTheLetter) {
+  DesignChoice choice = Of(DesignMethod::kPaper);
+  choice.Set("adversarial.starts", "initial", "here");
+  choice.Set("adversarial.step_mean", 0.25, "here");
+  const DesignConfig config = choice.Resolved(ParameterSpace(), Settable());
+  config.Check();
+  EXPECT_EQ(config.adversarial.starts, RolloutStarts::kInitial);
+  EXPECT_EQ(config.adversarial.rows, LoggedRows::kFirst);
+  EXPECT_EQ(config.adversarial.horizon, 300);
+  EXPECT_EQ(config.adversarial.step_mean, 0.25) << "it was given";
 }
 
 TEST(DesignChoice, AnUnknownMethodIsRefusedWithTheNearestName) {
@@ -143,7 +159,7 @@ TEST(DesignMethods, EachIsFoundByItsNameAndNamesSectionsThatExist) {
 }
 
 TEST(DefaultInWords, ListsTheMethodsThatHaveAnother) {
-  EXPECT_EQ(DefaultInWords("design.adversarial", "horizon"), "10; paper: 300; images: 8");
+  EXPECT_EQ(DefaultInWords("design.adversarial", "horizon"), "10; paper: 30; images: 8");
   EXPECT_EQ(DefaultInWords("design.trajectories", "window"), "16");
   EXPECT_FALSE(DependsOnMethod("design", "prior"));
 }

@@ -11,11 +11,11 @@ namespace oted::design_config_test {
 
 using testing::HasSubstr;
 
-TEST(DesignConfig, ThePapersMethodIsAlgorithm1FromTheInitialStates) {
+TEST(DesignConfig, InThePapersMethodTheCloneActsFromLoggedStatesAndGSeesStateAndAction) {
   const DesignConfig config = DesignConfig::For(DesignMethod::kPaper);
   config.Check();
   const EvidenceConfig evidence = config.adversarial.Evidence({});
-  EXPECT_FALSE(evidence.dataset_starts);
+  EXPECT_TRUE(evidence.dataset_starts);
   EXPECT_FALSE(evidence.replayed_actions);
   EXPECT_FALSE(evidence.transitions) << "g(s, a)";
   EXPECT_EQ(config.method, DesignMethod::kPaper);

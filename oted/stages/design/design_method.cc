@@ -93,11 +93,17 @@ DesignResult LearnByRatios(const DesignProblem& problem, const DesignConfig& con
   return {.q = MatchRatios(to_match, config.images, config.discriminator)};
 }
 
-void SetPaperDefaults(DesignConfig& config) { config.adversarial.SetPaperDefaults(); }
+/// A small g: a larger one remembers short logs, and takes most of the time.
+void SetPaperDefaults(DesignConfig& config) {
+  config.adversarial.SetPaperDefaults();
+  config.discriminator.hidden = {100, 100};
+  config.discriminator.steps = 40;
+}
 
 /// The first steps of each episode as one sample, and a small network: few images have little to say.
 void SetImagesDefaults(DesignConfig& config) {
-  config.adversarial.SetPaperDefaults();
+  config.adversarial.StartAtResets();
+  config.adversarial.evidence = SeenByG::kStateAction;
   config.adversarial.horizon = 8;
   config.adversarial.stack = 8;
   config.adversarial.n_steps = 24;
@@ -134,7 +140,9 @@ const std::vector<MethodDescription>& DesignMethods() {
        .learn = LearnByAlgorithm1},
       {.method = DesignMethod::kPaper,
        .name = "paper",
-       .summary = "Algorithm 1 to the letter: the clone is rolled out from the initial states, g(s, a)",
+       .summary =
+           "Algorithm 1 with g(s, a): the clone is rolled out from logged states, or from the initial ones where no "
+           "state can be set",
        .needs = {.clone = true},
        .sections = {"adversarial", "discriminator"},
        .is_algorithm1 = true,

@@ -43,6 +43,31 @@ class SampleReplay {
   std::deque<std::vector<Array2<double>>> iterations_;
 };
 
+/// The logs as g sees them. Where the clone acts from logged states, a row comes as often as a rollout of the logs'
+/// behaviour from there would show it: the first rows of an episode are in fewer windows than others.
+class LoggedSamples {
+ public:
+  /// @param windows  where rollouts begin; none: every row counts the same
+  LoggedSamples(Array2<double> features, std::vector<LogWindow> windows)
+      : features_(std::move(features)), windows_(std::move(windows)) {
+    for (const LogWindow& window : windows_) longest_ = std::max(longest_, window.n_steps);
+  }
+  const Array2<double>& features() const { return features_; }
+  std::span<const double> Draw(Rng& rng) const {
+    if (windows_.empty()) return features_.row(static_cast<int>(rng.Below(static_cast<uint64_t>(features_.rows()))));
+    while (true) {
+      const LogWindow& window = windows_[rng.Below(windows_.size())];
+      const int step = static_cast<int>(rng.Below(static_cast<uint64_t>(longest_)));
+      if (step < window.n_steps) return features_.row(window.begin + step);
+    }
+  }
+
+ private:
+  Array2<double> features_;
+  std::vector<LogWindow> windows_;
+  int longest_ = 0;
+};
+
 double RewardOf(double logit, DesignReward kind) {
   return kind == DesignReward::kLogRatio ? logit : MinusLogOneMinusG(logit);
 }
@@ -143,16 +168,16 @@ struct DesignState {
 };
 
 /// Line 4. Returns means over the steps.
-Discriminator::StepResult UpdateDiscriminator(const DiscriminatorConfig& config, const Array2<double>& dataset_features,
-                                              Rng& rng, DesignState& state) {
+Discriminator::StepResult UpdateDiscriminator(const DiscriminatorConfig& config, const LoggedSamples& logged, Rng& rng,
+                                              DesignState& state) {
   Discriminator::StepResult mean;
   if (state.replay.empty()) return mean;
   const int batch = config.batch;
-  Array2<double> data_rows(batch, dataset_features.cols()), sim_rows(batch, dataset_features.cols());
+  const int width = logged.features().cols();
+  Array2<double> data_rows(batch, width), sim_rows(batch, width);
   for (int step = 0; step < config.steps; ++step) {
     for (int i = 0; i < batch; ++i) {
-      const auto data_row =
-          dataset_features.row(static_cast<int>(rng.Below(static_cast<uint64_t>(dataset_features.rows()))));
+      const auto data_row = logged.Draw(rng);
       std::copy(data_row.begin(), data_row.end(), data_rows.row(i).begin());
       const auto sim_row = state.replay.Draw(rng);
       std::copy(sim_row.begin(), sim_row.end(), sim_rows.row(i).begin());
@@ -190,7 +215,6 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
   const auto& [factory, dataset, given_clone, key, folder, run_name, context, unused_judged] = problem;
   const Policy* clone = given_clone;
   EvidenceConfig evidence = config.Evidence(factory.spec());
-  const Array2<double> dataset_features = DatasetFeatures(dataset, evidence);
   std::optional<JointClone> joint;
   if (config.clone_updates > 0) {
     joint.emplace(dynamic_cast<const TanhGaussianPolicy&>(*clone), dataset, config, key.Stage("joint clone"));
@@ -198,10 +222,14 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
     evidence.keep_steps = true;
   }
   ExperienceGatherer gatherer(factory.Make(config.n_sims, context.n_threads), dataset, clone, evidence);
+  // A stack has rows of its own, and replays need no weights: there g compares what follows a row with the row.
+  const bool weighted = !evidence.replayed_actions && evidence.stack == 1;
+  const LoggedSamples logged(DatasetFeatures(dataset, evidence),
+                             weighted ? gatherer.windows() : std::vector<LogWindow>());
 
   Rng init = key.Stage("initialisation").MakeRng();
   DesignState state{start,
-                    Discriminator(dataset_features, discriminator, init, FeatureShape(factory.spec(), evidence)),
+                    Discriminator(logged.features(), discriminator, init, FeatureShape(factory.spec(), evidence)),
                     SampleReplay(config.replay_iterations),
                     0,
                     0,
@@ -234,7 +262,7 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
     std::vector<Array2<double>> by_lane;
     for (LaneExperience& lane : experience) by_lane.push_back(std::move(lane.features));
     state.replay.Add(std::move(by_lane));
-    const Discriminator::StepResult step = UpdateDiscriminator(discriminator, dataset_features, rng, state);
+    const Discriminator::StepResult step = UpdateDiscriminator(discriminator, logged, rng, state);
 
     // 5: update the clone. In the first iteration its critic is blind.
     if (joint) {

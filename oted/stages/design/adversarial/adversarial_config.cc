@@ -19,7 +19,9 @@ const NamedValues<DesignReward> kRewardNames = {{DesignReward::kPaper, "paper"},
 
 /// What is shown to g, and how much of it.
 void AddEvidence(AdversarialConfig& config, FieldList& fields) {
-  fields.AddChoice("starts", &config.starts, "where rollouts begin: logged states, or the initial distribution",
+  fields.AddChoice("starts", &config.starts,
+                   "where rollouts begin: logged states, or the initial distribution; given to method paper, "
+                   "the latter changes the defaults below to those of Algorithm 1 to the letter",
                    kStartNames);
   fields.AddChoice("actions", &config.actions, "what acts: the logged actions replayed, or the clone", kActionNames);
   fields.AddChoice("evidence", &config.evidence, "what g sees: (s, a), or (s, a, s' - s), or s alone", kSeenNames);
@@ -88,17 +90,24 @@ void AdversarialConfig::Check() const {
 }
 
 void AdversarialConfig::SetPaperDefaults() {
-  StartAtResets();
+  actions = RolloutActions::kClone;
   evidence = SeenByG::kStateAction;
-  horizon = 300;
-  n_steps = 300;
-  n_iterations = 60;
+  horizon = 30;
+  n_steps = 150;
+  step_mean = 1.0;
+  step_log_std = 0.5;
+  average = 0.5;
 }
 
 void AdversarialConfig::StartAtResets() {
   starts = RolloutStarts::kInitial;
   actions = RolloutActions::kClone;
   rows = LoggedRows::kFirst;
+  horizon = 300;
+  n_steps = 300;
+  step_mean = 0.5;
+  step_log_std = 0.25;
+  average = 0.0;
 }
 
 EvidenceConfig AdversarialConfig::Evidence(const SimulatorSpec& spec) const {

@@ -42,9 +42,9 @@ struct AdversarialConfig {
   FieldList Fields();
   /// @throws UsageError when settings contradict each other.
   void Check() const;
-  /// Algorithm 1 to the letter: the clone rolled out from the initial states, g(s, a).
+  /// The clone acts, g sees (s, a); rollouts begin at logged states (docs/deviations.md#logged-starts).
   void SetPaperDefaults();
-  /// Rollouts begin at the simulator's own starts and the clone acts, since no state can be set.
+  /// To the letter: the clone rolled out from the simulator's own starts. All there is where no state can be set.
   void StartAtResets();
   /// Complete with what the simulator adds: past actions and the image's shape.
   EvidenceConfig Evidence(const SimulatorSpec& spec) const;
