@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/console.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/proposal/task_proposal.h"
@@ -63,9 +64,8 @@ void AddInitVerb(Program& program) {
       ->required();
   verb->add_option("--out", words->out, "task file to write [default: task.toml]");
   verb->add_option("--period", words->request.control_period, "time between two rows [s], where the logs do not say")
-      ->check(CLI::PositiveNumber);
-  verb->add_option("--threads", words->threads, "most threads [default: all processors]")
-      ->check(CLI::NonNegativeNumber);
+      ->check(PositiveNumber());
+  verb->add_option("--threads", words->threads, "most threads [default: all processors]")->check(NonNegativeNumber());
   verb->add_flag("--json", words->json, "print the result as JSON");
   verb->footer(
       "Columns are matched by the names of joints, actuators and sensors: hip_pos, hip_vel, hip_cmd, q0, tau1, ...\n"

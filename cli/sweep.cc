@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/plan_options.h"
 #include "cli/verbs.h"
@@ -148,7 +149,7 @@ void AddSweepOptions(CLI::App& verb, SweepOptions& options) {
   verb.add_option("--vary", options.vary,
                   "section.key=value; values of one key are runs of their own, keys make a grid; repeatable");
   verb.add_option("--data", options.data, "logged trajectories; each file is a run of its own");
-  verb.add_option("--seed", options.seeds, "seeds; each is a run of its own")->check(CLI::NonNegativeNumber);
+  verb.add_option("--seed", options.seeds, "seeds; each is a run of its own")->check(NonNegativeNumber());
   verb.add_option("--task", run.task, kTaskHelp);
   AddParameterOptions(verb, run);
   verb.add_option("--truth", run.truth, "name=value, if the truth is known; repeatable")->allow_extra_args(false);
