@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/console.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/value_kinds.h"
 #include "cli/verbs.h"
@@ -87,12 +88,12 @@ void AddCollectVerb(Program& program) {
       ->required();
   AddTargetOptions(*verb, *options);
   verb->add_option("--episodes", options->n_episodes, "episodes to log")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
   verb->add_option("--noise", options->noise,
                    "standard deviation of sensor noise on every observation, in its own unit; the policy "
                    "sees it too [default: none]")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]");
   verb->add_option("--threads", options->threads, "most threads [default: all processors]");
   verb->add_option("--out", options->output, "dataset to write: .hdf5 (D4RL layout), .npz, .csv, or NAME-v0 (Minari)")

@@ -8,6 +8,7 @@
 
 #include "cli/console.h"
 #include "cli/data_report.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/value_kinds.h"
 #include "cli/verbs.h"
@@ -103,7 +104,7 @@ void AddCheck(CLI::App& data, Program& program) {
   verb->add_option("--param", options->parameters,
                    "measure this parameter's effect on the logged episodes: name=path:low:high; repeatable")
       ->allow_extra_args(false);
-  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]")->check(CLI::NonNegativeNumber);
+  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
   verb->add_option("--threads", options->threads, "most threads [default: all processors]");
   verb->add_flag("--strict", options->strict, "exit with 3 also for warnings");
   verb->footer(
@@ -142,8 +143,8 @@ void AddConvert(CLI::App& data) {
   verb->add_option("--noise", options->noise,
                    "add sensor noise of this standard deviation to every observation, in its own unit; full states "
                    "(infos/qpos, infos/qvel) are left out")
-      ->check(CLI::PositiveNumber);
-  verb->add_option("--seed", options->seed, "of --noise [default: 1]")->check(CLI::NonNegativeNumber);
+      ->check(PositiveNumber());
+  verb->add_option("--seed", options->seed, "of --noise [default: 1]")->check(NonNegativeNumber());
   verb->callback([options] {
     std::error_code error;
     if (std::filesystem::equivalent(options->data, options->out, error)) {

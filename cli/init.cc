@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/console.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/verbs.h"
 #include "oted/proposal/task_proposal.h"
@@ -63,11 +64,11 @@ void AddInitVerb(Program& program) {
       ->required();
   verb->add_option("--out", words->out, "task file to write [default: task.toml]");
   verb->add_option("--period", words->request.control_period, "time between two rows [s], where the logs do not say")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   verb->add_flag("--schema", words->request.with_schema,
                  "write the schema of task files beside it, and name it in the first line: editors complete and check");
   verb->add_option("--threads", words->threads, "most threads [default: all processors]")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   verb->add_flag("--json", words->json, "print the result as JSON");
   verb->footer(
       "Columns are matched by the names of joints, actuators and sensors: hip_pos, hip_vel, hip_cmd, q0, tau1, ...\n"

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "cli/numbers.h"
 #include "cli/value_kinds.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -134,12 +135,12 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("--truth", options.truth,
                  "name=value, if the truth is known; only evaluation and report read it; repeatable")
       ->allow_extra_args(false);
-  app.add_option("--seed", options.seed, "seed of every random stream [default: 1]")->check(CLI::NonNegativeNumber);
-  app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(CLI::PositiveNumber);
+  app.add_option("--seed", options.seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
+  app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(PositiveNumber());
   app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]")
       ->type_name(value_kind::kDevice);
   app.add_option("--threads", options.threads, "most threads; results do not depend on it [default: all processors]")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   app.add_option("--out", options.out, "run directory")->required()->check([](const std::string& folder) {
     return std::string(folder.empty() ? "names no folder" : "");
   });

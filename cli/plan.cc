@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "cli/console.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/plan_options.h"
 #include "cli/verbs.h"
@@ -88,10 +89,10 @@ void AddStatus(CLI::App& parent) {
 void AddPlanTarget(CLI::App& verb, PlanTarget& target) {
   verb.add_option("--to", target.file, "the plan's file, NAME.jsonl")->required();
   verb.add_option("--threads", target.needs.threads, "threads of a unit; results do not depend on it")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
   verb.add_option("--memory", target.needs.memory_mib, "memory of a unit [MiB]")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
   verb.add_option("--minutes", target.needs.minutes,
                   "time limit of a unit, two of them to stop in; where it ends, the unit goes on")

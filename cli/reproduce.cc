@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/console.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/plan_options.h"
 #include "cli/value_kinds.h"
@@ -119,7 +120,7 @@ void AddDesignStudy(Program& program, CLI::App& parent, StudyUse use, const std:
   verb->add_option("--design-method", study.design_method, "design.method of every cell")
       ->type_name(value_kind::kMethod)
       ->capture_default_str();
-  verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(CLI::PositiveNumber)->capture_default_str();
+  verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(PositiveNumber())->capture_default_str();
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
   verb->add_option("--seed", study.seed, "names every random stream")->capture_default_str();
   verb->callback([&program, &study, use, options, name] {
@@ -149,16 +150,14 @@ void AddDensityStudy(Program& program, CLI::App& parent, StudyUse use) {
   AddStudyOptions(*verb, use, *options);
   verb->add_option("--density", study.targets, "true densities")->capture_default_str();
   verb->add_option("--demonstrations", study.demonstrations, "demonstrated episodes")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
   verb->add_option("--designer", study.designers, "gaussian, categorical")->capture_default_str();
   verb->add_option("--policy", study.policy, "who demonstrates: expert or medium")->capture_default_str();
   verb->add_option("--seeds", study.n_seeds, "seeds, each with fresh demonstrations")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
-  verb->add_option("--seed", study.first_seed, "the first of them")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+  verb->add_option("--seed", study.first_seed, "the first of them")->check(NonNegativeNumber())->capture_default_str();
   verb->callback([&program, &study, use, options] {
     study.assignments = options->assignments;
     if (use == StudyUse::kPlan) return WritePlan(PlanDensityStudy(study, options->plan.needs), options->plan);
@@ -200,14 +199,12 @@ void AddTable1(Program& program, CLI::App& parent, StudyUse use) {
       ->check(CLI::IsMember({"sac", "crossq"}))
       ->capture_default_str();
   verb->add_option("--steps", study.steps, "control steps of one agent")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
   verb->add_option("--seeds", study.n_seeds, "seeds of every cell: of clone, designs and agent")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
-  verb->add_option("--seed", study.first_seed, "the first of them")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+  verb->add_option("--seed", study.first_seed, "the first of them")->check(NonNegativeNumber())->capture_default_str();
   verb->add_option("--guess", options->guess,
                    "name=value: where the nominal simulator is and interval search begins [default: friction=1.67 "
                    "gain=0.77 gravity=0.83]");

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cli/console.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/plan_options.h"
 #include "cli/terminal.h"
@@ -109,9 +110,9 @@ void AddSubmitOptions(CLI::App& verb, SubmitOptions& options, bool engine_requir
   if (engine_required) engine->required();
   verb.add_option("--at-once", options.at_once,
                   "units at a time [default: local as many as there are cores, slurm as many as the cluster gives]")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   verb.add_option("--rounds", options.rounds, "how often what is then missing is submitted again, the first included")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NonNegativeNumber())
       ->capture_default_str();
   verb.add_flag("--retry-failed", options.retry_failed, "begin failed units anew");
   verb.add_option("--sbatch", options.sbatch, "an option for sbatch, as --sbatch=--partition=long; repeatable")

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/plan_options.h"
 #include "cli/value_kinds.h"
@@ -153,7 +154,7 @@ void AddSweepOptions(CLI::App& verb, SweepOptions& options) {
                   "section.key=value; values of one key are runs of their own, keys make a grid; repeatable")
       ->type_name(value_kind::kSetting);
   verb.add_option("--data", options.data, "logged trajectories; each file is a run of its own");
-  verb.add_option("--seed", options.seeds, "seeds; each is a run of its own")->check(CLI::NonNegativeNumber);
+  verb.add_option("--seed", options.seeds, "seeds; each is a run of its own")->check(NonNegativeNumber());
   verb.add_option("--task", run.task, kTaskHelp)->type_name(value_kind::kTask);
   AddParameterOptions(verb, run);
   verb.add_option("--truth", run.truth, "name=value, if the truth is known; repeatable")->allow_extra_args(false);

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/console.h"
+#include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/terminal.h"
 #include "cli/verbs.h"
@@ -51,7 +52,7 @@ void AddValidateVerb(Program& program) {
   verb->add_option("--model", words->request.model,
                    "another MJCF or URDF of the robot, compared as it is in place of the task file's model");
   verb->add_option("--threads", words->threads, "most threads; results do not depend on it [default: all processors]")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   verb->add_flag("--json", words->json, "print the result as JSON");
   verb->footer(
       "Exits with 4 where the design predicts no better than the nominal model, beyond chance, and the sensors do\n"

@@ -10,6 +10,7 @@
 #include "oted/data/checks_dynamics.h"
 #include "oted/data/checks_rows.h"
 #include "oted/data/checks_states.h"
+#include "oted/data/loggable.h"
 
 namespace oted {
 namespace {
@@ -27,7 +28,7 @@ void CheckFinite(const Dataset& dataset, std::vector<Finding>& findings) {
     int last_row = -1;
     double first = 0;
     for (size_t i = 0; i < values.size(); ++i) {
-      if (std::isfinite(values[i])) continue;
+      if (IsLoggable(values[i])) continue;
       const int row = static_cast<int>(i / static_cast<size_t>(cols));
       if (n_values++ == 0) {
         f.row = row;
@@ -39,8 +40,8 @@ void CheckFinite(const Dataset& dataset, std::vector<Finding>& findings) {
     if (n_values == 0) return;
     f.check = "not_finite";
     f.severity = Severity::kError;
-    f.what = fmt::format("{}: {} of {} numbers in {} rows are NaN or infinite, the first ({}) in row {}", name,
-                         n_values, values.size(), f.count, first, f.row);
+    f.what = fmt::format("{}: {} of {} numbers in {} rows are NaN, infinite or above 1e100, the first ({}) in row {}",
+                         name, n_values, values.size(), f.count, first, f.row);
     f.meaning = "no stage reads such a file, and the other checks were not made";
     f.remedy = "cut the episodes at these rows (a timeout before each, the row itself removed) or repair the values";
     findings.push_back(f);

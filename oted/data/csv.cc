@@ -82,6 +82,14 @@ bool IsUtf8(const std::string& text) {
   }
 }
 
+void CheckSeparator(const std::vector<std::string>& header, const std::string& file) {
+  if (header.size() != 1 || header[0].find_first_of(";\t") == std::string::npos) return;
+  throw DataError(
+      fmt::format("'{}' line 1: columns are separated by {}, wanted commas; save it with commas, and with "
+                  "points in numbers",
+                  file, header[0].find(';') != std::string::npos ? "semicolons" : "tabs"));
+}
+
 std::string CsvField(const std::string& text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string quoted = "\"";

@@ -34,6 +34,9 @@ class CsvParser {
 /// Whether a text is UTF-8, as JSON and TOML want it.
 bool IsUtf8(const std::string& text);
 
+/// @throws DataError where the first record is one field with semicolons or tabs in it
+void CheckSeparator(const std::vector<std::string>& header, const std::string& file);
+
 /// A field as it must stand in a file: in quotes where it has a comma, a quote or a line end.
 std::string CsvField(const std::string& text);
 

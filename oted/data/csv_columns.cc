@@ -169,10 +169,7 @@ std::vector<std::string> StripNames(const std::vector<std::string>& names, Words
 }  // namespace
 
 CsvColumns FindColumns(const std::vector<std::string>& header, const DataOptions& options, const std::string& file) {
-  if (header.size() == 1 && header[0].find_first_of(";\t") != std::string::npos) {
-    throw DataError(fmt::format("'{}' line 1: columns are separated by {}, wanted commas; save it with commas", file,
-                                header[0].find(';') != std::string::npos ? "semicolons" : "tabs"));
-  }
+  CheckSeparator(header, file);
   const CsvLayout& layout = options.columns;
   Finder finder(header, file);
   CsvColumns columns;

@@ -16,6 +16,7 @@
 #include "oted/data/csv.h"
 #include "oted/data/csv_columns.h"
 #include "oted/data/gzip.h"
+#include "oted/data/loggable.h"
 
 namespace oted {
 namespace {
@@ -68,6 +69,7 @@ class CsvReader {
     }
     std::vector<std::string> fields;
     while (parser.Next(fields)) AddRow(fields, parser.line());
+    if (rows() == 0) throw DataError(fmt::format("'{}' has a header and no rows; record at least one episode", path_));
     CheckTwice();
     MeasurePeriod();
     CutEpisodes();
@@ -86,10 +88,10 @@ class CsvReader {
     if (text.starts_with('+')) text.remove_prefix(1);
     double value = 0;
     const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (text.empty() || error != std::errc{} || rest != text.data() + text.size() || !std::isfinite(value)) {
-      throw DataError(fmt::format("'{}' line {}, column '{}': '{}' is no finite number; repair or remove the row",
-                                  path_, lines_.back(), header_[static_cast<size_t>(column)],
-                                  fields[static_cast<size_t>(column)].substr(0, 40)));
+    if (text.empty() || error != std::errc{} || rest != text.data() + text.size() || !IsLoggable(value)) {
+      throw DataError(fmt::format(
+          "'{}' line {}, column '{}': '{}' is no finite number below 1e100; repair or remove the row", path_,
+          lines_.back(), header_[static_cast<size_t>(column)], fields[static_cast<size_t>(column)].substr(0, 40)));
     }
     return value;
   }
@@ -260,7 +262,7 @@ class CsvReader {
                        episodes_[i]),
            "give what follows another episode number");
     }
-    ++n_jumps_;
+    if (n_jumps_++ == 0) first_jump_ = i;
     return true;
   }
 
@@ -275,6 +277,12 @@ class CsvReader {
       }
       AddBetweenGaps(begin, i);
       begin = i;
+    }
+    if (recording_.runs.empty() && n_jumps_ > 0) {
+      Fail(first_jump_,
+           fmt::format("time goes back from {} to {} s, and so often that no two rows follow one another",
+                       recording_.times[first_jump_ - 1], recording_.times[first_jump_]),
+           "sort the rows by time");
     }
     SetPeriod();
     if (n_jumps_ > 0) recording_.warnings.push_back(fmt::format("{} episodes begin where time starts again", n_jumps_));
@@ -367,6 +375,7 @@ class CsvReader {
   double resolution_ = 0;  // of the times
   int n_gaps_ = 0;
   int n_jumps_ = 0;
+  int first_jump_ = 0;  // row
   int n_twice_ = 0;
   int64_t first_twice_ = 0;
   double time_of_first_twice_ = 0;

@@ -118,6 +118,10 @@ TEST_F(CsvDataset, DefectsNameFileLineAndColumn) {
   EXPECT_THAT(Failure("obs0,act0,terminal\n0,1,2\n"), HasSubstr("column 'terminal': '2' is no flag"));
   EXPECT_THAT(Failure("obs.\xFF,act0\n0,1\n1,2\n"), HasSubstr("not UTF-8"));
   EXPECT_THAT(Failure("obs0;act0\n0;1\n"), HasSubstr("semicolons"));
+  EXPECT_THAT(Failure("obs0\tact0\n0\t1\n"), HasSubstr("tabs"));
+  EXPECT_THAT(Failure("obs0,act0\n0,1\n-1e101,2\n"), HasSubstr("line 3, column 'obs0': '-1e101'"));
+  EXPECT_THAT(Failure("obs0,act0\n0,1\n\"1,5\",2\n"), HasSubstr("line 3, column 'obs0': '1,5'"));
+  EXPECT_THAT(Failure("obs0,act0\n"), HasSubstr("a header and no rows"));
   EXPECT_THAT(Failure("q,act0\n0,1\n"), AllOf(HasSubstr("no column of observations"), HasSubstr("'q', 'act0'")));
   EXPECT_THAT(Failure("obs0,obs0,act0\n"), HasSubstr("stands there twice"));
   EXPECT_THAT(Failure(""), HasSubstr("is empty"));
@@ -126,6 +130,7 @@ TEST_F(CsvDataset, DefectsNameFileLineAndColumn) {
               HasSubstr("line 6: episode 1 begins a second"));
   EXPECT_THAT(Failure("episode,t,obs0,act0\n1,0,0,0\n1,1,1,0\n1,2,2,0\n1,1,3,0\n"),
               HasSubstr("line 5: time goes back from 2 to 1 s within episode 1"));
+  EXPECT_THAT(Failure("t,obs0,act0\n2,0,0\n1,1,0\n0,2,0\n"), HasSubstr("line 3: time goes back from 2 to 1 s, and so"));
   EXPECT_THAT(Failure("t,obs0,act0\n0,0,0\n1,1,0\n1,2,0\n"), HasSubstr("line 4: time 1 stands there twice"));
   EXPECT_THAT(Failure("episode,obs0,act0,terminal\n1,0,0,1\n1,1,0,0\n"), HasSubstr("line 3: episode 1 goes on after"));
   DataOptions options;

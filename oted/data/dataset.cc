@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/data/csv.h"
+#include "oted/data/loggable.h"
 
 namespace oted {
 namespace {
@@ -155,10 +156,11 @@ void Dataset::Check() const {
   }
   const auto check_finite = [&](const char* name, std::span<const double> values, int cols) {  // cols 0: a vector
     for (size_t i = 0; i < values.size(); ++i) {
-      if (std::isfinite(values[i])) continue;
+      if (IsLoggable(values[i])) continue;
       const size_t width = static_cast<size_t>(cols);
       const std::string index = cols == 0 ? fmt::format("{}", i) : fmt::format("{}, {}", i / width, i % width);
-      throw DataError(fmt::format("{}: {}[{}] is {}; remove or repair that transition", where, name, index, values[i]));
+      throw DataError(fmt::format("{}: {}[{}] is {}, wanted numbers up to {}; remove or repair that transition", where,
+                                  name, index, values[i], kLargestLogged));
     }
   };
   check_finite("observations", observations.values(), obs_dim());

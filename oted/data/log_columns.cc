@@ -32,15 +32,20 @@ bool ToNumber(std::string_view text, double& number) {
 }
 
 /// Takes the fields as numbers where all of them are.
-void Convert(LogColumn& column) {
-  for (const std::string& field : column.text) {
+void Convert(LogColumn& column, const std::vector<int64_t>& lines) {
+  std::vector<double> values;
+  for (size_t i = 0; i < column.text.size(); ++i) {
     double number = 0;
-    if (!ToNumber(field, number)) {
-      column.values.clear();
-      return;
+    if (ToNumber(column.text[i], number)) {
+      values.push_back(number);
+    } else if (column.text_line == 0) {
+      column.text_line = lines[i];
+      column.text_field = column.text[i];
     }
-    column.values.push_back(number);
   }
+  column.is_damaged = column.text_line > 0 && values.size() > column.text.size() / 2;
+  if (column.text_line > 0) return;
+  column.values = std::move(values);
   column.text.clear();
 }
 
@@ -53,6 +58,7 @@ std::vector<LogColumn> ReadLogColumns(const std::string& path) {
   CsvParser parser(text, path);
   std::vector<std::string> fields;
   if (!parser.Next(fields)) throw DataError(fmt::format("'{}' is empty, wanted a header and rows", path));
+  CheckSeparator(fields, path);
   std::vector<LogColumn> columns(fields.size());
   for (size_t i = 0; i < fields.size(); ++i) {
     columns[i].name = std::string(WithoutBlanks(fields[i]));
@@ -60,7 +66,9 @@ std::vector<LogColumn> ReadLogColumns(const std::string& path) {
       throw DataError(fmt::format("'{}' line 1: a column's name is not UTF-8; save it as UTF-8", path));
     }
   }
+  std::vector<int64_t> lines;
   while (parser.Next(fields)) {
+    lines.push_back(parser.line());
     if (fields.size() != columns.size()) {
       throw DataError(fmt::format("'{}' line {}: {} fields, but the header has {}; repair or remove the row", path,
                                   parser.line(), fields.size(), columns.size()));
@@ -70,7 +78,7 @@ std::vector<LogColumn> ReadLogColumns(const std::string& path) {
   if (columns[0].text.size() < 2) {
     throw DataError(fmt::format("'{}' has {} rows, wanted one per control step", path, columns[0].text.size()));
   }
-  for (LogColumn& column : columns) Convert(column);
+  for (LogColumn& column : columns) Convert(column, lines);
   return columns;
 }
 

@@ -116,6 +116,7 @@ Plan Plan::Read(const fs::path& file) {
                                         &std::pair<PlanKind, std::string>::second);
     if (kind == PlanKindNames().end()) Refuse(where, "its kind is unknown");
     plan.kind = kind->first;
+    if (plan.kind == PlanKind::kStudy && plan.command.empty()) Refuse(where, "its head names no command of the study");
   } catch (const json::exception& e) {
     Refuse(where, fmt::format("its head cannot be read ({})", e.what()));
   }

@@ -52,6 +52,8 @@ TEST(Plan, AnEditedOneIsRefused) {
   EXPECT_THAT(message(text.substr(0, text.rfind('{'))), HasSubstr("not as it was written"));
   EXPECT_THAT(message("{}\n"), HasSubstr("no head of a plan"));
   EXPECT_THAT(message(""), HasSubstr("no head of a plan"));
+  plan.kind = PlanKind::kStudy;
+  EXPECT_THAT(message(plan.ToText()), HasSubstr("names no command"));
   text.replace(text.find("a b.toml"), 1, "c");
   EXPECT_THAT(message(text), HasSubstr("not as it was written"));
 }

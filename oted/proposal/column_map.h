@@ -22,6 +22,7 @@ struct ColumnMap {
   double time_unit = 1;             ///< [s], of `time`, or of a time column that is no time in seconds
   std::string scaled_time;          ///< a time column that is in milliseconds or the like: to be left unread
   std::vector<std::string> unused;  ///< "'name': why"
+  bool IsEmpty() const { return observations.empty() && actions.empty(); }
 };
 
 /// Columns match an object by its name, by what is left of both names without words such as "joint", or by the only one

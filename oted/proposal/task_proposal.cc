@@ -102,11 +102,13 @@ class Proposer {
     const std::vector<std::string> names = IsCsv(log()) ? CsvNames() : ArrayNames();
     ColumnMap& map = proposal_.columns;
     map = MapColumns(names, model_);
-    for (const std::string& name : text_columns_) {
-      ColumnMap of_text = MapColumns({name}, model_);
+    for (const LogColumn& column : text_columns_) {
+      if (column.is_damaged) RefuseWhereKnown(column);
+      ColumnMap of_text = MapColumns({column.name}, model_);
       if (map.episode.empty()) map.episode = of_text.episode;
     }
     const auto fail = [&](const char* what, const std::vector<std::string>& wanted) {
+      for (const LogColumn& column : text_columns_) RefuseWhereKnown(column);
       throw DataError(
           fmt::format("'{}': no column is {} of model '{}'. The columns are {}; the model has {}; rename columns after "
                       "these ('hip_pos', 'hip_vel', 'hip_cmd')",
@@ -129,11 +131,20 @@ class Proposer {
     }
   }
 
+  /// Words where the model asks for numbers.
+  void RefuseWhereKnown(const LogColumn& column) const {
+    if (MapColumns({column.name}, model_).IsEmpty()) return;
+    throw DataError(
+        fmt::format("'{}' line {}, column '{}': '{}' is no number, wanted digits with a decimal point; "
+                    "repair or remove the row",
+                    log(), column.text_line, column.name, column.text_field.substr(0, 40)));
+  }
+
   std::vector<std::string> CsvNames() {
     std::vector<std::string> names;
     for (const LogColumn& column : ReadLogColumns(log())) {
-      (column.is_numeric() ? names : text_columns_).push_back(column.name);
-      if (column.is_numeric()) columns_.push_back(column);
+      (column.is_numeric() ? columns_ : text_columns_).push_back(column);
+      if (column.is_numeric()) names.push_back(column.name);
     }
     return names;
   }
@@ -241,6 +252,7 @@ class Proposer {
   double ControlPeriod() {
     const double rows = request_.control_period > 0 ? request_.control_period : RowPeriod();
     const double step = model_.time_step;
+    if (!std::isfinite(rows / step)) return rows;  // refused, with the model
     double n = std::max(1.0, std::round(rows / step));
     if (std::abs(n * step - rows) <= kPeriodSlack * rows) return n * step;
     n = std::max(1.0, std::ceil(rows / step - kPeriodSlack));
@@ -264,7 +276,12 @@ class Proposer {
       const double rows = (time->values[i] - time->values[i - 1]) * map.time_unit;
       if (rows > 0) steps.push_back(rows);
     }
-    if (steps.empty()) FailPeriod();
+    if (steps.empty()) {
+      throw DataError(
+          fmt::format("'{}': column '{}' never goes up from row to row; sort the rows by time, or repair the "
+                      "clock",
+                      log(), time->name));
+    }
     const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
     std::ranges::nth_element(steps, middle);
     if (*middle > kSlowest_s) {
@@ -492,8 +509,8 @@ class Proposer {
   ModelTask& task_;
   DataConfig& data_;
   ModelOutline model_;
-  std::vector<LogColumn> columns_;         // those that hold numbers
-  std::vector<std::string> text_columns_;  // the others
+  std::vector<LogColumn> columns_;       // those that hold numbers
+  std::vector<LogColumn> text_columns_;  // the others
   std::optional<Dataset> arrays_;
   std::vector<std::string> arrays_names_;
   size_t n_observations_ = 0;

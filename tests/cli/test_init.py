@@ -221,6 +221,49 @@ class InitTest(ProgramTest):
         self.assertNothingLeft(oted("init", self.folder / "no.xml", good, "--out", self.task), DATA_OR_MODEL, "no.xml")
         self.assertNothingLeft(oted("init", self.model, good, "--out", self.folder / "task.txt"), USAGE, ".toml")
 
+    def test_a_table_in_another_form_is_refused_by_file_and_line(self):
+        text = self.csv(swing(1), file="good.csv").read_text()
+        lines = text.splitlines()
+
+        def with_field(line, column, value):
+            fields = lines[line - 1].split(",")
+            fields[NAMES.index(column)] = value
+            return "\n".join([*lines[:line - 1], ",".join(fields), *lines[line:]])
+
+        for name, content, needles in [
+                ("semicolons", text.replace(",", ";"), ["line 1", "semicolons", "save it with commas"]),
+                ("tabs", text.replace(",", "\t"), ["line 1", "tabs", "save it with commas"]),
+                ("decimal commas", text.replace(",", ";").replace(".", ","), ["line 1", "semicolons", "points in numbers"]),
+                ("quoted commas", with_field(5, "elbow_pos", '"0,5"'), ["line 5", "elbow_pos", "'0,5'", "repair"]),
+                ("word in a command", "\n".join(",".join(line.split(",")[:5]) + ",off,off" if i else line for i, line in enumerate(lines)),
+                 ["line 2", "shoulder_cmd", "'off' is no number"]),
+                ("large action", with_field(7, "elbow_cmd", "1e308"), ["line 7", "elbow_cmd", "1e308", "repair"]),
+                ("action nan", with_field(7, "elbow_cmd", "nan"), ["line 7", "elbow_cmd", "nan", "repair"]),
+                ("reversed", "\n".join(lines[:1] + lines[:0:-1]), ["column 'time' never goes up", "sort the rows"]),
+                ("header alone", lines[0] + "\n", ["has 0 rows"]),
+                ("empty", "", ["is empty"]),
+                ("open quote", with_field(5, "time", '"0'), ["line 5", "quote"])]:
+            with self.subTest(name):
+                log = self.folder / "log.csv"
+                log.write_text(content)
+                self.assertNothingLeft(oted("init", self.model, log, "--out", self.task), DATA_OR_MODEL, "log.csv", *needles)
+
+    def test_the_marks_of_other_programs_change_nothing(self):
+        good = self.csv(swing(1), file="log.csv")
+        first = self.init(good)
+        for content in (b"\xef\xbb\xbf" + good.read_bytes(), good.read_bytes().replace(b"\n", b"\r\n"),
+                        b"\n".join(b",".join(b'"%s"' % field for field in line.split(b",")) for line in good.read_bytes().split())):
+            self.task.unlink()
+            good.write_bytes(content)
+            self.assertEqual(self.init(good), first)
+
+    def test_a_period_that_is_none_is_refused(self):
+        log = self.csv(swing(1)[:, 1:], NAMES[1:])
+        for period in ("nan", "inf", "-1", "0", "1e308", "1e999", "soon"):
+            with self.subTest(period):
+                result = oted("init", self.model, log, "--period", period, "--out", self.task)
+                self.assertNothingLeft(result, USAGE, "1e+308 s" if period == "1e308" else f"got '{period}', wanted a positive number")
+
     def test_a_file_that_is_there_stays(self):
         self.task.write_text("# mine\n")
         result = oted("init", self.model, self.csv(swing(1)), "--out", self.task)
