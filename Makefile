@@ -4,7 +4,7 @@ CMAKE ?= cmake
 CTEST ?= ctest
 JOBS ?= $(shell nproc)
 OUT ?= runs/quickstart
-MINUTES ?= 60
+MINUTES ?= 10
 SEED ?= 1
 POINTS ?= all
 KILLS ?= 100
@@ -67,17 +67,19 @@ bench-peers: setup  ## the part of it beside Stable-Baselines3, sbx, RLtools, En
 	@scripts/build.sh bench
 	@.venv/bin/python benchmarks/sac_peers.py
 
-fuzz: setup  ## damaged files for every reader under the sanitizers: MINUTES=60 SEED=1
-	@scripts/fuzz.sh $(MINUTES) $(SEED)
+fuzz:  ## hostile files for every reader, guided by coverage, under the sanitizers: MINUTES=10 (each) SEED=1 FAMILIES="csv onnx"
+	@scripts/setup.sh fuzz
+	@scripts/build.sh fuzz
+	@.venv/bin/python scripts/fuzz.py build/fuzz/fuzz_readers --minutes $(MINUTES) --seed $(SEED) $(FAMILIES)
 
-crash: setup  ## a fault at each call that changes a file, and kill -9 at random: POINTS=all KILLS=100 (hours)
+crash: setup  ## a fault at each call that changes a file, and kill -9 at random: COMMANDS="run unit" POINTS=all KILLS=100 (hours)
 	@scripts/build.sh dev
 	@.venv/bin/python tests/faults/crash.py build/release/oted build/release/tests/liboted_fault_points.so build/crash \
-	  --points $(POINTS) --kills $(KILLS)
+	  $(if $(COMMANDS),--commands $(COMMANDS)) --points $(POINTS) --kills $(KILLS) --record
 
 corrupt: setup  ## each file of a finished and of two half-finished runs damaged: DAMAGES=0 (all; an hour), SEED=1
 	@scripts/build.sh dev
-	@.venv/bin/python tests/faults/corrupt.py build/release/oted build/corrupt --damages $(DAMAGES) --seed $(SEED)
+	@.venv/bin/python tests/faults/corrupt.py build/release/oted build/corrupt --damages $(DAMAGES) --seed $(SEED) --record
 
 lint: setup  ## formatting, the rules on who may include whom, sizes of functions
 	@scripts/check_format.sh

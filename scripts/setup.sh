@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# setup.sh [build|cuda|test|slurm]: sets up what a command needs, and is quick when nothing is missing: "build" what the
-# program needs, "cuda" torch beside it, "test" (the default) all that tests and lint need, "slurm" Slurm for its test (3.5 MB).
+# setup.sh [build|cuda|test|slurm|fuzz]: sets up what a command needs, and is quick when nothing is missing: "build" what the
+# program needs, "cuda" torch beside it, "test" (the default) all that tests and lint need, "slurm" Slurm for its test (3.5 MB),
+# "fuzz" clang with libFuzzer (47 MB).
 #   Debian packages   through apt when root or passwordless sudo is at hand, otherwise prints the command and fails;
 #                     on a bare Debian 12 about 115 MB of downloads for the build, 48 MB where there is a compiler. The tests
 #                     need 240 MB more: 150 MB for Chromium and what it draws on, 40 MB for clang-format, 35 MB for Mesa's
@@ -82,12 +83,14 @@ readonly BUILD_PACKAGES=(ca-certificates libhdf5-dev zlib1g-dev libzip-dev libcl
   nlohmann-json3-dev libfmt-dev libeigen3-dev libmuparser-dev libyaml-cpp-dev libprotozero-dev libssl-dev libwebp-dev)
 readonly TEST_PACKAGES=(libgtest-dev libgmock-dev libbenchmark-dev libegl1 libgl1-mesa-dri)
 readonly SLURM_PACKAGES=(slurm-wlm munge)
+readonly FUZZ_PACKAGES=(clang-16 libclang-rt-16-dev)  # Debian 12's newest
 
 missing_packages() {
   local package status
   local -a packages=("${BUILD_PACKAGES[@]}")
   [ "$PURPOSE" != test ] || packages+=("${TEST_PACKAGES[@]}")
   [ "$PURPOSE" != slurm ] || packages+=("${SLURM_PACKAGES[@]}")
+  [ "$PURPOSE" != fuzz ] || packages+=("${FUZZ_PACKAGES[@]}")
   # Tools: any one in PATH that works will do. Asking for the version sees through shims that lead nowhere.
   g++ --version >/dev/null 2>&1 && make --version >/dev/null 2>&1 || echo g++ make
   cmake_is_new_enough || echo cmake
@@ -186,8 +189,8 @@ install_wheels() {
 }
 
 case $PURPOSE in
-  build | cuda | test | slurm) ;;
-  *) fail "'$PURPOSE', wanted build, cuda, test or slurm" ;;
+  build | cuda | test | slurm | fuzz) ;;
+  *) fail "'$PURPOSE', wanted build, cuda, test, slurm or fuzz" ;;
 esac
 mkdir -p "$LOGS"
 # Two set-ups at once (make test beside make quickstart) would write into the same environment.

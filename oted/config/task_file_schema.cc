@@ -137,11 +137,10 @@ ordered_json TaskFileSchema() {
   ordered_json recording = Table({{"path", {{"type", "string"}, {"minLength", 1}}},
                                   {"constants", {{"type", "object"}, {"additionalProperties", {{"type", "number"}}}}}});
   recording["required"] = {"path"};
-  sections["data"]["properties"]["recordings"] = {
-      {"type", "array"},
-      {"minItems", 1},
-      {"items", recording},
-      {"description", "several files, with the constants of each"}};
+  sections["data"]["properties"]["recordings"] = {{"type", "array"},
+                                                  {"minItems", 1},
+                                                  {"items", recording},
+                                                  {"description", "several files, with the constants of each"}};
   sections["truth"] = {{"type", "object"},
                        {"additionalProperties", {{"type", "number"}}},
                        {"description", "NAME = value, where it is known; only evaluation and report read it"}};

@@ -20,7 +20,14 @@
 namespace oted {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(__has_feature)  // clang
+#define OTED_ADDRESS_SANITIZER __has_feature(address_sanitizer)
+#elif defined(__SANITIZE_ADDRESS__)  // GCC
+#define OTED_ADDRESS_SANITIZER 1
+#else
+#define OTED_ADDRESS_SANITIZER 0
+#endif
+#if OTED_ADDRESS_SANITIZER
 constexpr bool kAddressSanitizer = true;  // its shadow memory alone is terabytes of address space
 #else
 constexpr bool kAddressSanitizer = false;
@@ -60,7 +67,7 @@ void EnterLimits(const ChildLimits& limits) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
   for (const int signal : {SIGXCPU, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGPIPE}) {
-    if (!kAddressSanitizer || signal == SIGXCPU || signal == SIGPIPE) std::signal(signal, SIG_DFL);
+    std::signal(signal, SIG_DFL);
   }
   Limit(RLIMIT_CORE, 0, 0);
   const uint64_t cpu_s = static_cast<uint64_t>(std::max(1, limits.cpu_s));

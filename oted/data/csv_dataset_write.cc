@@ -30,7 +30,7 @@ std::span<const double> ConstantsOf(const Dataset& dataset, int row) {
 
 }  // namespace
 
-void WriteCsv(const Dataset& dataset, const std::string& path) {
+std::string CsvBytes(const Dataset& dataset, const std::string& path) {
   dataset.Check();
   std::string text = "episode";
   const bool has_rewards = !dataset.rewards.empty();
@@ -81,7 +81,9 @@ void WriteCsv(const Dataset& dataset, const std::string& path) {
     none(dataset.act_dim() + has_rewards + 2 + dataset.qpos.cols() + dataset.qvel.cols() + dataset.constants.cols());
     text += '\n';
   }
-  WriteFileAtomically(path, path.ends_with(".gz") ? Gzip(text) : text);
+  return path.ends_with(".gz") ? Gzip(text) : text;
 }
+
+void WriteCsv(const Dataset& dataset, const std::string& path) { WriteFileAtomically(path, CsvBytes(dataset, path)); }
 
 }  // namespace oted

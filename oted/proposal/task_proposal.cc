@@ -15,6 +15,7 @@
 #include "oted/checks/data_check.h"
 #include "oted/config/parameters_toml.h"
 #include "oted/config/task_file_schema.h"
+#include "oted/data/csv_dataset_write.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/log_columns.h"
 #include "oted/proposal/log_facts.h"
@@ -40,18 +41,18 @@ std::string Some(const std::vector<std::string>& names) {
                      names.size() > kShown ? fmt::format(" and {} more", names.size() - kShown) : "");
 }
 
-/// Removes a file that is of no use without another, unless it is kept.
+/// Removes a file that is of no use without another where that did not come to be.
 class Companion {
  public:
+  explicit Companion(std::filesystem::path other) : other_(std::move(other)) {}
   ~Companion() {
     std::error_code ignored;
-    if (!path_.empty()) std::filesystem::remove(path_, ignored);
+    if (!path_.empty() && !std::filesystem::exists(other_, ignored)) std::filesystem::remove(path_, ignored);
   }
   void Made(std::filesystem::path path) { path_ = std::move(path); }
-  void Keep() { path_.clear(); }
 
  private:
-  std::filesystem::path path_;
+  std::filesystem::path other_, path_;
 };
 
 class Proposer {
@@ -85,10 +86,11 @@ class Proposer {
       throw UsageError(fmt::format("--out is '{}', wanted a file that ends in .toml", request_.out.string()));
     }
     std::error_code error;
-    for (const std::filesystem::path& path : {request_.out, JoinedPath()}) {
-      if (!std::filesystem::exists(path, error)) continue;
-      throw UsageError(fmt::format("'{}' is there already; remove it, or name another file with --out", path.string()));
-    }
+    if (std::filesystem::exists(request_.out, error)) FailThere(request_.out);
+  }
+
+  [[noreturn]] static void FailThere(const std::filesystem::path& path) {
+    throw UsageError(fmt::format("'{}' is there already; remove it, or name another file with --out", path.string()));
   }
 
   std::filesystem::path JoinedPath() const {
@@ -374,7 +376,13 @@ class Proposer {
       HoldActionsUpTo(largest);
     }
     proposal_.joined = JoinedPath();
-    WriteDataset(joined, proposal_.joined.string());
+    const std::string bytes = CsvBytes(joined, proposal_.joined.string());
+    std::error_code error;
+    // What a stopped command left is told by its bytes.
+    if (std::filesystem::exists(proposal_.joined, error) && ReadFile(proposal_.joined) != bytes) {
+      FailThere(proposal_.joined);
+    }
+    WriteFileAtomically(proposal_.joined, bytes);
     companion_.Made(proposal_.joined);
     data_.path = proposal_.joined.string();
     data_.columns = {};
@@ -500,7 +508,6 @@ class Proposer {
       WriteFileAtomically(request_.out.parent_path() / kTaskFileSchemaName, TaskFileSchemaText());
     }
     WriteFileAtomically(request_.out, proposal_.text);
-    companion_.Keep();
   }
 
   const ProposalRequest& request_;
@@ -516,7 +523,7 @@ class Proposer {
   size_t n_observations_ = 0;
   Dataset dataset_;
   std::unique_ptr<SimulatorFactory> factory_;
-  Companion companion_;
+  Companion companion_{request_.out};
 };
 
 }  // namespace

@@ -128,8 +128,15 @@ TEST(Recordings, AreReplayedAndPredictedWithTheirConstants) {
     EXPECT_LT(errors.back(), 1e-6) << "window " << w;
   }
   const Eigen::VectorXd noise = Eigen::VectorXd::Constant(2, 1e-3);
-  const auto prediction = PredictLogs({*inputs.factory, inputs.logs, nullptr, truth, noise,
-                                       ReadingModel::Of(inputs.factory->spec(), inputs.logs), {}, RngKey(1), 1});
+  const auto prediction = PredictLogs({*inputs.factory,
+                                       inputs.logs,
+                                       nullptr,
+                                       truth,
+                                       noise,
+                                       ReadingModel::Of(inputs.factory->spec(), inputs.logs),
+                                       {},
+                                       RngKey(1),
+                                       1});
   ASSERT_TRUE(prediction.has_value());
   EXPECT_LT(prediction->horizons.back().channels[0].designed, 1e-4) << "[rad] after a second";
 }

@@ -1,20 +1,32 @@
-"""What the campaigns against a run directory share: the command, its folder, and what must be equal in the end."""
+"""What the campaigns share: the commands that they put to the test, and for each its folder and what must be equal in the end."""
 
+import json
+import os
 import pathlib
 import shutil
 import subprocess
 import sys
+import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "cli"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "benchmarks"))
 import program
-from program import FRICTION, GRAVITY, TINY, sets
+import study_data
+from program import FRICTION, GRAVITY, TINY, TINY_DESIGN, sets
 
 # What tells of a moment or a place, and what is made from that.
 UNEQUAL = ("events.out.tfevents", "versions.json", "report.json", "report.html")
+DONE, USAGE, DATA_OR_MODEL, NO_SIMULATOR = 0, 2, 3, 4
+GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
+RESULTS = program.ROOT / "benchmarks/results/faults.jsonl"
+MARK = "OTED_CAMPAIGN"  # in the environment of everything that a campaign starts
 
 
 class Campaign:
-    """One run, from its data to its report, in a folder of its own."""
+    """`oted run`, from the data to the report, in a folder of its own; other commands derive from it."""
+
+    name = "run"
+    ends_again = (DONE, NO_SIMULATOR)  # the same command, once it was through
 
     def __init__(self, oted, folder):
         self.oted = str(pathlib.Path(oted).resolve())
@@ -25,28 +37,169 @@ class Campaign:
         self.data = self.folder / "demos.hdf5"
         if not self.data.exists():
             program.log_hopper(self.data)
+        self.prepare()
+
+    def prepare(self):
+        """What the command reads, and its words."""
         settings = TINY + ["design.method=transitions", "selection.n_seeds=1", "design.adversarial.n_iterations=40"]
         self.command = ["run", "--task", "Hopper-v5", "--data", str(self.data), "--param", FRICTION, "--param", GRAVITY,
                         "--truth", "friction=0.6", "--truth", "gravity=1.2", "--threads", "1", "--out", str(self.out),
                         *sets(settings)]
 
-    def run(self, command=None, environment=None, prefix=()):
-        return subprocess.run([*prefix, self.oted, *(command or self.command)], capture_output=True, text=True,
-                              timeout=600, env=environment, cwd=self.folder)
+    def two_threads(self):
+        command = list(self.command)
+        if "--threads" in command:
+            command[command.index("--threads") + 1] = "2"
+        return command
+
+    def environment(self, **more):
+        return {**os.environ, MARK: str(self.folder), **more}
+
+    def run(self, command=None, environment=None):
+        return subprocess.run([self.oted, *map(str, command or self.command)], capture_output=True, text=True, timeout=600,
+                              env=environment or self.environment(), cwd=self.folder)
 
     def fail(self, what):
         """Told at once: a campaign takes hours."""
-        self.failures.append(what)
-        print(what, flush=True)
+        self.failures.append(f"{self.name}: {what}")
+        print(self.failures[-1], flush=True)
 
     def clear(self):
         shutil.rmtree(self.out, ignore_errors=True)
 
     def results(self):
         """The bytes of every file that equal runs have in common."""
-        return {str(p.relative_to(self.out)): p.read_bytes() for p in sorted(self.out.rglob("*"))
+        return {str(p.relative_to(self.out)): self.content(p) for p in sorted(self.out.rglob("*"))
                 if p.is_file() and not p.name.startswith(UNEQUAL)}
+
+    def content(self, path):
+        return path.read_bytes()
 
     def differences(self, wanted):
         got = self.results()
         return [name for name in sorted(set(wanted) | set(got)) if wanted.get(name) != got.get(name)]
+
+    def verify(self):
+        """What `oted verify` objects to."""
+        verified = self.run(["verify", str(self.out)])
+        return "" if verified.returncode == DONE else verified.stdout[-300:]
+
+    def processes_left(self, patience_s=10.0):
+        """Names of the processes that outlive what the campaign started."""
+        mark = f"{MARK}={self.folder}".encode()
+        end = time.monotonic() + patience_s
+        while True:
+            left = []
+            for process in pathlib.Path("/proc").glob("[0-9]*"):
+                try:
+                    if int(process.name) != os.getpid() and mark in (process / "environ").read_bytes().split(b"\0"):
+                        left.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace"))
+                except OSError:  # it ended meanwhile
+                    continue
+            if not left or time.monotonic() > end:
+                return left
+            time.sleep(0.05)
+
+
+class Grow(Campaign):
+    """A design that adds a suspect to its parameters."""
+
+    name = "design --grow"
+
+    def prepare(self):
+        demos = self.folder / "grow.npz"
+        if not demos.exists():
+            policy = program.ROOT / "examples/policies/hopper/medium.npz"
+            made = self.run(["collect", "--task", "Hopper-v5", "--policy", policy, "--episodes", "2", "--seed", "1", "--param", GAIN,
+                             "--truth", "gain=1.2", "--param", DAMPING, "--truth", "damping=0.7", "--out", demos])
+            assert made.returncode == DONE, made.stderr
+        settings = TINY + ["design.trajectories.rows=96", "design.trajectories.window=16", "selection.n_seeds=1"]
+        self.command = ["design", "--grow", "--task", "Hopper-v5", "--data", str(demos), "--param", GAIN, "--threads", "1", "--out",
+                        str(self.out), *sets(settings)]
+
+
+class Unit(Campaign):
+    """One unit of a sweep, made by a child."""
+
+    name = "unit"
+
+    def prepare(self):
+        self.plan = self.folder / "plan.jsonl"
+        settings = [s for s in TINY_DESIGN if "n_seeds" not in s and "n_iterations" not in s]
+        settings += ["selection.n_seeds=1", "design.method=transitions", "design.adversarial.n_iterations=20", "report.motion=false"]
+        made = self.run(["sweep", "--task", "Hopper-v5", "--param", FRICTION, "--data", self.data, "--vary",
+                         "design.adversarial.n_steps=20", "design.adversarial.n_steps=24", "--to", self.plan, *sets(settings)])
+        assert made.returncode == DONE, made.stderr
+        self.command = self.words()
+
+    def words(self):
+        return ["unit", str(self.plan), "--index", "0", "--out", str(self.out)]
+
+    def content(self, path):
+        if path.name == "done.json":  # with whom, how often and for how long is another matter
+            record = json.loads(path.read_bytes())
+            return json.dumps({key: value for key, value in record.items() if key not in ("attempts", "seconds", "seal")}).encode()
+        return b"" if path.suffix in (".txt", ".log") else super().content(path)
+
+    def verify(self):
+        left = [str(path.relative_to(self.out)) for path in self.out.glob("runs/*") if path.is_dir()]
+        return f"units are left at work: {left}" if left else ""
+
+
+class Submit(Unit):
+    """All units of a sweep on this machine, and their table."""
+
+    name = "submit --engine local"
+
+    def words(self):
+        return ["submit", str(self.plan), "--engine", "local", "--at-once", "2", "--quiet", "--out", str(self.out)]
+
+
+class Init(Campaign):
+    """A task file from two logs, which are joined beside it."""
+
+    name = "init"
+    ends_again = (DONE, USAGE)  # the task file is there already
+
+    def prepare(self):
+        model = self.folder / "m.xml"
+        model.write_text("""<mujoco><option timestep="0.005"/><worldbody><body><joint name="a" axis="0 1 0" damping="0.1"/>
+          <geom size="0.1" pos="0 0 -0.3"/></body></worldbody><actuator><motor name="m" joint="a" ctrlrange="-1 1"/></actuator></mujoco>""")
+        logs = [self.folder / f"log{k}.csv" for k in (1, 2)]
+        for k, log in enumerate(logs):
+            rows = "\n".join(f"{0.02 * i:.2f},{((i * (k + 3)) % 17) / 17:.4f},{((i * 5) % 13) / 13:.4f},{(i % 7) / 7:.4f}" for i in range(60))
+            log.write_text("time,a_pos,a_vel,m_cmd\n" + rows + "\n")
+        self.command = ["init", str(model), *map(str, logs), "--threads", "1", "--out", str(self.out / "task.toml")]
+
+    def clear(self):
+        super().clear()
+        self.out.mkdir()
+
+    def verify(self):
+        return ""
+
+
+class Validate(Campaign):
+    """A finished design against later logs: it writes nothing there."""
+
+    name = "validate"
+
+    def prepare(self):
+        self.finished = self.folder / "finished"
+        if not (self.finished / "design.json").exists():
+            made = self.run(["design", "--task", "Hopper-v5", "--data", self.data, "--param", FRICTION, "--out", self.finished,
+                             "--quiet", *sets(TINY + ["selection.n_seeds=1"])])
+            assert made.returncode in (DONE, NO_SIMULATOR), made.stderr
+        self.command = ["validate", str(self.out), "--data", str(self.data), "--threads", "1"]
+
+    def clear(self):
+        super().clear()
+        shutil.copytree(self.finished, self.out)
+
+
+def record(cell, counts):
+    """A line of the campaigns' results, in place of an earlier one of the same name."""
+    study_data.add_record(RESULTS, cell, {"schema": "oted.faults/1", **counts})
+
+
+COMMANDS = (Campaign, Grow, Unit, Submit, Init, Validate)

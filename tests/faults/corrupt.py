@@ -1,12 +1,12 @@
 """Damage to the files of finished and of half-finished runs; then the same command again.
 
-    corrupt.py PATH/TO/oted FOLDER [--damages N] [--seed S]
+    corrupt.py PATH/TO/oted FOLDER [--damages N] [--seed S] [--record]
 
 Each file of one finished run and of two that were killed (during the design, and during the training) is emptied, cut to
 half, cut by its last byte, and has single bits flipped in it. Noticed is: the command refuses and names the file, or it
 warns and names the file, or all results are afterwards those of an undisturbed run, byte for byte. In a finished run,
 `oted verify` must notice as well, or the file must hold the same content as before. Ends with 1 where a damage passed
-unnoticed, where the program crashed, or where it ended in another way than documented.
+unnoticed, where the program crashed, or where it ended in another way than documented. --record puts the counts into benchmarks/results/faults.jsonl.
 """
 
 import argparse
@@ -17,9 +17,8 @@ import subprocess
 import sys
 import time
 
-from campaign import Campaign
+from campaign import DATA_OR_MODEL, DONE, NO_SIMULATOR, USAGE, Campaign, record
 
-DONE, USAGE, DATA_OR_MODEL, NO_SIMULATOR = 0, 2, 3, 4
 # Made from the others by every command, or read by nothing: the report is compared by its own test.
 UNREAD = ("events.out.tfevents", ".lock")
 
@@ -143,6 +142,7 @@ class Corrupt(Campaign):
             content = (self.states[state] / file).read_bytes()
             if content:
                 tries += [(state, file, name, content, after) for name, after in damages(content, self.rng, 3)]
+        self.n_possible = len(tries)
         if n_damages and n_damages < len(tries):
             tries = self.rng.sample(tries, n_damages)
         for one in tries:
@@ -155,11 +155,14 @@ def main():
     parser.add_argument("folder")
     parser.add_argument("--damages", type=int, default=0, help="how many, drawn at random [default: all]")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
     corrupt = Corrupt(options.oted, options.folder, options.seed)
     corrupt.make_states()
     corrupt.run_all(options.damages)
-    print(f"{corrupt.n_tried} damages, {len(corrupt.failures)} failures")
+    if options.record:
+        record("corrupt run", {"possible": corrupt.n_possible, "damages": corrupt.n_tried, "failed": len(corrupt.failures)})
+    print(f"{corrupt.n_tried} of {corrupt.n_possible} damages, {len(corrupt.failures)} failures")
     return 1 if corrupt.failures else 0
 
 

@@ -1,11 +1,14 @@
-"""Faults at the calls through which a run changes files; then the same command again.
+"""Faults at the calls through which a command changes files; then the same command again.
 
-    crash.py PATH/TO/oted PATH/TO/liboted_fault_points.so FOLDER [--points N | --points all] [--kills N]
+    crash.py PATH/TO/oted PATH/TO/liboted_fault_points.so FOLDER [--commands NAME ...] [--points N | --points all] [--kills N]
+             [--record]
 
-At each point (an open for writing, write, sync, truncate, rename, remove or new folder) four faults are tried: the process
-is killed before it, a write takes half of its bytes, the disk is full from there on, it fails once. After it, the exit code
-must be one of those documented, and the same command must end with the results of an undisturbed run, byte for byte, and
-leave no temporary file. --kills adds kill -9 at that many moments, with two threads. Ends with 1 where anything differed.
+At each point (an open for writing, write, sync, truncate, rename, remove or new folder) of a command (campaign.py lists them)
+four faults are tried: the process is killed before it, a write takes half of its bytes, the disk is full from there on, it
+fails once. Processes that the command starts run undisturbed. After it, the exit code must be one of those documented, and the
+same command must end with the results of an undisturbed one, byte for byte, and leave no temporary file, no lock and no
+process. --kills adds kill -9 of the command at that many moments, with two threads. --record puts the counts into
+benchmarks/results/faults.jsonl. Ends with 1 where anything differed.
 """
 
 import argparse
@@ -16,65 +19,93 @@ import subprocess
 import sys
 import time
 
-from campaign import Campaign
+from campaign import COMMANDS, DATA_OR_MODEL, record
 
 KINDS = ("kill", "short", "nospace", "ioerror")
-DONE, DATA_OR_MODEL, NO_SIMULATOR = 0, 3, 4
 
 
-class Crash(Campaign):
-    def __init__(self, oted, library, folder):
-        super().__init__(oted, folder)
+class Crash:
+    """The faults of one command."""
+
+    def __init__(self, campaign, library):
+        self.campaign = campaign
         self.library = os.path.abspath(library)
+        self.calls = self.count()
 
     def environment(self, **more):
-        return {**os.environ, "LD_PRELOAD": self.library, "OTED_FAULT_FOLDER": str(self.out), **more}
+        return self.campaign.environment(LD_PRELOAD=self.library, OTED_FAULT_FOLDER=str(self.campaign.out), **more)
 
     def count(self):
         """The calls of an undisturbed run by name, in order; keeps its results."""
-        self.clear()
-        log = self.folder / "calls"
+        campaign = self.campaign
+        campaign.clear()
+        log = campaign.folder / "calls"
         log.unlink(missing_ok=True)
-        result = self.run(environment=self.environment(OTED_FAULT_COUNT=str(log)))
-        assert result.returncode in (DONE, NO_SIMULATOR), result.stderr
+        start = time.monotonic()
+        result = campaign.run(environment=self.environment(OTED_FAULT_COUNT=str(log)))
+        self.length = time.monotonic() - start
+        assert result.returncode in campaign.ends_again, result.stderr
         self.code = result.returncode
-        self.wanted = self.results()
+        self.wanted = campaign.results()
         return log.read_text().split()
 
     def check_after(self, what):
         """The same command again gives the same results."""
-        again = self.run()
-        if again.returncode != self.code:
-            return self.fail(f"{what}: the same command ends with {again.returncode}: {again.stderr[-300:]}")
-        differing = self.differences(self.wanted)
+        campaign = self.campaign
+        left = campaign.processes_left()
+        if left:
+            campaign.fail(f"{what}: outlived by {left}")
+        again = campaign.run()
+        if again.returncode not in {self.code, *campaign.ends_again}:
+            return campaign.fail(f"{what}: the same command ends with {again.returncode}: {again.stderr[-300:]}")
+        differing = campaign.differences(self.wanted)
         if differing:
-            self.fail(f"{what}: other bytes in {', '.join(differing[:5])}")
-        verified = self.run(["verify", str(self.out)])
-        if verified.returncode != DONE:
-            self.fail(f"{what}: {verified.stdout[-300:]}")
+            campaign.fail(f"{what}: other bytes in {', '.join(differing[:5])}")
+        objection = campaign.verify()
+        if objection:
+            campaign.fail(f"{what}: {objection}")
 
     def fault(self, point, name, kind):
-        what = f"call {point} ({name}), {kind}"
-        self.clear()
-        result = self.run(environment=self.environment(OTED_FAULT=f"{point} {kind}"))
+        campaign, what = self.campaign, f"call {point} ({name}), {kind}"
+        campaign.clear()
+        result = campaign.run(environment=self.environment(OTED_FAULT=f"{point} {kind}"))
         allowed = {"kill": (-signal.SIGKILL,), "short": (self.code,)}.get(kind, (DATA_OR_MODEL, self.code))
         if result.returncode not in allowed:
-            self.fail(f"{what}: ended with {result.returncode}: {result.stderr[-300:]}")
+            campaign.fail(f"{what}: ended with {result.returncode}: {result.stderr[-300:]}")
         if result.returncode == DATA_OR_MODEL and result.stderr.count("oted: ") != 1:
-            self.fail(f"{what}: not one line: {result.stderr[-300:]}")
-        if result.returncode == self.code and kind != "kill" and self.differences(self.wanted):
-            self.fail(f"{what}: ended well with other results")
+            campaign.fail(f"{what}: not one line: {result.stderr[-300:]}")
+        if result.returncode == self.code and kind != "kill" and campaign.differences(self.wanted):
+            campaign.fail(f"{what}: ended well with other results")
         self.check_after(what)
 
     def kill_at(self, seconds):
-        self.clear()
-        command = [self.oted, *self.command]
-        command[command.index("--threads") + 1] = "2"
-        child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        campaign = self.campaign
+        campaign.clear()
+        child = subprocess.Popen([campaign.oted, *campaign.two_threads()], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                 env=campaign.environment(), cwd=campaign.folder)
         time.sleep(seconds)
         child.kill()
         child.wait()
         self.check_after(f"kill -9 after {seconds:.2f} s")
+
+    def run_all(self, points, n_kills):
+        """@return how many faults were tried"""
+        n_calls, tried = len(self.calls), 0
+        n = n_calls if points == "all" else min(int(points), n_calls)
+        for k, kind in enumerate(KINDS):
+            shift = k / len(KINDS) if n < n_calls else 0
+            for i in range(n):
+                point = int((i + shift) * n_calls / n)
+                if kind == "short":  # only a write can be short
+                    point = next((p for p in range(point, n_calls) if self.calls[p] == "write"), None)
+                    if point is None or (n == n_calls and point != i):
+                        continue
+                self.fault(point, self.calls[point], kind)
+                tried += 1
+        rng = random.Random(1)
+        for _ in range(n_kills):
+            self.kill_at(rng.uniform(0, self.length))
+        return tried
 
 
 def main():
@@ -82,30 +113,27 @@ def main():
     parser.add_argument("oted")
     parser.add_argument("library")
     parser.add_argument("folder")
+    names = [command.name.split()[0] for command in COMMANDS]
+    parser.add_argument("--commands", nargs="+", choices=names, default=names, metavar="NAME", help=f"of {', '.join(names)} [default: all]")
     parser.add_argument("--points", default="all", help="how many points, spread over the run and shifted by the kind")
-    parser.add_argument("--kills", type=int, default=0)
+    parser.add_argument("--kills", type=int, default=0, help="of each command")
+    parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
-    crash = Crash(options.oted, options.library, options.folder)
-    start = time.monotonic()
-    calls = crash.count()
-    length = time.monotonic() - start
-    n = len(calls) if options.points == "all" else min(int(options.points), len(calls))
-    tried = 0
-    for k, kind in enumerate(KINDS):
-        shift = k / len(KINDS) if n < len(calls) else 0
-        for i in range(n):
-            point = int((i + shift) * len(calls) / n)
-            if kind == "short":  # only a write can be short
-                point = next((p for p in range(point, len(calls)) if calls[p] == "write"), None)
-                if point is None or (n == len(calls) and point != i):
-                    continue
-            crash.fault(point, calls[point], kind)
-            tried += 1
-    rng = random.Random(1)
-    for _ in range(options.kills):
-        crash.kill_at(rng.uniform(0, length))
-    print(f"{len(calls)} points, {tried} faults and {options.kills} kills tried, {len(crash.failures)} failures")
-    return 1 if crash.failures else 0
+    failed = 0
+    for command in COMMANDS:
+        name = command.name.split()[0]
+        if name not in options.commands:
+            continue
+        campaign = command(options.oted, f"{options.folder}/{name}")
+        crash = Crash(campaign, options.library)
+        tried = crash.run_all(options.points, options.kills)
+        print(f"{command.name}: {len(crash.calls)} points, {tried} faults and {options.kills} kills tried, "
+              f"{len(campaign.failures)} failures", flush=True)
+        if options.record:
+            record(f"crash {command.name}", {"points": len(crash.calls), "faults": tried, "kills": options.kills,
+                                             "failed": len(campaign.failures)})
+        failed += len(campaign.failures)
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

@@ -1,10 +1,15 @@
-// A library to preload (LD_PRELOAD) that makes one call on files of a folder fail: what crash.py drives.
+// A library to preload (LD_PRELOAD) that makes one call on files of a folder fail: what crash.py drives. And two that
+// measure drive it as well.
 //
 //   OTED_FAULT_FOLDER  absolute; only calls on files below it are counted
 //   OTED_FAULT_COUNT   a file that gets a line with the name of each call, to learn how many there are
 //   OTED_FAULT         "N KIND": what happens at call N (from 0): kill (the process dies before it), short (a write
 //   takes
-//                      half of its bytes), nospace (from here on the disk takes nothing more), ioerror (it fails once)
+//                      half of its bytes), nospace (from here on the disk takes nothing more), ioerror (it fails once),
+//                      leak (from here on each call loses 16 KiB, and a write a descriptor: what growth.py must notice)
+//   OTED_CHEAP         sync: nothing is waited for; hash: nothing is hashed; both: neither (durability_cost.py)
+//
+// Programs that this one starts run undisturbed.
 //
 // The calls are those through which the program changes files: open for writing, write, sync, truncate, rename, remove.
 
@@ -25,7 +30,7 @@
 
 namespace {
 
-enum class Kind { kNone, kKill, kShort, kNoSpace, kIoError };
+enum class Kind { kNone, kKill, kShort, kNoSpace, kIoError, kLeak };
 enum class Call { kOpen, kWrite, kSync, kTruncate, kRename, kRemove, kFolder };
 
 constexpr const char* kNames[] = {"open", "write", "sync", "truncate", "rename", "remove", "folder"};
@@ -36,6 +41,7 @@ struct Settings {
   long at = -1;
   Kind kind = Kind::kNone;
   int count = -1;  // descriptor
+  bool no_sync = false, no_hash = false;
 };
 
 template <class F>
@@ -54,10 +60,17 @@ const Settings& The() {
       if (std::strcmp(rest, " short") == 0) s.kind = Kind::kShort;
       if (std::strcmp(rest, " nospace") == 0) s.kind = Kind::kNoSpace;
       if (std::strcmp(rest, " ioerror") == 0) s.kind = Kind::kIoError;
+      if (std::strcmp(rest, " leak") == 0) s.kind = Kind::kLeak;
+    }
+    if (const char* cheap = std::getenv("OTED_CHEAP")) {
+      s.no_sync = std::strcmp(cheap, "sync") == 0 || std::strcmp(cheap, "both") == 0;
+      s.no_hash = std::strcmp(cheap, "hash") == 0 || std::strcmp(cheap, "both") == 0;
     }
     if (const char* file = std::getenv("OTED_FAULT_COUNT")) {
       s.count = Next<int(const char*, int, ...)>("open")(file, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     }
+    ::unsetenv("OTED_FAULT");
+    ::unsetenv("OTED_FAULT_COUNT");
     return s;
   }();
   return settings;
@@ -83,6 +96,12 @@ bool IsBelow(const char* path) {
 
 bool IsWatched(int fd) { return fd >= 0 && fd < kMaxFiles && g_watched[fd]; }
 
+void Leak(Call call) {
+  constexpr size_t kLost = 16384;
+  std::memset(std::malloc(kLost), 1, kLost);
+  if (call == Call::kWrite) ::fcntl(0, F_DUPFD_CLOEXEC, 3);
+}
+
 /// What happens to this call. @return kNone: it goes on as if nothing were
 Kind Meet(Call call) {
   const Settings& s = The();
@@ -94,7 +113,8 @@ Kind Meet(Call call) {
     if (Next<ssize_t(int, const void*, size_t)>("write")(s.count, line, static_cast<size_t>(size)) < 0) ::_exit(99);
   }
   if (g_full) return call == Call::kRemove || call == Call::kTruncate ? Kind::kNone : Kind::kNoSpace;
-  if (n != s.at) return Kind::kNone;
+  if (s.kind == Kind::kLeak && n >= s.at) Leak(call);
+  if (n != s.at || s.kind == Kind::kLeak) return Kind::kNone;
   if (s.kind == Kind::kKill) ::kill(::getpid(), SIGKILL);
   if (s.kind == Kind::kNoSpace) g_full = true;
   if (s.kind == Kind::kNoSpace && call == Call::kRemove) return Kind::kNone;
@@ -180,7 +200,12 @@ ssize_t writev(int fd, const iovec* parts, int n) {
   }
   return Next<ssize_t(int, const iovec*, int)>("writev")(fd, parts, n);
 }
+int EVP_DigestUpdate(void* context, const void* bytes, size_t size) {
+  if (The().no_hash) return 1;
+  return Next<int(void*, const void*, size_t)>("EVP_DigestUpdate")(context, bytes, size);
+}
 int fsync(int fd) {
+  if (The().no_sync) return 0;
   if (IsWatched(fd) && Fails(Meet(Call::kSync))) return -1;
   return Next<int(int)>("fsync")(fd);
 }

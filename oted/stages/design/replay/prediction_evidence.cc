@@ -25,7 +25,7 @@ constexpr int kFewestPredicted = 3, kMostPredicted = 60;  // windows of each par
 constexpr double kSurely = 2.0;                           // standard errors
 constexpr int kNoiseCorrections = 2;
 constexpr double kNoNoise = 1e-6;  // of a channel's spread: such noise is none
-constexpr double kMoved = 0.25;  // of the range: what an identified parameter is known to
+constexpr double kMoved = 0.25;    // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;

@@ -1,0 +1,67 @@
+"""What it costs that results are on the disk and prove themselves: the quickstart with and without syncing and hashing.
+
+usage: durability_cost.py [--rounds N] [--tiny] [--record]
+
+Rounds of four runs each, one behind the other: as it is, without waiting for the disk (fsync), without hashing (SHA-256), and
+with neither, by the library that the fault campaigns preload. --tiny: a run of seconds in place of the quickstart, whose share
+is the largest that there is. Prints the medians over rounds of wall time and processor time, and the ratios to a run with
+neither. --record puts them into benchmarks/results/durability.jsonl. Needs `scripts/build.sh dev`.
+"""
+
+import argparse
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+import study_data
+
+sys.path.insert(0, str(study_data.ROOT / "tests/cli"))
+from program import TINY, sets  # noqa: E402
+
+PROGRAM = study_data.ROOT / "build/release/oted"
+LIBRARY = study_data.ROOT / "build/release/tests/liboted_fault_points.so"
+WITHOUT = {"as it is": "", "no sync": "sync", "no hash": "hash", "neither": "both"}
+
+
+def seconds(words, cheap, out):
+    """(wall, processor) of one run into a new folder."""
+    shutil.rmtree(out, ignore_errors=True)
+    environment = {**os.environ, "LD_PRELOAD": str(LIBRARY), "OTED_CHEAP": cheap}
+    before, start = os.times(), time.monotonic()
+    result = subprocess.run([str(PROGRAM), *words, "--out", out, "--quiet"], cwd=study_data.ROOT, env=environment, capture_output=True, text=True)
+    assert result.returncode in (0, 4), result.stderr
+    after = os.times()
+    return time.monotonic() - start, after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--tiny", action="store_true")
+    parser.add_argument("--record", action="store_true")
+    options = parser.parse_args()
+    words = ["run", "examples/quickstart.toml", *(sets(TINY) if options.tiny else [])]
+    wall, processor = ({name: [] for name in WITHOUT} for _ in range(2))
+    with tempfile.TemporaryDirectory(dir=study_data.ROOT / "build") as folder:  # on the disk, not in memory
+        for _ in range(options.rounds):
+            for name, cheap in WITHOUT.items():
+                taken = seconds(words, cheap, os.path.join(folder, "run"))
+                wall[name].append(taken[0])
+                processor[name].append(taken[1])
+    record = {"schema": "oted.durability/1", "rounds": options.rounds}
+    for name in WITHOUT:
+        ratio = statistics.median(w / n for w, n in zip(wall[name], wall["neither"]))
+        record[name] = {"wall_s": round(statistics.median(wall[name]), 3), "cpu_s": round(statistics.median(processor[name]), 3),
+                        "wall_ratio": round(ratio, 4)}
+        print(f"{name:10} {record[name]['wall_s']:9.3f} s, {record[name]['cpu_s']:9.3f} s of processor, {ratio:.3f} times neither")
+    if options.record:
+        study_data.add_record(study_data.ROOT / "benchmarks/results/durability.jsonl", "tiny" if options.tiny else "quickstart", record)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
