@@ -107,6 +107,12 @@ bool ContainsNominal(const Designer& q) {
   return distance <= n * std::pow(1.0 - third + 2.3263 * std::sqrt(third), 3);
 }
 
+/// Surely or not: few windows leave large gains unsure.
+bool GainsNoticeably(const HeldOutPrediction& prediction) {
+  return std::ranges::any_of(prediction.horizons,
+                             [](const HeldOutPrediction::Horizon& h) { return h.gain.value > kLeastExcess; });
+}
+
 }  // namespace
 
 const NamedValues<ParameterVerdict>& ParameterVerdictNames() {
@@ -230,7 +236,8 @@ bool PredictsBetter(const HeldOutPrediction& prediction) {
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction) {
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
-    return !better || ContainsNominal(q) ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
+    const bool as_well = !better && !GainsNoticeably(prediction);
+    return as_well || ContainsNominal(q) ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
   return better && ParametersAtBounds(q).empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }

@@ -58,7 +58,8 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high);
 ///
 ///   no_gap          the floor is reached, and the nominal simulator does as well: its parameters lie in the 99 %
 ///   region
-///                   of q, widened by a hundredth of each range, or the design predicts no better
+///                   of q, widened by a hundredth of each range, or the design gains nothing noticeable: at no horizon
+///                   a tenth (of mean squares)
 ///   gap_closed      the floor is reached
 ///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
 ///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have

@@ -173,6 +173,8 @@ TEST(JudgePrediction, TheFloorAndTheGainDecide) {
   const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
   EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
   EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, kNothing)), DesignVerdict::kNoGap) << "the nominal one as well";
+  EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, {0.9, 0.7})), DesignVerdict::kGapClosed)
+      << "a gain that is not sure is no proof that there is no gap";
   EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kMuch)), DesignVerdict::kGapNarrowed);
   EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kNothing)), DesignVerdict::kOutsideFamily);
 }

@@ -98,6 +98,12 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it", over);
     case DesignVerdict::kGapClosed:
+      if (!record.predicts_better) {
+        return fmt::format(
+            "gap closed: {} the designed simulator predicts the logs as well as the sensors let it; its parameters are "
+            "not the nominal ones, but that it predicts better is not sure",
+            over);
+      }
       return fmt::format(
           "gap closed: {} the designed simulator predicts the logs as well as the sensors let it, with {} less error "
           "than the nominal one",
