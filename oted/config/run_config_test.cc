@@ -92,7 +92,7 @@ TEST(RunConfig, ReadsBackWhatItWrites) {
   EXPECT_EQ(again.data.episodes, "5");
   EXPECT_EQ(again.algorithms.sac.n_steps, 100'000);
   EXPECT_EQ(again.settings.at("paper").Assumed().adversarial.n_sims, 7);
-  EXPECT_EQ(again.settings.at("paper").Assumed().adversarial.starts, RolloutStarts::kInitial);
+  EXPECT_EQ(again.settings.at("paper").Assumed().adversarial.actions, RolloutActions::kClone);
   EXPECT_EQ(again.settings.at("short").Assumed().adversarial.horizon, 3);
   EXPECT_EQ(again.settings.at("short").Assumed().adversarial.lambda, 1e-3) << "a setting starts from [design]";
 }
@@ -153,7 +153,7 @@ TEST(RunConfig, TheMethodsDefaultsGiveWayToSettingsWhereverTheyStand) {
   const RunConfig config = WithSection("[design]\nadversarial.horizon = 50\nmethod = \"paper\"\n");
   const DesignConfig design = config.design.Assumed();
   EXPECT_EQ(design.adversarial.horizon, 50);
-  EXPECT_EQ(design.adversarial.starts, RolloutStarts::kInitial);
+  EXPECT_EQ(design.adversarial.starts, RolloutStarts::kDataset);
   EXPECT_EQ(design.adversarial.actions, RolloutActions::kClone);
   EXPECT_EQ(design.adversarial.n_steps, DesignConfig::For(DesignMethod::kPaper).adversarial.n_steps);
 }
