@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "oted/base/error.h"
+
 namespace oted {
 
 class RecordReader {
@@ -19,12 +21,14 @@ class RecordReader {
 
   bool Has(const char* field) const { return record_.contains(field) && !record_.at(field).is_null(); }
 
-  /// What `read` makes of a field; it may throw any nlohmann::json::exception.
+  /// What `read` makes of a field; it may throw any nlohmann::json::exception, or a UsageError.
   template <class F>
   auto Read(const char* field, const F& read) const {
     try {
       return read(record_.at(field));
     } catch (const nlohmann::json::exception& e) {
+      Fail(field, e.what());
+    } catch (const UsageError& e) {  // of a setting's value: here the record is damaged
       Fail(field, e.what());
     }
   }

@@ -103,6 +103,8 @@ MethodChoiceRecord MethodChoiceRecord::FromJson(const json& record, const std::s
     return {MethodChoiceFromJson(record)};
   } catch (const json::exception& e) {
     reader.Fail("choice", e.what());
+  } catch (const UsageError& e) {
+    reader.Fail("choice", e.what());
   }
 }
 

@@ -27,6 +27,7 @@ class Campaign:
 
     name = "run"
     ends_again = (DONE, NO_SIMULATOR)  # the same command, once it was through
+    counts_vary = False  # a call may not come to be: signs of life depend on how long it takes
 
     def __init__(self, oted, folder):
         self.oted = str(pathlib.Path(oted).resolve())
@@ -122,6 +123,7 @@ class Unit(Campaign):
     """One unit of a sweep, made by a child."""
 
     name = "unit"
+    counts_vary = True
 
     def prepare(self):
         self.plan = self.folder / "plan.jsonl"

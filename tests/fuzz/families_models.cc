@@ -101,7 +101,7 @@ FuzzFamily TaskFamily(const fs::path& folder) {
                   "\"opt/gravity[2]\", range = [0.2, 2.0] }\n"};
   family.readers = {{"task.toml",
                      [](const fs::path& f) { Simulate(TaskConfig::FromArgument((f / "task.toml").string())); },
-                     {"task-model.xml", "task."}},
+                     {"task-model.xml", "task.", "unknown task"}},
                     {"run.toml", [](const fs::path& f) { RunConfig::FromTomlFile((f / "run.toml").string()); }}};
   return family;
 }
