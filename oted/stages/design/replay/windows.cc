@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kReplayLanes = 256;
 
-/// The lanes of one window: the base replay, one per parameter, one per start coordinate.
-int LanesPerWindow(int n_parameters, int state_dim) { return 1 + n_parameters + state_dim; }
+/// The lanes of one window: the base replay, one per parameter, one per start coordinate that is moved.
+int LanesPerWindow(int n_parameters, int n_moved) { return 1 + n_parameters + n_moved; }
 
 }  // namespace
 
@@ -141,7 +141,8 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
                                                                      const std::vector<std::vector<double>>& perturbed,
                                                                      const VectorXd& steps,
                                                                      const std::vector<VectorXd>& start_steps) {
-  const int n_parameters = static_cast<int>(perturbed.size()), per_window = LanesPerWindow(n_parameters, state_dim());
+  const int n_parameters = static_cast<int>(perturbed.size()), n_moved = start_steps.empty() ? 0 : state_dim();
+  const int per_window = LanesPerWindow(n_parameters, n_moved);
   const int at_once = simulator_->n_lanes() / per_window;
   OTED_CHECK(at_once >= 1);
   std::vector<Linearization> result(windows.size());
@@ -164,9 +165,9 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
       const int n_unread = readings_.n_unread(), size = (windows[w].n_steps + 1) * obs_dim_ + n_unread;
       linear.residual = VectorXd::Zero(size);
       linear.d_parameters = MatrixXd::Zero(size, n_parameters);
-      linear.d_start = MatrixXd::Zero(size, state_dim());
+      linear.d_start = MatrixXd::Zero(size, n_moved);
       if (n_unread > 0) linear.residual.tail(n_unread) = Unread(windows[w], starts[w]);
-      for (int i = 0; i < n_unread; ++i) {
+      for (int i = 0; i < n_unread && n_moved > 0; ++i) {
         linear.d_start(size - n_unread + i, readings_.unread[static_cast<size_t>(i)]) = 1;
       }
       for (int p = 0; p < per_window; ++p) {

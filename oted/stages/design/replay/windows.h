@@ -51,13 +51,14 @@ class WindowReplayer {
   struct Linearization {
     bool valid = false;            ///< false as Residuals is empty, also for a perturbed replay
     Eigen::VectorXd residual;      ///< (n), as Residuals
-    Eigen::MatrixXd d_start;       ///< (n, state_dim): of what was subtracted there
+    Eigen::MatrixXd d_start;       ///< (n, state_dim or 0): of what was subtracted there
     Eigen::MatrixXd d_parameters;  ///< (n, parameters)
   };
   /// By forward differences.
   /// @param perturbed    z with one search coordinate moved by its step, one per parameter
   /// @param steps        (parameters): the steps
-  /// @param start_steps  of each window, (state_dim): how far each start coordinate is moved
+  /// @param start_steps  of each window, (state_dim): how far each start coordinate is moved; empty where starts are
+  ///                     known, and d_start has no columns
   std::vector<Linearization> Linearize(const std::vector<LogWindow>& windows,
                                        const std::vector<Eigen::VectorXd>& starts, const std::vector<double>& z,
                                        const std::vector<std::vector<double>>& perturbed, const Eigen::VectorXd& steps,

@@ -76,12 +76,14 @@ bool LevelFit::Step() {
     const VectorXd x = (x_ + step).cwiseMax(-kMaxX).cwiseMin(kMaxX);
     std::vector<VectorXd> starts = level_.starts;
     for (size_t w = 0; w < equations.size(); ++w) {
-      if (equations[w].valid) starts[w] += factors[w].solve(equations[w].start - equations[w].start_x * (x - x_));
+      if (!equations[w].valid || starts_are_held_) continue;
+      starts[w] += factors[w].solve(equations[w].start - equations[w].start_x * (x - x_));
     }
     // Each window keeps the better of its two starts: one whose contact flips does not hold up the others.
     std::vector<VectorXd> moved = replayer_.Residuals(level_.windows, starts, ToZ(space_, x));
-    const std::vector<VectorXd> stayed = replayer_.Residuals(level_.windows, level_.starts, ToZ(space_, x));
     std::vector<char> better(moved.size());
+    const std::vector<VectorXd> stayed =
+        starts_are_held_ ? moved : replayer_.Residuals(level_.windows, level_.starts, ToZ(space_, x));
     for (size_t w = 0; w < moved.size(); ++w) {
       better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[w]);
       if (!better[w]) moved[w] = stayed[w];
@@ -185,7 +187,8 @@ double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x)
 }
 
 LevelFit::Differences LevelFit::Tangents() const {
-  return {VectorXd::Constant(x_.size(), kParameterStep), std::vector<VectorXd>(level_.windows.size(), StartSteps())};
+  const size_t n_moved = starts_are_held_ ? 0 : level_.windows.size();
+  return {VectorXd::Constant(x_.size(), kParameterStep), std::vector<VectorXd>(n_moved, StartSteps())};
 }
 
 VectorXd LevelFit::StartSteps() const {

@@ -36,6 +36,10 @@ class LevelFit {
   /// simulator's errors at a window's end (WindowLikelihood::Growing).
   void LetErrorsGrow(Eigen::VectorXd variance) { sensor_variance_ = std::move(variance); }
 
+  /// From now on windows start where their readings say: for logs that are exact but for rounding.
+  void HoldStarts() { starts_are_held_ = true; }
+  bool starts_are_held() const { return starts_are_held_; }
+
   const Eigen::VectorXd& x() const { return x_; }
   const Level& level() const { return level_; }
   const ReadingModel& readings() const { return replayer_.readings(); }
@@ -102,7 +106,7 @@ class LevelFit {
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
-  /// Forward differences of these steps: (parameters), and of each window (state_dim).
+  /// Forward differences of these steps: (parameters), and of each window (state_dim), none where starts are held.
   struct Differences {
     Eigen::VectorXd x;
     std::vector<Eigen::VectorXd> starts;
@@ -133,7 +137,7 @@ class LevelFit {
   Eigen::VectorXd x_;
   std::vector<double> damping_of_start_;
   double damping_ = 1e-2;
-  bool explained_alone_ = false;
+  bool explained_alone_ = false, starts_are_held_ = false;
   std::vector<WindowReplayer::Linearization> linear_;
   std::vector<Eigen::VectorXd> residuals_;
   Eigen::VectorXd variance_;         // of each channel's noise, or of what grows

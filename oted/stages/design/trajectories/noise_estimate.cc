@@ -22,6 +22,7 @@ constexpr double kFirstNoiseGuess = 0.01, kNoiseStartStep = 1e-5;  // of a chann
 
 /// 1 - h_i of every number of a window. @param precision  of every number
 VectorXd Freedom(const FittedWindow& window, const VectorXd& precision) {
+  if (window.d_start.cols() == 0) return VectorXd::Ones(window.residual.size());
   const MatrixXd whitened = precision.cwiseSqrt().asDiagonal() * window.d_start;
   const MatrixXd normal = whitened.transpose() * whitened;
   const MatrixXd solved = normal.ldlt().solve(whitened.transpose());

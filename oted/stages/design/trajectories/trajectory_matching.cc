@@ -113,6 +113,17 @@ class TrajectoryMatch {
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const auto& a, const auto& b) { return a.first < b.first; });
     VectorXd x = candidates.front().second;
+    // Exact logs need no fit of starts. Only of the nearest candidate: where there is noise, it is for nothing.
+    if (ReadsStarts()) {
+      LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, x);
+      fit.HoldStarts();
+      n_planned_ += kStartIterations;
+      Descend(fit, kStartIterations);
+      n_done_ = n_planned_;
+      fit.FinalCost();
+      is_exact_ = TellsAllButRounding(fit);
+      if (is_exact_) return fit.x();
+    }
     double best = std::numeric_limits<double>::infinity();
     for (int s = 0; s < std::min(config_.starts, config_.coarse); ++s) {
       LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, candidates[static_cast<size_t>(s)].second);
@@ -122,9 +133,20 @@ class TrajectoryMatch {
       const double cost = fit.FinalCost();
       if (cost < best) x = fit.x();
       best = std::min(best, cost);
-      if (IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll) break;
+      if (TellsAllButRounding(fit)) break;
     }
     return x;
+  }
+
+  /// Whether every coordinate of a state is read when it is so.
+  bool ReadsStarts() const {
+    const ReadingModel& readings = replayer_->readings();
+    return readings.unread.empty() && readings.longest_age() == 0;
+  }
+
+  /// After FinalCost.
+  bool TellsAllButRounding(const LevelFit& fit) const {
+    return IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll;
   }
 
   /// Longer and longer windows, while they are explained as well as the short ones.
@@ -135,10 +157,11 @@ class TrajectoryMatch {
     while (!level.windows.empty()) {
       const bool is_first = fit_ == nullptr;
       auto fit = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, level, x);
-      const int n_iterations = is_first && !again ? kFirstLevelIterations : kLevelIterations;
+      const int n_iterations = is_first && !again ? kFirstLevelIterations : is_exact_ ? 1 : kLevelIterations;
+      if (is_first && is_exact_) fit->HoldStarts();
       n_planned_ += n_iterations + kRounds * kRoundIterations;
       Descend(*fit, n_iterations);
-      for (int round = 0; round < kRounds && fit->TryOtherStarts(rng_); ++round) {
+      for (int round = 0; round < kRounds && !fit->starts_are_held() && fit->TryOtherStarts(rng_); ++round) {
         fit->CountExplainedAlone();
         for (int i = 0; i < kRoundIterations; ++i) {
           fit->Step();
@@ -268,6 +291,7 @@ class TrajectoryMatch {
     if (level.windows.empty()) return fit_->x();
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(learner, space_, problem_.prior, scale, level, fit_->x());
+    if (is_exact_) fit.HoldStarts();
     Descend(fit, kLevelIterations);
     return fit.x();
   }
@@ -280,6 +304,7 @@ class TrajectoryMatch {
   const ParameterSpace& space_;
   std::unique_ptr<WindowReplayer> replayer_;
   VectorXd scale_;
+  bool is_exact_ = false;  // the logs, but for rounding: their readings are the states
   Rng rng_;
   HeldOutParts parts_;
   int shortest_ = 0, longest_ = 0;  // control steps of the windows that are joined
