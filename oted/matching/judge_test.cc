@@ -34,6 +34,21 @@ TEST(JudgeReplays, SeesNothingInDataOfTheNominalSimulator) {
   EXPECT_EQ(score.n_data, score.n_simulated);
 }
 
+TEST(JudgeReplays, AskedOfRowsThatAreEqualButForRoundingWouldSeeNothing) {
+  Array2<double> logged[2], simulated[2];
+  Rng rng(1);
+  for (int h = 0; h < 2; ++h) {
+    for (int i = 0; i < 1000; ++i) {
+      const double value = rng.Normal();
+      logged[h].AppendRow(std::vector{value, value * value});
+      simulated[h].AppendRow(std::vector{value + 1e-4, value * value});
+    }
+  }
+  const JudgeScore score = JudgeSamples(logged, simulated, 200, RngKey(1));
+  EXPECT_NEAR(score.common, std::numbers::ln2, 1e-3);
+  EXPECT_NEAR(score.auc, 0.5, 1e-3);
+}
+
 TEST(JudgeReplays, SeesNothingWhereHalfOfTheStatesCannotBeSet) {
   PointMassOptions clipped;
   clipped.velocity_clip = 0.5;

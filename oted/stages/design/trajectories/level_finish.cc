@@ -51,7 +51,9 @@ std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer
   for (size_t w = 0; w < equations.size(); ++w) {
     // Neighbouring windows err together: they count as one.
     if (w == 0 || level_.stretch[w] != level_.stretch[w - 1]) {
-      stretches.push_back({MatrixXd::Zero(n_parameters, n_parameters), VectorXd::Zero(n_parameters)});
+      stretches.push_back({.information = MatrixXd::Zero(n_parameters, n_parameters),
+                           .score = VectorXd::Zero(n_parameters),
+                           .row = level_.windows[w].begin});
     }
     const NormalEquations& e = equations[w];
     if (!e.valid) continue;
@@ -62,16 +64,18 @@ std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer
   return stretches;
 }
 
-MatrixXd LevelFit::Finish() {
+MatrixXd LevelFit::Finish(bool explained) {
   for (int step = 1;; ++step) {
-    const LastStep last = TakeLastStep();
+    const LastStep last = TakeLastStep(explained);
     if (last.arrived || step == kMostLastSteps) return last.covariance;
   }
 }
 
-LevelFit::LastStep LevelFit::TakeLastStep() {
+LevelFit::LastStep LevelFit::TakeLastStep(bool explained) {
   Linearize(Secants());
-  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_);
+  const std::vector<StretchEvidence> stretches = Evidence(linear_, x_.size());
+  const StretchEstimate estimate =
+      explained ? EstimateFromStretches(stretches, x_, prior_) : EstimateFromParts(stretches, x_, prior_);
   // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
   // matter as a product would leave it.
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);

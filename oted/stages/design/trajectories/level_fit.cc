@@ -176,6 +176,15 @@ double LevelFit::ShareExplained() const {
   return explained / static_cast<double>(residuals_.size());
 }
 
+double LevelFit::ShareWithin(const VectorXd& tolerance) const {
+  const VectorXd most = tolerance.replicate(n_steps() + 1, 1);
+  double within = 0;
+  for (const VectorXd& residual : residuals_) {
+    within += residual.size() > 0 && (residual.head(most.size()).cwiseAbs().array() <= most.array()).all();
+  }
+  return within / static_cast<double>(residuals_.size());
+}
+
 double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x) const {
   double cost = prior_.HalfSquare(x);
   const WindowLikelihood likelihood = Likelihood();

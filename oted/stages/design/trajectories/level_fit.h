@@ -36,9 +36,9 @@ class LevelFit {
   /// simulator's errors at a window's end (WindowLikelihood::Growing).
   void LetErrorsGrow(Eigen::VectorXd variance) { sensor_variance_ = std::move(variance); }
 
-  /// From now on windows start where their readings say: for logs that are exact but for rounding.
-  void HoldStarts() { starts_are_held_ = true; }
-  bool starts_are_held() const { return starts_are_held_; }
+  /// While starts are held, windows start where their readings say: for logs that are exact but for rounding. Step once
+  /// after they are let go.
+  void HoldStarts(bool held) { starts_are_held_ = held; }
 
   const Eigen::VectorXd& x() const { return x_; }
   const Level& level() const { return level_; }
@@ -66,8 +66,9 @@ class LevelFit {
   /// and end a physics step earlier or later; tangents tell nothing of that, or everything. From an x that is near, one
   /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents. From an x
   /// that is farther than that, it takes another.
+  /// @param explained  whether the family explains the logs; if not, EstimateFromParts tells how far to trust x
   /// @return the covariance of x
-  Eigen::MatrixXd Finish();
+  Eigen::MatrixXd Finish(bool explained);
   /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x. By the
   /// secants of Finish, and by one step of each of these.
   /// @param nominal, moved  their z before the step, and after it
@@ -76,6 +77,8 @@ class LevelFit {
                                           const std::vector<double>& moved, double step) const;
   /// Share of windows that noise alone explains, after FinalCost.
   double ShareExplained() const;
+  /// Share of windows of which no reading is farther off than its channel's `tolerance`.
+  double ShareWithin(const Eigen::VectorXd& tolerance) const;
   /// Mean and standard deviation, over the windows, of each unread coordinate's start, its own uncertainty included;
   /// after Step.
   struct Spread {
@@ -118,7 +121,7 @@ class LevelFit {
     Eigen::MatrixXd covariance;
     bool arrived = false;  // it was not cut short
   };
-  LastStep TakeLastStep();
+  LastStep TakeLastStep(bool explained);
   void Linearize(const Differences& steps);
   /// z with one search coordinate moved by its step, one per parameter.
   std::vector<std::vector<double>> Perturbed(const Eigen::VectorXd& steps) const;

@@ -75,7 +75,7 @@ TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {
       LevelFit fit(replayer, space, prior, scale, level, TrueX(space));
       fit.Step();
       fit.FinalCost();
-      covariance.push_back(fit.Finish());
+      covariance.push_back(fit.Finish(true));
       x.push_back(fit.x());
     }
     EXPECT_LT((x[0] - x[1]).norm(), 1e-9 * x[1].norm());

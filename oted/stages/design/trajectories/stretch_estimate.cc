@@ -1,6 +1,7 @@
 #include "oted/stages/design/trajectories/stretch_estimate.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace oted {
 namespace {
@@ -14,6 +15,7 @@ constexpr double kTimesTheMean = 6;     // a stretch's share of the information 
 constexpr double kLargestShare = 0.25;  // at most
 constexpr double kPriorsShare = 0.1;    // where it is more, too few stretches tell of a direction for such a share
 constexpr int kShareRounds = 50;        // the shares settle in a few
+constexpr size_t kParts = 8;            // of a log that the family does not explain
 
 /// L^-1 m L^-T.
 MatrixXd Whitened(const LLT<MatrixXd>& factor, const MatrixXd& m) {
@@ -59,33 +61,86 @@ std::vector<double> Weights(const std::vector<StretchEvidence>& stretches, const
   }
 }
 
+/// What the stretches say together, each counted by its weight.
+class WeightedStretches {
+ public:
+  WeightedStretches(std::vector<StretchEvidence> stretches, const VectorXd& x, const Prior& prior)
+      : stretches_(std::move(stretches)) {
+    const std::vector<double> weights = Weights(stretches_, prior.precision);
+    hessian_ = prior.precision;
+    VectorXd score = -prior.precision * (x - prior.mean);
+    for (size_t k = 0; k < stretches_.size(); ++k) {
+      stretches_[k].information *= weights[k];
+      stretches_[k].score *= weights[k];
+      hessian_ += stretches_[k].information;
+      score += stretches_[k].score;
+    }
+    factor_.compute(hessian_);
+    step_ = factor_.solve(score);
+  }
+
+  /// Joins neighbours until at most n are left.
+  void JoinTo(size_t n) {
+    std::ranges::stable_sort(stretches_, {}, &StretchEvidence::row);
+    std::vector<StretchEvidence> joined;
+    n = std::min(n, stretches_.size());
+    for (size_t k = 0; k < stretches_.size(); ++k) {
+      if (joined.size() * stretches_.size() <= k * n) {
+        joined.push_back(stretches_[k]);
+      } else {
+        joined.back().information += stretches_[k].information;
+        joined.back().score += stretches_[k].score;
+      }
+    }
+    stretches_ = std::move(joined);
+  }
+
+  /// (d, d): squares of how far the estimate moves without one of the stretches, summed, in units of H^-1.
+  MatrixXd Jackknife() const {
+    MatrixXd scatter = MatrixXd::Zero(step_.size(), step_.size());
+    for (const StretchEvidence& stretch : stretches_) {
+      const VectorXd left = stretch.score - stretch.information * step_;
+      const MatrixXd without = hessian_ - stretch.information;
+      const VectorXd moved = factor_.matrixL().transpose() * without.ldlt().solve(left);
+      scatter += moved * moved.transpose();
+    }
+    return scatter;
+  }
+
+  size_t size() const { return stretches_.size(); }
+  const VectorXd& step() const { return step_; }
+
+  /// H^-1, wider in every direction in which `scatter` is.
+  MatrixXd Covariance(const MatrixXd& scatter) const {
+    const SelfAdjointEigenSolver<MatrixXd> wider(scatter);
+    const MatrixXd at_least_one =
+        wider.eigenvectors() * wider.eigenvalues().cwiseMax(1.0).asDiagonal() * wider.eigenvectors().transpose();
+    const MatrixXd inverse_factor = factor_.matrixL().solve(MatrixXd::Identity(step_.size(), step_.size()));
+    const MatrixXd covariance = inverse_factor.transpose() * at_least_one * inverse_factor;
+    return 0.5 * (covariance + covariance.transpose());
+  }
+
+ private:
+  std::vector<StretchEvidence> stretches_;  // weighted
+  MatrixXd hessian_;
+  LLT<MatrixXd> factor_;
+  VectorXd step_;
+};
+
 }  // namespace
 
 StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const VectorXd& x,
                                       const Prior& prior) {
-  const std::vector<double> weights = Weights(stretches, prior.precision);
-  const MatrixXd hessian = Hessian(stretches, weights, prior.precision);
-  VectorXd score = -prior.precision * (x - prior.mean);
-  for (size_t k = 0; k < stretches.size(); ++k) score += weights[k] * stretches[k].score;
-  const LLT<MatrixXd> factor(hessian);
-  StretchEstimate estimate;
-  estimate.step = factor.solve(score);
+  const WeightedStretches weighted(stretches, x, prior);
+  return {weighted.step(), weighted.Covariance(weighted.Jackknife())};
+}
 
-  // How far the estimate moves without one of the stretches.
-  MatrixXd scatter = MatrixXd::Zero(x.size(), x.size());
-  for (size_t k = 0; k < stretches.size(); ++k) {
-    const VectorXd left = weights[k] * (stretches[k].score - stretches[k].information * estimate.step);
-    const MatrixXd without = hessian - weights[k] * stretches[k].information;
-    const VectorXd moved = factor.matrixL().transpose() * without.ldlt().solve(left);
-    scatter += moved * moved.transpose();
-  }
-  SelfAdjointEigenSolver<MatrixXd> wider(scatter);
-  const MatrixXd at_least_one =
-      wider.eigenvectors() * wider.eigenvalues().cwiseMax(1.0).asDiagonal() * wider.eigenvectors().transpose();
-  const MatrixXd inverse_factor = factor.matrixL().solve(MatrixXd::Identity(x.size(), x.size()));
-  estimate.covariance = inverse_factor.transpose() * at_least_one * inverse_factor;
-  estimate.covariance = (0.5 * (estimate.covariance + estimate.covariance.transpose())).eval();
-  return estimate;
+StretchEstimate EstimateFromParts(const std::vector<StretchEvidence>& stretches, const VectorXd& x,
+                                  const Prior& prior) {
+  WeightedStretches weighted(stretches, x, prior);
+  weighted.JoinTo(kParts);
+  // A jackknife over n parts scatters as their mean does; one of them scatters n times as much.
+  return {weighted.step(), weighted.Covariance(static_cast<double>(weighted.size()) * weighted.Jackknife())};
 }
 
 }  // namespace oted

@@ -12,6 +12,7 @@ namespace oted {
 struct StretchEvidence {
   Eigen::MatrixXd information;  ///< (d, d), positive semidefinite
   Eigen::VectorXd score;        ///< (d): the gradient
+  int row = 0;                  ///< of the log, where it begins
 };
 
 struct StretchEstimate {
@@ -32,5 +33,11 @@ struct StretchEstimate {
 /// stretches tell a parameter, their scatter says little.
 StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const Eigen::VectorXd& x,
                                       const Prior& prior);
+
+/// The same where the family does not explain the logs. What fits best then differs from one part of a log to the next,
+/// and from this log to another, so more rows make the estimate no surer. The covariance is how far the estimates from
+/// single eighths of the log scatter, and at least H^-1: what another log may ask for.
+StretchEstimate EstimateFromParts(const std::vector<StretchEvidence>& stretches, const Eigen::VectorXd& x,
+                                  const Prior& prior);
 
 }  // namespace oted

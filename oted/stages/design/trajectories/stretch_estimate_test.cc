@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "oted/base/rng.h"
@@ -127,6 +128,40 @@ TEST(EstimateFromStretches, WhatFewStretchesOfManyTellTheseDecide) {
     EXPECT_GE(held, 165) << n_telling;
     EXPECT_LT(widest, 4 / std::sqrt(n_telling * kReadings)) << n_telling;
   }
+}
+
+/// How many of `n_cases` 90 % intervals hold the parameters of another log, of two of each: they differ by kVariation
+/// from one eighth of a log to the next.
+template <class Estimate>
+int HeldByAnotherLog(int n_cases, const Estimate& estimate_from) {
+  constexpr double kVariation = 0.2;
+  constexpr int kParts = 8, kPerPart = 12;
+  int held = 0;
+  for (int k = 0; k < n_cases; ++k) {
+    Rng rng = RngKey(4).Index(static_cast<uint64_t>(k)).MakeRng();
+    const VectorXd mean = Pair(rng.Uniform(-1, 1), rng.Uniform(-1, 1)), at = mean + Pair(0.1, -0.1);
+    const auto drawn = [&] { return VectorXd(mean + kVariation * Pair(rng.Normal(), rng.Normal())); };
+    std::vector<StretchEvidence> stretches;
+    for (int part = 0; part < kParts; ++part) {
+      for (StretchEvidence& stretch : Linear(drawn(), at, kPerPart, 1, rng)) {
+        stretch.row = static_cast<int>(stretches.size());
+        stretches.push_back(stretch);
+      }
+    }
+    std::reverse(stretches.begin(), stretches.end());  // their order is of no account
+    const StretchEstimate estimate = estimate_from(stretches, at, Prior::Uniform(2));
+    const VectorXd other = drawn();
+    for (int i = 0; i < 2; ++i) {
+      held += std::abs(at[i] + estimate.step[i] - other[i]) <= 1.645 * std::sqrt(estimate.covariance(i, i));
+    }
+  }
+  return held;
+}
+
+TEST(EstimateFromParts, HoldsWhatAnotherLogAsksForWhereParametersVary) {
+  EXPECT_GE(HeldByAnotherLog(200, EstimateFromParts), 330);
+  EXPECT_LE(HeldByAnotherLog(200, EstimateFromParts), 385);
+  EXPECT_LT(HeldByAnotherLog(200, EstimateFromStretches), 280);
 }
 
 TEST(EstimateFromStretches, WithoutEvidenceIsThePrior) {

@@ -56,7 +56,7 @@ class TrajectoryMatch {
     if (!explains_all || AreBriefAndNoisy()) FitLongWindows(explains_all);
     if (choice_.n_steps == 0 && IsNoisy()) UseMoreRows();
     CountRows();
-    const MatrixXd covariance = fit_->Finish();
+    const MatrixXd covariance = fit_->Finish(explains_all && choice_.n_steps == 0);
     if (problem_.judged) evidence_.unseen = FitUnseen();
     problem_.progress(n_total_, n_total_, fit_->x());
     return {.mean = fit_->x(), .covariance = covariance, .evidence = evidence_};
@@ -116,12 +116,11 @@ class TrajectoryMatch {
     // Exact logs need no fit of starts. Only of the nearest candidate: where there is noise, it is for nothing.
     if (ReadsStarts()) {
       LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, x);
-      fit.HoldStarts();
+      fit.HoldStarts(true);
       n_planned_ += kStartIterations;
       Descend(fit, kStartIterations);
       n_done_ = n_planned_;
-      fit.FinalCost();
-      is_exact_ = TellsAllButRounding(fit);
+      is_exact_ = fit.ShareWithin(kVisibleNoise * scale_) > kNearlyAll;
       if (is_exact_) return fit.x();
     }
     double best = std::numeric_limits<double>::infinity();
@@ -133,7 +132,7 @@ class TrajectoryMatch {
       const double cost = fit.FinalCost();
       if (cost < best) x = fit.x();
       best = std::min(best, cost);
-      if (TellsAllButRounding(fit)) break;
+      if (IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll) break;
     }
     return x;
   }
@@ -144,11 +143,6 @@ class TrajectoryMatch {
     return readings.unread.empty() && readings.longest_age() == 0;
   }
 
-  /// After FinalCost.
-  bool TellsAllButRounding(const LevelFit& fit) const {
-    return IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll;
-  }
-
   /// Longer and longer windows, while they are explained as well as the short ones.
   /// @param again  x is near already
   /// @return whether all were
@@ -157,11 +151,16 @@ class TrajectoryMatch {
     while (!level.windows.empty()) {
       const bool is_first = fit_ == nullptr;
       auto fit = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, level, x);
-      const int n_iterations = is_first && !again ? kFirstLevelIterations : is_exact_ ? 1 : kLevelIterations;
-      if (is_first && is_exact_) fit->HoldStarts();
-      n_planned_ += n_iterations + kRounds * kRoundIterations;
+      const int n_iterations = is_first && !again ? kFirstLevelIterations : kLevelIterations;
+      const bool held = is_first && is_exact_;
+      n_planned_ += n_iterations + (held ? kLevelIterations : 0) + kRounds * kRoundIterations;
+      fit->HoldStarts(held);
       Descend(*fit, n_iterations);
-      for (int round = 0; round < kRounds && !fit->starts_are_held() && fit->TryOtherStarts(rng_); ++round) {
+      if (held) {
+        fit->HoldStarts(false);
+        Descend(*fit, kLevelIterations);
+      }
+      for (int round = 0; round < kRounds && fit->TryOtherStarts(rng_); ++round) {
         fit->CountExplainedAlone();
         for (int i = 0; i < kRoundIterations; ++i) {
           fit->Step();
@@ -180,7 +179,7 @@ class TrajectoryMatch {
       }
       ExpectUnguessed(*fit);
       const double growth = std::exp((noise.array() / SensorNoise().array()).log().mean());
-      if (growth > kTolerableGrowth) return false;
+      if (growth > kTolerableGrowth && !IsRounding(noise)) return false;
       x = fit->x();
       evidence_.window = level.windows.front().n_steps;
       evidence_.explained = fit->ShareExplained();
@@ -291,7 +290,7 @@ class TrajectoryMatch {
     if (level.windows.empty()) return fit_->x();
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(learner, space_, problem_.prior, scale, level, fit_->x());
-    if (is_exact_) fit.HoldStarts();
+    fit.HoldStarts(is_exact_);
     Descend(fit, kLevelIterations);
     return fit.x();
   }
