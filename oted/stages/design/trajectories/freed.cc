@@ -173,7 +173,7 @@ class FreedTrials {
     Descend(fit, kFreedIterations);
     const double cost = fit.FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
-    const MatrixXd covariance = fit.Finish(true);
+    const MatrixXd covariance = fit.Finish();
     return Fitted{fit.x(), cost, covariance};
   }
 

@@ -64,18 +64,22 @@ std::vector<StretchEvidence> LevelFit::Evidence(const std::vector<WindowReplayer
   return stretches;
 }
 
-MatrixXd LevelFit::Finish(bool explained) {
+MatrixXd LevelFit::Finish() {
   for (int step = 1;; ++step) {
-    const LastStep last = TakeLastStep(explained);
+    const LastStep last = TakeLastStep();
     if (last.arrived || step == kMostLastSteps) return last.covariance;
   }
 }
 
-LevelFit::LastStep LevelFit::TakeLastStep(bool explained) {
+MatrixXd LevelFit::CovarianceOfParts() {
   Linearize(Secants());
-  const std::vector<StretchEvidence> stretches = Evidence(linear_, x_.size());
-  const StretchEstimate estimate =
-      explained ? EstimateFromStretches(stretches, x_, prior_) : EstimateFromParts(stretches, x_, prior_);
+  const StretchEstimate estimate = EstimateFromParts(Evidence(linear_, x_.size()), x_, prior_);
+  return estimate.covariance + estimate.step * estimate.step.transpose();  // about x, not about the estimate
+}
+
+LevelFit::LastStep LevelFit::TakeLastStep() {
+  Linearize(Secants());
+  const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_);
   // What the logs hardly tell stays where the descent came to: over such lengths effects bend, and two parameters that
   // matter as a product would leave it.
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(estimate.covariance);

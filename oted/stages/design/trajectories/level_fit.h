@@ -66,9 +66,11 @@ class LevelFit {
   /// and end a physics step earlier or later; tangents tell nothing of that, or everything. From an x that is near, one
   /// such step is as good as the minimum (Le Cam's one-step estimator). On clean logs secants are tangents. From an x
   /// that is farther than that, it takes another.
-  /// @param explained  whether the family explains the logs; if not, EstimateFromParts tells how far to trust x
   /// @return the covariance of x
-  Eigen::MatrixXd Finish(bool explained);
+  Eigen::MatrixXd Finish();
+  /// In place of the last step, where the family does not explain the logs (EstimateFromParts): x was chosen by what it
+  /// predicts, and stays. @return the covariance of x
+  Eigen::MatrixXd CovarianceOfParts();
   /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x. By the
   /// secants of Finish, and by one step of each of these.
   /// @param nominal, moved  their z before the step, and after it
@@ -121,7 +123,7 @@ class LevelFit {
     Eigen::MatrixXd covariance;
     bool arrived = false;  // it was not cut short
   };
-  LastStep TakeLastStep(bool explained);
+  LastStep TakeLastStep();
   void Linearize(const Differences& steps);
   /// z with one search coordinate moved by its step, one per parameter.
   std::vector<std::vector<double>> Perturbed(const Eigen::VectorXd& steps) const;

@@ -75,7 +75,7 @@ TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {
       LevelFit fit(replayer, space, prior, scale, level, TrueX(space));
       fit.Step();
       fit.FinalCost();
-      covariance.push_back(fit.Finish(true));
+      covariance.push_back(fit.Finish());
       x.push_back(fit.x());
     }
     EXPECT_LT((x[0] - x[1]).norm(), 1e-9 * x[1].norm());

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <utility>
 
 #include "oted/base/error.h"
 #include "oted/matching/designer.h"
@@ -77,6 +78,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   const MatrixXd of_short = ComparePredictions(as_given, unseen).log_ratio > 0 ? as_given : unseen;
   MatrixXd best_errors = of_short;
   LongFitChoice choice{0, in.short_x};
+  std::vector<std::pair<VectorXd, MatrixXd>> tried = {{in.short_x, of_short}};  // x, errors
   std::vector<VectorXd> from = {NominalStart(space), in.short_x};
   for (const double seconds : kWindows) {
     const int n_steps = steps_of(seconds);
@@ -89,6 +91,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
       fit.LetErrorsGrow(in.noise.cwiseAbs2());
       fit.Descend(kFitIterations, tell);
       const MatrixXd errors = errors_at(fit.x());
+      tried.emplace_back(fit.x(), errors);
       const PredictionRatio to_best = ComparePredictions(errors, best_errors);
       worse = worse && to_best.log_ratio > kWorse * to_best.std;
       if (to_best.log_ratio < 0) {
@@ -101,7 +104,14 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   }
   // Parameters that the family explains are left for a reason that chance does not give.
   const PredictionRatio gain = ComparePredictions(best_errors, of_short);
-  if (!(gain.log_ratio < (in.explained ? -kWorse * gain.std : 0))) return {};
+  if (!(gain.log_ratio < (in.explained ? -kWorse * gain.std : 0))) {
+    choice = {0, in.short_x};
+    best_errors = of_short;
+  }
+  for (auto& [x, errors] : tried) {
+    const PredictionRatio to_best = ComparePredictions(errors, best_errors);
+    if (to_best.log_ratio <= kWorse * to_best.std) choice.as_good.push_back(std::move(x));
+  }
   return choice;
 }
 

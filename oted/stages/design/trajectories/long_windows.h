@@ -27,6 +27,8 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
 struct LongFitChoice {
   int n_steps = 0;    ///< of the windows; 0: no length predicts better than the short windows' parameters
   Eigen::VectorXd x;  ///< fitted to part of the logs
+  /// x of every fit that was tried and does not surely predict worse, this one's too.
+  std::vector<Eigen::VectorXd> as_good = {};
 };
 
 struct LongFitInputs {

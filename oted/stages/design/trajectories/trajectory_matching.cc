@@ -56,7 +56,8 @@ class TrajectoryMatch {
     if (!explains_all || AreBriefAndNoisy()) FitLongWindows(explains_all);
     if (choice_.n_steps == 0 && IsNoisy()) UseMoreRows();
     CountRows();
-    const MatrixXd covariance = fit_->Finish(explains_all && choice_.n_steps == 0);
+    const bool explained = explains_all && choice_.n_steps == 0;
+    const MatrixXd covariance = explained ? fit_->Finish() : fit_->CovarianceOfParts() + SpreadOfAsGood();
     if (problem_.judged) evidence_.unseen = FitUnseen();
     problem_.progress(n_total_, n_total_, fit_->x());
     return {.mean = fit_->x(), .covariance = covariance, .evidence = evidence_};
@@ -269,6 +270,13 @@ class TrajectoryMatch {
     Descend(*fit_, kLongIterations);
     fit_->FinalCost();
     evidence_.window = choice_.n_steps;
+  }
+
+  /// Mean square of how far the fits by other lengths of windows lie that predict as well: no length is the right one.
+  MatrixXd SpreadOfAsGood() const {
+    MatrixXd square = MatrixXd::Zero(space_.size(), space_.size());
+    for (const VectorXd& x : choice_.as_good) square += (x - fit_->x()) * (x - fit_->x()).transpose();
+    return square / static_cast<double>(std::max<size_t>(1, choice_.as_good.size()));
   }
 
   /// What has not seen the logs that were kept aside.
