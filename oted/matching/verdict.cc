@@ -195,6 +195,18 @@ bool ReachesFloor(const HeldOutPrediction& prediction) {
   return true;
 }
 
+bool NominalReachesFloor(const HeldOutPrediction& prediction) {
+  const auto excess = [](const auto& of) { return of.excess.value + of.gain.value; };
+  return std::ranges::all_of(prediction.horizons, [&](const HeldOutPrediction::Horizon& h) {
+    return excess(h) <= kLeastExcess &&
+           std::ranges::all_of(h.channels, [&](const auto& c) { return excess(c) <= kLeastChannelExcess; });
+  });
+}
+
+bool LeavesGap(const HeldOutPrediction& prediction) {
+  return !ReachesFloor(prediction) && !NominalReachesFloor(prediction);
+}
+
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
   if (ReachesFloor(prediction)) return {};
   const size_t n = prediction.horizons.front().channels.size();
@@ -239,6 +251,7 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
     const bool as_well = !better && !GainsNoticeably(prediction);
     return as_well || ContainsNominal(q) ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
+  if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   return better && ParametersAtBounds(q).empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 

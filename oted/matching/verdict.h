@@ -57,9 +57,8 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high);
 /// From held-out prediction, where states can be set:
 ///
 ///   no_gap          the floor is reached, and the nominal simulator does as well: its parameters lie in the 99 %
-///   region
-///                   of q, widened by a hundredth of each range, or the design gains nothing noticeable: at no horizon
-///                   a tenth (of mean squares)
+///                   region of q, widened by a hundredth of each range, or the design gains nothing noticeable: at no
+///                   horizon a tenth (of mean squares). Or the nominal simulator alone reaches the floor
 ///   gap_closed      the floor is reached
 ///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
 ///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have
@@ -69,6 +68,10 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
 /// and beyond chance. Over all channels together: more than a tenth (of mean squares) and 2.5 standard errors; in one
 /// channel: more than half and four standard errors.
 bool ReachesFloor(const HeldOutPrediction& prediction);
+/// Whether the nominal simulator does: a design of little data can predict worse. No standard error excuses it.
+bool NominalReachesFloor(const HeldOutPrediction& prediction);
+/// Whether neither does: then there is something to find.
+bool LeavesGap(const HeldOutPrediction& prediction);
 /// The channels in which it does not, the farthest off first; all horizons count. Where all channels together are off
 /// and none alone, the one with the largest excess.
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction);

@@ -179,6 +179,17 @@ TEST(JudgePrediction, TheFloorAndTheGainDecide) {
   EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kNothing)), DesignVerdict::kOutsideFamily);
 }
 
+TEST(JudgePrediction, NoGapWhereTheDesignAloneIsOff) {
+  const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  const HeldOutPrediction worse = Predicted(kMuch, {-kMuch.value, 0.1});
+  EXPECT_TRUE(NominalReachesFloor(worse));
+  EXPECT_FALSE(LeavesGap(worse));
+  EXPECT_EQ(JudgePrediction(moved, worse), DesignVerdict::kNoGap);
+  const HeldOutPrediction both_off = Predicted(kMuch, {-0.5 * kMuch.value, 0.1});
+  EXPECT_FALSE(NominalReachesFloor(both_off));
+  EXPECT_EQ(JudgePrediction(moved, both_off), DesignVerdict::kOutsideFamily);
+}
+
 TEST(JudgePrediction, AnEstimateAtABoundAsksForTheUserUnlessTheFloorIsReached) {
   const ParameterSpace space({{.name = "a", .field = "env/a", .low = 0.5, .high = 2}});
   const Designer stuck(space, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));

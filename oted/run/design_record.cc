@@ -123,13 +123,14 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
   if (best.prediction) {
     judgement.verdict = JudgePrediction(best.q, *best.prediction);
     judgement.better = PredictsBetter(*best.prediction);
+    judgement.reaches_floor = ReachesFloor(*best.prediction);
     judgement.off = ChannelsOff(*best.prediction);
   } else {
     judgement.verdict = JudgeDesign(nominal_common, designed_common);
     judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
+    judgement.reaches_floor =
+        judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
   }
-  judgement.reaches_floor =
-      judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
   return judgement;
 }
 

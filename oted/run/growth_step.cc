@@ -20,7 +20,7 @@ namespace {
 /// Whether suspects tell anything: something is left to explain, and no bound holds a parameter where others then seem
 /// to be off.
 bool AsksForMore(const Designer& q, const std::optional<HeldOutPrediction>& prediction) {
-  return prediction && !ReachesFloor(*prediction) && ParametersAtBounds(q).empty();
+  return prediction && LeavesGap(*prediction) && ParametersAtBounds(q).empty();
 }
 
 /// @param design  what the method was given; q and fit are what it gave

@@ -96,7 +96,8 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
   const std::string at_bounds = AtBounds(record);
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
-      return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it", over);
+      return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}", over,
+                         off.empty() ? "" : "; the designed one does not: keep the nominal one");
     case DesignVerdict::kGapClosed:
       if (!record.predicts_better) {
         return fmt::format(

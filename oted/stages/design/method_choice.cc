@@ -57,7 +57,7 @@ MethodChoice ChooseByCapability(DesignMethod method, const SimulatorSpec& spec) 
 }
 
 bool AsksForOtherMethods(const std::optional<HeldOutPrediction>& prediction) {
-  return prediction && !ReachesFloor(*prediction) && !PredictsBetter(*prediction);
+  return prediction && LeavesGap(*prediction) && !PredictsBetter(*prediction);
 }
 
 MethodChoice KeepFirstMethod(const std::optional<HeldOutPrediction>& prediction) {
@@ -69,6 +69,8 @@ MethodChoice KeepFirstMethod(const std::optional<HeldOutPrediction>& prediction)
                         "be held out and replayed to compare others"
                   : ReachesFloor(*prediction)
                       ? "its predictions are as near to the logs as the sensors let them: no other method was tried"
+                  : !LeavesGap(*prediction)
+                      ? "the nominal simulator predicts as well as the sensors let it: no other method was tried"
                       : "it surely predicts better than the nominal simulator: no other method was tried";
   return choice;
 }
