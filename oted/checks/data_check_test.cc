@@ -49,6 +49,15 @@ TEST(CheckData, AFarTargetIsAClearGap) {
   EXPECT_NE(Find(check, "gap")->what.find("400 logged transitions"), std::string::npos);
 }
 
+TEST(CheckData, ASimulatorThatAlwaysBreaksDownIsNoSimulatorWithoutAGap) {
+  const PointMassFactory factory({.diverge_beyond = 0});
+  const DataCheck check = Check(PointMassLogs({1, 1, 0.5}, 20), &factory);
+  EXPECT_FALSE(check.gap.has_value());
+  const Finding* gap = Find(check, "gap", "broke down in every replay");
+  ASSERT_NE(gap, nullptr);
+  EXPECT_EQ(gap->severity, Severity::kWarning);
+}
+
 TEST(CheckData, ActionsThatAreARowLateAreFound) {
   Dataset logs = PointMassLogs({1, 1, 0.5}, 20);
   const Array2<double> own = logs.actions;
