@@ -226,6 +226,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
   if (factory->parameters().size() > 0) {
     CheckEffects(*factory, dataset, key.Stage("effects"), context.n_threads, check.findings);
   }
+  if (dataset.size() < 2) return check;  // nothing to compare with anything: little_data tells
   const JudgeHalves halves = SplitForJudge(dataset);
   if (spec.can_set_state) {
     CheckTerminals(*factory, dataset, check.findings);

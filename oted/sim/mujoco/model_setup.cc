@@ -133,9 +133,10 @@ class Builder {
         high = task_.action_range[1];
       }
       if (!IsActionRange(low, high)) {
-        throw DataError(fmt::format("{}: the ctrlrange of '{}' is {} to {}, wanted two finite numbers, the smaller first; "
-                                    "correct the model",
-                                    what, name, low, high));
+        throw DataError(
+            fmt::format("{}: the ctrlrange of '{}' is {} to {}, wanted two finite numbers, the smaller first; "
+                        "correct the model",
+                        what, name, low, high));
       }
       setup_.controls.push_back(control);
       spec_.action_names.push_back(n == 1 ? name : fmt::format("{}[{}]", name, k));
