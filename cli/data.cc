@@ -105,7 +105,7 @@ void AddCheck(CLI::App& data, Program& program) {
                    "measure this parameter's effect on the logged episodes: name=path:low:high; repeatable")
       ->allow_extra_args(false);
   verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
-  verb->add_option("--threads", options->threads, "most threads [default: all processors]");
+  verb->add_option("--threads", options->threads, "most threads [default: all processors]")->check(NonNegativeNumber());
   verb->add_flag("--strict", options->strict, "exit with 3 also for warnings");
   verb->footer(
       "Exit code: 0 without errors, 3 with errors (--strict: or warnings). docs/data_checks.md explains each.");

@@ -22,11 +22,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const char* EndingOf(PlanKind kind) { return kind == PlanKind::kStudy ? ".jsonl" : ".csv"; }
+
 void MergeStudy(const Plan& plan, const Collected& units, const fs::path& to) {
   std::vector<StudyFile> parts;
   for (const CollectedUnit& unit : units.done) parts.emplace_back(unit.folder / "result");
-  JoinStudies(parts, StudyFile(to), "oted " + ShellLine(plan.command));
   std::vector<std::string> words = plan.command;
+  // Another reader has other folders.
+  words.insert(words.end(), {"--out", to.filename().string()});
+  JoinStudies(parts, StudyFile(to), "oted " + ShellLine(words));
+  words = plan.command;
   words.insert(words.end(), {"--out", to.string(), "--table"});
   RunWords(words);
 }
@@ -34,7 +39,7 @@ void MergeStudy(const Plan& plan, const Collected& units, const fs::path& to) {
 void MergeSweep(const Collected& units, const fs::path& to) {
   const SweepTable table = SweepTable::Of(units.done);
   fs::path file = to;
-  WriteFileAtomically(file += ".csv", table.Csv());
+  WriteFileAtomically(file += EndingOf(PlanKind::kSweep), table.Csv());
   Print("{}", table.Text());
 }
 
@@ -60,14 +65,27 @@ void SayWhere(const Collected& units) {
 
 void AddMergeOptions(CLI::App& verb, MergeOptions& options) {
   verb.add_option("--merge-to", options.to,
-                  "the result: a study's TO.jsonl, a sweep's TO.csv [default: merged in the units' folder]");
+                  "the result's file: .jsonl for a study, .csv for a sweep; a name without an ending gets it [default: "
+                  "merged in the units' folder]");
   verb.add_flag("--mixed", options.mixed,
                 "take units of several instruction sets (AVX-512, AVX2): their bytes need not agree");
 }
 
+fs::path MergeOptions::Stem(const Plan& plan, const PlanPlace& place) const {
+  if (to.empty()) return place.root / "merged";
+  const char* ending = EndingOf(plan.kind);
+  if (!to.has_filename() || (to.has_extension() && to.extension() != ending)) {
+    throw UsageError(
+        fmt::format("--merge-to {}: a {} is merged into a file; wanted a name that ends with {}, or one "
+                    "without an ending",
+                    to.string(), NameOf(PlanKindNames(), plan.kind), ending));
+  }
+  return fs::path(to).replace_extension();
+}
+
 int MergePlan(const Plan& plan, const PlanPlace& place, const MergeOptions& options) {
+  const fs::path to = options.Stem(plan, place);
   const Collected units = Collect(plan, WorkRoot(place.root), options.mixed);
-  const fs::path to = options.to.empty() ? place.root / "merged" : options.to;
   if (!units.done.empty() && plan.kind == PlanKind::kStudy) MergeStudy(plan, units, to);
   if (!units.done.empty() && plan.kind == PlanKind::kSweep) MergeSweep(units, to);
   FinishOutput();

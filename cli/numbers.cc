@@ -14,7 +14,10 @@ CLI::Validator Number(bool positive) {
   return CLI::Validator(
       [positive, wanted](const std::string& word) {
         double value = 0;
+        // CLI11 takes a longer integer for the largest that there is.
+        constexpr double kEnd = 9.2e18;
         const bool is_number = CLI::detail::lexical_cast(word, value) && std::isfinite(value);
+        if (is_number && value >= kEnd) return fmt::format("got '{}', wanted {}, below {:g}", word, wanted, kEnd);
         return is_number && (positive ? value > 0 : value >= 0) ? "" : fmt::format("got '{}', wanted {}", word, wanted);
       },
       positive ? "POSITIVE" : "NONNEGATIVE");

@@ -31,6 +31,8 @@ Plan ReadPlan(const PlanPlace& place);
 struct MergeOptions {
   std::filesystem::path to;
   bool mixed = false;
+  /// The result's place without its ending. @throws UsageError for the ending of something else
+  std::filesystem::path Stem(const Plan& plan, const PlanPlace& place) const;
 };
 void AddMergeOptions(CLI::App& verb, MergeOptions& options);
 /// Joins what is done, prints its table, and on stderr what is missing or failed. @return the exit code

@@ -81,7 +81,7 @@ void AddStudyOptions(CLI::App& verb, StudyUse use, StudyOptions& options) {
             "--out", options.out,
             "records go to OUT.jsonl, a line per cell, runs into the folder OUT; what is there is not run again")
         ->required();
-    verb.add_option("--threads", options.threads, "most threads [default: all processors]");
+    verb.add_option("--threads", options.threads, "most threads [default: all processors]")->check(NonNegativeNumber());
     verb.add_flag("--table", options.table, "run nothing: print the table of what OUT.jsonl has");
     verb.add_flag("--quiet", options.quiet, "no progress on stderr");
   }
@@ -122,7 +122,9 @@ void AddDesignStudy(Program& program, CLI::App& parent, StudyUse use, const std:
       ->capture_default_str();
   verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(PositiveNumber())->capture_default_str();
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
-  verb->add_option("--seed", study.seed, "names every random stream")->capture_default_str();
+  verb->add_option("--seed", study.seed, "names every random stream")
+      ->check(NonNegativeNumber())
+      ->capture_default_str();
   verb->callback([&program, &study, use, options, name] {
     study.assignments = options->assignments;
     study.threads = options->threads;

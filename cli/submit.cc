@@ -123,6 +123,7 @@ void AddSubmitOptions(CLI::App& verb, SubmitOptions& options, bool engine_requir
 
 int SubmitPlan(const PlanPlace& place, SubmitOptions options) {
   const Plan plan = ReadPlan(place);
+  options.merge.Stem(plan, place);  // is told before hours of work
   const WorkRoot root(place.root);
   for (const PlanLine& line : plan.lines) {
     if (options.retry_failed) root.ForgetFailure(line.Folder());

@@ -91,7 +91,7 @@ def main():
     parser.add_argument("families", nargs="*", metavar="FAMILY", help="[default: all]")
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     listed = subprocess.run([options.program], env=environment("list", FOLDER / "work"), capture_output=True, text=True, check=True)
     families = listed.stdout.split()

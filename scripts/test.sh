@@ -2,7 +2,9 @@
 # test.sh [long|slurm]: set-up, a build with warnings as errors, the tests, those that can bear it again under the address and
 # undefined-behaviour sanitizers, and the lint checks. With "long" or "slurm": the tests of that label
 # and nothing else; for "slurm" Slurm is installed where it is missing.
-# Ends with one line, "N passed, N failed", and fails when anything failed. A step that could not run counts as failed.
+# With CI=true the test on Slurm comes too. It is skipped, and says so, where Slurm cannot be installed or run.
+# Ends with one line, "N passed, N failed", and fails when anything failed. A step that could not run counts as failed. What a
+# test skips itself is named, and counts as neither.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
@@ -10,6 +12,7 @@ passed=0
 failed=0
 
 close() {
+  [ "${#skips[@]}" -eq 0 ] || printf 'skipped: %s\n' "${skips[@]}"
   [ "$failed" -eq 0 ] || printf 'failed: %s\n' "${failures[@]}"
   printf '%d passed, %d failed\n' "$passed" "$failed"
   [ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
@@ -17,6 +20,7 @@ close() {
 }
 
 failures=()
+skips=()
 count_failure() {
   failed=$((failed + 1))
   failures+=("$1")
@@ -37,7 +41,7 @@ check() {
 
 # run_tests NAME FOLDER CTEST_ARGUMENTS...: adds ctest's own counts, from its JUnit record.
 run_tests() {
-  local name=$1 folder=build/$2 record=$PWD/build/$2/junit.xml status=0 total bad
+  local name=$1 folder=build/$2 record=$PWD/build/$2/junit.xml status=0 total bad skipped
   shift 2
   echo "== $name"
   rm -f "$record"
@@ -50,8 +54,10 @@ run_tests() {
     count_failure "$name (ctest status $status)"
     return
   fi
-  passed=$((passed + total - bad - $(attribute skipped) - $(attribute disabled)))
+  skipped=$(($(attribute skipped) + $(attribute disabled)))
+  passed=$((passed + total - bad - skipped))
   failed=$((failed + bad))
+  [ "$skipped" -eq 0 ] || skips+=("$skipped of $total in: $name")
   [ "$bad" -eq 0 ] || failures+=("$bad of $total in: $name")
 }
 
@@ -70,6 +76,10 @@ fi
 
 check 'formatting' scripts/check_format.sh
 run_tests 'tests' release -LE 'long|slurm' --timeout 900
+if [ "${CI:-}" = true ]; then
+  scripts/setup.sh slurm || true  # the test says what it lacks
+  run_tests 'tests on Slurm' release -L slurm --timeout 600
+fi
 if check 'build with sanitizers' scripts/build.sh asan; then
   # libmujoco and the interpreter that some tests start are not instrumented: what they keep until exit is not ours.
   UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_leaks=1 \

@@ -226,6 +226,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
   if (factory->parameters().size() > 0) {
     CheckEffects(*factory, dataset, key.Stage("effects"), context.n_threads, check.findings);
   }
+  if (dataset.size() < 2) return check;  // nothing to compare with anything: little_data tells
   const JudgeHalves halves = SplitForJudge(dataset);
   if (spec.can_set_state) {
     CheckTerminals(*factory, dataset, check.findings);
@@ -245,6 +246,16 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     const EvidenceConfig evidence = CommonEvidence(spec, kGapSteps);
     check.gap = JudgeSimulator(*factory, {halves, clone.policy.get(), evidence, kJudgeSteps},
                                {factory->parameters().Nominal()}, key.Stage("gap"));
+  }
+  if (check.gap->n_simulated == 0) {
+    check.gap.reset();
+    check.findings.push_back({.check = "gap",
+                              .severity = Severity::kWarning,
+                              .what = fmt::format("the nominal {} broke down in every replay of the logs", spec.task),
+                              .count = dataset.size(),
+                              .meaning = "logs and simulator could not be compared",
+                              .remedy = "correct the model, or the units of the logs"});
+    return check;
   }
   AddGap(*check.gap, spec, dataset.size(), check.findings);
   return check;

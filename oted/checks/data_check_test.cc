@@ -5,8 +5,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "oted/base/error.h"
 #include "oted/base/log.h"
 #include "oted/checks/data_record.h"
+#include "oted/matching/judge.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 
@@ -47,6 +49,24 @@ TEST(CheckData, AFarTargetIsAClearGap) {
   EXPECT_EQ(VerdictOf(*check.gap), GapVerdict::kClear);
   EXPECT_NE(Find(check, "gap")->meaning.find("clear gap"), std::string::npos);
   EXPECT_NE(Find(check, "gap")->what.find("400 logged transitions"), std::string::npos);
+}
+
+TEST(CheckData, ASimulatorThatAlwaysBreaksDownIsNoSimulatorWithoutAGap) {
+  const PointMassFactory factory({.diverge_beyond = 0});
+  const DataCheck check = Check(PointMassLogs({1, 1, 0.5}, 20), &factory);
+  EXPECT_FALSE(check.gap.has_value());
+  const Finding* gap = Find(check, "gap", "broke down in every replay");
+  ASSERT_NE(gap, nullptr);
+  EXPECT_EQ(gap->severity, Severity::kWarning);
+}
+
+TEST(CheckData, ASingleTransitionIsToldAndNotJudged) {
+  const PointMassFactory factory;
+  const Dataset logs = PointMassLogs({1, 1, 0.5}, 1).Select({{0, 1, false}});
+  const DataCheck check = Check(logs, &factory);
+  EXPECT_FALSE(check.gap.has_value());
+  EXPECT_NE(Find(check, "little_data"), nullptr);
+  EXPECT_THROW(SplitForJudge(logs), DataError);
 }
 
 TEST(CheckData, ActionsThatAreARowLateAreFound) {

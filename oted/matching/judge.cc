@@ -51,6 +51,11 @@ double Accuracy(const Verdicts& logits) {
 }  // namespace
 
 JudgeHalves SplitForJudge(const Dataset& dataset) {
+  if (dataset.size() < 2) {
+    throw DataError(fmt::format(
+        "the logs hold {} transition, wanted two or more: each half of them judges the other; record longer episodes",
+        dataset.size()));
+  }
   std::vector<Episode> episodes = dataset.Episodes();
   if (episodes.size() == 1) {
     const Episode whole = episodes[0];

@@ -17,6 +17,7 @@ namespace oted {
 struct JudgeHalves {
   Dataset part[2];
 };
+/// @throws DataError of fewer than two transitions
 JudgeHalves SplitForJudge(const Dataset& dataset);
 
 /// The strongest evidence that the simulator allows, the same for everything that is to be compared. Of images: how

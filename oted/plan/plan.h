@@ -57,7 +57,7 @@ struct Plan {
   static constexpr const char* kSchema = "oted.plan/1";
   PlanKind kind = PlanKind::kSweep;
   std::string version = OTED_VERSION;  ///< of the program that made it
-  /// Of a study: the command that does all of it at once, without --out.
+  /// Of a study: the command that does all of it at once from the folder where the plan is made, without --out.
   std::vector<std::string> command;
   std::vector<PlanLine> lines;
 

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "oted/base/error.h"
 #include "oted/config/toml_writer.h"
 
 namespace oted {
@@ -39,7 +40,7 @@ std::string PathFrom(const std::filesystem::path& file, const std::string& path)
 
 /// As comments, broken into lines.
 void WriteComment(std::ostream& out, const std::string& text) {
-  std::istringstream words(text);
+  std::istringstream words(Printable(text));
   std::string line = "#", word;
   while (words >> word) {
     if (line.size() + 1 + word.size() > kLine) {
@@ -63,7 +64,7 @@ void WriteColumns(std::ostream& out, const char* key, const std::vector<ColumnMa
   for (const ColumnMap::Entry& entry : entries) widest = std::max(widest, json(entry.column).dump().size());
   out << key << " = [\n";
   for (const ColumnMap::Entry& entry : entries) {
-    out << fmt::format("  {:<{}}  # {}{}\n", json(entry.column).dump() + ",", widest + 1, entry.path,
+    out << fmt::format("  {:<{}}  # {}{}\n", json(entry.column).dump() + ",", widest + 1, Printable(entry.path),
                        entry.by_order ? " (by its number: check)" : "");
   }
   out << "]\n";
@@ -137,7 +138,7 @@ void WriteParameters(std::ostream& out, const Proposal& proposal) {
 std::string TaskText(const Proposal& proposal, const std::filesystem::path& file) {
   std::ostringstream out;
   out << fmt::format("# A first task file. Read it, correct it, then: oted data check {0}; oted design {0} --out RUN\n",
-                     file.filename().string());
+                     Printable(file.filename().string()));
   WriteComments(out, "Guessed, so check it:", proposal.guessed);
   WriteComments(out, "Look at this before a design:", proposal.suspicious);
   out << "\n";

@@ -155,8 +155,25 @@ void RunDirectory::Check(const Artifact& artifact) const {
   if (found.state == Found::State::kWhole) CheckMadeFrom(artifact, found.record);
 }
 
+std::optional<fs::path> RunDirectory::LostSource(const Artifact& artifact, const json& record) const {
+  const auto made_from = record.find("made_from");
+  if (made_from == record.end() || !made_from->is_object()) return std::nullopt;
+  for (const auto& [name, seal] : made_from->items()) {
+    const fs::path source = (artifact.file.parent_path() / name).lexically_normal();
+    if (!fs::exists(source) || !json::accept(ReadFile(source))) return source;
+  }
+  return std::nullopt;
+}
+
 json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& make) const {
-  const Found found = Look(artifact);
+  Found found = Look(artifact);
+  if (found.state == Found::State::kWhole) {
+    // Stages of their own have repaired theirs by now. What is left is made within this one.
+    if (const auto lost = LostSource(artifact, found.record)) {
+      found.state = Found::State::kDamaged;
+      found.why = fmt::format("'{}' is damaged or missing", lost->string());
+    }
+  }
   if (found.state == Found::State::kWhole) {
     CheckMadeFrom(artifact, found.record);
     if (HasFolder(artifact)) RemoveCheckpoint(artifact.file.parent_path());
@@ -184,7 +201,7 @@ void RunDirectory::CheckMadeFrom(const Artifact& artifact, const json& record) c
     const fs::path source = (artifact.file.parent_path() / name).lexically_normal();
     if (!fs::exists(source)) continue;
     const std::string text = ReadFile(source);
-    if (!json::accept(text)) continue;  // its own stage repairs it, and this is asked again
+    if (!json::accept(text)) continue;  // Once repairs it
     const json from = ParseJson(text, source.string());
     if (IsSealed(from) && json(SealOf(from)) == seal) continue;
     throw DataError(

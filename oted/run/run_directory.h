@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -67,7 +68,7 @@ class RunDirectory {
   /// The artefact's record: read where it is complete; otherwise what `make` gives, which is sealed with the files
   /// beside it and written as the mark of completion. What a stopped `make` left as checkpoint.npz beside it is kept
   /// for the next call, and removed then. A record that was made is the same as one that was read. Where a file beside
-  /// the record is damaged or missing, the stage is made again, with a warning.
+  /// the record, or a record that it was made from, is damaged or missing, the stage is made again, with a warning.
   /// @throws DataError when it then is not what it was, or when the record was made from others than those that are
   /// there
   nlohmann::json Once(const Artifact& artifact, const std::function<nlohmann::json()>& make) const;
@@ -87,6 +88,8 @@ class RunDirectory {
   /// Sets aside what the stage is not needed for. @return what it is needed for
   std::vector<std::string> TidyDamaged(const Artifact& artifact, const nlohmann::json& record) const;
   void CheckMadeFrom(const Artifact& artifact, const nlohmann::json& record) const;
+  /// A record that it was made from and that is missing or no JSON.
+  std::optional<std::filesystem::path> LostSource(const Artifact& artifact, const nlohmann::json& record) const;
   void Begin(const Artifact& artifact) const;
   void Complete(const Artifact& artifact, nlohmann::json& record) const;
   void RemoveCheckpoint(const std::filesystem::path& folder) const;

@@ -198,6 +198,33 @@ TEST(RunDirectory, AResultFitsOnlyTheRecordsThatItWasMadeFrom) {
   directory.Once(later, Loss);  // made again it is the same, and all fits
 }
 
+TEST(RunDirectory, ARecordWhoseSourceNoStageRepairedIsMadeAgainAndRepairsIt) {
+  const TestFolder folder;
+  const RunDirectory directory(folder.path());
+  Artifact later = OnTop(directory, "bb");
+  const Artifact within = Clone(directory, "aa");  // asked for while the later one is made, and not before
+  later.made_from = {within.file};
+  int n_made = 0;
+  double loss = 0.5;
+  const auto make = [&] {
+    ++n_made;
+    directory.Once(within, [&] { return json{{"schema", "a/1"}, {"loss", loss}}; });
+    return Loss();
+  };
+  const json made = directory.Once(later, make);
+  WriteFileAtomically(within.file, "{");
+  EXPECT_EQ(directory.Once(later, make), made);
+  fs::remove(within.file);
+  EXPECT_EQ(directory.Once(later, make), made);
+  EXPECT_EQ(n_made, 3);
+  directory.Check(within);
+  // Made from something else, it is not what others were made from.
+  fs::remove(within.file);
+  loss = 0.25;
+  EXPECT_THAT(MessageOf<DataError>([&] { directory.Once(later, make); }),
+              testing::AllOf(HasSubstr("clone.json' is damaged or missing"), HasSubstr("is another than before")));
+}
+
 TEST(RunDirectory, OneDirectoryOneHolder) {
   const TestFolder folder;
   {

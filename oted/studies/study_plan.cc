@@ -49,6 +49,12 @@ class Inputs {
   std::map<std::string, PlanInput> known_;
 };
 
+/// The folder as somebody else may have it: from where the plan is made, if it lies there.
+std::string FromHere(const std::string& folder) {
+  const fs::path near = fs::path(folder).lexically_proximate(fs::current_path());
+  return fs::path(folder).is_relative() || *near.begin() == ".." ? folder : near.string();
+}
+
 /// @param words  all that determines the unit but for its inputs' content and place
 PlanLine LineOf(std::string name, Words words, std::vector<PlanInput> inputs, const UnitNeeds& needs) {
   json hashes = json::object();
@@ -131,7 +137,7 @@ Plan PlanTable1(const Table1Study& study, const UnitNeeds& needs) {
   Plan plan;
   plan.kind = PlanKind::kStudy;
   plan.command = Table1Words(study);
-  Append(plan.command, "--data", {inputs.folder()});
+  Append(plan.command, "--data", {FromHere(study.data_folder)});
   const std::vector<CellGroup> groups = GroupsOf(study);
   for (int64_t seed = study.first_seed; seed < study.first_seed + study.n_seeds; ++seed) {
     for (CellGroup group : groups) {
@@ -169,7 +175,7 @@ Plan PlanDesignStudy(const std::string& name, const DesignStudy& study, const Un
   Plan plan;
   plan.kind = PlanKind::kStudy;
   plan.command = words_of(study.tasks, study.datasets, study.parameters);
-  Append(plan.command, "--data", {inputs.folder()});
+  Append(plan.command, "--data", {FromHere(study.data_folder)});
   for (const StudyCell& cell : study.Cells()) {
     plan.lines.push_back(LineOf(cell.Name(), words_of({cell.task}, {cell.dataset}, {cell.parameters}),
                                 {inputs.Of(cell.task, cell.dataset)}, needs));

@@ -350,6 +350,15 @@ class TestHostileInput(ProgramTest):
                 file.write(b"0,0\n" * (1 << 18))
         self.assertRefusedCheaply("data", "info", path, needle="bomb.csv.gz")
 
+    def test_models_that_grow_without_end_are_refused(self):
+        for root in ('<asset><texture name="x" type="2d" builtin="flat" width="60000" height="60000"/></asset>',
+                     '<sensor><user dim="1000000000"/></sensor>'):
+            path = self.folder / "big.xml"
+            log = self.folder / "log.csv"
+            log.write_text("time,j_pos\n0,0\n1,0\n")
+            path.write_text(f'<mujoco>{root}<worldbody><body><joint name="a"/><geom size="1"/></body></worldbody></mujoco>')
+            self.assertRefusedCheaply("init", path, log, "--out", self.folder / "task.toml", needle="big.xml")
+
     def test_what_fits_the_budget_is_read_below_two_gigabytes(self):
         path = self.folder / "flat.csv.gz"
         with gzip.open(path, "wb") as file:

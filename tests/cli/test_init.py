@@ -77,6 +77,12 @@ class InitTest(ProgramTest):
 
     # --- what it writes runs
 
+    def test_control_characters_in_names_stay_out_of_the_comments(self):
+        log = self.csv(swing(1, n=60), [*NAMES[:-1], "elbow_cmd\x07"])
+        task = self.folder / "two\nlines.toml"
+        self.succeed("init", self.model, log, "--out", task)
+        self.assertEqual(tomllib.loads(task.read_text())["data"]["actions"][-1], "elbow_cmd\x07")
+
     def test_the_task_file_says_what_the_logs_are_and_runs(self):
         text, task = self.init(self.csv(swing(1)))
         self.assertAlmostEqual(task["task"]["control_period"], 0.02)

@@ -99,6 +99,9 @@ class TestCollectNoise(NoisyTest):
         np.testing.assert_array_equal(noisy["rewards"], clean["rewards"])
 
     def test_noise_that_is_a_parameter_already_is_refused(self):
+        for word in ("--seed=-7", "--threads=-7"):
+            self.assertOneLine(oted("collect", "--task", "Hopper-v5", "--policy", "random", word, "--out", self.folder / "no.csv"),
+                               USAGE, word[:6], "0 or more")
         result = oted("collect", "--task", "Hopper-v5", "--policy", "random", "--noise", "0.1", "--out",
                       self.folder / "out.hdf5", "--param", "n=obs/*/noise_std:0:1:absolute", "--truth", "n=0.5")
         self.assertEqual(result.returncode, USAGE)

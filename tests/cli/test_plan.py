@@ -6,6 +6,7 @@
 import csv
 import json
 import pathlib
+import shlex
 import shutil
 import signal
 import subprocess
@@ -125,7 +126,8 @@ class PlanTest(program.HopperTest):
         shutil.copyfile(program.ROOT / "examples/data/hopper-medium.hdf5", data / "hopper-medium.hdf5")
         study = ["--task", "hopper", "--dataset", "medium", "--parameters", "gain", "--methods", "bc", "bc_dr", "td3_bc", "--steps",
                  "200", "--seeds", "2", "--data", data, *program.sets(program.TINY + program.TINY_OFFLINE)]
-        self.succeed("plan", "table1", *study, "--to", self.plan)
+        made = subprocess.run([program.OTED, "plan", "table1", *map(str, study), "--to", self.plan], cwd=self.folder)
+        self.assertEqual(made.returncode, 0)
         names = [line["name"] for line in self.lines()]
         self.assertEqual(names, [f"{name} seed {seed}" for seed in (1, 2)
                                  for name in ("hopper-medium-bc", "hopper-gain-dr and bc_dr", "hopper-medium-td3_bc")])
@@ -139,12 +141,34 @@ class PlanTest(program.HopperTest):
         self.assertIn("missing: hopper-medium-td3_bc seed 1\n", part.stderr)
         self.assertIn("| hopper-medium | gain |", part.stdout)
         self.assertEqual(self.succeed("submit", self.plan, "--engine", "local", "--quiet").stdout, single)
+        # What each cell says it was made with makes it again, from where the plan was made.
+        merged = [json.loads(line) for line in (self.root / "merged.jsonl").read_text().splitlines()]
+        (command,) = {record["command"] for record in merged}
+        words = shlex.split(command)
+        self.assertEqual((words[:3], words[-4:]), (["oted", "reproduce", "table1"], ["--data", "data", "--out", "merged"]))
+        (self.folder / "merged.jsonl").write_text((self.root / "merged.jsonl").read_text())
+        again = subprocess.run([program.OTED, *words[1:]], capture_output=True, text=True, cwd=self.folder)
+        self.assertEqual((again.returncode, again.stdout), (0, single), again.stderr)
         # What is on the disk already and differs is not merged into.
         record = self.folder / "foreign.jsonl"
         shutil.copyfile(self.root / "merged.jsonl", record)
         record.write_text(record.read_text().replace('"mean_return":', '"mean_return":1'))
         self.assertOneLine(program.oted("merge", self.plan, "--merge-to", self.folder / "foreign"), program.DATA_OR_MODEL,
                            "do not belong together")
+
+    def test_the_merged_result_gets_the_name_that_was_given(self):
+        self.sweep("--data", self.demos, "--engine", "local", "--quiet")
+        for name in ("a", "b.csv"):
+            self.succeed("merge", self.plan, "--merge-to", self.folder / name)
+            self.assertTrue((self.folder / name).with_suffix(".csv").is_file(), name)
+        # Before a unit is begun, too.
+        self.sweep("--data", self.demos, "--seed", "5")
+        for name in ("c.jsonl", "c.csv.gz", "folder/"):
+            for command in (("merge",), ("submit", "--engine", "local", "--quiet")):
+                refused = program.oted(command[0], self.plan, *command[1:], "--merge-to", f"{self.folder}/{name}")
+                self.assertOneLine(refused, program.USAGE, "wanted a name that ends with .csv, or one without an ending")
+        self.assertEqual(self.states(), ["missing"])
+        self.assertEqual(sorted(self.folder.glob("c*")), [])
 
     def test_the_other_studies_are_planned_too(self):
         words = ("--task", "hopper", "--dataset", "medium", "expert", "--data", program.ROOT / "examples/data", "--to", self.plan)

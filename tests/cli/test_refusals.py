@@ -111,6 +111,7 @@ class TestRequest(HopperTest):
     def test_flag_without_number(self):
         self.assertRefused(self.design("--seed", "one"), USAGE, "--seed")
         self.assertRefused(self.design("--seed=-1"), USAGE, "--seed")
+        self.assertRefused(self.design("--seed", 20 * "9"), USAGE, "--seed", "below 9.2e+18")
         self.assertRefused(self.design("--seeds", "0"), USAGE, "--seeds")
 
     def test_unknown_task_with_the_nearest(self):

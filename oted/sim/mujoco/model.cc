@@ -58,7 +58,9 @@ void CheckOptions(const mjModel& model, const std::filesystem::path& path) {
   for (const auto& [name, n] : {std::pair{"iterations", option.iterations},
                                 {"ls_iterations", option.ls_iterations},
                                 {"noslip_iterations", option.noslip_iterations}}) {
-    if (n > kMostIterations) fail(fmt::format("its option {} is {}, wanted at most {}", name, n, kMostIterations));
+    if (n < 0 || n > kMostIterations) {
+      fail(fmt::format("its option {} is {}, wanted 0 to {}", name, n, kMostIterations));
+    }
   }
   if (model.narena > kMostArena) {
     fail(fmt::format("it asks for {} MiB of memory in each simulation, wanted at most {}", model.narena >> 20,

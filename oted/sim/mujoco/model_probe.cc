@@ -1,11 +1,9 @@
 #include "oted/sim/mujoco/model_probe.h"
 
-#include <array>
 #include <mutex>
 #include <set>
 #include <tuple>
 
-#include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/data/child_process.h"
 #include "oted/sim/mujoco/model.h"
@@ -17,14 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr ChildLimits kLimits = {.memory_bytes = uint64_t{3} << 29, .cpu_s = 120, .wall_s = 240};
-
-void Compile(const fs::path& path) {
-  std::array<char, 1000> reason{};
-  const SpecPtr spec(mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
-  if (spec == nullptr) return;
-  const ModelPtr model(mj_compile(spec.get(), nullptr));
-  if (model != nullptr) const DataPtr data(mj_makeData(model.get()));
-}
 
 }  // namespace
 
@@ -38,11 +28,9 @@ void ProbeModel(const fs::path& path) {
   if (known.contains(file)) return;
   TakeOverMujocoErrors();
   ChildProcess child(path.string(), kLimits, mujoco_lock, [&](ChildOutput& out) {
-    try {
-      Compile(path);
-    } catch (const Error&) {
-      // LoadModel says it again.
-    }
+    // What fails here, fails for good: without the limits it might go on to take all memory.
+    const LoadedModel loaded = LoadModel(path);
+    const DataPtr data(mj_makeData(loaded.model.get()));
     const char done = 1;
     out.Write(&done, 1);
   });

@@ -23,6 +23,8 @@ using Part = ModelPlan::Target::Part;
 
 constexpr int kMostSteps = 100'000;  // of the physics in a control period
 
+bool IsActionRange(double low, double high) { return std::isfinite(low) && std::isfinite(high) && low < high; }
+
 // Builds one setup; the members follow the keys of the file.
 class Builder {
  public:
@@ -98,9 +100,9 @@ class Builder {
     }
     if (task_.actions.empty()) throw UsageError("task.actions is empty; name at least one, actuator/*");
     const std::vector<double>& range = task_.action_range;
-    if (!range.empty() && (range.size() != 2 || !(range[0] < range[1]))) {
-      throw UsageError(
-          fmt::format("task.action_range is [{}], wanted [low, high] with low < high", fmt::join(range, ", ")));
+    if (!range.empty() && (range.size() != 2 || !IsActionRange(range[0], range[1]))) {
+      throw UsageError(fmt::format("task.action_range is [{}], wanted [low, high] with low < high, both finite",
+                                   fmt::join(range, ", ")));
     }
     const ObjectKind kind{"actuator", mjOBJ_ACTUATOR, static_cast<int>(model_.nactuator)};
     for (const std::string& path : task_.actions) {
@@ -129,6 +131,12 @@ class Builder {
         }
         low = task_.action_range[0];
         high = task_.action_range[1];
+      }
+      if (!IsActionRange(low, high)) {
+        throw DataError(
+            fmt::format("{}: the ctrlrange of '{}' is {} to {}, wanted two finite numbers, the smaller first; "
+                        "correct the model",
+                        what, name, low, high));
       }
       setup_.controls.push_back(control);
       spec_.action_names.push_back(n == 1 ? name : fmt::format("{}[{}]", name, k));

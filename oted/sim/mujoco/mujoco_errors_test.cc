@@ -42,6 +42,7 @@ TEST(MujocoErrors, OptionsThatNoSimulationEndsWithAreRefused) {
                                        {"timestep='-1'", "time step"},
                                        {"gravity='0 0 nan'", "gravity"},
                                        {"viscosity='inf'", "viscosity"},
+                                       {"iterations='-5'", "iterations"},
                                        {"iterations='2000000000'", "iterations"}}) {
     WriteFileAtomically(folder / "model.xml", Pendulum(option));
     EXPECT_THAT(MessageOf<DataError>([&] { LoadModel(folder / "model.xml"); }),
