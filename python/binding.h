@@ -6,11 +6,13 @@
 #include <nanobind/ndarray.h>
 
 #include <initializer_list>
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "oted/base/error.h"
 #include "oted/config/run_config.h"
 
 namespace oted::python {
@@ -32,6 +34,51 @@ nb::ndarray<nb::numpy, T> ToNumpy(std::span<const T> values, std::initializer_li
   return nb::ndarray<nb::numpy, T>(owned->data(), shape, owner);
 }
 
+/// A Python object that may be dropped on any thread.
+class Held {
+ public:
+  explicit Held(nb::object object) : object_(std::move(object)) {}
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
+  ~Held() {
+    const nb::gil_scoped_acquire acquire;
+    object_.reset();
+  }
+  const nb::object& get() const { return object_; }
+
+ private:
+  nb::object object_;
+};
+
+/// What a user's own code raised while the library called it, on whichever thread: Python sees `message` as a DataError
+/// whose cause is the user's exception, with its traceback.
+class PythonFailure : public DataError {
+ public:
+  PythonFailure(const std::string& message, std::shared_ptr<const Held> cause)
+      : DataError(message), cause_(std::move(cause)) {}
+  const nb::object& cause() const { return cause_->get(); }
+
+ private:
+  std::shared_ptr<const Held> cause_;
+};
+
+/// Ctrl-C within a user's own code.
+class PythonInterrupt : public Interrupted {
+ public:
+  PythonInterrupt() : Interrupted("interrupted") {}
+};
+
+/// What stands between Ctrl-C and a stage that steps a user's environment: stages look at their stop flag between units
+/// of work, which may take long there.
+class Sessions {
+ public:
+  static void Begin();
+  static void End();
+  static void AskToStop();
+  /// @throws Interrupted where the one session that runs was asked to stop a while ago
+  static void Check();
+};
+
 /// What a call from Python says of a run: the TOML of a task file, whose relative paths start from that file's folder,
 /// and what the call gives beside it, [data] and [parameters], which come before the file's. Paths in `given` start
 /// from the working folder.
@@ -49,6 +96,7 @@ void AddLogs(nb::module_& m);
 void AddSession(nb::module_& m);
 void AddDesigns(nb::module_& m);
 void AddSimulators(nb::module_& m);
+void AddGymSimulators(nb::module_& m);
 void AddPolicies(nb::module_& m);
 
 }  // namespace oted::python

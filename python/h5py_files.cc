@@ -11,6 +11,7 @@ namespace oted {
 namespace {
 
 namespace nb = nanobind;
+using python::Held;
 using python::ToNumpy;
 
 /// Calls into oted._hdf5, whose failures name the file and are DataErrors or UsageErrors; anything else is h5py's.
@@ -28,22 +29,6 @@ auto InPython(const std::string& path, const Call& call) {
     throw DataError("'" + path + "': h5py cannot go on: " + message + "; download or write the file again");
   }
 }
-
-/// A Python object that may be dropped on any thread.
-class Held {
- public:
-  explicit Held(nb::object object) : object_(std::move(object)) {}
-  Held(const Held&) = delete;
-  Held& operator=(const Held&) = delete;
-  ~Held() {
-    const nb::gil_scoped_acquire acquire;
-    object_.reset();
-  }
-  const nb::object& get() const { return object_; }
-
- private:
-  nb::object object_;
-};
 
 class H5pyReader : public Hdf5Reader {
  public:

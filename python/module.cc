@@ -20,6 +20,12 @@ void AddErrors(nb::module_&) {
     };
     try {
       std::rethrow_exception(error);
+    } catch (const PythonInterrupt&) {
+      PyErr_SetNone(PyExc_KeyboardInterrupt);
+    } catch (const PythonFailure& e) {
+      const nb::object kind = nb::module_::import_("oted.errors").attr("DataError"), value = kind(e.what());
+      PyException_SetCause(value.ptr(), nb::object(e.cause()).release().ptr());
+      PyErr_SetObject(kind.ptr(), value.ptr());
     } catch (const UsageError& e) {
       raise("UsageError", e.what());
     } catch (const DataError& e) {
@@ -60,6 +66,7 @@ NB_MODULE(_core, m) {
   oted::python::AddSession(m);
   oted::python::AddDesigns(m);
   oted::python::AddSimulators(m);
+  oted::python::AddGymSimulators(m);
   oted::python::AddPolicies(m);
   m.def("main", &oted::python::Main, nanobind::arg("argv"));
 }

@@ -128,6 +128,7 @@ void RunInterruptibly(const std::function<void(const std::atomic<bool>& stop)>& 
     is_done = true;
     changed.notify_one();
   });
+  Sessions::Begin();
   std::exception_ptr raised;
   const auto hand_over = [&] {
     for (const Event& event : events.Take()) {
@@ -146,12 +147,14 @@ void RunInterruptibly(const std::function<void(const std::atomic<bool>& stop)>& 
     } catch (...) {
       if (!raised) raised = std::current_exception();
       stop = true;
+      Sessions::AskToStop();
     }
   }
   {
     const nb::gil_scoped_release release;
     worker.join();
   }
+  Sessions::End();
   if (raised) std::rethrow_exception(raised);
   if (failure) std::rethrow_exception(failure);
 }

@@ -19,6 +19,7 @@ for python in "${PYTHONS[@]}"; do
   echo "== $("$python" --version): the package"
   "$environment/bin/python" tests/python/test_package.py '' build/release/oted
   echo "== $("$python" --version): readers"
+  "$environment/bin/python" tests/python/test_bags.py
   "$environment/bin/python" tests/python/test_readers.py
   echo "== $("$python" --version): types, and the example"
   "$environment/bin/python" -m mypy python/oted

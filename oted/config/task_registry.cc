@@ -1,7 +1,11 @@
 #include "oted/config/task_registry.h"
 
+#include <fmt/format.h>
+
 #include <map>
 #include <mutex>
+
+#include "oted/base/error.h"
 
 namespace oted {
 namespace {
@@ -29,7 +33,13 @@ std::unique_ptr<SimulatorFactory> MakeRegisteredTask(const std::string& name,
   {
     const std::lock_guard lock(TheRegistry().mutex);
     const auto found = TheRegistry().makers.find(name);
-    if (found == TheRegistry().makers.end()) return nullptr;
+    if (found == TheRegistry().makers.end()) {
+      if (!name.starts_with(kOfPython)) return nullptr;
+      throw UsageError(
+          fmt::format("task '{}' is an environment of a Python program and not known here; in Python, make its "
+                      "oted.GymSimulator with that name and version first",
+                      name));
+    }
     make = found->second;
   }
   return make(parameters);

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "oted/sim/simulator.h"
@@ -17,7 +18,11 @@ using TaskMaker = std::function<std::unique_ptr<SimulatorFactory>(const std::vec
 /// name that is registered already gets the new maker.
 void RegisterTask(const std::string& name, TaskMaker make);
 
-/// Null when no task of that name was registered.
+/// What names of tasks begin with that a Python program registered: they live as long as that program.
+inline constexpr std::string_view kOfPython = "python:";
+
+/// Null when no task of that name was registered. @throws UsageError for one of a Python program that did not register
+/// it
 std::unique_ptr<SimulatorFactory> MakeRegisteredTask(const std::string& name,
                                                      const std::vector<ParameterSpec>& parameters);
 

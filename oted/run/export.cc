@@ -16,6 +16,7 @@
 #include "oted/sim/mujoco/export_mjcf.h"
 #include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/task.h"
 #include "oted/sim/sysid_file.h"
 
 namespace oted {
@@ -103,11 +104,17 @@ std::vector<double> ModelPart(const RunConfig& config, const std::vector<double>
   return in_model;
 }
 
+/// A grid world, a task that a program registered: no other tool could load them.
+bool HasMjcf(const TaskConfig& task) {
+  const std::vector<std::string> built_in = TaskNames();
+  return task.has_model() || std::ranges::find(built_in, task.name) != built_in.end();
+}
+
 std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const ExportRequest& request) {
   const std::vector<Member> members = SelectMembers(design, request.member);
-  if (design.config.task.is_grid()) {
+  if (!HasMjcf(design.config.task)) {
     throw UsageError(
-        fmt::format("task '{}' is a grid world and has no MJCF; write its q(z) with --q", design.config.task.name));
+        fmt::format("task '{}' is no MuJoCo model and has no MJCF; write its q(z) with --q", design.config.task.name));
   }
   const MujocoSimulatorFactory factory = ModelFactory(design.config);
   CheckSameModel(design, factory.model_path(), factory.model_sha256());
@@ -186,8 +193,7 @@ void SealExports(const FinishedDesign& design, const std::vector<ExportedFile>& 
 ExportRequest DefaultExports(const fs::path& run_directory) {
   const fs::path folder = run_directory / kExportFolder;
   const fs::path config = run_directory / "run.toml";
-  // A grid world has no model that another tool could load.
-  if (fs::exists(config) && ReadKeptConfig(run_directory).task.is_grid()) {
+  if (fs::exists(config) && !HasMjcf(ReadKeptConfig(run_directory).task)) {
     return {.mjcf = {}, .q = folder / "q.json", .sysid = {}};
   }
   return {.mjcf = folder / "designed.xml", .q = folder / "q.json", .sysid = folder / "parameters.yaml"};

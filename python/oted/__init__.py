@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from oted.design import Design, Validation, Verdict, load
     from oted.envs import make_env, make_vec_env, register
     from oted.fitting import fit
+    from oted.gym import GymSimulator
     from oted.logs import Logs, read_logs
     from oted.starting import Proposal, init
     from oted.task import Param, Task, describe
@@ -35,6 +36,7 @@ _PLACES = {
     "oted.design": ("Design", "Validation", "Verdict", "load"),
     "oted.envs": ("make_env", "make_vec_env", "register"),
     "oted.fitting": ("fit",),
+    "oted.gym": ("GymSimulator",),
     "oted.logs": ("Logs", "read_logs"),
     "oted.starting": ("Proposal", "init"),
     "oted.task": ("Param", "Task", "describe"),
@@ -44,7 +46,7 @@ _SUBMODULES = ("bags", "lerobot", "progress", "sb3", "streams")
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
 __all__ = [
-    "Agent", "Check", "DataError", "Design", "Error", "Evaluation", "InternalError", "Interrupted", "Logs",
+    "Agent", "Check", "DataError", "Design", "Error", "Evaluation", "GymSimulator", "InternalError", "Interrupted", "Logs",
     "MissingPackage", "Param", "Proposal", "Task", "UsageError", "Validation", "Verdict", "check", "describe", "evaluate", "fit",
     "bags", "init", "lerobot", "load", "make_env", "make_vec_env", "progress", "read_logs", "register", "streams", "train",
     "view",

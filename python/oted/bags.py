@@ -1,20 +1,23 @@
-"""ROS 1 and ROS 2 bags (SQLite and MCAP) and MCAP files of ROS 2 as logs. Needs rosbags; no ROS."""
+"""Recordings of robots as logs: MCAP files with protobuf, JSON or ROS messages, and ROS 1 and ROS 2 bags. Needs the
+packages of oted[bags]; no ROS."""
 
 import os
 import pathlib
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from oted._needs import need
+from oted import _messages
+from oted._mcap import McapFile
+from oted._rosbags import RosBag
+from oted._topics import Message, Paths
 from oted.errors import DataError, UsageError
 from oted.logs import Logs
 from oted.streams import Channel, to_logs
 
-# What the fields of sensor_msgs/JointState are called in a task.
-JOINT_FIELDS = {"position": "qpos", "velocity": "qvel", "effort": "qfrc_actuator"}
+Clock = str | Mapping[str, str]
 
 
 def read_bag(
@@ -23,35 +26,35 @@ def read_bag(
     states: Sequence[str],
     actions: Sequence[str],
     period: float,
-    time: str = "header",
+    time: Clock = "header",
     names: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
     offset: Mapping[str, float] | None = None,
     shift: Mapping[str, float] | None = None,
     most_gap: float = 3.0,
-    messages: Sequence[str | os.PathLike[str]] = (),
+    messages: Paths = (),
 ) -> Logs:
     """One recording. states and actions: "TOPIC:FIELD", such as "/joint_states:position" and "/commands:data"; also
-    "TOPIC:FIELD[2]" and "TOPIC:pose.position.x". The numbers of an array become a channel each.
+    "TOPIC:FIELD[2]", "TOPIC:pose.position.x", and "TOPIC:joints.position" of a list of messages. The numbers of an array,
+    a list or a map become a channel each.
 
-    A JointState's numbers are matched by the names in each message, whatever their order, and called joint/NAME/qpos,
-    joint/NAME/qvel, joint/NAME/qfrc_actuator; others TOPIC:FIELD[i]. names renames channels ("joint/panda_1/qpos":
-    "joint/shoulder/qpos") or joints ("panda_1": "shoulder"). scale and offset correct a channel, after renaming:
-    value * scale + offset. shift [s] is added to the times of a topic.
+    Numbers are matched by the names in each message, whatever their order, where the message has them: in a list beside
+    the numbers (name, names, joint_names), in the elements of a list (name), or as the keys of a map. position, velocity
+    and effort are then called joint/NAME/qpos, joint/NAME/qvel, joint/NAME/qfrc_actuator, others TOPIC:FIELD[NAME]; without
+    names TOPIC:FIELD[i]. names renames channels ("joint/panda_1/qpos": "joint/shoulder/qpos") or joints ("panda_1":
+    "shoulder"). scale and offset correct a channel, after renaming: value * scale + offset. shift [s] is added to the times
+    of a topic.
 
-    period [s]: the task's control period. time: "header" (stamps in the messages) or "log" (when they were recorded).
-    messages: files or folders with .msg files of types that the bag does not describe. oted.streams has the rule by which
-    rows are made."""
-    if time not in ("header", "log"):
-        raise UsageError(f"time: got '{time}', wanted 'header' or 'log'")
+    period [s]: the task's control period. time: "header" (stamps in the messages: header.stamp, stamp or timestamp; where
+    nobody set one, the time of recording), "log" (when they were recorded), "publish" (MCAP alone), or ":FIELD", a field
+    that holds a time stamp or seconds; or {TOPIC: one of these}. messages: files or folders with .msg files of ROS types
+    that the recording does not describe. oted.streams has the rule by which rows are made."""
     wanted = [_split(text) for text in (*states, *actions)]
-    samples = _read(pathlib.Path(path), {topic for topic, _ in wanted}, wanted, time, messages)
+    samples = _read(pathlib.Path(path), wanted, time, messages)
     renamed = dict(names or {})
     channels: dict[str, list[Channel]] = {}
     for text, (topic, _) in zip((*states, *actions), wanted):
-        found = samples.get(text)
-        if not found:
-            raise DataError(f"'{path}': '{text}' has no numbers; the field is empty in every message of that topic")
+        found = samples[text]
         channels[text] = []
         for name in found:
             called = _called(name, renamed)
@@ -65,18 +68,25 @@ def read_bag(
                    period, most_gap=most_gap)
 
 
-def bag_topics(path: str | os.PathLike[str], messages: Sequence[str | os.PathLike[str]] = ()) -> list[dict[str, Any]]:
-    """Topics with type, number of messages and median rate [1/s]: what to name in read_bag."""
-    with _open(pathlib.Path(path), messages) as reader:
+def bag_topics(path: str | os.PathLike[str], messages: Paths = ()) -> list[dict[str, Any]]:
+    """Topics with type, encoding, number of messages, median rate [1/s], and the fields that hold numbers in the first
+    message: what to name in read_bag. A topic that cannot be decoded has no fields."""
+    with _open(pathlib.Path(path), messages) as recording:
+        topics = recording.topics()
         stamps: dict[str, list[int]] = defaultdict(list)
-        for connection, stamp, _ in reader.messages():
-            stamps[connection.topic].append(stamp)
+        for message in recording.messages([topic.name for topic in topics], decoded=False):
+            stamps[message.topic].append(message.recorded)
         found = []
-        for connection in reader.connections:
-            steps = np.diff(np.array(stamps[connection.topic], dtype=np.int64)) * 1e-9
+        for topic in topics:
+            steps = np.diff(np.array(stamps[topic.name], dtype=np.int64)) * 1e-9
             rate = 1 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 0.0
-            found.append({"topic": connection.topic, "type": connection.msgtype,
-                          "messages": len(stamps[connection.topic]), "rate": rate})
+            try:
+                first = next(recording.messages([topic.name]), None)
+                fields = [] if first is None else list(_messages.number_paths(first.value))
+            except (DataError, UsageError):
+                fields = []
+            found.append({"topic": topic.name, "type": topic.type, "encoding": topic.encoding,
+                          "messages": len(stamps[topic.name]), "rate": rate, "fields": fields})
         return found
 
 
@@ -103,74 +113,59 @@ def _called(name: str, renamed: Mapping[str, str]) -> str:
     return name
 
 
-def _open(path: pathlib.Path, messages: Sequence[str | os.PathLike[str]]) -> Any:
+def _open(path: pathlib.Path, messages: Paths) -> McapFile | RosBag:
     if not path.exists():
         raise DataError(f"no bag at '{path}'; check the path")
-    reader_module = need("rosbags.highlevel", "a bag", "rosbags")
-    typesys: Any = need("rosbags.typesys", "a bag", "rosbags")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    for given in messages:
-        folder = pathlib.Path(given)
-        for file in [folder] if folder.is_file() else sorted(folder.rglob("*.msg")):
-            # package/msg/Type.msg is package/msg/Type
-            kind = "/".join([file.parent.parent.name, "msg", file.stem]) if file.parent.name == "msg" else file.stem
-            store.register(typesys.get_types_from_msg(file.read_text(encoding="utf-8"), kind))
-    try:
-        return reader_module.AnyReader([path], default_typestore=store)
-    except Exception as e:  # the library raises many kinds
-        raise DataError(f"'{path}': rosbags cannot open it ({e}); is it a bag's folder, a .bag or a .mcap file?") from e
+    return McapFile(path, messages) if path.is_file() and path.suffix == ".mcap" else RosBag(path, messages)
 
 
-def _read(path: pathlib.Path, topics: set[str], wanted: Sequence[tuple[str, str]], time: str,
-          messages: Sequence[str | os.PathLike[str]]) -> Samples:
+def _clock(time: Clock, topic: str, has_publish_times: bool) -> Callable[[Message], int]:
+    """When a message of the topic counts as measured."""
+    how = time if isinstance(time, str) else time.get(topic, "header")
+    if how == "header":
+        return lambda message: _messages.header_stamp(message.value) or message.recorded
+    if how == "log":
+        return lambda message: message.recorded
+    if how == "publish" and has_publish_times:
+        return lambda message: message.published
+    if how == "publish":
+        raise UsageError("time: 'publish' is a time that MCAP files alone have; wanted 'header' or 'log' for this bag")
+    if how.startswith(":") and len(how) > 1:
+        return lambda message: _messages.stamp_at(message.value, topic, how[1:])
+    raise UsageError(f"time: got '{how}', wanted 'header', 'log', 'publish', or ':FIELD'")
+
+
+def _read(path: pathlib.Path, wanted: Sequence[tuple[str, str]], time: Clock, messages: Paths) -> Samples:
     samples: Samples = {f"{topic}:{field}": {} for topic, field in wanted}
-    fields: dict[str, list[str]] = defaultdict(list)
-    for topic, field in wanted:
-        if field not in fields[topic]:
-            fields[topic].append(field)
-    try:
-        with _open(path, messages) as reader:
-            connections = [c for c in reader.connections if c.topic in topics]
-            missing = topics - {c.topic for c in connections}
-            if missing:
-                raise DataError(f"'{path}' has no topic '{min(missing)}'; it has "
-                                f"{', '.join(sorted({c.topic for c in reader.connections}))}")
-            for connection, stamp, raw in reader.messages(connections=connections):
-                message = reader.deserialize(raw, connection.msgtype)
-                when = _stamp(message, stamp) if time == "header" else stamp
-                for field in fields[connection.topic]:
-                    _take(samples[f"{connection.topic}:{field}"], message, connection.topic, field, when)
-    except (DataError, UsageError):
-        raise
-    except Exception as e:
-        raise DataError(f"'{path}': rosbags cannot read it ({type(e).__name__}: {e}); is the recording complete?") from e
+    fields = {topic: {field: _messages.steps_of(field) for its, field in wanted if its == topic} for topic, _ in wanted}
+    n_messages = dict.fromkeys(fields, 0)
+    seen: dict[str, list[str]] = {}
+    with _open(path, messages) as recording:
+        topics = recording.topics()
+        missing = fields.keys() - {topic.name for topic in topics}
+        if missing:
+            raise DataError(f"'{path}' has no topic '{min(missing)}'; it has {', '.join(topic.name for topic in topics)}")
+        clocks = {topic: _clock(time, topic, recording.has_publish_times) for topic in fields}
+        for message in recording.messages(list(fields)):
+            topic = message.topic
+            when = clocks[topic](message)
+            if n_messages[topic] == 0:
+                seen[topic] = _messages.names_of(message.value)
+            n_messages[topic] += 1
+            for field, steps in fields[topic].items():
+                into = samples[f"{topic}:{field}"]
+                try:
+                    found = _messages.channels(message.value, topic, steps)
+                except UsageError as e:
+                    raise UsageError(f"'{path}', '{topic}:{field}': {e}") from e
+                for channel, value in found:
+                    into.setdefault(channel, []).append((when, value))
+    for text, channels in samples.items():
+        topic = text.partition(":")[0]
+        if channels:
+            continue
+        if n_messages[topic] == 0:
+            raise DataError(f"'{path}': topic '{topic}' has no messages; was it recorded?")
+        raise DataError(f"'{path}': '{text}' has no numbers; the field is empty or missing in every message of that topic, "
+                        f"whose first has {', '.join(seen[topic]) or 'no fields'}")
     return samples
-
-
-def _stamp(message: Any, recorded: int) -> int:
-    header = getattr(message, "header", None)
-    if header is None or (header.stamp.sec == 0 and header.stamp.nanosec == 0):
-        return recorded  # a stamp that nobody set
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
-
-
-def _take(into: dict[str, list[tuple[int, float]]], message: Any, topic: str, field: str, when: int) -> None:
-    plain, bracket, rest = field.partition("[")
-    value = message
-    for part in plain.split("."):
-        try:
-            value = getattr(value, part)
-        except AttributeError as e:
-            raise UsageError(f"'{topic}' has no field '{plain}'; the message has "
-                             f"{', '.join(k for k in vars(value) if not k.startswith('_'))}") from e
-    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    by_name = getattr(message, "name", None) if plain in JOINT_FIELDS else None
-    if by_name is not None and len(by_name) == len(numbers):
-        labels = [f"joint/{joint}/{JOINT_FIELDS[plain]}" for joint in by_name]
-    else:
-        labels = [f"{topic}:{plain}" if np.ndim(value) == 0 else f"{topic}:{plain}[{i}]" for i in range(len(numbers))]
-    chosen = range(len(numbers)) if not bracket else [int(rest.rstrip("]"))]
-    for i in chosen:
-        if i >= len(numbers):
-            raise UsageError(f"'{topic}:{field}': the message has {len(numbers)} numbers")
-        into.setdefault(labels[i], []).append((when, float(numbers[i])))

@@ -79,7 +79,8 @@ def to_logs(
     for times, _ in seen:
         keep &= ~_in_gap(grid, times, most_gap)
     observations = np.column_stack([np.interp(grid - start, times - start, values) for times, values in seen])
-    commanded = np.column_stack([values[np.searchsorted(times, grid, side="right") - 1] for times, values in done])
+    at = grid + 1e-6 * period  # a hair's breadth before a row is at it
+    commanded = np.column_stack([values[np.searchsorted(times, at, side="right") - 1] for times, values in done])
     # Rows of one stretch; a stretch of one row holds no transition.
     breaks = np.flatnonzero(np.diff(keep.astype(np.int8), prepend=0, append=0))
     runs = [(a, b) for a, b in breaks.reshape(-1, 2) if b - a >= 2]

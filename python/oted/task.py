@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import pathlib
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,7 +13,7 @@ from oted import _toml
 from oted._engine import core
 from oted.errors import UsageError
 
-# A name, a file, a Task, or MuJoCo's own mujoco.MjSpec.
+# A name, a file, a Task, MuJoCo's own mujoco.MjSpec, or a GymSimulator.
 TaskLike = Any
 ParametersLike = Any
 
@@ -118,9 +119,14 @@ def task_toml(task: TaskLike, folder: pathlib.Path | None = None) -> tuple[str, 
             raise UsageError(f"task: '{text}' is a model; give oted.Task(model='{text}', control_period=...), or let "
                              f"'oted init {text} LOGS' write a task file")
         return _toml.section("task", {"name": text}), ""
+    gym = sys.modules.get("oted.gym")  # who has such a simulator has imported it
+    if gym is not None and isinstance(task, gym.GymSimulator):
+        task.register()
+        return _toml.section("task", {"name": task.task}), ""
     if hasattr(task, "to_xml"):
         raise UsageError("task: a mujoco.MjSpec alone lacks the control period: oted.Task(model=spec, control_period=...)")
-    raise UsageError(f"task: got {type(task).__name__}, wanted a name such as 'Hopper-v5', a .toml file or an oted.Task")
+    raise UsageError(f"task: got {type(task).__name__}, wanted a name such as 'Hopper-v5', a .toml file, an oted.Task "
+                     "or an oted.GymSimulator")
 
 
 def study(
