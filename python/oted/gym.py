@@ -1,5 +1,6 @@
 """A Gymnasium environment of yours as the simulator that is designed."""
 
+import itertools
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +16,9 @@ from oted.errors import UsageError
 Array = NDArray[np.float64]
 Env = gymnasium.Env[Any, Any]
 _MADE: dict[str, "GymSimulator"] = {}
+# By number, so that compiled objects hold no Python object: the collector would not see the way back to them.
+_LANES: dict[int, "Lanes"] = {}
+_NUMBERS = itertools.count()
 
 
 class GymSimulator:
@@ -208,8 +212,19 @@ class Lanes:
         return rows
 
 
-def lanes_of(task: str, n: int) -> Lanes:
-    return Lanes(_MADE[task], n)
+def make_lanes(task: str, n: int) -> int:
+    """The number of new lanes, until release."""
+    number = next(_NUMBERS)
+    _LANES[number] = Lanes(_MADE[task], n)
+    return number
+
+
+def lanes(number: int) -> Lanes:
+    return _LANES[number]
+
+
+def release(number: int) -> None:
+    _LANES.pop(number).release()
 
 
 def _names(what: str, given: Sequence[str] | None, n: int, prefix: str) -> list[str]:
