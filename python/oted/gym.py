@@ -83,7 +83,8 @@ class GymSimulator:
         self._observe = observe
         self._idle: list[Env] = []
         env = self._take()
-        self.observation_space, self.action_space = env.observation_space, env.action_space
+        self.observation_space: Any = env.observation_space
+        self.action_space: Any = env.action_space
         names = _names("observation_names", observation_names, self._box("observation", self.observation_space), "obs")
         units = list(observation_units or [])
         if units and len(units) != len(names):
