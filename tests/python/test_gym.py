@@ -82,7 +82,7 @@ def pendulum(**keywords):
     return oted.GymSimulator(make_pendulum, name="Pendulum", version=given.pop("version", "1"), **given)
 
 
-def pendulum_logs(length=1.3, n_episodes=4, n_steps=60, keep=slice(None), names=("cos", "sin", "rate")):
+def pendulum_logs(length=1.3, n_episodes=4, n_steps=60):
     """What the environment shows at this length under random torques that last five steps each."""
     env = make_pendulum()
     set_length(env, {"length": length})
@@ -95,8 +95,9 @@ def pendulum_logs(length=1.3, n_episodes=4, n_steps=60, keep=slice(None), names=
                 torque = random.uniform(-2, 2, 1)
             done.append(torque)
             seen.append(env.step(torque)[0])
-        episodes.append((np.array(seen)[:, keep], np.array(done)))
-    return oted.Logs.from_episodes(episodes, period=0.05, observation_names=list(names), action_names=["torque"])
+        episodes.append((np.array(seen), np.array(done)))
+    return oted.Logs.from_episodes(episodes, period=0.05, observation_names=["cos", "sin", "rate"],
+                                   action_names=["torque"])
 
 
 def lanes_of(task, parameters=None, n=1):
@@ -185,6 +186,20 @@ class Stepping(unittest.TestCase):
         np.testing.assert_array_equal(lanes.observations()[1], before)
         lanes.step([1], np.full((2, 1), 2.0))
         self.assertEqual(lanes.status()[1], _engine.core.DIVERGED)
+
+    def test_delays_and_vectors_of_environments_are_there_as_for_every_task(self):
+        late = oted.make_env(pendulum(), parameters={"delay": oted.Param("action/delay", 0, 2, scale="absolute")},
+                             sample={"delay": 1})
+        prompt = oted.make_env(pendulum())
+        vector = oted.make_vec_env(pendulum(), 2, threads=2)
+        late.reset(seed=1)
+        prompt.reset(seed=1)
+        vector.reset(seed=1)
+        actions = np.random.default_rng(0).uniform(-2, 2, (10, 1))
+        for t in range(10):
+            seen = prompt.step(actions[t - 1] if t else np.zeros(1))[0]
+            np.testing.assert_array_equal(late.step(actions[t])[0], seen)
+            np.testing.assert_array_equal(vector.step(np.array([actions[t - 1] if t else [0.0]] * 2))[0][0], seen)
 
     def test_discrete_actions_are_indices(self):
         sim = oted.GymSimulator(lambda: gymnasium.make("CartPole-v1"), name="CartPole", version="1", control_period=0.02)
@@ -290,9 +305,6 @@ class Errors(InFolder):
         def made(**keywords):
             return lambda: pendulum(**keywords)
 
-        def nested():
-            return gymnasium.make("CartPole-v1")
-
         class Image(gymnasium.Env):
             observation_space = gymnasium.spaces.Box(0, 255, (4, 4, 3), np.uint8)
             action_space = gymnasium.spaces.Discrete(2)
@@ -331,7 +343,7 @@ class Errors(InFolder):
                 traceback = traceback.tb_next
             self.assertEqual(frames[-1], "step")
 
-    def test_ctrl_c_stops_within_a_unit_of_work_and_the_same_call_goes_on(self):
+    def test_ctrl_c_stops_within_a_unit_of_work_and_leaves_nothing_half_done(self):
         # Every step takes a hundredth of a second: the units of work last minutes.
         code = f"""
 import sys, time
