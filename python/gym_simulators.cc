@@ -62,9 +62,10 @@ struct GymSetup {
 
 class GymSimulator : public Simulator {
  private:
+  static nb::object Module() { return nb::module_::import_("oted.gym"); }
   template <class Function>
   auto Call(const Function& function) {
-    return InPython(setup_->spec.task, [&] { return function(python_.get()); });
+    return InPython(setup_->spec.task, [&] { return function(nb::object(Module().attr("lanes")(number_))); });
   }
 
  public:
@@ -72,13 +73,13 @@ class GymSimulator : public Simulator {
       : setup_(std::move(setup)),
         lanes_(static_cast<size_t>(n_lanes)),
         observations_(n_lanes, setup_->spec.obs_dim()),
-        python_(InPython(setup_->spec.task, [&] {
-          return nb::object(nb::module_::import_("oted.gym").attr("lanes_of")(setup_->spec.task, n_lanes));
-        })) {}
+        number_(InPython(setup_->spec.task,
+                         [&] { return nb::cast<int64_t>(Module().attr("make_lanes")(setup_->spec.task, n_lanes)); })) {}
   ~GymSimulator() override {
+    if (!nb::is_alive()) return;
     const nb::gil_scoped_acquire acquire;
     try {
-      python_.get().attr("release")();
+      Module().attr("release")(number_);
     } catch (nb::python_error&) {  // they are then not used again
     }
   }
@@ -191,7 +192,7 @@ class GymSimulator : public Simulator {
   std::shared_ptr<const GymSetup> setup_;
   std::vector<Lane> lanes_;
   Array2<double> observations_;
-  Held python_;
+  int64_t number_;  // of the lanes in oted.gym
 };
 
 /// facts: of the environment, as oted/gym.py writes them.

@@ -16,6 +16,7 @@
 #include "oted/checks/data_record.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/recording.h"
+#include "oted/data/resample.h"
 #include "oted/run/run_inputs.h"
 #include "python/binding.h"
 
@@ -80,42 +81,40 @@ Recording RecordingOf(const Rows& rows) {
   return recording;
 }
 
-/// Takes the rows' period from their times, and ends a run where two lie more than three periods apart.
+/// Takes each run's period from its times, by the rules of tables, and ends it where more than two rows are missing.
 /// @throws UsageError where times do not rise
 void UseTimes(Recording& recording) {
-  constexpr double kGap = 3;
   const std::vector<double>& times = recording.times;
-  std::vector<double> steps;
-  for (const Recording::Run& run : recording.runs) {
-    for (int i = run.begin + 1; i < run.end; ++i) {
-      const double step = times[static_cast<size_t>(i)] - times[static_cast<size_t>(i) - 1];
-      if (!(step > 0)) {
-        throw UsageError(
-            fmt::format("times: row {} lies {:.6g} s after the row before, wanted times that rise within "
-                        "an episode; sort the rows, or say where episodes end",
-                        i, step));
-      }
-      steps.push_back(step);
-    }
-  }
-  if (steps.empty()) return;
-  const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  recording.period_s = *middle;
+  const double resolution = ResolutionOf(times);
   std::vector<Recording::Run> runs;
   for (Recording::Run rest : recording.runs) {
+    std::vector<double> steps;
     for (int i = rest.begin + 1; i < rest.end; ++i) {
-      if (times[static_cast<size_t>(i)] - times[static_cast<size_t>(i) - 1] <= kGap * recording.period_s) continue;
-      runs.push_back({rest.begin, i, false});
+      steps.push_back(times[static_cast<size_t>(i)] - times[static_cast<size_t>(i) - 1]);
+      if (steps.back() > 0) continue;
+      throw UsageError(
+          fmt::format("times: row {} lies {:.6g} s after the row before, wanted times that rise within "
+                      "an episode; sort the rows, or say where episodes end",
+                      i, steps.back()));
+    }
+    const double period = TypicalStep(steps);
+    const auto add = [&](Recording::Run run) {
+      if (run.end - run.begin > 1) MeasureRun(times, period, resolution, run);
+      runs.push_back(run);
+    };
+    for (int i = rest.begin + 1; i < rest.end; ++i) {
+      if (times[static_cast<size_t>(i)] - times[static_cast<size_t>(i) - 1] <= kMostGap * period) continue;
+      add({rest.begin, i, false});
       rest.begin = i;
     }
-    runs.push_back(rest);
+    add(rest);
   }
   if (runs.size() > recording.runs.size()) {
-    recording.remarks.push_back(fmt::format("{} gaps of more than {:g} periods in the times: episodes end there",
-                                            runs.size() - recording.runs.size(), kGap));
+    recording.remarks.push_back(fmt::format("{} gaps of more than {} missing rows in the times: episodes end there",
+                                            runs.size() - recording.runs.size(), static_cast<int>(kMostGap) - 1));
   }
   recording.runs = std::move(runs);
+  recording.period_s = PeriodOfRuns(recording);
 }
 
 /// The transitions of the rows, at one per `period_s` where that is given and there are times.
@@ -128,6 +127,28 @@ Dataset FromRows(const Rows& rows, double period_s) {
     if (period_s > 0) recording = Resample(recording, period_s);
   }
   Dataset dataset = ToDataset(recording);
+  dataset.path.clear();
+  dataset.Check();
+  return dataset;
+}
+
+/// (name, source, times, values)
+using GivenStream = std::tuple<std::string, std::string, InArray, InArray>;
+
+std::vector<Stream> StreamsOf(const std::vector<GivenStream>& given) {
+  std::vector<Stream> streams;
+  for (const auto& [name, source, times, values] : given) {
+    const std::span<const double> t = Values(times), v = Values(values);
+    streams.push_back({name, source, {t.begin(), t.end()}, {v.begin(), v.end()}});
+  }
+  return streams;
+}
+
+Dataset LogsOfStreams(const std::vector<GivenStream>& states, const std::vector<GivenStream>& actions, double period,
+                      double most_gap) {
+  const std::vector<Stream> seen = StreamsOf(states), done = StreamsOf(actions);
+  const nb::gil_scoped_release release;
+  Dataset dataset = ToDataset(FromStreams(seen, done, period, most_gap));
   dataset.path.clear();
   dataset.Check();
   return dataset;
@@ -246,6 +267,9 @@ void AddLogs(nb::module_& m) {
       nb::arg("observations"), nb::arg("actions"), nb::arg("runs"), nb::arg("times").none(), nb::arg("rewards").none(),
       nb::arg("qpos").none(), nb::arg("qvel").none(), nb::arg("observation_names"), nb::arg("action_names"),
       nb::arg("period"));
+  m.def("logs_from_streams", &LogsOfStreams, nb::arg("states"), nb::arg("actions"), nb::arg("period"),
+        nb::arg("most_gap"));
+  m.attr("MOST_GAP") = kMostGap;
   m.def(
       "logs_from_transitions",
       [](const InArray& observations, const InArray& actions, const InArray& next_observations, const Maybe& terminals,

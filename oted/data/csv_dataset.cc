@@ -12,23 +12,15 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/base/statistics.h"
 #include "oted/data/csv.h"
 #include "oted/data/csv_columns.h"
 #include "oted/data/gzip.h"
 #include "oted/data/loggable.h"
+#include "oted/data/resample.h"
 
 namespace oted {
 namespace {
 
-/// Periods between two rows from which on nobody knows what lay between.
-constexpr double kGap = 3.5;
-/// Share of the period that a row may be early or late and still lie on an even grid.
-constexpr double kJitter = 0.1;
-/// Of what a row is off the grid, the share that moves the grid.
-constexpr double kFollow = 0.2;
-/// Share of the rows that may repeat a time.
-constexpr double kMostTwice = 0.01;
 constexpr size_t kShownUnused = 20;
 
 std::string_view Trimmed(std::string_view text) {
@@ -209,33 +201,20 @@ class CsvReader {
     return columns_.episode < 0 || episodes_[static_cast<size_t>(row)] == episodes_[static_cast<size_t>(row) - 1];
   }
 
-  /// The time between two of the rows [begin, end): the mean of those that are within a half of their median, since
-  /// times in whole milliseconds have no typical one. What runs backwards or lies in another episode does not count. 0
-  /// where there are none.
+  /// Of the rows [begin, end). What runs backwards or lies in another episode does not count.
   double TypicalStep(int begin, int end) const {
     std::vector<double> steps;
     for (int i = begin + 1; i < end; ++i) {
       const double step = recording_.times[i] - recording_.times[i - 1];
       if (step > 0 && SameEpisodeNumber(i)) steps.push_back(step);
     }
-    if (steps.empty()) return 0;
-    const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
-    std::nth_element(steps.begin(), middle, steps.end());
-    const double median = *middle;
-    std::erase_if(steps, [&](double step) { return std::abs(step - median) > 0.5 * median; });
-    return Mean(steps);
+    return oted::TypicalStep(std::move(steps));
   }
 
   void MeasurePeriod() {
     if (recording_.times.empty()) return;
     recording_.period_s = TypicalStep(0, rows());
-    // Times that were written in milliseconds are up to half of one off.
-    for (resolution_ = 1; resolution_ > 1e-7; resolution_ /= 10) {
-      const auto is_multiple = [&](double time) {
-        return std::abs(time / resolution_ - std::round(time / resolution_)) < 1e-3;
-      };
-      if (std::ranges::all_of(recording_.times, is_multiple)) break;
-    }
+    resolution_ = ResolutionOf(recording_.times);
   }
 
   /// Whether row i begins a new episode after row i - 1.
@@ -284,11 +263,11 @@ class CsvReader {
                        recording_.times[first_jump_ - 1], recording_.times[first_jump_]),
            "sort the rows by time");
     }
-    SetPeriod();
+    if (const double period = PeriodOfRuns(recording_); period > 0) recording_.period_s = period;
     if (n_jumps_ > 0) recording_.warnings.push_back(fmt::format("{} episodes begin where time starts again", n_jumps_));
     if (n_gaps_ > 0) {
       recording_.warnings.push_back(fmt::format("{} gaps of more than {} missing rows cut an episode in two", n_gaps_,
-                                                static_cast<int>(kGap) - 1));
+                                                static_cast<int>(kMostGap) - 1));
     }
     if (n_dropped_ > 0) {
       recording_.remarks.push_back(fmt::format(
@@ -308,39 +287,12 @@ class CsvReader {
     if (recording_.times.empty()) return AddRun(begin, end, 0);
     const double own = TypicalStep(begin, end), period = own > 0 ? own : recording_.period_s;
     for (int i = begin + 1; i < end; ++i) {
-      if (recording_.times[i] - recording_.times[i - 1] <= kGap * period) continue;
+      if (recording_.times[i] - recording_.times[i - 1] <= kMostGap * period) continue;
       AddRun(begin, i, period);
       begin = i;
       ++n_gaps_;
     }
     AddRun(begin, end, period);
-  }
-
-  /// The mean of the runs' periods; where they differ, the longest, which all can be resampled to.
-  void SetPeriod() {
-    double time = 0, n = 0, longest = 0;
-    for (const Recording::Run& run : recording_.runs) {
-      if (!(run.period_s > 0)) continue;
-      time += recording_.times[run.end - 1] - recording_.times[run.begin];
-      n += (recording_.times[run.end - 1] - recording_.times[run.begin]) / run.period_s;
-      longest = std::max(longest, run.period_s);
-    }
-    if (n > 0) recording_.period_s = longest > (1 + kSameRate) * time / n ? longest : time / n;
-  }
-
-  /// How the rows of a run lie in time. @param period  roughly, [s]
-  void Measure(Recording::Run& run, double period) const {
-    const double most = std::max(kJitter * period, 1.1 * resolution_);
-    int n_periods = 0;
-    double grid = recording_.times[run.begin];  // follows the rows slowly, so that an early one and a late one are two
-    for (int i = run.begin + 1; i < run.end; ++i) {
-      const double late = recording_.times[i] - grid;
-      const int n = std::max(1, static_cast<int>(std::lround(late / period)));
-      run.is_even = run.is_even && n == 1 && std::abs(recording_.times[i] - recording_.times[i - 1] - period) <= most;
-      n_periods += n;
-      grid += n * period + kFollow * (late - n * period);
-    }
-    run.period_s = (recording_.times[run.end - 1] - recording_.times[run.begin]) / n_periods;
   }
 
   /// @param period  roughly, [s]; 0 without times
@@ -358,7 +310,7 @@ class CsvReader {
     if (end - begin < 2) return;
     CheckConstants(begin, end);
     recording_.runs.push_back({begin, end, terminated});
-    if (period > 0) Measure(recording_.runs.back(), period);
+    if (period > 0) MeasureRun(recording_.times, period, resolution_, recording_.runs.back());
   }
 
   const std::string& path_;

@@ -9,8 +9,8 @@
 namespace oted {
 
 /// Reads .csv or .csv.gz. An episode ends where its number changes, after a terminal or a timeout, where time runs
-/// backwards, and, without episode numbers, at a gap of more than 1.5 periods. A last row without actions gives the
-/// final observation; a last row with actions is dropped with them, as no next row tells where they led.
+/// backwards, and at a gap (oted/data/resample.h). A last row without actions gives the final observation; a last row
+/// with actions is dropped with them, as no next row tells where they led.
 /// @throws DataError naming file, line and column.
 Recording ReadCsv(const std::string& path, const DataOptions& options);
 

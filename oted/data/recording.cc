@@ -4,24 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "oted/base/error.h"
+#include "oted/data/resample.h"
 
 namespace oted {
 namespace {
-
-/// Shares of the control period: a grid point may lie this far behind the last row.
-constexpr double kSlack = 0.01;
-constexpr double kMaxPeriods = std::numeric_limits<int>::max() / 2;
-
-/// How often and how far the action leaves, within a period, the value that is held over it.
-struct Changes {
-  int n_periods = 0;
-  int n_changed = 0;
-  double largest = 0;
-  int column = 0;
-};
 
 class Resampler {
  public:
@@ -36,7 +24,7 @@ class Resampler {
   }
 
   Recording Run() {
-    Changes all;
+    ActionChanges all;
     int n_short = 0, n_lost_ends = 0, n_faster = 0, n_uneven = 0, n_filled = 0;
     for (const Recording::Run& run : from_.runs) {
       if (IsAtRate(run) && run.is_even) {
@@ -54,13 +42,7 @@ class Resampler {
       if (IsAtRate(run)) {
         n_filled += std::max(0, n + 1 - (run.end - run.begin));
       } else {
-        const Changes changes = ChangesFrom(run, start, n);
-        all.n_periods += changes.n_periods;
-        all.n_changed += changes.n_changed;
-        if (changes.largest > all.largest) {
-          all.largest = changes.largest;
-          all.column = changes.column;
-        }
+        all.Add(ChangesFrom(run, start, n));
       }
       const bool meets_end = from_.times[run.end - 1] - TimeOf(start, n) < 0.5 * from_.PeriodOf(run);
       n_lost_ends += run.terminated && !meets_end;
@@ -79,12 +61,7 @@ class Resampler {
           fmt::format("{}rows made even: observations interpolated between uneven rows, {} missing rows filled in",
                       InWords(n_uneven), n_filled));
     }
-    if (all.n_changed > 0) {
-      to_.warnings.push_back(fmt::format(
-          "the action changed within {} of {} control periods, at most by {:.4g} (action {}): only the first value of "
-          "each period is used",
-          all.n_changed, all.n_periods, all.largest, ActionName(all.column)));
-    }
+    if (all.n_changed > 0) to_.warnings.push_back(all.InWords(ActionName(all.column)));
     if (n_short > 0) to_.remarks.push_back(fmt::format("{} episodes shorter than a control period left out", n_short));
     if (n_lost_ends > 0) {
       to_.warnings.push_back(fmt::format(
@@ -122,26 +99,25 @@ class Resampler {
 
   /// Whole control periods from row `start` to the episode's end.
   int PeriodsFrom(const Recording::Run& run, int start) const {
-    const double periods = (from_.times[run.end - 1] - from_.times[start]) / period_s_ + kSlack;
-    return periods < kMaxPeriods ? static_cast<int>(std::floor(periods)) : std::numeric_limits<int>::max() / 2;
+    return WholePeriods(from_.times[run.end - 1] - from_.times[start], period_s_);
   }
 
   /// The last row at or before the time, from `row` on; a hair's breadth counts as "at".
   int RowAt(const Recording::Run& run, int row, double time) const {
-    const double slack = 1e-6 * from_.PeriodOf(run);
-    while (row + 1 < run.end && from_.times[row + 1] <= time + slack) ++row;
-    return row;
+    const std::span<const double> until_end(from_.times.data(), static_cast<size_t>(run.end));
+    return LastAtOrBefore(until_end, row, time, Hair(run));
   }
+  double Hair(const Recording::Run& run) const { return kHair * from_.PeriodOf(run); }
 
-  Changes ChangesFrom(const Recording::Run& run, int start, int n) const {
-    Changes changes;
+  ActionChanges ChangesFrom(const Recording::Run& run, int start, int n) const {
+    ActionChanges changes;
     changes.n_periods = n;
     int row = start;
     for (int k = 0; k < n; ++k) {
       row = RowAt(run, row, TimeOf(start, k));
       const std::span<const double> held = from_.actions.row(row);
       bool changed = false;
-      const double end = TimeOf(start, k + 1) - 1e-6 * from_.PeriodOf(run);
+      const double end = TimeOf(start, k + 1) - Hair(run);
       for (int i = row + 1; i + 1 < run.end && from_.times[i] < end; ++i) {
         for (int j = 0; j < from_.actions.cols(); ++j) {
           const double change = std::abs(from_.actions(i, j) - held[static_cast<size_t>(j)]);
@@ -162,14 +138,14 @@ class Resampler {
   /// smallest share of the periods sees a change.
   int BestStart(const Recording::Run& run) const {
     int best = run.begin;
-    Changes fewest;
+    ActionChanges fewest;
     for (int start = run.begin; start + 1 < run.end; ++start) {
-      if (from_.times[start] - from_.times[run.begin] >= period_s_ - 1e-6 * from_.PeriodOf(run)) break;
+      if (from_.times[start] - from_.times[run.begin] >= period_s_ - Hair(run)) break;
       const int n = PeriodsFrom(run, start);
       if (n < 1) break;
-      const Changes changes = ChangesFrom(run, start, n);
+      const ActionChanges changes = ChangesFrom(run, start, n);
       const bool is_first = fewest.n_periods == 0;
-      if (is_first || int64_t{changes.n_changed} * fewest.n_periods < int64_t{fewest.n_changed} * changes.n_periods) {
+      if (is_first || changes.IsFewerThan(fewest)) {
         fewest = changes;
         best = start;
       }
@@ -192,11 +168,8 @@ class Resampler {
     for (int k = 0; k <= n; ++k) {
       const double time = TimeOf(start, k);
       row = RowAt(run, row, time);
-      double share = 0;
-      if (row + 1 < run.end) {
-        share = (time - from_.times[row]) / (from_.times[row + 1] - from_.times[row]);
-        share = std::abs(share) < 1e-6 ? 0 : std::clamp(share, 0.0, 1.0);
-      }
+      const std::span<const double> until_end(from_.times.data(), static_cast<size_t>(run.end));
+      const double share = ShareOfStep(until_end, row, time);
       AppendBetween(from_.observations, row, share, to_.observations);
       AppendBetween(from_.qpos, row, share, to_.qpos);
       AppendBetween(from_.qvel, row, share, to_.qvel);
@@ -206,7 +179,7 @@ class Resampler {
       to_.actions.AppendRow(from_.actions.row(std::min(in_force, run.end - 2)));
       to_.times.push_back(time);
       if (from_.rewards.empty()) continue;
-      const double end = TimeOf(start, k + 1) - 1e-6 * from_.PeriodOf(run);
+      const double end = TimeOf(start, k + 1) - Hair(run);
       double sum = 0;
       for (; summed + 1 < run.end && from_.times[summed] < end; ++summed) sum += from_.rewards[summed];
       to_.rewards.push_back(sum);

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from oted import _messages
+from oted._engine import core
 from oted._mcap import McapFile
 from oted._rosbags import RosBag
 from oted._topics import Message, Paths
@@ -31,7 +32,7 @@ def read_bag(
     scale: Mapping[str, float] | None = None,
     offset: Mapping[str, float] | None = None,
     shift: Mapping[str, float] | None = None,
-    most_gap: float = 3.0,
+    most_gap: float = core.MOST_GAP,
     messages: Paths = (),
 ) -> Logs:
     """One recording. states and actions: "TOPIC:FIELD", such as "/joint_states:position" and "/commands:data"; also
@@ -48,7 +49,7 @@ def read_bag(
     period [s]: the task's control period. time: "header" (stamps in the messages: header.stamp, stamp or timestamp; where
     nobody set one, the time of recording), "log" (when they were recorded), "publish" (MCAP alone), or ":FIELD", a field
     that holds a time stamp or seconds; or {TOPIC: one of these}. messages: files or folders with .msg files of ROS types
-    that the recording does not describe. oted.streams has the rule by which rows are made."""
+    that the recording does not describe. oted.streams makes the rows."""
     wanted = [_split(text) for text in (*states, *actions)]
     samples = _read(pathlib.Path(path), wanted, time, messages)
     renamed = dict(names or {})

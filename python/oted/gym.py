@@ -1,5 +1,6 @@
 """A Gymnasium environment of yours as the simulator that is designed."""
 
+import itertools
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +16,9 @@ from oted.errors import UsageError
 Array = NDArray[np.float64]
 Env = gymnasium.Env[Any, Any]
 _MADE: dict[str, "GymSimulator"] = {}
+# By number, so that compiled objects hold no Python object: the collector would not see the way back to them.
+_LANES: dict[int, "Lanes"] = {}
+_NUMBERS = itertools.count()
 
 
 class GymSimulator:
@@ -79,7 +83,8 @@ class GymSimulator:
         self._observe = observe
         self._idle: list[Env] = []
         env = self._take()
-        self.observation_space, self.action_space = env.observation_space, env.action_space
+        self.observation_space: Any = env.observation_space
+        self.action_space: Any = env.action_space
         names = _names("observation_names", observation_names, self._box("observation", self.observation_space), "obs")
         units = list(observation_units or [])
         if units and len(units) != len(names):
@@ -208,8 +213,19 @@ class Lanes:
         return rows
 
 
-def lanes_of(task: str, n: int) -> Lanes:
-    return Lanes(_MADE[task], n)
+def make_lanes(task: str, n: int) -> int:
+    """The number of new lanes, until release."""
+    number = next(_NUMBERS)
+    _LANES[number] = Lanes(_MADE[task], n)
+    return number
+
+
+def lanes(number: int) -> Lanes:
+    return _LANES[number]
+
+
+def release(number: int) -> None:
+    _LANES.pop(number).release()
 
 
 def _names(what: str, given: Sequence[str] | None, n: int, prefix: str) -> list[str]:

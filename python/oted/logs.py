@@ -38,8 +38,8 @@ class Logs:
     observations: (rows, channels). actions: (rows, actions).
     episode_ends: one past the last row of each episode; episode: a label per row instead. Without both: one episode.
     terminated: one flag per episode: it ended in a terminal state, not by a time limit or the end of the log.
-    times: [s] per row. period: [s] between two rows; with both, rows come at one per period: observations are interpolated
-    linearly, the action is the one in force. Times that jump by more than three rows end an episode.
+    times: [s] per row. period: [s] between two rows; with both, rows come at one per period, by the rules that hold for CSV
+    (docs/file_formats.md#from-times-to-rows): observations linearly, the action in force, an end where rows are missing.
     """
 
     def __init__(

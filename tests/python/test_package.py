@@ -3,6 +3,7 @@
     test_package.py FOLDER OTED     FOLDER holds the package oted, "" where it is installed; OTED is the program
 """
 
+import hashlib
 import importlib.util
 import json
 import os
@@ -150,6 +151,25 @@ class LogsTest(InFolder):
         np.testing.assert_allclose(logs.actions[:, 0], np.floor(logs.observations[:, 0] / 2 / 0.02 + 1e-6))
         with self.assertRaisesRegex(oted.UsageError, "rise"):
             oted.Logs(np.zeros((3, 1)), np.zeros((3, 1)), times=[0.0, 0.2, 0.1])
+
+    def test_the_rows_of_tables_are_to_the_last_bit_those_of_the_first_version(self):
+        (self.folder / "pendulum.xml").write_text(PENDULUM)
+        task = oted.Task(model=self.folder / "pendulum.xml", control_period=0.02)
+        digest = hashlib.sha256()
+        for step, jitter, gap in ((20_000, 0, 0), (20_000, 7_000, 60_000), (5_000, 2_000, 15_000), (1_000, 0, 7_000),
+                                  (8_000, 3_000, 900_000), (19_900, 900, 0)):  # [us]
+            state, time, lines = 1, 0, ["time,joint/hinge/qpos,joint/hinge/qvel,actuator/motor,reward"]
+            for i in range(300):
+                state = state * 1103515245 % 2**31  # no generator of a library that may change
+                shifted = time + (state >> 8) % (jitter + 1)
+                lines.append(f"{shifted / 1e6},{i * i % 97 / 64},{i % 31 / 32},{shifted // 24_000 % 7 / 8},1")
+                time += step + (gap if i % 90 == 50 else 0)
+            (self.folder / "log.csv").write_text("\n".join(lines) + "\n")
+            logs = oted.read_logs(self.folder / "log.csv", task=task)
+            for array in (logs.observations, logs.actions, logs.next_observations, logs.rewards):
+                digest.update(array.tobytes())
+            digest.update(repr((logs.episodes, logs.period)).encode())
+        self.assertEqual(digest.hexdigest()[:16], "e156f721123d113e")
 
     def test_logs_join_and_part(self):
         logs = oted.read_logs(HOPPER)
