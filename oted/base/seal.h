@@ -32,6 +32,10 @@ std::vector<std::string> DamagedFiles(const nlohmann::json& record, const std::f
 /// @throws DataError naming the file
 nlohmann::json ReadSealed(const std::filesystem::path& file, bool may_lack_seal = false);
 
+/// @param file  where the record lies. @throws DataError naming both where a record that it was made from is there, and
+/// is another; what is missing or no JSON is passed over
+void CheckMadeFrom(const nlohmann::json& record, const std::filesystem::path& file);
+
 /// @throws DataError naming the file where a sealed record's `name` is listed and no longer as it was
 void CheckSealedFile(const nlohmann::json& record, const std::filesystem::path& file, const std::string& name);
 

@@ -55,6 +55,32 @@ void SyncName(const fs::path& path) {
   ::close(descriptor);
 }
 
+/// The seals of the records at the top of a unit's run directory, by their paths from the unit's folder.
+json ResultSeals(const fs::path& folder) {
+  json seals = json::object();
+  if (!fs::is_directory(folder / "result")) return seals;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder / "result")) {
+    if (entry.path().extension() != ".json" || !entry.is_regular_file()) continue;
+    const std::string seal = SealOf(ReadJson(entry.path()));
+    if (!seal.empty()) seals["result/" + entry.path().filename().string()] = seal;
+  }
+  return seals;
+}
+
+/// @throws DataError where a record is not the one that the unit left
+void CheckResultSeals(const json& record, const fs::path& file) {
+  const auto seals = record.find("made_from");
+  if (seals == record.end() || !seals->is_object()) return;
+  for (const auto& [name, seal] : seals->items()) {
+    const fs::path source = file.parent_path() / name;
+    if (json(SealOf(ReadSealed(source))) == seal) continue;
+    throw DataError(
+        fmt::format("'{}' is another than the one that '{}' speaks of; restore it, or remove '{}' to make "
+                    "the unit again",
+                    source.string(), file.string(), file.parent_path().string()));
+  }
+}
+
 /// @return 0, or what the system says
 int Move(const fs::path& from, const fs::path& to) {
   if (std::rename(from.c_str(), to.c_str()) != 0) return errno;
@@ -134,6 +160,7 @@ void UnitClaim::RemoveRuns() const {
 bool UnitClaim::Publish(const UnitRecord& record) {
   json sealed = record.ToJson();
   const bool has_records = fs::exists(folder_ / "result.jsonl");
+  if (const json seals = ResultSeals(folder_); !seals.empty()) sealed["made_from"] = seals;
   Seal(sealed, folder_, has_records ? std::vector<std::string>{"result.jsonl"} : std::vector<std::string>{});
   if (!Beat()) return false;
   RemoveFile(folder_ / kOwner);
@@ -165,7 +192,14 @@ void UnitClaim::Release() {
 }
 
 WorkRoot::WorkRoot(fs::path root, UnitOwner me, std::chrono::seconds lease)
-    : root_(std::move(root)), me_(std::move(me)), lease_(lease) {}
+    : root_(std::move(root)), me_(std::move(me)), lease_(lease) {
+  for (const char* name : {"", "units", "failed", "runs"}) {
+    const fs::path folder = root_ / name;
+    if (!fs::exists(folder) || fs::is_directory(folder)) continue;
+    throw DataError(fmt::format("'{}' is no folder, wanted one for units; remove it, or name another folder by --out",
+                                folder.lexically_normal().string()));
+  }
+}
 
 std::pair<ClaimResult, std::optional<UnitClaim>> WorkRoot::Claim(const std::string& unit) const {
   const auto ended = [&]() -> std::optional<ClaimResult> {
@@ -243,6 +277,7 @@ UnitRecord WorkRoot::ReadDone(const std::string& unit) const {
   const fs::path file = Result(unit) / kDone;
   const json record = ReadSealed(file);
   for (const auto& [name, unused] : SealedFiles(record, file.string())) CheckSealedFile(record, file, name);
+  CheckResultSeals(record, file);
   return UnitRecord::FromJson(record, file.string());
 }
 

@@ -71,6 +71,7 @@ struct BegunUnit {
 
 class WorkRoot {
  public:
+  /// @throws DataError when something else than a folder is in the way
   explicit WorkRoot(std::filesystem::path root, UnitOwner me = UnitOwner::Me(), std::chrono::seconds lease = kLease);
 
   const std::filesystem::path& path() const { return root_; }

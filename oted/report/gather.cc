@@ -31,6 +31,7 @@ json ReadResult(const fs::path& path, const std::string& schema) {
         fmt::format("'{}' has schema '{}', wanted '{}'; run the stage that wrote it again with this version",
                     path.string(), got, schema));
   }
+  CheckMadeFrom(result, path);
   return result;
 }
 

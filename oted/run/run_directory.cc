@@ -152,7 +152,7 @@ bool RunDirectory::IsComplete(const Artifact& artifact) const { return Look(arti
 void RunDirectory::Check(const Artifact& artifact) const {
   const Found found = Look(artifact);
   if (found.state == Found::State::kMissing) CheckCheckpoint(artifact);
-  if (found.state == Found::State::kWhole) CheckMadeFrom(artifact, found.record);
+  if (found.state == Found::State::kWhole) CheckMadeFrom(found.record, artifact.file);
 }
 
 std::optional<fs::path> RunDirectory::LostSource(const Artifact& artifact, const json& record) const {
@@ -175,7 +175,7 @@ json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& m
     }
   }
   if (found.state == Found::State::kWhole) {
-    CheckMadeFrom(artifact, found.record);
+    CheckMadeFrom(found.record, artifact.file);
     if (HasFolder(artifact)) RemoveCheckpoint(artifact.file.parent_path());
     return found.record;
   }
@@ -193,22 +193,6 @@ json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& m
                     found.why, artifact.file.string()));
   }
   return record;
-}
-
-void RunDirectory::CheckMadeFrom(const Artifact& artifact, const json& record) const {
-  if (!record.contains("made_from") || !record.at("made_from").is_object()) return;
-  for (const auto& [name, seal] : record.at("made_from").items()) {
-    const fs::path source = (artifact.file.parent_path() / name).lexically_normal();
-    if (!fs::exists(source)) continue;
-    const std::string text = ReadFile(source);
-    if (!json::accept(text)) continue;  // Once repairs it
-    const json from = ParseJson(text, source.string());
-    if (IsSealed(from) && json(SealOf(from)) == seal) continue;
-    throw DataError(
-        fmt::format("'{}' was made from another '{}' than the one that is there; restore that file, or "
-                    "remove '{}' to make it again",
-                    artifact.file.string(), source.string(), artifact.file.string()));
-  }
 }
 
 void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {

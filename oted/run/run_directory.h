@@ -87,7 +87,6 @@ class RunDirectory {
   nlohmann::json ReadRecord(const Artifact& artifact, const std::string& text) const;
   /// Sets aside what the stage is not needed for. @return what it is needed for
   std::vector<std::string> TidyDamaged(const Artifact& artifact, const nlohmann::json& record) const;
-  void CheckMadeFrom(const Artifact& artifact, const nlohmann::json& record) const;
   /// A record that it was made from and that is missing or no JSON.
   std::optional<std::filesystem::path> LostSource(const Artifact& artifact, const nlohmann::json& record) const;
   void Begin(const Artifact& artifact) const;

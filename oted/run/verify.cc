@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -20,18 +21,30 @@ namespace fs = std::filesystem;
 
 namespace {
 
+/// Of what a run keeps in files: a folder of that name is in the way of one.
+bool IsNameOfAFile(const fs::path& path) {
+  constexpr std::array<const char*, 4> kEndings = {".json", ".toml", ".npz", ".csv"};
+  return std::ranges::find(kEndings, path.extension()) != kEndings.end();
+}
+
 class Verifier {
  public:
   explicit Verifier(fs::path root) : root_(std::move(root)) {}
 
   Verification Run() {
     for (const auto& entry : fs::recursive_directory_iterator(root_)) {
-      if (!entry.is_regular_file()) continue;
-      Add(entry.path(), FileState::kUnproven);
+      std::error_code unreadable;
+      if (entry.is_regular_file(unreadable)) {
+        Add(entry.path(), FileState::kUnproven);
+      } else if (!entry.is_directory(unreadable) || IsNameOfAFile(entry.path())) {
+        Set(entry.path(), FileState::kDamaged, "it is no regular file");
+      }
     }
     for (const auto& [path, unused] : std::map(files_)) {
       if (IsTemporaryName(path.filename().string())) {
         Set(path, FileState::kLeftOver, "of a program that died; the next command on this directory removes it");
+      } else if (files_.at(path).state == FileState::kDamaged) {
+        continue;
       } else if (path.extension() == ".json") {
         Guarded(path, [&, &file = path] { CheckRecord(file); });
       } else if (path == root_ / "run.toml") {

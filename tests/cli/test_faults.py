@@ -114,7 +114,8 @@ class TestDamage(RunTest):
         self.assertAsFinished()
 
     def test_a_stage_with_a_damaged_file_is_made_again_and_proves_to_be_the_same(self):
-        for name in ("clone/policy.npz", "design/default/1/discriminator.npz", "agents/1/policy.npz", "clone/clone.json"):
+        for name in ("clone/policy.npz", "design/default/1/discriminator.npz", "agents/1/policy.npz", "clone/clone.json",
+                     "design/default/1/prediction.json"):
             flip(self.out / name) if name.endswith("npz") else (self.out / name).write_text('{"schema"')
             self.assertEqual(oted("verify", self.out).returncode, DATA_OR_MODEL)
             result = self.again()
@@ -153,6 +154,21 @@ class TestDamage(RunTest):
         result = oted("verify", self.out)
         self.assertEqual(result.returncode, DATA_OR_MODEL)
         self.assertIn("was made from another 'design/default/1/q.json'", result.stdout)
+        self.assertOneLine(oted("report", self.out, "--to", self.folder / "report"), DATA_OR_MODEL, "was made from another")
+
+    def test_what_is_no_file_in_the_place_of_one_is_damage(self):
+        for name in ("run.toml", "dataset.json", "export/export.json"):
+            for make in (os.mkdir, os.mkfifo, lambda path: os.symlink("/dev/zero", path)):
+                path = self.out / name
+                path.unlink(missing_ok=True)
+                path.parent.mkdir(exist_ok=True)
+                make(path)
+                result = oted("verify", self.out)
+                self.assertEqual(result.returncode, DATA_OR_MODEL, name)
+                self.assertRegex(result.stdout, f"damaged +{name}: ")
+                path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
+            if (self.finished / name).exists():
+                shutil.copy(self.finished / name, path)
 
     def test_a_changed_run_toml_is_refused_until_it_is_named(self):
         text = (self.out / "run.toml").read_text()

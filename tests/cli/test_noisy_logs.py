@@ -98,10 +98,12 @@ class TestCollectNoise(NoisyTest):
         noisy, _ = self.collect("noisy.hdf5", *target, "--noise", NOISE)
         np.testing.assert_array_equal(noisy["rewards"], clean["rewards"])
 
-    def test_noise_that_is_a_parameter_already_is_refused(self):
+    def test_numbers_below_zero_are_refused(self):
         for word in ("--seed=-7", "--threads=-7"):
             self.assertOneLine(oted("collect", "--task", "Hopper-v5", "--policy", "random", word, "--out", self.folder / "no.csv"),
                                USAGE, word[:6], "0 or more")
+
+    def test_noise_that_is_a_parameter_already_is_refused(self):
         result = oted("collect", "--task", "Hopper-v5", "--policy", "random", "--noise", "0.1", "--out",
                       self.folder / "out.hdf5", "--param", "n=obs/*/noise_std:0:1:absolute", "--truth", "n=0.5")
         self.assertEqual(result.returncode, USAGE)

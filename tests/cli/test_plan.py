@@ -67,6 +67,12 @@ class PlanTest(program.HopperTest):
         again = self.sweep(*words)
         self.assertEqual((again.returncode, again.stdout), (program.DATA_OR_MODEL, result.stdout))
         self.assertEqual((self.records(), (self.root / "merged.csv").read_bytes()), (before, log))
+        # A result in the place of another is told from it.
+        first, second = (unit / "result/design.json" for unit in sorted(self.root.glob("units/*")))
+        kept = first.read_bytes()
+        shutil.copyfile(second, first)
+        self.assertOneLine(program.oted("merge", self.plan), program.DATA_OR_MODEL, "is another than the one that")
+        first.write_bytes(kept)
         shutil.copyfile(self.demos, bad)
         retried = program.oted("submit", self.plan, "--engine", "local", "--retry-failed", "--quiet")
         self.assertIn("not what it was when the plan was written", retried.stderr)
@@ -195,6 +201,10 @@ class PlanTest(program.HopperTest):
     def test_wrong_requests_are_one_line(self):
         self.assertEqual(self.sweep("--data", self.demos).returncode, 0)
         text = self.plan.read_text()
+        (self.folder / "way").mkdir()
+        (self.folder / "way/units").write_text("")
+        self.assertOneLine(program.oted("submit", self.plan, "--engine", "local", "--quiet", "--out", self.folder / "way"),
+                           program.DATA_OR_MODEL, "way/units' is no folder")
         (self.folder / "edited.jsonl").write_text(text.replace("Hopper-v5", "Hopper-v4"))
         (self.folder / "other.jsonl").write_text(text.replace('"version":"', '"version":"0.0.'))
         for words, code, named in ((("unit", self.plan, "--index", "1"), program.USAGE, "units 0 to 0"),
