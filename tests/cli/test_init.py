@@ -265,10 +265,10 @@ class InitTest(ProgramTest):
 
     def test_a_period_that_is_none_is_refused(self):
         log = self.csv(swing(1)[:, 1:], NAMES[1:])
-        for period in ("nan", "inf", "-1", "0", "1e308", "1e999", "soon"):
+        for period in ("nan", "inf", "-1", "0", "1e18", "1e308", "1e999", "soon"):
             with self.subTest(period):
                 result = oted("init", self.model, log, "--period", period, "--out", self.task)
-                self.assertNothingLeft(result, USAGE, "1e+308 s" if period == "1e308" else f"got '{period}', wanted a positive number")
+                self.assertNothingLeft(result, USAGE, "1e+18 s" if period == "1e18" else f"got '{period}', wanted a positive number")
 
     def test_a_file_that_is_there_stays(self):
         self.task.write_text("# mine\n")
