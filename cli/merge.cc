@@ -51,14 +51,15 @@ void SayWhatLacks(const Collected& units) {
   }
 }
 
-void SayWhere(const Collected& units) {
+void SayWhere(const Collected& units, const fs::path& merged) {
   std::set<std::string> sets, hosts;
   for (const CollectedUnit& unit : units.done) {
     sets.insert(unit.record.place.instruction_set);
     hosts.insert(unit.record.place.host);
   }
   if (units.done.empty()) return;
-  Say(fmt::format("{} units, made with {} on {}\n", units.done.size(), fmt::join(sets, ", "), fmt::join(hosts, ", ")));
+  Say(fmt::format("{} units, made with {} on {}, merged into {}\n", units.done.size(), fmt::join(sets, ", "),
+                  fmt::join(hosts, ", "), merged.string()));
 }
 
 }  // namespace
@@ -89,9 +90,14 @@ int MergePlan(const Plan& plan, const PlanPlace& place, const MergeOptions& opti
   if (!units.done.empty() && plan.kind == PlanKind::kStudy) MergeStudy(plan, units, to);
   if (!units.done.empty() && plan.kind == PlanKind::kSweep) MergeSweep(units, to);
   FinishOutput();
-  SayWhere(units);
+  SayWhere(units, to.string() + EndingOf(plan.kind));
   SayWhatLacks(units);
   const bool complete = units.missing.empty() && units.failed.empty();
+  if (!complete) {
+    Say(fmt::format("{} of {} units are done; 'oted submit {} --engine local' (or slurm) goes on{}\n",
+                    units.done.size(), plan.lines.size(), place.file.string(),
+                    units.failed.empty() ? "" : ", and with --retry-failed tries the failed ones again"));
+  }
   return static_cast<int>(complete ? ExitCode::kDone : ExitCode::kDataOrModel);
 }
 

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -105,7 +106,8 @@ void WritePlan(const Plan& plan, const PlanTarget& target) {
     throw UsageError(fmt::format("--to {}: wanted a name that ends with .jsonl", target.file.string()));
   }
   WriteFileAtomically(target.file, plan.ToText());
-  Print("{}: {} unit{}\n", target.file.string(), plan.lines.size(), plan.lines.size() == 1 ? "" : "s");
+  Print("{}: {} unit{}; 'oted submit {} --engine local' (or slurm) makes them\n", target.file.string(),
+        plan.lines.size(), plan.lines.size() == 1 ? "" : "s", target.file.string());
 }
 
 void PlanPlace::Resolve() {
@@ -121,6 +123,12 @@ void AddPlanPlace(CLI::App& verb, PlanPlace& place) {
 }
 
 Plan ReadPlan(const PlanPlace& place) {
+  if (!std::filesystem::exists(place.file)) {
+    throw DataError(
+        fmt::format("plan '{}' does not exist; 'oted sweep ... --to FILE.jsonl' or 'oted plan STUDY --to "
+                    "FILE.jsonl' writes one",
+                    place.file.string()));
+  }
   Plan plan = Plan::Read(place.file);
   if (plan.version == OTED_VERSION) return plan;
   throw UsageError(fmt::format("'{}' was written by oted {} and this is {}; use that version, or write it again",

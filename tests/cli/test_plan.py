@@ -145,6 +145,8 @@ class PlanTest(program.HopperTest):
         part = program.oted("merge", self.plan)
         self.assertEqual(part.returncode, program.DATA_OR_MODEL)
         self.assertIn("missing: hopper-medium-td3_bc seed 1\n", part.stderr)
+        self.assertIn("of 6 units are done; 'oted submit", part.stderr)
+        self.assertIn(f"merged into {self.root}/merged.jsonl\n", part.stderr)
         self.assertIn("| hopper-medium | gain |", part.stdout)
         self.assertEqual(self.succeed("submit", self.plan, "--engine", "local", "--quiet").stdout, single)
         # What each cell says it was made with makes it again, from where the plan was made.
