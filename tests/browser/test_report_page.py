@@ -179,6 +179,11 @@ def stretch(out):
     design["settings"][0]["name"] = "a_setting_with_a_name_that_goes_on_and_on_for_ever"
     design["verdict"] = "outside_family"
     path.write_text(json.dumps(design))
+    for made in out.rglob("*.json"):  # so is what was made from another design
+        record = json.loads(made.read_text())
+        if record.pop("made_from", None) is not None:
+            record.pop("seal", None)
+            made.write_text(json.dumps(record))
     done = subprocess.run([OTED, "report", "--out", out], capture_output=True, text=True, timeout=60)
     assert done.returncode in (0, 4), done.stderr
 
