@@ -17,7 +17,9 @@ CLI::Validator Number(bool positive) {
         // CLI11 takes a longer integer for the largest that there is.
         constexpr double kEnd = 9.2e18;
         const bool is_number = CLI::detail::lexical_cast(word, value) && std::isfinite(value);
-        if (is_number && value >= kEnd) return fmt::format("got '{}', wanted {}, below {:g}", word, wanted, kEnd);
+        const bool is_integer = word.find_first_not_of("+0123456789") == std::string::npos;
+        if (is_number && is_integer && value >= kEnd)
+          return fmt::format("got '{}', wanted {}, below {:g}", word, wanted, kEnd);
         return is_number && (positive ? value > 0 : value >= 0) ? "" : fmt::format("got '{}', wanted {}", word, wanted);
       },
       positive ? "POSITIVE" : "NONNEGATIVE");
