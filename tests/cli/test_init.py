@@ -268,7 +268,7 @@ class InitTest(ProgramTest):
         for period in ("nan", "inf", "-1", "0", "1e18", "1e308", "1e999", "soon"):
             with self.subTest(period):
                 result = oted("init", self.model, log, "--period", period, "--out", self.task)
-                self.assertNothingLeft(result, USAGE, "1e+18 s" if period == "1e18" else f"got '{period}', wanted a positive number")
+                self.assertNothingLeft(result, USAGE, f"{float(period):g} s" if period in ("1e18", "1e308") else f"got '{period}', wanted a positive number")
 
     def test_a_file_that_is_there_stays(self):
         self.task.write_text("# mine\n")
