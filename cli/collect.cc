@@ -48,8 +48,6 @@ RunConfig TargetOf(const Options& options, double noise = 0) {
   return config;
 }
 
-uint64_t SeedOf(const Options& options) { return options.seed < 0 ? 1 : static_cast<uint64_t>(options.seed); }
-
 void AddTargetOptions(CLI::App& verb, Options& options) {
   verb.add_option("--param", options.parameters,
                   "a parameter that differs from nominal: name=path:low:high; repeatable; default: [parameters] of "
@@ -67,7 +65,7 @@ void Collect(const CollectOptions& options) {
                        .z = TargetParameters(factory->parameters(), config.truth),
                        .policies = options.policies,
                        .n_episodes = options.n_episodes,
-                       .key = RngKey(SeedOf(options)).Stage("collect"),
+                       .key = RngKey(SeedOf(options.seed)).Stage("collect"),
                        .n_threads = MakeContext(log, options.threads).n_threads};
   const Dataset dataset = Collect(job);
   WriteDataset(dataset, options.output, WriteOptionsFor(factory->spec(), options.task));
@@ -96,8 +94,8 @@ void AddCollectVerb(Program& program) {
                    "standard deviation of sensor noise on every observation, in its own unit; the policy "
                    "sees it too [default: none]")
       ->check(PositiveNumber());
-  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
-  verb->add_option("--threads", options->threads, "most threads [default: all processors]")->check(NonNegativeNumber());
+  AddSeed(*verb, options->seed);
+  AddThreads(*verb, options->threads);
   verb->add_option("--out", options->output, "dataset to write: .hdf5 (D4RL layout), .npz, .csv, or NAME-v0 (Minari)")
       ->required();
   verb->callback([options] { Collect(*options); });
@@ -111,8 +109,8 @@ void AddBehaviorVerb(Program& program) {
   auto options = std::make_shared<BehaviorOptions>();
   verb->add_option("--task", options->task, kTaskHelp)->type_name(value_kind::kTask)->required();
   AddTargetOptions(*verb, *options);
-  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
-  verb->add_option("--threads", options->threads, "most threads [default: all processors]")->check(NonNegativeNumber());
+  AddSeed(*verb, options->seed);
+  AddThreads(*verb, options->threads);
   verb->add_option("--out", options->out, "folder for expert.npz, medium.npz and training.json")->required();
   verb->add_option("--algorithm", options->algorithm, "sac (the shipped policies') or crossq")
       ->check(CLI::IsMember({"sac", "crossq"}))
@@ -141,8 +139,8 @@ void AddBehaviorVerb(Program& program) {
     std::variant<SacConfig, CrossQConfig> agent = config.algorithms.sac;
     if (options->algorithm == "crossq") agent = config.algorithms.crossq;
     const BehaviorPolicies policies =
-        TrainBehaviorPolicies(*factory, TargetParameters(factory->parameters(), target.truth), agent, SeedOf(*options),
-                              options->out, MakeContext(log, options->threads));
+        TrainBehaviorPolicies(*factory, TargetParameters(factory->parameters(), target.truth), agent,
+                              SeedOf(options->seed), options->out, MakeContext(log, options->threads));
     Print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
           policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
   });

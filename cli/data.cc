@@ -104,8 +104,8 @@ void AddCheck(CLI::App& data, Program& program) {
   verb->add_option("--param", options->parameters,
                    "measure this parameter's effect on the logged episodes: name=path:low:high; repeatable")
       ->allow_extra_args(false);
-  verb->add_option("--seed", options->seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
-  verb->add_option("--threads", options->threads, "most threads [default: all processors]")->check(NonNegativeNumber());
+  AddSeed(*verb, options->seed);
+  AddThreads(*verb, options->threads);
   verb->add_flag("--strict", options->strict, "exit with 3 also for warnings");
   verb->footer(
       "Exit code: 0 without errors, 3 with errors (--strict: or warnings). docs/data_checks.md explains each.");
@@ -116,8 +116,7 @@ void AddCheck(CLI::App& data, Program& program) {
     const SimulatorSpec* spec = factory ? &factory->spec() : nullptr;
     TerminalSink log(true);
     const DataCheck check =
-        CheckData(dataset, factory.get(), options->seed < 0 ? 1 : static_cast<uint64_t>(options->seed),
-                  MakeContext(log, options->threads));
+        CheckData(dataset, factory.get(), SeedOf(options->seed), MakeContext(log, options->threads));
     if (options->json) {
       Print("{}\n", DataCheckRecord(dataset, spec, check).dump(2));
     } else {
@@ -156,7 +155,7 @@ void AddConvert(CLI::App& data) {
     dataset.Check();
     const bool drops_states = options->noise > 0 && dataset.has_states();
     if (options->noise > 0) {
-      const uint64_t seed = options->seed < 0 ? 1 : static_cast<uint64_t>(options->seed);
+      const uint64_t seed = SeedOf(options->seed);
       dataset = WithSensorNoise(dataset, options->noise, RngKey(seed).Stage("sensor noise"));
     }
     if (factory) {

@@ -67,7 +67,7 @@ void AddInitVerb(Program& program) {
       ->check(PositiveNumber());
   verb->add_flag("--schema", words->request.with_schema,
                  "write the schema of task files beside it, and name it in the first line: editors complete and check");
-  verb->add_option("--threads", words->threads, "most threads [default: all processors]")->check(NonNegativeNumber());
+  AddThreads(*verb, words->threads);
   verb->add_flag("--json", words->json, "print the result as JSON");
   verb->footer(
       "Columns are matched by the names of joints, actuators and sensors: hip_pos, hip_vel, hip_cmd, q0, tau1, ...\n"

@@ -125,6 +125,16 @@ void AddParameterOptions(CLI::App& app, Options& options) {
                  "parameters.sysid of the configuration");
 }
 
+void AddSeed(CLI::App& verb, long& seed) {
+  verb.add_option("--seed", seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
+}
+
+uint64_t SeedOf(long seed) { return seed < 0 ? 1 : static_cast<uint64_t>(seed); }
+
+void AddThreads(CLI::App& verb, int& threads) {
+  verb.add_option("--threads", threads, "most threads [default: all processors]")->check(NonNegativeNumber());
+}
+
 void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
@@ -135,7 +145,7 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_option("--truth", options.truth,
                  "name=value, if the truth is known; only evaluation and report read it; repeatable")
       ->allow_extra_args(false);
-  app.add_option("--seed", options.seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
+  AddSeed(app, options.seed);
   app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 3]")->check(PositiveNumber());
   app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]")
       ->type_name(value_kind::kDevice);

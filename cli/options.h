@@ -31,6 +31,12 @@ inline constexpr const char* kTaskHelp =
     "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, or their -v4 and -v2; or a TOML file whose [task] describes "
     "one";
 
+/// Adds --seed, below 0 where it is not given.
+void AddSeed(CLI::App& verb, long& seed);
+/// The seed of a command that has no configuration: 1 where none is given.
+uint64_t SeedOf(long seed);
+/// Adds --threads.
+void AddThreads(CLI::App& verb, int& threads);
 /// Adds the options that every stage takes.
 void AddRunOptions(CLI::App& app, Options& options);
 /// The settings of the named sections, of all where none is named, with types, defaults and units, for a verb's --help.

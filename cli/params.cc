@@ -271,9 +271,8 @@ void AddParamsVerb(Program& program) {
   AddParameterOptions(*check, *checked);
   check->add_option("--data", checked->data, "logged trajectories; without them, episodes with random actions");
   check->add_option("--episodes", checked->episodes, "episodes of the data to use, from the first: a number, or all");
-  check->add_option("--seed", checked->seed, "seed of every random stream [default: 1]")->check(NonNegativeNumber());
-  check->add_option("--threads", checked->threads, "most threads [default: all processors]")
-      ->check(NonNegativeNumber());
+  AddSeed(*check, checked->seed);
+  AddThreads(*check, checked->threads);
   check->add_flag("--strict", checked->strict, "exit with 4 when a parameter has no measured effect");
   check->callback([&program, checked] { program.exit_code = Check(*checked); });
 }

@@ -81,7 +81,7 @@ void AddStudyOptions(CLI::App& verb, StudyUse use, StudyOptions& options) {
             "--out", options.out,
             "records go to OUT.jsonl, a line per cell, runs into the folder OUT; what is there is not run again")
         ->required();
-    verb.add_option("--threads", options.threads, "most threads [default: all processors]")->check(NonNegativeNumber());
+    AddThreads(verb, options.threads);
     verb.add_flag("--table", options.table, "run nothing: print the table of what OUT.jsonl has");
     verb.add_flag("--quiet", options.quiet, "no progress on stderr");
   }

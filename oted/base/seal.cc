@@ -75,16 +75,24 @@ json ReadSealed(const fs::path& file, bool may_lack_seal) {
                                   : "is not as oted wrote it (its seal does not fit its content)"));
 }
 
-void CheckMadeFrom(const json& record, const fs::path& file) {
+std::vector<SealedSource> SourcesOf(const json& record, const fs::path& file) {
   const auto made_from = record.find("made_from");
-  if (made_from == record.end() || !made_from->is_object()) return;
+  if (made_from == record.end() || !made_from->is_object()) return {};
+  std::vector<SealedSource> sources;
   for (const auto& [name, seal] : made_from->items()) {
-    const fs::path source = (file.parent_path() / name).lexically_normal();
+    sources.push_back(
+        {(file.parent_path() / name).lexically_normal(), seal.is_string() ? seal.get<std::string>() : ""});
+  }
+  return sources;
+}
+
+void CheckMadeFrom(const json& record, const fs::path& file) {
+  for (const auto& [source, seal] : SourcesOf(record, file)) {
     if (!fs::exists(source)) continue;
     const std::string text = ReadFile(source);
     if (!json::accept(text)) continue;
     const json from = ParseJson(text, source.string());
-    if (IsSealed(from) && json(SealOf(from)) == seal) continue;
+    if (IsSealed(from) && SealOf(from) == seal) continue;
     throw DataError(
         fmt::format("'{}' was made from another '{}' than the one that is there; restore that file, or "
                     "remove '{}' to make it again",

@@ -32,6 +32,14 @@ std::vector<std::string> DamagedFiles(const nlohmann::json& record, const std::f
 /// @throws DataError naming the file
 nlohmann::json ReadSealed(const std::filesystem::path& file, bool may_lack_seal = false);
 
+/// A record that another was made from, and its seal then.
+struct SealedSource {
+  std::filesystem::path path;
+  std::string seal;  ///< "" where none is named
+};
+/// @param file  where the record lies. Empty where it names none
+std::vector<SealedSource> SourcesOf(const nlohmann::json& record, const std::filesystem::path& file);
+
 /// @param file  where the record lies. @throws DataError naming both where a record that it was made from is there, and
 /// is another; what is missing or no JSON is passed over
 void CheckMadeFrom(const nlohmann::json& record, const std::filesystem::path& file);

@@ -48,6 +48,19 @@ double Accuracy(const Verdicts& logits) {
   return 0.5 * (share(logits.data, true) + share(logits.simulated, false));
 }
 
+/// Whether rows are so near, pair by pair, that no judge learns to tell them apart: a thousandth of a feature's spread.
+bool AreNear(const Array2<double>& logged, const Array2<double>& simulated) {
+  constexpr double kNear = 1e-3;
+  const std::vector<double> scale = Normalizer::Fit(logged).scale;
+  for (int i = 0; i < logged.rows(); ++i) {
+    const auto a = logged.row(i), b = simulated.row(i);
+    for (size_t j = 0; j < scale.size(); ++j) {
+      if (!(std::abs(a[j] - b[j]) <= kNear * scale[j])) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 JudgeHalves SplitForJudge(const Dataset& dataset) {
@@ -155,23 +168,6 @@ JudgeScore JudgeSimulator(const SimulatorFactory& factory, const RolloutJudge& b
   }
   return JudgeSamples(data, simulated, by.judge_steps, key, FeatureShape(factory.spec(), by.evidence));
 }
-
-namespace {
-
-/// Whether rows are so near, pair by pair, that no judge learns to tell them apart: a thousandth of a feature's spread.
-bool AreNear(const Array2<double>& logged, const Array2<double>& simulated) {
-  constexpr double kNear = 1e-3;
-  const std::vector<double> scale = Normalizer::Fit(logged).scale;
-  for (int i = 0; i < logged.rows(); ++i) {
-    const auto a = logged.row(i), b = simulated.row(i);
-    for (size_t j = 0; j < scale.size(); ++j) {
-      if (!(std::abs(a[j] - b[j]) <= kNear * scale[j])) return false;
-    }
-  }
-  return true;
-}
-
-}  // namespace
 
 JudgeScore JudgeReplays(const SimulatorFactory& factory, const JudgeHalves& halves,
                         const std::vector<std::vector<double>>& z, int n_rows, int judge_steps, RngKey key) {

@@ -69,11 +69,8 @@ json ResultSeals(const fs::path& folder) {
 
 /// @throws DataError where a record is not the one that the unit left
 void CheckResultSeals(const json& record, const fs::path& file) {
-  const auto seals = record.find("made_from");
-  if (seals == record.end() || !seals->is_object()) return;
-  for (const auto& [name, seal] : seals->items()) {
-    const fs::path source = file.parent_path() / name;
-    if (json(SealOf(ReadSealed(source))) == seal) continue;
+  for (const auto& [source, seal] : SourcesOf(record, file)) {
+    if (SealOf(ReadSealed(source)) == seal) continue;
     throw DataError(
         fmt::format("'{}' is another than the one that '{}' speaks of; restore it, or remove '{}' to make "
                     "the unit again",

@@ -156,11 +156,8 @@ void RunDirectory::Check(const Artifact& artifact) const {
 }
 
 std::optional<fs::path> RunDirectory::LostSource(const Artifact& artifact, const json& record) const {
-  const auto made_from = record.find("made_from");
-  if (made_from == record.end() || !made_from->is_object()) return std::nullopt;
-  for (const auto& [name, seal] : made_from->items()) {
-    const fs::path source = (artifact.file.parent_path() / name).lexically_normal();
-    if (!fs::exists(source) || !json::accept(ReadFile(source))) return source;
+  for (const SealedSource& source : SourcesOf(record, artifact.file)) {
+    if (!fs::exists(source.path) || !json::accept(ReadFile(source.path))) return source.path;
   }
   return std::nullopt;
 }

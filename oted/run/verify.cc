@@ -103,12 +103,10 @@ class Verifier {
         Set(file, FileState::kMissing, fmt::format("'{}' names it", path.lexically_relative(root_).string()));
       }
     }
-    if (!record.contains("made_from") || !record.at("made_from").is_object()) return;
-    for (const auto& [name, seal] : record.at("made_from").items()) CheckSource(path, name, seal);
+    for (const SealedSource& source : SourcesOf(record, path)) CheckSource(path, source.path, source.seal);
   }
 
-  void CheckSource(const fs::path& record, const std::string& name, const json& seal) {
-    const fs::path source = (record.parent_path() / name).lexically_normal();
+  void CheckSource(const fs::path& record, const fs::path& source, const std::string& seal) {
     if (!fs::exists(source)) {
       return Set(source, FileState::kMissing, fmt::format("'{}' was made from it", Relative(record)));
     }
@@ -118,7 +116,7 @@ class Verifier {
     } catch (const Error& e) {
       return Set(source, FileState::kDamaged, e.what());  // a file without a seal does not tell of itself
     }
-    if (json(SealOf(from)) == seal) return;
+    if (SealOf(from) == seal) return;
     Set(record, FileState::kDamaged, fmt::format("it was made from another '{}'", Relative(source)));
   }
 

@@ -4,7 +4,6 @@ written by rosbags, mcap and protobuf themselves."""
 import json
 import pathlib
 import sys
-import tempfile
 import unittest
 
 if len(sys.argv) > 1 and not sys.argv[1].startswith("-"):
@@ -20,6 +19,7 @@ from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
 import oted  # noqa: E402
 from oted.bags import bag_topics, read_bag  # noqa: E402
+from support import InFolder  # noqa: E402
 
 START = 1_700_000_000_000_000_000  # [ns]
 
@@ -54,13 +54,6 @@ def write_bag(path, plugin, *, unset_stamps=False):
         for k in range(200):
             message = command(layout([], 0), np.array([float(k)]))
             writer.write(commands, START + round(0.01 * k * 1e9), store.serialize_cdr(message, command.__msgtype__))
-
-
-class InFolder(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="oted test ")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
 
 
 class Bags(InFolder):

@@ -7,7 +7,6 @@ import pathlib
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
@@ -24,6 +23,7 @@ import numpy as np  # noqa: E402
 import oted  # noqa: E402
 from oted import _engine  # noqa: E402
 from oted.task import study  # noqa: E402
+from support import InFolder  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 HOPPER = str(ROOT / "examples/data/hopper-quickstart.hdf5")
@@ -102,13 +102,6 @@ def pendulum_logs(length=1.3, n_episodes=4, n_steps=60):
 
 def lanes_of(task, parameters=None, n=1):
     return _engine.core.Lanes(study(task, parameters), n, 2)
-
-
-class InFolder(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="oted test ")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
 
 
 class Stepping(unittest.TestCase):

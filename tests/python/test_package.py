@@ -28,6 +28,7 @@ import numpy as np  # noqa: E402
 
 import oted  # noqa: E402
 from oted.streams import Channel, to_logs  # noqa: E402
+from support import InFolder  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 HOPPER = str(ROOT / "examples/data/hopper-quickstart.hdf5")
@@ -61,13 +62,6 @@ def records(folder):
     files = [folder / "design.json", *folder.glob("clone/*"), *folder.glob("design/*/*/*"), *folder.glob("export/*")]
     return {str(file.relative_to(folder)): file.read_bytes() for file in files
             if file.is_file() and not file.name.startswith("events.")}
-
-
-class InFolder(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="oted test ")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
 
 
 class Import(unittest.TestCase):

@@ -4,7 +4,6 @@ oted where it is not installed. What is read was written by those projects' own 
 import json
 import pathlib
 import sys
-import tempfile
 import unittest
 
 if len(sys.argv) > 1:
@@ -17,15 +16,9 @@ import pyarrow.parquet  # noqa: E402
 
 import oted  # noqa: E402
 from oted.lerobot import read_lerobot  # noqa: E402
+from support import InFolder  # noqa: E402
 
 START = 1_700_000_000_000_000_000  # [ns]
-
-
-class InFolder(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="oted test ")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
 
 
 class LeRobot(InFolder):

@@ -67,12 +67,11 @@ class WeightedStretches {
   WeightedStretches(std::vector<StretchEvidence> stretches, const VectorXd& x, const Prior& prior)
       : stretches_(std::move(stretches)) {
     const std::vector<double> weights = Weights(stretches_, prior.precision);
-    hessian_ = prior.precision;
+    hessian_ = Hessian(stretches_, weights, prior.precision);
     VectorXd score = -prior.precision * (x - prior.mean);
     for (size_t k = 0; k < stretches_.size(); ++k) {
       stretches_[k].information *= weights[k];
       stretches_[k].score *= weights[k];
-      hessian_ += stretches_[k].information;
       score += stretches_[k].score;
     }
     factor_.compute(hessian_);
