@@ -26,6 +26,21 @@ STUDY = ["--task", "hopper", "--parameters", "gain", "--methods", "bc", "dr", "n
          *program.sets(program.TINY)]
 
 
+def words_of(pid):
+    """A process's command, none where it has ended."""
+    try:
+        return pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return []
+
+
+def end(pid):
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
+
+
 class SlurmTest(unittest.TestCase):
     def setUp(self):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-slurm-"))
@@ -50,22 +65,36 @@ class SlurmTest(unittest.TestCase):
         self.oted(*words, "--dataset", "medium", "expert", "--threads", "2", "--quiet")
         return self.oted(*words, *study, "--table").stdout
 
-    def states(self):
-        return {unit["index"]: unit["state"]
-                for unit in json.loads(self.oted("plan", "status", self.plan, "--json").stdout)["units"]}
+    def units(self, state):
+        """The names of the units that are in it."""
+        listed = json.loads(self.oted("plan", "status", self.plan, "--json").stdout)["units"]
+        return [unit["name"] for unit in listed if unit["state"] == state]
 
     def records(self):
         return {path: path.read_bytes() for path in self.root.glob("units/*/done.json")}
 
+    def failures(self):
+        return {path: path.read_bytes() for path in self.root.glob("failed/*.json")}
+
     def submit(self):
         return self.oted("submit", self.plan, "--engine", "slurm")
 
-    def wait_for(self, state, node=None):
-        def there():
-            busy = node is None or any(b"unit" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-                                       for pid in self.cluster.processes(node) if pathlib.Path(f"/proc/{pid}").exists())
-            return busy and state in self.states().values()
-        self.cluster.wait(there, 60, f"no unit is {state}")
+    def processes_of_units(self, node):
+        return [pid for pid in self.cluster.processes(node) if b"unit" in words_of(pid)]
+
+    def wait_for(self, state):
+        self.cluster.wait(lambda: self.units(state), 60, f"no unit is {state}")
+
+    def wait_for_work(self, node):
+        self.cluster.wait(lambda: self.processes_of_units(node), 60, f"{node} has no unit")
+
+    def stop_a_unit(self, node):
+        """Kills what runs there until a unit with good data is stopped in its midst."""
+        def stopped():
+            for pid in self.processes_of_units(node):
+                end(pid)
+            return any("medium-expert" not in name for name in self.units("stopped"))
+        self.cluster.wait(stopped, 60, f"no unit of {node} was caught at work")
 
     def wait_for_end(self, seconds):
         self.cluster.wait(lambda: not self.cluster.queue(), seconds, "jobs are still there")
@@ -83,19 +112,16 @@ class SlurmTest(unittest.TestCase):
 
         # A unit's processes, then the whole of a node.
         self.wait_for("done")
-        self.wait_for("running", "n1")
-        for pid in self.cluster.processes("n1"):
-            if b"unit" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0"):
-                os.kill(pid, signal.SIGKILL)
-        self.wait_for("running", "n2")
+        self.stop_a_unit("n1")
+        self.wait_for_work("n2")
         self.cluster.kill("n2")
         self.cluster.call("scancel", "--me")
         self.cluster.start("n2")
         self.wait_for_end(60)
         self.cluster.wait(lambda: self.cluster.states() == {"idle"}, 60, "the node is not back")
-        states = self.states()
-        self.assertIn("stopped", states.values())
+        self.assertNotEqual(self.units("stopped"), [])
         before = self.records()
+        failed_before = self.failures()
         self.assertGreater(len(before), 0)
         self.assertLess(len(before), 16)
 
@@ -107,9 +133,11 @@ class SlurmTest(unittest.TestCase):
         attempts = [json.loads(record)["attempts"] for record in after.values()]
         self.assertGreater(max(attempts), 1, "nothing went on from where it was stopped")
 
-        # Bad data: failed once, named, and nothing else was stopped by it.
-        failed = [json.loads(path.read_text()) for path in self.root.glob("failed/*.json")]
-        self.assertEqual([(unit["exit_code"], unit["attempts"]) for unit in failed], 4 * [(program.DATA_OR_MODEL, 1)])
+        # Bad data: failed once, named, and nothing else was stopped by it. A unit that was killed before it met its data
+        # has more than one attempt; one that failed is not tried again.
+        failed = self.failures()
+        self.assertEqual([json.loads(record)["exit_code"] for record in failed.values()], 4 * [program.DATA_OR_MODEL])
+        self.assertEqual({path: failed[path] for path in failed_before}, failed_before, "what failed was tried again")
         merged = self.oted("merge", self.plan, code=program.DATA_OR_MODEL)
         self.assertIn("failed: hopper-medium-expert-bc seed 1: exit code 3", merged.stderr)
         self.assertEqual(merged.stdout, self.table_of_one_machine(*study))
@@ -121,18 +149,20 @@ class SlurmTest(unittest.TestCase):
         self.assertEqual(again.stdout, merged.stdout)
         self.assertEqual(self.cluster.queue(), set())
         self.assertEqual(self.records(), after)
+        self.assertEqual(self.failures(), failed)
 
     def test_a_node_that_fails_hands_its_units_to_the_other_by_itself(self):
         study = ["--dataset", "medium", "expert"]
         self.oted("plan", "table1", *STUDY, *study, "--data", self.data, "--to", self.plan, "--memory", "500",
                   "--minutes", "20")
         self.submit()
-        self.wait_for("running", "n2")
+        self.wait_for("done")
+        self.wait_for_work("n2")
         self.cluster.kill("n2")
         start = time.monotonic()
         self.wait_for_end(420)
         print(f"the plan ended {time.monotonic() - start:.0f} s after the node", file=sys.stderr)
-        self.assertEqual(set(self.states().values()), {"done"})
+        self.assertEqual(len(self.units("done")), 16)
         self.assertEqual(self.oted("merge", self.plan).stdout, self.table_of_one_machine(*study))
 
 
