@@ -80,7 +80,8 @@ json ToJson(const FitEvidence& evidence) {
                  {"short_noise_std", evidence.short_noise_std},
                  {"long_noise_std", evidence.long_noise_std},
                  {"rows", evidence.rows},
-                 {"logged_rows", evidence.logged_rows}};
+                 {"logged_rows", evidence.logged_rows},
+                 {"errors_grow", evidence.errors_grow}};
   if (const auto& unseen = evidence.unseen) {
     record["unseen"] = {{"z", unseen->z}, {"computed", unseen->computed}, {"mean", unseen->mean}, {"std", unseen->std}};
   }
@@ -95,7 +96,9 @@ FitEvidence FitEvidenceFromJson(const json& record) {
                        .short_noise_std = record.at("short_noise_std"),
                        .long_noise_std = record.at("long_noise_std"),
                        .rows = record.value("rows", 0),
-                       .logged_rows = record.value("logged_rows", 0)};
+                       .logged_rows = record.value("logged_rows", 0),
+                       .unseen = {},
+                       .errors_grow = record.value("errors_grow", false)};
   if (record.contains("unseen")) {
     const json& unseen = record.at("unseen");
     evidence.unseen = {unseen.at("z"), unseen.at("computed"), unseen.at("mean"), unseen.at("std")};

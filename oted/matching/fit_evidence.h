@@ -52,6 +52,7 @@ struct FitEvidence {
   std::vector<double> short_noise_std, long_noise_std;
   int rows = 0, logged_rows = 0;         ///< transitions that the estimate rests on, and that there are
   std::optional<UnseenFit> unseen = {};  ///< of methods that keep a part of the logs aside
+  bool errors_grow = false;              ///< over these windows: no simulator of the family explains the logs
 };
 
 nlohmann::json ToJson(const Suspect& suspect);

@@ -78,7 +78,7 @@ std::vector<fs::path> RoundsBefore(const RunSetup& run, int round) {
 
 /// The records of a setting's designs.
 void AddDesigns(const RunSetup& run, const std::string& setting, std::vector<fs::path>& records) {
-  for (int seed = 1; seed <= run.config.selection.n_seeds; ++seed) {
+  for (int seed = 1; seed <= run.NSeeds(setting); ++seed) {
     for (const char* name : {"q.json", "prediction.json"}) {
       records.push_back(run.directory.design_seed(setting, seed) / name);
     }
@@ -148,7 +148,7 @@ Artifact MethodChoiceArtifact(const RunSetup& run, const std::string& setting) {
   return {.file = run.directory.trials(setting) / "choice.json",
           .schema = MethodChoiceRecord::kSchema,
           .fingerprint =
-              Fingerprint({"method choice", DesignFingerprint(run, setting), run.config.selection.n_seeds, others}),
+              Fingerprint({"method choice", DesignFingerprint(run, setting), run.NSeeds(setting), others}),
           .made_from = std::move(made_from)};
 }
 
@@ -261,7 +261,7 @@ std::vector<Artifact> AllArtifacts(const RunSetup& run) {
   std::vector<Artifact> all = {CloneArtifact(run)};
   for (const auto* settings : {&run.settings, &run.other_methods}) {
     for (const auto& [setting, unused] : *settings) {
-      for (int seed = 1; seed <= config.selection.n_seeds; ++seed) {
+      for (int seed = 1; seed <= run.NSeeds(setting); ++seed) {
         all.push_back(DesignArtifact(run, setting, seed));
         all.push_back(PredictionArtifact(run, setting, seed));
       }

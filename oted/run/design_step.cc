@@ -56,7 +56,7 @@ std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, Setti
   std::vector<std::pair<std::string, int>> jobs;  // setting, seed
   size_t n_missing = 0;
   for (const auto& [setting, designs] : settings) {
-    for (int seed = 1; seed <= run.config.selection.n_seeds; ++seed) {
+    for (int seed = 1; seed <= run.NSeeds(setting); ++seed) {
       jobs.emplace_back(setting, seed);
       if (run.directory.IsComplete(DesignArtifact(run, setting, seed))) continue;
       if (n_missing++ == 0) ParametersWithEffect(run);

@@ -70,7 +70,9 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
       ParameterLines(record, member.mode));
 }
 
-// Whether a parameter is one of the model; others act on what the agent sees and does, and MJCF has no place for them.
+constexpr const char* kActionDelay = "action/delay";  // MuJoCo's actuators have a delay, too
+
+// Whether a parameter is one of the model; others act on what the agent sees and does.
 bool IsFieldOfModel(const std::string& field) {
   const std::string owner = field.substr(0, field.find('/'));
   return owner != "action" && owner != "obs" && owner != "env";
@@ -104,6 +106,15 @@ std::vector<double> ModelPart(const RunConfig& config, const std::vector<double>
   return in_model;
 }
 
+// [s], as the design has it
+double ActionDelay(const RunConfig& config, const std::vector<double>& z, double period_s) {
+  double delay = 0;
+  for (size_t i = 0; i < z.size(); ++i) {
+    if (config.parameters[i].field == kActionDelay) delay += z[i] * period_s;
+  }
+  return delay;
+}
+
 /// A grid world, a task that a program registered: no other tool could load them.
 bool HasMjcf(const TaskConfig& task) {
   const std::vector<std::string> built_in = TaskNames();
@@ -126,7 +137,8 @@ std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const Expor
     }
     const std::string comment = Origin(design, member) + NotInTheModel(design) +
                                 "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
-    WriteFileAtomically(path, DesignedMjcf(factory, ModelPart(design.config, member.mode), comment));
+    const double delay = ActionDelay(design.config, member.mode, factory.spec().control_period_s);
+    WriteFileAtomically(path, DesignedMjcf(factory, ModelPart(design.config, member.mode), comment, delay));
     written.push_back({fmt::format("designed model, seed {}", member.seed), path});
   }
   return written;
@@ -202,7 +214,8 @@ ExportRequest DefaultExports(const fs::path& run_directory) {
 std::string NotInModel(const std::vector<std::pair<std::string, std::string>>& names_and_fields) {
   std::string names;
   for (const auto& [name, field] : names_and_fields) {
-    if (!IsFieldOfModel(field) || IsFrictionPath(field)) names += (names.empty() ? "" : ", ") + name;
+    const bool is_in = field == kActionDelay || (IsFieldOfModel(field) && !IsFrictionPath(field));
+    if (!is_in) names += (names.empty() ? "" : ", ") + name;
   }
   return names;
 }

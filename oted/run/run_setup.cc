@@ -116,6 +116,13 @@ void CheckRequest(RunSetup& run) {
 
 }  // namespace
 
+int RunSetup::NSeeds(const std::string& setting) const {
+  if (config.selection.n_seeds > 0) return config.selection.n_seeds;
+  // What deviates needs something to deviate from.
+  if (config.selection.score == SelectionScore::kDesignDeviation) return MethodDescription{}.n_seeds;
+  return Describe(Designs(setting).config.method).n_seeds;
+}
+
 std::vector<Ground> RunSetup::Grounds() const {
   std::vector<Ground> grounds = {Ground::kDesigned};
   if (config.agents.nominal && !config.truth.empty()) grounds.push_back(Ground::kNominal);

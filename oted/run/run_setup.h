@@ -46,6 +46,8 @@ struct RunSetup {
     const auto other = other_methods.find(setting);
     return other != other_methods.end() ? other->second : settings.at(setting);
   }
+  /// Seeded designs of a setting.
+  int NSeeds(const std::string& setting) const;
   /// Where agents train, designed simulators first.
   std::vector<Ground> Grounds() const;
   /// The folder of agent `index` (from 1) that trains there.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <string_view>
@@ -21,6 +22,8 @@ namespace oted {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kWholeSteps = 1e-6;  // of a physics step: rounding
 
 // A step that MuJoCo refused, and why.
 struct Refused {
@@ -125,11 +128,29 @@ std::string AsComment(const std::string& text) {
   return out + "\n-->\n";
 }
 
-ModelPtr CompileText(const std::string& text) {
+SpecPtr Parse(const std::string& text) {
   std::array<char, 1000> reason{};
   SpecPtr spec(mj_parseXMLString(text.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
   if (spec == nullptr) throw Refused{reason.data()};
-  return Compile(*spec);
+  return spec;
+}
+
+ModelPtr CompileText(const std::string& text) { return Compile(*Parse(text)); }
+
+// The same model with actuators that act later; `model` gets their delays, too.
+std::string WithDelay(const std::string& text, double delay_s, mjModel& model) {
+  const SpecPtr spec = Parse(text);
+  const double step = model.opt.timestep;
+  for (mjsElement* e = mjs_firstElement(spec.get(), mjOBJ_ACTUATOR); e != nullptr; e = mjs_nextElement(spec.get(), e)) {
+    mjsActuator& actuator = *mjs_asActuator(e);
+    actuator.delay += delay_s;
+    const double n_steps = actuator.delay / step;
+    const bool is_whole = std::abs(n_steps - std::round(n_steps)) < kWholeSteps;
+    if (!is_whole && actuator.interp == 0) actuator.interp = 1;
+    actuator.nsample = std::max(actuator.nsample, static_cast<int>(std::ceil(n_steps - kWholeSteps)) + 2);
+    model.actuator_delay[mjs_getId(e)] = actuator.delay;
+  }
+  return ShortenNumbers(ToText(*spec));
 }
 
 // `designed` written on top of what the pristine model was compiled from.
@@ -150,7 +171,8 @@ std::string Write(const mjSpec& original, const mjModel& pristine, mjModel& desi
 
 }  // namespace
 
-std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const double> z, const std::string& comment) {
+std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const double> z, const std::string& comment,
+                         double action_delay_s) {
   ModelPtr designed(mj_copyModel(nullptr, &factory.model()));
   OTED_CHECK(designed != nullptr);
   const auto simulator = factory.MakeMujoco(1, 1);
@@ -159,7 +181,8 @@ std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const 
   std::string problem;
   for (const bool fix_inertias : {false, true}) {
     try {
-      const std::string text = Write(factory.model_spec(), factory.model(), *designed, fix_inertias);
+      std::string text = Write(factory.model_spec(), factory.model(), *designed, fix_inertias);
+      if (action_delay_s > 0) text = WithDelay(text, action_delay_s, *designed);
       problem = FirstDifference(*CompileText(text), *designed);
       if (problem.empty()) return AsComment(comment) + text;
     } catch (const Refused& refused) {

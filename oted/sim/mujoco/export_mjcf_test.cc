@@ -223,6 +223,32 @@ TEST(DesignedMjcf, AtTheNominalValuesIsTheModelItCameFrom) {
   EXPECT_THAT(text, HasSubstr("friction=\"0.9\"")) << "not 0.90000000000000002";
 }
 
+TEST(DesignedMjcf, ActuatorsActLaterByTheDelayAndByNothingElse) {
+  const MujocoSimulatorFactory factory("HalfCheetah-v5", {{.name = "friction", .field = "geom/*/friction[0]"}});
+  const std::vector<double> z = {0.7};
+  const double step = factory.model().opt.timestep;
+  const auto forces = [&](double delay, const std::vector<double>& commands) {
+    const std::string text = DesignedMjcf(factory, z, "", delay);
+    const SpecPtr spec(mj_parseXMLString(text.c_str(), nullptr, nullptr, 0));
+    const ModelPtr model(mj_compile(spec.get(), nullptr));
+    std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);
+    std::vector<double> got;
+    for (const double command : commands) {
+      data->ctrl[0] = command;
+      mj_step(model.get(), data.get());
+      got.push_back(data->actuator_force[0]);
+    }
+    return got;
+  };
+  const std::vector<double> commands = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6};
+  EXPECT_EQ(forces(0, commands), commands);
+  const std::vector<double> two = forces(2 * step, commands), half = forces(1.5 * step, commands);
+  for (size_t k = 0; k < commands.size(); ++k) {
+    EXPECT_NEAR(two[k], k < 2 ? 0.0 : commands[k - 2], 1e-12) << k;
+    if (k >= 2) EXPECT_NEAR(half[k], (commands[k - 1] + commands[k - 2]) / 2, 1e-12) << k;
+  }
+}
+
 TEST(DesignedMjcf, RefusesAValueOutsideItsBounds) {
   const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "mass", .field = "body/*/mass"}});
   EXPECT_THROW(DesignedMjcf(factory, std::vector{7.0}, ""), UsageError);

@@ -28,6 +28,9 @@ struct MethodDescription {
   /// The sections of [design] that it reads: [design.trajectories] and the like.
   std::vector<std::string> sections = {};
   bool is_algorithm1 = false;
+  /// Seeds that a setting gets by default. One where the method computes how far its answer can be off: another seed
+  /// would give that answer again.
+  int n_seeds = 3;
   bool tried_by_auto = false;  ///< where the first method predicts no better than nominal (method_choice.h)
   /// Whether it is what auto begins with. Exactly one method of the table is, for every simulator.
   /// @param of_noise  some parameter is the noise of a sensor, which a replay does not show

@@ -28,7 +28,7 @@ enum class SelectionScore {
 const NamedValues<SelectionScore>& SelectionScoreNames();
 
 struct SelectionConfig {
-  int n_seeds = 3;
+  int n_seeds = 0;  ///< 0: as many as the setting's method wants
   SelectionScore score = SelectionScore::kCommon;
   int n_sims = 16;
   int n_steps = 200;

@@ -37,10 +37,15 @@ WindowLikelihood WindowLikelihood::Growing(const ReadingModel& readings, const V
                                            int n_steps) {
   VectorXd precision(sensor.size() * (n_steps + 1));
   for (int t = 0; t <= n_steps; ++t) {
-    const double share = static_cast<double>(t) / n_steps;
-    precision.segment(t * sensor.size(), sensor.size()) = (sensor + share * share * growth).cwiseInverse();
+    precision.segment(t * sensor.size(), sensor.size()) = VarianceAt(t, n_steps, sensor, growth).cwiseInverse();
   }
   return WindowLikelihood(readings, Precision(readings, precision, n_steps), kGrowingHeaviness);
+}
+
+VectorXd WindowLikelihood::VarianceAt(int t, int n_steps, const VectorXd& sensor, const VectorXd& growth) {
+  if (sensor.size() == 0) return growth;
+  const double share = static_cast<double>(t) / n_steps;
+  return sensor + share * share * growth;
 }
 
 double WindowLikelihood::SquaredError(const VectorXd& residual) const {

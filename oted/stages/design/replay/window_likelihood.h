@@ -21,6 +21,9 @@ class WindowLikelihood {
   static WindowLikelihood Growing(const ReadingModel& readings, const Eigen::VectorXd& sensor,
                                   const Eigen::VectorXd& growth, int n_steps);
 
+  /// (obs_dim): the variance `t` steps into such a window; `growth`, where there is no `sensor`.
+  static Eigen::VectorXd VarianceAt(int t, int n_steps, const Eigen::VectorXd& sensor, const Eigen::VectorXd& growth);
+
   /// Whether noise alone can have left this residual, its start state fitted: the squared error is within three
   /// standard deviations of what it is then.
   bool Explains(const Eigen::VectorXd& residual) const;

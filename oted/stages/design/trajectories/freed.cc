@@ -30,6 +30,7 @@ constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound 
 constexpr double kShownSeconds = 0.5;
 constexpr double kSurelyGained = 2.0;  // standard errors
 constexpr int kScreenedRows = 960, kScreenedIterations = 12;
+constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6;  // where errors grow
 constexpr int kFewestScreenedSteps = 4, kMostScreenedSteps = 8;
 constexpr double kScreenedSeconds = 0.06;
 constexpr size_t kMostScreened = 8, kFewestNamed = 3;
@@ -72,15 +73,12 @@ class FreedTrials {
     // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
     const ReadingModel readings = ReadingsOf(problem_.factory);
     WindowReplayer every = Replayer(*wide, readings), alone = Replayer(problem_.factory, readings);
-    const int n_steps =
-        std::max(ShortestWindow(readings), std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
-                                                      kFewestScreenedSteps, kMostScreenedSteps));
-    const Level level = LongWindows(every, parts_.learn, n_steps, kScreenedRows, period_);
+    const int n_steps = ScreenedSteps(readings);
+    const Level level = LongWindows(every, parts_.learn, n_steps, RowsOf(n_steps, kScreenedRows), period_);
     if (level.windows.size() < kFewestFreedWindows) return {};
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(alone, problem_.factory.parameters(), problem_.prior, scale, level, x_);
-    Descend(fit, kScreenedIterations);
-    const double cost = fit.FinalCost();
+    const double cost = ScreenedCost(fit);
     std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
     suspects.resize(std::min(suspects.size(), kMostScreened));
     for (Suspect& suspect : suspects) {
@@ -88,8 +86,7 @@ class FreedTrials {
       WindowReplayer replayer = Replayer(*wider, readings);
       const Prior prior = WithUniform(problem_.prior);
       LevelFit with(replayer, wider->parameters(), prior, scale, fit.level(), StartOf(*wider, fit.x(), suspect.value));
-      Descend(with, kScreenedIterations);
-      suspect.explains = cost - with.FinalCost();
+      suspect.explains = cost - ScreenedCost(with);
       suspect.value = ToZ(wider->parameters(), with.x()).back();
     }
     std::erase_if(suspects,
@@ -141,6 +138,25 @@ class FreedTrials {
     return ::oted::ReadingsOf(factory.spec(), problem_.dataset, problem_.fit.unseen);
   }
 
+  /// Control steps of the windows that suspects are screened by: short, where the sensors' noise is what is left; as
+  /// the design's, where short windows tell of little else.
+  int ScreenedSteps(const ReadingModel& readings) const {
+    if (problem_.fit.errors_grow) return std::max(problem_.fit.window, readings.longest_age() + kFewestFreedSteps);
+    return std::max(ShortestWindow(readings), std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
+                                                         kFewestScreenedSteps, kMostScreenedSteps));
+  }
+
+  /// Rows of so long windows: `n`, or what makes enough of them.
+  int RowsOf(int n_steps, int n) const {
+    return problem_.fit.errors_grow ? std::max(n, kFewestLongWindows * n_steps) : n;
+  }
+
+  double ScreenedCost(LevelFit& fit) const {
+    if (problem_.fit.errors_grow) fit.LetErrorsGrow(noise_.cwiseAbs2());
+    Descend(fit, problem_.fit.errors_grow ? kLongScreenedIterations : kScreenedIterations);
+    return fit.FinalCost();
+  }
+
   /// x, and behind it what a further parameter of this value has.
   static VectorXd StartOf(const SimulatorFactory& wider, const VectorXd& x, double value) {
     const ParameterSpace& space = wider.parameters();
@@ -165,7 +181,7 @@ class FreedTrials {
     WindowReplayer replayer = Replayer(factory, readings);
     const int n_steps = std::max({problem_.fit.window, static_cast<int>(std::lround(kShortestLongWindow / period_)),
                                   readings.longest_age() + kFewestFreedSteps});
-    const Level level = LongWindows(replayer, parts_.learn, n_steps, kFreedRows, period_);
+    const Level level = LongWindows(replayer, parts_.learn, n_steps, RowsOf(n_steps, kFreedRows), period_);
     if (level.windows.size() < kFewestFreedWindows) return std::nullopt;
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(replayer, space, prior, scale, level, from);

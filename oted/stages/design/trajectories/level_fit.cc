@@ -164,8 +164,12 @@ void LevelFit::CountExplainedAlone() { explained_alone_ = ShareExplained() > kFe
 
 double LevelFit::FinalCost() {
   EstimateNoise();
+  double of_window = 0;  // the logarithm of the noise's density at its centre
+  for (int t = 1; t <= n_steps(); ++t) {
+    of_window += 0.5 * WindowLikelihood::VarianceAt(t, n_steps(), sensor_variance_, variance_).array().log().sum();
+  }
   double cost = Cost(residuals_, x_);
-  for (const VectorXd& r : residuals_) cost += r.size() > 0 ? 0.5 * variance_.array().log().sum() * n_steps() : 0;
+  for (const VectorXd& r : residuals_) cost += r.size() > 0 ? of_window : 0;
   return cost;
 }
 

@@ -24,6 +24,8 @@ constexpr int kMostRows = 10000;
 constexpr int kMostShortRows = 960;
 constexpr int kFitIterations = 6;
 constexpr double kWorse = 2.0;  // standard errors
+// Of the short windows; of the first length from two starts, of the others from one.
+static_assert(kMostLongTries == kFitIterations * (1 + 2 + (kWindows.size() - 1)));
 
 }  // namespace
 

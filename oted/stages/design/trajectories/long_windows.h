@@ -45,6 +45,9 @@ struct LongFitInputs {
   bool explained = true;
 };
 
+/// Steps of ChooseLongWindows, at most.
+inline constexpr int kMostLongTries = 36;
+
 /// Fits windows of 0.1 s to 1 s to `learn`, from the nominal parameters and from those of the short windows, and
 /// compares how they predict `judge` over half a second (less where episodes are shorter).
 /// @param tell  called with x after every step

@@ -30,8 +30,8 @@ constexpr int kManyReplays = 50000;     // control steps of a linearization: wha
 constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is rounding
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 constexpr int kValidationRows = 960;
-constexpr int kLongTries = 30;  // steps of the fits that are compared, about
 constexpr int kLongIterations = 8, kMostLongRows = 30000;
+constexpr int kLongSteps = kMostLongTries + kLongIterations;
 
 /// One run of the method, step by step.
 class TrajectoryMatch {
@@ -45,10 +45,7 @@ class TrajectoryMatch {
         parts_(KeepAside(problem.dataset, problem.factory.spec().control_period_s, problem.kept_aside)) {
     evidence_.scale = {scale_.begin(), scale_.end()};
     Read({});
-    n_total_ = config.starts * kStartIterations + kFirstLevelIterations + kRounds * kRoundIterations;
-    for (int length = shortest_; length < longest_; length *= 2) {
-      n_total_ += kLevelIterations + kRounds * kRoundIterations;
-    }
+    ExpectSteps((1 + config.starts) * kStartIterations + StepsOfLevels(shortest_) + std::max(kLongSteps, StepsOfLevels(shortest_)));
   }
 
   ReplayFit Run() {
@@ -59,7 +56,7 @@ class TrajectoryMatch {
     const bool explained = explains_all && choice_.n_steps == 0;
     const MatrixXd covariance = explained ? fit_->Finish() : fit_->CovarianceOfParts() + SpreadOfAsGood();
     if (problem_.judged) evidence_.unseen = FitUnseen();
-    problem_.progress(n_total_, n_total_, fit_->x());
+    problem_.progress(n_done_ + 1, n_done_ + 1, fit_->x());
     return {.mean = fit_->x(), .covariance = covariance, .evidence = evidence_};
   }
 
@@ -89,8 +86,19 @@ class TrajectoryMatch {
   }
 
   void Tell(const VectorXd& x) {
-    problem_.progress(std::min(++n_done_, n_total_), n_total_, x);
+    ++n_done_;
+    n_total_ = std::max(n_total_, n_done_ + 1);
+    problem_.progress(n_done_, n_total_, x);
     problem_.context.ThrowIfStopped();
+  }
+
+  /// So many steps are left, at most: the bar leaps ahead where fewer are needed than could have been.
+  void ExpectSteps(int n) { n_total_ = n_total_ == 0 ? n : std::min(n_total_, n_done_ + n); }
+  /// Of the levels from windows of `length` on, at most.
+  int StepsOfLevels(int length) const {
+    int n = kFirstLevelIterations + kRounds * kRoundIterations;
+    for (; length < longest_; length *= 2) n += kLevelIterations + kRounds * kRoundIterations;
+    return n;
   }
 
   void Descend(LevelFit& fit, int n_iterations) {
@@ -118,18 +126,14 @@ class TrajectoryMatch {
     if (ReadsStarts()) {
       LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, x);
       fit.HoldStarts(true);
-      n_planned_ += kStartIterations;
       Descend(fit, kStartIterations);
-      n_done_ = n_planned_;
       is_exact_ = fit.ShareWithin(kVisibleNoise * scale_) > kNearlyAll;
       if (is_exact_) return fit.x();
     }
     double best = std::numeric_limits<double>::infinity();
     for (int s = 0; s < std::min(config_.starts, config_.coarse); ++s) {
       LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, candidates[static_cast<size_t>(s)].second);
-      n_planned_ += kStartIterations;
       Descend(fit, kStartIterations);
-      n_done_ = n_planned_;
       const double cost = fit.FinalCost();
       if (cost < best) x = fit.x();
       best = std::min(best, cost);
@@ -154,7 +158,7 @@ class TrajectoryMatch {
       auto fit = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, level, x);
       const int n_iterations = is_first && !again ? kFirstLevelIterations : kLevelIterations;
       const bool held = is_first && is_exact_;
-      n_planned_ += n_iterations + (held ? kLevelIterations : 0) + kRounds * kRoundIterations;
+      ExpectSteps(StepsOfLevels(level.windows.front().n_steps) + (is_exact_ ? 0 : std::max(kLongSteps, StepsOfLevels(shortest_))));
       fit->HoldStarts(held);
       Descend(*fit, n_iterations);
       if (held) {
@@ -168,7 +172,6 @@ class TrajectoryMatch {
           Tell(fit->x());
         }
       }
-      n_done_ = n_planned_;
       fit->FinalCost();
       const VectorXd noise = fit->noise_variance().cwiseSqrt();
       evidence_.long_noise_std = {noise.begin(), noise.end()};
@@ -233,13 +236,11 @@ class TrajectoryMatch {
   void UseMoreRows() {
     const int n_lanes = 1 + space_.size() + replayer_->state_dim(), n_rows = kManyReplays / n_lanes;
     longest_ = evidence_.window;
+    ExpectSteps(StepsOfLevels(shortest_));
     Level more = FirstLevel(*replayer_, problem_.dataset, longest_, shortest_, n_rows, rng_);
     if (more.windows.size() < first_.windows.size() * 5 / 4) return;
     first_ = std::move(more);
     const VectorXd x = fit_->x();
-    for (int length = shortest_; length <= longest_; length *= 2) {
-      n_total_ += kLevelIterations + kRounds * kRoundIterations;
-    }
     fit_.reset();
     FitShortWindows(x, true);
   }
@@ -251,7 +252,7 @@ class TrajectoryMatch {
 
   /// Windows of tenths of a second, where they predict better.
   void FitLongWindows(bool explained) {
-    n_total_ += kLongTries;
+    ExpectSteps(kLongSteps);
     choice_ = ChooseLongWindows({.factory = problem_.factory,
                                  .learn = parts_.learn,
                                  .judge = parts_.judge,
@@ -270,6 +271,7 @@ class TrajectoryMatch {
     Descend(*fit_, kLongIterations);
     fit_->FinalCost();
     evidence_.window = choice_.n_steps;
+    evidence_.errors_grow = true;
   }
 
   /// Mean square of how far the fits by other lengths of windows lie that predict as well: no length is the right one.
@@ -319,7 +321,7 @@ class TrajectoryMatch {
   std::unique_ptr<LevelFit> fit_;
   LongFitChoice choice_;
   FitEvidence evidence_;
-  int n_done_ = 0, n_planned_ = 0, n_total_ = 0;
+  int n_done_ = 0, n_total_ = 0;
 };
 
 }  // namespace
