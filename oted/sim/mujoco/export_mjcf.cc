@@ -150,6 +150,7 @@ std::string WithDelay(const std::string& text, double delay_s, mjModel& model) {
     actuator.nsample = std::max(actuator.nsample, static_cast<int>(std::ceil(n_steps - kWholeSteps)) + 2);
     model.actuator_delay[mjs_getId(e)] = actuator.delay;
   }
+  Compile(*spec);  // only then does MuJoCo write it
   return ShortenNumbers(ToText(*spec));
 }
 

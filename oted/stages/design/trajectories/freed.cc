@@ -30,10 +30,12 @@ constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound 
 constexpr double kShownSeconds = 0.5;
 constexpr double kSurelyGained = 2.0;  // standard errors
 constexpr int kScreenedRows = 960, kScreenedIterations = 12;
-constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6;  // where errors grow
+constexpr double kLongScreenedSeconds = 0.25;
+constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
+constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6, kLongFreedIterations = 8;
 constexpr int kFewestScreenedSteps = 4, kMostScreenedSteps = 8;
 constexpr double kScreenedSeconds = 0.06;
-constexpr size_t kMostScreened = 8, kFewestNamed = 3;
+constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kFewestNamed = 3;
 constexpr double kFewestNats = 8.0;  // as much as four standard deviations of one number
 
 struct Fitted {
@@ -79,8 +81,7 @@ class FreedTrials {
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(alone, problem_.factory.parameters(), problem_.prior, scale, level, x_);
     const double cost = ScreenedCost(fit);
-    std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
-    suspects.resize(std::min(suspects.size(), kMostScreened));
+    std::vector<Suspect> suspects = Screened(specs, fit, every);
     for (Suspect& suspect : suspects) {
       const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
       WindowReplayer replayer = Replayer(*wider, readings);
@@ -138,10 +139,29 @@ class FreedTrials {
     return ::oted::ReadingsOf(factory.spec(), problem_.dataset, problem_.fit.unseen);
   }
 
+  /// Which are fitted, the likeliest first, and from where.
+  std::vector<Suspect> Screened(const std::vector<ParameterSpec>& specs, const LevelFit& fit,
+                                WindowReplayer& every) const {
+    std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
+    // What the model lacks makes every score unsure: those without one are fitted as well.
+    for (size_t k = 0; problem_.fit.errors_grow && k < specs.size(); ++k) {
+      const ParameterSpec& spec = specs[k];
+      if (std::ranges::any_of(suspects, [&](const Suspect& s) { return s.spec.name == spec.name; })) continue;
+      const bool at_bound = spec.nominal == spec.low;
+      suspects.push_back(
+          {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal});
+    }
+    suspects.resize(std::min(suspects.size(), problem_.fit.errors_grow ? kMostLongScreened : kMostScreened));
+    return suspects;
+  }
+
   /// Control steps of the windows that suspects are screened by: short, where the sensors' noise is what is left; as
   /// the design's, where short windows tell of little else.
   int ScreenedSteps(const ReadingModel& readings) const {
-    if (problem_.fit.errors_grow) return std::max(problem_.fit.window, readings.longest_age() + kFewestFreedSteps);
+    if (problem_.fit.errors_grow) {
+      const int longest = static_cast<int>(std::lround(kLongScreenedSeconds / period_));
+      return std::max(std::min(problem_.fit.window, longest), readings.longest_age() + kFewestFreedSteps);
+    }
     return std::max(ShortestWindow(readings), std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
                                                          kFewestScreenedSteps, kMostScreenedSteps));
   }
@@ -179,14 +199,16 @@ class FreedTrials {
                             const VectorXd& from) const {
     const ParameterSpace& space = factory.parameters();
     WindowReplayer replayer = Replayer(factory, readings);
-    const int n_steps = std::max({problem_.fit.window, static_cast<int>(std::lround(kShortestLongWindow / period_)),
-                                  readings.longest_age() + kFewestFreedSteps});
+    const int told = static_cast<int>(std::lround(kShownSeconds / period_));
+    const int n_steps =
+        std::max({std::min(problem_.fit.window, told), static_cast<int>(std::lround(kShortestLongWindow / period_)),
+                  readings.longest_age() + kFewestFreedSteps});
     const Level level = LongWindows(replayer, parts_.learn, n_steps, RowsOf(n_steps, kFreedRows), period_);
     if (level.windows.size() < kFewestFreedWindows) return std::nullopt;
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(replayer, space, prior, scale, level, from);
     fit.LetErrorsGrow(noise_.cwiseAbs2());
-    Descend(fit, kFreedIterations);
+    Descend(fit, problem_.fit.errors_grow ? kLongFreedIterations : kFreedIterations);
     const double cost = fit.FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
     const MatrixXd covariance = fit.Finish();
