@@ -9,6 +9,7 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/held_out.h"
 #include "oted/stages/design/replay/kept_aside.h"
+#include "oted/stages/design/replay/late_rates.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
@@ -204,10 +205,14 @@ class TrajectoryMatch {
     return next;
   }
 
-  /// Whether there are readings that were computed from others; they are left out from here on.
+  /// Whether there are readings that were computed from others, or that are of an earlier time than they say; they are
+  /// left out from here on.
   bool LeaveOutComputed() {
     if (!IsNoisy() || std::ranges::any_of(replayer_->readings().computed, [](char c) { return c != 0; })) return false;
-    const std::vector<char> computed = ComputedReadings(problem_.factory.spec(), problem_.dataset, SensorNoise());
+    const SimulatorSpec& spec = problem_.factory.spec();
+    std::vector<char> computed = ComputedReadings(spec, problem_.dataset, SensorNoise());
+    const std::vector<int> late = LateRates(spec, problem_.dataset);
+    for (size_t c = 0; c < computed.size(); ++c) computed[c] = computed[c] != 0 || late[c] > 0 ? 1 : 0;
     if (std::ranges::none_of(computed, [](char c) { return c != 0; })) return false;
     Read(computed);
     return true;
