@@ -146,7 +146,10 @@ void AddRunOptions(CLI::App& app, Options& options) {
                  "name=value, if the truth is known; only evaluation and report read it; repeatable")
       ->allow_extra_args(false);
   AddSeed(app, options.seed);
-  app.add_option("--seeds", options.n_seeds, "seeded designs per setting [default: 1 of the methods trajectories and least-squares, 3 of the others]")->check(PositiveNumber());
+  app.add_option(
+         "--seeds", options.n_seeds,
+         "seeded designs per setting [default: 1 of the methods trajectories and least-squares, 3 of the others]")
+      ->check(PositiveNumber());
   app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]")
       ->type_name(value_kind::kDevice);
   app.add_option("--threads", options.threads, "most threads; results do not depend on it [default: all processors]")

@@ -147,8 +147,7 @@ Artifact MethodChoiceArtifact(const RunSetup& run, const std::string& setting) {
   }
   return {.file = run.directory.trials(setting) / "choice.json",
           .schema = MethodChoiceRecord::kSchema,
-          .fingerprint =
-              Fingerprint({"method choice", DesignFingerprint(run, setting), run.NSeeds(setting), others}),
+          .fingerprint = Fingerprint({"method choice", DesignFingerprint(run, setting), run.NSeeds(setting), others}),
           .made_from = std::move(made_from)};
 }
 

@@ -28,8 +28,9 @@ struct FreedProblem {
 /// itself, and what one explains another often explains nearly as well.
 ///
 /// Which are likely: short windows (some 0.06 s, four to eight steps) of the part of the logs that learns are fitted by
-/// the parameters alone; windows as long as the design's where no simulator of the family explains the logs. The eight that a score test there favours are each fitted with the parameters to the same
-/// windows; those that make them likelier beyond chance and are noticeable are ranked by how much.
+/// the parameters alone; windows as long as the design's where no simulator of the family explains the logs. The eight
+/// that a score test there favours are each fitted with the parameters to the same windows; those that make them
+/// likelier beyond chance and are noticeable are ranked by how much.
 ///
 /// What they are worth: the first `n` are fitted with the parameters to windows as long as the design's, at least 0.1
 /// s, of that part, from where the design ended. The design without is the better of that found and of one fitted to

@@ -45,7 +45,8 @@ class TrajectoryMatch {
         parts_(KeepAside(problem.dataset, problem.factory.spec().control_period_s, problem.kept_aside)) {
     evidence_.scale = {scale_.begin(), scale_.end()};
     Read({});
-    ExpectSteps((1 + config.starts) * kStartIterations + StepsOfLevels(shortest_) + std::max(kLongSteps, StepsOfLevels(shortest_)));
+    ExpectSteps((1 + config.starts) * kStartIterations + StepsOfLevels(shortest_) +
+                std::max(kLongSteps, StepsOfLevels(shortest_)));
   }
 
   ReplayFit Run() {
@@ -158,7 +159,8 @@ class TrajectoryMatch {
       auto fit = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, level, x);
       const int n_iterations = is_first && !again ? kFirstLevelIterations : kLevelIterations;
       const bool held = is_first && is_exact_;
-      ExpectSteps(StepsOfLevels(level.windows.front().n_steps) + (is_exact_ ? 0 : std::max(kLongSteps, StepsOfLevels(shortest_))));
+      ExpectSteps(StepsOfLevels(level.windows.front().n_steps) +
+                  (is_exact_ ? 0 : std::max(kLongSteps, StepsOfLevels(shortest_))));
       fit->HoldStarts(held);
       Descend(*fit, n_iterations);
       if (held) {
