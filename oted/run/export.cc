@@ -15,6 +15,7 @@
 #include "oted/run/run_directory.h"
 #include "oted/sim/mujoco/export_mjcf.h"
 #include "oted/sim/mujoco/joint_friction.h"
+#include "oted/sim/mujoco/joint_residual.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/task.h"
 #include "oted/sim/sysid_file.h"
@@ -214,7 +215,8 @@ ExportRequest DefaultExports(const fs::path& run_directory) {
 std::string NotInModel(const std::vector<std::pair<std::string, std::string>>& names_and_fields) {
   std::string names;
   for (const auto& [name, field] : names_and_fields) {
-    const bool is_in = field == kActionDelay || (IsFieldOfModel(field) && !IsFrictionPath(field));
+    const bool is_in =
+        field == kActionDelay || (IsFieldOfModel(field) && !IsFrictionPath(field) && !IsResidualPath(field));
     if (!is_in) names += (names.empty() ? "" : ", ") + name;
   }
   return names;

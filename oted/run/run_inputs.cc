@@ -98,6 +98,19 @@ Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
   return all.Select(episodes);
 }
 
+namespace {
+
+/// What a preset believes counts where nobody asked for another prior.
+void UseBeliefs(RunConfig& config) {
+  const auto use = [](DesignChoice& design, const std::string& where) {
+    if (!design.Has("prior")) design.Set("prior", "gaussian", where);
+  };
+  use(config.design, "design.prior");
+  for (auto& [name, design] : config.settings) use(design, fmt::format("design.settings.{}.prior", name));
+}
+
+}  // namespace
+
 RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
   if (config.presets.empty() || config.task.name.empty()) return config;
   ExpandedPresets expanded = ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task, {}));
@@ -109,6 +122,7 @@ RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
   }
   config.parameters = std::move(expanded.parameters);
   config.presets.clear();
+  if (expanded.has_beliefs) UseBeliefs(config);
   if (notes != nullptr) *notes = std::move(expanded.skipped);
   return config;
 }

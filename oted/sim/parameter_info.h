@@ -17,6 +17,8 @@ struct PathInfo {
   std::vector<ParameterPlace> places;  ///< at least one
   std::string unit;                    ///< of the values; "" where they have none
   std::string meaning;                 ///< "sliding friction"
+  /// How far from 0 its values may be thought to lie, where the simulator can tell although all are 0; otherwise 0.
+  double reach = 0;
 };
 
 /// A field that a simulator offers as a parameter, with the values that it has.

@@ -4,11 +4,14 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <iterator>
 #include <set>
+#include <utility>
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
 #include "oted/sim/channel_path.h"
+#include "oted/sim/residual_terms.h"
 
 namespace oted {
 namespace {
@@ -23,6 +26,9 @@ constexpr PresetEntry kFrictionLoss = {
 constexpr PresetEntry kArmature = {"armature", "joint/@actuated/armature", {{0.2, 5.0}}, true, {{0.0, 0.5}}};
 constexpr PresetEntry kStiffness = {"servo_stiffness", "actuator/*/kp", {{0.5, 2.0}}, true};
 constexpr PresetEntry kMass = {"mass", "body/@actuated/mass + body/@actuated/inertia", {{0.5, 2.0}}, true};
+constexpr PresetEntry kResidual = {"residual", "joint/@actuated/residual", {}, false, {}, "",
+                                   "",         kResidualTerms.data()};
+constexpr double kBelievedShare = 0.15;  // of the reach: the standard deviation of what is believed to be near 0
 constexpr PresetEntry kDelay = {"delay", "action/delay", {}, false, {{0.0, 3.0}}};
 
 }  // namespace
@@ -51,6 +57,10 @@ const std::vector<Preset>& Presets() {
        {{"friction", "geom/*/friction[0]", {{0.2, 2.0}}},
         {"gain", "actuator/*/gainprm[0]", {{0.2, 2.0}}},
         {"gravity", "opt/gravity[2]", {{0.2, 2.0}}}}},
+      {"residual",
+       "a small torque on each driven joint for what no other parameter explains, believed to be near zero; beside "
+       "parameters of your own",
+       {kResidual}},
   };
   return presets;
 }
@@ -95,6 +105,7 @@ std::string Restrict(const PresetEntry& entry, const SimulatorFactory& simulator
   }
   spec.name = entry.name;
   spec.field = entry.field;
+  if (entry.terms != nullptr) return "";
   const bool zero = AllZero(info);
   if (zero && !entry.absolute) return "the nominal value is 0, which has no multiples";
   if (!zero && !entry.multiple) return "the nominal value is not 0";
@@ -104,6 +115,26 @@ std::string Restrict(const PresetEntry& entry, const SimulatorFactory& simulator
   spec.logarithmic = entry.logarithmic && !zero;
   if (zero) spec.scale = ParameterScale::kAbsolute;
   return "";
+}
+
+/// "joint/elbow/residual[2]" is elbow, and 2.
+std::pair<std::string, size_t> OwnerAndIndex(const std::string& place) {
+  const size_t owner = place.find('/') + 1, bracket = place.find('[');
+  return {place.substr(owner, place.rfind('/') - owner), std::stoul(place.substr(bracket + 1))};
+}
+
+std::vector<ParameterSpec> EachOf(const PresetEntry& entry, const PathInfo& info) {
+  std::vector<ParameterSpec> specs;
+  for (const ParameterPlace& place : info.places) {
+    const auto [owner, index] = OwnerAndIndex(place.path);
+    specs.push_back({.name = fmt::format("{}_{}_{}", entry.name, owner, entry.terms[index]),
+                     .field = place.path,
+                     .low = -info.reach,
+                     .high = info.reach,
+                     .scale = ParameterScale::kAbsolute,
+                     .prior = ParameterSpec::Belief{0, kBelievedShare * info.reach}});
+  }
+  return specs;
 }
 
 }  // namespace
@@ -132,6 +163,12 @@ ExpandedPresets ExpandPresets(const std::vector<std::string>& names, const std::
       const bool clash = std::any_of(info.places.begin(), info.places.end(),
                                      [&](const ParameterPlace& place) { return own_places.contains(place.path); });
       if (why.empty() && clash) why = "a parameter of your own sets the same values";
+      if (why.empty() && entry.terms != nullptr) {
+        std::ranges::move(EachOf(entry, info), std::back_inserter(expanded.parameters));
+        expanded.has_beliefs = true;
+        taken.insert(entry.name);
+        continue;
+      }
       if (!why.empty()) {
         expanded.skipped.push_back(fmt::format("{} of preset {} ({}): {}", entry.name, name, entry.field, why));
         continue;

@@ -23,6 +23,9 @@ struct PresetEntry {
   const char* only_if_zero =
       "";                      ///< a path whose values must be 0, or which names nothing, for the entry to make sense
   const char* otherwise = "";  ///< what to say where they are not
+  /// A parameter for each number of the path, as far as the simulator tells that they reach, believed to be near 0. The
+  /// parameter is called by the name, by what owns the number, and by the term that stands at the number's index.
+  const char* const* terms = nullptr;
 };
 
 struct Preset {
@@ -39,6 +42,7 @@ const Preset& FindPreset(const std::string& name);
 /// Parameters of presets, as far as a simulator has them.
 struct ExpandedPresets {
   std::vector<ParameterSpec> parameters;
+  bool has_beliefs = false;          ///< some of the presets' parameters have a prior: it has to be used
   std::vector<std::string> skipped;  ///< "arm: friction loss (path): why", one line each
 };
 

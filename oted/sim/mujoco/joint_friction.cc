@@ -76,14 +76,10 @@ void JointFriction::TakeLoad(const mjModel* model, mjData* data, int lane, void*
   std::copy_n(data->qfrc_actuator, model->nv, load.row(lane).begin());
 }
 
-int JointFriction::Step(std::span<const int> lanes, int n_steps, int stage) {
+int JointFriction::Prepare(std::span<const int> lanes) {
   const int n = static_cast<int>(lanes.size());
-  int n_failed = 0;
-  for (int step = 0; step < n_steps && n_failed == 0; ++step) {
-    if (loaded_) n_failed = mjb_apply(batch_, lanes.data(), n, TakeLoad, this, 0);
-    for (const int lane : lanes) Write(lane);
-    if (n_failed == 0) n_failed = mjb_step(batch_, lanes.data(), n, 1, step + 1 == n_steps ? stage : mjSTAGE_NONE);
-  }
+  const int n_failed = loaded_ ? mjb_apply(batch_, lanes.data(), n, TakeLoad, this, 0) : 0;
+  for (const int lane : lanes) Write(lane);
   return n_failed;
 }
 

@@ -47,8 +47,8 @@ class JointFriction {
   std::span<const double> Base(int lane) const { return base_.row(lane); }
   /// Writes what the batch takes for frictionloss where the lane's actuators rest.
   void Rest(int lane);
-  /// mjb_step(batch, lanes, n_steps, stage), with friction. @return as that
-  int Step(std::span<const int> lanes, int n_steps, int stage);
+  /// Before a physics step: writes the friction that these lanes have in it. @return as mjb_apply
+  int Prepare(std::span<const int> lanes);
 
  private:
   static void TakeLoad(const mjModel_* model, mjData_* data, int lane, void* self);

@@ -15,12 +15,14 @@
 #include "oted/base/fields.h"
 #include "oted/sim/mujoco/field_info.h"
 #include "oted/sim/mujoco/joint_friction.h"
+#include "oted/sim/mujoco/joint_residual.h"
 #include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
 namespace {
 
-// A floating-point array of mjModel, or one that it lacks (joint_friction.h): n rows of `width` numbers.
+// A floating-point array of mjModel, or one that it lacks (joint_friction.h, joint_residual.h): n rows of `width`
+// numbers.
 struct ModelArray {
   std::string name;
   const double* values;  // null: all of them are `value`
@@ -47,6 +49,8 @@ std::vector<ModelArray> ModelArrays(const mjModel& model) {
 #undef X
 #undef MJ_M
 #define MJ_M(n) n
+  arrays.push_back(
+      {.name = kResidualArray, .values = nullptr, .n = static_cast<int>(model.nv), .width = kResidualSize});
   for (const auto& [name, nominal] : kFrictionArrays) {
     arrays.push_back({.name = name, .values = nullptr, .n = static_cast<int>(model.nv), .width = 1, .value = nominal});
   }

@@ -7,7 +7,8 @@
 /// mjModel's name without its prefix ("friction" of geom_friction; a joint also owns dof_damping, dof_armature,
 /// dof_frictionloss). An index in brackets picks one number per object; [*] or none takes all of them.
 ///
-/// A joint also has stribeck_torque, stribeck_velocity and load_friction (joint_friction.h), which no mjModel holds.
+/// A joint also has stribeck_torque, stribeck_velocity and load_friction (joint_friction.h) and residual
+/// (joint_residual.h), which no mjModel holds.
 /// An actuator also has kp and kv, the stiffness and the damping of a servo, which MuJoCo keeps in several places.
 /// "PATH + PATH" ties paths together: one z drives them all.
 

@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/field_info.h"
+#include "oted/sim/mujoco/joint_residual.h"
 #include "oted/sim/mujoco/model_field.h"
 
 namespace oted {
@@ -60,6 +61,7 @@ PathInfo DescribeModelPath(const mjModel& model, const std::string& path) {
   PathInfo info;
   for (const ModelField& field : ResolvePath(model, path)) {
     for (size_t i = 0; i < field.places.size(); ++i) info.places.push_back({field.places[i], field.nominal[i]});
+    if (field.array == kResidualArray) info.reach = ResidualReach(model);
     if (!info.meaning.empty()) continue;
     info.unit = field.unit;
     info.meaning = DescribeField(TableName(field.array), CommonIndex(field.places)).meaning;

@@ -12,6 +12,7 @@
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/channel_suspects.h"
 #include "oted/sim/mujoco/joint_friction.h"
+#include "oted/sim/mujoco/joint_residual.h"
 #include "oted/sim/mujoco/model_offers.h"
 #include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/model_suspects.h"
@@ -58,6 +59,9 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
   if (is_searched(IsFrictionArray)) {
     const bool loaded = is_searched([](const auto& array) { return array == kFrictionArrays[kLoadFriction].name; });
     friction_ = std::make_unique<JointFriction>(batch_.get(), loaded);
+  }
+  if (is_searched([](const auto& array) { return array == kResidualArray; })) {
+    residual_ = std::make_unique<JointResidual>(batch_.get());
   }
   for (const ModelField& field : setup_->fields) {
     fields_.push_back(Expand(field.array));
@@ -108,6 +112,9 @@ MujocoSimulator::ExpandedField MujocoSimulator::Expand(const std::string& array)
   ExpandedField expanded;
   if (friction_ != nullptr && (IsFrictionArray(array) || array == "dof_frictionloss")) {
     return {.values = friction_->Values(array), .size = static_cast<int>(setup_->loaded.model->nv)};
+  }
+  if (array == kResidualArray) {
+    return {.values = residual_->Weights(), .size = static_cast<int>(setup_->loaded.model->nv) * kResidualSize};
   }
   int element_size = 0;
   expanded.values = static_cast<double*>(mjb_expand(batch_.get(), array.c_str(), &expanded.size, &element_size));
@@ -172,6 +179,7 @@ void MujocoSimulator::StartEpisode(int lane) {
   mjWarningStat* warnings = mjb_warning(batch_.get()) + static_cast<ptrdiff_t>(lane) * mjNWARNING;
   std::fill_n(warnings, static_cast<int>(mjNWARNING), mjWarningStat{});
   if (friction_ != nullptr) friction_->Rest(lane);
+  if (residual_ != nullptr) residual_->Write(lane);
   // A state that is no state would be computed with; its next step reports it.
   if (rules_->stage() != mjSTAGE_NONE && AllFinite(state_.row(lane)) &&
       mjb_forward(batch_.get(), &lane, 1, rules_->stage()) != 0) {
@@ -272,11 +280,7 @@ void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> a
     active_.push_back(lane);
   }
   if (active_.empty()) return;
-  const int n_active = static_cast<int>(active_.size());
-  const int n_failed = friction_ != nullptr
-                           ? friction_->Step(active_, setup_->frame_skip, rules_->stage())
-                           : mjb_step(batch_.get(), active_.data(), n_active, setup_->frame_skip, rules_->stage());
-  if (n_failed != 0) {
+  if (StepPhysics() != 0) {
     for (int lane : active_) {
       if (mjb_status(batch_.get())[lane] != 0) {
         throw DataError(
@@ -285,6 +289,23 @@ void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> a
     }
   }
   for (int lane : active_) FinishStep(lane, actions.subspan(static_cast<size_t>(lane) * act_dim, act_dim));
+}
+
+int MujocoSimulator::StepPhysics() {
+  const int n = static_cast<int>(active_.size()), n_steps = setup_->frame_skip;
+  if (friction_ == nullptr && residual_ == nullptr) {
+    return mjb_step(batch_.get(), active_.data(), n, n_steps, rules_->stage());
+  }
+  int n_failed = 0;
+  for (int step = 0; step < n_steps && n_failed == 0; ++step) {
+    if (residual_ != nullptr) {
+      for (const int lane : active_) residual_->Write(lane);
+    }
+    if (friction_ != nullptr) n_failed = friction_->Prepare(active_);
+    const int stage = step + 1 == n_steps ? rules_->stage() : static_cast<int>(mjSTAGE_NONE);
+    if (n_failed == 0) n_failed = mjb_step(batch_.get(), active_.data(), n, 1, stage);
+  }
+  return n_failed;
 }
 
 void MujocoSimulator::FinishStep(int lane, std::span<const double> action) {

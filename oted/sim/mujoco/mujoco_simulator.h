@@ -20,6 +20,7 @@ struct mjSpec_;
 namespace oted {
 
 class JointFriction;
+class JointResidual;
 struct ModelTask;
 
 /// What the simulators of one factory share, read-only.
@@ -98,6 +99,8 @@ class MujocoSimulator : public Simulator {
   LaneState StateOf(int lane) const;
   void StartEpisode(int lane);
   bool SetTo(int lane, std::span<const double> observation, std::span<const double> hidden);
+  /// A control period of the active lanes. @return as mjb_step
+  int StepPhysics();
   void FinishStep(int lane, std::span<const double> action);
   bool TakeDivergence(int lane);
 
@@ -106,10 +109,11 @@ class MujocoSimulator : public Simulator {
   int n_state_ = 0;
   LaneArray state_, qpos_, qvel_, act_, ctrl_;
   std::unique_ptr<TaskRules> rules_;
-  std::unique_ptr<JointFriction> friction_;  // where parameters of it are searched
-  std::vector<LaneArray> arrays_;            // parallel to rules_->arrays()
-  std::vector<ExpandedField> fields_;        // parallel to the parameters
-  ExpandedField bounding_radii_;             // used when a parameter changes the size of a geom
+  std::unique_ptr<JointFriction> friction_;  // where parameters of it are searched; likewise the next
+  std::unique_ptr<JointResidual> residual_;
+  std::vector<LaneArray> arrays_;      // parallel to rules_->arrays()
+  std::vector<ExpandedField> fields_;  // parallel to the parameters
+  ExpandedField bounding_radii_;       // used when a parameter changes the size of a geom
   bool changes_constants_ = false;
   std::vector<std::vector<double>> parameters_;  // of each lane, as its model has them; empty where not set yet
   Array2<double> observations_;
