@@ -70,7 +70,7 @@ class Builder {
           "action, wanted at most {}; make the time step longer",
           task_.control_period, setup_.model_path.string(), step, periods, kMostSteps));
     }
-    setup_.frame_skip = static_cast<int>(periods);
+    setup_.frame_skip = spec_.physics_steps = static_cast<int>(periods);
     spec_.control_period_s = plan_.control_period = periods * step;
   }
 

@@ -54,6 +54,7 @@ SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
     spec.action_high.push_back(model.actuator_ctrlrange[2 * i + 1]);
   }
   spec.control_period_s = model.opt.timestep * task.frame_skip;
+  spec.physics_steps = task.frame_skip;
   spec.max_episode_steps = task.max_episode_steps;
   spec.can_set_state = true;
   // These models have one velocity per position, and do not show the first position.

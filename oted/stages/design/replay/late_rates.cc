@@ -6,11 +6,11 @@
 namespace oted {
 namespace {
 
-constexpr double kLongest = 0.1;  // [s]
-constexpr int kMostSteps = 20, kFewestRows = 200, kComparedRows = 4000;
+constexpr double kLongestLag = 0.1;  // [s]
+constexpr int kMostLags = 20, kFewestLaggedRows = 200, kLaggedRows = 4000;
 constexpr double kSurelyNearer = 0.8;  // of the error without a lag
 
-double Median(std::vector<double>& values) {
+double MiddleOf(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -22,15 +22,15 @@ std::vector<int> LateRates(const SimulatorSpec& spec, const Dataset& dataset) {
   std::vector<int> late(static_cast<size_t>(spec.obs_dim()), 0);
   const double period = spec.control_period_s;
   if (spec.rate_of.empty() || !(period > 0)) return late;
-  const int n_lags = std::clamp(static_cast<int>(std::lround(kLongest / period)), 1, kMostSteps);
+  const int n_lags = std::clamp(static_cast<int>(std::lround(kLongestLag / period)), 1, kMostLags);
   std::vector<int> all;
   for (const Episode& episode : dataset.Episodes()) {
     for (int row = episode.begin + n_lags + 1; row + 1 < episode.end; ++row) all.push_back(row);
   }
-  if (all.size() < kFewestRows) return late;
+  if (all.size() < kFewestLaggedRows) return late;
   std::vector<int> rows;
-  for (size_t k = 0; k < std::min<size_t>(all.size(), kComparedRows); ++k) {
-    rows.push_back(all[k * all.size() / std::min<size_t>(all.size(), kComparedRows)]);
+  for (size_t k = 0; k < std::min<size_t>(all.size(), kLaggedRows); ++k) {
+    rows.push_back(all[k * all.size() / std::min<size_t>(all.size(), kLaggedRows)]);
   }
   for (size_t c = 0; c < late.size(); ++c) {
     const int source = spec.rate_of[c];
@@ -47,7 +47,7 @@ std::vector<int> LateRates(const SimulatorSpec& spec, const Dataset& dataset) {
         const double rate = (after - reading(at - 1, static_cast<size_t>(source))) / (about ? 2 * period : period);
         off.push_back(std::abs(reading(row, c) - rate));
       }
-      return Median(off);
+      return MiddleOf(off);
     };
     const double without = std::min(error(0, true), error(0, false));
     double best = without;

@@ -21,6 +21,8 @@ constexpr double kPredicted = 0.5;                                              
 constexpr int kFewestJudged = 3;
 constexpr double kStretch = 1.0;  // [s]
 constexpr int kMostRows = 10000;
+constexpr double kMostPhysics = 4e5;   // steps of a linearization
+constexpr int kFewestLongRows = 1000;  // however much they cost
 constexpr int kMostShortRows = 960;
 constexpr int kFitIterations = 6;
 constexpr double kWorse = 2.0;  // standard errors
@@ -54,6 +56,11 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
   return level;
 }
 
+int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings) {
+  const double per_row = (1.0 + factory.parameters().size() + readings.state_dim()) * factory.spec().physics_steps;
+  return std::min(wanted, std::max(kFewestLongRows, static_cast<int>(n_steps / per_row)));
+}
+
 LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& context,
                                 const std::function<void(const VectorXd&)>& tell) {
   const ParameterSpace& space = in.factory.parameters();
@@ -65,6 +72,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   PredictionJudge judge(other, in.judge, in.noise, {steps_of(kPredicted)}, period);
   if (judge.n_windows() < kFewestJudged) return {};
 
+  const int n_rows = AffordableRows(kMostRows, kMostPhysics, in.factory, in.readings);
   const VectorXd scale = ChannelScales(in.learn);
   const auto errors_at = [&](const VectorXd& x) { return judge.MeanSquares(ToZ(space, x)); };
   // The short windows' parameters have seen the logs that judge: they count by what they predict, and by what a fit
@@ -85,7 +93,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   for (const double seconds : kWindows) {
     const int n_steps = steps_of(seconds);
     if (n_steps <= std::max(in.short_steps, in.readings.longest_age() + 1)) continue;
-    const Level level = LongWindows(learner, in.learn, n_steps, kMostRows, period);
+    const Level level = LongWindows(learner, in.learn, n_steps, n_rows, period);
     if (level.windows.size() < 4) break;
     bool worse = true;
     for (const VectorXd& start : from) {

@@ -32,6 +32,7 @@ constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is round
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 constexpr int kValidationRows = 960;
 constexpr int kLongIterations = 8, kMostLongRows = 30000;
+constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + kLongIterations;
 
 /// One run of the method, step by step.
@@ -271,8 +272,9 @@ class TrajectoryMatch {
                                  .explained = explained},
                                 problem_.context, [&](const VectorXd& x) { Tell(x); });
     if (choice_.n_steps == 0) return;
-    const Level all = LongWindows(*replayer_, problem_.dataset, choice_.n_steps, kMostLongRows,
-                                  problem_.factory.spec().control_period_s);
+    const int n_rows = AffordableRows(kMostLongRows, kMostFinalPhysics, problem_.factory, replayer_->readings());
+    const Level all =
+        LongWindows(*replayer_, problem_.dataset, choice_.n_steps, n_rows, problem_.factory.spec().control_period_s);
     fit_ = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, all, choice_.x);
     fit_->LetErrorsGrow(SensorNoise().cwiseAbs2());
     Descend(*fit_, kLongIterations);
