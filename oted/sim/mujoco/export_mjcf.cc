@@ -128,18 +128,18 @@ std::string AsComment(const std::string& text) {
   return out + "\n-->\n";
 }
 
-SpecPtr Parse(const std::string& text) {
+SpecPtr ParseText(const std::string& text) {
   std::array<char, 1000> reason{};
   SpecPtr spec(mj_parseXMLString(text.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
   if (spec == nullptr) throw Refused{reason.data()};
   return spec;
 }
 
-ModelPtr CompileText(const std::string& text) { return Compile(*Parse(text)); }
+ModelPtr CompileText(const std::string& text) { return Compile(*ParseText(text)); }
 
 // The same model with actuators that act later; `model` gets their delays, too.
 std::string WithDelay(const std::string& text, double delay_s, mjModel& model) {
-  const SpecPtr spec = Parse(text);
+  const SpecPtr spec = ParseText(text);
   const double step = model.opt.timestep;
   for (mjsElement* e = mjs_firstElement(spec.get(), mjOBJ_ACTUATOR); e != nullptr; e = mjs_nextElement(spec.get(), e)) {
     mjsActuator& actuator = *mjs_asActuator(e);

@@ -6,23 +6,11 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/model_scale.h"
 
 namespace oted {
 namespace {
-
-constexpr double kShare = 0.2;      // of the force that is known of a joint
-constexpr double kGravity = 9.81;   // [m/s^2]
-constexpr double kSmallest = 1e-3;  // [N m]
-
-/// The next of 1, 2, 5, 10, ... above: bounds that a person reads.
-double RoundedUpToADigit(double value) {
-  const double decade = std::pow(10, std::floor(std::log10(std::max(value, kSmallest))));
-  for (const double digit : {1.0, 2.0, 5.0}) {
-    if (digit * decade >= value) return digit * decade;
-  }
-  return 10 * decade;
-}
-
+constexpr double kReach = 0.2;  // of the force that is known of a joint
 }  // namespace
 
 double ResidualReach(const mjModel& model) {
@@ -33,8 +21,8 @@ double ResidualReach(const mjModel& model) {
                      std::abs(model.actuator_gear[6 * a]) * std::max(std::abs(model.actuator_forcerange[2 * a]),
                                                                      std::abs(model.actuator_forcerange[2 * a + 1])));
   }
-  if (force == 0) force = model.stat.meanmass * kGravity * model.stat.extent;
-  return RoundedUpToADigit(kShare * force);
+  if (force == 0) force = HoldingTorque(model);
+  return RoundedUp(kReach * force);
 }
 
 bool IsResidualPath(const std::string& path) { return path.find("/residual") != std::string::npos; }

@@ -9,6 +9,7 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_field.h"
+#include "oted/sim/mujoco/model_scale.h"
 #include "oted/sim/suspect_name.h"
 
 namespace oted {
@@ -17,7 +18,6 @@ namespace {
 constexpr int kMostBodies = 12;  // whose masses are suspected one by one
 constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body at the model's length against gravity
-constexpr double kGravity = 9.81;       // [m/s^2]
 
 struct Place {
   std::string name, path;
@@ -25,17 +25,8 @@ struct Place {
   double most = 0;           ///< of it
 };
 
-/// The next of 1, 2, 5, 10, ... above: bounds that a person reads.
-double RoundedUp(double value) {
-  const double decade = std::pow(10, std::floor(std::log10(std::max(value, 1e-9))));
-  for (const double digit : {1.0, 2.0, 5.0}) {
-    if (digit * decade >= value) return digit * decade;
-  }
-  return 10 * decade;
-}
-
 std::vector<Place> Places(const mjModel& model) {
-  const double torque = RoundedUp(kFrictionShare * model.stat.meanmass * kGravity * model.stat.extent);
+  const double torque = RoundedUp(kFrictionShare * HoldingTorque(model));
   std::vector<Place> places = {{"damping", "joint/*/damping", "damping", torque},
                                {"armature", "joint/*/armature", "armature", RoundedUp(model.stat.meaninertia)},
                                {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},

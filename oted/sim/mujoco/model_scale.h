@@ -1,0 +1,14 @@
+#pragma once
+/// How large numbers of a model may be thought to be.
+
+struct mjModel_;
+
+namespace oted {
+
+/// The next of 1, 2, 5, 10, ... that is not below: bounds that a person reads.
+double RoundedUp(double value);
+
+/// [N m] what holds a mean body at the model's length against gravity.
+double HoldingTorque(const mjModel_& model);
+
+}  // namespace oted
