@@ -14,12 +14,12 @@ namespace oted {
 namespace {
 
 constexpr int kGzipWindow = 15 + 16;  // zlib's way to ask for gzip's header
-constexpr size_t kStep = size_t{1} << 20;
+constexpr size_t kUnpackedStep = size_t{1} << 20;
 
 /// Gives a stream that has used up its input the next bytes, from `at` on.
 void Feed(const std::string& bytes, size_t& at, z_stream& stream) {
   if (stream.avail_in > 0 || at >= bytes.size()) return;
-  const size_t n = std::min(kStep, bytes.size() - at);
+  const size_t n = std::min(kUnpackedStep, bytes.size() - at);
   // zlib's interface wants a pointer to mutable bytes and does not change them.
   stream.next_in = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data() + at));
   stream.avail_in = static_cast<unsigned>(n);
@@ -38,7 +38,7 @@ std::string Gunzip(const std::string& bytes, const std::string& file) {
     throw DataError(fmt::format("'{}' {}; write it again, or unpack it with gunzip", file, what));
   };
   std::string out;
-  std::vector<unsigned char> block(kStep);
+  std::vector<unsigned char> block(kUnpackedStep);
   size_t at = 0;
   while (at < bytes.size()) {
     z_stream stream{};
@@ -71,7 +71,7 @@ std::string Gzip(const std::string& bytes) {
     ~End() { deflateEnd(stream); }
   } const end{&stream};
   std::string out;
-  std::vector<unsigned char> block(kStep);
+  std::vector<unsigned char> block(kUnpackedStep);
   size_t at = 0;
   int status = Z_OK;
   while (status != Z_STREAM_END) {

@@ -9,7 +9,7 @@
 namespace oted {
 namespace {
 
-constexpr const char* kPrefix = "categorical";
+constexpr const char* kCategoricalPrefix = "categorical";
 
 class CategoricalActor : public PolicyActor {
  public:
@@ -50,7 +50,7 @@ std::unique_ptr<PolicyActor> CategoricalPolicy::MakeActor(ActionNoise noise, dou
 
 void CategoricalPolicy::Save(const std::filesystem::path& path) const {
   NpzArrays arrays;
-  net_.Save(kPrefix, arrays);
+  net_.Save(kCategoricalPrefix, arrays);
   WriteNpz(arrays, path);
 }
 
@@ -58,7 +58,7 @@ CategoricalPolicy CategoricalPolicy::Load(const std::filesystem::path& path) { r
 
 CategoricalPolicy CategoricalPolicy::FromArrays(const NpzArrays& arrays, const std::filesystem::path& path) {
   CategoricalPolicy policy;
-  policy.net_ = FeatureNet::FromArrays(kPrefix, arrays, path.string());
+  policy.net_ = FeatureNet::FromArrays(kCategoricalPrefix, arrays, path.string());
   return policy;
 }
 

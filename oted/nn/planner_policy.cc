@@ -13,7 +13,7 @@
 namespace oted {
 namespace {
 
-const std::string kPrefix = "planner";
+const std::string kPlannerPrefix = "planner";
 
 /// Trajectories of member k of n_members.
 int CountOf(int k, int n_members, int trajectories) {
@@ -220,7 +220,7 @@ void PlannerPolicy::Save(const std::filesystem::path& path) const {
 
 PlannerPolicy PlannerPolicy::FromArrays(const NpzArrays& arrays, const std::filesystem::path& path) {
   const std::string where = path.string();
-  const NpzFields fields{kPrefix, arrays, where};
+  const NpzFields fields{kPlannerPrefix, arrays, where};
   const std::vector<double> plan = fields.Get("plan"), hidden = fields.Get("hidden"),
                             rewards = fields.Get("reward_units");
   constexpr double kLargest = 1e5;

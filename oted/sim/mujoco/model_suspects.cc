@@ -19,26 +19,26 @@ constexpr int kMostBodies = 12;  // whose masses are suspected one by one
 constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body at the model's length against gravity
 
-struct Place {
+struct SuspectedField {
   std::string name, path;
   std::string if_zero = "";  ///< the joints' field whose value is suspected where the model has zeros alone
   double most = 0;           ///< of it
 };
 
-std::vector<Place> Places(const mjModel& model) {
+std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
   const double torque = RoundedUp(kFrictionShare * HoldingTorque(model));
-  std::vector<Place> places = {{"damping", "joint/*/damping", "damping", torque},
-                               {"armature", "joint/*/armature", "armature", RoundedUp(model.stat.meaninertia)},
-                               {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
-                               {"stiffness", "joint/*/stiffness"},
-                               {"gear", "actuator/*/gear[0]"},
-                               {"kp", "actuator/*/kp"},
-                               {"kv", "actuator/*/kv"},
-                               {"friction", "geom/*/friction[0]"},
-                               {"contact_time", "geom/*/solref[0]"},
-                               {"contact_damping", "geom/*/solref[1]"},
-                               {"inertia", "body/*/inertia"},
-                               {"gravity", "opt/gravity[2]"}};
+  std::vector<SuspectedField> places = {{"damping", "joint/*/damping", "damping", torque},
+                                        {"armature", "joint/*/armature", "armature", RoundedUp(model.stat.meaninertia)},
+                                        {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
+                                        {"stiffness", "joint/*/stiffness"},
+                                        {"gear", "actuator/*/gear[0]"},
+                                        {"kp", "actuator/*/kp"},
+                                        {"kv", "actuator/*/kv"},
+                                        {"friction", "geom/*/friction[0]"},
+                                        {"contact_time", "geom/*/solref[0]"},
+                                        {"contact_damping", "geom/*/solref[1]"},
+                                        {"inertia", "body/*/inertia"},
+                                        {"gravity", "opt/gravity[2]"}};
   if (model.nbody - 1 > kMostBodies) {
     places.push_back({"mass", "body/*/mass"});
     return places;
@@ -62,7 +62,8 @@ std::optional<std::vector<ModelField>> Resolved(const mjModel& model, ParameterS
 }
 
 /// Completes `spec` at the first of the place's meanings that the model has.
-std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Place& place, ParameterSpec& spec) {
+std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const SuspectedField& place,
+                                                ParameterSpec& spec) {
   spec = {.name = place.name, .field = place.path, .low = kLow, .high = kHigh, .logarithmic = true};
   std::optional<std::vector<ModelField>> fields = Resolved(model, spec);
   if (fields || place.if_zero.empty()) return fields;
@@ -85,7 +86,7 @@ std::vector<ParameterSpec> ModelSuspects(const mjModel& model, const ParameterSp
   for (const ParameterSpec& spec : searched.specs())
     std::ranges::move(ResolvePath(model, spec.field), std::back_inserter(taken));
   std::vector<ParameterSpec> suspects;
-  for (const Place& place : Places(model)) {
+  for (const SuspectedField& place : SuspectedFields(model)) {
     ParameterSpec spec;
     const auto fields = FieldsOf(model, place, spec);
     if (!fields) continue;

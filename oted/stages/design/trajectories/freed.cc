@@ -32,7 +32,7 @@ constexpr double kSurelyGained = 2.0;  // standard errors
 constexpr int kScreenedRows = 960, kScreenedIterations = 12;
 constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
-constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6, kLongFreedIterations = 8;
+constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6;
 constexpr int kFewestScreenedSteps = 4, kMostScreenedSteps = 8;
 constexpr double kScreenedSeconds = 0.06;
 constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kFewestNamed = 3;
@@ -69,30 +69,9 @@ class FreedTrials {
 
   /// The likeliest first.
   std::vector<Suspect> Find() {
-    const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
-    const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
-    if (wide == nullptr) return {};
-    // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
-    const ReadingModel readings = ReadingsOf(problem_.factory);
-    WindowReplayer every = Replayer(*wide, readings), alone = Replayer(problem_.factory, readings);
-    const int n_steps = ScreenedSteps(readings);
-    const Level level = LongWindows(every, parts_.learn, n_steps, RowsOf(n_steps, kScreenedRows), period_);
-    if (level.windows.size() < kFewestFreedWindows) return {};
-    const VectorXd scale = ChannelScales(parts_.learn);
-    LevelFit fit(alone, problem_.factory.parameters(), problem_.prior, scale, level, x_);
-    const double cost = ScreenedCost(fit);
-    std::vector<Suspect> suspects = Screened(specs, fit, every);
-    for (Suspect& suspect : suspects) {
-      const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
-      WindowReplayer replayer = Replayer(*wider, readings);
-      const Prior prior = WithUniform(problem_.prior);
-      LevelFit with(replayer, wider->parameters(), prior, scale, fit.level(), StartOf(*wider, fit.x(), suspect.value));
-      suspect.explains = cost - ScreenedCost(with);
-      suspect.value = ToZ(wider->parameters(), with.x()).back();
-    }
-    std::erase_if(suspects,
-                  [](const Suspect& s) { return !(s.explains > kFewestNats) || !IsNoticeable(s.spec, s.value); });
-    std::ranges::stable_sort(suspects, [](const Suspect& a, const Suspect& b) { return a.explains > b.explains; });
+    std::vector<Suspect> suspects = FindBy(ShortScreening());
+    // Of a robot's logs short windows tell little but noise: where they name nothing, longer ones are asked.
+    if (suspects.empty() && problem_.fit.errors_grow) suspects = FindBy(LongScreening());
     return suspects;
   }
 
@@ -139,42 +118,73 @@ class FreedTrials {
     return ::oted::ReadingsOf(factory.spec(), problem_.dataset, problem_.fit.unseen);
   }
 
-  /// Which are fitted, the likeliest first, and from where.
-  std::vector<Suspect> Screened(const std::vector<ParameterSpec>& specs, const LevelFit& fit,
-                                WindowReplayer& every) const {
+  /// The windows that suspects are screened by.
+  struct Screening {
+    int n_steps, n_rows, n_iterations;
+    bool errors_grow;  ///< no score is sure then: suspects without one are fitted as well
+  };
+
+  Screening ShortScreening() const {
+    const int n_steps = std::max(ShortestWindow(ReadingsOf(problem_.factory)),
+                                 std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
+                                            kFewestScreenedSteps, kMostScreenedSteps));
+    return {n_steps, kScreenedRows, kScreenedIterations, false};
+  }
+
+  Screening LongScreening() const {
+    const int longest = static_cast<int>(std::lround(kLongScreenedSeconds / period_));
+    const int n_steps = std::max(std::min(problem_.fit.window, longest),
+                                 ReadingsOf(problem_.factory).longest_age() + kFewestFreedSteps);
+    return {n_steps, std::max(kScreenedRows, kFewestLongWindows * n_steps), kLongScreenedIterations, true};
+  }
+
+  std::vector<Suspect> FindBy(const Screening& by) {
+    const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
+    const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
+    if (wide == nullptr) return {};
+    // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
+    const ReadingModel readings = ReadingsOf(problem_.factory);
+    WindowReplayer every = Replayer(*wide, readings), alone = Replayer(problem_.factory, readings);
+    const Level level = LongWindows(every, parts_.learn, by.n_steps, by.n_rows, period_);
+    if (level.windows.size() < kFewestFreedWindows) return {};
+    const VectorXd scale = ChannelScales(parts_.learn);
+    const auto cost_of = [&](LevelFit& fit) {
+      if (by.errors_grow) fit.LetErrorsGrow(noise_.cwiseAbs2());
+      Descend(fit, by.n_iterations);
+      return fit.FinalCost();
+    };
+    LevelFit fit(alone, problem_.factory.parameters(), problem_.prior, scale, level, x_);
+    const double cost = cost_of(fit);
     std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
-    // What the model lacks makes every score unsure: those without one are fitted as well.
-    for (size_t k = 0; problem_.fit.errors_grow && k < specs.size(); ++k) {
-      const ParameterSpec& spec = specs[k];
+    if (by.errors_grow) AddUnscored(specs, suspects);
+    suspects.resize(std::min(suspects.size(), by.errors_grow ? kMostLongScreened : kMostScreened));
+    for (Suspect& suspect : suspects) {
+      const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
+      WindowReplayer replayer = Replayer(*wider, readings);
+      const Prior prior = WithUniform(problem_.prior);
+      LevelFit with(replayer, wider->parameters(), prior, scale, fit.level(), StartOf(*wider, fit.x(), suspect.value));
+      suspect.explains = cost - cost_of(with);
+      suspect.value = ToZ(wider->parameters(), with.x()).back();
+    }
+    std::erase_if(suspects,
+                  [](const Suspect& s) { return !(s.explains > kFewestNats) || !IsNoticeable(s.spec, s.value); });
+    std::ranges::stable_sort(suspects, [](const Suspect& a, const Suspect& b) { return a.explains > b.explains; });
+    return suspects;
+  }
+
+  /// Those of `specs` that no score favours, and where their fit begins.
+  static void AddUnscored(const std::vector<ParameterSpec>& specs, std::vector<Suspect>& suspects) {
+    for (const ParameterSpec& spec : specs) {
       if (std::ranges::any_of(suspects, [&](const Suspect& s) { return s.spec.name == spec.name; })) continue;
       const bool at_bound = spec.nominal == spec.low;
       suspects.push_back(
           {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal});
     }
-    suspects.resize(std::min(suspects.size(), problem_.fit.errors_grow ? kMostLongScreened : kMostScreened));
-    return suspects;
   }
 
-  /// Control steps of the windows that suspects are screened by: short, where the sensors' noise is what is left; as
-  /// the design's, where short windows tell of little else.
-  int ScreenedSteps(const ReadingModel& readings) const {
-    if (problem_.fit.errors_grow) {
-      const int longest = static_cast<int>(std::lround(kLongScreenedSeconds / period_));
-      return std::max(std::min(problem_.fit.window, longest), readings.longest_age() + kFewestFreedSteps);
-    }
-    return std::max(ShortestWindow(readings), std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
-                                                         kFewestScreenedSteps, kMostScreenedSteps));
-  }
-
-  /// Rows of so long windows: `n`, or what makes enough of them.
-  int RowsOf(int n_steps, int n) const {
-    return problem_.fit.errors_grow ? std::max(n, kFewestLongWindows * n_steps) : n;
-  }
-
-  double ScreenedCost(LevelFit& fit) const {
-    if (problem_.fit.errors_grow) fit.LetErrorsGrow(noise_.cwiseAbs2());
-    Descend(fit, problem_.fit.errors_grow ? kLongScreenedIterations : kScreenedIterations);
-    return fit.FinalCost();
+  /// Rows of so long windows: what makes enough of them.
+  int FreedRows(int n_steps) const {
+    return problem_.fit.errors_grow ? std::max(kFreedRows, kFewestLongWindows * n_steps) : kFreedRows;
   }
 
   /// x, and behind it what a further parameter of this value has.
@@ -203,12 +213,12 @@ class FreedTrials {
     const int n_steps =
         std::max({std::min(problem_.fit.window, told), static_cast<int>(std::lround(kShortestLongWindow / period_)),
                   readings.longest_age() + kFewestFreedSteps});
-    const Level level = LongWindows(replayer, parts_.learn, n_steps, RowsOf(n_steps, kFreedRows), period_);
+    const Level level = LongWindows(replayer, parts_.learn, n_steps, FreedRows(n_steps), period_);
     if (level.windows.size() < kFewestFreedWindows) return std::nullopt;
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(replayer, space, prior, scale, level, from);
     fit.LetErrorsGrow(noise_.cwiseAbs2());
-    Descend(fit, problem_.fit.errors_grow ? kLongFreedIterations : kFreedIterations);
+    Descend(fit, kFreedIterations);
     const double cost = fit.FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
     const MatrixXd covariance = fit.Finish();

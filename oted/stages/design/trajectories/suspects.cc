@@ -13,8 +13,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDirected = 2.0;  // standard deviations
-constexpr double kStep = 0.02;     // of the logarithm of a multiple, of the range of a value
+constexpr double kDirected = 2.0;      // standard deviations
+constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
 constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
 
@@ -55,9 +55,9 @@ std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, cons
   std::vector<double> nominal, moved;
   for (const ParameterSpec& spec : specs) {
     nominal.push_back(spec.nominal);
-    moved.push_back(At(spec, kStep));
+    moved.push_back(At(spec, kSuspectStep));
   }
-  const auto evidence = fit.EvidenceIn(wider, nominal, moved, kStep);
+  const auto evidence = fit.EvidenceIn(wider, nominal, moved, kSuspectStep);
   const auto n_x = fit.x().size();
   VectorXd x = VectorXd::Zero(n_x + 1);
   x.head(n_x) = fit.x();
