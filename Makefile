@@ -81,10 +81,11 @@ corrupt: setup  ## each file of a finished and of two half-finished runs damaged
 	@scripts/build.sh dev
 	@.venv/bin/python tests/faults/corrupt.py build/release/oted build/corrupt --damages $(DAMAGES) --seed $(SEED) --record
 
-lint: setup  ## formatting, the rules on who may include whom, sizes of functions
+lint: setup  ## formatting, the rules on who may include whom, sizes of functions, names
 	@scripts/check_format.sh
 	@.venv/bin/python tests/lint_includes.py
 	@.venv/bin/python tests/lint_sizes.py
+	@.venv/bin/python tests/lint_names.py
 
 format: setup  ## clang-format every source in place
 	@scripts/check_format.sh --fix
