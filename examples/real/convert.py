@@ -3,7 +3,8 @@
     examples/real/convert.py so101_arm SAGE        # a checkout of isaac-sim2real/sage at 4ffd262
     examples/real/convert.py servo_pendulum BAM    # a checkout of Rhoban/bam at af22604
 
-Rows come onto an even grid: commands hold until the next row, readings are interpolated. Needs numpy.
+The arm's rows are even as they are. The servo's come onto an even grid: commands hold until the next row, readings are
+interpolated. Needs numpy.
 """
 
 import csv
@@ -41,7 +42,7 @@ def write(path, head, episodes):
     with gzip.GzipFile(path, "wb", mtime=0) as packed:
         lines = [",".join(head)]
         for name, rows in episodes:
-            lines += [",".join([name] + [f"{value:.5g}" for value in row]) for row in rows]
+            lines += [",".join([name] + [f"{value:.7g}" for value in row]) for row in rows]
         packed.write(("\n".join(lines) + "\n").encode())
 
 
@@ -54,7 +55,7 @@ def so101(checkout):
         read = np.array([json.loads(row["positions"])[:5] + json.loads(row["velocities"])[:5] for row in states])
         held = np.array([json.loads(row["positions"])[:5] for row in commands])
         n = np.searchsorted(times, SO101_LONGEST)
-        return name, even(times[:n], read[:n], held[:n], 0.02)
+        return name, np.column_stack([times - times[0], read, held])[:n]
 
     head = ["episode", "time"] + [f"joint/{joint}/{field}" for field in ("qpos", "qvel") for joint in SO101_JOINTS]
     head += [f"actuator/{joint}" for joint in SO101_JOINTS]
