@@ -6,7 +6,9 @@ Each cell is one `oted design` on the fit recordings. The judge is this script, 
 oted: windows of 1 s begin every 0.25 s in the held-out recordings, the logged actions are taken open loop, and every model
 starts from the same state, a parabola through the logged positions of 0.05 s about the start. The error is the root mean
 square of the joint positions over the first 0.1, 0.5 and 1 s; printed are ratios to the nominal model's, geometric means over
-joints. A cell that is in results/real_recordings.jsonl is not made again. Needs mujoco and numpy (requirements-test.txt).
+joints. What MJCF cannot carry is taken from the design's q.json: a delay of the actions mixes neighbouring rows, the zero of a
+position sensor is added to what the model shows. A column `gain` multiplies the stiffness of every servo. A cell that is in
+results/real_recordings.jsonl is not made again. Needs mujoco and numpy (requirements-test.txt).
 
 The method mujoco.sysid is MuJoCo's own identification, judged alike (rival_sysid_real.py):
 
@@ -16,10 +18,13 @@ The method mujoco.sysid is MuJoCo's own identification, judged alike (rival_sysi
 import argparse
 import csv
 import gzip
+import json
 import pathlib
+import re
 import subprocess
 import tempfile
 import time
+import typing
 
 import mujoco
 import numpy as np
@@ -32,21 +37,41 @@ RIVAL = "mujoco.sysid"
 SETS = {  # control period [s], held-out recordings by name
     "double_pendulum": (0.002, {"sine": ("143524", "143704", "144003"), "swing-up": ("154548",)}),
     "simple_pendulum": (0.005, {"all": None}),
+    "so101_arm": (0.02, {"waypoints": ("fast_transitions", "figure_eight", "diagonal_sweep", "symmetric_motion"),
+                         "jumps": ("prbs_excitation",)}),
+    "servo_pendulum": (0.005, {"new gain": ("sin_sin-200", "up_and_down-200", "sin_time_square-200"),
+                               "new motion": ("sin_time_square-100", "sin_time_square-400", "sin_time_square-800")}),
 }
 
 
+class Log(typing.NamedTuple):
+    positions: np.ndarray
+    actions: np.ndarray
+    gain: float  # of the firmware, in multiples of the model's
+
+
+class Judged(typing.NamedTuple):
+    """A model, and what of it MJCF cannot carry."""
+
+    path: pathlib.Path
+    delay: float = 0.0  # of the actions [rows]
+    zeros: dict[str, float] = {}  # what a joint's sensor shows at position 0
+
+
 def episodes(path):
-    """{name: (positions, actions)} of a log on an even grid."""
+    """{name: Log} of a log on an even grid."""
     with gzip.open(path, "rt") as file:
         rows = list(csv.reader(file))
     head = rows[0]
-    position = [i for i, name in enumerate(head) if name.endswith("/qpos")]
-    action = [i for i, name in enumerate(head) if name.startswith("actuator/")]
     found = {}
     for row in rows[1:]:
         found.setdefault(row[0], []).append(row)
-    return {name: (np.array([[float(r[i]) for i in position] for r in of]),
-                   np.array([[float(r[i]) for i in action] for r in of])) for name, of in found.items()}
+
+    def columns(of, wanted):
+        return np.array([[float(row[i]) for i, name in enumerate(head) if wanted(name)] for row in of])
+
+    return {name: Log(columns(of, lambda n: n.endswith("/qpos")), columns(of, lambda n: n.startswith("actuator/")),
+                      float(of[0][head.index("gain")]) if "gain" in head else 1.0) for name, of in found.items()}
 
 
 def start_state(positions, k, period):
@@ -58,13 +83,33 @@ def start_state(positions, k, period):
     return fit[2], fit[1]
 
 
-def errors(model_file, logs, period):
+def late(actions, delay):
+    """The actions as they act `delay` rows later; what lies between two rows mixes them."""
+    rows, part = int(delay), delay - int(delay)
+
+    def shifted(n):
+        return np.vstack([np.repeat(actions[:1], n, axis=0), actions[:len(actions) - n]])
+
+    return (1 - part) * shifted(rows) + part * shifted(rows + 1)
+
+
+def with_gain(model, gain, stiffness):
+    for i in range(model.nu):
+        if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE and stiffness[i] != 0:  # a servo
+            model.actuator_gainprm[i, 0], model.actuator_biasprm[i, 1] = gain * stiffness[i], -gain * stiffness[i]
+
+
+def errors(judged, logs, period):
     """Root mean square error per mark and joint."""
-    model = mujoco.MjModel.from_xml_path(str(model_file))
+    model = mujoco.MjModel.from_xml_path(str(judged.path))
     data = mujoco.MjData(model)
+    stiffness = -model.actuator_biasprm[:, 1].copy()
+    zeros = np.array([judged.zeros.get(model.joint(j).name, 0.0) for j in range(model.njnt)])
     substeps, n = round(period / model.opt.timestep), round(1.0 / period)
     squares = []
-    for positions, actions in logs:
+    for log in logs:
+        with_gain(model, log.gain, stiffness)
+        positions, actions = log.positions - zeros, late(log.actions, judged.delay)
         for k in range(max(12, round(0.025 / period)), len(positions) - n - round(0.025 / period), round(0.25 / period)):
             mujoco.mj_resetData(model, data)
             data.qpos[:], data.qvel[:] = start_state(positions, k, period)
@@ -79,21 +124,26 @@ def errors(model_file, logs, period):
 
 
 def design(folder, method, oted, out):
-    """The designed model's file, and the program's exit code."""
+    """The designed model, and the program's exit code."""
     command = [str(oted), "design", str(folder / "task.toml"), "--out", str(out), "--quiet", "--set", f"design.method={method}"]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode not in (0, 4):
-        raise SystemExit(done.stderr)
+        raise RuntimeError(done.stderr.strip())
     # A design that does not surely predict better is judged as well.
-    subprocess.run([str(oted), "export", str(out), "--mjcf", f"{out}/export/designed.xml"], check=True, capture_output=True)
-    return out / "export/designed.xml", done.returncode
+    xml, q = out / "export/designed.xml", out / "export/q.json"
+    subprocess.run([str(oted), "export", str(out), "--mjcf", str(xml), "--q", str(q)], check=True, capture_output=True)
+    q = json.loads(q.read_text())
+    best = next(one for one in q["components"] if one["seed"] == q["best_seed"])
+    values = dict(zip(q["fields"], best["mode"]))
+    zeros = {field.split("/")[2]: value for field, value in values.items() if re.fullmatch("obs/joint/[^/]+/qpos/bias", field)}
+    return Judged(xml, values.get("action/delay", 0.0), zeros), done.returncode
 
 
 def rival(folder, period, out):
     import rival_sysid_real  # in an environment of its own: requirements-sysid.txt
 
     rival_sysid_real.fit(folder, list(episodes(folder / "fit.csv.gz").values()), period, start_state, out / "designed.xml")
-    return out / "designed.xml", 0
+    return Judged(out / "designed.xml"), 0
 
 
 def make(name, method, oted):
@@ -110,7 +160,7 @@ def make(name, method, oted):
             cell["cpu_seconds"] = round(time.process_time() - cpu)
         for part, wanted in parts.items():
             chosen = [of for episode, of in logs.items() if wanted is None or episode in wanted]
-            nominal = errors(folder / "model.xml", chosen, period)
+            nominal = errors(Judged(folder / "model.xml"), chosen, period)
             designed = errors(model, chosen, period)
             cell["nominal"][part] = {str(mark): [round(float(v), 4) for v in nominal[mark]] for mark in MARKS}
             cell["ratios"][part] = {
@@ -128,8 +178,12 @@ def main():
     for name in arguments.sets:
         for method in arguments.methods:
             cell = f"{name}-{method}"
-            if not arguments.table and cell not in records(STUDY):
+            if arguments.table or cell in records(STUDY):
+                continue
+            try:
                 add_record(STUDY, cell, make(name, method, arguments.oted))
+            except RuntimeError as error:  # a method that does not take such logs
+                print(f"{cell}: {error}")
     print("| set | held out | method | 0.1 s | 0.5 s | 1 s |\n|---|---|---|---|---|---|")
     for record in records(STUDY).values():
         for part, ratio in record["ratios"].items():

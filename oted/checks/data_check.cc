@@ -52,7 +52,15 @@ void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, std
   }
 }
 
-void AddOneStep(const OneStepError& e, const SimulatorSpec& spec, std::vector<Finding>& findings) {
+/// The parameter that takes a delay; empty where there is none.
+std::string DelayAmong(const ParameterSpace& parameters) {
+  const auto is_delay = [](const ParameterSpec& spec) { return spec.field.ends_with("/delay"); };
+  const auto found = std::ranges::find_if(parameters.specs(), is_delay);
+  return found == parameters.specs().end() ? "" : found->name;
+}
+
+void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vector<Finding>& findings) {
+  const SimulatorSpec& spec = factory.spec();
   if (e.n_rows == 0) {
     findings.push_back({.check = "one_step_error",
                         .severity = Severity::kWarning,
@@ -93,17 +101,19 @@ void AddOneStep(const OneStepError& e, const SimulatorSpec& spec, std::vector<Fi
   const auto best = std::min_element(e.ratio_by_shift.begin(), e.ratio_by_shift.end(),
                                      [](const auto& a, const auto& b) { return a.second < b.second; });
   if (best->first == 0 || exact || best->second > kShiftGain * own) return;
+  const std::string delay = best->first < 0 ? DelayAmong(factory.parameters()) : "";
   findings.push_back(
       {.check = "shifted_actions",
-       .severity = Severity::kWarning,
+       .severity = delay.empty() ? Severity::kWarning : Severity::kNote,
        .what = fmt::format("the action {} row(s) {} explains a row better than its own: error {:.2g} instead of {:.2g}",
                            std::abs(best->first), best->first < 0 ? "before" : "later", best->second, own),
        .count = std::abs(best->first),
        .meaning = best->first < 0
                       ? "the target acts with a delay, its sensors show late, or actions were logged too early"
                       : "actions were logged too late: with the state that they led to",
-       .remedy = "shift the actions in the log by this number of rows, or make the delay a parameter: action/delay, "
-                 "obs/NAME/delay"});
+       .remedy = delay.empty() ? "shift the actions in the log by this number of rows, or make the delay a parameter: "
+                                 "action/delay, obs/NAME/delay"
+                               : fmt::format("none needed: the parameter '{}' takes it", delay)});
 }
 
 void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, std::vector<Finding>& findings) {
@@ -231,7 +241,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
   if (spec.can_set_state) {
     CheckTerminals(*factory, dataset, check.findings);
     check.one_step = MeasureOneStep(*factory, dataset, kOneStepRows, context.n_threads);
-    AddOneStep(*check.one_step, spec, check.findings);
+    AddOneStep(*check.one_step, *factory, check.findings);
     const auto better = FindBetterEngine(spec.task, *check.one_step, dataset, kOneStepRows, context.n_threads);
     if (better) AddEngine(*better, *check.one_step, spec, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states

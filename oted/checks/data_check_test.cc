@@ -10,6 +10,7 @@
 #include "oted/checks/data_record.h"
 #include "oted/matching/judge.h"
 #include "oted/matching/testing.h"
+#include "oted/sim/channel_factory.h"
 #include "oted/sim/testing.h"
 
 namespace oted::data_check_test {
@@ -88,6 +89,21 @@ TEST(CheckData, ActionsThatAreARowLateAreFound) {
   ASSERT_NE(Find(check, "shifted_actions"), nullptr);
   EXPECT_NE(Find(check, "shifted_actions")->what.find("1 row(s) before"), std::string::npos);
   EXPECT_EQ(Find(check, "one_step_error")->severity, Severity::kWarning);
+}
+
+TEST(CheckData, ADelayAmongTheParametersTakesActionsThatActLate) {
+  Dataset logs = PointMassLogs({1, 1, 0.5}, 20);
+  const Array2<double> own = logs.actions;
+  for (const Episode& e : logs.Episodes()) {
+    for (int i = e.begin; i + 1 < e.end; ++i) logs.actions(i, 0) = own(i + 1, 0);
+  }
+  std::vector<ParameterSpec> specs = PointMass::MakeParameters().specs();
+  specs.push_back({.name = "late", .field = "action/delay", .low = 0, .high = 2, .scale = ParameterScale::kAbsolute});
+  const auto factory = WithChannels(specs, [](const auto&) { return std::make_unique<PointMassFactory>(); });
+  const DataCheck check = Check(logs, factory.get());
+  ASSERT_NE(Find(check, "shifted_actions"), nullptr);
+  EXPECT_EQ(Find(check, "shifted_actions")->severity, Severity::kNote);
+  EXPECT_NE(Find(check, "shifted_actions")->remedy.find("'late' takes it"), std::string::npos);
 }
 
 TEST(CheckData, TerminalsThatTheRuleDoesNotExplainAreFound) {

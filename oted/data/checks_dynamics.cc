@@ -148,10 +148,10 @@ void CheckDynamics(const Dataset& dataset, const TaskFacts& facts, std::vector<F
                         .row = -1,
                         .count = static_cast<int64_t>(channels.size()),
                         .channels = channels,
-                        .meaning = "the simulator's readings are exact: the judge tells the logs by their noise, "
-                                   "whatever the parameters are",
-                        .remedy = "give the simulator the same noise where the task has a parameter for it, or smooth "
-                                  "the log without delay (forward and backward) before the design"});
+                        .meaning = "the simulator's readings are exact: a discriminator tells the logs by their noise, "
+                                   "whatever the parameters are; the default method estimates the noise beside them",
+                        .remedy = "none needed for the default method; for the others give the simulator the same "
+                                  "noise (obs/NAME/noise_std)"});
   };
   add(Severity::kWarning, strong);
   add(Severity::kNote, weak);

@@ -7,6 +7,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "oted/data/standing_rows.h"
+
 namespace oted {
 namespace {
 
@@ -83,7 +85,7 @@ void CheckDuplicates(const Dataset& d, const std::vector<Episode>& episodes, con
                equal(Bytes(d.actions.row(a)), Bytes(d.actions.row(b))) &&
                equal(Bytes(d.next_observations.row(a)), Bytes(d.next_observations.row(b)));
       });
-  std::erase_if(rows, [&](int i) { return explained[static_cast<size_t>(i)] != 0; });
+  std::erase_if(rows, [&](int i) { return explained[static_cast<size_t>(i)] != 0 || Stands(d, i); });
   if (rows.empty()) return;
   const double share = static_cast<double>(rows.size()) / d.size();
   findings.push_back(
@@ -92,28 +94,28 @@ void CheckDuplicates(const Dataset& d, const std::vector<Episode>& episodes, con
        .what = fmt::format("{} rows ({:.1f} %) repeat an earlier transition to the last bit", rows.size(), 100 * share),
        .row = rows[0],
        .count = static_cast<int64_t>(rows.size()),
-       .meaning = "a transition logged twice weighs twice; many of them mean a robot at rest or a log written twice",
-       .remedy = "remove the copies, and cut phases in which nothing happens"});
+       .meaning = "a transition logged twice weighs twice; many of them mean a log that was written twice",
+       .remedy = "remove the copies"});
 }
 
-void CheckStanding(const Dataset& d, std::vector<Finding>& findings) {
-  int n = 0, first = -1;
-  for (int i = 0; i < d.size(); ++i) {
-    if (Bytes(d.observations.row(i)) != Bytes(d.next_observations.row(i))) continue;
-    if (n++ == 0) first = i;
-  }
+void CheckStanding(const Dataset& d, const std::vector<Episode>& episodes, std::vector<Finding>& findings) {
+  const StandingRows standing = CountStandingRows(d, episodes);
+  const int n = standing.n;
   if (n == 0) return;
   const double share = static_cast<double>(n) / d.size();
-  findings.push_back({.check = "standing_rows",
-                      .severity = share > kStandingShare ? Severity::kWarning : Severity::kNote,
-                      .what = fmt::format("in {} rows ({:.1f} %) the next observation equals the observation to the "
-                                          "last bit",
-                                          n, 100 * share),
-                      .row = first,
-                      .count = n,
-                      .meaning = "the log is written faster than the sensors are read, or the robot was off: no "
-                                 "simulator stands still so exactly, and the gap is closed with wrong parameters",
-                      .remedy = "log at the sensors' rate, or keep only rows in which a new reading arrived"});
+  const bool is_old = n - standing.n_at_rest > kStandingShare * d.size();
+  findings.push_back(
+      {.check = "standing_rows",
+       .severity = is_old ? Severity::kWarning : Severity::kNote,
+       .what = fmt::format("in {} rows ({:.1f} %) the next observation equals the observation to the last bit", n,
+                           100 * share),
+       .row = standing.first,
+       .count = n,
+       .meaning = is_old ? "the log is written faster than the sensors are read, or the robot was off: no simulator "
+                           "stands still so exactly, and the gap is closed with wrong parameters"
+                         : "the robot rests, or moves less than a step of its sensors",
+       .remedy =
+           is_old ? "log at the sensors' rate, or keep only rows in which a new reading arrived" : "none needed"});
 }
 
 /// Root mean square and 95 % quantile of each channel's change from s to s'.
@@ -275,7 +277,7 @@ void CheckRows(const Dataset& dataset, const TaskFacts& facts, std::vector<Findi
   CheckDuplicates(dataset, episodes, facts, findings);
   if (facts.flat_observations && facts.continuous_actions) {
     const Changes changes = MeasureChanges(dataset);
-    CheckStanding(dataset, findings);
+    CheckStanding(dataset, episodes, findings);
     CheckNextObservations(dataset, changes, findings);
     CheckJumps(dataset, changes, findings);
   }

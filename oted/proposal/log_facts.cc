@@ -22,6 +22,9 @@ constexpr double kWindow_s = 0.1;
 constexpr size_t kWindows = 200;
 constexpr double kBeyondLimit = 0.1;  // of a joint's range
 constexpr int kRows = 400;
+constexpr int kMostLag = 6;       // rows that a velocity is looked for in
+constexpr double kLate = 0.5;     // rows from which on it is said
+constexpr double kLagGain = 0.7;  // the lag must bring what is unexplained below this share
 constexpr double kDegree = std::numbers::pi / 180;
 
 bool Near(double value, double wanted) { return std::abs(value - wanted) < kUnitSlack * std::abs(wanted); }
@@ -45,6 +48,48 @@ void AddRateFacts(const Dataset& dataset, const SimulatorSpec& spec, std::vector
       facts.push_back(shown + ": look at the units of both, at the control period, and at what filters the velocity");
     }
   }
+}
+
+/// By how many rows the velocity shows what its position does: 0 where that is not clear.
+double VelocityLag(const Dataset& dataset, const std::vector<Episode>& episodes, const RateAgreement& rate) {
+  std::vector<double> unexplained;  // by lag
+  for (int lag = 0; lag <= kMostLag; ++lag) {
+    double dv = 0, vv = 0, dd = 0;
+    for (const Episode& episode : episodes) {
+      for (int i = episode.begin + kMostLag + 1; i < episode.end; ++i) {
+        const double change = (dataset.next_observations(i - lag, rate.position) -
+                               dataset.observations(i - lag - 1, rate.position));  // over two rows, about row i - lag
+        const double speed = dataset.observations(i, rate.velocity);
+        dv += change * speed;
+        vv += speed * speed;
+        dd += change * change;
+      }
+    }
+    if (vv == 0 || dd == 0 || dv <= 0) return 0;
+    unexplained.push_back(1 - dv * dv / (vv * dd));
+  }
+  const auto best = static_cast<size_t>(std::ranges::min_element(unexplained) - unexplained.begin());
+  const bool is_clear = best > 0 && best < kMostLag && unexplained[best] < 1 - kClear * kClear &&
+                        unexplained[best] < kLagGain * unexplained[0];
+  if (!is_clear) return 0;
+  const double before = unexplained[best - 1], at = unexplained[best], after = unexplained[best + 1];
+  return static_cast<double>(best) + (before - after) / (2 * (before - 2 * at + after));
+}
+
+/// Velocities that show late, as a drive's filter makes them.
+void AddLagFacts(const Dataset& dataset, const SimulatorSpec& spec, std::vector<std::string>& facts) {
+  const std::vector<Episode> episodes = dataset.Episodes();
+  std::vector<std::string> late;
+  for (const RateAgreement& rate : CompareRates(dataset, spec.rate_of)) {
+    const double lag = VelocityLag(dataset, episodes, rate);
+    if (lag < kLate) continue;
+    late.push_back(fmt::format("{} by {:.2g} rows", spec.observation_names[static_cast<size_t>(rate.velocity)], lag));
+  }
+  if (late.empty()) return;
+  facts.push_back(
+      fmt::format("velocities show late: {}; leave them out of the observations, or make the lag a parameter "
+                  "(obs/joint/*/qvel/delay)",
+                  fmt::join(late, ", ")));
 }
 
 /// Logged positions against the joint's limits.
@@ -136,7 +181,7 @@ void AddReplayFacts(const SimulatorFactory& factory, const Dataset& dataset, int
   }
   if (*own > kUseless) {
     facts.push_back(
-        fmt::format("replayed for {:g} s, the model ends {:.2g} times as far from the log as if nothing had "
+        fmt::format("replayed for {:g} s, the model ends {:.2f} times as far from the log as if nothing had "
                     "moved: compare units, signs and columns before a design",
                     kWindow_s, std::sqrt(*own)));
   }
@@ -223,6 +268,7 @@ std::vector<std::string> SuspiciousFacts(const SimulatorFactory& factory, const 
   const bool disagree = !facts.empty();
   if (disagree)
     facts.emplace_back("until positions and velocities agree, the actions' signs and delays are not judged");
+  AddLagFacts(dataset, factory.spec(), facts);
   AddLimitFacts(dataset, factory.spec(), model, facts);
   if (factory.spec().can_set_state && !disagree) AddReplayFacts(factory, dataset, n_threads, facts);
   return facts;

@@ -117,14 +117,7 @@ void WriteParameters(std::ostream& out, const Proposal& proposal) {
   size_t widest = 0;
   for (const ParameterSpec& spec : proposal.config.parameters) widest = std::max(widest, spec.name.size());
   for (const ParameterSpec& spec : proposal.config.parameters) {
-    // A path that ties several numbers is a list in a file.
-    std::vector<std::string> paths;
-    std::string rest = spec.field;
-    for (size_t at = rest.find(" + "); at != std::string::npos; at = rest.find(" + ")) {
-      paths.push_back(rest.substr(0, at));
-      rest.erase(0, at + 3);
-    }
-    paths.push_back(rest);
+    const std::vector<std::string> paths = TiedPaths(spec.field);  // several are a list in a file
     out << fmt::format("{:<{}} = {{ field = {}, range = [{:g}, {:g}]{}{} }}\n", spec.name, widest,
                        paths.size() == 1 ? Toml(paths[0]) : Toml(paths), spec.low, spec.high,
                        spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",

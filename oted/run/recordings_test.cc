@@ -18,8 +18,10 @@
 
 namespace oted::recordings_test {
 
+using testing::DoubleNear;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Pointwise;
 
 constexpr const char* kPendulumXml = R"(<mujoco>
   <option timestep="0.005"/>
@@ -152,6 +154,75 @@ TEST(Recordings, ACsvMayHaveTheConstantsAsColumns) {
   EXPECT_EQ(again.constants(599, 0), 0.6);
   const Dataset heavy = again.Select({again.Episodes()[1]});
   EXPECT_EQ(heavy.constants(0, 0), 0.6);
+}
+
+/// The pendulum with a servo of this stiffness [N m/rad] and of at most this torque [N m].
+std::string ServoXml(double stiffness, double torque) {
+  std::string xml = kPendulumXml;
+  const std::string motor = "<motor name=\"motor\" joint=\"hinge\" ctrlrange=\"-2 2\" ctrllimited=\"true\"/>";
+  return xml.replace(xml.find(motor), motor.size(),
+                     fmt::format("<position name=\"servo\" joint=\"hinge\" ctrlrange=\"-2 2\" ctrllimited=\"true\" "
+                                 "kp=\"{}\" forcerange=\"{} {}\" forcelimited=\"true\"/>",
+                                 stiffness, -torque, torque));
+}
+
+std::unique_ptr<SimulatorFactory> ServoFactory(const TestFolder& folder, const std::string& rest) {
+  const std::string task = "[task]\nmodel = \"servo.xml\"\ncontrol_period = 0.02\n" + rest;
+  const RunConfig config = RunConfig::FromToml(task, folder / "task.toml");
+  return MakeSimulatorFactory(config.task, config.parameters);
+}
+
+/// Angles of 60 steps towards 1 rad, of a lane with this z in a recording with these constants.
+std::vector<double> StepResponse(const SimulatorFactory& factory, const std::vector<double>& z,
+                                 const std::vector<double>& constants) {
+  const auto simulator = factory.Make(1, 1);
+  simulator->SetParameters(0, z);
+  EXPECT_TRUE(
+      simulator->SetState(0, std::vector<double>{0, 0}, {.observations = {}, .actions = {}, .constants = constants}));
+  std::vector<double> angles;
+  for (int i = 0; i < 60; ++i) {
+    const int lane = 0;
+    simulator->Step({&lane, 1}, std::vector<double>{1});
+    angles.push_back(simulator->observation(0)[0]);
+  }
+  return angles;
+}
+
+constexpr const char* kGain = "[task.constants]\ngain = { field = \"actuator/servo/kp\" }\n[parameters]\n";
+constexpr const char* kIdle = "idle = { field = \"opt/wind[0]\", range = [0, 1], scale = \"absolute\" }\n";
+
+// The firmware's gain is known of each recording, what a unit of it is worth is not.
+TEST(Recordings, AKnownGainMultipliesTheStiffnessThatIsSearched) {
+  const TestFolder folder;
+  const auto truth = [&](double stiffness, double torque) {
+    WriteFileAtomically(folder / "servo.xml", ServoXml(stiffness, torque));
+    return StepResponse(*ServoFactory(folder, std::string("[parameters]\n") + kIdle), {0}, {});
+  };
+  const auto soft = truth(4 * 0.5 * 0.25, 1.5 * 0.5), hard = truth(4 * 0.5 * 2, 1.5 * 0.5), alone = truth(4 * 0.5, 1.5);
+  WriteFileAtomically(folder / "servo.xml", ServoXml(4, 1.5));
+  const auto tied = ServoFactory(
+      folder, std::string(kGain) + kIdle +
+                  "torque = { field = [\"actuator/servo/kp\", \"actuator/servo/forcerange\"], range = [0.4, 1.2] }\n");
+  ASSERT_EQ(tied->parameters().size(), 2);
+  EXPECT_EQ(tied->parameters()[1].field, "actuator/servo/kp + actuator/servo/forcerange");
+  EXPECT_THAT(StepResponse(*tied, {0, 0.5}, {0.25}), Pointwise(DoubleNear(1e-12), soft));
+  EXPECT_THAT(StepResponse(*tied, {0, 0.5}, {2}), Pointwise(DoubleNear(1e-12), hard));
+  // A parameter that has no other path is driven through the constant alone.
+  const auto one = ServoFactory(
+      folder, std::string(kGain) + "stiffness = { field = \"actuator/servo/kp\", range = [0.4, 1.2] }\n" + kIdle);
+  ASSERT_EQ(one->parameters().size(), 2);
+  EXPECT_THAT(StepResponse(*one, {0.5, 0}, {}), Pointwise(DoubleNear(1e-12), alone)) << "as in the model";
+}
+
+TEST(Recordings, AConstantInUnitsOfItsOwnAndAParameterOnTheSameNumberAreRefused) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "servo.xml", ServoXml(4, 1.5));
+  const std::string gain = "[task.constants]\ngain = { field = \"actuator/servo/kp\", scale = \"absolute\" }\n";
+  EXPECT_THAT(MessageOf<UsageError>([&] {
+                ServoFactory(folder,
+                             gain + "[parameters]\nkp = { field = \"actuator/servo/kp\", range = [0.4, 1.2] }\n");
+              }),
+              HasSubstr("both set actuator/servo/gainprm[0]"));
 }
 
 TEST(Recordings, ResultsDependOnTheirConstants) {

@@ -1,6 +1,7 @@
 #pragma once
 /// What is known of each recording and differs between them: a payload, a gain of the firmware, the zero of a sensor.
-/// Paths are those of parameters, values come with the logs (LoggedHistory::constants).
+/// Paths are those of parameters, values come with the logs (LoggedHistory::constants). Where a parameter has the paths
+/// of a constant too, and both are multiples of the nominal value, the constant multiplies what the parameter gives.
 
 #include <functional>
 #include <memory>
@@ -16,6 +17,8 @@ struct ConstantsSetup {
   SimulatorSpec spec;           ///< with constant_names
   ParameterSpace space;         ///< what is searched
   std::vector<double> nominal;  ///< of the constants: as in the model
+  std::vector<int> left_to_it;  ///< the parameters that the simulator inside has
+  std::vector<int> scale_of;    ///< of the constants: the parameter that is searched on the same numbers, or -1
   /// z and the constants, as the simulator inside has them. @param known  empty, or one each; NaN: as in the model
   std::vector<double> Join(std::span<const double> z, std::span<const double> known) const;
 };
@@ -62,7 +65,7 @@ class ConstantsSimulator : public Simulator {
 
 class ConstantsSimulatorFactory : public SimulatorFactory {
  public:
-  /// Makes the factory inside, of the parameters and then the constants.
+  /// Makes the factory inside, of the parameters and then the constants: no number is set by two of them.
   using Maker = std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>;
 
   /// @param constants  fields of the model, or obs/NAME/bias. @throws UsageError for others, and as `make` does

@@ -55,6 +55,17 @@ void ParameterSpec::Check() const {
   }
 }
 
+std::vector<std::string> TiedPaths(const std::string& field) {
+  constexpr std::string_view kTie = " + ";
+  std::vector<std::string> paths;
+  for (size_t begin = 0;;) {
+    const size_t end = field.find(kTie, begin);
+    paths.push_back(field.substr(begin, end == std::string::npos ? end : end - begin));
+    if (end == std::string::npos) return paths;
+    begin = end + kTie.size();
+  }
+}
+
 ParameterSpec ParseParameterSpec(const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == std::string::npos) throw UsageError(fmt::format("parameter '{}' has no '='; {}", text, kForm));

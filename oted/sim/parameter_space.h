@@ -38,6 +38,9 @@ struct ParameterSpec {
   void Check() const;
 };
 
+/// The paths that a field ties together: "body/hand/mass + body/hand/inertia" names two.
+std::vector<std::string> TiedPaths(const std::string& field);
+
 /// Reads "name=path:low:high[:log][:absolute][:prior=MEAN,STD]". @throws UsageError
 ParameterSpec ParseParameterSpec(const std::string& text);
 

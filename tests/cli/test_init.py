@@ -188,6 +188,14 @@ class InitTest(ProgramTest):
         self.assertIn("joint/elbow_joint/qpos changes -1 times as fast as joint/elbow_joint/qvel says", text)
         self.assertNotIn("with the other sign of", text, "one correction at a time")
 
+    def test_velocities_that_show_late_are_told(self):
+        rows = swing(1)
+        rows[2:, 3] = rows[:-2, 3].copy()  # the shoulder's, by two rows
+        text, _ = self.init(self.csv(rows))
+        self.assertRegex(text, r"velocities show late: joint/shoulder_joint/qvel by (1\.[5-9]|2(\.[0-4])?) rows; leave them out")
+        self.task.unlink()
+        self.assertNotIn("show late", self.init(self.csv(swing(2)))[0])
+
     def test_an_action_of_the_other_sign_is_told(self):
         rows = swing(1)
         rows[:, 6] *= -1

@@ -276,11 +276,8 @@ std::vector<ModelField> ResolveOne(const mjModel& model, const std::string& path
 }  // namespace
 
 std::vector<ModelField> ResolvePath(const mjModel& model, const std::string& path) {
-  constexpr std::string_view kTie = " + ";
   std::vector<ModelField> all;
-  for (size_t begin = 0;;) {
-    const size_t end = path.find(kTie, begin);
-    const std::string one = path.substr(begin, end == std::string::npos ? end : end - begin);
+  for (const std::string& one : TiedPaths(path)) {
     for (ModelField& field : ResolveOne(model, one)) {
       for (const ModelField& other : all) {
         if (!SharePlace(field, other)) continue;
@@ -288,9 +285,8 @@ std::vector<ModelField> ResolvePath(const mjModel& model, const std::string& pat
       }
       all.push_back(std::move(field));
     }
-    if (end == std::string::npos) return all;
-    begin = end + kTie.size();
   }
+  return all;
 }
 
 bool SharePlace(const ModelField& a, const ModelField& b) {
