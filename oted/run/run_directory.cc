@@ -203,6 +203,7 @@ void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
 }
 
 void RunDirectory::Begin(const Artifact& artifact) const {
+  if (held_ != nullptr) held_->lock.CheckPlace();
   if (!HasFolder(artifact)) return;
   CheckCheckpoint(artifact);
   const fs::path folder = artifact.file.parent_path();
@@ -215,6 +216,7 @@ void RunDirectory::Begin(const Artifact& artifact) const {
 }
 
 void RunDirectory::Complete(const Artifact& artifact, json& record) const {
+  if (held_ != nullptr) held_->lock.CheckPlace();
   const fs::path folder = artifact.file.parent_path();
   record["fingerprint"] = artifact.fingerprint;
   record.erase("made_from");

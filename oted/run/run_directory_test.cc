@@ -237,6 +237,30 @@ TEST(RunDirectory, OneDirectoryOneHolder) {
   const RunDirectory next(folder.path());
 }
 
+TEST(RunDirectory, ADirectoryThatIsMovedOrRemovedMeanwhileIsAnErrorAndNoPartOfAResult) {
+  for (const bool moved : {true, false}) {
+    const TestFolder folder;
+    const RunDirectory directory(folder / "run");
+    const auto make = [&] {
+      moved ? fs::rename(folder / "run", folder / "moved") : static_cast<void>(fs::remove_all(folder / "run"));
+      return Loss();
+    };
+    const std::string message = MessageOf<DataError>([&] { directory.Once(Clone(directory, "aa"), make); });
+    EXPECT_THAT(message, HasSubstr((folder / "run").string() + "' was moved or removed"));
+    EXPECT_FALSE(fs::exists(directory.clone() / "clone.json"));
+    EXPECT_THROW(directory.Once(OnTop(directory, "aa"), Loss), DataError) << "nor is another stage begun there";
+  }
+}
+
+TEST(RunDirectory, ALockInWhosePlaceALinkLiesIsRefusedAndWhatItLeadsToStays) {
+  const TestFolder folder;
+  fs::create_directory(folder / "run");
+  WriteFileAtomically(folder / "precious", "mine");
+  fs::create_symlink(folder / "precious", folder / "run/.lock");
+  EXPECT_THAT(MessageOf<DataError>([&] { RunDirectory directory(folder / "run"); }), HasSubstr(".lock"));
+  EXPECT_EQ(ReadFile(folder / "precious"), "mine");
+}
+
 TEST(RunDirectory, WhatDeadProgramsLeftHalfWrittenIsRemoved) {
   const TestFolder folder;
   WriteFileAtomically(folder / "agents/1/policy.npz.tmp-0123abcd-77-1", "half");

@@ -131,6 +131,19 @@ class TestDamage(RunTest):
             self.assertRegex(result.stdout, f"damaged +{name}: ")
             shutil.copy(self.finished / name, self.out / name)
 
+    def test_a_record_without_its_seal_is_damage(self):
+        for path in sorted(self.out.rglob("*.json")):
+            name = str(path.relative_to(self.out))
+            if name == "export/q.json":
+                continue  # export.json speaks for it
+            whole = path.read_text()
+            for text in (json.dumps({key: value for key, value in json.loads(whole).items() if key != "seal"}), "null", "[]"):
+                path.write_text(text)
+                result = oted("verify", self.out)
+                self.assertEqual(result.returncode, DATA_OR_MODEL, name)
+                self.assertRegex(result.stdout, f"damaged +{name}: ")
+            path.write_text(whole)
+
     def test_a_changed_record_is_refused_with_its_name_by_every_reader(self):
         for name, field in (("design/default/1/q.json", "mean"), ("design.json", "score"), ("agents/1/agent.json", "eval_return")):
             record = json.loads((self.finished / name).read_text())

@@ -8,7 +8,8 @@ four faults are tried: the process is killed before it, a write takes half of it
 fails once. Processes that the command starts run undisturbed. After it, the exit code must be one of those documented, and the
 same command must end with the results of an undisturbed one, byte for byte, and leave no temporary file, no lock and no
 process. --kills adds kill -9 of the command at that many moments, with two threads. --record puts the counts into
-benchmarks/results/faults.jsonl. Ends with 1 where anything differed.
+benchmarks/results/faults.jsonl. A campaign that was stopped goes on where it was, when it is given again with the same program.
+Ends with 1 where anything differed.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import subprocess
 import sys
 import time
 
-from campaign import COMMANDS, DATA_OR_MODEL, record
+from campaign import COMMANDS, DATA_OR_MODEL, Ledger, record
 
 KINDS = ("kill", "short", "nospace", "ioerror")
 
@@ -30,6 +31,7 @@ class Crash:
     def __init__(self, campaign, library):
         self.campaign = campaign
         self.library = os.path.abspath(library)
+        self.ledger = Ledger(campaign.folder / "tried.jsonl", campaign.oted, self.library)
         self.calls = self.count()
 
     def environment(self, **more):
@@ -102,11 +104,14 @@ class Crash:
                     point = next((p for p in range(point, n_calls) if self.calls[p] == "write"), None)
                     if point is None or (n == n_calls and point != i):
                         continue
-                self.fault(point, self.calls[point], kind)
+                name = f"{point} {kind}"
+                self.ledger.attempt(name, self.campaign, lambda point=point, kind=kind: self.fault(point, self.calls[point], kind))
                 tried += 1
         rng = random.Random(1)
-        for _ in range(n_kills):
-            self.kill_at(rng.uniform(0, self.length))
+        for k in range(n_kills):
+            share = rng.uniform(0, 1)
+            self.ledger.attempt(f"kill {k}", self.campaign, lambda share=share: self.kill_at(share * self.length))
+        self.ledger.close()
         return tried
 
 
