@@ -246,7 +246,7 @@ TEST(RunDirectory, ADirectoryThatIsMovedOrRemovedMeanwhileIsAnErrorAndNoPartOfAR
       return Loss();
     };
     const std::string message = MessageOf<DataError>([&] { directory.Once(Clone(directory, "aa"), make); });
-    EXPECT_THAT(message, HasSubstr((folder / "run").string() + "' was moved or removed"));
+    EXPECT_THAT(message, HasSubstr(std::string(folder / "run") + "' was moved or removed"));
     EXPECT_FALSE(fs::exists(directory.clone() / "clone.json"));
     EXPECT_THROW(directory.Once(OnTop(directory, "aa"), Loss), DataError) << "nor is another stage begun there";
   }

@@ -4,6 +4,7 @@
 """
 
 import gzip
+import importlib.metadata
 import io
 import json
 import os
@@ -234,6 +235,11 @@ class TestDamage(RunTest):
 
 
 class TestDirectory(RunTest):
+    def test_records_name_the_version_of_mujoco_that_is_loaded(self):
+        wanted = importlib.metadata.version("mujoco")
+        self.assertEqual(json.loads((self.out / "versions.json").read_text())["mujoco"], wanted)
+        self.assertEqual(json.loads((self.out / "design.json").read_text())["versions"]["mujoco"], wanted)
+
     def test_two_programs_do_not_work_in_one_directory(self):
         shutil.rmtree(self.out)
         words = self.words(self.out)

@@ -192,6 +192,7 @@ class TestCollect(HopperTest):
         self.assertCollectsNothing(self.collect(), USAGE, "--policy")
         self.assertCollectsNothing(self.collect("--policy", "no/such.npz"), DATA_OR_MODEL, "no/such.npz")
         self.assertCollectsNothing(self.collect("--policy", self.demos), DATA_OR_MODEL, "demos.hdf5")
+        self.assertCollectsNothing(self.collect("--policy", "run/policy.onnx"), USAGE, "policy.onnx", "name a policy.npz")
         self.assertCollectsNothing(self.collect("--policy", "p.npz", "--episodes", "0"), USAGE, "--episodes")
         result = self.collect("--policy", "p.npz", "--param", FRICTION, "--truth", "fricton=1")
         self.assertCollectsNothing(result, USAGE, "fricton", "--param")
