@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -262,23 +263,33 @@ class Ledger:
         lines = [json.loads(line) for line in self.path.read_text().splitlines() if line.endswith("}")] if self.path.exists() else []
         self.goes_on = bool(lines) and lines[0] == {"of": self.of}
         self.tried = {line["try"]: line["failures"] for line in lines[1:]} if self.goes_on else {}
-        if not self.goes_on:
-            self.path.write_text(json.dumps({"of": self.of}) + "\n")
+        # Anew: a line that was half written would spoil the next.
+        self.path.write_text(json.dumps({"of": self.of}) + "\n" + "".join(map(self.line, self.tried)))
+
+    def line(self, name):
+        return json.dumps({"try": name, "failures": self.tried[name]}) + "\n"
 
     def attempt(self, name, campaign, what):
         """Calls what() unless `name` was tried before; its failures are the campaign's in either case."""
         if name in self.tried:
+            for failure in self.tried[name]:
+                print(f"before: {failure}", flush=True)
             campaign.failures += self.tried[name]
             return
         before = len(campaign.failures)
         what()
         self.tried[name] = campaign.failures[before:]
         with open(self.path, "a") as file:
-            file.write(json.dumps({"try": name, "failures": self.tried[name]}) + "\n")
+            file.write(self.line(name))
 
     def close(self):
         """All was tried: the next campaign begins anew."""
         self.path.unlink()
+
+
+def end_on_sigterm():
+    """As by Ctrl-C: what was tried is recorded."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
 
 
 def record(cell, counts):

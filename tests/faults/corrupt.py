@@ -7,7 +7,7 @@ half, cut by its last byte, and has single bits flipped in it. Noticed is: the c
 warns and names the file, or all results are afterwards those of an undisturbed run, byte for byte. In a finished run,
 `oted verify` must notice as well, or the file must hold the same content as before. Ends with 1 where a damage passed
 unnoticed, where the program crashed, or where it ended in another way than documented. --record puts the counts into benchmarks/results/faults.jsonl.
-A campaign that was stopped goes on where it was, when it is given again with the same program.
+A campaign that is stopped records what it has tried, and goes on from there when it is given again with the same program.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import subprocess
 import sys
 import time
 
-from campaign import DATA_OR_MODEL, DONE, NO_SIMULATOR, USAGE, Campaign, Ledger, record
+from campaign import DATA_OR_MODEL, DONE, NO_SIMULATOR, USAGE, Campaign, Ledger, end_on_sigterm, record
 
 # Made from the others by every command, or read by nothing: the report is compared by its own test.
 UNREAD = ("events.out.tfevents", ".lock")
@@ -63,7 +63,7 @@ class Corrupt(Campaign):
     def __init__(self, oted, folder, seed):
         super().__init__(oted, folder)
         self.seed = seed
-        self.n_tried = 0
+        self.n_possible = 0
         self.ledger = Ledger(self.folder / "tried.jsonl", self.oted)
 
     def make_states(self):
@@ -156,10 +156,13 @@ class Corrupt(Campaign):
         self.n_possible = len(tries)
         if n_damages and n_damages < len(tries):
             tries = random.Random(self.seed).sample(tries, n_damages)
+        random.Random(self.seed).shuffle(tries)  # what a stopped campaign has tried is a fair sample
         for one in tries:
             self.ledger.attempt(", ".join(one[:3]), self, lambda one=one: self.check(*one))
-        self.n_tried = len(tries)
-        self.ledger.close()
+
+    def counts(self):
+        tried = self.ledger.tried.values()
+        return {"possible": self.n_possible, "damages": len(tried), "failed": sum(bool(failures) for failures in tried)}
 
 
 def main():
@@ -172,11 +175,16 @@ def main():
     options = parser.parse_args()
     corrupt = Corrupt(options.oted, options.folder, options.seed)
     corrupt.make_states()
-    corrupt.run_all(options.damages)
-    if options.record:
-        record("corrupt run", {"possible": corrupt.n_possible, "damages": corrupt.n_tried, "failed": len(corrupt.failures)})
-    print(f"{corrupt.n_tried} of {corrupt.n_possible} damages, {len(corrupt.failures)} failures")
-    return 1 if corrupt.failures else 0
+    end_on_sigterm()
+    try:
+        corrupt.run_all(options.damages)
+        corrupt.ledger.close()
+    finally:
+        counts = corrupt.counts()
+        print(f"{counts['damages']} of {counts['possible']} damages, {counts['failed']} failed")
+        if options.record:
+            record("corrupt run", counts)
+    return 1 if counts["failed"] else 0
 
 
 if __name__ == "__main__":
