@@ -22,7 +22,7 @@ const NamedValues<SelectionScore>& SelectionScoreNames() {
 
 FieldList SelectionConfig::Fields() {
   FieldList fields("selection");
-  fields.Add("n_seeds", &n_seeds, "seeded designs per setting (n in the paper)", AtLeast(1));
+  fields.Add("n_seeds", &n_seeds, "seeded designs per setting (n in the paper)", Between(1, 10000));
   fields.AddChoice("score", &score,
                    "score that ranks the settings: the common judge (common), the paper's c (paper), design deviation "
                    "or learning progress",
