@@ -9,6 +9,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/whole_mark.h"
 #include "oted/run/fingerprint.h"
 
 namespace oted::run_directory_test {
@@ -259,6 +260,27 @@ TEST(RunDirectory, ALockInWhosePlaceALinkLiesIsRefusedAndWhatItLeadsToStays) {
   fs::create_symlink(folder / "precious", folder / "run/.lock");
   EXPECT_THAT(MessageOf<DataError>([&] { RunDirectory directory(folder / "run"); }), HasSubstr(".lock"));
   EXPECT_EQ(ReadFile(folder / "precious"), "mine");
+}
+
+TEST(RunDirectory, CurvesThatWereDamagedBeforeTheirStageWasDoneAreSetAsideWithAWarning) {
+  const std::string text = "step,key,value\n1,a,0.5\n";
+  for (const std::string& found : {text, text + "2,a,", std::string("step,kex,value\n1,a,0.5\n"), std::string()}) {
+    const TestFolder folder;
+    Warnings warnings;
+    const RunDirectory directory(folder / "run", &warnings);
+    const Artifact artifact = Clone(directory, "aa");
+    directory.Once(artifact, [&] {
+      // As of a stage that had only its record left to write.
+      WriteFileAtomically(directory.clone() / "curves.csv", found);
+      WriteFileAtomically(directory.clone() / "checkpoint.curves", WholeMark{text.size(), Checksum(0, text)}.ToText());
+      return Loss();
+    });
+    const bool whole = found.starts_with(text);
+    EXPECT_EQ(fs::exists(directory.clone() / "curves.csv"), whole) << found;
+    EXPECT_EQ(fs::exists(directory.clone() / "curves.csv.damaged"), !whole) << found;
+    EXPECT_EQ(warnings.told.size(), whole ? 0u : 1u) << found;
+    EXPECT_EQ(ReadJson(artifact.file).at("files").contains("curves.csv"), whole) << found;
+  }
 }
 
 TEST(RunDirectory, WhatDeadProgramsLeftHalfWrittenIsRemoved) {
