@@ -95,7 +95,8 @@ class Campaign:
         log_arm(self.folder / "logs.csv")
         settings = TINY + ["design.method=transitions", "selection.n_seeds=1", "selection.judge_steps=2", "design.discriminator.steps=30",
                            f"design.adversarial.n_iterations={self.iterations}"]
-        self.command = ["run", str(task), "--threads", "1", "--out", str(self.out), *sets(settings)]
+        self.run_words = ["run", str(task), "--threads", "1", *sets(settings)]
+        self.command = [*self.run_words, "--out", str(self.out)]
 
     def two_threads(self):
         command = list(self.command)
