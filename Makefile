@@ -72,12 +72,12 @@ fuzz:  ## hostile files for every reader, guided by coverage, under the sanitize
 	@scripts/build.sh fuzz
 	@.venv/bin/python scripts/fuzz.py build/fuzz/fuzz_readers --minutes $(MINUTES) --seed $(SEED) $(FAMILIES)
 
-crash: setup  ## a fault at each call that changes a file, and kill -9 at random: COMMANDS="run unit" POINTS=all KILLS=100 (hours)
+crash: setup  ## a fault at each call that changes a file, and kill -9 at random: COMMANDS="run unit" POINTS=all KILLS=100 (run: half an hour; all: hours; goes on when stopped)
 	@scripts/build.sh dev
 	@.venv/bin/python tests/faults/crash.py build/release/oted build/release/tests/liboted_fault_points.so build/crash \
 	  $(if $(COMMANDS),--commands $(COMMANDS)) --points $(POINTS) --kills $(KILLS) --record
 
-corrupt: setup  ## each file of a finished and of two half-finished runs damaged: DAMAGES=0 (all; an hour), SEED=1
+corrupt: setup  ## each file of a finished and of two half-finished runs damaged: DAMAGES=0 (all; ten minutes; goes on when stopped), SEED=1
 	@scripts/build.sh dev
 	@.venv/bin/python tests/faults/corrupt.py build/release/oted build/corrupt --damages $(DAMAGES) --seed $(SEED) --record
 

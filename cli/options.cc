@@ -249,7 +249,7 @@ RunConfig ResolveConfig(const Options& options) {
   for (const std::string& text : options.truth) config.SetTruth(text);
   if (options.seed >= 0) config.run.seed = options.seed;
   if (options.threads >= 0) config.run.threads = options.threads;
-  if (options.n_seeds > 0) config.selection.n_seeds = options.n_seeds;
+  if (options.n_seeds > 0) config.Set(fmt::format("selection.n_seeds={}", options.n_seeds));
   if (!options.device.empty()) config.Set("agents.device=" + options.device);
   if (options.strict) config.run.strict = true;
   if (options.grow) config.Set("design.grow=true");

@@ -26,10 +26,8 @@ size_t CharacterLength(std::string_view text) {
 }  // namespace
 
 std::string Printable(std::string_view text) {
-  constexpr size_t kLongest = 4000;
   std::string printable;
   while (!text.empty()) {
-    if (printable.size() >= kLongest) return printable + " ...";
     const size_t length = CharacterLength(text);
     const unsigned char first = static_cast<unsigned char>(text[0]);
     // U+0080 to U+009F are control characters as well.
@@ -44,7 +42,14 @@ std::string Printable(std::string_view text) {
     }
     text.remove_prefix(length == 0 ? 1 : length);
   }
-  return printable;
+  // The remedy stands at the end.
+  constexpr size_t kBegin = 3000, kEnd = 1000;
+  if (printable.size() <= kBegin + kEnd) return printable;
+  const auto at_character = [&](size_t i) {
+    while ((static_cast<unsigned char>(printable[i]) & 0xC0) == 0x80) --i;
+    return i;
+  };
+  return printable.substr(0, at_character(kBegin)) + " ... " + printable.substr(at_character(printable.size() - kEnd));
 }
 
 }  // namespace oted

@@ -19,7 +19,7 @@ enum class ExitCode : int {
 };
 
 /// `text` as one line of valid UTF-8: a line break becomes a space, any other control character and what is no UTF-8
-/// a '?', and what is beyond 4,000 bytes is cut off. What a damaged file holds reaches messages.
+/// a '?', and of more than 4,000 bytes the middle is left out. What a damaged file holds reaches messages.
 std::string Printable(std::string_view text);
 
 /// Base of every error that this library throws. Its message is printable.

@@ -31,9 +31,14 @@ TEST(Printable, IsValidUtf8) {
             "?abc");
 }
 
-TEST(Printable, EndsAfterFourThousandBytes) {
-  const std::string printable = Printable(std::string(1'000'000, 'x'));
-  EXPECT_EQ(printable, std::string(4000, 'x') + " ...");
+TEST(Printable, LeavesOutTheMiddleOfMoreThanFourThousandBytes) {
+  EXPECT_EQ(Printable(std::string(4000, 'x')), std::string(4000, 'x'));
+  EXPECT_EQ(Printable(std::string(1'000'000, 'x') + "; shorten it"),
+            std::string(3000, 'x') + " ... " + std::string(988, 'x') + "; shorten it");
+  std::string letters;
+  for (int i = 0; i < 4001; ++i) letters += "µ";
+  letters += "!";
+  EXPECT_EQ(Printable(Printable(letters) + letters).find('?'), std::string::npos) << "no half of a letter stays";
 }
 
 TEST(Error, SaysWhatADamagedFileHoldsInOneLine) {

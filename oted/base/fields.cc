@@ -61,6 +61,15 @@ std::vector<std::string> Split(std::string_view text, char separator) {
   }
 }
 
+/// As in the file: JSON knows no nan and no inf.
+std::string Shown(const json& value) {
+  if (value.is_number_float() && !std::isfinite(value.get<double>())) return fmt::format("{}", value.get<double>());
+  if (!value.is_array()) return value.dump();
+  std::vector<std::string> parts;
+  for (const json& part : value) parts.push_back(Shown(part));
+  return fmt::format("[{}]", fmt::join(parts, ","));
+}
+
 }  // namespace
 
 bool Range::Contains(double value) const {
@@ -92,7 +101,7 @@ json Field::ToJson() const {
 
 void Field::FromJson(const json& value, std::string_view where) const {
   const auto fail = [&](const std::string& wanted) {
-    throw UsageError(fmt::format("{}: {} is {}, wanted {}", where, name, value.dump(), wanted));
+    throw UsageError(fmt::format("{}: {} is {}, wanted {}", where, name, Shown(value), wanted));
   };
   const auto check_choice = [&](const std::string& chosen) {
     if (choices.empty() || std::find(choices.begin(), choices.end(), chosen) != choices.end()) return;

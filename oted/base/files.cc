@@ -40,10 +40,13 @@ constexpr int kDeepestJson = 64;
     throw UsageError(
         fmt::format("cannot {} '{}': {}; choose a shorter name", what, path.string(), std::strerror(error)));
   }
-  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  throw FileError(fmt::format(
-      "cannot {} '{}': {}; {}", what, path.string(), std::strerror(error),
-      full ? "free some space, then run the same command again" : "choose another place or fix its permissions"));
+  const bool full = error == ENOSPC || error == EDQUOT;
+  const char* remedy = full             ? "free some space, then run the same command again"
+                       : error == EFBIG ? "raise the limit (ulimit -f), then run the same command again"
+                       : error == EMFILE || error == ENFILE
+                           ? "raise the limit (ulimit -n), then run the same command again"
+                           : "choose another place or fix its permissions";
+  throw FileError(fmt::format("cannot {} '{}': {}; {}", what, path.string(), std::strerror(error), remedy));
 }
 
 /// Some file systems know no sync of a folder.

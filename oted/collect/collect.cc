@@ -20,6 +20,9 @@ Dataset CollectNamed(const CollectJob& job, const std::string& name, int n, RngK
   if (const auto excitation = Excitation::Parse(name)) {
     return n > 0 ? CollectExcitation(job.factory, job.z, *excitation, n, key, job.n_threads) : Dataset();
   }
+  if (name.ends_with(".onnx")) {
+    throw UsageError(fmt::format("'{}' is an ONNX model, which 'oted evaluate' alone takes; name a policy.npz", name));
+  }
   const TanhGaussianPolicy policy = TanhGaussianPolicy::Load(name);
   if (policy.obs_dim() != spec.obs_dim() || policy.act_dim() != spec.act_dim) {
     throw DataError(fmt::format(

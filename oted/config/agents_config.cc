@@ -34,7 +34,7 @@ FieldList AgentsConfig::Fields() {
                    "how agents learn: sac (the paper's) or crossq for continuous actions, ppo for discrete ones; auto: "
                    "sac or ppo",
                    AlgorithmNames());
-  fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", AtLeast(1));
+  fields.Add("n_agents", &n_agents, "seeded agents to choose from (m in the paper)", Between(1, 10000));
   fields.AddChoice("train_in", &train_in,
                    "simulator of each training episode: a random seed's mode (Algorithm 2), a sample of a random "
                    "seed's q (Sec. 4, step 3), or the best seed's mode",

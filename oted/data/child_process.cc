@@ -14,6 +14,8 @@
 #include <cstdio>
 #include <cstring>
 #include <new>
+#include <optional>
+#include <utility>
 
 #include "oted/base/error.h"
 
@@ -32,6 +34,11 @@ constexpr bool kAddressSanitizer = true;  // its shadow memory alone is terabyte
 #else
 constexpr bool kAddressSanitizer = false;
 #endif
+
+/// A child that sleeps and uses no processor for so many looks waits for what never comes. Work that is held up by a
+/// disk sleeps otherwise ("D").
+constexpr int kLookMs = 500;
+constexpr int kIdleLooks = 20;
 
 constexpr const char* kRemedy = "the file is damaged or not what it claims to be: download or write it again";
 
@@ -98,6 +105,23 @@ void RunChild(int fd, const std::string& file, const ChildLimits& limits,
   }
 }
 
+/// Processor time [ticks] of all its threads, if the first one sleeps, as in waiting for the other end of a pipe.
+std::optional<uint64_t> TicksAsleep(int pid) {
+  char text[512] = {};
+  const int fd = ::open(fmt::format("/proc/{}/stat", pid).c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return std::nullopt;
+  const ssize_t size = ::read(fd, text, sizeof(text) - 1);
+  ::close(fd);
+  // The name in brackets may hold anything; behind the last one stands the state.
+  const char* end = size > 0 ? std::strrchr(text, ')') : nullptr;
+  unsigned long long user = 0, system = 0;
+  if (end == nullptr ||
+      std::sscanf(end, ") S %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %llu %llu", &user, &system) != 2) {
+    return std::nullopt;
+  }
+  return user + system;
+}
+
 int64_t MillisecondsUntil(std::chrono::steady_clock::time_point deadline) {
   const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
   return std::clamp<int64_t>(left.count() + 1, 0, 1 << 30);
@@ -144,8 +168,8 @@ ChildProcess::ChildProcess(std::string file, const ChildLimits& limits, std::mut
       limits_(limits),
       deadline_(std::chrono::steady_clock::now() + std::chrono::seconds(std::max(1, limits.wall_s))) {
   const auto fail = [&](const char* what) {
-    throw DataError(fmt::format("'{}': cannot {} the process that reads HDF5 files ({}); free memory or processes",
-                                file_, what, std::strerror(errno)));
+    throw DataError(fmt::format("'{}': cannot {} the process that reads it ({}); free memory or processes", file_, what,
+                                std::strerror(errno)));
   };
   // The write end is closed before the lock goes: no other child can inherit it and keep the pipe open.
   const std::lock_guard lock(library_lock);
@@ -196,9 +220,24 @@ void ChildProcess::FailEnded() {
     throw DataError(
         fmt::format("'{}': reading it took more than {} s of processor time; {}", file_, limits_.cpu_s, kRemedy));
   }
+  if (signal == SIGABRT) {  // so libraries end where memory is out
+    throw DataError(
+        fmt::format("'{}': reading it broke off (signal {}): it is damaged, or needs more than {} MiB of memory; "
+                    "repair it, or make it smaller",
+                    file_, signal, limits_.memory_bytes >> 20));
+  }
   if (signal != 0) throw DataError(fmt::format("'{}': reading it crashed (signal {}); {}", file_, signal, kRemedy));
   throw DataError(fmt::format("'{}': reading it broke off (exit status {}); {}", file_,
                               WIFEXITED(status) ? WEXITSTATUS(status) : -1, kRemedy));
+}
+
+void ChildProcess::FailIdle() {
+  ::kill(pid_, SIGKILL);
+  Reap();
+  throw DataError(fmt::format(
+      "'{}': reading it waits for what does not come, such as a pipe that it names; name files that have an "
+      "end",
+      file_));
 }
 
 void ChildProcess::FailTimeout() {
@@ -210,12 +249,20 @@ void ChildProcess::FailTimeout() {
 size_t ChildProcess::ReadSome(void* bytes, size_t size) {
   char* to = static_cast<char*>(bytes);
   size_t got = 0;
+  int n_asleep = 0;
+  std::optional<uint64_t> ticks;
   while (got < size) {
     pollfd entry{fd_, POLLIN, 0};
-    const int64_t wait_ms = MillisecondsUntil(deadline_);
+    const int64_t wait_ms = std::min<int64_t>(MillisecondsUntil(deadline_), kLookMs);
     const int ready = wait_ms == 0 ? 0 : ::poll(&entry, 1, static_cast<int>(wait_ms));
     if (ready < 0 && errno == EINTR) continue;
-    if (ready == 0) FailTimeout();
+    if (ready == 0) {
+      if (MillisecondsUntil(deadline_) == 0) FailTimeout();
+      const std::optional<uint64_t> before = std::exchange(ticks, TicksAsleep(pid_));
+      n_asleep = ticks && ticks == before ? n_asleep + 1 : 0;
+      if (n_asleep == kIdleLooks) FailIdle();
+      continue;
+    }
     const ssize_t n = ready < 0 ? -1 : ::read(fd_, to + got, size - got);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) break;

@@ -51,6 +51,7 @@ class ChildProcess {
   /// Waits for the child's end. @return its wait status
   int Reap();
   [[noreturn]] void FailEnded();
+  [[noreturn]] void FailIdle();
   [[noreturn]] void FailTimeout();
   /// Fills `bytes` from the pipe. @return how many came before its end
   size_t ReadSome(void* bytes, size_t size);

@@ -1,8 +1,10 @@
 #include "oted/data/child_process.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -76,6 +78,16 @@ TEST(ChildProcess, AChildThatHangsOrSpinsIsStopped) {
                   },
                   limits),
               HasSubstr("more than 1 s of processor time"));
+}
+
+TEST(ChildProcess, AChildThatWaitsForAPipeWithoutAWriterIsStoppedLongBeforeItsTime) {
+  const TestFolder folder;
+  const std::string pipe = (folder.path() / "pipe").string();
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  ChildLimits limits;
+  limits.wall_s = 3600;
+  EXPECT_THAT(Failure([&](ChildOutput&) { ::open(pipe.c_str(), O_RDONLY); }, limits),
+              AllOf(HasSubstr("'some.hdf5'"), HasSubstr("waits for what does not come")));
 }
 
 TEST(ChildProcess, MemoryBeyondTheLimitIsADataError) {

@@ -240,9 +240,9 @@ Dataset ToDataset(const Recording& recording) {
   }
   if (dataset.size() == 0) {
     throw DataError(fmt::format(
-        "'{}' holds no transition: no episode has two rows (one per control step, the next row is s'); record longer "
-        "episodes",
-        recording.file));
+        "'{}' holds no transition: no episode has two rows (one per control step{}, the next row is s'); record longer "
+        "episodes, or check that times are seconds",
+        recording.file, recording.period_s > 0 ? fmt::format(" of {} s", recording.period_s) : ""));
   }
   return dataset;
 }

@@ -222,6 +222,10 @@ for location in ("../secret", "", "..", "/etc/passwd", "missing.data"):
     EXPECT_THAT(message(name), HasSubstr("another folder")) << name;
   }
   EXPECT_THAT(message("external12"), HasSubstr("missing.data"));
+  // A device has no end, and the model's own size says nothing of it.
+  std::filesystem::create_symlink("/dev/zero", folder / "missing.data");
+  EXPECT_THAT(MessageOf<UsageError>([&] { OnnxPolicy::Load(folder / "external12.onnx"); }),
+              AllOf(HasSubstr("missing.data"), HasSubstr("device")));
   // The width is open: only a task can say whether it fits.
   const OnnxPolicy open = OnnxPolicy::Load(folder / "open.onnx");
   EXPECT_EQ(open.obs_dim(), 0);

@@ -2,13 +2,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <zlib.h>
 
 #include <charconv>
 #include <optional>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/data/whole_mark.h"
 
 namespace oted {
 
@@ -18,7 +18,6 @@ namespace {
 
 constexpr std::string_view kHeader = "step,key,value\n";
 constexpr const char* kMarkFile = "checkpoint.curves";
-constexpr size_t kMarkSize = 26;
 
 struct Row {
   int64_t step = 0;
@@ -84,32 +83,10 @@ std::vector<Row> Rows(const std::string& text, const fs::path& path) {
   return rows;
 }
 
-/// How much of the file is whole, and its checksum.
-struct Mark {
-  uint64_t size = 0;
-  uint32_t checksum = 0;
-};
-
-uint32_t Checksum(uint32_t before, std::string_view bytes) {
-  return static_cast<uint32_t>(
-      ::crc32(before, reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<unsigned>(bytes.size())));
-}
-
-std::optional<Mark> MarkOf(std::string_view text) {
-  Mark mark;
-  const char *size = text.data(), *checksum = size + 17;
-  if (text.size() != kMarkSize || std::from_chars(size, size + 16, mark.size, 16).ec != std::errc() ||
-      std::from_chars(checksum, checksum + 8, mark.checksum, 16).ec != std::errc()) {
-    return std::nullopt;
-  }
-  return mark;
-}
-
 /// Whether the file begins with what the mark is of.
 bool IsWhole(std::string_view text, std::string_view mark_text) {
-  const std::optional<Mark> mark = MarkOf(mark_text);
-  return mark && mark->size >= kHeader.size() && mark->size <= text.size() &&
-         Checksum(0, text.substr(0, mark->size)) == mark->checksum;
+  const auto mark = WholeMark::FromText(mark_text);
+  return mark && mark->size >= kHeader.size() && mark->Fits(text);
 }
 
 }  // namespace
@@ -141,7 +118,7 @@ CurvesWriter::CurvesWriter(const fs::path& path) {
 
 /// Goes on behind what is whole of `text`.
 void CurvesWriter::TakeOver(std::string text, const fs::path& path, const std::string& mark) {
-  text.resize(mark.empty() ? text.rfind('\n') + 1 : MarkOf(mark)->size);
+  text.resize(mark.empty() ? text.rfind('\n') + 1 : WholeMark::FromText(mark)->size);
   file_->Truncate(text.size());
   if (text.empty()) return Write(std::string(kHeader));
   for (Row& row : Rows(text, path)) last_[std::move(row.key)] = row.step;
@@ -153,7 +130,7 @@ void CurvesWriter::Write(const std::string& text) {
   file_->WriteAt(size_, text);
   size_ += text.size();
   checksum_ = Checksum(checksum_, text);
-  mark_->WriteAt(0, fmt::format("{:016x} {:08x}\n", size_, checksum_));
+  mark_->WriteAt(0, WholeMark{size_, checksum_}.ToText());
 }
 
 void CurvesWriter::Append(int64_t step, std::string_view key, double value) {

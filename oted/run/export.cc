@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <nlohmann/json.hpp>
 
@@ -86,6 +87,31 @@ std::string NotInTheModel(const FinishedDesign& design) {
   for (const ParameterSpec& spec : design.config.parameters) all.emplace_back(spec.name, spec.field);
   const std::string names = NotInModel(all);
   return names.empty() ? "" : fmt::format("Not in this file, as they are no fields of the model: {}.\n", names);
+}
+
+/// A file that is there and that the run consists of.
+bool IsOfRun(const fs::path& target, const fs::path& run_directory) {
+  constexpr std::array<const char*, 8> kNames = {"run.toml",    "versions.json",        "dataset.json",
+                                                 "design.json", "evaluation.json",      "policy.onnx",
+                                                 "report.json", "policy_selection.json"};
+  std::error_code error;
+  const fs::path folder = fs::weakly_canonical(run_directory, error);
+  const fs::path inside = fs::weakly_canonical(target, error).lexically_relative(folder);
+  if (inside.empty() || *inside.begin() == ".." || *inside.begin() == kExportFolder) return false;
+  return inside.has_parent_path() || std::ranges::find(kNames, inside) != kNames.end();
+}
+
+/// Nothing that the design was made from, or that the run consists of, becomes an export.
+void CheckTarget(const FinishedDesign& design, const fs::path& target) {
+  std::error_code error;
+  if (target.empty() || !fs::exists(target, error)) return;
+  const auto refuse = [&](const char* what) {
+    throw UsageError(fmt::format("'{}' is {}; name another file to write", target.string(), what));
+  };
+  if (IsOfRun(target, design.folder)) refuse("a file of the run itself");
+  for (const std::string& source : {design.config.task.model.model, design.config.data.path}) {
+    if (!source.empty() && fs::equivalent(source, target, error)) refuse("what the design was made from");
+  }
 }
 
 // The task's model with those of the design's parameters that are its fields.
@@ -231,6 +257,7 @@ void RemoveExports(const fs::path& run_directory) {
 
 std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequest& request) {
   const FinishedDesign design = ReadDesign(run_directory);
+  for (const fs::path& target : {request.mjcf, request.q, request.sysid}) CheckTarget(design, target);
   std::vector<ExportedFile> written;
   try {
     if (!request.mjcf.empty()) written = ExportModels(design, request);

@@ -12,6 +12,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/seal.h"
+#include "oted/data/whole_mark.h"
 #include "oted/run/run_lock.h"
 
 namespace oted {
@@ -203,6 +204,7 @@ void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
 }
 
 void RunDirectory::Begin(const Artifact& artifact) const {
+  if (held_ != nullptr) held_->lock.CheckPlace();
   if (!HasFolder(artifact)) return;
   CheckCheckpoint(artifact);
   const fs::path folder = artifact.file.parent_path();
@@ -215,7 +217,9 @@ void RunDirectory::Begin(const Artifact& artifact) const {
 }
 
 void RunDirectory::Complete(const Artifact& artifact, json& record) const {
+  if (held_ != nullptr) held_->lock.CheckPlace();
   const fs::path folder = artifact.file.parent_path();
+  if (HasFolder(artifact)) SetAsideDamagedCurves(folder);
   record["fingerprint"] = artifact.fingerprint;
   record.erase("made_from");
   for (const fs::path& source : artifact.made_from) {
@@ -229,6 +233,16 @@ void RunDirectory::Complete(const Artifact& artifact, json& record) const {
   Seal(record, folder, files);
   WriteJson(artifact.file, record);
   if (HasFolder(artifact)) RemoveCheckpoint(folder);
+}
+
+void RunDirectory::SetAsideDamagedCurves(const fs::path& folder) const {
+  const fs::path curves = folder / kCurves, mark_file = folder / "checkpoint.curves";
+  if (!fs::exists(mark_file) || !fs::exists(curves)) return;
+  const auto mark = WholeMark::FromText(ReadFile(mark_file));
+  if (mark && mark->Fits(ReadFile(curves))) return;
+  fs::rename(curves, curves.string() + ".damaged");
+  Warn(fmt::format("'{}' was damaged or cut short: it is kept as curves.csv.damaged, and the report lacks its curves",
+                   curves.string()));
 }
 
 void RunDirectory::RemoveCheckpoint(const fs::path& folder) const {

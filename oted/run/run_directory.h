@@ -91,6 +91,8 @@ class RunDirectory {
   std::optional<std::filesystem::path> LostSource(const Artifact& artifact, const nlohmann::json& record) const;
   void Begin(const Artifact& artifact) const;
   void Complete(const Artifact& artifact, nlohmann::json& record) const;
+  /// Work that went on from its last checkpoint may have added nothing to curves that were damaged meanwhile.
+  void SetAsideDamagedCurves(const std::filesystem::path& folder) const;
   void RemoveCheckpoint(const std::filesystem::path& folder) const;
   void Warn(const std::string& message) const;
 

@@ -9,6 +9,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/data/whole_mark.h"
 #include "oted/run/fingerprint.h"
 
 namespace oted::run_directory_test {
@@ -235,6 +236,51 @@ TEST(RunDirectory, OneDirectoryOneHolder) {
     RunDirectory::At(folder.path());
   }
   const RunDirectory next(folder.path());
+}
+
+TEST(RunDirectory, ADirectoryThatIsMovedOrRemovedMeanwhileIsAnErrorAndNoPartOfAResult) {
+  for (const bool moved : {true, false}) {
+    const TestFolder folder;
+    const RunDirectory directory(folder / "run");
+    const auto make = [&] {
+      moved ? fs::rename(folder / "run", folder / "moved") : static_cast<void>(fs::remove_all(folder / "run"));
+      return Loss();
+    };
+    const std::string message = MessageOf<DataError>([&] { directory.Once(Clone(directory, "aa"), make); });
+    EXPECT_THAT(message, HasSubstr(std::string(folder / "run") + "' was moved or removed"));
+    EXPECT_FALSE(fs::exists(directory.clone() / "clone.json"));
+    EXPECT_THROW(directory.Once(OnTop(directory, "aa"), Loss), DataError) << "nor is another stage begun there";
+  }
+}
+
+TEST(RunDirectory, ALockInWhosePlaceALinkLiesIsRefusedAndWhatItLeadsToStays) {
+  const TestFolder folder;
+  fs::create_directory(folder / "run");
+  WriteFileAtomically(folder / "precious", "mine");
+  fs::create_symlink(folder / "precious", folder / "run/.lock");
+  EXPECT_THAT(MessageOf<DataError>([&] { RunDirectory directory(folder / "run"); }), HasSubstr(".lock"));
+  EXPECT_EQ(ReadFile(folder / "precious"), "mine");
+}
+
+TEST(RunDirectory, CurvesThatWereDamagedBeforeTheirStageWasDoneAreSetAsideWithAWarning) {
+  const std::string text = "step,key,value\n1,a,0.5\n";
+  for (const std::string& found : {text, text + "2,a,", std::string("step,kex,value\n1,a,0.5\n"), std::string()}) {
+    const TestFolder folder;
+    Warnings warnings;
+    const RunDirectory directory(folder / "run", &warnings);
+    const Artifact artifact = Clone(directory, "aa");
+    directory.Once(artifact, [&] {
+      // As of a stage that had only its record left to write.
+      WriteFileAtomically(directory.clone() / "curves.csv", found);
+      WriteFileAtomically(directory.clone() / "checkpoint.curves", WholeMark{text.size(), Checksum(0, text)}.ToText());
+      return Loss();
+    });
+    const bool whole = found.starts_with(text);
+    EXPECT_EQ(fs::exists(directory.clone() / "curves.csv"), whole) << found;
+    EXPECT_EQ(fs::exists(directory.clone() / "curves.csv.damaged"), !whole) << found;
+    EXPECT_EQ(warnings.told.size(), whole ? 0u : 1u) << found;
+    EXPECT_EQ(ReadJson(artifact.file).value("files", json::object()).contains("curves.csv"), whole) << found;
+  }
 }
 
 TEST(RunDirectory, WhatDeadProgramsLeftHalfWrittenIsRemoved) {

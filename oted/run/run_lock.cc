@@ -64,7 +64,8 @@ bool RunLock::TryToLock() {
     throw DataError(fmt::format("cannot {} '{}': {}; choose another place or fix its permissions", what, file_.string(),
                                 std::strerror(error)));
   };
-  descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  // What a link leads to is not ours to write into.
+  descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
   if (descriptor_ < 0) fail("write", errno);
   if (!LockWithPatience(descriptor_)) {
     const int error = errno;
@@ -91,14 +92,22 @@ bool RunLock::TryToLock() {
   return true;
 }
 
+void RunLock::CheckPlace() const {
+  if (descriptor_ < 0 || SameFile(descriptor_, file_)) return;
+  throw DataError(
+      fmt::format("'{}' was moved or removed while this program worked in it (its {} is another or gone); move it back "
+                  "if you can, and run the same command again",
+                  file_.parent_path().string(), kName));
+}
+
 RunLock::~RunLock() {
   if (descriptor_ < 0) return;
-  ::unlink(file_.c_str());
+  if (SameFile(descriptor_, file_)) ::unlink(file_.c_str());
   ::close(descriptor_);
 }
 
 bool IsLocked(const fs::path& folder) {
-  const int descriptor = ::open((folder / kName).c_str(), O_RDONLY | O_CLOEXEC);
+  const int descriptor = ::open((folder / kName).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (descriptor < 0) return false;
   const bool locked = ::flock(descriptor, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
   ::close(descriptor);

@@ -16,6 +16,9 @@ class RunLock {
   RunLock(const RunLock&) = delete;
   RunLock& operator=(const RunLock&) = delete;
 
+  /// @throws DataError when the folder is no longer where it was: moved, removed, or another in its place
+  void CheckPlace() const;
+
  private:
   bool TryToLock();
   std::filesystem::path file_;

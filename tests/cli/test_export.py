@@ -116,6 +116,16 @@ class TestModel(ExportTest):
                            "--mjcf")
         self.assertEqual(list(self.folder.iterdir()), [])
 
+    def test_neither_the_run_nor_what_it_was_made_from_is_overwritten(self):
+        files = [self.designed / "design.json", self.designed / "design/default/1/q.json", self.demos]
+        before = [path.read_bytes() for path in files]
+        link = self.folder / "link.json"
+        link.symlink_to(self.designed / "design.json")
+        for path in [*files, link]:
+            for flag in ("--q", "--mjcf", "--sysid"):
+                self.assertOneLine(program.oted("export", self.designed, flag, path), program.USAGE, path.name, "name another file")
+        self.assertEqual([path.read_bytes() for path in files], before)
+
     def test_a_model_that_changed_since_the_design_is_refused(self):
         (self.folder / "assets").mkdir()
         text = (ASSETS / "hopper.xml").read_text()

@@ -4,6 +4,7 @@
 """
 
 import gzip
+import importlib.metadata
 import io
 import json
 import os
@@ -131,6 +132,19 @@ class TestDamage(RunTest):
             self.assertRegex(result.stdout, f"damaged +{name}: ")
             shutil.copy(self.finished / name, self.out / name)
 
+    def test_a_record_without_its_seal_is_damage(self):
+        for path in sorted(self.out.rglob("*.json")):
+            name = str(path.relative_to(self.out))
+            if name == "export/q.json":
+                continue  # export.json speaks for it
+            whole = path.read_text()
+            for text in (json.dumps({key: value for key, value in json.loads(whole).items() if key != "seal"}), "null", "[]"):
+                path.write_text(text)
+                result = oted("verify", self.out)
+                self.assertEqual(result.returncode, DATA_OR_MODEL, name)
+                self.assertRegex(result.stdout, f"damaged +{name}: ")
+            path.write_text(whole)
+
     def test_a_changed_record_is_refused_with_its_name_by_every_reader(self):
         for name, field in (("design/default/1/q.json", "mean"), ("design.json", "score"), ("agents/1/agent.json", "eval_return")):
             record = json.loads((self.finished / name).read_text())
@@ -221,6 +235,11 @@ class TestDamage(RunTest):
 
 
 class TestDirectory(RunTest):
+    def test_records_name_the_version_of_mujoco_that_is_loaded(self):
+        wanted = importlib.metadata.version("mujoco")
+        self.assertEqual(json.loads((self.out / "versions.json").read_text())["mujoco"], wanted)
+        self.assertEqual(json.loads((self.out / "design.json").read_text())["versions"]["mujoco"], wanted)
+
     def test_two_programs_do_not_work_in_one_directory(self):
         shutil.rmtree(self.out)
         words = self.words(self.out)

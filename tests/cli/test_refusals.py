@@ -113,6 +113,8 @@ class TestRequest(HopperTest):
         self.assertRefused(self.design("--seed=-1"), USAGE, "--seed")
         self.assertRefused(self.design("--seed", 20 * "9"), USAGE, "--seed", "below 9.2e+18")
         self.assertRefused(self.design("--seeds", "0"), USAGE, "--seeds")
+        for words in (["--seeds", "2000000000"], ["--set", "agents.n_agents=2000000000"]):
+            self.assertRefused(self.design(*words), USAGE, "2000000000", "[1, 10000]")
 
     def test_unknown_task_with_the_nearest(self):
         self.assertRefused(self.design(task="Hoper-v5"), USAGE, "Hoper-v5", "did you mean 'Hopper-v5'?")
@@ -192,6 +194,7 @@ class TestCollect(HopperTest):
         self.assertCollectsNothing(self.collect(), USAGE, "--policy")
         self.assertCollectsNothing(self.collect("--policy", "no/such.npz"), DATA_OR_MODEL, "no/such.npz")
         self.assertCollectsNothing(self.collect("--policy", self.demos), DATA_OR_MODEL, "demos.hdf5")
+        self.assertCollectsNothing(self.collect("--policy", "run/policy.onnx"), USAGE, "policy.onnx", "name a policy.npz")
         self.assertCollectsNothing(self.collect("--policy", "p.npz", "--episodes", "0"), USAGE, "--episodes")
         result = self.collect("--policy", "p.npz", "--param", FRICTION, "--truth", "fricton=1")
         self.assertCollectsNothing(result, USAGE, "fricton", "--param")
@@ -233,6 +236,11 @@ class TestConfiguration(HopperTest):
     def test_bounds(self):
         self.assertRefused(self.run_config('[parameters]\nm = { field = "body/torso/mass", range = [2, 1] }\n'), USAGE,
                            "config.toml:2", "low < high")
+
+    def test_numbers_that_are_none_are_shown_as_written(self):
+        text = '[task]\nmodel = "m.xml"\ncontrol_period = {}\nstart_qpos = [1, {}]\n'
+        self.assertRefused(self.run_config(text.format("nan", "1")), USAGE, "config.toml:3", "control_period is nan")
+        self.assertRefused(self.run_config(text.format("0.02", "nan")), USAGE, "config.toml:4", "[1,nan]")
 
     def test_data_lie_beside_the_file(self):
         result = self.run_config('[task]\nname = "Hopper-v5"\n[data]\npath = "gone.hdf5"\n'

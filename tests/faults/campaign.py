@@ -1,18 +1,23 @@
 """What the campaigns share: the commands that they put to the test, and for each its folder and what must be equal in the end."""
 
+import hashlib
 import json
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 import time
+
+import mujoco
+import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "cli"))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "benchmarks"))
 import program
 import study_data
-from program import FRICTION, GRAVITY, TINY, TINY_DESIGN, sets
+from program import FRICTION, TINY, TINY_DESIGN, sets
 
 # What tells of a moment or a place, and what is made from that.
 UNEQUAL = ("events.out.tfevents", "versions.json", "report.json", "report.html")
@@ -20,14 +25,53 @@ DONE, USAGE, DATA_OR_MODEL, NO_SIMULATOR = 0, 2, 3, 4
 GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
 RESULTS = program.ROOT / "benchmarks/results/faults.jsonl"
 MARK = "OTED_CAMPAIGN"  # in the environment of everything that a campaign starts
+ARM = """<mujoco model="arm"><option timestep="0.01"/><worldbody><body><joint name="a" axis="0 1 0" damping="0.1"/>
+  <geom size="0.1" pos="0 0 -0.3"/></body></worldbody><actuator><motor name="m" joint="a" ctrlrange="-1 1"/></actuator></mujoco>"""
+ARM_TASK = """[task]
+model = "arm.xml"
+control_period = 0.02
+observations = ["joint/*/qpos", "joint/*/qvel"]
+start_noise = 0.1
+reward = "-angle^2"
+max_episode_steps = 20
+[task.quantities]
+angle = "joint/a/qpos"
+[data]
+path = "logs.csv"
+[parameters]
+damping = { field = "joint/a/damping", range = [0.05, 0.5], scale = "absolute" }
+mass = { field = "body/*/mass", range = [0.5, 2.0] }
+[truth]
+damping = 0.2
+mass = 1.2
+"""
+
+
+def log_arm(path, n_episodes=3, n_rows=25):
+    """Random actions in an arm of other damping and mass."""
+    model = mujoco.MjModel.from_xml_string(ARM)
+    model.dof_damping[:] = 0.2
+    model.body_mass[:] *= 1.2
+    random = np.random.default_rng(1)
+    rows = []
+    for episode in range(n_episodes):
+        data = mujoco.MjData(model)
+        data.qpos[0] = random.uniform(-1, 1)
+        for i in range(n_rows):
+            data.ctrl[0] = round(random.uniform(-1, 1), 4)
+            rows.append(f"{episode},{0.02 * i:.2f},{data.qpos[0]:.9f},{data.qvel[0]:.9f},{data.ctrl[0]:.4f}")
+            mujoco.mj_step(model, data, 2)
+    path.write_text("episode,time,obs.joint/a/qpos,obs.joint/a/qvel,action.m\n" + "\n".join(rows) + "\n")
 
 
 class Campaign:
-    """`oted run`, from the data to the report, in a folder of its own; other commands derive from it."""
+    """`oted run` of a task file, from the data to report and exports, in a folder of its own; other commands derive from it.
+    The model is small: what counts is how many files are written, not how long they took to compute."""
 
     name = "run"
     ends_again = (DONE, NO_SIMULATOR)  # the same command, once it was through
     counts_vary = False  # a call may not come to be: signs of life depend on how long it takes
+    iterations = 12  # of the design: a checkpoint after 10
 
     def __init__(self, oted, folder):
         self.oted = str(pathlib.Path(oted).resolve())
@@ -35,17 +79,24 @@ class Campaign:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.out = self.folder / "run"
         self.failures = []
-        self.data = self.folder / "demos.hdf5"
-        if not self.data.exists():
-            program.log_hopper(self.data)
         self.prepare()
+
+    def hopper_logs(self):
+        data = self.folder / "demos.hdf5"
+        if not data.exists():
+            program.log_hopper(data)
+        return data
 
     def prepare(self):
         """What the command reads, and its words."""
-        settings = TINY + ["design.method=transitions", "selection.n_seeds=1", "design.adversarial.n_iterations=40"]
-        self.command = ["run", "--task", "Hopper-v5", "--data", str(self.data), "--param", FRICTION, "--param", GRAVITY,
-                        "--truth", "friction=0.6", "--truth", "gravity=1.2", "--threads", "1", "--out", str(self.out),
-                        *sets(settings)]
+        task = self.folder / "arm.toml"
+        task.write_text(ARM_TASK)
+        task.with_suffix(".xml").write_text(ARM)
+        log_arm(self.folder / "logs.csv")
+        settings = TINY + ["design.method=transitions", "selection.n_seeds=1", "selection.judge_steps=2", "design.discriminator.steps=30",
+                           f"design.adversarial.n_iterations={self.iterations}"]
+        self.run_words = ["run", str(task), "--threads", "1", *sets(settings)]
+        self.command = [*self.run_words, "--out", str(self.out)]
 
     def two_threads(self):
         command = list(self.command)
@@ -129,7 +180,7 @@ class Unit(Campaign):
         self.plan = self.folder / "plan.jsonl"
         settings = [s for s in TINY_DESIGN if "n_seeds" not in s and "n_iterations" not in s]
         settings += ["selection.n_seeds=1", "design.method=transitions", "design.adversarial.n_iterations=20", "report.motion=false"]
-        made = self.run(["sweep", "--task", "Hopper-v5", "--param", FRICTION, "--data", self.data, "--vary",
+        made = self.run(["sweep", "--task", "Hopper-v5", "--param", FRICTION, "--data", self.hopper_logs(), "--vary",
                          "design.adversarial.n_steps=20", "design.adversarial.n_steps=24", "--to", self.plan, *sets(settings)])
         assert made.returncode == DONE, made.stderr
         self.command = self.words()
@@ -188,15 +239,58 @@ class Validate(Campaign):
 
     def prepare(self):
         self.finished = self.folder / "finished"
+        data = str(self.hopper_logs())
         if not (self.finished / "design.json").exists():
-            made = self.run(["design", "--task", "Hopper-v5", "--data", self.data, "--param", FRICTION, "--out", self.finished,
+            made = self.run(["design", "--task", "Hopper-v5", "--data", data, "--param", FRICTION, "--out", self.finished,
                              "--quiet", *sets(TINY + ["selection.n_seeds=1"])])
             assert made.returncode in (DONE, NO_SIMULATOR), made.stderr
-        self.command = ["validate", str(self.out), "--data", str(self.data), "--threads", "1"]
+        self.command = ["validate", str(self.out), "--data", data, "--threads", "1"]
 
     def clear(self):
         super().clear()
         shutil.copytree(self.finished, self.out)
+
+
+class Ledger:
+    """What was tried, a line each: a campaign that was stopped goes on, and one of another program begins anew."""
+
+    def __init__(self, path, *files):
+        """@param files  that the results depend on, beside the campaigns themselves"""
+        self.path = pathlib.Path(path)
+        digest = hashlib.sha256()
+        for file in [*files, *sorted(pathlib.Path(__file__).parent.glob("*.py"))]:
+            digest.update(pathlib.Path(file).read_bytes())
+        self.of = digest.hexdigest()
+        lines = [json.loads(line) for line in self.path.read_text().splitlines() if line.endswith("}")] if self.path.exists() else []
+        self.goes_on = bool(lines) and lines[0] == {"of": self.of}
+        self.tried = {line["try"]: line["failures"] for line in lines[1:]} if self.goes_on else {}
+        # Anew: a line that was half written would spoil the next.
+        self.path.write_text(json.dumps({"of": self.of}) + "\n" + "".join(map(self.line, self.tried)))
+
+    def line(self, name):
+        return json.dumps({"try": name, "failures": self.tried[name]}) + "\n"
+
+    def attempt(self, name, campaign, what):
+        """Calls what() unless `name` was tried before; its failures are the campaign's in either case."""
+        if name in self.tried:
+            for failure in self.tried[name]:
+                print(f"before: {failure}", flush=True)
+            campaign.failures += self.tried[name]
+            return
+        before = len(campaign.failures)
+        what()
+        self.tried[name] = campaign.failures[before:]
+        with open(self.path, "a") as file:
+            file.write(self.line(name))
+
+    def close(self):
+        """All was tried: the next campaign begins anew."""
+        self.path.unlink()
+
+
+def end_on_sigterm():
+    """As by Ctrl-C: what was tried is recorded."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
 
 
 def record(cell, counts):

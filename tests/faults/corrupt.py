@@ -7,6 +7,7 @@ half, cut by its last byte, and has single bits flipped in it. Noticed is: the c
 warns and names the file, or all results are afterwards those of an undisturbed run, byte for byte. In a finished run,
 `oted verify` must notice as well, or the file must hold the same content as before. Ends with 1 where a damage passed
 unnoticed, where the program crashed, or where it ended in another way than documented. --record puts the counts into benchmarks/results/faults.jsonl.
+A campaign that is stopped records what it has tried, and goes on from there when it is given again with the same program.
 """
 
 import argparse
@@ -17,10 +18,13 @@ import subprocess
 import sys
 import time
 
-from campaign import DATA_OR_MODEL, DONE, NO_SIMULATOR, USAGE, Campaign, record
+from campaign import DATA_OR_MODEL, DONE, NO_SIMULATOR, USAGE, Campaign, Ledger, end_on_sigterm, record
 
 # Made from the others by every command, or read by nothing: the report is compared by its own test.
 UNREAD = ("events.out.tfevents", ".lock")
+N_FLIPS = 6  # of each file
+# A state that is killed, and the file that it has then.
+CHECKPOINTS = {"in design": "design/default/1/checkpoint.npz", "in training": "agents/1/checkpoint.npz"}
 
 
 def damages(content, rng, n_flips):
@@ -54,23 +58,32 @@ def without_hashes(text):
 
 
 class Corrupt(Campaign):
+    iterations = 100  # so that it can be killed in the middle
+
     def __init__(self, oted, folder, seed):
         super().__init__(oted, folder)
-        self.rng = random.Random(seed)
-        self.n_tried = 0
+        self.seed = seed
+        self.n_possible = 0
+        self.ledger = Ledger(self.folder / "tried.jsonl", self.oted)
 
     def make_states(self):
-        """The folders to damage: finished, and killed where a checkpoint had just been written."""
+        """The folders to damage: finished, and killed where a checkpoint had just been written. One that goes on has them."""
+        self.states = {name: self.folder / name.replace(" ", "-") for name in ("finished", *CHECKPOINTS)}
+        goes_on = self.ledger.goes_on and all(folder.is_dir() for folder in self.states.values())
         self.clear()
+        if goes_on:
+            shutil.copytree(self.states["finished"], self.out)
         done = self.run()
         assert done.returncode in (DONE, NO_SIMULATOR), done.stderr
         self.code = done.returncode
         self.wanted = self.results()
-        self.states = {"finished": self.keep("finished")}
-        for name, file in (("in design", "design/default/1/checkpoint.npz"), ("in training", "agents/1/checkpoint.npz")):
-            self.states[name] = self.killed(name.replace(" ", "-"), file)
+        if not goes_on:
+            self.ledger.tried.clear()
+            self.keep("finished")
+            for name, file in CHECKPOINTS.items():
+                self.kill_at(name, file)
 
-    def killed(self, name, file):
+    def kill_at(self, state, file):
         for _ in range(50):
             self.clear()
             child = subprocess.Popen([self.oted, *self.command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -79,21 +92,18 @@ class Corrupt(Campaign):
             child.kill()
             child.wait()
             if (self.out / file).exists():
-                return self.keep(name)
+                return self.keep(state)
         raise RuntimeError(f"no run could be killed while it had {file}")
 
-    def keep(self, name):
-        kept = self.folder / name
-        shutil.rmtree(kept, ignore_errors=True)
-        shutil.copytree(self.out, kept)
-        return kept
+    def keep(self, state):
+        shutil.rmtree(self.states[state], ignore_errors=True)
+        shutil.copytree(self.out, self.states[state])
 
     def check(self, state, file, damage, before, after):
         self.clear()
         shutil.copytree(self.states[state], self.out)
         (self.out / file).write_bytes(after)
         what = f"{state}, {file}, {damage}"
-        self.n_tried += 1
         if state == "finished":
             verified = self.run(["verify", str(self.out)])
             if verified.returncode not in (DONE, DATA_OR_MODEL):
@@ -141,12 +151,18 @@ class Corrupt(Campaign):
         for state, file in places:
             content = (self.states[state] / file).read_bytes()
             if content:
-                tries += [(state, file, name, content, after) for name, after in damages(content, self.rng, 3)]
+                rng = random.Random(f"{self.seed} {state} {file}")
+                tries += [(state, file, name, content, after) for name, after in damages(content, rng, N_FLIPS)]
         self.n_possible = len(tries)
         if n_damages and n_damages < len(tries):
-            tries = self.rng.sample(tries, n_damages)
+            tries = random.Random(self.seed).sample(tries, n_damages)
+        random.Random(self.seed).shuffle(tries)  # what a stopped campaign has tried is a fair sample
         for one in tries:
-            self.check(*one)
+            self.ledger.attempt(", ".join(one[:3]), self, lambda one=one: self.check(*one))
+
+    def counts(self):
+        tried = self.ledger.tried.values()
+        return {"possible": self.n_possible, "damages": len(tried), "failed": sum(bool(failures) for failures in tried)}
 
 
 def main():
@@ -159,11 +175,16 @@ def main():
     options = parser.parse_args()
     corrupt = Corrupt(options.oted, options.folder, options.seed)
     corrupt.make_states()
-    corrupt.run_all(options.damages)
-    if options.record:
-        record("corrupt run", {"possible": corrupt.n_possible, "damages": corrupt.n_tried, "failed": len(corrupt.failures)})
-    print(f"{corrupt.n_tried} of {corrupt.n_possible} damages, {len(corrupt.failures)} failures")
-    return 1 if corrupt.failures else 0
+    end_on_sigterm()
+    try:
+        corrupt.run_all(options.damages)
+        corrupt.ledger.close()
+    finally:
+        counts = corrupt.counts()
+        print(f"{counts['damages']} of {counts['possible']} damages, {counts['failed']} failed")
+        if options.record:
+            record("corrupt run", counts)
+    return 1 if counts["failed"] else 0
 
 
 if __name__ == "__main__":

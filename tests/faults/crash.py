@@ -8,7 +8,9 @@ four faults are tried: the process is killed before it, a write takes half of it
 fails once. Processes that the command starts run undisturbed. After it, the exit code must be one of those documented, and the
 same command must end with the results of an undisturbed one, byte for byte, and leave no temporary file, no lock and no
 process. --kills adds kill -9 of the command at that many moments, with two threads. --record puts the counts into
-benchmarks/results/faults.jsonl. Ends with 1 where anything differed.
+benchmarks/results/faults.jsonl. A campaign that is stopped records what it has tried, and goes on from there when it is given
+again with the same program.
+Ends with 1 where anything differed.
 """
 
 import argparse
@@ -19,7 +21,7 @@ import subprocess
 import sys
 import time
 
-from campaign import COMMANDS, DATA_OR_MODEL, record
+from campaign import COMMANDS, DATA_OR_MODEL, Ledger, end_on_sigterm, record
 
 KINDS = ("kill", "short", "nospace", "ioerror")
 
@@ -30,6 +32,7 @@ class Crash:
     def __init__(self, campaign, library):
         self.campaign = campaign
         self.library = os.path.abspath(library)
+        self.ledger = Ledger(campaign.folder / "tried.jsonl", campaign.oted, self.library)
         self.calls = self.count()
 
     def environment(self, **more):
@@ -90,9 +93,9 @@ class Crash:
         child.wait()
         self.check_after(f"kill -9 after {seconds:.2f} s")
 
-    def run_all(self, points, n_kills):
-        """@return how many faults were tried"""
-        n_calls, tried = len(self.calls), 0
+    def all_faults(self, points):
+        """(point, kind) of every fault; of fewer points than there are, spread over the run and shifted by the kind."""
+        n_calls = len(self.calls)
         n = n_calls if points == "all" else min(int(points), n_calls)
         for k, kind in enumerate(KINDS):
             shift = k / len(KINDS) if n < n_calls else 0
@@ -102,12 +105,24 @@ class Crash:
                     point = next((p for p in range(point, n_calls) if self.calls[p] == "write"), None)
                     if point is None or (n == n_calls and point != i):
                         continue
-                self.fault(point, self.calls[point], kind)
-                tried += 1
+                yield point, kind
+
+    def run_all(self, points, n_kills):
+        self.faults = list(self.all_faults(points))
         rng = random.Random(1)
-        for _ in range(n_kills):
-            self.kill_at(rng.uniform(0, self.length))
-        return tried
+        self.kills = [rng.uniform(0, 1) for _ in range(n_kills)]
+        tries = [(f"{point} {kind}", lambda point=point, kind=kind: self.fault(point, self.calls[point], kind))
+                 for point, kind in self.faults]
+        tries += [(f"kill {k}", lambda share=share: self.kill_at(share * self.length)) for k, share in enumerate(self.kills)]
+        rng.shuffle(tries)  # what a stopped campaign has tried is a fair sample
+        for name, attempt in tries:
+            self.ledger.attempt(name, self.campaign, attempt)
+
+    def counts(self):
+        tried = self.ledger.tried
+        return {"points": len(self.calls), "faults": sum(f"{point} {kind}" in tried for point, kind in self.faults),
+                "of": len(self.faults), "kills": sum(f"kill {k}" in tried for k in range(len(self.kills))),
+                "failed": sum(bool(failures) for failures in tried.values())}
 
 
 def main():
@@ -121,6 +136,7 @@ def main():
     parser.add_argument("--kills", type=int, default=0, help="of each command")
     parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
+    end_on_sigterm()
     failed = 0
     for command in COMMANDS:
         name = command.name.split()[0]
@@ -128,13 +144,16 @@ def main():
             continue
         campaign = command(options.oted, f"{options.folder}/{name}")
         crash = Crash(campaign, options.library)
-        tried = crash.run_all(options.points, options.kills)
-        print(f"{command.name}: {len(crash.calls)} points, {tried} faults and {options.kills} kills tried, "
-              f"{len(campaign.failures)} failures", flush=True)
-        if options.record:
-            record(f"crash {command.name}", {"points": len(crash.calls), "faults": tried, "kills": options.kills,
-                                             "failed": len(campaign.failures)})
-        failed += len(campaign.failures)
+        try:
+            crash.run_all(options.points, options.kills)
+            crash.ledger.close()
+        finally:
+            counts = crash.counts()
+            print(f"{command.name}: {counts['points']} points, {counts['faults']} of {counts['of']} faults and {counts['kills']} kills "
+                  f"tried, {counts['failed']} failed", flush=True)
+            if options.record:
+                record(f"crash {command.name}", counts)
+        failed += counts["failed"]
     return 1 if failed else 0
 
 

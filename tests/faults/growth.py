@@ -62,7 +62,7 @@ def look(pid):
 def watch(campaign, case, environment):
     """All looks at the process between the two files."""
     campaign.clear()
-    words = [campaign.oted, *case.words, "--task", "Hopper-v5", "--data", str(campaign.data), "--param", FRICTION, "--threads", "1",
+    words = [campaign.oted, *case.words, "--task", "Hopper-v5", "--data", str(campaign.hopper_logs()), "--param", FRICTION, "--threads", "1",
              "--out", str(campaign.out), "--quiet", *sets(case.settings)]
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment)
     looks = []

@@ -25,7 +25,7 @@ FieldList SelectionConfig::Fields() {
   fields.Add("n_seeds", &n_seeds,
              "seeded designs per setting (n in the paper); 0: one of methods that compute their spread, three of the "
              "others, whose spread is what seeds differ by",
-             AtLeast(0));
+             Between(0, 10000));
   fields.AddChoice("score", &score,
                    "score that ranks the settings: the common judge (common), the paper's c (paper), design deviation "
                    "or learning progress",
