@@ -106,7 +106,8 @@ std::string Correction::Remedy(const SimulatorSpec& spec) const {
     case CorrectionKind::kSwap:
     case CorrectionKind::kActionSwap: {
       std::vector<std::string> swaps;
-      for (size_t k = 0; k + 1 < names.size(); k += 2) swaps.push_back(fmt::format("{} with {}", names[k], names[k + 1]));
+      for (size_t k = 0; k + 1 < names.size(); k += 2)
+        swaps.push_back(fmt::format("{} with {}", names[k], names[k + 1]));
       return "swap " + List(swaps);
     }
     case CorrectionKind::kQuaternionOrder:

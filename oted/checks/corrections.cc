@@ -116,7 +116,8 @@ class Search {
       std::vector<LogWindow> windows;
       for (size_t k = first; k < std::min(starts_.size(), first + kLanes); ++k) {
         const int lane = static_cast<int>(lanes.size());
-        if (!simulator_->SetStateFromLog(lane, log.observations.row(starts_[k].begin), HistoryBefore(log, starts_[k]))) continue;
+        if (!simulator_->SetStateFromLog(lane, log.observations.row(starts_[k].begin), HistoryBefore(log, starts_[k])))
+          continue;
         lanes.push_back(lane);
         windows.push_back(starts_[k]);
       }
@@ -124,7 +125,8 @@ class Search {
       for (int t = 0; t < n_steps_; ++t) {
         for (const int lane : running) {
           const auto action = log.actions.row(windows[static_cast<size_t>(lane)].begin + t);
-          std::copy(action.begin(), action.end(), actions.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(lane) * a));
+          std::copy(action.begin(), action.end(),
+                    actions.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(lane) * a));
         }
         simulator_->Step(running, actions);
         std::erase_if(running, [&](int lane) { return simulator_->status(lane) == LaneStatus::kDiverged; });
@@ -133,8 +135,10 @@ class Search {
         const bool diverged = simulator_->status(lane) == LaneStatus::kDiverged;
         for (size_t j = 0; j < d; ++j) {
           if (change[j] <= 0) continue;
-          const double logged = log.next_observations(windows[static_cast<size_t>(lane)].begin + n_steps_ - 1, static_cast<int>(j));
-          const double squared = std::pow(simulator_->observation(lane)[j] - logged, 2) * static_cast<double>(starts_.size()) / change[j];
+          const double logged =
+              log.next_observations(windows[static_cast<size_t>(lane)].begin + n_steps_ - 1, static_cast<int>(j));
+          const double squared =
+              std::pow(simulator_->observation(lane)[j] - logged, 2) * static_cast<double>(starts_.size()) / change[j];
           sum[j] += diverged ? kCap * kCap : std::min(squared, kCap * kCap);
         }
         ++n;
@@ -245,7 +249,8 @@ class Search {
     const Trial best = trials.front();
     std::erase_if(trials, [&](const Trial& t) {
       return t.total > kAlike * best.total || t.own > kOwnAlike * best.own ||
-             (&t != trials.data() && t.correction.kind == best.correction.kind && t.correction.kind == CorrectionKind::kZero);
+             (&t != trials.data() && t.correction.kind == best.correction.kind &&
+              t.correction.kind == CorrectionKind::kZero);
     });
     return trials;
   }
@@ -276,10 +281,11 @@ class Search {
     findings_.push_back(
         {.check = best.correction.Check(),
          .severity = Severity::kWarning,
-         .what = fmt::format("with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
-                             best.correction.Change(spec_), spec_.task, best.correction.IsOfActions() ? "a channel" : "these channels",
-                             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
-                             period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
+         .what = fmt::format(
+             "with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
+             best.correction.Change(spec_), spec_.task, best.correction.IsOfActions() ? "a channel" : "these channels",
+             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
+             period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
          .meaning = "the columns are not what the model means by them; a design would bend parameters to fit that",

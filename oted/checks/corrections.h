@@ -11,7 +11,8 @@ namespace oted {
 
 /// Replays short windows of the log in the nominal simulator, with one correction after another, and reports those with
 /// which it predicts the channels concerned far better. Needs spec().can_set_state and finite data that fit the task.
-/// @param dataset  as CheckDataset found it: channels whose velocities disagree with their positions are corrected one by
+/// @param dataset  as CheckDataset found it: channels whose velocities disagree with their positions are corrected one
+/// by
 ///   one, others together
 void CheckCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads,
                       std::vector<Finding>& findings);

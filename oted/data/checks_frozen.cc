@@ -142,7 +142,8 @@ void CheckFrozen(const Dataset& dataset, const TaskFacts& facts, std::vector<Fin
     if (stretches.empty()) continue;
     const Stretch longest = *std::ranges::max_element(stretches, {}, &Stretch::Length);
     const int row = frozen.RowOf(longest);
-    shown.push_back(fmt::format("{} (up to {} rows, from row {})", facts.ObservationName(j), longest.Length() + 1, row));
+    shown.push_back(
+        fmt::format("{} (up to {} rows, from row {})", facts.ObservationName(j), longest.Length() + 1, row));
     channels.push_back(facts.ObservationName(j));
     for (const Stretch& s : stretches) {
       rows += s.Length();
@@ -150,15 +151,16 @@ void CheckFrozen(const Dataset& dataset, const TaskFacts& facts, std::vector<Fin
     }
   }
   if (channels.empty()) return;
-  findings.push_back({.check = "frozen_channels",
-                      .severity = Severity::kWarning,
-                      .what = fmt::format("{} stand still and then jump, or stand still while the robot moves",
-                                          fmt::join(shown, ", ")),
-                      .row = first,
-                      .count = rows,
-                      .channels = channels,
-                      .meaning = "a sensor or its bus hung: the rows repeat an old reading, and the design fits the jump",
-                      .remedy = "cut the episode there: end it before these rows and go on after them"});
+  findings.push_back(
+      {.check = "frozen_channels",
+       .severity = Severity::kWarning,
+       .what =
+           fmt::format("{} stand still and then jump, or stand still while the robot moves", fmt::join(shown, ", ")),
+       .row = first,
+       .count = rows,
+       .channels = channels,
+       .meaning = "a sensor or its bus hung: the rows repeat an old reading, and the design fits the jump",
+       .remedy = "cut the episode there: end it before these rows and go on after them"});
 }
 
 }  // namespace oted

@@ -106,7 +106,8 @@ class Rates {
         rates_(CompareRates(dataset, facts.rate_of, period_)) {}
 
   void Check(const std::vector<int>& elsewhere) {
-    std::erase_if(rates_, [&](const RateAgreement& r) { return std::ranges::find(elsewhere, r.velocity) != elsewhere.end(); });
+    std::erase_if(rates_,
+                  [&](const RateAgreement& r) { return std::ranges::find(elsewhere, r.velocity) != elsewhere.end(); });
     for (const RateAgreement& rate : rates_) {
       if (rate.n_wraps > 0) AddWraps(rate);
     }
@@ -123,7 +124,8 @@ class Rates {
   std::string Position(const RateAgreement& rate) const { return facts_.ObservationName(rate.position); }
   std::string Velocity(const RateAgreement& rate) const { return facts_.ObservationName(rate.velocity); }
 
-  void Add(const char* check, std::string what, std::vector<std::string> channels, std::string meaning, std::string remedy) {
+  void Add(const char* check, std::string what, std::vector<std::string> channels, std::string meaning,
+           std::string remedy) {
     findings_.push_back({.check = check,
                          .severity = Severity::kWarning,
                          .what = std::move(what),
@@ -134,8 +136,9 @@ class Rates {
   }
 
   void AddWraps(const RateAgreement& rate) {
-    Add("wrapped_angle", fmt::format("{} jumps by a whole turn in {} rows", Position(rate), rate.n_wraps), {Position(rate)},
-        "the angle is kept within one turn; replays compare it with one that is not", "unwrap it: numpy.unwrap(column)");
+    Add("wrapped_angle", fmt::format("{} jumps by a whole turn in {} rows", Position(rate), rate.n_wraps),
+        {Position(rate)}, "the angle is kept within one turn; replays compare it with one that is not",
+        "unwrap it: numpy.unwrap(column)");
   }
 
   /// Velocities that go with the position of another joint.
@@ -154,13 +157,15 @@ class Rates {
         if (std::abs(ab.correlation) < kClear || std::abs(ba.correlation) < kClear) continue;
         swapped.emplace_back(a->velocity, b->velocity);
         Add("swapped_columns",
-            fmt::format("{} is the rate of {}, and {} that of {}", Velocity(*b), Position(*a), Velocity(*a), Position(*b)),
+            fmt::format("{} is the rate of {}, and {} that of {}", Velocity(*b), Position(*a), Velocity(*a),
+                        Position(*b)),
             {Position(*a), Position(*b), Velocity(*a), Velocity(*b)}, "two columns stand in each other's place",
             fmt::format("swap {} and {}, or {} and {}", Position(*a), Position(*b), Velocity(*a), Velocity(*b)));
       }
     }
     std::erase_if(rates_, [&](const RateAgreement& r) {
-      return std::ranges::any_of(swapped, [&](const auto& s) { return s.first == r.velocity || s.second == r.velocity; });
+      return std::ranges::any_of(swapped,
+                                 [&](const auto& s) { return s.first == r.velocity || s.second == r.velocity; });
     });
   }
 
@@ -172,11 +177,14 @@ class Rates {
         Near(seconds, period_ * kDegree, kUnitSlack)) {
       return false;
     }
-    const auto agrees = [&](const RateAgreement& r) { return r.correlation < kClear || Near(r.slope, seconds, 2 * kAgree); };
+    const auto agrees = [&](const RateAgreement& r) {
+      return r.correlation < kClear || Near(r.slope, seconds, 2 * kAgree);
+    };
     if (!std::ranges::all_of(rates_, agrees)) return false;
     Add("control_rate",
         fmt::format("by positions and velocities the rows are {:.3g} s apart, not {:.3g} s", seconds, period_), {},
-        "the log has another rate than the task", "set the control period to the log's, or bring the log to the task's");
+        "the log has another rate than the task",
+        "set the control period to the log's, or bring the log to the task's");
     return true;
   }
 
@@ -199,7 +207,8 @@ class Rates {
       Add("rate_unit", what, {position, velocity}, "the velocity is in degrees per second",
           fmt::format("multiply {} by {:.6g}{}", velocity, kDegree, sign));
     } else {
-      Add("rate_unit", what, {position, velocity}, "units of the two differ, or the rows are not as far apart as was said",
+      Add("rate_unit", what, {position, velocity},
+          "units of the two differ, or the rows are not as far apart as was said",
           fmt::format("multiply {} by {:.3g}, or correct {} or the control period", velocity, factor, position));
     }
   }
@@ -207,12 +216,14 @@ class Rates {
   void AddLag(const RateAgreement& rate) {
     const double seconds = std::abs(rate.lag) * period_;
     Add("velocity_lag",
-        fmt::format("{} is {:g} rows{} {} than {} moves; that leaves {:.0f} % of their squared difference", Velocity(rate),
-                    std::abs(rate.lag), period_ > 0 ? fmt::format(" ({:.3g} s)", seconds) : "",
+        fmt::format("{} is {:g} rows{} {} than {} moves; that leaves {:.0f} % of their squared difference",
+                    Velocity(rate), std::abs(rate.lag), period_ > 0 ? fmt::format(" ({:.3g} s)", seconds) : "",
                     rate.lag > 0 ? "later" : "earlier", Position(rate), 100 * rate.lag_gain),
         {Velocity(rate)}, "a filter or another clock: a state read off such a row never was",
-        fmt::format("shift the column by so much, leave velocities out (the design finds them from positions), or make it "
-                    "a parameter: obs/{}/delay", Velocity(rate)));
+        fmt::format(
+            "shift the column by so much, leave velocities out (the design finds them from positions), or make it "
+            "a parameter: obs/{}/delay",
+            Velocity(rate)));
   }
 
   const Dataset& dataset_;

@@ -103,9 +103,9 @@ std::vector<std::string> Names(const std::array<int, n>& at, const TaskFacts& fa
 void AddReading(const Reading& best, double own, double left, const TurningBody& body, const TaskFacts& facts,
                 std::vector<Finding>& findings) {
   const std::vector<std::string> quaternion = Names(body.orientation, facts), turn = Names(body.turn, facts);
-  const std::string what =
-      fmt::format("{} to {} and {} to {} disagree: {:.0f} % of the squared rate is missed, {:.0f} % ", quaternion.front(),
-                  quaternion.back(), turn.front(), turn.back(), 100 * std::min(own, 1.0), 100 * left);
+  const std::string what = fmt::format(
+      "{} to {} and {} to {} disagree: {:.0f} % of the squared rate is missed, {:.0f} % ", quaternion.front(),
+      quaternion.back(), turn.front(), turn.back(), 100 * std::min(own, 1.0), 100 * left);
   const auto add = [&](const char* check, const char* as, const char* meaning, std::string remedy,
                        const std::vector<std::string>& channels) {
     findings.push_back({.check = check,
@@ -125,7 +125,8 @@ void AddReading(const Reading& best, double own, double left, const TurningBody&
         "turn round the signs of its x, y and z", quaternion);
   }
   if (best.world) {
-    add("turn_frame", "with the rate about the world's axes", "MuJoCo's angular velocities are about the body's own axes",
+    add("turn_frame", "with the rate about the world's axes",
+        "MuJoCo's angular velocities are about the body's own axes",
         "rotate the angular velocity into the body by the quaternion's inverse", turn);
   }
 }
@@ -142,8 +143,9 @@ std::vector<int> CheckTurning(const Dataset& dataset, const TaskFacts& facts, st
     if (IsSeen(body.turn, dataset)) {
       const double own = Missed(dataset, body, {}, period);
       double left = own;
-      for (const Reading& reading : {Reading{true, false, false}, Reading{false, false, true}, Reading{true, false, true},
-                                     Reading{false, true, false}, Reading{true, true, false}}) {
+      for (const Reading& reading :
+           {Reading{true, false, false}, Reading{false, false, true}, Reading{true, false, true},
+            Reading{false, true, false}, Reading{true, true, false}}) {
         const double missed = Missed(dataset, body, reading, period);
         if (missed >= left || missed > kFits || missed > kBetter * own) continue;
         left = missed;

@@ -14,7 +14,7 @@
 namespace oted {
 namespace {
 
-constexpr double kShiftGain = 0.8;   // a shift must bring the error below this share
+constexpr double kShiftGain = 0.8;  // a shift must bring the error below this share
 constexpr double kExact = 1e-3;     // one-step error of the logs' own simulator
 constexpr double kUseless = 0.5;    // share of the squared change that a model should not miss
 constexpr double kWindow_s = 0.1;

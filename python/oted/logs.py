@@ -229,6 +229,20 @@ class Logs:
                 raise UsageError(f"episode {i} does not exist; there are {n}, from 0")
         return Logs._of(self._data.select(chosen))
 
+    @property
+    def constants(self) -> dict[str, Array]:
+        """What is known of the recording that each row is of; NaN where it is as in the model."""
+        values = self._data.constants
+        return {name: values[:, k] for k, name in enumerate(self._data.constant_names)}
+
+    def with_constants(self, **values: float) -> "Logs":
+        """The same with what is known of this recording: values of constants that the task declares ([task.constants],
+        oted.Task(constants=...)). Join recordings by +; what one of them does not say is there as in the model."""
+        data = self._data.copy()
+        for name, value in values.items():
+            data.set_constant(name, float(value))
+        return Logs._of(data)
+
     def __add__(self, other: "Logs") -> "Logs":
         """Both, one after the other; no episode goes on across the seam."""
         data = self._data.copy()

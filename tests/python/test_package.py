@@ -456,16 +456,19 @@ class Designs(InFolder):
         self.assertEqual((len(logged), period), (len(seen), 0.008))
         clear = np.abs(seen[:, 5:]).max(axis=1) < 10  # Gymnasium clips velocities: other rows show no state
         self.assertTrue(clear[0] and clear.sum() > 20)
-        # qpos without the distance walked, which no log shows.
         np.testing.assert_array_equal(logged[clear, 1:], seen[clear, :5])
+        # The distance walked, which no log shows: the sum of the logged velocities.
+        np.testing.assert_allclose(logged[:, 0], np.concatenate([[0], np.cumsum((seen[1:, 5] + seen[:-1, 5]) / 2 * 0.008)]),
+                                   atol=1e-9)
         # From the start on it is an environment at the same parameters.
         env = oted.make_env(self.design)
         env.reset(options={"qpos": designed[0], "qvel": seen[0, 5:]})
         for row in range(10):
-            np.testing.assert_allclose(designed[row, 1:], env.unwrapped._sims.lanes.pose(0)[1:], atol=1e-12)
+            np.testing.assert_allclose(designed[row], env.unwrapped._sims.lanes.pose(0), atol=1e-12)
             env.step(logs.actions[row])
         start = next(row for row in range(10, len(seen)) if clear[row])
         np.testing.assert_array_equal(designed[start, 1:], logged[start, 1:])
+        self.assertAlmostEqual(designed[start, 0], logged[start, 0])
         self.assertGreater(np.abs(designed[:, 1:] - logged[:, 1:]).max(), 1e-9)
         with self.assertRaisesRegex(oted.UsageError, "episode: got 0"):
             motion(self.design, 0)
