@@ -42,8 +42,8 @@ def motion(design: Design, episode: int = 1, seconds: float = 1.0) -> tuple[Pose
     clear = np.isfinite(logged).all(axis=1)
     if not clear.any():
         raise DataError(f"no row of episode {episode} shows a state of the model; compare units and columns")
-    for row in np.flatnonzero(~clear):  # a clipped velocity: the pose before it, at the beginning the one after it
-        logged[row] = logged[row - 1] if row > 0 else logged[np.argmax(clear)]
+    for row in map(int, np.flatnonzero(~clear)):  # a clipped velocity: the pose before it, at the beginning the one after it
+        logged[row] = logged[row - 1] if row > 0 else logged[int(np.argmax(clear))]
 
     lanes.set_to_row(0, logs, begin + int(np.argmax(clear)))
     moved = np.zeros_like(logged[0])
