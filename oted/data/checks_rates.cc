@@ -15,7 +15,8 @@ namespace {
 constexpr double kClear = 0.8;      // correlation from which on one number is the rate of another
 constexpr double kVague = 0.6;      // below it is not
 constexpr double kUnitSlack = 0.2;  // of a factor
-constexpr double kAgree = 0.05;     // among the channels of a log with another rate
+constexpr double kExactlyClear = 0.95, kFactorSlack = 0.3;  // the same for a factor that no unit explains
+constexpr double kAgree = 0.05;                             // among the channels of a log with another rate
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kFewestRows = 20;
 constexpr double kLongestLag_s = 0.05;
@@ -115,9 +116,7 @@ class Rates {
     if (!AddControlRate()) {
       for (const RateAgreement& rate : rates_) AddFactor(rate);
     }
-    for (const RateAgreement& rate : rates_) {
-      if (std::abs(rate.lag) >= kLag && rate.lag_gain < kLagGain) AddLag(rate);
-    }
+    AddLags();
   }
 
  private:
@@ -213,17 +212,26 @@ class Rates {
     }
   }
 
-  void AddLag(const RateAgreement& rate) {
-    const double seconds = std::abs(rate.lag) * period_;
+  /// Velocities are usually late together: one finding for all.
+  void AddLags() {
+    std::vector<std::string> shown, channels;
+    for (const RateAgreement& rate : rates_) {
+      if (std::abs(rate.lag) < kLag || rate.lag_gain >= kLagGain) continue;
+      channels.push_back(Velocity(rate));
+      shown.push_back(fmt::format("{} by {:g} rows{} ({:.0f} %)", Velocity(rate), std::abs(rate.lag),
+                                  rate.lag > 0 ? "" : " too early", 100 * rate.lag_gain));
+    }
+    if (channels.empty()) return;
     Add("velocity_lag",
-        fmt::format("{} is {:g} rows{} {} than {} moves; that leaves {:.0f} % of their squared difference",
-                    Velocity(rate), std::abs(rate.lag), period_ > 0 ? fmt::format(" ({:.3g} s)", seconds) : "",
-                    rate.lag > 0 ? "later" : "earlier", Position(rate), 100 * rate.lag_gain),
-        {Velocity(rate)}, "a filter or another clock: a state read off such a row never was",
         fmt::format(
-            "shift the column by so much, leave velocities out (the design finds them from positions), or make it "
-            "a parameter: obs/{}/delay",
-            Velocity(rate)));
+            "later than their positions move are {} (in brackets: what reading them at the right row leaves of the "
+            "squared difference)",
+            fmt::join(shown, ", ")),
+        channels, "a filter or another clock: the states in these rows never were",
+        fmt::format(
+            "shift these columns by so much, leave velocities out (the design finds them from positions), or make "
+            "it a parameter: obs/{}/delay",
+            channels[0]));
   }
 
   const Dataset& dataset_;

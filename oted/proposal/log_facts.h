@@ -19,8 +19,8 @@ double RoundedUp(double value);
 std::optional<Dataset> WithVelocities(const Dataset& dataset, const std::vector<std::string>& has,
                                       const std::vector<std::string>& names, double period_s);
 
-/// What is suspicious beside the findings of CheckDataset, with what to do, a sentence each: signs, zeros and units that
-/// the model contradicts, joint limits, actions that act later.
+/// What is suspicious beside the findings of CheckDataset, with what to do, a sentence each: signs, zeros and units
+/// that the model contradicts, joint limits, actions that act later.
 /// @param dataset  of the task `factory` is of, with its period
 std::vector<std::string> SuspiciousFacts(const SimulatorFactory& factory, const Dataset& dataset,
                                          const ModelOutline& model, int n_threads);
