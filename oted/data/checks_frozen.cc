@@ -16,7 +16,7 @@ constexpr int kShortest = 5;         // rows without a change
 constexpr double kLongerThan = 2;    // times the longest such stretch that chance gives
 constexpr double kCatchUp = 5;       // median changes by which a reading jumps when it moves again
 constexpr double kPartnerMoves = 5;  // median changes that its velocity, or its position, says were missed
-constexpr size_t kFewValues = 10;    // a flag or a mode
+constexpr size_t kFlagValues = 10;    // a flag or a mode
 
 /// A stretch of one series in which nothing changes: values[begin] ... values[end].
 struct Stretch {
@@ -71,12 +71,12 @@ class Frozen {
     double low = own[0][0], high = low;
     for (const auto& values : own) {
       for (const double v : values) {
-        if (distinct.size() <= kFewValues) distinct.insert(v);
+        if (distinct.size() <= kFlagValues) distinct.insert(v);
         low = std::min(low, v);
         high = std::max(high, v);
       }
     }
-    if (distinct.size() <= kFewValues) return {};
+    if (distinct.size() <= kFlagValues) return {};
     const std::vector<Stretch> all = StretchesOf(own);
     const double change = MedianChange(own);
     const double chance = LongestByChance(all, static_cast<size_t>(dataset_.size()));

@@ -18,7 +18,7 @@ constexpr double kUnitSlack = 0.2;  // of a factor
 constexpr double kExactlyClear = 0.95, kFactorSlack = 0.3;  // the same for a factor that no unit explains
 constexpr double kAgree = 0.05;                             // among the channels of a log with another rate
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr int kFewestRows = 20;
+constexpr int kFewestPairs = 20;
 constexpr double kLongestLag_s = 0.05;
 constexpr double kLagStep = 0.25;  // [rows]
 // A velocity at the end of a row, or from differences, is half a row off; so much is no lag.
@@ -75,10 +75,10 @@ RateAgreement Compare(const Pair& pair, double period_s) {
   const Sums all = Sum(pair, 0, 0, &rate.n_wraps);
   rate.slope = all.Slope();
   rate.correlation = all.Correlation();
-  if (all.n < kFewestRows) return RateAgreement{};
+  if (all.n < kFewestPairs) return RateAgreement{};
   // One row more at each side than is read, as a lag between rows reads two.
   const int margin = most + 1;
-  if (Sum(pair, 0, margin, nullptr).n < kFewestRows) return rate;
+  if (Sum(pair, 0, margin, nullptr).n < kFewestPairs) return rate;
   double best = 1, prompt = 1;
   for (double lag = -most; lag <= most; lag += kLagStep) {
     const Sums sums = Sum(pair, lag, margin, nullptr);

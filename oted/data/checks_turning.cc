@@ -11,7 +11,7 @@
 namespace oted {
 namespace {
 
-constexpr int kFewestRows = 20;
+constexpr int kFewestTurns = 20;
 constexpr double kFits = 0.4;    // share of the squared rate that a reading may miss
 constexpr double kBetter = 0.5;  // of what the log's own reading misses
 
@@ -136,7 +136,7 @@ void AddReading(const Reading& best, double own, double left, const TurningBody&
 std::vector<int> CheckTurning(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
   std::vector<int> explained;
   const double period = facts.control_period_s > 0 ? facts.control_period_s : dataset.period_s;
-  if (period <= 0 || dataset.size() < kFewestRows) return explained;
+  if (period <= 0 || dataset.size() < kFewestTurns) return explained;
   for (const TurningBody& body : facts.bodies) {
     if (!IsSeen(body.orientation, dataset)) continue;
     Reading best;
