@@ -17,6 +17,8 @@ namespace {
 
 constexpr int kWindows = 300;
 constexpr int kFewestWindows = 20;
+constexpr size_t kScreening = 5;  // a correction is tried on every so many windows first
+constexpr double kNoHope = 0.7;   // and on all only where it leaves less than this of the squared error there
 constexpr int kLanes = 50;
 constexpr double kWindow_s = 0.05;
 constexpr int kLongestWindow = 10;  // rows
@@ -62,7 +64,7 @@ class Search {
 
   void Run() {
     if (static_cast<int>(starts_.size()) < kFewestWindows) return;
-    std::optional<Errors> now = Measure(log_);
+    std::optional<Errors> now = Measure(log_, 1);
     for (int i = 0; i < kMostCorrections && now && Worst(*now) > kGood * kGood; ++i) {
       const std::vector<Trial> trials = Try(*now);
       if (trials.empty()) return;
@@ -99,11 +101,13 @@ class Search {
     if (!windows.empty()) log_ = dataset.Select(windows);
   }
 
-  /// Nothing where too few windows can be replayed.
-  std::optional<Errors> Measure(const Dataset& log) {
+  /// Of every `stride`-th window. Nothing where too few can be replayed.
+  std::optional<Errors> Measure(const Dataset& log, size_t stride) {
     const size_t d = static_cast<size_t>(spec_.obs_dim()), a = static_cast<size_t>(spec_.act_dim);
     Errors change(d, 0.0), sum(d, 0.0);
-    for (const LogWindow& w : starts_) {
+    std::vector<LogWindow> starts;
+    for (size_t k = 0; k < starts_.size(); k += stride) starts.push_back(starts_[k]);
+    for (const LogWindow& w : starts) {
       for (size_t j = 0; j < d; ++j) {
         const int c = static_cast<int>(j);
         change[j] += std::pow(log.next_observations(w.begin + n_steps_ - 1, c) - log.observations(w.begin, c), 2);
@@ -111,15 +115,15 @@ class Search {
     }
     int n = 0;
     std::vector<double> actions(static_cast<size_t>(kLanes) * a);
-    for (size_t first = 0; first < starts_.size(); first += kLanes) {
+    for (size_t first = 0; first < starts.size(); first += kLanes) {
       std::vector<int> lanes;
       std::vector<LogWindow> windows;
-      for (size_t k = first; k < std::min(starts_.size(), first + kLanes); ++k) {
+      for (size_t k = first; k < std::min(starts.size(), first + kLanes); ++k) {
         const int lane = static_cast<int>(lanes.size());
-        if (!simulator_->SetStateFromLog(lane, log.observations.row(starts_[k].begin), HistoryBefore(log, starts_[k])))
+        if (!simulator_->SetStateFromLog(lane, log.observations.row(starts[k].begin), HistoryBefore(log, starts[k])))
           continue;
         lanes.push_back(lane);
-        windows.push_back(starts_[k]);
+        windows.push_back(starts[k]);
       }
       std::vector<int> running = lanes;
       for (int t = 0; t < n_steps_; ++t) {
@@ -138,13 +142,13 @@ class Search {
           const double logged =
               log.next_observations(windows[static_cast<size_t>(lane)].begin + n_steps_ - 1, static_cast<int>(j));
           const double squared =
-              std::pow(simulator_->observation(lane)[j] - logged, 2) * static_cast<double>(starts_.size()) / change[j];
+              std::pow(simulator_->observation(lane)[j] - logged, 2) * static_cast<double>(starts.size()) / change[j];
           sum[j] += diverged ? kCap * kCap : std::min(squared, kCap * kCap);
         }
         ++n;
       }
     }
-    if (n < kFewestWindows) return std::nullopt;
+    if (n < kFewestWindows / static_cast<int>(stride)) return std::nullopt;
     for (double& s : sum) s /= n;
     return sum;
   }
@@ -220,10 +224,14 @@ class Search {
     all.push_back({CorrectionKind::kSwap, {x.velocity, y.velocity}, 0, judged});
   }
 
-  std::optional<Trial> TryOne(const Correction& correction, const Errors& now) {
+  /// Nothing where it cannot be replayed or does not look as if it helped.
+  std::optional<Trial> TryOne(const Correction& correction, const Errors& now, const Errors& screened) {
     Dataset log = log_;
     correction.ApplyTo(log);
-    const std::optional<Errors> errors = Measure(log);
+    const double first = Mean(screened, correction.judged);
+    const std::optional<Errors> some = Measure(log, kScreening);
+    if (!some || Mean(*some, correction.judged) > kNoHope * first) return std::nullopt;
+    const std::optional<Errors> errors = Measure(log, 1);
     if (!errors) return std::nullopt;
     const double before = Mean(now, correction.judged);
     return Trial{correction, *errors, Total(*errors), before > 0 ? Mean(*errors, correction.judged) / before : 1};
@@ -237,11 +245,12 @@ class Search {
   /// Corrections that help, the best first; those that help as much behind it.
   std::vector<Trial> Try(const Errors& now) {
     std::vector<Trial> trials;
-    std::vector<Correction> zeros;
+    const std::optional<Errors> screened = Measure(log_, kScreening);
+    if (!screened) return trials;
     for (const Correction& correction : Candidates(now)) {
-      std::optional<Trial> trial = TryOne(correction, now);
+      std::optional<Trial> trial = TryOne(correction, now, *screened);
       if (!trial) continue;
-      if (correction.kind == CorrectionKind::kZero) *trial = Refined(*trial, now);
+      if (correction.kind == CorrectionKind::kZero) *trial = Refined(*trial, now, *screened);
       if (Helps(*trial, now)) trials.push_back(*std::move(trial));
     }
     std::ranges::stable_sort(trials, {}, &Trial::total);
@@ -256,13 +265,12 @@ class Search {
   }
 
   /// Halves the distance to the best zero a few times.
-  Trial Refined(Trial trial, const Errors& now) {
-    if (trial.own > 0.7) return trial;
+  Trial Refined(Trial trial, const Errors& now, const Errors& screened) {
     for (double step = trial.correction.value / 2; std::abs(step) > std::abs(trial.correction.value) / 40; step /= 2) {
       for (const double sign : {-1.0, 1.0}) {
         Correction moved = trial.correction;
         moved.value += sign * step;
-        const std::optional<Trial> other = TryOne(moved, now);
+        const std::optional<Trial> other = TryOne(moved, now, screened);
         if (other && other->total < trial.total) {
           trial = *other;
           break;

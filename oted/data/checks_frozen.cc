@@ -14,8 +14,9 @@ namespace {
 
 constexpr int kShortest = 5;         // rows without a change
 constexpr double kLongerThan = 2;    // times the longest such stretch that chance gives
-constexpr double kCatchUp = 5;       // median changes by which a reading jumps when it moves again
-constexpr double kPartnerMoves = 5;  // median changes that its velocity, or its position, says were missed
+// Median changes by which a reading jumps when it moves again, or which its velocity or position says it missed: of one
+// that now and then repeats itself, such as a coarse encoder's, and of one that never does.
+constexpr double kMissed = 5, kMissedByNoOther = 2;
 constexpr size_t kFlagValues = 10;    // a flag or a mode
 
 /// A stretch of one series in which nothing changes: values[begin] ... values[end].
@@ -78,14 +79,14 @@ class Frozen {
     }
     if (distinct.size() <= kFlagValues) return {};
     const std::vector<Stretch> all = StretchesOf(own);
-    const double change = MedianChange(own);
     const double chance = LongestByChance(all, static_cast<size_t>(dataset_.size()));
+    const double missed = MedianChange(own) * (chance < 1 ? kMissedByNoOther : kMissed);
     std::vector<Stretch> frozen;
     for (const Stretch& s : all) {
       const double value = own[s.series][s.begin];
       // On an extreme a reading is clipped.
       if (s.Length() < kShortest || s.Length() < kLongerThan * chance || value == low || value == high) continue;
-      if (Jumps(own[s.series], s, change) || PartnerMoves(channel, s, change)) frozen.push_back(s);
+      if (Jumps(own[s.series], s, missed) || PartnerMoves(channel, s, missed)) frozen.push_back(s);
     }
     return frozen;
   }
@@ -95,12 +96,12 @@ class Frozen {
   }
 
  private:
-  static bool Jumps(const std::vector<double>& values, const Stretch& s, double change) {
-    return s.end + 1 < values.size() && std::abs(values[s.end + 1] - values[s.end]) > kCatchUp * change;
+  static bool Jumps(const std::vector<double>& values, const Stretch& s, double missed) {
+    return s.end + 1 < values.size() && std::abs(values[s.end + 1] - values[s.end]) > missed;
   }
 
   /// Whether the channel that it is the rate of, or that is its rate, contradicts it.
-  bool PartnerMoves(int channel, const Stretch& s, double change) const {
+  bool PartnerMoves(int channel, const Stretch& s, double missed) const {
     if (period_ <= 0) return false;
     for (int v = 0; v < static_cast<int>(facts_.rate_of.size()); ++v) {
       const int p = facts_.rate_of[static_cast<size_t>(v)];
@@ -109,7 +110,7 @@ class Frozen {
       if (p == channel) {
         double moved = 0;
         for (size_t i = s.begin; i < s.end; ++i) moved += period_ * (partner[i] + partner[i + 1]) / 2;
-        if (std::abs(moved) > kPartnerMoves * change) return true;
+        if (std::abs(moved) > missed) return true;
       } else {
         double low = INFINITY, high = -INFINITY;
         for (size_t i = s.begin; i < s.end; ++i) {
@@ -117,7 +118,7 @@ class Frozen {
           low = std::min(low, rate);
           high = std::max(high, rate);
         }
-        if (high - low > kPartnerMoves * change) return true;
+        if (high - low > missed) return true;
       }
     }
     return false;

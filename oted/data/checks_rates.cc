@@ -145,7 +145,7 @@ class Rates {
     std::vector<RateAgreement> left;
     std::vector<const RateAgreement*> lost;
     for (const RateAgreement& rate : rates_) {
-      if (std::abs(rate.correlation) < kVague && std::abs(rate.lag) < kLag) lost.push_back(&rate);
+      if (std::abs(rate.correlation) < kVague) lost.push_back(&rate);
     }
     std::vector<std::pair<int, int>> swapped;
     for (const RateAgreement* a : lost) {
@@ -181,7 +181,7 @@ class Rates {
     };
     if (!std::ranges::all_of(rates_, agrees)) return false;
     Add("control_rate",
-        fmt::format("by positions and velocities the rows are {:.3g} s apart, not {:.3g} s", seconds, period_), {},
+        fmt::format("by positions and velocities the rows are {:.2g} s apart, not {:.3g} s", seconds, period_), {},
         "the log has another rate than the task",
         "set the control period to the log's, or bring the log to the task's");
     return true;

@@ -59,7 +59,7 @@ class Robot:
 
 ROBOTS = {
     "ant": Robot("gymnasium/envs/mujoco/assets/ant.xml", 0.05, hidden=("joint/root/qpos[0]", "joint/root/qpos[1]")),
-    "arm": Robot(ARM, 0.02, hold=(300.0, 30.0)),
+    "arm": Robot(ARM, 0.02, hold=(150.0, 25.0)),
     "finger": Robot("dm_control/suite/finger.xml", 0.02),
     "walker": Robot("dm_control/suite/walker.xml", 0.025),
     "cheetah": Robot("dm_control/suite/cheetah.xml", 0.01),
@@ -138,7 +138,7 @@ def drive(robot, seed=0, change=None, noise=0.0, substeps_seen=None):
                 # Beside the servo some torque of its own, that no state tells.
                 goal = target[:model.nu] + 0.6 * wave
                 free = data.qfrc_bias[:model.nu] + robot.hold[0] * (goal - data.qpos[:model.nu]) * high / 150
-                u = np.clip(free - robot.hold[1] * data.qvel[:model.nu] * high / 150 + random.normal(0, 0.1, model.nu) * high,
+                u = np.clip(free - robot.hold[1] * data.qvel[:model.nu] * high / 150 + random.normal(0, 0.02, model.nu) * high,
                             low, high)
             rows.append(np.concatenate([data.qpos, data.qvel]))
             commands.append(u)
@@ -160,7 +160,7 @@ def write(robot, log, folder):
         (folder / "model.xml").write_text(robot.model)
     model = "model.xml" if robot.model.startswith("<") else f"package:{robot.model}"
     (folder / "task.toml").write_text(
-        f'[task]\nmodel = "{model}"\ncontrol_period = {robot.period}\nmax_episode_steps = 0\n'
+        f'[task]\nmodel = "{model}"\ncontrol_period = {robot.period}\nmax_episode_steps = 10000\n'
         f"observations = {json.dumps([log.names[i] for i in seen])}\nunobserved = {json.dumps(list(robot.hidden))}\n"
         f"action_range = [-1, 1]\n"
         f'[data]\npath = "log.csv"\n')
@@ -203,8 +203,9 @@ def plant(fault, robot, log, joints, unit=None):
         rows[:, :, quaternion] = rows[:, :, [*quaternion[1:], quaternion[0]]]
         found = "quaternion_order", [f"joint/{root}/qpos[6]"]
     elif fault == "encoder offset":
-        rows[:, :, pa] += 0.1
-        found = "joint_zero", [f"joint/{a}/qpos"]
+        # Of the second: the first may turn about the vertical, where a model has no zero.
+        rows[:, :, pb] += 0.1
+        found = "joint_zero", [f"joint/{b}/qpos"]
     elif fault == "frozen rows":
         # Not at the very beginning, where little moves.
         rows[1, 60:70] = rows[1, 60]
