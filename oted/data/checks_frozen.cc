@@ -23,6 +23,7 @@ constexpr size_t kFlagValues = 10;    // a flag or a mode
 struct Stretch {
   size_t series = 0, begin = 0, end = 0;
   int Length() const { return static_cast<int>(end - begin); }
+  bool operator==(const Stretch&) const = default;
 };
 
 using Series = std::vector<std::vector<double>>;
@@ -91,6 +92,15 @@ class Frozen {
     return frozen;
   }
 
+  /// Its stretches that are exactly one of `proven`.
+  std::vector<Stretch> Like(int channel, const std::vector<Stretch>& proven) const {
+    std::vector<Stretch> like;
+    for (const Stretch& s : StretchesOf(series_[static_cast<size_t>(channel)])) {
+      if (std::ranges::find(proven, s) != proven.end()) like.push_back(s);
+    }
+    return like;
+  }
+
   int RowOf(const Stretch& stretch) const {
     return dataset_.Episodes()[stretch.series].begin + static_cast<int>(stretch.begin);
   }
@@ -135,11 +145,20 @@ class Frozen {
 void CheckFrozen(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
   if (!facts.flat_observations) return;
   const Frozen frozen(dataset, facts);
+  std::vector<std::vector<Stretch>> found;
+  std::vector<Stretch> proven;
+  for (int j = 0; j < dataset.obs_dim(); ++j) {
+    found.push_back(frozen.Of(j));
+    proven.insert(proven.end(), found.back().begin(), found.back().end());
+  }
+  if (proven.empty()) return;
   std::vector<std::string> shown, channels;
   int first = -1;
   int64_t rows = 0;
   for (int j = 0; j < dataset.obs_dim(); ++j) {
-    const std::vector<Stretch> stretches = frozen.Of(j);
+    std::vector<Stretch>& stretches = found[static_cast<size_t>(j)];
+    // Where others are frozen in the very same rows, a channel that happens to be where it was is, too.
+    if (stretches.empty()) stretches = frozen.Like(j, proven);
     if (stretches.empty()) continue;
     const Stretch longest = *std::ranges::max_element(stretches, {}, &Stretch::Length);
     const int row = frozen.RowOf(longest);

@@ -59,7 +59,7 @@ class Robot:
 
 ROBOTS = {
     "ant": Robot("gymnasium/envs/mujoco/assets/ant.xml", 0.05, hidden=("joint/root/qpos[0]", "joint/root/qpos[1]")),
-    "arm": Robot(ARM, 0.02, hold=(150.0, 25.0)),
+    "arm": Robot(ARM, 0.02, hold=(60.0, 4.0)),
     "finger": Robot("dm_control/suite/finger.xml", 0.02),
     "walker": Robot("dm_control/suite/walker.xml", 0.025),
     "cheetah": Robot("dm_control/suite/cheetah.xml", 0.01),
