@@ -79,7 +79,7 @@ std::string Correction::Change(const SimulatorSpec& spec) const {
   switch (kind) {
     case CorrectionKind::kSign:
     case CorrectionKind::kActionSign:
-      return fmt::format("{} with the other sign", List(names));
+      return fmt::format("{} turned round", List(names));
     case CorrectionKind::kUnit:
       return fmt::format("{} times {:.6g}", List(names), value);
     case CorrectionKind::kZero:

@@ -19,9 +19,9 @@ struct Correction {
 
   /// The name of its finding: "joint_sign".
   const char* Check() const;
-  /// "the sign of joint/elbow/qpos and joint/elbow/qvel turned round".
+  /// "joint/elbow/qpos and joint/elbow/qvel turned round".
   std::string Change(const SimulatorSpec& spec) const;
-  /// "turn round joint/elbow/qpos and joint/elbow/qvel".
+  /// "turn round the sign of joint/elbow/qpos and joint/elbow/qvel".
   std::string Remedy(const SimulatorSpec& spec) const;
   std::vector<std::string> Names(const SimulatorSpec& spec) const;
   void ApplyTo(Dataset& dataset) const;

@@ -12,12 +12,12 @@
 namespace oted {
 namespace {
 
-constexpr int kShortest = 5;         // rows without a change
-constexpr double kLongerThan = 2;    // times the longest such stretch that chance gives
+constexpr int kShortest = 5;       // rows without a change
+constexpr double kLongerThan = 2;  // times the longest such stretch that chance gives
 // Median changes by which a reading jumps when it moves again, or which its velocity or position says it missed: of one
 // that now and then repeats itself, such as a coarse encoder's, and of one that never does.
 constexpr double kMissed = 5, kMissedByNoOther = 2;
-constexpr size_t kFlagValues = 10;    // a flag or a mode
+constexpr size_t kFlagValues = 10;  // a flag or a mode
 
 /// A stretch of one series in which nothing changes: values[begin] ... values[end].
 struct Stretch {

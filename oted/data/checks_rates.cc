@@ -19,6 +19,7 @@ constexpr double kExactlyClear = 0.95, kFactorSlack = 0.3;  // the same for a fa
 constexpr double kAgree = 0.05;                             // among the channels of a log with another rate
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kFewestPairs = 20;
+constexpr double kFewestCarry = 20;  // rows that must carry a correlation or factor for a finding
 constexpr double kLongestLag_s = 0.05;
 constexpr double kLagStep = 0.25;  // [rows]
 // A velocity at the end of a row, or from differences, is half a row off; so much is no lag.
@@ -29,8 +30,9 @@ bool Near(double value, double wanted, double slack) { return std::abs(value - w
 
 /// Sums over rows of y (change of the position) and x (mean velocity of the row, read `lag` rows later).
 struct Sums {
-  double xy = 0, xx = 0, yy = 0;
+  double xy = 0, xx = 0, yy = 0, xxxx = 0;
   int n = 0;
+  double Support() const { return xxxx > 0 ? xx * xx / xxxx : 0; }
   double Slope() const { return xx > 0 ? xy / xx : 0; }
   double Correlation() const { return xx > 0 && yy > 0 ? xy / std::sqrt(xx * yy) : 0; }
   /// Share of y's square that the best slope leaves.
@@ -62,6 +64,7 @@ Sums Sum(const Pair& pair, double lag, int margin, int* n_wraps) {
       }
       sums.xy += x * y;
       sums.xx += x * x;
+      sums.xxxx += x * x * x * x;
       sums.yy += y * y;
       ++sums.n;
     }
@@ -75,6 +78,7 @@ RateAgreement Compare(const Pair& pair, double period_s) {
   const Sums all = Sum(pair, 0, 0, &rate.n_wraps);
   rate.slope = all.Slope();
   rate.correlation = all.Correlation();
+  rate.support = all.Support();
   if (all.n < kFewestPairs) return RateAgreement{};
   // One row more at each side than is read, as a lag between rows reads two.
   const int margin = most + 1;
@@ -112,6 +116,7 @@ class Rates {
     for (const RateAgreement& rate : rates_) {
       if (rate.n_wraps > 0) AddWraps(rate);
     }
+    std::erase_if(rates_, [](const RateAgreement& r) { return r.support < kFewestCarry; });
     AddSwaps();
     if (!AddControlRate()) {
       for (const RateAgreement& rate : rates_) AddFactor(rate);

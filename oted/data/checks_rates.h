@@ -10,6 +10,7 @@ struct RateAgreement {
   int velocity = 0, position = 0;  ///< observations
   double slope = 0;                ///< change of the position per row, for one of the velocity [s]
   double correlation = 0;          ///< of the two
+  double support = 0;              ///< how many rows carry these: the fewer, the more the velocity comes in bursts
   double lag = 0;                  ///< [rows] by which the velocity is late where it goes best with the position
   double lag_gain = 1;             ///< what that leaves of the squared difference
   int n_wraps = 0;                 ///< jumps of the position by a whole turn; they are left out
