@@ -15,7 +15,7 @@ namespace {
 constexpr double kClear = 0.8;      // correlation from which on one number is the rate of another
 constexpr double kVague = 0.6;      // below it is not
 constexpr double kUnitSlack = 0.2;  // of a factor
-constexpr double kExactlyClear = 0.95, kFactorSlack = 0.3;  // the same for a factor that no unit explains
+constexpr double kExactlyClear = 0.95, kFactor = 1.5;  // the same for a factor that no unit explains
 constexpr double kAgree = 0.05;                             // among the channels of a log with another rate
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kFewestPairs = 20;

@@ -49,4 +49,5 @@ class LogFaults(ProgramTest):
 
 
 if __name__ == "__main__":
-    program.main(__doc__)
+    program.take_paths(__doc__)
+    unittest.main()
