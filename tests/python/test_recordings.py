@@ -73,10 +73,11 @@ class Recordings(InFolder):
                              observation_names=NAMES[2:6], action_names=NAMES[6:])
         cls.design = cls.fit(cls.logs)
 
-    @staticmethod
-    def fit(logs):
-        task = oted.Task(model=REAL / "model.xml", control_period=0.002, start="logs")
-        return oted.fit(task, logs, PARAMETERS, seed=1, settings=SETTINGS, progress=False)
+    TASK = oted.Task(model=REAL / "model.xml", control_period=0.002, start="logs", max_episode_steps=10_000)
+
+    @classmethod
+    def fit(cls, logs):
+        return oted.fit(cls.TASK, logs, PARAMETERS, seed=1, settings=SETTINGS, progress=False)
 
     def assertSameDesign(self, logs):
         self.assertEqual(len(logs.episodes), EPISODES)
@@ -94,7 +95,7 @@ class Recordings(InFolder):
             writer.writerow(NAMES)
             for e, rows in enumerate(RECORDINGS):
                 writer.writerows([e, *map(repr, map(float, row))] for row in rows)
-        design = self.assertSameDesign(oted.read_logs(path))
+        design = self.assertSameDesign(oted.read_logs(path, task=self.TASK))
         self.assertEqual(design.parameters, self.design.parameters)
 
     def test_ros_2_bags_of_either_storage(self):
