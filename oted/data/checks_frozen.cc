@@ -14,9 +14,10 @@ namespace {
 
 constexpr int kShortest = 5;       // rows without a change
 constexpr double kLongerThan = 2;  // times the longest such stretch that chance gives
-// Median changes by which a reading jumps when it moves again, or which its velocity or position says it missed: of one
+// Usual changes by which a reading jumps when it moves again, or which its velocity or position says it missed: of one
 // that now and then repeats itself, such as a coarse encoder's, and of one that never does.
 constexpr double kMissed = 5, kMissedByNoOther = 2;
+constexpr double kMoves = 0.2;      // of the usual speed: the least mean speed that is no rest
 constexpr size_t kFlagValues = 10;  // a flag or a mode
 
 /// A stretch of one series in which nothing changes: values[begin] ... values[end].
@@ -41,14 +42,24 @@ std::vector<Stretch> StretchesOf(const Series& series) {
   return stretches;
 }
 
-double MedianChange(const Series& series) {
-  std::vector<double> changes;
+/// Root mean square, over all rows.
+double TypicalChange(const Series& series) {
+  double square = 0;
+  size_t n = 0;
   for (const auto& values : series) {
-    for (size_t i = 1; i < values.size(); ++i) {
-      if (values[i] != values[i - 1]) changes.push_back(std::abs(values[i] - values[i - 1]));
-    }
+    for (size_t i = 1; i < values.size(); ++i, ++n) square += std::pow(values[i] - values[i - 1], 2);
   }
-  return MedianOf(std::move(changes));
+  return n == 0 ? 0 : std::sqrt(square / static_cast<double>(n));
+}
+
+double TypicalSize(const Series& series) {
+  double square = 0;
+  size_t n = 0;
+  for (const auto& values : series) {
+    for (const double v : values) square += v * v;
+    n += values.size();
+  }
+  return n == 0 ? 0 : std::sqrt(square / static_cast<double>(n));
 }
 
 /// The longest stretch without a change that is no wonder, where a share of the rows has none anyway.
@@ -81,7 +92,7 @@ class Frozen {
     if (distinct.size() <= kFlagValues) return {};
     const std::vector<Stretch> all = StretchesOf(own);
     const double chance = LongestByChance(all, static_cast<size_t>(dataset_.size()));
-    const double missed = MedianChange(own) * (chance < 1 ? kMissedByNoOther : kMissed);
+    const double missed = TypicalChange(own) * (chance < 1 ? kMissedByNoOther : kMissed);
     std::vector<Stretch> frozen;
     for (const Stretch& s : all) {
       const double value = own[s.series][s.begin];
@@ -120,7 +131,9 @@ class Frozen {
       if (p == channel) {
         double moved = 0;
         for (size_t i = s.begin; i < s.end; ++i) moved += period_ * (partner[i] + partner[i + 1]) / 2;
-        if (std::abs(moved) > missed) return true;
+        // A robot at rest has a sensor's bias, which adds up.
+        const double usual = TypicalSize(series_[static_cast<size_t>(v)]);
+        if (std::abs(moved) > missed && std::abs(moved) > kMoves * usual * period_ * s.Length()) return true;
       } else {
         double low = INFINITY, high = -INFINITY;
         for (size_t i = s.begin; i < s.end; ++i) {
