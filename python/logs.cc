@@ -1,11 +1,13 @@
 // Logged trajectories: from files by the library's readers, from arrays, and the checks of them.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <tuple>
@@ -42,6 +44,74 @@ std::vector<double> Vector(const Maybe& array, const char* name) {
     throw UsageError(fmt::format("{} has {} dimensions, wanted 1: one number per row", name, array->ndim()));
   }
   return {array->data(), array->data() + array->size()};
+}
+
+/// Sets a constant in all rows, a new one behind those that there are.
+void SetConstant(Dataset& dataset, const std::string& name, double value) {
+  std::vector<std::string>& names = dataset.constant_names;
+  const auto at = std::find(names.begin(), names.end(), name);
+  const int column = static_cast<int>(at - names.begin());
+  if (at == names.end()) {
+    names.push_back(name);
+    Array2<double> wider(dataset.size(), static_cast<int>(names.size()), std::nan(""));
+    for (int i = 0; i < dataset.size() && column > 0; ++i) {
+      std::copy_n(dataset.constants.row(i).begin(), column, wider.row(i).begin());
+    }
+    dataset.constants = std::move(wider);
+  }
+  for (int i = 0; i < dataset.size(); ++i) dataset.constants(i, column) = value;
+}
+
+/// Appends logs that may say other constants: where one says nothing it is as in the model.
+void Append(Dataset& dataset, Dataset other) {
+  const auto add_missing = [](Dataset& to, const Dataset& from) {
+    for (const std::string& name : from.constant_names) {
+      if (std::find(to.constant_names.begin(), to.constant_names.end(), name) == to.constant_names.end()) {
+        SetConstant(to, name, std::nan(""));
+      }
+    }
+  };
+  const auto wanted = [](const char* what, auto got, auto here) {
+    if (got != here) throw UsageError(fmt::format("+: the second logs have {} {}, the first {}", got, what, here));
+  };
+  wanted("observations", other.obs_dim(), dataset.obs_dim());
+  wanted("actions", other.act_dim(), dataset.act_dim());
+  if (other.rewards.empty() != dataset.rewards.empty()) other.rewards.clear(), dataset.rewards.clear();
+  if (other.qpos.cols() != dataset.qpos.cols() || other.qvel.cols() != dataset.qvel.cols()) {
+    other.qpos = other.qvel = dataset.qpos = dataset.qvel = {};
+  }
+  add_missing(dataset, other);
+  add_missing(other, dataset);
+  Dataset ordered = other;
+  for (size_t k = 0; k < dataset.constant_names.size(); ++k) {
+    const auto at = std::find(other.constant_names.begin(), other.constant_names.end(), dataset.constant_names[k]);
+    const int from = static_cast<int>(at - other.constant_names.begin());
+    for (int i = 0; i < other.size(); ++i) ordered.constants(i, static_cast<int>(k)) = other.constants(i, from);
+  }
+  ordered.constant_names = dataset.constant_names;
+  dataset.Append(ordered);
+}
+
+/// Brings constants into the order of the task's. @throws UsageError where the task has none of that name
+void MatchConstants(Dataset& dataset, const SimulatorSpec& spec) {
+  for (const std::string& name : dataset.constant_names) {
+    const auto& known = spec.constant_names;
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    throw UsageError(fmt::format(
+        "constant '{}' of the logs is none of task {}; it has {}", name, spec.task,
+        known.empty() ? "none: declare it in [task.constants]" : fmt::format("{}", fmt::join(known, ", "))));
+  }
+  if (dataset.constant_names.empty() || dataset.constant_names == spec.constant_names) return;
+  Dataset ordered = dataset;
+  ordered.constants = {};
+  ordered.constant_names.clear();
+  for (const std::string& name : spec.constant_names) SetConstant(ordered, name, std::nan(""));
+  for (size_t k = 0; k < dataset.constant_names.size(); ++k) {
+    const auto at = std::find(spec.constant_names.begin(), spec.constant_names.end(), dataset.constant_names[k]);
+    const int to = static_cast<int>(at - spec.constant_names.begin());
+    for (int i = 0; i < dataset.size(); ++i) ordered.constants(i, to) = dataset.constants(i, static_cast<int>(k));
+  }
+  dataset = std::move(ordered);
 }
 
 OutArray Copy(const Array2<double>& m) {
@@ -167,6 +237,7 @@ void Write(Dataset dataset, const std::string& path, const Study& study) {
   if (!config.task.name.empty()) {
     const SimulatorSpec spec = SpecOf(config.task);
     MatchNames(dataset, spec.observation_names, spec.action_names);
+    MatchConstants(dataset, spec);
     dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   }
   WriteDataset(dataset, path);
@@ -183,6 +254,7 @@ std::string Check(const std::optional<Dataset>& given, const Study& study, uint6
     if (has_task) {
       const SimulatorSpec spec = SpecOf(config.task);
       MatchNames(dataset, spec.observation_names, spec.action_names);
+      MatchConstants(dataset, spec);
     }
   } else {
     DataOptions how = has_task ? DataOptionsFor(config.data, SpecOf(config.task)) : config.data.Options();
@@ -238,7 +310,11 @@ void AddDataset(nb::module_& m) {
              for (const Episode& e : d.Episodes()) episodes.emplace_back(e.begin, e.end, e.terminated);
              return episodes;
            })
-      .def("append", &Dataset::Append, nb::arg("other"))
+      .def_prop_ro(
+          "constants", [](const Dataset& d) { return Copy(d.constants); }, nb::rv_policy::move)
+      .def_ro("constant_names", &Dataset::constant_names)
+      .def("set_constant", &SetConstant, nb::arg("name"), nb::arg("value"))
+      .def("append", &Append, nb::arg("other"))
       .def("copy", [](const Dataset& d) { return d; })
       .def("select", [](const Dataset& d, const std::vector<int>& which) {
         const std::vector<Episode> all = d.Episodes();

@@ -3,12 +3,16 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "oted/base/error.h"
 #include "oted/run/run_inputs.h"
+#include "oted/sim/film.h"
+#include "oted/sim/log_window.h"
 #include "oted/sim/mujoco/task.h"
 #include "python/binding.h"
 
@@ -51,12 +55,45 @@ class Lanes {
     lanes_->ResetTo(lane, Values(qpos), Values(qvel), rng);
     Show(lane);
   }
-  /// Into the state that a logged observation shows. False where it shows none: the lane is then unchanged.
-  bool SetToLog(int lane, const InArray& observation) {
+  /// Into the state of one row of the logs, with what was logged before it on its way through delays. Velocities that
+  /// no observation shows are the rates of their positions. False where the row shows no state: the lane is then
+  /// unchanged.
+  bool SetToRow(int lane, const Dataset& logs, int row) {
     CheckLane(lane);
-    if (!lanes_->SetStateFromObservation(lane, Values(observation))) return false;
+    const SimulatorSpec& spec = factory_->spec();
+    const LogWindow window = WindowAt(logs, row, 1);
+    const LoggedHistory before = HistoryBefore(logs, window);
+    if (spec.can_set_state) {
+      if (!lanes_->SetStateFromLog(lane, logs.observations.row(row), before)) return false;
+    } else {
+      std::vector<double> state(logs.observations.row(row).begin(), logs.observations.row(row).end());
+      const int first = std::max(window.episode_begin, row - 1);
+      for (const HiddenCoordinate& hidden : spec.hidden) {
+        const double change =
+            hidden.rate_of < 0 ? 0
+                               : logs.next_observations(row, hidden.rate_of) - logs.observations(first, hidden.rate_of);
+        state.push_back(change / ((row - first + 1) * spec.control_period_s));
+      }
+      if (!lanes_->SetState(lane, state, before)) return false;
+    }
     Show(lane);
     return true;
+  }
+  bool CanReplay() const { return factory_->spec().can_replay(); }
+  /// (rows, numbers of a pose): NaN where a row shows no state. Uses lane 0.
+  OutArray LoggedPoses(const Dataset& logs, int begin, int end) {
+    Array2<double> poses;
+    if (factory_->spec().can_set_state) {
+      const std::vector<Episode> rows = {{begin, end, false}};
+      poses = PosesOfObservations(*lanes_, logs.Select(rows).observations);
+    } else {
+      poses = Array2<double>(end - begin, static_cast<int>(lanes_->pose(0).size()), std::nan(""));
+      for (int row = begin; row < end; ++row) {
+        if (!SetToRow(0, logs, row)) continue;
+        std::copy(lanes_->pose(0).begin(), lanes_->pose(0).end(), poses.row(row - begin).begin());
+      }
+    }
+    return ToNumpy<double>(poses.values(), {static_cast<size_t>(poses.rows()), static_cast<size_t>(poses.cols())});
   }
 
   /// One control period of the listed lanes; `actions` has a row for every lane.
@@ -140,7 +177,9 @@ void AddSimulators(nb::module_& m) {
       .def("set_parameters", &Lanes::SetParameters, nb::arg("lane"), nb::arg("z"))
       .def("reset", &Lanes::Reset, nb::arg("lane"), nb::arg("seed"))
       .def("reset_to", &Lanes::ResetTo, nb::arg("lane"), nb::arg("qpos"), nb::arg("qvel"), nb::arg("seed"))
-      .def("set_to_log", &Lanes::SetToLog, nb::arg("lane"), nb::arg("observation"))
+      .def_prop_ro("can_replay", &Lanes::CanReplay)
+      .def("set_to_row", &Lanes::SetToRow, nb::arg("lane"), nb::arg("logs"), nb::arg("row"))
+      .def("logged_poses", &Lanes::LoggedPoses, nb::arg("logs"), nb::arg("begin"), nb::arg("end"))
       .def("step", &Lanes::Step, nb::arg("lanes"), nb::arg("actions"))
       .def("observations", &Lanes::Observations)
       .def("rewards", &Lanes::Rewards)

@@ -1,19 +1,62 @@
 #!/usr/bin/env bash
 # test_python.sh [PYTHON...]: builds the wheels and tests each as a stranger meets it: installed into a fresh environment
-# whose PATH has no compiler, beside the packages of the extras.
+# whose PATH has no compiler, first alone, then beside the packages of the extras. Then what needs torch: notebooks,
+# Stable-Baselines3, and sets that LeRobot itself writes (WITHOUT_LEROBOT=1 leaves those out: 570 MB on disk).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 readonly -a PYTHONS=("${@:-.venv/bin/python}")
+readonly MOST_WHEEL=15000000 MOST_DOWNLOAD=100000000 MOST_SECONDS=60 MOST_IMPORT=0.3
+
+version_of() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])'; }
+wheel_for() {
+  local tag=cp312-abi3
+  [ "$(version_of "$1")" != 3.11 ] || tag=cp311-cp311
+  echo dist/oted-*-"$tag"-*.whl
+}
+
+# The wheel alone: its size, what comes with it, how long both take, and how long an import.
+install_alone() {
+  local python=$1 environment=$2 wheel=$3 begun size
+  size=$(stat -c %s "$wheel")
+  "$python" -m venv "$environment"
+  "$environment/bin/python" -m pip download --quiet --no-input --only-binary :all: -d "$environment/wheels" "$wheel"
+  begun=$EPOCHREALTIME
+  PATH=/nonexistent "$environment/bin/python" -m pip install --quiet --no-input --only-binary :all: "$wheel"
+  "$environment/bin/python" - "$size" "$begun" "$EPOCHREALTIME" "$environment" <<EOF
+import pathlib, subprocess, sys, time
+size, seconds, environment = int(sys.argv[1]), float(sys.argv[3]) - float(sys.argv[2]), pathlib.Path(sys.argv[4])
+download = sum(file.stat().st_size for file in (environment / "wheels").iterdir())
+site = next(environment.glob("lib/python3.*/site-packages"))
+ours = [p for p in site.iterdir() if not p.name.startswith(("pip", "setuptools", "_distutils", "pkg_resources"))]
+disk = sum(f.stat().st_size for p in ours for f in ([p] if p.is_file() else p.rglob("*")) if f.is_file() and f.suffix != ".pyc")
+times = []
+for _ in range(5):
+    begun = time.perf_counter()
+    subprocess.run([sys.executable, "-c", "import oted"], check=True)
+    times.append(time.perf_counter() - begun)
+bare = []
+for _ in range(5):
+    begun = time.perf_counter()
+    subprocess.run([sys.executable, "-c", ""], check=True)
+    bare.append(time.perf_counter() - begun)
+taken = min(times) - min(bare)
+print(f"wheel {size / 1e6:.1f} MB; with all that it needs {download / 1e6:.1f} MB to download, {disk / 1e6:.0f} MB on disk, "
+      f"installed in {seconds:.0f} s; import in {taken:.2f} s")
+assert size < $MOST_WHEEL and download < $MOST_DOWNLOAD and seconds < $MOST_SECONDS and taken < $MOST_IMPORT
+EOF
+}
+
 rm -rf dist
 scripts/setup.sh build
 scripts/build.sh release
 scripts/wheel.sh "${PYTHONS[@]}"
 for python in "${PYTHONS[@]}"; do
-  environment=build/python-$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+  environment=build/python-$(version_of "$python")
+  wheel=$(wheel_for "$python")
   rm -rf "$environment"
-  "$python" -m venv "$environment"
-  wheel=$("$python" -c 'import glob, sys; print(glob.glob("dist/oted-*-cp311-*" if sys.version_info < (3, 12) else "dist/oted-*-cp312-abi3-*")[0])')
+  echo "== $("$python" --version): the wheel alone"
+  install_alone "$python" "$environment" "$wheel"
   PATH=/nonexistent "$environment/bin/python" -m pip install --quiet --no-input --only-binary :all: \
     "$wheel[notebook,bags,lerobot]" 'gymnasium[mujoco]' mujoco==4.0.0 mypy
   echo "== $("$python" --version): the package"
@@ -28,14 +71,44 @@ for python in "${PYTHONS[@]}"; do
   "$environment/bin/python" examples/python/hopper.py
 done
 
-# The notebooks train with Stable-Baselines3 on the torch of .venv, so with its interpreter.
+# What needs torch uses that of .venv, so its interpreter.
+wheel=$(wheel_for .venv/bin/python)
+[ -f "$wheel" ] || { echo "== notebooks, training, recordings: not run, as no wheel is for $(.venv/bin/python --version)"; exit 0; }
+[ -d .venv/lib/python3.*/site-packages/torch ] || { echo "== notebooks, training, recordings: not run without torch in .venv (scripts/setup.sh)"; exit 0; }
+
+# with_torch ENVIRONMENT: a fresh one that sees .venv's packages behind its own.
+with_torch() {
+  rm -rf "$1"
+  .venv/bin/python -m venv "$1"
+  .venv/bin/python -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])' >"$(echo "$1"/lib/python3.*/site-packages)/torch.pth"
+}
+
+lerobot_sets=
+if [ -z "${WITHOUT_LEROBOT:-}" ]; then
+  writer=build/python-lerobot
+  with_torch "$writer"
+  "$writer/bin/python" -m pip install --quiet --no-input --only-binary :all: -r requirements-lerobot.txt
+  "$writer/bin/python" -m pip install --quiet --no-input --no-deps accelerate==1.15.0
+  for release in 0.3.3 0.4.4; do
+    "$writer/bin/python" -m pip install --quiet --no-input --no-deps --target "$writer/lerobot-$release" "lerobot==$release"
+    PYTHONPATH="$writer/lerobot-$release" "$writer/bin/python" tests/python/write_lerobot.py "$writer/set-$release" 2>/dev/null
+    lerobot_sets+=${lerobot_sets:+:}$writer/set-$release
+  done
+fi
+
 environment=build/python-notebooks
-rm -rf "$environment"
-.venv/bin/python -m venv "$environment"
-wheel=$(.venv/bin/python -c 'import glob, sys; print((glob.glob("dist/oted-*-cp311-*" if sys.version_info < (3, 12) else "dist/oted-*-cp312-abi3-*") or [""])[0])')
-[ -n "$wheel" ] || { echo "== notebooks: not run, as no wheel is for $(.venv/bin/python --version)"; exit 0; }
-"$environment/bin/python" -m pip install --quiet --no-input --only-binary :all: "$wheel[notebook]" mujoco==4.0.0 nbclient nbconvert ipykernel
+with_torch "$environment"
+"$environment/bin/python" -m pip install --quiet --no-input --only-binary :all: "$wheel[notebook,bags,lerobot]" mujoco==4.0.0 nbclient \
+  nbconvert ipykernel mypy pandas-stubs
 "$environment/bin/python" -m pip install --quiet --no-input --no-deps "$(grep -o '^stable-baselines3==[0-9.]*' requirements-bench.txt)"
-.venv/bin/python -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])' >"$(echo "$environment"/lib/python3.*/site-packages)/torch.pth"
+echo "== $("$environment/bin/python" --version): recordings in every form"
+LEROBOT_SETS=$lerobot_sets "$environment/bin/python" tests/python/test_recordings.py
+echo "== $("$environment/bin/python" --version): other people's agents"
+"$environment/bin/python" tests/python/test_training.py
 echo "== $("$environment/bin/python" --version): notebooks (what they look like: build/notebooks)"
 PATH="$PWD/$environment/bin:$PATH" "$environment/bin/python" tests/python/test_notebooks.py build/notebooks
+echo "== $("$environment/bin/python" --version): types of the notebooks"
+for notebook in examples/notebooks/*.ipynb; do
+  "$environment/bin/python" -m nbconvert --log-level ERROR --to script --output-dir build/notebooks "$notebook"
+  "$environment/bin/python" -m mypy "build/notebooks/$(basename "$notebook" .ipynb).py"
+done

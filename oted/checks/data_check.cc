@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "oted/base/error.h"
+#include "oted/checks/corrections.h"
 #include "oted/checks/engine_check.h"
 #include "oted/data/checks_dynamics.h"
 #include "oted/stages/behavior/clone.h"
@@ -194,6 +195,9 @@ void AddEngine(const EngineMatch& better, const OneStepError& here, const Simula
 TaskFacts FactsOf(const SimulatorSpec& spec) {
   TaskFacts facts;
   facts.observation_names = spec.observation_names;
+  facts.rate_of = spec.rate_of;
+  facts.bodies = spec.bodies;
+  facts.control_period_s = spec.control_period_s;
   facts.action_low = spec.action_low;
   facts.action_high = spec.action_high;
   facts.max_episode_steps = spec.max_episode_steps;
@@ -244,6 +248,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     AddOneStep(*check.one_step, *factory, check.findings);
     const auto better = FindBetterEngine(spec.task, *check.one_step, dataset, kOneStepRows, context.n_threads);
     if (better) AddEngine(*better, *check.one_step, spec, check.findings);
+    CheckCorrections(*factory, dataset, context.n_threads, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states
     try {
       check.gap =

@@ -8,8 +8,11 @@
 #include "oted/base/error.h"
 #include "oted/data/checks_channels.h"
 #include "oted/data/checks_dynamics.h"
+#include "oted/data/checks_frozen.h"
+#include "oted/data/checks_rates.h"
 #include "oted/data/checks_rows.h"
 #include "oted/data/checks_states.h"
+#include "oted/data/checks_turning.h"
 #include "oted/data/loggable.h"
 
 namespace oted {
@@ -75,7 +78,9 @@ std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts
   }
   CheckRows(dataset, facts, findings);
   CheckChannels(dataset, facts, findings);
+  CheckFrozen(dataset, facts, findings);
   CheckStates(dataset, facts, findings);
+  CheckRates(dataset, facts, CheckTurning(dataset, facts, findings), findings);
   CheckDynamics(dataset, facts, findings);
   return findings;
 }

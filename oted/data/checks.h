@@ -6,6 +6,7 @@
 
 #include "oted/data/dataset.h"
 #include "oted/data/finding.h"
+#include "oted/data/turning_body.h"
 
 namespace oted {
 
@@ -15,6 +16,9 @@ struct TaskFacts {
   std::vector<std::string> action_names = {};
   std::vector<double> action_low = {}, action_high = {};  ///< in the actions' own unit
   int max_episode_steps = 0;
+  std::vector<int> rate_of = {};         ///< as SimulatorSpec's
+  std::vector<TurningBody> bodies = {};  ///< the same
+  double control_period_s = 0;
   bool flat_observations = true;   ///< a vector of quantities; false: an image, whose pixels are not checked one by one
   bool continuous_actions = true;  ///< false: numbers of discrete actions
   bool mujoco_observations = true;  ///< observations may be [qpos without the root's first numbers, qvel]

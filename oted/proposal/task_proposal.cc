@@ -15,6 +15,7 @@
 #include "oted/checks/data_check.h"
 #include "oted/config/parameters_toml.h"
 #include "oted/config/task_file_schema.h"
+#include "oted/data/checks_rates.h"
 #include "oted/data/csv_dataset_write.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/log_columns.h"
@@ -326,7 +327,7 @@ class Proposer {
     TaskConfig config;
     config.model = task;
     config.Resolve();
-    const double rows = PeriodByRates(CompareRates(*arrays_, SpecOf(config).rate_of));
+    const double rows = PeriodByRates(CompareRates(*arrays_, SpecOf(config).rate_of, 0));
     if (rows <= 0) FailPeriod();
     const double n = std::max(1.0, std::round(rows / model_.time_step));
     proposal_.guessed.push_back(

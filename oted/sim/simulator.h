@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "oted/base/rng.h"
+#include "oted/data/turning_body.h"
 #include "oted/sim/parameter_info.h"
 #include "oted/sim/parameter_space.h"
 #include "oted/sim/renderer.h"
@@ -49,6 +50,7 @@ struct SimulatorSpec {
   std::vector<HiddenCoordinate> hidden;
   /// (obs_dim): the observation of which each is the rate of change [1/s], -1 for none; empty where nothing is known.
   std::vector<int> rate_of;
+  std::vector<TurningBody> bodies;  ///< that turn in space, where an observation shows any of them
   /// (obs_dim): for how many control steps after SetState a reading may be older than that state; empty: for none.
   std::vector<int> reading_ages;
   std::vector<std::string> constant_names;  ///< one per number of LoggedHistory::constants

@@ -15,7 +15,7 @@ from oted._engine import core as _module
 from oted.errors import DataError, Error, InternalError, Interrupted, MissingPackage, UsageError
 
 if TYPE_CHECKING:
-    from oted import bags, lerobot, progress, sb3, streams
+    from oted import bags, lerobot, progress, robomimic, sb3, streams
     from oted.agents import Agent, Evaluation, evaluate, train
     from oted.checks import Check, check
     from oted.design import Design, Validation, Verdict, load
@@ -42,14 +42,14 @@ _PLACES = {
     "oted.task": ("Param", "Task", "describe"),
     "oted.viewer": ("view",),
 }
-_SUBMODULES = ("bags", "lerobot", "progress", "sb3", "streams")
+_SUBMODULES = ("bags", "lerobot", "progress", "robomimic", "sb3", "streams")
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
 __all__ = [
     "Agent", "Check", "DataError", "Design", "Error", "Evaluation", "GymSimulator", "InternalError", "Interrupted", "Logs",
     "MissingPackage", "Param", "Proposal", "Task", "UsageError", "Validation", "Verdict", "check", "describe", "evaluate", "fit",
-    "bags", "init", "lerobot", "load", "make_env", "make_vec_env", "progress", "read_logs", "register", "streams", "train",
-    "view",
+    "bags", "init", "lerobot", "load", "make_env", "make_vec_env", "progress", "read_logs", "register", "robomimic", "streams",
+    "train", "view",
 ]
 
 

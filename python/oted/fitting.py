@@ -68,7 +68,8 @@ def _logs_path(logs: Logs | PathLike | None, task: TaskLike, folder: pathlib.Pat
         return os.fspath(logs)
     if logs.path is not None:
         return logs.path
-    written = folder / "given" / "logs.npz"
+    # A table is the only format that holds constants.
+    written = folder / "given" / ("logs.csv.gz" if logs.constants else "logs.npz")
     written.parent.mkdir(parents=True, exist_ok=True)
     core.write_logs(logs._data, str(written), study(task, folder=folder / "given"))
     return str(written.resolve())

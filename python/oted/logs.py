@@ -67,7 +67,7 @@ class Logs:
         self._set(core.logs_from_rows(
             seen, _array("actions", actions, 2), runs, _maybe("times", times, 1), _maybe("rewards", rewards, 1),
             _maybe("qpos", qpos, 2), _maybe("qvel", qvel, 2), list(observation_names), list(action_names),
-            period or 0.0))
+            _period(period)))
 
     def _set(self, data: "core.Dataset", path: str | None = None) -> None:
         self._data = data
@@ -118,7 +118,7 @@ class Logs:
             _array("observations", observations, 2), _array("actions", actions, 2),
             _array("next_observations", next_observations, 2), _maybe("terminals", terminals, 1),
             _maybe("timeouts", timeouts, 1), _maybe("rewards", rewards, 1), list(observation_names),
-            list(action_names), period or 0.0))
+            list(action_names), _period(period)))
 
     @classmethod
     def from_pandas(
@@ -229,6 +229,20 @@ class Logs:
                 raise UsageError(f"episode {i} does not exist; there are {n}, from 0")
         return Logs._of(self._data.select(chosen))
 
+    @property
+    def constants(self) -> dict[str, Array]:
+        """What is known of the recording that each row is of; NaN where it is as in the model."""
+        values = self._data.constants
+        return {name: values[:, k] for k, name in enumerate(self._data.constant_names)}
+
+    def with_constants(self, **values: float) -> "Logs":
+        """The same with what is known of this recording: values of constants that the task declares ([task.constants],
+        oted.Task(constants=...)). Join recordings by +; what one of them does not say is there as in the model."""
+        data = self._data.copy()
+        for name, value in values.items():
+            data.set_constant(name, float(value))
+        return Logs._of(data)
+
     def __add__(self, other: "Logs") -> "Logs":
         """Both, one after the other; no episode goes on across the seam."""
         data = self._data.copy()
@@ -255,10 +269,26 @@ def _episode_ends(n_rows: int, ends: Sequence[int] | None, labels: ArrayLike | N
         return [*(int(i) + 1 for i in np.flatnonzero(column[1:] != column[:-1])), n_rows]
     if ends is None:
         return [n_rows]
-    found = [int(end) for end in ends]
+    try:
+        found = [int(end) for end in ends]
+    except (TypeError, ValueError) as e:
+        raise UsageError(f"episode_ends: wanted whole numbers, one past the last row of each episode ({e})") from e
     if not found or found[-1] != n_rows or any(b <= a for a, b in zip([0, *found], found)):
         raise UsageError(f"episode_ends: got {found[:5]}..., wanted rising numbers up to the {n_rows} rows")
     return found
+
+
+def _period(given: float | None) -> float:
+    """0 where it is not known."""
+    if given is None:
+        return 0.0
+    try:
+        period = float(given)
+    except (TypeError, ValueError):
+        period = 0.0
+    if not 0 < period < np.inf:
+        raise UsageError(f"period: got {given!r}, wanted seconds between two rows, above 0")
+    return period
 
 
 def _seconds(name: str, values: NDArray[Any]) -> Array:

@@ -22,7 +22,9 @@ ParametersLike = Any
 class Task:
     """A task on a model of your own. docs/task_files.md explains each key; what is None has its default.
 
-    model: an MJCF or URDF file, or a mujoco.MjSpec. control_period [s] is the time between two actions.
+    model: an MJCF or URDF file, or a mujoco.MjSpec. control_period [s] is the time between two actions. constants: numbers
+    of the model that are known and differ between recordings, {"payload": {"field": "body/hand/mass", "scale": "absolute"}};
+    Logs.with_constants says what they were.
     """
 
     model: Any
@@ -40,14 +42,18 @@ class Task:
     terminate: str | None = None
     max_episode_steps: int | None = None
     quantities: Mapping[str, str] | None = None
+    constants: Mapping[str, Mapping[str, Any]] | None = None
 
     def to_toml(self, folder: pathlib.Path | None = None) -> str:
         """[task] as a task file has it. A MjSpec is written into `folder` as model.xml first."""
         entries = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        quantities = entries.pop("quantities")
+        quantities, constants = entries.pop("quantities"), entries.pop("constants")
         entries["model"] = _model_file(self.model, folder)
         text = _toml.section("task", entries)
-        return text + _toml.section("task.quantities", quantities) if quantities else text
+        for name, table in (("task.quantities", quantities), ("task.constants", constants)):
+            if table:
+                text += _toml.section(name, table)
+        return text
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,13 +18,13 @@ from oted.errors import DataError, UsageError
 
 Poses = NDArray[np.float64]
 GHOST = (0.25, 0.55, 1.0, 0.35)  # red, green, blue, opacity
-LOGGED, DESIGNED = 0, 1  # lanes
 
 
 def motion(design: Design, episode: int = 1, seconds: float = 1.0) -> tuple[Poses, Poses, float]:
     """Positions, a row of qpos for each logged step: as logged, and as the designed simulator moves under the logged
-    actions, which begins anew at the logged state every `seconds`. And the time between two rows [s]. Coordinates that no
-    log shows stay as in the start state."""
+    actions, which begins anew at the logged state every `seconds`, with earlier actions on their way through its delays.
+    And the time between two rows [s]. A coordinate that no observation shows, such as the distance walked, adds up the
+    logged velocities; others that no log shows stay as in the start state."""
     what = study_of(design)
     logs = core.read_logs(what)
     episodes = logs.episodes()
@@ -34,22 +34,28 @@ def motion(design: Design, episode: int = 1, seconds: float = 1.0) -> tuple[Pose
     period = float(json.loads(core.describe(what))["control_period"])
     between = max(1, round(seconds / period))
 
-    lanes = core.Lanes(what, 2, 1)
-    for lane in (LOGGED, DESIGNED):
-        lanes.set_parameters(lane, np.asarray(list(design.mode.values()), dtype=np.float64))
+    lanes = core.Lanes(what, 1, 1)
+    lanes.set_parameters(0, np.asarray(list(design.mode.values()), dtype=np.float64))
+    if not lanes.can_replay:
+        raise UsageError("the logs do not show enough of the state to replay them; look at the report")
+    logged: Poses = lanes.logged_poses(logs, begin, end)
+    clear = np.isfinite(logged).all(axis=1)
+    if not clear.any():
+        raise DataError(f"no row of episode {episode} shows a state of the model; compare units and columns")
+    for row in map(int, np.flatnonzero(~clear)):  # a clipped velocity: the pose before it, at the beginning the one after it
+        logged[row] = logged[row - 1] if row > 0 else logged[int(np.argmax(clear))]
+
+    lanes.set_to_row(0, logs, begin + int(np.argmax(clear)))
+    moved = np.zeros_like(logged[0])
     next_start = begin
-    poses: tuple[list[Poses], list[Poses]] = ([], [])
+    designed: list[Poses] = []
     for row in range(begin, end):
-        seen = np.ascontiguousarray(logs.observations[row], dtype=np.float64)
-        # A reading that shows no state (a clipped velocity) leaves a lane as it was.
-        lanes.set_to_log(LOGGED, seen)
-        if row >= next_start and lanes.set_to_log(DESIGNED, seen):
+        if row >= next_start and lanes.set_to_row(0, logs, row):
             next_start = row + between
-        for lane in (LOGGED, DESIGNED):
-            poses[lane].append(np.array(lanes.pose(lane)))
-        actions = np.tile(np.asarray(logs.actions[row], dtype=np.float64), (2, 1))
-        lanes.step([DESIGNED], np.ascontiguousarray(actions))
-    return np.array(poses[LOGGED]), np.array(poses[DESIGNED]), period
+            moved = logged[row - begin] - lanes.pose(0)  # in coordinates that the observation does not show
+        designed.append(lanes.pose(0) + moved)
+        lanes.step([0], np.ascontiguousarray(logs.actions[row][None], dtype=np.float64))
+    return logged, np.array(designed), period
 
 
 def _add_ghost(mujoco: Any, model: Any, data: Any, scene: Any) -> None:

@@ -186,7 +186,9 @@ class InitTest(ProgramTest):
         rows[:, 4] *= -1
         text, _ = self.init(self.csv(rows))
         self.assertIn("joint/elbow_joint/qpos changes -1 times as fast as joint/elbow_joint/qvel says", text)
-        self.assertNotIn("with the other sign of", text, "one correction at a time")
+        # The model says which of the two it is, and blames nothing else.
+        self.assertIn("turn round the sign of joint/elbow_joint/qvel", text)
+        self.assertNotIn("actuator/elbow turned round", text)
 
     def test_velocities_that_show_late_are_told(self):
         rows = swing(1)
@@ -200,8 +202,8 @@ class InitTest(ProgramTest):
         rows = swing(1)
         rows[:, 6] *= -1
         text, _ = self.init(self.csv(rows))
-        self.assertIn("with the other sign of actuator/elbow the model predicts better", text)
-        self.assertNotIn("with the other sign of actuator/shoulder", text)
+        self.assertIn("turn round the sign of actuator/elbow", text)
+        self.assertNotIn("turn round the sign of actuator/shoulder", text)
 
     def test_an_offset_beyond_the_limits_is_told(self):
         rows = swing(1)

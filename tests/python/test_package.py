@@ -173,9 +173,29 @@ class LogsTest(InFolder):
         np.testing.assert_array_equal(again.observations[:end - begin], logs.observations[begin:end])
         self.assertIsNone(again.path)
 
+    def test_constants_go_with_their_recordings_and_only_with_a_task_that_has_them(self):
+        (self.folder / "pendulum.xml").write_text(PENDULUM)
+        constants = {"load": {"field": "body/*/mass"}}
+        task = oted.Task(model=self.folder / "pendulum.xml", control_period=0.02, constants=constants)
+        t = np.arange(0, 4, 0.02)
+        one = oted.Logs(np.column_stack([np.sin(t), np.cos(t)]), np.sin(3 * t)[:, None], period=0.02)
+        both = one.with_constants(load=1.5) + one
+        np.testing.assert_array_equal(both.constants["load"][:len(one)], 1.5)
+        self.assertTrue(np.isnan(both.constants["load"][len(one):]).all())
+        both.save(self.folder / "log.csv", task)
+        back = oted.read_logs(self.folder / "log.csv", task)
+        np.testing.assert_array_equal(back.constants["load"], both.constants["load"])
+        self.assertEqual(oted.check(both, task).errors, [])
+        with self.assertRaisesRegex(oted.UsageError, "constant 'lode'"):
+            oted.check(one.with_constants(lode=1.0), task)
+
     def test_bad_arrays_are_usage_errors(self):
         for call in (lambda: oted.Logs(np.zeros((4, 2)), np.zeros((3, 1))),
                      lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), episode_ends=[2, 5]),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), episode_ends=["x"]),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), period=-1.0),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), period="x"),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))) + oted.Logs(np.zeros((4, 3)), np.zeros((4, 1))),
                      lambda: oted.Logs([["x"]], [[0.0]]),
                      lambda: oted.Logs.from_pandas({"q": np.zeros(3)}, observations=["p"], actions=["q"])):
             with self.assertRaises(oted.UsageError):
@@ -456,16 +476,20 @@ class Designs(InFolder):
         self.assertEqual((len(logged), period), (len(seen), 0.008))
         clear = np.abs(seen[:, 5:]).max(axis=1) < 10  # Gymnasium clips velocities: other rows show no state
         self.assertTrue(clear[0] and clear.sum() > 20)
-        # qpos without the distance walked, which no log shows.
         np.testing.assert_array_equal(logged[clear, 1:], seen[clear, :5])
+        # The distance walked, which no log shows: the sum of the logged velocities, as far as all of them are shown.
+        shown = int(np.argmin(clear)) if not clear.all() else len(clear)
+        walked = np.concatenate([[0], np.cumsum((seen[1:shown, 5] + seen[:shown - 1, 5]) / 2 * 0.008)])
+        np.testing.assert_allclose(logged[:shown, 0], walked, atol=1e-9)
         # From the start on it is an environment at the same parameters.
         env = oted.make_env(self.design)
         env.reset(options={"qpos": designed[0], "qvel": seen[0, 5:]})
         for row in range(10):
-            np.testing.assert_allclose(designed[row, 1:], env.unwrapped._sims.lanes.pose(0)[1:], atol=1e-12)
+            np.testing.assert_allclose(designed[row], env.unwrapped._sims.lanes.pose(0), atol=1e-12)
             env.step(logs.actions[row])
         start = next(row for row in range(10, len(seen)) if clear[row])
         np.testing.assert_array_equal(designed[start, 1:], logged[start, 1:])
+        self.assertAlmostEqual(designed[start, 0], logged[start, 0])
         self.assertGreater(np.abs(designed[:, 1:] - logged[:, 1:]).max(), 1e-9)
         with self.assertRaisesRegex(oted.UsageError, "episode: got 0"):
             motion(self.design, 0)

@@ -240,10 +240,10 @@ class Builder {
     Quaternions();
   }
 
-  // The observation that shows an entry of qpos, or -1.
-  int SeenAt(int qpos) const {
+  // The observation that shows an entry of qpos, or of another part of the state, or -1.
+  int SeenAt(int index, Part part = Part::kQpos) const {
     const auto found = std::find_if(plan_.targets.begin(), plan_.targets.end(), [&](const ModelPlan::Target& t) {
-      return t.part == Part::kQpos && t.index == static_cast<size_t>(qpos);
+      return t.part == part && t.index == static_cast<size_t>(index);
     });
     return found == plan_.targets.end() ? -1 : static_cast<int>(found - plan_.targets.begin());
   }
@@ -290,7 +290,21 @@ class Builder {
       const int first = model_.jnt_qposadr[joint] + (type == mjJNT_FREE ? 3 : 0);
       const std::array<int, 4> at = {SeenAt(first), SeenAt(first + 1), SeenAt(first + 2), SeenAt(first + 3)};
       if (std::none_of(at.begin(), at.end(), [](int i) { return i < 0; })) plan_.quaternions.push_back(at);
+      spec_.bodies.push_back(BodyOf(joint, at));
     }
+  }
+
+  TurningBody BodyOf(int joint, const std::array<int, 4>& orientation) const {
+    TurningBody body{.orientation = orientation};
+    const bool is_free = model_.jnt_type[joint] == mjJNT_FREE;
+    const int turn = model_.jnt_dofadr[joint] + (is_free ? 3 : 0);
+    for (int k = 0; k < 3; ++k) {
+      body.turn[static_cast<size_t>(k)] = SeenAt(turn + k, Part::kQvel);
+      if (!is_free) continue;
+      body.position[static_cast<size_t>(k)] = SeenAt(model_.jnt_qposadr[joint] + k);
+      body.velocity[static_cast<size_t>(k)] = SeenAt(model_.jnt_dofadr[joint] + k, Part::kQvel);
+    }
+    return body;
   }
 
   void Quantities() {

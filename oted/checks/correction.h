@@ -1,0 +1,31 @@
+#pragma once
+/// A change of logged columns.
+
+#include <string>
+#include <vector>
+
+#include "oted/data/dataset.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+enum class CorrectionKind { kSign, kSwap, kZero, kUnit, kActionSign, kActionSwap, kQuaternionOrder };
+
+struct Correction {
+  CorrectionKind kind;
+  std::vector<int> columns = {};  ///< observations or actions; of a swap two, or two pairs one after the other
+  double value = 0;               ///< what is added (a zero), or the factor (a unit)
+  std::vector<int> judged = {};   ///< the observations whose prediction must get better
+
+  /// The name of its finding: "joint_sign".
+  const char* Check() const;
+  /// "joint/elbow/qpos and joint/elbow/qvel turned round".
+  std::string Change(const SimulatorSpec& spec) const;
+  /// "turn round the sign of joint/elbow/qpos and joint/elbow/qvel".
+  std::string Remedy(const SimulatorSpec& spec) const;
+  std::vector<std::string> Names(const SimulatorSpec& spec) const;
+  void ApplyTo(Dataset& dataset) const;
+  bool IsOfActions() const { return kind == CorrectionKind::kActionSign || kind == CorrectionKind::kActionSwap; }
+};
+
+}  // namespace oted

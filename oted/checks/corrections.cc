@@ -1,0 +1,320 @@
+#include "oted/checks/corrections.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "oted/checks/correction.h"
+#include "oted/data/checks_rates.h"
+#include "oted/sim/log_window.h"
+
+namespace oted {
+namespace {
+
+constexpr int kWindows = 300;
+constexpr int kFewestWindows = 20;
+constexpr size_t kScreening = 5;  // a correction is tried on every so many windows first
+constexpr double kNoHope = 0.7;   // and on all only where it leaves less than this of the squared error there
+constexpr int kLanes = 50;
+constexpr double kWindow_s = 0.05;
+constexpr int kLongestWindow = 10;  // rows
+constexpr double kCap = 2;          // an error counts as so many times the usual change at most
+constexpr double kGood = 0.03;      // error of a channel, of its change: below it nothing is to be mended
+constexpr double kHelps = 0.35;     // what a correction must leave of the squared error of its channels
+constexpr double kZeroHelps = 0.2;  // the same for a zero, which wrong parameters can look like
+constexpr double kAlike = 1.1;      // corrections that leave within so much of the best are named beside it
+constexpr double kOwnAlike = 1.5;
+constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
+constexpr size_t kMostJoints = 12;      // those that fit worst
+constexpr int kMostCorrections = 3;
+constexpr double kDegree = std::numbers::pi / 180;
+
+/// A position and its rate.
+struct Joint {
+  int position = 0, velocity = 0;
+  bool agree = true;
+};
+
+using Errors = std::vector<double>;  // per channel: mean of the squared error over the squared change
+
+double Mean(const Errors& errors, const std::vector<int>& channels) {
+  double sum = 0;
+  for (const int j : channels) sum += errors[static_cast<size_t>(j)];
+  return channels.empty() ? 0 : sum / static_cast<double>(channels.size());
+}
+
+class Search {
+ public:
+  Search(const SimulatorFactory& factory, const Dataset& dataset, int n_threads, std::vector<Finding>& findings)
+      : spec_(factory.spec()), findings_(findings), simulator_(factory.Make(kLanes, n_threads)) {
+    for (int lane = 0; lane < kLanes; ++lane) simulator_->SetParameters(lane, factory.parameters().Nominal());
+    n_steps_ = spec_.control_period_s > 0
+                   ? std::clamp(static_cast<int>(std::lround(kWindow_s / spec_.control_period_s)), 1, kLongestWindow)
+                   : 1;
+    Choose(dataset);
+    for (const RateAgreement& rate : CompareRates(dataset, spec_.rate_of, spec_.control_period_s)) {
+      const double factor = spec_.control_period_s > 0 ? rate.slope / spec_.control_period_s : 1;
+      joints_.push_back({rate.position, rate.velocity, rate.correlation > 0.6 && std::abs(factor - 1) < 0.3});
+    }
+  }
+
+  void Run() {
+    if (static_cast<int>(starts_.size()) < kFewestWindows) return;
+    std::optional<Errors> now = Measure(log_, 1);
+    for (int i = 0; i < kMostCorrections && now && Worst(*now) > kGood * kGood; ++i) {
+      const std::vector<Trial> trials = Try(*now);
+      if (trials.empty()) return;
+      Report(trials, *now);
+      trials.front().correction.ApplyTo(log_);
+      now = trials.front().errors;
+    }
+  }
+
+ private:
+  struct Trial {
+    Correction correction;
+    Errors errors;
+    double total = 0, own = 0;
+  };
+
+  /// Copies windows, each with what a simulator with delays reaches back to, into a log of their own.
+  void Choose(const Dataset& dataset) {
+    int before = spec_.n_past_actions;
+    for (const int age : spec_.reading_ages) before = std::max(before, age);
+    std::vector<int> rows;
+    for (const Episode& e : dataset.Episodes()) {
+      for (int i = e.begin; i + n_steps_ <= e.end; ++i) rows.push_back(i);
+    }
+    const size_t every = std::max<size_t>(1, rows.size() / kWindows);
+    std::vector<Episode> windows;
+    int at = 0;
+    for (size_t k = every / 2; k < rows.size(); k += every) {
+      const int history = std::min(before, rows[k] - WindowAt(dataset, rows[k], n_steps_).episode_begin);
+      windows.push_back({rows[k] - history, rows[k] + n_steps_, false});
+      starts_.push_back({at + history, n_steps_, at});
+      at += history + n_steps_;
+    }
+    if (!windows.empty()) log_ = dataset.Select(windows);
+  }
+
+  /// Of every `stride`-th window. Nothing where too few can be replayed.
+  std::optional<Errors> Measure(const Dataset& log, size_t stride) {
+    const size_t d = static_cast<size_t>(spec_.obs_dim()), a = static_cast<size_t>(spec_.act_dim);
+    Errors change(d, 0.0), sum(d, 0.0);
+    std::vector<LogWindow> starts;
+    for (size_t k = 0; k < starts_.size(); k += stride) starts.push_back(starts_[k]);
+    for (const LogWindow& w : starts) {
+      for (size_t j = 0; j < d; ++j) {
+        const int c = static_cast<int>(j);
+        change[j] += std::pow(log.next_observations(w.begin + n_steps_ - 1, c) - log.observations(w.begin, c), 2);
+      }
+    }
+    int n = 0;
+    std::vector<double> actions(static_cast<size_t>(kLanes) * a);
+    for (size_t first = 0; first < starts.size(); first += kLanes) {
+      std::vector<int> lanes;
+      std::vector<LogWindow> windows;
+      for (size_t k = first; k < std::min(starts.size(), first + kLanes); ++k) {
+        const int lane = static_cast<int>(lanes.size());
+        if (!simulator_->SetStateFromLog(lane, log.observations.row(starts[k].begin), HistoryBefore(log, starts[k])))
+          continue;
+        lanes.push_back(lane);
+        windows.push_back(starts[k]);
+      }
+      std::vector<int> running = lanes;
+      for (int t = 0; t < n_steps_; ++t) {
+        for (const int lane : running) {
+          const auto action = log.actions.row(windows[static_cast<size_t>(lane)].begin + t);
+          std::copy(action.begin(), action.end(),
+                    actions.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(lane) * a));
+        }
+        simulator_->Step(running, actions);
+        std::erase_if(running, [&](int lane) { return simulator_->status(lane) == LaneStatus::kDiverged; });
+      }
+      for (const int lane : lanes) {
+        const bool diverged = simulator_->status(lane) == LaneStatus::kDiverged;
+        for (size_t j = 0; j < d; ++j) {
+          if (change[j] <= 0) continue;
+          const double logged =
+              log.next_observations(windows[static_cast<size_t>(lane)].begin + n_steps_ - 1, static_cast<int>(j));
+          const double squared =
+              std::pow(simulator_->observation(lane)[j] - logged, 2) * static_cast<double>(starts.size()) / change[j];
+          sum[j] += diverged ? kCap * kCap : std::min(squared, kCap * kCap);
+        }
+        ++n;
+      }
+    }
+    if (n < kFewestWindows / static_cast<int>(stride)) return std::nullopt;
+    for (double& s : sum) s /= n;
+    return sum;
+  }
+
+  double Total(const Errors& errors) const {
+    double total = 0;
+    for (const double e : errors) total += e;
+    return total;
+  }
+  static double Worst(const Errors& errors) { return *std::ranges::max_element(errors); }
+
+  /// What could be wrong with channels that are predicted badly.
+  std::vector<Correction> Candidates(const Errors& now) const {
+    std::vector<Joint> bad;
+    for (const Joint& joint : joints_) {
+      if (Mean(now, {joint.position, joint.velocity}) > kGood * kGood) bad.push_back(joint);
+    }
+    std::ranges::sort(bad, [&](const Joint& x, const Joint& y) {
+      return Mean(now, {x.position, x.velocity}) > Mean(now, {y.position, y.velocity});
+    });
+    if (bad.size() > kMostJoints) bad.resize(kMostJoints);
+    std::vector<Correction> all;
+    for (const Joint& joint : bad) AddOfJoint(joint, all);
+    for (size_t i = 0; i < bad.size(); ++i) {
+      for (size_t k = 0; k < i; ++k) AddSwaps(bad[k], bad[i], all);
+    }
+    for (const TurningBody& body : spec_.bodies) {
+      if (std::ranges::any_of(body.orientation, [](int j) { return j < 0; })) continue;
+      const std::vector<int> columns(body.orientation.begin(), body.orientation.end());
+      all.push_back({CorrectionKind::kQuaternionOrder, columns, 0, columns});
+    }
+    if (spec_.n_discrete_actions > 0) return all;
+    std::vector<int> moving;
+    for (int j = 0; j < spec_.obs_dim(); ++j) moving.push_back(j);
+    for (int a = 0; a < spec_.act_dim; ++a) {
+      all.push_back({CorrectionKind::kActionSign, {a}, 0, moving});
+      for (int b = 0; b < a; ++b) all.push_back({CorrectionKind::kActionSwap, {b, a}, 0, moving});
+    }
+    return all;
+  }
+
+  void AddOfJoint(const Joint& joint, std::vector<Correction>& all) const {
+    const std::vector<int> both = {joint.position, joint.velocity};
+    std::vector<std::vector<int>> sets;
+    if (joint.agree) {
+      sets = {both};
+    } else {
+      sets = {{joint.position}, {joint.velocity}, both};
+    }
+    for (const auto& columns : sets) {
+      all.push_back({CorrectionKind::kSign, columns, 0, both});
+      all.push_back({CorrectionKind::kUnit, columns, kDegree, both});
+      all.push_back({CorrectionKind::kUnit, columns, 1 / kDegree, both});
+    }
+    for (const double size : {1.0, 2.5, 5.0, 10.0, 20.0}) {
+      for (const double sign : {-1.0, 1.0}) {
+        all.push_back({CorrectionKind::kZero, {joint.position}, sign * size * SmallestZero(joint), {joint.velocity}});
+      }
+    }
+  }
+
+  double SmallestZero(const Joint& joint) const {
+    const size_t p = static_cast<size_t>(joint.position);
+    const bool in_metres = p < spec_.observation_units.size() && spec_.observation_units[p] == "m";
+    return in_metres ? kSmallestZero / 10 : kSmallestZero;
+  }
+
+  static void AddSwaps(const Joint& x, const Joint& y, std::vector<Correction>& all) {
+    const std::vector<int> judged = {x.position, x.velocity, y.position, y.velocity};
+    all.push_back({CorrectionKind::kSwap, {x.position, y.position, x.velocity, y.velocity}, 0, judged});
+    if (x.agree || y.agree) return;
+    all.push_back({CorrectionKind::kSwap, {x.position, y.position}, 0, judged});
+    all.push_back({CorrectionKind::kSwap, {x.velocity, y.velocity}, 0, judged});
+  }
+
+  /// Nothing where it cannot be replayed or does not look as if it helped.
+  std::optional<Trial> TryOne(const Correction& correction, const Errors& now, const Errors& screened) {
+    Dataset log = log_;
+    correction.ApplyTo(log);
+    const double first = Mean(screened, correction.judged);
+    const std::optional<Errors> some = Measure(log, kScreening);
+    if (!some || Mean(*some, correction.judged) > kNoHope * first) return std::nullopt;
+    const std::optional<Errors> errors = Measure(log, 1);
+    if (!errors) return std::nullopt;
+    const double before = Mean(now, correction.judged);
+    return Trial{correction, *errors, Total(*errors), before > 0 ? Mean(*errors, correction.judged) / before : 1};
+  }
+
+  bool Helps(const Trial& trial, const Errors& now) const {
+    const double most = trial.correction.kind == CorrectionKind::kZero ? kZeroHelps : kHelps;
+    return trial.own < most && trial.total < Total(now);
+  }
+
+  /// Corrections that help, the best first; those that help as much behind it.
+  std::vector<Trial> Try(const Errors& now) {
+    std::vector<Trial> trials;
+    const std::optional<Errors> screened = Measure(log_, kScreening);
+    if (!screened) return trials;
+    for (const Correction& correction : Candidates(now)) {
+      std::optional<Trial> trial = TryOne(correction, now, *screened);
+      if (!trial) continue;
+      if (correction.kind == CorrectionKind::kZero) *trial = Refined(*trial, now, *screened);
+      if (Helps(*trial, now)) trials.push_back(*std::move(trial));
+    }
+    std::ranges::stable_sort(trials, {}, &Trial::total);
+    if (trials.empty()) return trials;
+    const Trial best = trials.front();
+    std::erase_if(trials, [&](const Trial& t) {
+      return t.total > kAlike * best.total || t.own > kOwnAlike * best.own ||
+             (&t != trials.data() && t.correction.kind == best.correction.kind &&
+              t.correction.kind == CorrectionKind::kZero);
+    });
+    return trials;
+  }
+
+  /// Halves the distance to the best zero a few times.
+  Trial Refined(Trial trial, const Errors& now, const Errors& screened) {
+    for (double step = trial.correction.value / 2; std::abs(step) > std::abs(trial.correction.value) / 40; step /= 2) {
+      for (const double sign : {-1.0, 1.0}) {
+        Correction moved = trial.correction;
+        moved.value += sign * step;
+        const std::optional<Trial> other = TryOne(moved, now, screened);
+        if (other && other->total < trial.total) {
+          trial = *other;
+          break;
+        }
+      }
+    }
+    return trial;
+  }
+
+  void Report(const std::vector<Trial>& trials, const Errors& now) {
+    const Trial& best = trials.front();
+    const std::vector<int>& judged = best.correction.judged;
+    std::vector<std::string> others;
+    for (size_t i = 1; i < trials.size(); ++i) others.push_back(trials[i].correction.Remedy(spec_));
+    const double period = spec_.control_period_s;
+    findings_.push_back(
+        {.check = best.correction.Check(),
+         .severity = Severity::kWarning,
+         .what = fmt::format(
+             "with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
+             best.correction.Change(spec_), spec_.task, best.correction.IsOfActions() ? "a channel" : "these channels",
+             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
+             period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
+         .count = static_cast<int64_t>(best.correction.columns.size()),
+         .channels = best.correction.Names(spec_),
+         .meaning = "the columns are not what the model means by them; a design would bend parameters to fit that",
+         .remedy = best.correction.Remedy(spec_) +
+                   (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
+  }
+
+  const SimulatorSpec& spec_;
+  std::vector<Finding>& findings_;
+  std::unique_ptr<Simulator> simulator_;
+  int n_steps_ = 1;
+  Dataset log_;
+  std::vector<LogWindow> starts_;
+  std::vector<Joint> joints_;
+};
+
+}  // namespace
+
+void CheckCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads,
+                      std::vector<Finding>& findings) {
+  Search(factory, dataset, n_threads, findings).Run();
+}
+
+}  // namespace oted

@@ -1,0 +1,20 @@
+#pragma once
+/// Which change of the log would make the model predict it: a sign, a swap of two joints, a zero, a unit.
+
+#include <vector>
+
+#include "oted/data/dataset.h"
+#include "oted/data/finding.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// Replays short windows of the log in the nominal simulator, with one correction after another, and reports those with
+/// which it predicts the channels concerned far better. Needs spec().can_set_state and finite data that fit the task.
+/// @param dataset  as CheckDataset found it: channels whose velocities disagree with their positions are corrected one
+/// by
+///   one, others together
+void CheckCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads,
+                      std::vector<Finding>& findings);
+
+}  // namespace oted

@@ -1,0 +1,282 @@
+#include "oted/data/checks_rates.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "oted/data/channel_series.h"
+
+namespace oted {
+namespace {
+
+constexpr double kClear = 0.8;      // correlation from which on one number is the rate of another
+constexpr double kVague = 0.6;      // below it is not
+constexpr double kUnitSlack = 0.2;  // of a factor
+constexpr double kExactlyClear = 0.95, kFactor = 1.5;  // the same for a factor that no unit explains
+constexpr double kAgree = 0.05;                             // among the channels of a log with another rate
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr int kFewestPairs = 20;
+constexpr double kFewestCarry = 20;  // rows that must carry a correlation or factor for a finding
+constexpr double kLongestLag_s = 0.05;
+constexpr double kLagStep = 0.25;  // [rows]
+// A velocity at the end of a row, or from differences, is half a row off; so much is no lag.
+constexpr double kNoLag = 0.5, kLag = 1;
+constexpr double kLagGain = 0.6;  // what a lag must leave of the squared difference
+
+bool Near(double value, double wanted, double slack) { return std::abs(value - wanted) < slack * std::abs(wanted); }
+
+/// Sums over rows of y (change of the position) and x (mean velocity of the row, read `lag` rows later).
+struct Sums {
+  double xy = 0, xx = 0, yy = 0, xxxx = 0;
+  int n = 0;
+  double Support() const { return xxxx > 0 ? xx * xx / xxxx : 0; }
+  double Slope() const { return xx > 0 ? xy / xx : 0; }
+  double Correlation() const { return xx > 0 && yy > 0 ? xy / std::sqrt(xx * yy) : 0; }
+  /// Share of y's square that the best slope leaves.
+  double Left() const { return 1 - Correlation() * Correlation(); }
+};
+
+struct Pair {
+  std::vector<std::vector<double>> position, velocity;
+  double clip;
+};
+
+Sums Sum(const Pair& pair, double lag, int margin, int* n_wraps) {
+  Sums sums;
+  const int whole = static_cast<int>(std::floor(lag));
+  const double part = lag - whole;
+  for (size_t e = 0; e < pair.position.size(); ++e) {
+    const auto &p = pair.position[e], &v = pair.velocity[e];
+    const auto at = [&](int i) {
+      const size_t k = static_cast<size_t>(i + whole);
+      return part == 0 ? v[k] : (1 - part) * v[k] + part * v[k + 1];
+    };
+    for (int i = margin; i + 1 + margin < static_cast<int>(p.size()); ++i) {
+      const size_t k = static_cast<size_t>(i);
+      if (std::abs(v[k]) >= pair.clip || std::abs(v[k + 1]) >= pair.clip) continue;
+      const double y = p[k + 1] - p[k], x = (at(i) + at(i + 1)) / 2;
+      if (std::abs(std::abs(y) - 2 * std::numbers::pi) < std::numbers::pi / 2) {
+        if (n_wraps != nullptr) ++*n_wraps;
+        continue;
+      }
+      sums.xy += x * y;
+      sums.xx += x * x;
+      sums.xxxx += x * x * x * x;
+      sums.yy += y * y;
+      ++sums.n;
+    }
+  }
+  return sums;
+}
+
+RateAgreement Compare(const Pair& pair, double period_s) {
+  RateAgreement rate;
+  const int most = period_s > 0 ? std::clamp(static_cast<int>(kLongestLag_s / period_s), 2, 25) : 3;
+  const Sums all = Sum(pair, 0, 0, &rate.n_wraps);
+  rate.slope = all.Slope();
+  rate.correlation = all.Correlation();
+  rate.support = all.Support();
+  if (all.n < kFewestPairs) return RateAgreement{};
+  // One row more at each side than is read, as a lag between rows reads two.
+  const int margin = most + 1;
+  if (Sum(pair, 0, margin, nullptr).n < kFewestPairs) return rate;
+  double best = 1, prompt = 1;
+  for (double lag = -most; lag <= most; lag += kLagStep) {
+    const Sums sums = Sum(pair, lag, margin, nullptr);
+    const double left = sums.Slope() * all.Slope() > 0 ? sums.Left() : 1;
+    if (std::abs(lag) <= kNoLag) prompt = std::min(prompt, left);
+    if (left < best) {
+      best = left;
+      rate.lag = lag;
+    }
+  }
+  rate.lag_gain = prompt > 0 ? best / prompt : 1;
+  return rate;
+}
+
+Pair PairOf(const Dataset& dataset, int position, int velocity) {
+  return {SeriesOf(dataset, position), SeriesOf(dataset, velocity), ClipOf(dataset, velocity)};
+}
+
+class Rates {
+ public:
+  Rates(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings)
+      : dataset_(dataset),
+        facts_(facts),
+        findings_(findings),
+        period_(facts.control_period_s > 0 ? facts.control_period_s : dataset.period_s),
+        rates_(CompareRates(dataset, facts.rate_of, period_)) {}
+
+  void Check(const std::vector<int>& elsewhere) {
+    std::erase_if(rates_,
+                  [&](const RateAgreement& r) { return std::ranges::find(elsewhere, r.velocity) != elsewhere.end(); });
+    for (const RateAgreement& rate : rates_) {
+      if (rate.n_wraps > 0) AddWraps(rate);
+    }
+    std::erase_if(rates_, [](const RateAgreement& r) { return r.support < kFewestCarry; });
+    AddSwaps();
+    if (!AddControlRate()) {
+      for (const RateAgreement& rate : rates_) AddFactor(rate);
+    }
+    AddLags();
+  }
+
+ private:
+  std::string Position(const RateAgreement& rate) const { return facts_.ObservationName(rate.position); }
+  std::string Velocity(const RateAgreement& rate) const { return facts_.ObservationName(rate.velocity); }
+
+  void Add(const char* check, std::string what, std::vector<std::string> channels, std::string meaning,
+           std::string remedy) {
+    findings_.push_back({.check = check,
+                         .severity = Severity::kWarning,
+                         .what = std::move(what),
+                         .count = static_cast<int64_t>(channels.size()),
+                         .channels = std::move(channels),
+                         .meaning = std::move(meaning),
+                         .remedy = std::move(remedy)});
+  }
+
+  void AddWraps(const RateAgreement& rate) {
+    Add("wrapped_angle", fmt::format("{} jumps by a whole turn in {} rows", Position(rate), rate.n_wraps),
+        {Position(rate)}, "the angle is kept within one turn; replays compare it with one that is not",
+        "unwrap it: numpy.unwrap(column)");
+  }
+
+  /// Velocities that go with the position of another joint.
+  void AddSwaps() {
+    std::vector<RateAgreement> left;
+    std::vector<const RateAgreement*> lost;
+    for (const RateAgreement& rate : rates_) {
+      if (std::abs(rate.correlation) < kVague) lost.push_back(&rate);
+    }
+    std::vector<std::pair<int, int>> swapped;
+    for (const RateAgreement* a : lost) {
+      for (const RateAgreement* b : lost) {
+        if (a->velocity >= b->velocity) continue;
+        const RateAgreement ab = Compare(PairOf(dataset_, a->position, b->velocity), period_);
+        const RateAgreement ba = Compare(PairOf(dataset_, b->position, a->velocity), period_);
+        if (std::abs(ab.correlation) < kClear || std::abs(ba.correlation) < kClear) continue;
+        swapped.emplace_back(a->velocity, b->velocity);
+        Add("swapped_columns",
+            fmt::format("{} is the rate of {}, and {} that of {}", Velocity(*b), Position(*a), Velocity(*a),
+                        Position(*b)),
+            {Position(*a), Position(*b), Velocity(*a), Velocity(*b)}, "two columns stand in each other's place",
+            fmt::format("swap {} and {}, or {} and {}", Position(*a), Position(*b), Velocity(*a), Velocity(*b)));
+      }
+    }
+    std::erase_if(rates_, [&](const RateAgreement& r) {
+      return std::ranges::any_of(swapped,
+                                 [&](const auto& s) { return s.first == r.velocity || s.second == r.velocity; });
+    });
+  }
+
+  /// All channels off by one factor: the rows are not as far apart as was said.
+  bool AddControlRate() {
+    if (period_ <= 0 || rates_.size() < 2) return false;
+    const double seconds = PeriodByRates(rates_);
+    if (seconds <= 0 || Near(seconds, period_, kUnitSlack) || Near(seconds, period_ / kDegree, kUnitSlack) ||
+        Near(seconds, period_ * kDegree, kUnitSlack)) {
+      return false;
+    }
+    const auto agrees = [&](const RateAgreement& r) {
+      return r.correlation < kClear || Near(r.slope, seconds, 2 * kAgree);
+    };
+    if (!std::ranges::all_of(rates_, agrees)) return false;
+    Add("control_rate",
+        fmt::format("by positions and velocities the rows are {:.2g} s apart, not {:.3g} s", seconds, period_), {},
+        "the log has another rate than the task",
+        "set the control period to the log's, or bring the log to the task's");
+    return true;
+  }
+
+  void AddFactor(const RateAgreement& rate) {
+    if (period_ <= 0 || std::abs(rate.correlation) < kClear) return;
+    const double factor = rate.slope / period_;
+    if (Near(factor, 1, kUnitSlack)) return;
+    const std::string position = Position(rate), velocity = Velocity(rate);
+    const std::string what = fmt::format("{} changes {:.3g} times as fast as {} says", position, factor, velocity);
+    const bool turned = factor < 0;
+    const double size = std::abs(factor);
+    const std::string sign = turned ? " and turn its sign round" : "";
+    if (Near(size, 1, kUnitSlack)) {
+      Add("rate_sign", what, {position, velocity}, "one of the two has the other sign",
+          fmt::format("turn round the sign of {} or of {}, whichever is not the model's", position, velocity));
+    } else if (Near(size, 1 / kDegree, kUnitSlack)) {
+      Add("rate_unit", what, {position, velocity}, "the position is in degrees",
+          fmt::format("multiply {} by {:.6g}{}", position, kDegree, sign));
+    } else if (Near(size, kDegree, kUnitSlack)) {
+      Add("rate_unit", what, {position, velocity}, "the velocity is in degrees per second",
+          fmt::format("multiply {} by {:.6g}{}", velocity, kDegree, sign));
+    } else {
+      Add("rate_unit", what, {position, velocity},
+          "units of the two differ, or the rows are not as far apart as was said",
+          fmt::format("multiply {} by {:.3g}, or correct {} or the control period", velocity, factor, position));
+    }
+  }
+
+  /// Velocities are usually late together: one finding for all.
+  void AddLags() {
+    std::vector<std::string> shown, channels;
+    for (const RateAgreement& rate : rates_) {
+      if (std::abs(rate.lag) < kLag || rate.lag_gain >= kLagGain) continue;
+      channels.push_back(Velocity(rate));
+      shown.push_back(fmt::format("{} by {:g} rows{} ({:.0f} %)", Velocity(rate), std::abs(rate.lag),
+                                  rate.lag > 0 ? "" : " too early", 100 * rate.lag_gain));
+    }
+    if (channels.empty()) return;
+    Add("velocity_lag",
+        fmt::format(
+            "later than their positions move are {} (in brackets: what reading them at the right row leaves of the "
+            "squared difference)",
+            fmt::join(shown, ", ")),
+        channels, "a filter or another clock: the states in these rows never were",
+        fmt::format(
+            "shift these columns by so much, leave velocities out (the design finds them from positions), or make "
+            "it a parameter: obs/{}/delay",
+            channels[0]));
+  }
+
+  const Dataset& dataset_;
+  const TaskFacts& facts_;
+  std::vector<Finding>& findings_;
+  const double period_;
+  std::vector<RateAgreement> rates_;
+};
+
+}  // namespace
+
+std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vector<int>& rate_of, double period_s) {
+  std::vector<RateAgreement> rates;
+  for (int velocity = 0; velocity < static_cast<int>(rate_of.size()); ++velocity) {
+    const int position = rate_of[static_cast<size_t>(velocity)];
+    if (position < 0 || velocity >= dataset.obs_dim() || position >= dataset.obs_dim()) continue;
+    RateAgreement rate = Compare(PairOf(dataset, position, velocity), period_s);
+    if (rate.slope == 0) continue;
+    rate.velocity = velocity;
+    rate.position = position;
+    rates.push_back(rate);
+  }
+  return rates;
+}
+
+double PeriodByRates(const std::vector<RateAgreement>& rates) {
+  std::vector<double> periods;
+  for (const RateAgreement& rate : rates) {
+    if (rate.correlation > kClear) periods.push_back(rate.slope);
+  }
+  if (periods.empty()) return 0;
+  const double median = MedianOf(periods);
+  const auto agrees = [&](double period) { return Near(period, median, kUnitSlack); };
+  return 2 * std::ranges::count_if(periods, agrees) > static_cast<ptrdiff_t>(periods.size()) ? median : 0;
+}
+
+void CheckRates(const Dataset& dataset, const TaskFacts& facts, const std::vector<int>& elsewhere,
+                std::vector<Finding>& findings) {
+  if (!facts.flat_observations || facts.rate_of.empty()) return;
+  Rates(dataset, facts, findings).Check(elsewhere);
+}
+
+}  // namespace oted

@@ -1,0 +1,31 @@
+#pragma once
+/// Checks of velocities against the positions whose rates they are.
+
+#include "oted/data/checks.h"
+
+namespace oted {
+
+/// How an observed velocity goes with its position.
+struct RateAgreement {
+  int velocity = 0, position = 0;  ///< observations
+  double slope = 0;                ///< change of the position per row, for one of the velocity [s]
+  double correlation = 0;          ///< of the two
+  double support = 0;              ///< how many rows carry these: the fewer, the more the velocity comes in bursts
+  double lag = 0;                  ///< [rows] by which the velocity is late where it goes best with the position
+  double lag_gain = 1;             ///< what that leaves of the squared difference
+  int n_wraps = 0;                 ///< jumps of the position by a whole turn; they are left out
+};
+
+/// Of every velocity in the log whose position is there too, where both move. Clipped velocities are left out.
+/// @param period_s  between two rows; 0: unknown, lags are then looked for among few rows
+std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vector<int>& rate_of, double period_s);
+
+/// Seconds per row by positions and velocities: the median, where they agree with each other; 0 otherwise.
+double PeriodByRates(const std::vector<RateAgreement>& rates);
+
+/// Signs, units, lags, swapped columns, the control rate.
+/// @param elsewhere  velocities that another check has explained (checks_turning.h)
+void CheckRates(const Dataset& dataset, const TaskFacts& facts, const std::vector<int>& elsewhere,
+                std::vector<Finding>& findings);
+
+}  // namespace oted

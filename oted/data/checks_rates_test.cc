@@ -1,0 +1,199 @@
+#include "oted/data/checks_rates.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <functional>
+
+#include "oted/base/rng.h"
+
+namespace oted::checks_rates_test {
+
+constexpr double kPeriod = 0.01;
+const TaskFacts kFacts = {.observation_names = {"hip/qpos", "knee/qpos", "hip/qvel", "knee/qvel"},
+                          .rate_of = {-1, -1, 0, 1},
+                          .control_period_s = kPeriod};
+
+double Hip(double t) { return 0.8 * std::sin(3 * t) + 0.1 * std::sin(17 * t); }
+double HipRate(double t) { return 2.4 * std::cos(3 * t) + 1.7 * std::cos(17 * t); }
+double Knee(double t) { return 0.5 * std::cos(5 * t) - 0.2 * std::sin(11 * t); }
+double KneeRate(double t) { return -2.5 * std::sin(5 * t) - 2.2 * std::cos(11 * t); }
+
+/// Three episodes of 150 rows; `row` makes the numbers of a moment.
+Dataset LogOf(const std::function<std::vector<double>(double)>& row, double period = kPeriod) {
+  Dataset d;
+  Rng rng(1);
+  for (int e = 0; e < 3; ++e) {
+    for (int i = 0; i < 150; ++i) {
+      const double t = 7 * e + i * period;
+      d.observations.AppendRow(row(t));
+      d.next_observations.AppendRow(row(t + period));
+      d.actions.AppendRow(std::vector<double>{rng.Normal()});
+      d.terminals.push_back(0);
+      d.timeouts.push_back(i == 149);
+    }
+  }
+  return d;
+}
+
+std::vector<double> Truth(double t) { return {Hip(t), Knee(t), HipRate(t), KneeRate(t)}; }
+
+std::vector<Finding> Check(const Dataset& d, const TaskFacts& facts = kFacts) {
+  std::vector<Finding> found;
+  for (const Finding& f : CheckDataset(d, facts)) {
+    if (f.severity == Severity::kWarning) found.push_back(f);
+  }
+  return found;
+}
+
+/// The only warning, and that it is of this check.
+Finding Only(const std::vector<Finding>& found, const std::string& check) {
+  EXPECT_EQ(found.size(), 1u);
+  for (const Finding& f : found) {
+    if (f.check == check) return f;
+    ADD_FAILURE() << f.check << ": " << f.what;
+  }
+  ADD_FAILURE() << "no '" << check << "'";
+  return {};
+}
+
+TEST(Rates, PositionsAndTheirVelocitiesRaiseNoWarning) {
+  for (const Finding& f : Check(LogOf(Truth))) ADD_FAILURE() << f.check << ": " << f.what;
+  // Velocities at the end of a row, as an integrator leaves them, and from backward differences are half a row off.
+  const auto late = [](double t) {
+    return std::vector<double>{Hip(t), Knee(t), (Hip(t) - Hip(t - kPeriod)) / kPeriod, KneeRate(t - kPeriod / 2)};
+  };
+  for (const Finding& f : Check(LogOf(late))) ADD_FAILURE() << f.check << ": " << f.what;
+}
+
+TEST(Rates, ATurnedSignIsNamedInItsChannelAlone) {
+  const auto f = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{Hip(t), -Knee(t), HipRate(t), KneeRate(t)};
+                      })),
+                      "rate_sign");
+  EXPECT_EQ(f.channels, (std::vector<std::string>{"knee/qpos", "knee/qvel"}));
+}
+
+TEST(Rates, DegreesAreNamedWithTheirFactor) {
+  const auto f = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{57.29578 * Hip(t), Knee(t), HipRate(t), KneeRate(t)};
+                      })),
+                      "rate_unit");
+  EXPECT_NE(f.remedy.find("multiply hip/qpos by 0.0174533"), std::string::npos) << f.remedy;
+  const auto g = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{Hip(t), Knee(t), HipRate(t), 57.29578 * KneeRate(t)};
+                      })),
+                      "rate_unit");
+  EXPECT_NE(g.remedy.find("multiply knee/qvel by 0.0174533"), std::string::npos) << g.remedy;
+}
+
+TEST(Rates, SwappedColumnsAreNamedTogether) {
+  const auto f = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{Knee(t), Hip(t), HipRate(t), KneeRate(t)};
+                      })),
+                      "swapped_columns");
+  EXPECT_NE(f.remedy.find("swap hip/qpos and knee/qpos"), std::string::npos) << f.remedy;
+}
+
+TEST(Rates, AVelocityThatLagsIsNamedWithItsLag) {
+  const auto f = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{Hip(t), Knee(t), HipRate(t), KneeRate(t - 2.5 * kPeriod)};
+                      })),
+                      "velocity_lag");
+  EXPECT_EQ(f.channels, std::vector<std::string>{"knee/qvel"});
+  EXPECT_NE(f.what.find("knee/qvel by 2.5 rows"), std::string::npos) << f.what;
+}
+
+TEST(Rates, AnotherControlRateIsOneFindingWithTheRate) {
+  const auto f = Only(Check(LogOf(Truth, 2 * kPeriod)), "control_rate");
+  EXPECT_NE(f.what.find("0.02 s apart, not 0.01 s"), std::string::npos) << f.what;
+}
+
+TEST(Rates, AWrappedAngleIsToldToBeUnwrapped) {
+  const auto wrapped = [](double t) {
+    return std::vector<double>{std::remainder(9 * t, 2 * M_PI), Knee(t), 9.0 + 1e-3 * std::sin(40 * t), KneeRate(t)};
+  };
+  bool told = false;
+  for (const Finding& f : Check(LogOf(wrapped)))
+    told = told || (f.check == "wrapped_angle" && f.channels[0] == "hip/qpos");
+  EXPECT_TRUE(told);
+}
+
+TEST(Frozen, ReadingsThatStandStillWhileTheRobotMovesAreNamed) {
+  Dataset d = LogOf(Truth);
+  for (int i = 200; i < 209; ++i) {  // ten equal readings of one channel
+    d.next_observations(i, 1) = d.observations(i + 1, 1) = d.observations(200, 1);
+  }
+  const auto f = Only(Check(d), "frozen_channels");
+  EXPECT_EQ(f.channels, std::vector<std::string>{"knee/qpos"});
+  EXPECT_EQ(f.row, 200);
+}
+
+TEST(Frozen, ARobotAtRestAndACoarseEncoderAreNotFrozen) {
+  const auto grid = [](double v) { return std::round(v * 1000) / 1000; };
+  // It comes to rest smoothly, stays, and starts smoothly.
+  const auto still = [&](double t) {
+    const double u = std::fmod(t, 7.0);
+    const double ease = u < 0.5 ? u : u < 1.0 ? 0.5 : u - 0.5;
+    const double s = std::sin(M_PI * ease), c = u < 0.5 || u >= 1.0 ? M_PI * std::cos(M_PI * ease) : 0.0;
+    return std::vector<double>{grid(0.2 * s), Knee(t), grid(0.2 * c), KneeRate(t)};
+  };
+  for (const Finding& f : Check(LogOf(still))) EXPECT_NE(f.check, "frozen_channels") << f.what;
+}
+
+using Eigen::AngleAxisd, Eigen::Quaterniond, Eigen::Vector3d;
+
+/// A body that tumbles: yaw, then pitch, with angular velocity and path known in closed form.
+struct Tumble {
+  Quaterniond q;
+  Vector3d turn, position, velocity;  // about the body's axes; in the world
+};
+Tumble TumbleAt(double t) {
+  const double yaw = 2 * t, pitch = 0.9 * std::sin(3 * t), pitch_rate = 2.7 * std::cos(3 * t);
+  const Quaterniond to_pitch(AngleAxisd(pitch, Vector3d::UnitY()));
+  return {AngleAxisd(yaw, Vector3d::UnitZ()) * to_pitch,
+          to_pitch.conjugate() * Vector3d(0, 0, 2) + Vector3d(0, pitch_rate, 0),
+          {std::sin(4 * t), std::cos(3 * t), 0.5 * std::sin(5 * t)},
+          {4 * std::cos(4 * t), -3 * std::sin(3 * t), 2.5 * std::cos(5 * t)}};
+}
+
+const TaskFacts kBody = {
+    .observation_names = {"x", "y", "z", "w", "i", "j", "k", "vx", "vy", "vz", "p", "q", "r"},
+    .rate_of = {-1, -1, -1, -1, -1, -1, -1, 0, 1, 2, -1, -1, -1},
+    .bodies = {{.orientation = {3, 4, 5, 6}, .turn = {10, 11, 12}, .position = {0, 1, 2}, .velocity = {7, 8, 9}}},
+    .control_period_s = kPeriod};
+
+std::vector<double> BodyRow(const Tumble& b, const Vector3d& velocity, const Vector3d& turn, bool scalar_last) {
+  std::vector<double> row = {b.position[0], b.position[1], b.position[2], b.q.w(), b.q.x(), b.q.y(), b.q.z()};
+  if (scalar_last) row = {b.position[0], b.position[1], b.position[2], b.q.x(), b.q.y(), b.q.z(), b.q.w()};
+  for (int k = 0; k < 3; ++k) row.push_back(velocity[k]);
+  for (int k = 0; k < 3; ++k) row.push_back(turn[k]);
+  return row;
+}
+
+TEST(Turning, MuJoCosOwnConventionsRaiseNoWarning) {
+  const auto row = [](double t) { return BodyRow(TumbleAt(t), TumbleAt(t).velocity, TumbleAt(t).turn, false); };
+  for (const Finding& f : Check(LogOf(row), kBody)) ADD_FAILURE() << f.check << ": " << f.what;
+}
+
+TEST(Turning, AScalarThatComesLastIsNamed) {
+  const auto row = [](double t) { return BodyRow(TumbleAt(t), TumbleAt(t).velocity, TumbleAt(t).turn, true); };
+  EXPECT_EQ(Only(Check(LogOf(row), kBody), "quaternion_order").channels,
+            (std::vector<std::string>{"w", "i", "j", "k"}));
+}
+
+TEST(Turning, FramesOfVelocitiesAreNamed) {
+  const auto linear = [](double t) {
+    const Tumble b = TumbleAt(t);
+    return BodyRow(b, b.q.conjugate() * b.velocity, b.turn, false);
+  };
+  EXPECT_EQ(Only(Check(LogOf(linear), kBody), "velocity_frame").channels, (std::vector<std::string>{"vx", "vy", "vz"}));
+  const auto angular = [](double t) {
+    const Tumble b = TumbleAt(t);
+    return BodyRow(b, b.velocity, b.q * b.turn, false);
+  };
+  EXPECT_EQ(Only(Check(LogOf(angular), kBody), "turn_frame").channels, (std::vector<std::string>{"p", "q", "r"}));
+}
+
+}  // namespace oted::checks_rates_test

@@ -1,0 +1,177 @@
+#include "oted/data/checks_turning.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace oted {
+namespace {
+
+constexpr int kFewestTurns = 20;
+constexpr double kFits = 0.4;    // share of the squared rate that a reading may miss
+constexpr double kBetter = 0.5;  // of what the log's own reading misses
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+/// How logged numbers may be meant.
+struct Reading {
+  bool scalar_last = false;  // quaternion x, y, z, w
+  bool inverse = false;      // it turns the world into the body
+  bool world = false;        // the angular velocity is about the world's axes
+  bool IsOwn() const { return !scalar_last && !inverse && !world; }
+};
+
+Quaterniond OrientationOf(std::span<const double> row, const TurningBody& body, const Reading& reading) {
+  const auto number = [&](size_t k) { return row[static_cast<size_t>(body.orientation[k])]; };
+  const Quaterniond q = reading.scalar_last ? Quaterniond(number(3), number(0), number(1), number(2))
+                                            : Quaterniond(number(0), number(1), number(2), number(3));
+  const double norm = q.norm();
+  if (!(norm > 1e-6)) return Quaterniond(0, 0, 0, 0);
+  const Quaterniond unit(q.coeffs() / norm);
+  return reading.inverse ? unit.conjugate() : unit;
+}
+
+Vector3d VectorOf(std::span<const double> row, const std::array<int, 3>& at) {
+  return {row[static_cast<size_t>(at[0])], row[static_cast<size_t>(at[1])], row[static_cast<size_t>(at[2])]};
+}
+
+/// The rotation from a to b as a vector: its axis, its angle [rad] as length.
+Vector3d Turn(const Quaterniond& from, const Quaterniond& to, bool world) {
+  Quaterniond turn = world ? to * from.conjugate() : from.conjugate() * to;
+  if (turn.w() < 0) turn.coeffs() *= -1;
+  const Eigen::AngleAxisd axis(turn.normalized());
+  return axis.angle() * axis.axis();
+}
+
+/// Share of the squared logged rate that a reading misses; 2 where nothing turns.
+double Missed(const Dataset& d, const TurningBody& body, const Reading& reading, double period) {
+  double missed = 0, all = 0;
+  for (int i = 0; i < d.size(); ++i) {
+    const auto here = d.observations.row(i), there = d.next_observations.row(i);
+    const Quaterniond from = OrientationOf(here, body, reading), to = OrientationOf(there, body, reading);
+    if (from.norm() < 0.5 || to.norm() < 0.5) continue;
+    const Vector3d rate = (VectorOf(here, body.turn) + VectorOf(there, body.turn)) / 2;
+    const Vector3d seen = Turn(from, to, reading.world) / period;
+    // A single impact must not outweigh the rest.
+    missed += std::min((seen - rate).squaredNorm(), 4 * rate.squaredNorm());
+    all += rate.squaredNorm();
+  }
+  return all > 0 ? missed / all : 2;
+}
+
+/// The same for positions against linear velocities, along the world's axes or the body's own.
+double MissedLinear(const Dataset& d, const TurningBody& body, const Reading& reading, bool in_body, double period) {
+  double missed = 0, all = 0;
+  for (int i = 0; i < d.size(); ++i) {
+    const auto here = d.observations.row(i), there = d.next_observations.row(i);
+    const Quaterniond from = OrientationOf(here, body, reading), to = OrientationOf(there, body, reading);
+    Vector3d a = VectorOf(here, body.velocity), b = VectorOf(there, body.velocity);
+    if (in_body) {
+      a = from * a;
+      b = to * b;
+    }
+    for (int k = 0; k < 3; ++k) {
+      const int at = body.position[static_cast<size_t>(k)];
+      if (at < 0) continue;
+      const double change = (there[static_cast<size_t>(at)] - here[static_cast<size_t>(at)]) / period;
+      missed += std::pow(change - (a[k] + b[k]) / 2, 2);
+      all += change * change;
+    }
+  }
+  return all > 0 ? missed / all : 2;
+}
+
+template <size_t n>
+bool IsSeen(const std::array<int, n>& at, const Dataset& d) {
+  return std::ranges::all_of(at, [&](int j) { return j >= 0 && j < d.obs_dim(); });
+}
+
+template <size_t n>
+std::vector<std::string> Names(const std::array<int, n>& at, const TaskFacts& facts) {
+  std::vector<std::string> names;
+  for (const int j : at) {
+    if (j >= 0) names.push_back(facts.ObservationName(j));
+  }
+  return names;
+}
+
+void AddReading(const Reading& best, double own, double left, const TurningBody& body, const TaskFacts& facts,
+                std::vector<Finding>& findings) {
+  const std::vector<std::string> quaternion = Names(body.orientation, facts), turn = Names(body.turn, facts);
+  const std::string what = fmt::format(
+      "{} to {} and {} to {} disagree: {:.0f} % of the squared rate is missed, {:.0f} % ", quaternion.front(),
+      quaternion.back(), turn.front(), turn.back(), 100 * std::min(own, 1.0), 100 * left);
+  const auto add = [&](const char* check, const char* as, const char* meaning, std::string remedy,
+                       const std::vector<std::string>& channels) {
+    findings.push_back({.check = check,
+                        .severity = Severity::kWarning,
+                        .what = what + as,
+                        .count = static_cast<int64_t>(channels.size()),
+                        .channels = channels,
+                        .meaning = meaning,
+                        .remedy = std::move(remedy)});
+  };
+  if (best.scalar_last) {
+    add("quaternion_order", "with the quaternion read as x, y, z, w", "MuJoCo's quaternions are w, x, y, z",
+        fmt::format("put {}, the scalar, before the other three", quaternion.back()), quaternion);
+  }
+  if (best.inverse) {
+    add("quaternion_inverse", "with the inverse rotation", "the quaternion turns the world into the body",
+        "turn round the signs of its x, y and z", quaternion);
+  }
+  if (best.world) {
+    add("turn_frame", "with the rate about the world's axes",
+        "MuJoCo's angular velocities are about the body's own axes",
+        "rotate the angular velocity into the body by the quaternion's inverse", turn);
+  }
+}
+
+}  // namespace
+
+std::vector<int> CheckTurning(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
+  std::vector<int> explained;
+  const double period = facts.control_period_s > 0 ? facts.control_period_s : dataset.period_s;
+  if (period <= 0 || dataset.size() < kFewestTurns) return explained;
+  for (const TurningBody& body : facts.bodies) {
+    if (!IsSeen(body.orientation, dataset)) continue;
+    Reading best;
+    if (IsSeen(body.turn, dataset)) {
+      const double own = Missed(dataset, body, {}, period);
+      double left = own;
+      for (const Reading& reading :
+           {Reading{true, false, false}, Reading{false, false, true}, Reading{true, false, true},
+            Reading{false, true, false}, Reading{true, true, false}}) {
+        const double missed = Missed(dataset, body, reading, period);
+        if (missed >= left || missed > kFits || missed > kBetter * own) continue;
+        left = missed;
+        best = reading;
+      }
+      if (!best.IsOwn()) AddReading(best, own, left, body, facts, findings);
+    }
+    if (!IsSeen(body.velocity, dataset) || std::ranges::all_of(body.position, [](int j) { return j < 0; })) continue;
+    const double along_world = MissedLinear(dataset, body, best, false, period);
+    const double along_body = MissedLinear(dataset, body, best, true, period);
+    if (along_body > kFits || along_body > kBetter * along_world) continue;
+    const std::vector<std::string> names = Names(body.velocity, facts);
+    findings.push_back(
+        {.check = "velocity_frame",
+         .severity = Severity::kWarning,
+         .what = fmt::format("{} miss {:.0f} % of the squared change of {} along the world's axes, {:.0f} % along the "
+                             "body's own",
+                             fmt::join(names, ", "), 100 * std::min(along_world, 1.0),
+                             fmt::join(Names(body.position, facts), ", "), 100 * along_body),
+         .count = 3,
+         .channels = names,
+         .meaning = "MuJoCo's linear velocities of a free body are along the world's axes",
+         .remedy = "rotate them into the world by the quaternion"});
+    explained.insert(explained.end(), body.velocity.begin(), body.velocity.end());
+  }
+  return explained;
+}
+
+}  // namespace oted

@@ -1,0 +1,53 @@
+"""oted data check on logs with one fault each, planted in the logs of two robots: test_log_faults.py PATH/TO/oted"""
+
+import json
+import unittest
+
+import log_robots
+import program
+from program import ProgramTest
+
+ROBOTS = {name: log_robots.dataclasses.replace(log_robots.ROBOTS[name], episodes=4, rows=150) for name in ("ant", "arm")}
+
+
+class LogFaults(ProgramTest):
+    def warnings(self, robot, log):
+        task = log_robots.write(robot, log, self.folder)
+        record = json.loads(self.succeed("data", "check", task, "--json").stdout)
+        return [f for f in record["findings"] if f["severity"] != "note"]
+
+    def test_clean_logs_raise_no_warning(self):
+        for name, robot in ROBOTS.items():
+            with self.subTest(name):
+                self.assertEqual(self.warnings(robot, log_robots.drive(robot)), [])
+
+    def test_each_fault_is_found_in_its_channels(self):
+        for name, robot in ROBOTS.items():
+            clean = log_robots.drive(robot)
+            for fault in filter(lambda fault: log_robots.is_there(fault, robot), log_robots.FAULTS):
+                with self.subTest(robot=name, fault=fault):
+                    log, (check, channels) = log_robots.plant(fault, robot, clean, log_robots.hinges_of(robot))
+                    found = self.warnings(robot, log)
+                    named = {channel for f in found if f["check"] == check for channel in f["channels"]}
+                    self.assertIn(check, [f["check"] for f in found])
+                    self.assertLessEqual(set(channels), named, found)
+
+    def test_the_correction_that_is_named_is_the_right_one(self):
+        robot = ROBOTS["ant"]
+        clean = log_robots.drive(robot)
+        a, b = log_robots.hinges_of(robot)
+        for fault, check, remedy in (
+                ("sign", "joint_sign", f"turn round the sign of joint/{a}/qpos and joint/{a}/qvel"),
+                ("position sign", "joint_sign", f"turn round the sign of joint/{a}/qpos"),
+                ("swapped joints", "swapped_joints", f"swap joint/{a}/qpos with joint/{b}/qpos"),
+                ("encoder offset", "joint_zero", f"add -0.1 to joint/{b}/qpos")):
+            with self.subTest(fault):
+                log, _ = log_robots.plant(fault, robot, clean, (a, b))
+                remedies = [f["remedy"] for f in self.warnings(robot, log) if f["check"] == check]
+                self.assertEqual(len(remedies), 1)
+                self.assertTrue(remedies[0].startswith(remedy), remedies)
+
+
+if __name__ == "__main__":
+    program.take_paths(__doc__)
+    unittest.main()
