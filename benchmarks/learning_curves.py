@@ -28,7 +28,7 @@ import time
 
 from learners import LEARNERS, PLACES
 from learning_plot import plot
-from learning_table import equal_steps, mark_of, minutes, tables
+from learning_table import equal_steps, minutes, outcomes
 from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
 from study_data import ROOT, add_record, commit, records
 
@@ -45,16 +45,17 @@ def cpu_seconds(pid):
 def ours(oted, learner, task, seed, steps, folder):
     """Runs `oted behavior`, noting when each checkpoint appears. Goes on from the last one that is in the folder."""
     algorithm = learner.algorithm
-    settings = [f"{algorithm}.n_steps={steps}", f"{algorithm}.eval_interval={learner.every}", f"{algorithm}.eval_episodes={EPISODES}",
-                *learner.settings]
+    settings = [f"{algorithm}.eval_episodes={EPISODES}", *learner.settings]
+    settings += [f"{algorithm}.n_steps={steps}"] if steps else []
+    settings += [f"{algorithm}.eval_interval={learner.every}"] if learner.every else []
     command = [str(oted), "behavior", "--task", PLACES[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
                "--quiet", "--out", str(folder), *(word for setting in settings for word in ("--set", setting))]
     noted = folder / "seconds.json"
-    seconds = json.loads(noted.read_text()) if noted.exists() else []
+    seconds = json.loads(noted.read_text()) if noted.exists() else []  # when each checkpoint appeared
     before = seconds[-1] if seconds else 0
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **ONE_THREAD})
     while process.poll() is None:
-        if (folder / f"snapshots/{learner.every * (len(seconds) + 1)}.npz").exists():
+        if len(list((folder / "snapshots").glob("*.npz"))) > len(seconds):
             seconds.append(before + cpu_seconds(process.pid))
             noted.write_text(json.dumps(seconds))
         time.sleep(0.1)
@@ -101,7 +102,7 @@ def by_learner():
 
 
 def drawing(found):
-    return plot(found, {task: mark_of(task, found) for task in PLACES})
+    return plot(found)
 
 
 def main():
@@ -118,7 +119,7 @@ def main():
     if arguments.table or arguments.plot:
         found = by_learner()
         if arguments.table:
-            print(tables(found), minutes(found), equal_steps(found), sep="\n", end="")
+            print(minutes(found), outcomes(found), equal_steps(found), sep="\n", end="")
         if arguments.plot:
             PLOT.write_text(drawing(found))
         return
