@@ -22,7 +22,7 @@ PLACES = {**TASKS, "quickstart": "examples/quickstart.toml"}
 PLAIN = ("sac.n_lanes=1", "sac.multi_step=1", "sac.learning_rate=3e-4", "sac.normalize_observations=false", "sac.hidden=256,256",
          "sac.batch_size=256", "sac.updates_per_step=1", "sac.average_over=1", "sac.n_starts=1")
 LEARNERS = {
-    "default": Learner("the default", "#1f8a4c", "sac", every=None),
+    "default": Learner("the default", "#1f8a4c", "sac", every=20_000),
     "crossq": Learner("CrossQ", "#1b6ca8", "crossq"),
     "sac": Learner("SAC, settings of Stable-Baselines3", "#c2571a", "sac", PLAIN),
     "stable-baselines3": Learner("Stable-Baselines3's SAC", "#5b5b5b"),

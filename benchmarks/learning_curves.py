@@ -7,14 +7,13 @@
 
 Each agent trains on one thread, in the nominal simulator or in the quickstart's target, and leaves one line of JSON; one that is
 there is not trained again, and one of ours that was stopped goes on where it was (build/learning). All but the default train one
-lane with a batch of 256 and networks of 2x256 (the small ones 64 and 2x64), all with one update per step. They are looked at every
-10,000 steps, the default every 20,000: five episodes of the mean action. Seconds are the process's CPU time until then (machines
-are shared), without evaluations for Stable-Baselines3 and with them for ours. On a processor that is not Intel's,
-Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and the seconds of a user who knows
-that. Ours judge every checkpoint up to the best on 20 fresh episodes too.
+lane with a batch of 256 and networks of 2x256, all with one update per step. They are looked at every 10,000 steps, the default
+every 20,000: five episodes of the mean action. Seconds are the process's CPU time until then (machines are shared), without
+evaluations for Stable-Baselines3 and with them for ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told
+that it is, in about half the time: the same algorithm, and the seconds of a user who knows that. Ours judge every checkpoint up to
+the best on 20 fresh episodes too.
 
-The mark of a task is the median return of our SAC's best checkpoints, 20 fresh episodes each. An agent is at the mark, or at a
-score of 100, with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
+An agent is at a score of 100 with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
 """
 
 import argparse
