@@ -13,16 +13,26 @@ class Learner:
     settings: tuple = ()  # of this program's, besides
     width: int = 256  # of Stable-Baselines3's two hidden layers
     batch: int = 256  # of Stable-Baselines3's
-    every: int | None = 10_000  # control steps between evaluations; None: the program's
+    every: int = 10_000  # control steps between evaluations
 
 
 # The nominal simulators, and the quickstart's target: a Hopper with half the friction, weaker and heavier.
 PLACES = {**TASKS, "quickstart": "examples/quickstart.toml"}
 # Stable-Baselines3's settings, where those of `oted` are others.
 PLAIN = ("sac.n_lanes=1", "sac.multi_step=1", "sac.learning_rate=3e-4", "sac.normalize_observations=false", "sac.hidden=256,256",
-         "sac.batch_size=256", "sac.updates_per_step=1", "sac.average_over=1", "sac.n_starts=1")
+         "sac.batch_size=256")
+# Contenders for the default. A start of 60,000 steps is where the default's seeds differ most.
+STARTS = ("sac.n_starts=3", "sac.start_steps=60000", "sac.average_over=1000")
+QUARTER = ("crossq.n_lanes=16", "crossq.updates_per_step=0.25")
+NARROW = ("crossq.hidden=128,128", "crossq.critic_hidden=128,128", "crossq.batch_size=128")
 LEARNERS = {
     "default": Learner("the default", "#1f8a4c", "sac", every=20_000),
+    "default-starts": Learner("the default, best of three starts, averaged weights", "#7a3fa0", "sac", STARTS, every=20_000),
+    "sac-128": Learner("SAC, the default with 2x128, batches of 128, half an update a step", None, "sac",
+                       ("sac.hidden=128,128", "sac.batch_size=128", "sac.updates_per_step=0.5"), every=50_000),
+    "crossq-quarter": Learner("CrossQ, a quarter of an update a step", None, "crossq", QUARTER, every=20_000),
+    "crossq-quarter-128": Learner("CrossQ, a quarter of an update a step, 2x128, batches of 128", None, "crossq",
+                                  (*QUARTER, *NARROW), every=50_000),
     "crossq": Learner("CrossQ", "#1b6ca8", "crossq"),
     "sac": Learner("SAC, settings of Stable-Baselines3", "#c2571a", "sac", PLAIN),
     "stable-baselines3": Learner("Stable-Baselines3's SAC", "#5b5b5b"),

@@ -44,19 +44,20 @@ def cpu_seconds(pid):
 def ours(oted, learner, task, seed, steps, folder):
     """Runs `oted behavior`, noting when each checkpoint appears. Goes on from the last one that is in the folder."""
     algorithm = learner.algorithm
-    settings = [f"{algorithm}.eval_episodes={EPISODES}", *learner.settings]
-    settings += [f"{algorithm}.n_steps={steps}"] if steps else []
-    settings += [f"{algorithm}.eval_interval={learner.every}"] if learner.every else []
+    settings = [f"{algorithm}.n_steps={steps}", f"{algorithm}.eval_interval={learner.every}", f"{algorithm}.eval_episodes={EPISODES}",
+                *learner.settings]
     command = [str(oted), "behavior", "--task", PLACES[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
                "--quiet", "--out", str(folder), *(word for setting in settings for word in ("--set", setting))]
     noted = folder / "seconds.json"
-    seconds = json.loads(noted.read_text()) if noted.exists() else []  # when each checkpoint appeared
-    before = seconds[-1] if seconds else 0
+    # When each checkpoint appeared. Before the first, what was spent: starts that are done are not made again.
+    seconds, spent = json.loads(noted.read_text()) if noted.exists() else ([], 0)
+    before = seconds[-1] if seconds else spent
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **ONE_THREAD})
     while process.poll() is None:
         if len(list((folder / "snapshots").glob("*.npz"))) > len(seconds):
             seconds.append(before + cpu_seconds(process.pid))
-            noted.write_text(json.dumps(seconds))
+        if folder.exists():
+            noted.write_text(json.dumps([seconds, before + cpu_seconds(process.pid)]))
         time.sleep(0.1)
     if process.returncode != 0:
         raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}")
