@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <string>
+
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 
@@ -31,7 +33,7 @@ struct Started {
   LearningCurve curve;
 };
 
-fs::path FolderOf(const AgentJob& job, int k) { return job.folder / fmt::format("start-{}", k + 1); }
+fs::path FolderOf(const AgentJob& job, int k) { return job.folder / kStartsFolder / std::to_string(k + 1); }
 
 Started Train(const AgentJob& job, const TrainingSchedule& schedule, int k, const MakeLearner& make) {
   ProgressOnly log(*job.context.log);
@@ -51,9 +53,7 @@ Started Train(const AgentJob& job, const TrainingSchedule& schedule, int k, cons
 }  // namespace
 
 void ChooseStart(const AgentJob& job, const TrainingSchedule& schedule, const Starts& starts, const MakeLearner& make) {
-  const auto forget_starts = [&] {
-    for (int k = 0; k < starts.n; ++k) fs::remove_all(FolderOf(job, k));
-  };
+  const auto forget_starts = [&] { fs::remove_all(job.folder / kStartsFolder); };
   if (starts.n == 1 || schedule.n_steps <= starts.n_steps) return;
   if (fs::exists(job.folder / "checkpoint.npz")) return forget_starts();
   TrainingSchedule until = schedule;

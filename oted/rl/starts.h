@@ -8,6 +8,9 @@
 
 namespace oted {
 
+/// In the job's folder, until one is chosen: starts/1/checkpoint.npz, ...
+inline constexpr const char* kStartsFolder = "starts";
+
 /// How many begin, and for how long.
 struct Starts {
   int n = 1;
