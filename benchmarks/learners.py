@@ -21,18 +21,21 @@ PLACES = {**TASKS, "quickstart": "examples/quickstart.toml"}
 # Stable-Baselines3's settings, where those of `oted` are others.
 PLAIN = ("sac.n_lanes=1", "sac.multi_step=1", "sac.learning_rate=3e-4", "sac.normalize_observations=false", "sac.hidden=256,256",
          "sac.batch_size=256")
-SMALL = (*PLAIN, "sac.hidden=64,64", "sac.batch_size=64")
+# Contenders for the default. A start of 60,000 steps is where the default's seeds differ most.
+STARTS = ("sac.n_starts=3", "sac.start_steps=60000", "sac.average_over=1000")
+QUARTER = ("crossq.n_lanes=16", "crossq.updates_per_step=0.25")
+NARROW = ("crossq.hidden=128,128", "crossq.critic_hidden=128,128", "crossq.batch_size=128")
 LEARNERS = {
-    "default": Learner("SAC, the default", "#1f8a4c", "sac", every=20_000),
-    "default-one-step": Learner("SAC, the default, rewards of one step", None, "sac", ("sac.multi_step=1",), every=20_000),
+    "default": Learner("the default", "#1f8a4c", "sac", every=20_000),
+    "default-starts": Learner("the default, best of three starts, averaged weights", "#7a3fa0", "sac", STARTS, every=20_000),
+    "sac-128": Learner("SAC, the default with 2x128, batches of 128, half an update a step", None, "sac",
+                       ("sac.hidden=128,128", "sac.batch_size=128", "sac.updates_per_step=0.5"), every=50_000),
+    "crossq-quarter": Learner("CrossQ, a quarter of an update a step", None, "crossq", QUARTER, every=20_000),
+    "crossq-quarter-128": Learner("CrossQ, a quarter of an update a step, 2x128, batches of 128", None, "crossq",
+                                  (*QUARTER, *NARROW), every=50_000),
     "crossq": Learner("CrossQ", "#1b6ca8", "crossq"),
-    "crossq-starts-1000": Learner("CrossQ, 1,000 random steps first", "#8db9dc", "crossq", ("crossq.learning_starts=1000",)),
-    "sac": Learner("SAC", "#c2571a", "sac", PLAIN),
+    "sac": Learner("SAC, settings of Stable-Baselines3", "#c2571a", "sac", PLAIN),
     "stable-baselines3": Learner("Stable-Baselines3's SAC", "#5b5b5b"),
-    "sac-small": Learner("SAC, small", None, "sac", SMALL),
-    "sac-small-normalized": Learner("SAC, small, observations normalised", None, "sac",
-                                    (*SMALL, "sac.normalize_observations=true")),
-    "stable-baselines3-small": Learner("Stable-Baselines3's SAC, small", width=64, batch=64),
 }
-# What is compared at equal steps: our SAC and Stable-Baselines3's, a setting and its default.
-PAIRS = (("sac", "stable-baselines3"), ("sac-small", "stable-baselines3-small"), ("sac-small-normalized", "sac-small"))
+# What is compared at equal steps.
+PAIRS = (("sac", "stable-baselines3"),)

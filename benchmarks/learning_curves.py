@@ -7,14 +7,13 @@
 
 Each agent trains on one thread, in the nominal simulator or in the quickstart's target, and leaves one line of JSON; one that is
 there is not trained again, and one of ours that was stopped goes on where it was (build/learning). All but the default train one
-lane with a batch of 256 and networks of 2x256 (the small ones 64 and 2x64), all with one update per step. They are looked at every
-10,000 steps, the default every 20,000: five episodes of the mean action. Seconds are the process's CPU time until then (machines
-are shared), without evaluations for Stable-Baselines3 and with them for ours. On a processor that is not Intel's,
-Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and the seconds of a user who knows
-that. Ours judge every checkpoint up to the best on 20 fresh episodes too.
+lane with a batch of 256 and networks of 2x256, all with one update per step. They are looked at every 10,000 steps, the default
+every 20,000: five episodes of the mean action. Seconds are the process's CPU time until then (machines are shared), without
+evaluations for Stable-Baselines3 and with them for ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told
+that it is, in about half the time: the same algorithm, and the seconds of a user who knows that. Ours judge every checkpoint up to
+the best on 20 fresh episodes too.
 
-The mark of a task is the median return of our SAC's best checkpoints, 20 fresh episodes each. An agent is at the mark, or at a
-score of 100, with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
+An agent is at a score of 100 with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
 """
 
 import argparse
@@ -28,7 +27,7 @@ import time
 
 from learners import LEARNERS, PLACES
 from learning_plot import plot
-from learning_table import equal_steps, mark_of, minutes, tables
+from learning_table import equal_steps, minutes, outcomes
 from sac_peers import ONE_THREAD, PYTHON, fast_mkl, install, processor
 from study_data import ROOT, add_record, commit, records
 
@@ -50,13 +49,15 @@ def ours(oted, learner, task, seed, steps, folder):
     command = [str(oted), "behavior", "--task", PLACES[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
                "--quiet", "--out", str(folder), *(word for setting in settings for word in ("--set", setting))]
     noted = folder / "seconds.json"
-    seconds = json.loads(noted.read_text()) if noted.exists() else []
-    before = seconds[-1] if seconds else 0
+    # When each checkpoint appeared. Before the first, what was spent: starts that are done are not made again.
+    seconds, spent = json.loads(noted.read_text()) if noted.exists() else ([], 0)
+    before = seconds[-1] if seconds else spent
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **ONE_THREAD})
     while process.poll() is None:
-        if (folder / f"snapshots/{learner.every * (len(seconds) + 1)}.npz").exists():
+        if len(list((folder / "snapshots").glob("*.npz"))) > len(seconds):
             seconds.append(before + cpu_seconds(process.pid))
-            noted.write_text(json.dumps(seconds))
+        if folder.exists():
+            noted.write_text(json.dumps([seconds, before + cpu_seconds(process.pid)]))
         time.sleep(0.1)
     if process.returncode != 0:
         raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}")
@@ -101,7 +102,7 @@ def by_learner():
 
 
 def drawing(found):
-    return plot(found, {task: mark_of(task, found) for task in PLACES})
+    return plot(found)
 
 
 def main():
@@ -118,7 +119,7 @@ def main():
     if arguments.table or arguments.plot:
         found = by_learner()
         if arguments.table:
-            print(tables(found), minutes(found), equal_steps(found), sep="\n", end="")
+            print(minutes(found), outcomes(found), equal_steps(found), sep="\n", end="")
         if arguments.plot:
             PLOT.write_text(drawing(found))
         return

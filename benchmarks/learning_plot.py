@@ -7,7 +7,7 @@ import math
 import typing
 
 from learners import LEARNERS, PLACES
-from learning_table import title_of
+from learning_table import SCORE_100, title_of
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 300, 190, 52, 14, 26, 38
 
@@ -38,7 +38,7 @@ def decades(lowest, highest):
     return [x for power in range(-2, 7) for x in (10.0 ** power, 3 * 10.0 ** power) if lowest <= x <= highest]
 
 
-def panel(task, records, axis, marks):
+def panel(task, records, axis):
     """One task's curves: a thin line per seed, in the learner's colour."""
     points = [(x, y) for r in records for x, y in zip(axis.of(r), r["returns"])]
     x_low, x_high = (extreme(x for x, _ in points) for extreme in (min, max))
@@ -53,16 +53,17 @@ def panel(task, records, axis, marks):
     for x in decades(x_low, x_high) if axis.logarithmic else ticks(x_high):
         parts.append(f'<text x="{to_x(x):.1f}" y="{HEIGHT - BOTTOM + 15}" text-anchor="middle">{short(x)}</text>')
     parts.append(f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 6}" text-anchor="middle">{axis.name}</text>')
-    if marks[task] is not None:
-        parts.append(f'<path d="M{LEFT} {to_y(marks[task]):.1f}H{WIDTH - RIGHT}" stroke="#333" stroke-dasharray="4 3"/>')
+    goal = SCORE_100[task]
+    if goal is not None and goal <= y_high:
+        parts.append(f'<path d="M{LEFT} {to_y(goal):.1f}H{WIDTH - RIGHT}" stroke="#333" stroke-dasharray="4 3"/>')
     for r in records:
         line = "L".join(f"{to_x(x):.1f} {to_y(y):.1f}" for x, y in zip(axis.of(r), r["returns"]))
         parts.append(f'<path d="M{line}" fill="none" stroke="{LEARNERS[r["learner"]].colour}" stroke-width="1.5"/>')
     return "".join(parts)
 
 
-def plot(found, marks):
-    """found: (task, learner) -> records; marks: task -> return, a dashed line, or none. @return the SVG's text"""
+def plot(found):
+    """found: (task, learner) -> records. A score of 100 is a dashed line. @return the SVG's text"""
     tasks = [task for task in PLACES if any(task == t for t, _ in found)]
     shown = [name for name, learner in LEARNERS.items() if learner.colour and any(name == of for _, of in found)]
     width, height = WIDTH * len(tasks), 2 * HEIGHT + 26
@@ -74,7 +75,7 @@ def plot(found, marks):
         for column, task in enumerate(tasks):
             records = [r for learner in shown for r in found.get((task, learner), [])]
             out.append(f'<g transform="translate({column * WIDTH} {row * HEIGHT})">'
-                       f"{panel(task, records, axis, marks)}</g>")
+                       f"{panel(task, records, axis)}</g>")
     x = LEFT
     for learner in shown:
         title = LEARNERS[learner].title

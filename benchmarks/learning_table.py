@@ -1,5 +1,5 @@
-"""The runs of learning_curves.py as tables, one for each task, and what they are measured by: the mark and a score of 100.
-Then what each has by so many CPU seconds, and pairs of learners at equal steps.
+"""The runs of learning_curves.py as tables: what each has by so many CPU seconds, what it comes to and when it has a score of 100,
+and pairs of learners at equal steps.
 """
 
 import itertools
@@ -8,57 +8,22 @@ import statistics
 from learners import LEARNERS, PAIRS, PLACES
 
 SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3, "quickstart": None}  # D4RL's
-COLUMNS = ("seed", "return at 50k steps", "at 100k", "at 150k", "at 300k", "mean until 150k",
-           "best checkpoint, 20 fresh episodes", "at the mark", "at score 100", "CPU s per 100k steps")
-SECONDS = (15, 30, 60, 120, 300, 600)  # of CPU time
+SECONDS = (30, 60, 120, 240, 360, 600, 900)  # of CPU time
 
 
 def title_of(task):
     return "Quickstart's Hopper" if task == "quickstart" else PLACES[task].removesuffix("-v5")
 
 
-def mark_of(task, found):
-    """The median of our SAC's best checkpoints, 20 fresh episodes each; none where there is no such run."""
-    sac = found.get((task, "sac"), [])
-    return statistics.median(r["best"]["mean_return"] for r in sac) if sac else None
+def rows_of(found):
+    """found: (task, learner) -> records. Yields the row's first cell, its task and its records, in the order of the tables."""
+    for task, learner in itertools.product(PLACES, LEARNERS):
+        if records := found.get((task, learner), []):
+            yield f"{title_of(task)}, {LEARNERS[learner].title}", task, sorted(records, key=lambda r: r["seed"])
 
 
-def reached(record, goal):
-    """(steps, CPU seconds) of the first checkpoint at the goal, or none: on 20 fresh episodes, of a peer on its five."""
-    judged = record.get("judged", record["returns"])
-    return next(((record["steps"][i], record["cpu_seconds"][i]) for i, value in enumerate(judged) if value >= goal), None)
-
-
-def when(record, goal):
-    if goal is None:
-        return "-"
-    at = reached(record, goal)
-    return f"after {at[0]:,} steps, {at[1]:.0f} s" if at else f"not within {record['steps'][-1]:,}"
-
-
-def row(record, mark):
-    at = dict(zip(record["steps"], record["returns"]))
-    returns = [f"{at[n]:.0f}" if n in at else "-" for n in (50_000, 100_000, 150_000, 300_000)]
-    until = [value for step, value in at.items() if step <= 150_000]
-    best = record.get("best")
-    return (str(record["seed"]), *returns, f"{statistics.mean(until):.0f}" if 150_000 in at else "-",
-            f"{best['mean_return']:.0f}, after {best['step']:,}" if best else "-", when(record, mark),
-            when(record, SCORE_100[record["task"]]), f"{100_000 * record['cpu_seconds'][-1] / record['steps'][-1]:.0f}")
-
-
-def tables(found):
-    """found: (task, learner) -> records. @return Markdown"""
-    lines = []
-    for task in PLACES:
-        mark = mark_of(task, found)
-        records = [r for learner in LEARNERS for r in found.get((task, learner), [])]
-        if not records:
-            continue
-        title = title_of(task) + ("" if mark is None else f", mark {mark:,.0f}")
-        lines += [f"| {' | '.join((title, *COLUMNS))} |", "|" + "---|" * (1 + len(COLUMNS))]
-        lines += [f"| {LEARNERS[r['learner']].title} | {' | '.join(row(r, mark))} |" for r in records]
-        lines.append("")
-    return "\n".join(lines)
+def duration(seconds):
+    return f"{seconds} s" if seconds < 60 else f"{seconds // 60} min"
 
 
 def at_seconds(record, seconds):
@@ -68,16 +33,42 @@ def at_seconds(record, seconds):
 
 
 def minutes(found):
-    """found: (task, learner) -> records. @return Markdown: the best return until so many CPU seconds, smallest to largest seed"""
-    lines = [f"| best return until | seeds | {' | '.join(f'{s} s' for s in SECONDS)} |", "|" + "---|" * (2 + len(SECONDS))]
-    for task, learner in itertools.product(PLACES, LEARNERS):
-        records = found.get((task, learner), [])
+    """@return Markdown: the best return until so many CPU seconds, smallest to largest seed"""
+    lines = [f"| best return until | seeds | {' | '.join(map(duration, SECONDS))} |", "|" + "---|" * (2 + len(SECONDS))]
+    for title, _, records in rows_of(found):
         cells = []
         for seconds in SECONDS:
             values = sorted(v for v in (at_seconds(r, seconds) for r in records) if v is not None)
             cells.append(", ".join(f"{v:.0f}" for v in values) or "-")
-        if records:
-            lines.append(f"| {title_of(task)}, {LEARNERS[learner].title} | {len(records)} | {' | '.join(cells)} |")
+        lines.append(f"| {title} | {len(records)} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def reached(record, goal):
+    """CPU seconds of the first checkpoint at the goal, or none: on 20 fresh episodes, of a peer on its five."""
+    judged = record.get("judged", record["returns"])
+    return next((record["cpu_seconds"][i] for i, value in enumerate(judged) if value >= goal), None)
+
+
+def best_of(record):
+    """The best checkpoint's return on 20 fresh episodes, of a peer on its five."""
+    return record["best"]["mean_return"] if "best" in record else max(record["returns"])
+
+
+def outcomes(found):
+    """@return Markdown: where each seed comes to and when it has a score of 100, in the order of the seeds"""
+    lines = ["| by seed | best checkpoint | of them below half of the median | CPU s at score 100 | steps, thousands | CPU s in all |",
+             "|" + "---|" * 6]
+    for title, task, records in rows_of(found):
+        best = [best_of(r) for r in records]
+        low = sum(value < statistics.median(best) / 2 for value in best)
+        goal = SCORE_100[task]
+        at = [reached(r, goal) if goal else None for r in records]
+        join = lambda values: ", ".join(values)
+        when = join("-" if value is None else f"{value:.0f}" for value in at)
+        lines.append(f"| {title} | {join(f'{v:.0f}' for v in best)} | {low} | {when if goal else ''} | "
+                     f"{join(f'''{r['steps'][-1] / 1000:.0f}''' for r in records)} | "
+                     f"{join(f'''{r['cpu_seconds'][-1]:.0f}''' for r in records)} |")
     return "\n".join(lines) + "\n"
 
 
@@ -91,7 +82,7 @@ def permutation_test(one, other):
 
 
 def equal_steps(found):
-    """found: (task, learner) -> records. @return Markdown: an agent's figure is the mean of its evaluations."""
+    """@return Markdown: an agent's figure is the mean of its evaluations."""
     lines = ["| mean of the evaluations | until step | by seeds | mean | beside | by seeds | mean | permutation test |",
              "|" + "---|" * 8]
     for task, learners in itertools.product(PLACES, PAIRS):

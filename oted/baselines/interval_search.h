@@ -48,6 +48,7 @@ class IntervalSearch : public EpisodeSource {
   IntervalSearch(ParameterSpace space, const std::vector<double>& start, const IntervalSearchConfig& config,
                  ReturnScale scale);
 
+  std::unique_ptr<EpisodeSource> Clone() const override { return std::make_unique<IntervalSearch>(*this); }
   std::vector<double> Draw(int lane, Rng& rng) override;
   void EpisodeEnded(int lane, double episode_return, bool diverged) override;
   /// "interval/low/NAME", "interval/high/NAME": the ends, in z.

@@ -11,6 +11,7 @@
 #include "oted/rl/multi_step.h"
 #include "oted/rl/observation_statistics.h"
 #include "oted/rl/replay_buffer.h"
+#include "oted/rl/starts.h"
 
 namespace oted {
 
@@ -30,17 +31,31 @@ void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
                    {"best", "last"});
+  fields.Add("average_over", &average_over,
+             "gradient steps over which the policy that is evaluated and kept is averaged; 1: none", AtLeast(1));
+  fields.Add(
+      "n_starts", &n_starts,
+      "agents that begin, of which the one with the highest return after start_steps goes on; one where n_steps is "
+      "no more than start_steps",
+      AtLeast(1));
+  fields.Add("start_steps", &start_steps, "control steps of each of n_starts agents until one is chosen", AtLeast(1));
 }
 
 void ReplayConfig::CheckLearns(std::string_view section) const {
-  if (learning_starts <= n_steps) return;
-  throw UsageError(
-      fmt::format("{0}.n_steps is {1}, which is over before the first gradient step after {0}.learning_starts = {2} "
-                  "control steps; raise the former or lower the latter",
-                  section, n_steps, learning_starts));
+  const bool chooses = n_starts > 1 && start_steps < n_steps;
+  for (const auto& [name, steps] : {std::pair{"n_steps", n_steps}, {"start_steps", chooses ? start_steps : n_steps}}) {
+    if (learning_starts <= steps) continue;
+    throw UsageError(
+        fmt::format("{0}.{1} is {2}, which is over before the first gradient step after {0}.learning_starts = {3} "
+                    "control steps; raise the former or lower the latter",
+                    section, name, steps, learning_starts));
+  }
 }
 
 namespace {
+
+/// Gradient steps between two steps of the averaged policy: all of them would cost a tenth of a small update.
+constexpr int64_t kAverageEvery = 8;
 
 Normalizer IdentityNormalizer(int dim) {
   return {std::vector<double>(static_cast<size_t>(dim), 0.0), std::vector<double>(static_cast<size_t>(dim), 1.0)};
@@ -75,7 +90,7 @@ class ReplayTraining : public Learner {
 
   /// The actor's, then the normaliser's mean and scale where there is one.
   std::vector<float> PolicyParameters() const override {
-    const auto& net = update_->actor().net().parameters();
+    const std::span<const float> net = ActingNet();
     std::vector<float> parameters(net.begin(), net.end());
     if (statistics_) {
       for (const auto* values : {&statistics_->normalizer().mean, &statistics_->normalizer().scale}) {
@@ -140,6 +155,7 @@ class ReplayTraining : public Learner {
     if (statistics_) statistics_->Save(arrays);
     arrays["buffer/rows"] = NpyArray(std::vector<float>(buffer_.rows().begin(), buffer_.rows().end()));
     arrays["counters"] = NpyArray(std::vector<int64_t>{n_steps_, n_updates_, buffer_.next()});
+    if (!average_.empty()) arrays["average"] = NpyArray(average_);
     arrays["owed_updates"] = NpyArray(std::vector<double>{owed_updates_});
     arrays["rng"] = RngArray(rng_);
   }
@@ -152,6 +168,9 @@ class ReplayTraining : public Learner {
     n_steps_ = counters[0];
     n_updates_ = counters[1];
     buffer_.Restore(std::get<std::vector<float>>(arrays.at("buffer/rows").values), counters[2]);
+    if (Averages() && n_updates_ > 0) {
+      average_ = CheckpointValues<float>(arrays, "average", update_->actor().net().parameters().size());
+    }
     owed_updates_ = CheckpointValues<double>(arrays, "owed_updates", 1)[0];
     RestoreRng(arrays, "rng", rng_);
   }
@@ -215,8 +234,27 @@ class ReplayTraining : public Learner {
       buffer_.Sample(config_.batch_size, rng_, batch_);
       if (statistics_) statistics_->Normalize(batch_);
       losses_ = update_->Step(batch_);
+      if (Averages() && n_updates_ % kAverageEvery == 0) Average();
       if (++n_updates_ % 256 == 0) tick();
     }
+  }
+
+  bool Averages() const { return config_.average_over > 1; }
+
+  void Average() {
+    const auto& net = update_->actor().net().parameters();
+    if (average_.empty()) average_.assign(net.begin(), net.end());
+    const double share = static_cast<double>(kAverageEvery) / static_cast<double>(config_.average_over);
+    // A mean over what there was until it is as long as it should be.
+    const double begun = 1.0 / (1.0 + static_cast<double>(n_updates_ / kAverageEvery));
+    const float rate = static_cast<float>(std::min(1.0, std::max(share, begun)));
+    for (size_t i = 0; i < average_.size(); ++i) average_[i] += rate * (net[i] - average_[i]);
+  }
+
+  /// Of the policy that is evaluated and kept.
+  std::span<const float> ActingNet() const {
+    if (average_.empty()) return update_->actor().net().parameters();
+    return average_;
   }
 
   const ReplayConfig& config_;
@@ -232,6 +270,7 @@ class ReplayTraining : public Learner {
   std::unique_ptr<ReplayUpdate> update_;
   TransitionBatch batch_;
   ReplayLosses losses_;
+  std::vector<float> average_;  ///< of the actor's parameters; empty where they are not averaged
   int64_t n_steps_ = 0, n_updates_ = 0;
   double owed_updates_ = 0;
   std::vector<int> lanes_;
@@ -248,10 +287,14 @@ ReplayAgent TrainByReplay(const AgentJob& job, const ReplayConfig& config, const
         fmt::format("task '{}' has discrete actions, {} takes continuous ones alone", spec.task, algorithm));
   }
   config.CheckLearns(algorithm);
+  const TrainingSchedule schedule = {config.n_steps, config.eval_interval, config.eval_episodes, config.keep};
+  ChooseStart(job, schedule, {config.n_starts, config.start_steps},
+              [&](EpisodeSource& source, RngKey key, int n_threads) {
+                return std::make_unique<ReplayTraining>(job.factory, source, config, make_update, key, n_threads);
+              });
   ReplayTraining training(job.factory, job.source, config, make_update, job.key, job.context.n_threads);
   ReplayAgent result;
-  static_cast<LearningCurve&>(result) =
-      TrainInSegments(training, job, {config.n_steps, config.eval_interval, config.eval_episodes, config.keep});
+  static_cast<LearningCurve&>(result) = TrainInSegments(training, job, schedule);
   result.policy = training.PolicyOf(result.kept);
   return result;
 }

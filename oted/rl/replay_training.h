@@ -33,6 +33,11 @@ struct ReplayConfig {
   int64_t eval_interval = 10'000;
   int eval_episodes = 5;
   std::string keep = "best";
+  /// The policy that is evaluated and kept is a running mean of the learner's over about this many gradient steps; 1:
+  /// the learner's own.
+  int64_t average_over = 1;
+  int n_starts = 1;              ///< agents that begin; the best goes on (oted/rl/starts.h)
+  int64_t start_steps = 60'000;  ///< control steps of each
   /// Whether networks see observations in units of ObservationStatistics. A setting of SAC alone: CrossQ's networks
   /// begin with a batch normalisation.
   bool normalize_observations = false;

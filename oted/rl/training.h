@@ -20,13 +20,15 @@
 
 namespace oted {
 
-/// Draws the parameters z of a new episode.
+/// Draws the parameters z of a new episode. Called from several threads.
 using EpisodeParameters = std::function<std::vector<double>(Rng& rng)>;
 
 /// Where an agent's episodes take place, told how they went: a curriculum depends on it. Called from one thread.
 class EpisodeSource {
  public:
   virtual ~EpisodeSource() = default;
+  /// Another one, as this one is now.
+  virtual std::unique_ptr<EpisodeSource> Clone() const = 0;
   /// z of the episode that begins in `lane`.
   virtual std::vector<double> Draw(int lane, Rng& rng) = 0;
   /// The episode that began in `lane` last is over. One that a segment's end cuts is never told.
@@ -45,6 +47,7 @@ class EpisodeSource {
 class DrawnEpisodes : public EpisodeSource {
  public:
   explicit DrawnEpisodes(EpisodeParameters draw) : draw_(std::move(draw)) {}
+  std::unique_ptr<EpisodeSource> Clone() const override { return std::make_unique<DrawnEpisodes>(*this); }
   std::vector<double> Draw(int, Rng& rng) override { return draw_(rng); }
 
  private:

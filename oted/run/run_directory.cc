@@ -13,6 +13,7 @@
 #include "oted/base/files.h"
 #include "oted/base/seal.h"
 #include "oted/data/whole_mark.h"
+#include "oted/rl/starts.h"
 #include "oted/run/run_lock.h"
 
 namespace oted {
@@ -30,6 +31,11 @@ std::string TextIn(const json& record, const char* field) {
 constexpr const char* kCurves = "curves.csv";
 /// What work that can be stopped keeps beside its result: the work, whose it is, and how far its curves are whole.
 constexpr std::array<const char*, 3> kCheckpoint = {"checkpoint.npz", "checkpoint.json", "checkpoint.curves"};
+
+/// An agent that has not chosen among its starts yet keeps work there alone.
+bool HoldsWork(const fs::path& folder) {
+  return fs::exists(folder / "checkpoint.npz") || fs::exists(folder / kStartsFolder);
+}
 
 }  // namespace
 
@@ -195,7 +201,7 @@ json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& m
 
 void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
   const fs::path folder = artifact.file.parent_path(), mark = folder / "checkpoint.json";
-  if (!HasFolder(artifact) || !fs::exists(folder / "checkpoint.npz")) return;
+  if (!HasFolder(artifact) || !HoldsWork(folder)) return;
   if (fs::exists(mark) && TextIn(ReadJson(mark), "fingerprint") == artifact.fingerprint) return;
   throw UsageError(
       fmt::format("'{}' holds work that was stopped and had other data or settings; choose another --out, go on with "
@@ -247,6 +253,7 @@ void RunDirectory::SetAsideDamagedCurves(const fs::path& folder) const {
 
 void RunDirectory::RemoveCheckpoint(const fs::path& folder) const {
   for (const char* name : kCheckpoint) RemoveFile(folder / name);
+  fs::remove_all(folder / kStartsFolder);
 }
 
 }  // namespace oted

@@ -73,7 +73,8 @@ class RunDirectory {
   /// there
   nlohmann::json Once(const Artifact& artifact, const std::function<nlohmann::json()>& make) const;
 
-  /// Work that can be stopped keeps checkpoint.npz in its folder, and beside it what the work is made from.
+  /// Work that can be stopped keeps checkpoint.npz in its folder (an agent's starts: in starts/), and beside it what
+  /// the work is made from.
   /// @throws UsageError when the artefact's folder holds a checkpoint of other settings.
   void CheckCheckpoint(const Artifact& artifact) const;
 

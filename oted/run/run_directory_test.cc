@@ -305,24 +305,27 @@ TEST(RunDirectory, ARecordOfAnotherVersionIsRefusedInOneLine) {
 }
 
 TEST(RunDirectory, ACheckpointIsGoneOnWithUnderItsOwnSettingsOnly) {
-  const TestFolder folder;
-  const RunDirectory directory(folder.path());
-  const fs::path unit = directory.clone();
-  const auto stopped = [&]() -> json {
-    WriteFileAtomically(unit / "checkpoint.npz", "work");
-    throw Interrupted("stopped");
-  };
-  EXPECT_THROW(directory.Once(Clone(directory, "bb"), stopped), Interrupted);
-  EXPECT_THAT(MessageOf<UsageError>([&] { directory.Once(Clone(directory, "aa"), Loss); }), HasSubstr(unit.string()));
-  EXPECT_THROW(directory.Check(Clone(directory, "aa")), UsageError);
-  directory.Check(Clone(directory, "bb"));
-  directory.Once(Clone(directory, "bb"), Loss);
-  EXPECT_FALSE(fs::exists(unit / "checkpoint.npz"));
-  EXPECT_FALSE(fs::exists(unit / "checkpoint.json"));
+  for (const char* name : {"checkpoint.npz", "starts/1/checkpoint.npz"}) {
+    SCOPED_TRACE(name);
+    const TestFolder folder;
+    const RunDirectory directory(folder.path());
+    const fs::path unit = directory.clone();
+    const auto stopped = [&]() -> json {
+      WriteFileAtomically(unit / name, "work");
+      throw Interrupted("stopped");
+    };
+    EXPECT_THROW(directory.Once(Clone(directory, "bb"), stopped), Interrupted);
+    EXPECT_THAT(MessageOf<UsageError>([&] { directory.Once(Clone(directory, "aa"), Loss); }), HasSubstr(unit.string()));
+    EXPECT_THROW(directory.Check(Clone(directory, "aa")), UsageError);
+    directory.Check(Clone(directory, "bb"));
+    directory.Once(Clone(directory, "bb"), Loss);
+    EXPECT_FALSE(fs::exists(unit / name));
+    EXPECT_FALSE(fs::exists(unit / "checkpoint.json"));
 
-  fs::remove(unit / "clone.json");
-  WriteFileAtomically(unit / "checkpoint.npz", "of nobody knows what");
-  EXPECT_THROW(directory.Once(Clone(directory, "bb"), Loss), UsageError);
+    fs::remove(unit / "clone.json");
+    WriteFileAtomically(unit / name, "of nobody knows what");
+    EXPECT_THROW(directory.Once(Clone(directory, "bb"), Loss), UsageError);
+  }
 }
 
 TEST(Fingerprint, EqualInputsAgreeAndAnyChangeShows) {
