@@ -12,11 +12,11 @@
 namespace oted {
 namespace {
 
-constexpr double kClear = 0.8;      // correlation from which on one number is the rate of another
-constexpr double kVague = 0.6;      // below it is not
-constexpr double kUnitSlack = 0.2;  // of a factor
+constexpr double kClear = 0.8;                         // correlation from which on one number is the rate of another
+constexpr double kVague = 0.6;                         // below it is not
+constexpr double kUnitSlack = 0.2;                     // of a factor
 constexpr double kExactlyClear = 0.95, kFactor = 1.5;  // the same for a factor that no unit explains
-constexpr double kAgree = 0.05;                             // among the channels of a log with another rate
+constexpr double kAgree = 0.05;                        // among the channels of a log with another rate
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kFewestPairs = 20;
 constexpr double kFewestCarry = 20;  // rows that must carry a correlation or factor for a finding
@@ -71,6 +71,12 @@ Sums Sum(const Pair& pair, double lag, int margin, int* n_wraps) {
   }
   return sums;
 }
+
+}  // namespace
+
+bool RateAgreement::IsShifted() const { return std::abs(lag) >= kLag && lag_gain < kLagGain; }
+
+namespace {
 
 RateAgreement Compare(const Pair& pair, double period_s) {
   RateAgreement rate;
@@ -221,7 +227,7 @@ class Rates {
   void AddLags() {
     std::vector<std::string> shown, channels;
     for (const RateAgreement& rate : rates_) {
-      if (std::abs(rate.lag) < kLag || rate.lag_gain >= kLagGain) continue;
+      if (!rate.IsShifted()) continue;
       channels.push_back(Velocity(rate));
       shown.push_back(fmt::format("{} by {:g} rows{} ({:.0f} %)", Velocity(rate), std::abs(rate.lag),
                                   rate.lag > 0 ? "" : " too early", 100 * rate.lag_gain));

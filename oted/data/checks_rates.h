@@ -14,6 +14,9 @@ struct RateAgreement {
   double lag = 0;                  ///< [rows] by which the velocity is late where it goes best with the position
   double lag_gain = 1;             ///< what that leaves of the squared difference
   int n_wraps = 0;                 ///< jumps of the position by a whole turn; they are left out
+
+  /// Whether the velocity is surely of another row than its position: late, or for a lag below zero too early.
+  bool IsShifted() const;
 };
 
 /// Of every velocity in the log whose position is there too, where both move. Clipped velocities are left out.

@@ -194,9 +194,9 @@ class InitTest(ProgramTest):
         rows = swing(1)
         rows[2:, 3] = rows[:-2, 3].copy()  # the shoulder's, by two rows
         text, _ = self.init(self.csv(rows))
-        self.assertRegex(text, r"velocities show late: joint/shoulder_joint/qvel by (1\.[5-9]|2(\.[0-4])?) rows; leave them out")
+        self.assertRegex(text, r"later than their positions move are joint/shoulder_joint/qvel by (1\.75|2|2\.25) rows")
         self.task.unlink()
-        self.assertNotIn("show late", self.init(self.csv(swing(2)))[0])
+        self.assertNotIn("later than their positions", self.init(self.csv(swing(2)))[0])
 
     def test_an_action_of_the_other_sign_is_told(self):
         rows = swing(1)

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "oted/data/checks_rates.h"
 #include "oted/data/normalizer.h"
 
 namespace oted {
@@ -144,6 +145,17 @@ VectorXd QuantisationNoise(const Dataset& dataset) {
     noise[c] = StepOf(column) / std::sqrt(12.0);
   }
   return noise;
+}
+
+std::vector<char> LateReadings(const SimulatorSpec& spec, const Dataset& dataset) {
+  std::vector<char> late(static_cast<size_t>(spec.obs_dim()), 0);
+  if (spec.rate_of.empty()) return late;
+  for (const RateAgreement& rate : CompareRates(dataset, spec.rate_of, spec.control_period_s)) {
+    const auto c = static_cast<size_t>(rate.velocity);
+    const bool is_known = !spec.reading_ages.empty() && spec.reading_ages[c] > 0;
+    if (rate.IsShifted() && rate.lag > 0 && !is_known) late[c] = 1;
+  }
+  return late;
 }
 
 std::vector<char> ComputedReadings(const SimulatorSpec& spec, const Dataset& dataset, const VectorXd& noise) {

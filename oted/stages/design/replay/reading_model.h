@@ -46,6 +46,10 @@ struct ReadingModel {
 /// counts, or the digits of a text file. 0 where readings hardly ever repeat.
 Eigen::VectorXd QuantisationNoise(const Dataset& dataset);
 
+/// (obs_dim): nonzero for rates that show surely later than the positions that they belong to, by a row or more: a
+/// drive filters or queues them. Not of a channel whose delay is known or searched (SimulatorSpec::reading_ages).
+std::vector<char> LateReadings(const SimulatorSpec& spec, const Dataset& dataset);
+
 /// (obs_dim): nonzero for rates that were computed from logged positions (differences, smoothed differences): a linear
 /// combination of the positions around gives them to a tenth of their noise. They say nothing that the positions do
 /// not, and their noise is not white.

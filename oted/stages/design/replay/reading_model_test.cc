@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "oted/data/sensor_noise.h"
@@ -89,6 +90,41 @@ TEST(ComputedReadings, AreDifferencesOfNoisyPositionsAndNotReadingsOfTheirOwn) {
   EXPECT_EQ(ComputedReadings(RatesKnown(), own, Eigen::Vector2d(0.02, 0.02)), (std::vector<char>{0, 0}));
   EXPECT_EQ(ComputedReadings(PointMass::MakeSpec({}), differences, noise), (std::vector<char>{0, 0}))
       << "nobody says that v is a rate";
+}
+
+/// Two sines and their derivative `lag` rows ago, with white noise on both.
+Dataset LogsOfSines(double lag, double noise_of_position, double noise_of_rate) {
+  constexpr double kPeriod = 0.02;
+  constexpr int kRows = 800;
+  Rng rng(4);
+  std::vector<std::array<double, 2>> rows;
+  for (int i = 0; i <= kRows; ++i) {
+    const double t = i * kPeriod, before = t - lag * kPeriod;
+    rows.push_back({std::sin(2 * t) + 0.4 * std::sin(7 * t + 1) + noise_of_position * rng.Normal(),
+                    2 * std::cos(2 * before) + 2.8 * std::cos(7 * before + 1) + noise_of_rate * rng.Normal()});
+  }
+  Dataset logs;
+  for (size_t i = 0; i < kRows; ++i) {
+    logs.observations.AppendRow(rows[i]);
+    logs.next_observations.AppendRow(rows[i + 1]);
+    logs.actions.AppendRow(std::array{0.0});
+    logs.terminals.push_back(0);
+    logs.timeouts.push_back(i == kRows - 1);
+  }
+  return logs;
+}
+
+TEST(LateReadings, AreRatesThatAreARowOrMoreBehindTheirPositions) {
+  SimulatorSpec spec = RatesKnown();
+  spec.control_period_s = 0.02;
+  const std::vector<char> late = {0, 1}, none = {0, 0};
+  for (const double lag : {1.0, 1.5, 2.0}) EXPECT_EQ(LateReadings(spec, LogsOfSines(lag, 1e-3, 0.05)), late) << lag;
+  for (const double noise : {0.0, 0.01, 0.3}) {
+    EXPECT_EQ(LateReadings(spec, LogsOfSines(0, 1e-4, noise)), none) << noise;
+    EXPECT_EQ(LateReadings(spec, LogsOfSines(0.4, 1e-4, noise)), none) << noise;
+  }
+  spec.reading_ages = {0, 3};
+  EXPECT_EQ(LateReadings(spec, LogsOfSines(2, 1e-3, 0.05)), none) << "whose delay is searched";
 }
 
 }  // namespace oted::reading_model_test

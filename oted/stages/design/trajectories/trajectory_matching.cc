@@ -9,7 +9,6 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/held_out.h"
 #include "oted/stages/design/replay/kept_aside.h"
-#include "oted/stages/design/replay/late_rates.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
@@ -212,8 +211,8 @@ class TrajectoryMatch {
     if (!IsNoisy() || std::ranges::any_of(replayer_->readings().computed, [](char c) { return c != 0; })) return false;
     const SimulatorSpec& spec = problem_.factory.spec();
     std::vector<char> computed = ComputedReadings(spec, problem_.dataset, SensorNoise());
-    const std::vector<int> late = LateRates(spec, problem_.dataset);
-    for (size_t c = 0; c < computed.size(); ++c) computed[c] = computed[c] != 0 || late[c] > 0 ? 1 : 0;
+    const std::vector<char> late = LateReadings(spec, problem_.dataset);
+    for (size_t c = 0; c < computed.size(); ++c) computed[c] = static_cast<char>(computed[c] | late[c]);
     if (std::ranges::none_of(computed, [](char c) { return c != 0; })) return false;
     Read(computed);
     return true;
