@@ -72,12 +72,6 @@ Sums Sum(const Pair& pair, double lag, int margin, int* n_wraps) {
   return sums;
 }
 
-}  // namespace
-
-bool RateAgreement::IsShifted() const { return std::abs(lag) >= kLag && lag_gain < kLagGain; }
-
-namespace {
-
 RateAgreement Compare(const Pair& pair, double period_s) {
   RateAgreement rate;
   const int most = period_s > 0 ? std::clamp(static_cast<int>(kLongestLag_s / period_s), 2, 25) : 3;
@@ -253,6 +247,8 @@ class Rates {
 };
 
 }  // namespace
+
+bool RateAgreement::IsShifted() const { return std::abs(lag) >= kLag && lag_gain < kLagGain; }
 
 std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vector<int>& rate_of, double period_s) {
   std::vector<RateAgreement> rates;
