@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <optional>
 
@@ -21,12 +22,13 @@ constexpr size_t kScreening = 5;  // a correction is tried on every so many wind
 constexpr double kNoHope = 0.7;   // and on all only where it leaves less than this of the squared error there
 constexpr int kLanes = 50;
 constexpr double kWindow_s = 0.05;
-constexpr int kLongestWindow = 10;  // rows
-constexpr double kCap = 2;          // an error counts as so many times the usual change at most
-constexpr double kGood = 0.03;      // error of a channel, of its change: below it nothing is to be mended
-constexpr double kHelps = 0.35;     // what a correction must leave of the squared error of its channels
-constexpr double kZeroHelps = 0.2;  // the same for a zero, which wrong parameters can look like
-constexpr double kAlike = 1.1;      // corrections that leave within so much of the best are named beside it
+constexpr int kLongestWindow = 10;    // rows
+constexpr double kCap = 2;            // an error counts as so many times the usual change at most
+constexpr double kGood = 0.03;        // error of a channel, of its change: below it nothing is to be mended
+constexpr double kHelps = 0.35;       // what a correction must leave of the squared error of its channels
+constexpr double kZeroHelps = 0.2;    // the same for a zero, which wrong parameters can look like
+constexpr double kActionHelps = 0.6;  // the same for an action, in the two channels that it helps most
+constexpr double kAlike = 1.1;        // corrections that leave within so much of the best are named beside it
 constexpr double kOwnAlike = 1.5;
 constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
 constexpr size_t kMostJoints = 12;      // those that fit worst
@@ -181,11 +183,9 @@ class Search {
       all.push_back({CorrectionKind::kQuaternionOrder, columns, 0, columns});
     }
     if (spec_.n_discrete_actions > 0) return all;
-    std::vector<int> moving;
-    for (int j = 0; j < spec_.obs_dim(); ++j) moving.push_back(j);
     for (int a = 0; a < spec_.act_dim; ++a) {
-      all.push_back({CorrectionKind::kActionSign, {a}, 0, moving});
-      for (int b = 0; b < a; ++b) all.push_back({CorrectionKind::kActionSwap, {b, a}, 0, moving});
+      all.push_back({CorrectionKind::kActionSign, {a}});
+      for (int b = 0; b < a; ++b) all.push_back({CorrectionKind::kActionSwap, {b, a}});
     }
     return all;
   }
@@ -228,17 +228,35 @@ class Search {
   std::optional<Trial> TryOne(const Correction& correction, const Errors& now, const Errors& screened) {
     Dataset log = log_;
     correction.ApplyTo(log);
-    const double first = Mean(screened, correction.judged);
     const std::optional<Errors> some = Measure(log, kScreening);
-    if (!some || Mean(*some, correction.judged) > kNoHope * first) return std::nullopt;
+    if (!some) return std::nullopt;
+    // What an action moves is not known before.
+    if (correction.IsOfActions() ? Total(*some) > Total(screened)
+                                 : Mean(*some, correction.judged) > kNoHope * Mean(screened, correction.judged)) {
+      return std::nullopt;
+    }
     const std::optional<Errors> errors = Measure(log, 1);
     if (!errors) return std::nullopt;
-    const double before = Mean(now, correction.judged);
-    return Trial{correction, *errors, Total(*errors), before > 0 ? Mean(*errors, correction.judged) / before : 1};
+    Correction judged = correction;
+    if (correction.IsOfActions()) judged.judged = MostImproved(*errors, now);
+    const double before = Mean(now, judged.judged);
+    return Trial{judged, *errors, Total(*errors), before > 0 ? Mean(*errors, judged.judged) / before : 1};
+  }
+
+  /// The two channels whose error falls most.
+  static std::vector<int> MostImproved(const Errors& errors, const Errors& now) {
+    std::vector<int> order(errors.size());
+    for (size_t j = 0; j < order.size(); ++j) order[j] = static_cast<int>(j);
+    std::ranges::stable_sort(order, std::greater<>(),
+                             [&](int j) { return now[static_cast<size_t>(j)] - errors[static_cast<size_t>(j)]; });
+    order.resize(std::min<size_t>(order.size(), 2));
+    return order;
   }
 
   bool Helps(const Trial& trial, const Errors& now) const {
-    const double most = trial.correction.kind == CorrectionKind::kZero ? kZeroHelps : kHelps;
+    const double most = trial.correction.IsOfActions()                   ? kActionHelps
+                        : trial.correction.kind == CorrectionKind::kZero ? kZeroHelps
+                                                                         : kHelps;
     return trial.own < most && trial.total < Total(now);
   }
 
@@ -280,6 +298,12 @@ class Search {
     return trial;
   }
 
+  std::string ChannelNames(const std::vector<int>& channels) const {
+    std::vector<std::string> names;
+    for (const int j : channels) names.push_back(spec_.observation_names[static_cast<size_t>(j)]);
+    return fmt::format("{}", fmt::join(names, " and "));
+  }
+
   void Report(const std::vector<Trial>& trials, const Errors& now) {
     const Trial& best = trials.front();
     const std::vector<int>& judged = best.correction.judged;
@@ -289,11 +313,12 @@ class Search {
     findings_.push_back(
         {.check = best.correction.Check(),
          .severity = Severity::kWarning,
-         .what = fmt::format(
-             "with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
-             best.correction.Change(spec_), spec_.task, best.correction.IsOfActions() ? "a channel" : "these channels",
-             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
-             period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
+         .what =
+             fmt::format("with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
+                         best.correction.Change(spec_), spec_.task,
+                         best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
+                         std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
+                         period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
          .meaning = "the columns are not what the model means by them; a design would bend parameters to fit that",

@@ -210,7 +210,7 @@ class Rates {
     } else if (Near(size, kDegree, kUnitSlack)) {
       Add("rate_unit", what, {position, velocity}, "the velocity is in degrees per second",
           fmt::format("multiply {} by {:.6g}{}", velocity, kDegree, sign));
-    } else {
+    } else if (std::abs(rate.correlation) > kExactlyClear && std::max(size, 1 / size) > kFactor) {
       Add("rate_unit", what, {position, velocity},
           "units of the two differ, or the rows are not as far apart as was said",
           fmt::format("multiply {} by {:.3g}, or correct {} or the control period", velocity, factor, position));
