@@ -17,7 +17,8 @@ namespace {
 
 constexpr int kMostBodies = 12;  // whose masses are suspected one by one
 constexpr double kLow = 0.1, kHigh = 10.0;
-constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body at the model's length against gravity
+constexpr double kMostLoadFriction = 0.5;  // of the force of a joint's actuators
+constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
 
 struct SuspectedField {
   std::string name, path;
@@ -27,18 +28,20 @@ struct SuspectedField {
 
 std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
   const double torque = RoundedUp(kFrictionShare * HoldingTorque(model));
-  std::vector<SuspectedField> places = {{"damping", "joint/*/damping", "damping", torque},
-                                        {"armature", "joint/*/armature", "armature", RoundedUp(model.stat.meaninertia)},
-                                        {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
-                                        {"stiffness", "joint/*/stiffness"},
-                                        {"gear", "actuator/*/gear[0]"},
-                                        {"kp", "actuator/*/kp"},
-                                        {"kv", "actuator/*/kv"},
-                                        {"friction", "geom/*/friction[0]"},
-                                        {"contact_time", "geom/*/solref[0]"},
-                                        {"contact_damping", "geom/*/solref[1]"},
-                                        {"inertia", "body/*/inertia"},
-                                        {"gravity", "opt/gravity[2]"}};
+  std::vector<SuspectedField> places = {
+      {"damping", "joint/*/damping", "damping", torque},
+      {"armature", "joint/*/armature", "armature", RoundedUp(model.stat.meaninertia)},
+      {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
+      {"load_friction", "joint/@actuated/load_friction", "load_friction", kMostLoadFriction},
+      {"stiffness", "joint/*/stiffness"},
+      {"gear", "actuator/*/gear[0]"},
+      {"kp", "actuator/*/kp"},
+      {"kv", "actuator/*/kv"},
+      {"friction", "geom/*/friction[0]"},
+      {"contact_time", "geom/*/solref[0]"},
+      {"contact_damping", "geom/*/solref[1]"},
+      {"inertia", "body/*/inertia"},
+      {"gravity", "opt/gravity[2]"}};
   if (model.nbody - 1 > kMostBodies) {
     places.push_back({"mass", "body/*/mass"});
     return places;

@@ -9,8 +9,8 @@ namespace {
 
 constexpr size_t kManyEpisodes = 5;
 constexpr int kBlocksPerJudged = 5;
-constexpr double kBlock = 2.0;           // [s]
-constexpr double kShortestBlock = 1.25;  // [s]: holds the longest horizon and the lead before it
+constexpr double kBlock = 2.0;          // [s]
+constexpr double kShortestBlock = 0.7;  // [s]: holds the horizon that chooses, half a second, and the lead before it
 
 }  // namespace
 

@@ -8,7 +8,7 @@
 namespace oted {
 
 /// Whole episodes, as HoldOut has it, where there are five or more. Each recording may be of another kind of motion,
-/// so every fifth block of two seconds of the others is kept aside as well, where they last six seconds; where episodes
+/// so every fifth block of two seconds of the others is kept aside as well, where they last 3.5 seconds; where episodes
 /// are fewer, of each. Of an episode shorter than ten seconds it is the last fifth.
 /// @param period_s  control period [s]
 HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key);
