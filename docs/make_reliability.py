@@ -26,7 +26,7 @@ def campaigns():
     for record in records("faults.jsonl"):
         kind, _, command = record["cell"].partition(" ")
         if kind == "crash":
-            tried = f"{record['faults']:,} of {record['of']:,} faults at {record['points']:,} calls, {record['kills']} kill -9"
+            tried = f"{record['faults']:,} of {record['of']:,} faults at {record['points']:,} calls, {record['kills']} kills"
             yield f"`make crash`: `{command}`", tried, record["failed"]
         else:
             yield f"`make corrupt`: `{command}`", f"{record['damages']:,} of {record['possible']:,} damages", record["failed"]

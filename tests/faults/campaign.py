@@ -191,6 +191,8 @@ class Unit(Campaign):
     def content(self, path):
         if path.name == "done.json":  # with whom, how often and for how long is another matter
             record = json.loads(path.read_bytes())
+            seals = record.get("made_from", {})
+            record["made_from"] = {name: seal for name, seal in seals.items() if not name.split("/")[-1].startswith(UNEQUAL)}
             return json.dumps({key: value for key, value in record.items() if key not in ("attempts", "seconds", "seal")}).encode()
         return b"" if path.suffix in (".txt", ".log") else super().content(path)
 

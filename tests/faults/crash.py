@@ -121,7 +121,7 @@ class Crash:
     def counts(self):
         tried = self.ledger.tried
         return {"points": len(self.calls), "faults": sum(f"{point} {kind}" in tried for point, kind in self.faults),
-                "of": len(self.faults), "kills": sum(f"kill {k}" in tried for k in range(len(self.kills))),
+                "of": sum(1 for _ in self.all_faults("all")), "kills": sum(f"kill {k}" in tried for k in range(len(self.kills))),
                 "failed": sum(bool(failures) for failures in tried.values())}
 
 
