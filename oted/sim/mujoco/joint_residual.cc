@@ -22,7 +22,7 @@ double ResidualReach(const mjModel& model) {
                                                                      std::abs(model.actuator_forcerange[2 * a + 1])));
   }
   if (force == 0) force = HoldingTorque(model);
-  return RoundedUp(kReach * force);
+  return RoundBound(kReach * force);
 }
 
 bool IsResidualPath(const std::string& path) { return path.find("/residual") != std::string::npos; }

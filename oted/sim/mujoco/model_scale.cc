@@ -10,7 +10,7 @@ namespace {
 constexpr double kGravity = 9.81;  // [m/s^2]
 }  // namespace
 
-double RoundedUp(double value) {
+double RoundBound(double value) {
   const double decade = std::pow(10, std::floor(std::log10(std::max(value, 1e-9))));
   for (const double digit : {1.0, 2.0, 5.0}) {
     if (digit * decade >= value) return digit * decade;

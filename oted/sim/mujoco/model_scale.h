@@ -6,7 +6,7 @@ struct mjModel_;
 namespace oted {
 
 /// The next of 1, 2, 5, 10, ... that is not below: bounds that a person reads.
-double RoundedUp(double value);
+double RoundBound(double value);
 
 /// [N m] what holds a mean body at the model's length against gravity.
 double HoldingTorque(const mjModel_& model);

@@ -27,10 +27,10 @@ struct SuspectedField {
 };
 
 std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
-  const double torque = RoundedUp(kFrictionShare * HoldingTorque(model));
+  const double torque = RoundBound(kFrictionShare * HoldingTorque(model));
   std::vector<SuspectedField> places = {
       {"damping", "joint/*/damping", "damping", torque},
-      {"armature", "joint/*/armature", "armature", RoundedUp(model.stat.meaninertia)},
+      {"armature", "joint/*/armature", "armature", RoundBound(model.stat.meaninertia)},
       {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
       {"load_friction", "joint/@actuated/load_friction", "load_friction", kMostLoadFriction},
       {"stiffness", "joint/*/stiffness"},
