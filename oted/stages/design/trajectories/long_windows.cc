@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <utility>
 
 #include "oted/base/error.h"
@@ -26,8 +27,27 @@ constexpr int kFewestLongRows = 1000;  // however much they cost
 constexpr int kMostShortRows = 960;
 constexpr int kFitIterations = 6;
 constexpr double kWorse = 2.0;  // standard errors
-// Of the short windows; of the first length from two starts, of the others from one.
-static_assert(kMostLongTries == kFitIterations * (1 + 2 + (kWindows.size() - 1)));
+// Of the short windows; of the first length and of that which is judged from two starts, of the others from one.
+static_assert(kMostLongTries == kFitIterations * (1 + 2 + 2 + (kWindows.size() - 2)));
+
+struct LongFit {
+  int n_steps;  // 0: the short windows'
+  VectorXd x;
+  MatrixXd errors;  // of its predictions
+};
+
+bool IsSurelyWorse(const LongFit& fit, const LongFit& than) {
+  const PredictionRatio ratio = ComparePredictions(fit.errors, than.errors);
+  return ratio.log_ratio > kWorse * ratio.std;
+}
+
+LongFit Best(const std::vector<LongFit>& fits) {
+  const LongFit* best = &fits.front();
+  for (const LongFit& fit : fits) {
+    if (ComparePredictions(fit.errors, best->errors).log_ratio < 0) best = &fit;
+  }
+  return *best;
+}
 
 }  // namespace
 
@@ -86,43 +106,45 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   }
   const MatrixXd as_given = errors_at(in.short_x), unseen = errors_at(short_x);
   const MatrixXd of_short = ComparePredictions(as_given, unseen).log_ratio > 0 ? as_given : unseen;
-  MatrixXd best_errors = of_short;
-  LongFitChoice choice{0, in.short_x};
-  std::vector<std::pair<VectorXd, MatrixXd>> tried = {{in.short_x, of_short}};  // x, errors
+  std::vector<LongFit> tried = {{0, in.short_x, of_short}};
+  std::vector<LongFit> by_length;
   std::vector<VectorXd> from = {NominalStart(space), in.short_x};
   for (const double seconds : kWindows) {
     const int n_steps = steps_of(seconds);
     if (n_steps <= std::max(in.short_steps, in.readings.longest_age() + 1)) continue;
     const Level level = LongWindows(learner, in.learn, n_steps, n_rows, period);
     if (level.windows.size() < 4) break;
-    bool worse = true;
+    // The length that is judged is what the others have to be better than: it gets a start of its own.
+    if (seconds == kPredicted && !by_length.empty()) from.push_back(NominalStart(space));
+    std::vector<LongFit> fits;
     for (const VectorXd& start : from) {
       LevelFit fit(learner, space, in.prior, scale, level, start);
       fit.LetErrorsGrow(in.noise.cwiseAbs2());
       fit.Descend(kFitIterations, tell);
-      const MatrixXd errors = errors_at(fit.x());
-      tried.emplace_back(fit.x(), errors);
-      const PredictionRatio to_best = ComparePredictions(errors, best_errors);
-      worse = worse && to_best.log_ratio > kWorse * to_best.std;
-      if (to_best.log_ratio < 0) {
-        best_errors = errors;
-        choice = {n_steps, fit.x()};
-      }
+      fits.push_back({n_steps, fit.x(), errors_at(fit.x())});
     }
-    if (worse) break;
-    from = {choice.n_steps > 0 ? choice.x : in.short_x};
+    std::ranges::move(fits, std::back_inserter(tried));
+    by_length.push_back(Best({tried.end() - static_cast<ptrdiff_t>(fits.size()), tried.end()}));
+    from = {Best(tried).x};
+    if (IsSurelyWorse(by_length.back(), Best(tried))) break;
   }
-  // Parameters that the family explains are left for a reason that chance does not give.
-  const PredictionRatio gain = ComparePredictions(best_errors, of_short);
-  if (!(gain.log_ratio < (in.explained ? -kWorse * gain.std : 0))) {
-    choice = {0, in.short_x};
-    best_errors = of_short;
+  LongFit choice = tried.front();
+  if (!by_length.empty()) {
+    // Few windows tell lengths apart: of those that no other surely beats, the nearest to what is judged.
+    const LongFit best = Best(by_length);
+    std::erase_if(by_length, [&](const LongFit& fit) { return IsSurelyWorse(fit, best); });
+    const LongFit nearest = *std::ranges::min_element(
+        by_length, {}, [&](const LongFit& fit) { return std::abs(std::log(fit.n_steps * period / kPredicted)); });
+    // Parameters that the family explains are left for a reason that chance does not give; where it does not, short
+    // windows tell of noise.
+    const PredictionRatio gain = ComparePredictions(nearest.errors, of_short);
+    if (in.explained ? gain.log_ratio < -kWorse * gain.std : !IsSurelyWorse(nearest, choice)) choice = nearest;
   }
-  for (auto& [x, errors] : tried) {
-    const PredictionRatio to_best = ComparePredictions(errors, best_errors);
-    if (to_best.log_ratio <= kWorse * to_best.std) choice.as_good.push_back(std::move(x));
+  LongFitChoice chosen{choice.n_steps, choice.x};
+  for (LongFit& fit : tried) {
+    if (!IsSurelyWorse(fit, choice)) chosen.as_good.push_back(std::move(fit.x));
   }
-  return choice;
+  return chosen;
 }
 
 }  // namespace oted

@@ -45,15 +45,16 @@ struct LongFitInputs {
   Eigen::VectorXd noise;    ///< (obs_dim): standard deviations, what short windows left
   int short_steps = 0;      ///< length of the short windows
   /// Whether the simulator explains the short windows at every length. Then only what is surely better takes their
-  /// place, otherwise what is better.
+  /// place, otherwise what is not surely worse.
   bool explained = true;
 };
 
 /// Steps of ChooseLongWindows, at most.
-inline constexpr int kMostLongTries = 36;
+inline constexpr int kMostLongTries = 42;
 
 /// Fits windows of 0.1 s to 1 s to `learn`, from the nominal parameters and from those of the short windows, and
-/// compares how they predict `judge` over half a second (less where episodes are shorter).
+/// compares how they predict `judge` over half a second (less where episodes are shorter). Of the lengths that no other
+/// surely beats, the one nearest to that horizon is taken: few windows judge, and a fit is best at what it was asked.
 /// @param tell  called with x after every step
 LongFitChoice ChooseLongWindows(const LongFitInputs& inputs, const RunContext& context,
                                 const std::function<void(const Eigen::VectorXd&)>& tell);
