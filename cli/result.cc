@@ -140,9 +140,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
     }
     const std::filesystem::path designed = run_directory / "export" / "designed.xml";
     if (std::filesystem::exists(designed)) {
-      std::vector<std::pair<std::string, std::string>> all;
-      for (const DesignRecord::Parameter& p : design->parameters) all.emplace_back(p.name, p.field);
-      const std::string left_out = NotInModel(all);
+      const std::string left_out = NotInFile(designed);
       Print("\ndesigned model: {}", designed.string());
       if (!left_out.empty())
         Print("\n  without {}: no fields of a MuJoCo model (docs/file_formats.md, Exports)", left_out);

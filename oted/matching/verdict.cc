@@ -74,6 +74,12 @@ double PriorWidth(const Designer& q, int p) {
   return UnitWidth(q.space()[p], interval.low, interval.high);
 }
 
+/// Whether q's interval of a parameter is narrower than that share of the prior's.
+bool IsNarrower(const Designer& q, int p, double share) {
+  const Designer::Interval interval = q.CentralInterval(kIntervalMass)[static_cast<size_t>(p)];
+  return UnitWidth(q.space()[p], interval.low, interval.high) < share * PriorWidth(q, p);
+}
+
 /// @param at_bound  the interval that q gives ends at one
 ParameterVerdict VerdictOf(const ParameterSpec& spec, const ParameterSummary& summary, double prior_width,
                            bool at_bound) {
@@ -172,10 +178,7 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
   return summaries;
 }
 
-bool IsNarrow(const Designer& q, int parameter) {
-  const Designer::Interval interval = q.CentralInterval(kIntervalMass)[static_cast<size_t>(parameter)];
-  return UnitWidth(q.space()[parameter], interval.low, interval.high) < kIdentifiedBelow * PriorWidth(q, parameter);
-}
+bool IsNarrow(const Designer& q, int parameter) { return IsNarrower(q, parameter, kIdentifiedBelow); }
 
 bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
   const double nominal = UnitOf(spec, spec.nominal);
@@ -268,7 +271,7 @@ std::vector<int> ParametersAtBounds(const Designer& q) {
   std::vector<int> at_bounds;
   for (int i = 0; i < q.size(); ++i) {
     const double z = mode[static_cast<size_t>(i)];
-    if (EndsAtBound(q.space()[i], z, z)) at_bounds.push_back(i);
+    if (EndsAtBound(q.space()[i], z, z) && IsNarrower(q, i, kWeakBelow)) at_bounds.push_back(i);
   }
   return at_bounds;
 }

@@ -88,7 +88,8 @@ bool PredictsBetter(const HeldOutPrediction& prediction);
 /// the gap. Otherwise outside the family.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
-/// The parameters whose estimate lies at one of its bounds (EndsAtBound): what the logs ask for is beyond it.
+/// The parameters whose estimate lies at one of its bounds (EndsAtBound): what the logs ask for is beyond it. One that
+/// the logs hardly tell is none, wherever it ended.
 std::vector<int> ParametersAtBounds(const Designer& q);
 
 /// Whether an identified parameter lies off its nominal value: by more than three of its spreads, and by more than a

@@ -6,6 +6,7 @@
 #include <array>
 #include <charconv>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -72,6 +73,7 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
       ParameterLines(record, member.mode));
 }
 
+constexpr const char* kNotInThisFile = "Not in this file, as they are no fields of the model: ";
 constexpr const char* kActionDelay = "action/delay";  // MuJoCo's actuators have a delay, too
 
 // Whether a parameter is one of the model; others act on what the agent sees and does.
@@ -82,36 +84,14 @@ bool IsFieldOfModel(const std::string& field) {
 
 bool IsInModel(const ParameterSpec& spec) { return IsFieldOfModel(spec.field); }
 
-std::string NotInTheModel(const FinishedDesign& design) {
-  std::vector<std::pair<std::string, std::string>> all;
-  for (const ParameterSpec& spec : design.config.parameters) all.emplace_back(spec.name, spec.field);
-  const std::string names = NotInModel(all);
-  return names.empty() ? "" : fmt::format("Not in this file, as they are no fields of the model: {}.\n", names);
-}
-
-/// A file that is there and that the run consists of.
-bool IsOfRun(const fs::path& target, const fs::path& run_directory) {
-  constexpr std::array<const char*, 8> kNames = {"run.toml",    "versions.json",        "dataset.json",
-                                                 "design.json", "evaluation.json",      "policy.onnx",
-                                                 "report.json", "policy_selection.json"};
-  std::error_code error;
-  const fs::path folder = fs::weakly_canonical(run_directory, error);
-  const fs::path inside = fs::weakly_canonical(target, error).lexically_relative(folder);
-  if (inside.empty() || *inside.begin() == ".." || *inside.begin() == kExportFolder) return false;
-  return inside.has_parent_path() || std::ranges::find(kNames, inside) != kNames.end();
-}
-
-/// Nothing that the design was made from, or that the run consists of, becomes an export.
-void CheckTarget(const FinishedDesign& design, const fs::path& target) {
-  std::error_code error;
-  if (target.empty() || !fs::exists(target, error)) return;
-  const auto refuse = [&](const char* what) {
-    throw UsageError(fmt::format("'{}' is {}; name another file to write", target.string(), what));
-  };
-  if (IsOfRun(target, design.folder)) refuse("a file of the run itself");
-  for (const std::string& source : {design.config.task.model.model, design.config.data.path}) {
-    if (!source.empty() && fs::equivalent(source, target, error)) refuse("what the design was made from");
+std::string NotInTheModel(const FinishedDesign& design, bool delay_is_in) {
+  std::string names;
+  for (const ParameterSpec& spec : design.config.parameters) {
+    const bool of_model = IsFieldOfModel(spec.field) && !IsFrictionPath(spec.field) && !IsResidualPath(spec.field);
+    if (of_model || (delay_is_in && spec.field == kActionDelay)) continue;
+    names += (names.empty() ? "" : ", ") + spec.name;
   }
+  return names.empty() ? "" : fmt::format("{}{}.\n", kNotInThisFile, names);
 }
 
 // The task's model with those of the design's parameters that are its fields.
@@ -162,9 +142,11 @@ std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const Expor
     if (request.member == "all") {
       path.replace_filename(fmt::format("{}-{}{}", path.stem().string(), member.seed, path.extension().string()));
     }
-    const std::string comment = Origin(design, member) + NotInTheModel(design) +
+    // MuJoCo fills the past of a late actuator with the command 0, at which motors rest; a servo would run to its zero.
+    const bool delay_is_in = HasMotorsAlone(factory.model());
+    const std::string comment = Origin(design, member) + NotInTheModel(design, delay_is_in) +
                                 "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
-    const double delay = ActionDelay(design.config, member.mode, factory.spec().control_period_s);
+    const double delay = delay_is_in ? ActionDelay(design.config, member.mode, factory.spec().control_period_s) : 0;
     WriteFileAtomically(path, DesignedMjcf(factory, ModelPart(design.config, member.mode), comment, delay));
     written.push_back({fmt::format("designed model, seed {}", member.seed), path});
   }
@@ -238,14 +220,12 @@ ExportRequest DefaultExports(const fs::path& run_directory) {
   return {.mjcf = folder / "designed.xml", .q = folder / "q.json", .sysid = folder / "parameters.yaml"};
 }
 
-std::string NotInModel(const std::vector<std::pair<std::string, std::string>>& names_and_fields) {
-  std::string names;
-  for (const auto& [name, field] : names_and_fields) {
-    const bool is_in =
-        field == kActionDelay || (IsFieldOfModel(field) && !IsFrictionPath(field) && !IsResidualPath(field));
-    if (!is_in) names += (names.empty() ? "" : ", ") + name;
-  }
-  return names;
+std::string NotInFile(const fs::path& mjcf) {
+  const std::string text = ReadFile(mjcf);
+  const size_t at = text.find(kNotInThisFile);
+  if (at == std::string::npos) return "";
+  const size_t begin = at + std::string_view(kNotInThisFile).size();
+  return text.substr(begin, text.find(".\n", begin) - begin);
 }
 
 void RemoveExports(const fs::path& run_directory) {

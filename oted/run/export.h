@@ -34,9 +34,9 @@ ExportRequest DefaultExports(const std::filesystem::path& run_directory);
 /// together, when the model has changed since the design, or when MuJoCo cannot write it (DesignedMjcf).
 std::vector<ExportedFile> Export(const std::filesystem::path& run_directory, const ExportRequest& request);
 
-/// Names of the parameters that a MuJoCo model has no field for, "delay, lag"; oted's simulators and environments have
-/// them. Empty where there are none.
-std::string NotInModel(const std::vector<std::pair<std::string, std::string>>& names_and_fields);
+/// Names of the parameters that a designed model's file lacks, as it says itself, "zero, lag"; oted's simulators and
+/// environments have them. Empty where it lacks none.
+std::string NotInFile(const std::filesystem::path& mjcf);
 
 /// Removes what the default request writes.
 void RemoveExports(const std::filesystem::path& run_directory);

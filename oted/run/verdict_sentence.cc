@@ -116,11 +116,11 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
     case DesignVerdict::kOutsideFamily:
       break;
   }
-  if (record.predicts_better && !at_bounds.empty()) {
+  if (record.predicts_better) {
     return fmt::format(
         "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less than "
         "the nominal simulator's, and more than the sensors explain: {}",
-        at_bounds, over, share, WhatRemains(horizon, off));
+        at_bounds.empty() ? "some parameter" : at_bounds, over, share, WhatRemains(horizon, off));
   }
   return fmt::format(
       "outside the family: {} the designed simulator does not surely predict better than the nominal one, and what "

@@ -172,6 +172,11 @@ std::string Write(const mjSpec& original, const mjModel& pristine, mjModel& desi
 
 }  // namespace
 
+bool HasMotorsAlone(const mjModel& model) {
+  return std::all_of(model.actuator_biastype, model.actuator_biastype + model.nu,
+                     [](int bias) { return bias == mjBIAS_NONE; });
+}
+
 std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const double> z, const std::string& comment,
                          double action_delay_s) {
   ModelPtr designed(mj_copyModel(nullptr, &factory.model()));
