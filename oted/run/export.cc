@@ -94,6 +94,31 @@ std::string NotInTheModel(const FinishedDesign& design, bool delay_is_in) {
   return names.empty() ? "" : fmt::format("{}{}.\n", kNotInThisFile, names);
 }
 
+/// A file that is there and that the run consists of.
+bool IsOfRun(const fs::path& target, const fs::path& run_directory) {
+  constexpr std::array<const char*, 8> kNames = {"run.toml",    "versions.json",        "dataset.json",
+                                                 "design.json", "evaluation.json",      "policy.onnx",
+                                                 "report.json", "policy_selection.json"};
+  std::error_code error;
+  const fs::path folder = fs::weakly_canonical(run_directory, error);
+  const fs::path inside = fs::weakly_canonical(target, error).lexically_relative(folder);
+  if (inside.empty() || *inside.begin() == ".." || *inside.begin() == kExportFolder) return false;
+  return inside.has_parent_path() || std::ranges::find(kNames, inside) != kNames.end();
+}
+
+/// Nothing that the design was made from, or that the run consists of, becomes an export.
+void CheckTarget(const FinishedDesign& design, const fs::path& target) {
+  std::error_code error;
+  if (target.empty() || !fs::exists(target, error)) return;
+  const auto refuse = [&](const char* what) {
+    throw UsageError(fmt::format("'{}' is {}; name another file to write", target.string(), what));
+  };
+  if (IsOfRun(target, design.folder)) refuse("a file of the run itself");
+  for (const std::string& source : {design.config.task.model.model, design.config.data.path}) {
+    if (!source.empty() && fs::equivalent(source, target, error)) refuse("what the design was made from");
+  }
+}
+
 // The task's model with those of the design's parameters that are its fields.
 MujocoSimulatorFactory ModelFactory(const RunConfig& config) {
   std::vector<ParameterSpec> in_model;
