@@ -13,8 +13,8 @@
 namespace oted {
 namespace {
 
-constexpr double kLongest = 3.0;                  // [control steps], and not below
-constexpr double kLongestSeconds = 0.03;          // [s]
+constexpr double kLongest = 3.0;                  // [control steps]
+constexpr double kLongestSeconds = 0.03;          // [s]: of actions, where that is more
 constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's zero
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
 
@@ -30,7 +30,7 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
   if (spec.observation_shape.size() != 1 || spec.n_discrete_actions > 0 || !(spec.control_period_s > 0)) return {};
   const double longest = std::max(kLongest, std::ceil(kLongestSeconds / spec.control_period_s));
   std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, longest, searched)};
-  candidates.push_back(Spec("rates_delay", kRates, 0, longest, searched));
+  candidates.push_back(Spec("rates_delay", kRates, 0, kLongest, searched));
   const size_t n_named = std::min(spec.observation_names.size(), spec.observation_units.size());
   for (size_t j = 0; j < n_named; ++j) {
     const std::string &name = spec.observation_names[j], &unit = spec.observation_units[j];

@@ -113,8 +113,8 @@ class TestRequest(HopperTest):
         self.assertRefused(self.design("--seed=-1"), USAGE, "--seed")
         self.assertRefused(self.design("--seed", 20 * "9"), USAGE, "--seed", "below 9.2e+18")
         self.assertRefused(self.design("--seeds", "0"), USAGE, "--seeds")
-        for words in (["--seeds", "2000000000"], ["--set", "agents.n_agents=2000000000"]):
-            self.assertRefused(self.design(*words), USAGE, "2000000000", "[1, 10000]")
+        for words, wanted in ((["--seeds", "2000000000"], "[0, 10000]"), (["--set", "agents.n_agents=2000000000"], "[1, 10000]")):
+            self.assertRefused(self.design(*words), USAGE, "2000000000", wanted)
 
     def test_unknown_task_with_the_nearest(self):
         self.assertRefused(self.design(task="Hoper-v5"), USAGE, "Hoper-v5", "did you mean 'Hopper-v5'?")
