@@ -245,7 +245,8 @@ TEST(DesignedMjcf, ActuatorsActLaterByTheDelayAndByNothingElse) {
   const std::vector<double> two = forces(2 * step, commands), half = forces(1.5 * step, commands);
   for (size_t k = 0; k < commands.size(); ++k) {
     EXPECT_NEAR(two[k], k < 2 ? 0.0 : commands[k - 2], 1e-12) << k;
-    EXPECT_NEAR(half[k], k < 2 ? half[k] : (commands[k - 1] + commands[k - 2]) / 2, 1e-12) << k;
+    const double last = k < 1 ? 0 : commands[k - 1], before = k < 2 ? 0 : commands[k - 2];
+    EXPECT_NEAR(half[k], (last + before) / 2, 1e-12) << k;
   }
 }
 

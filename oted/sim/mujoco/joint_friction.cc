@@ -16,15 +16,18 @@ bool IsFrictionArray(const std::string& array) {
   return std::ranges::any_of(kFrictionArrays, [&](const FrictionArray& own) { return array == own.name; });
 }
 
+bool ReachesJointArray(const std::string& path, const std::string& array) {
+  const std::string field = "/" + array.substr(std::string("dof_").size());
+  for (size_t at = path.find(field); at != std::string::npos; at = path.find(field, at + 1)) {
+    const size_t end = at + field.size();
+    if (end == path.size() || path[end] == '[' || path[end] == ' ') return true;
+  }
+  return false;
+}
+
 bool IsFrictionPath(const std::string& path) {
-  return std::ranges::any_of(kFrictionArrays, [&](const FrictionArray& own) {
-    const std::string field = "/" + std::string(own.name).substr(std::string("dof_").size());
-    for (size_t at = path.find(field); at != std::string::npos; at = path.find(field, at + 1)) {
-      const size_t end = at + field.size();
-      if (end == path.size() || path[end] == '[' || path[end] == ' ') return true;
-    }
-    return false;
-  });
+  return std::ranges::any_of(kFrictionArrays,
+                             [&](const FrictionArray& own) { return ReachesJointArray(path, own.name); });
 }
 
 JointFriction::JointFriction(mjBatch* batch, bool loaded)

@@ -31,6 +31,9 @@ inline constexpr std::array<FrictionArray, kFrictionQuantities> kFrictionArrays 
 
 /// Whether an array is one of them.
 bool IsFrictionArray(const std::string& array);
+/// Whether a path, or one of those that are tied together in it, is this array's field of a joint: "dof_residual" of
+/// joint/NAME/residual[2].
+bool ReachesJointArray(const std::string& path, const std::string& array);
 /// Whether a path, or one of those that are tied together in it, is a joint's stribeck_torque, stribeck_velocity or
 /// load_friction: MJCF has no place for it.
 bool IsFrictionPath(const std::string& path);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/model_scale.h"
 
 namespace oted {
@@ -25,7 +26,7 @@ double ResidualReach(const mjModel& model) {
   return RoundBound(kReach * force);
 }
 
-bool IsResidualPath(const std::string& path) { return path.find("/residual") != std::string::npos; }
+bool IsResidualPath(const std::string& path) { return ReachesJointArray(path, kResidualArray); }
 
 JointResidual::JointResidual(mjBatch* batch)
     : batch_(batch), nv_(static_cast<int>(mjb_model(batch)->nv)), n_state_(mjb_nstate(batch)) {

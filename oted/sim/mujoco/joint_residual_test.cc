@@ -97,6 +97,13 @@ TEST(JointResidual, LeavesNothingBehindInALane) {
   EXPECT_EQ(After(*simulator, z, 0.4, 1, 0.1), fresh);
 }
 
+TEST(JointResidual, PathsThatNoMjcfHoldsAreThoseOfTheFieldAndNotOfAJointOfThatName) {
+  EXPECT_TRUE(IsResidualPath("joint/elbow/residual[2]"));
+  EXPECT_TRUE(IsResidualPath("joint/elbow/damping + joint/elbow/residual"));
+  EXPECT_FALSE(IsResidualPath("joint/residual/damping"));
+  EXPECT_FALSE(IsResidualPath("joint/residual_arm/damping"));
+}
+
 TEST(JointResidual, ReachIsAFifthOfWhatTheMotorsCanDo) {
   EXPECT_DOUBLE_EQ(ResidualReach(Factory().model()), 0.5) << "of 2 N m, rounded up";
 }
