@@ -14,11 +14,12 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, ti
 from mcap.writer import CompressionType  # noqa: E402
 from mcap.writer import Writer as McapWriter  # noqa: E402
 from mcap_protobuf.schema import register_schema  # noqa: E402
-from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
 import oted  # noqa: E402
 from oted.bags import bag_topics, read_bag  # noqa: E402
+from robot_bag import RobotBag  # noqa: E402
 from support import InFolder  # noqa: E402
 
 START = 1_700_000_000_000_000_000  # [ns]
@@ -34,26 +35,16 @@ def shoulder(t):
 
 def write_bag(path, plugin, *, unset_stamps=False):
     """Joint states at 500 Hz with jitter and names in changing order, commands at 100 Hz; 2 s. Recorded 12 ms late."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    types = store.types
-    header, time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
-    state, command = types["sensor_msgs/msg/JointState"], types["std_msgs/msg/Float64MultiArray"]
-    layout = types["std_msgs/msg/MultiArrayLayout"]
     random = np.random.default_rng(0)
-    with Writer(path, version=9, storage_plugin=plugin) as writer:
-        states = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
-        commands = writer.add_connection("/commands", command.__msgtype__, typestore=store)
+    with RobotBag(path, plugin) as bag:
         for k in range(1000):
             t = 0.002 * k + random.uniform(-2e-4, 2e-4)
             order = random.permutation(2)
             names, values = np.array(["elbow", "panda_1"])[order], np.array([elbow(t), shoulder(t)])[order]
             stamp = START + round(t * 1e9)
-            written = 0 if unset_stamps else stamp
-            message = state(header(time(written // 10**9, written % 10**9), ""), list(names), values, np.zeros(2), np.zeros(0))
-            writer.write(states, stamp + 12_000_000, store.serialize_cdr(message, state.__msgtype__))
+            bag.state(0 if unset_stamps else stamp, stamp + 12_000_000, names, values, np.zeros(2))
         for k in range(200):
-            message = command(layout([], 0), np.array([float(k)]))
-            writer.write(commands, START + round(0.01 * k * 1e9), store.serialize_cdr(message, command.__msgtype__))
+            bag.command(START + round(0.01 * k * 1e9), np.array([float(k)]))
 
 
 class Bags(InFolder):

@@ -15,10 +15,10 @@ if len(sys.argv) > 1 and not sys.argv[1].startswith("-"):
 import h5py  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas  # noqa: E402
-from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 
 import oted  # noqa: E402
+from robot_bag import RobotBag  # noqa: E402
 from support import InFolder  # noqa: E402
 
 REAL = pathlib.Path(__file__).resolve().parents[2] / "examples/real/double_pendulum"
@@ -45,24 +45,15 @@ NAMES, RECORDINGS = recordings()
 
 
 def write_bag(path, rows, plugin):
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    types = store.types
-    header, time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
-    state, command = types["sensor_msgs/msg/JointState"], types["std_msgs/msg/Float64MultiArray"]
-    layout = types["std_msgs/msg/MultiArrayLayout"]
     random = np.random.default_rng(0)
-    with Writer(path, version=9, storage_plugin=plugin) as writer:
-        states = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
-        commands = writer.add_connection("/commands", command.__msgtype__, typestore=store)
+    with RobotBag(path, plugin) as bag:
         for t, *numbers in rows:
             stamp = START + round(t * 1e9)
             q, v, u = (np.array(numbers[i:i + 2]) for i in (0, 2, 4))
             order = random.permutation(2)  # the driver's names are its own, and in any order; its elbow turns the other way
             sign = np.array([1.0, -1.0])
-            message = state(header(time(stamp // 10**9, stamp % 10**9), ""), list(np.array(["j1", "j2"])[order]),
-                            (sign * q)[order], (sign * v)[order], np.zeros(0))
-            writer.write(commands, stamp, store.serialize_cdr(command(layout([], 0), u), command.__msgtype__))
-            writer.write(states, stamp + 3_000_000, store.serialize_cdr(message, state.__msgtype__))
+            bag.command(stamp, u)
+            bag.state(stamp, stamp + 3_000_000, np.array(["j1", "j2"])[order], (sign * q)[order], (sign * v)[order])
 
 
 class Recordings(InFolder):
