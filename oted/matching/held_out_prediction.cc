@@ -28,6 +28,7 @@ json ToJson(const HeldOutPrediction& prediction) {
       channels.push_back({{"nominal", c.nominal},
                           {"designed", c.designed},
                           {"floor", c.floor},
+                          {"spread", c.spread},
                           {"excess", ToJson(c.excess)},
                           {"gain", ToJson(c.gain)}});
     }
@@ -60,6 +61,7 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
       horizon.channels.push_back({.nominal = NumberFrom(c.at("nominal")),
                                   .designed = NumberFrom(c.at("designed")),
                                   .floor = NumberFrom(c.at("floor")),
+                                  .spread = NumberFrom(c.at("spread")),
                                   .excess = EstimatedFrom(c.at("excess")),
                                   .gain = EstimatedFrom(c.at("gain"))});
     }

@@ -21,6 +21,7 @@ struct HeldOutPrediction {
   struct Channel {
     /// Root mean square errors up to the horizon, in the channel's unit. NaN where the physics broke down.
     double nominal = 0, designed = 0, floor = 0;
+    double spread = 0;  ///< standard deviation of the channel over the logs: the error of guessing its mean
     Estimated excess;  ///< of the designed simulator over the floor, in these windows and in those that it learned from
     Estimated gain;    ///< of the designed simulator over the nominal one: of sums over the windows
   };

@@ -17,6 +17,7 @@ TEST(HeldOutPrediction, ComesBackFromTheTextOfItsJson) {
   horizon.channels = {{.nominal = std::numeric_limits<double>::quiet_NaN(),
                        .designed = 0.25,
                        .floor = 0.125,
+                       .spread = 0.75,
                        .excess = {0.5, 0.0625},
                        .gain = {1.5, 2}}};
   horizon.excess = {3, 4};

@@ -24,6 +24,7 @@ constexpr double kAtBound = 0.01;        // of the range
 constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
 constexpr double kLeastChannelExcess = 0.4, kChannelExcessErrors = 4.0;
 constexpr double kLeastGain = 0.05, kGainErrors = 2.0;
+constexpr double kGuess = 0.9;  // of a channel's spread
 
 bool IsExcess(const Estimated& e) { return e.value > std::max(kLeastExcess, kExcessErrors * e.error); }
 bool IsChannelExcess(const Estimated& e) {
@@ -188,6 +189,16 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
   return at_low || at_high;
 }
 
+bool IsNoBetterThanGuess(double error, double spread) { return spread > 0 && !(error < kGuess * spread); }
+
+bool ShowsNothing(const HeldOutPrediction& prediction) {
+  return std::ranges::all_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
+    return std::ranges::all_of(h.channels, [](const HeldOutPrediction::Channel& c) {
+      return IsNoBetterThanGuess(c.nominal, c.spread) && IsNoBetterThanGuess(c.designed, c.spread);
+    });
+  });
+}
+
 bool ReachesFloor(const HeldOutPrediction& prediction) {
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
     if (IsExcess(h.excess)) return false;
@@ -249,6 +260,7 @@ bool PredictsBetter(const HeldOutPrediction& prediction) {
 }
 
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction) {
+  if (ShowsNothing(prediction)) return DesignVerdict::kOutsideFamily;
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
     const bool as_well = !better && !GainsNoticeably(prediction);

@@ -61,8 +61,16 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high);
 ///                   horizon a tenth (of mean squares). Or the nominal simulator alone reaches the floor
 ///   gap_closed      the floor is reached
 ///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
-///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have
+///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have; or
+///                   the logs show nothing (ShowsNothing), so that no other word is earned
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction);
+
+/// Whether an error is no less than that of guessing the channel's mean (but for a tenth).
+bool IsNoBetterThanGuess(double error, double spread);
+/// Whether the logs show nothing that a simulator could be judged by: at no horizon and in no channel does one predict
+/// better than a guess. A robot at rest with noisy sensors, readings at random. The floor means nothing there: noise as
+/// large as the readings explains everything.
+bool ShowsNothing(const HeldOutPrediction& prediction);
 
 /// Whether what the design leaves is what the sensors leave: at no horizon is the excess over the floor both noticeable
 /// and beyond chance. Over all channels together: more than a tenth (of mean squares) and 2.5 standard errors; in one

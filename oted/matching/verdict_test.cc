@@ -133,8 +133,8 @@ TEST(JudgeDesign, OutsideTheFamilyWhereTheDesignIsNoNearerThanTheNominalSimulato
 HeldOutPrediction Predicted(Estimated excess, Estimated gain, Estimated of_first = {}) {
   HeldOutPrediction::Horizon horizon;
   horizon.seconds = 0.5;
-  horizon.channels = {{.nominal = 2, .designed = 1, .floor = 1, .excess = of_first, .gain = {}},
-                      {.nominal = 2, .designed = 1, .floor = 1, .excess = {}, .gain = {}}};
+  horizon.channels = {{.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .excess = of_first, .gain = {}},
+                      {.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .excess = {}, .gain = {}}};
   horizon.excess = excess;
   horizon.gain = gain;
   return {.horizons = {horizon}, .open_ends = {}};
@@ -177,6 +177,17 @@ TEST(JudgePrediction, TheFloorAndTheGainDecide) {
       << "a gain that is not sure is no proof that there is no gap";
   EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kMuch)), DesignVerdict::kGapNarrowed);
   EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kNothing)), DesignVerdict::kOutsideFamily);
+}
+
+TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
+  const Designer q = MakeDesigner({0, 0}, {0.01, 0.01});
+  HeldOutPrediction noise = Predicted(kNothing, kNothing);
+  for (HeldOutPrediction::Channel& c : noise.horizons[0].channels) c.spread = 1;
+  EXPECT_TRUE(ShowsNothing(noise));
+  EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kOutsideFamily);
+  noise.horizons[0].channels[1].spread = 5;
+  EXPECT_FALSE(ShowsNothing(noise)) << "one channel is predicted";
+  EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kNoGap);
 }
 
 TEST(JudgePrediction, NoGapWhereTheDesignAloneIsOff) {

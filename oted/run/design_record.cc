@@ -123,7 +123,7 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
   if (best.prediction) {
     judgement.verdict = JudgePrediction(best.q, *best.prediction);
     judgement.better = PredictsBetter(*best.prediction);
-    judgement.reaches_floor = ReachesFloor(*best.prediction);
+    judgement.reaches_floor = ReachesFloor(*best.prediction) && !ShowsNothing(*best.prediction);
     judgement.off = ChannelsOff(*best.prediction);
   } else {
     judgement.verdict = JudgeDesign(nominal_common, designed_common);
@@ -143,7 +143,7 @@ DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const Sim
         h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}};
     for (size_t c = 0; c < h.channels.size(); ++c) {
       horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
-                                  h.channels[c].designed, h.channels[c].floor});
+                                  h.channels[c].designed, h.channels[c].floor, h.channels[c].spread});
     }
     validation.horizons.push_back(std::move(horizon));
   }

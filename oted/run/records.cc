@@ -183,7 +183,7 @@ DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
                                               {}};
     for (const RecordReader& c : h.List("channels")) {
       horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
-                                  c.Number("designed"), c.Number("floor")});
+                                  c.Number("designed"), c.Number("floor"), c.Number("spread")});
     }
     validation.horizons.push_back(std::move(horizon));
   }
@@ -267,8 +267,12 @@ json ValidationToJson(const DesignRecord::Validation& validation) {
   for (const DesignRecord::Validation::Horizon& h : validation.horizons) {
     json channels = json::array();
     for (const auto& c : h.channels) {
-      channels.push_back(
-          {{"name", c.name}, {"unit", c.unit}, {"nominal", c.nominal}, {"designed", c.designed}, {"floor", c.floor}});
+      channels.push_back({{"name", c.name},
+                          {"unit", c.unit},
+                          {"nominal", c.nominal},
+                          {"designed", c.designed},
+                          {"floor", c.floor},
+                          {"spread", c.spread}});
     }
     record["horizons"].push_back({{"seconds", h.seconds},
                                   {"n_steps", h.n_steps},

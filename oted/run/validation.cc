@@ -52,7 +52,8 @@ HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, 
   return *prediction;
 }
 
-std::string SentenceOf(const ValidationResult& result) {
+std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& prediction) {
+  if (ShowsNothing(prediction)) return kNothingShown;
   const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
   const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain"
                                                 : "; what it leaves is more than the sensors explain";
@@ -109,12 +110,12 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   ValidationResult result{.validation = InRecord(prediction, spec),
                           .model = std::nullopt,
                           .predicts_better = PredictsBetter(prediction),
-                          .reaches_floor = ReachesFloor(prediction),
+                          .reaches_floor = ReachesFloor(prediction) && !ShowsNothing(prediction),
                           .sentence = {},
                           .warnings = Doubts(design.record, logs, spec),
                           .data_sha256 = logs.sha256,
                           .n_transitions = logs.size()};
-  result.sentence = SentenceOf(result);
+  result.sentence = SentenceOf(result, prediction);
   if (request.model.empty()) return result;
   context.ThrowIfStopped();
   TaskConfig other = config.task;

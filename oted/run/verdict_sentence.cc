@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "oted/matching/verdict.h"
+
 namespace oted {
 namespace {
 
@@ -28,6 +30,15 @@ std::string AtBounds(const DesignRecord& record) {
     if (p.verdict == ParameterVerdict::kAtBound) names += (names.empty() ? "'" : ", '") + p.name + "'";
   }
   return names;
+}
+
+/// Channels that no prediction tells anything of, to be appended to a sentence that the floor is reached.
+std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
+  std::string names;
+  for (const auto& c : horizon.channels) {
+    if (IsNoBetterThanGuess(c.floor, c.spread)) names += (names.empty() ? "" : ", ") + c.name;
+  }
+  return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
 std::string WithoutPrediction(const DesignRecord& record) {
@@ -96,19 +107,19 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
   const std::string at_bounds = AtBounds(record);
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
-      return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}", over,
-                         off.empty() ? "" : "; the designed one does not: keep the nominal one");
+      return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
+                         off.empty() ? "" : "; the designed one does not: keep the nominal one", ButUntold(horizon));
     case DesignVerdict::kGapClosed:
       if (!record.predicts_better) {
         return fmt::format(
             "gap closed: {} the designed simulator predicts the logs as well as the sensors let it; its parameters are "
-            "not the nominal ones, but that it predicts better is not sure",
-            over);
+            "not the nominal ones, but that it predicts better is not sure{}",
+            over, ButUntold(horizon));
       }
       return fmt::format(
           "gap closed: {} the designed simulator predicts the logs as well as the sensors let it, with {} less error "
-          "than the nominal one",
-          over, share);
+          "than the nominal one{}",
+          over, share, ButUntold(horizon));
     case DesignVerdict::kGapNarrowed:
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
                          WhatRemains(horizon, off)) +
@@ -116,6 +127,7 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
     case DesignVerdict::kOutsideFamily:
       break;
   }
+  if (off.empty()) return std::string("outside the family: ") + kNothingShown;
   if (record.predicts_better) {
     return fmt::format(
         "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less than "

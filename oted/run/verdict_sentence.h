@@ -16,6 +16,11 @@ const DesignRecord::Validation::Horizon& ShownHorizon(const DesignRecord::Valida
 /// surely better, and the channel that it predicts worst beside the nominal simulator, where it does so by a tenth.
 std::string ButElsewhere(const DesignRecord::Validation& validation);
 
+/// Of logs that no simulator can be judged by (ShowsNothing).
+inline constexpr const char* kNothingShown =
+    "these logs show nothing to judge a simulator by: none predicts them better than the mean of each channel does; "
+    "record motion that is larger than the sensors' noise";
+
 /// "0.5 s", or "10 control steps" where time has no unit.
 std::string InWords(const DesignRecord::Validation::Horizon& horizon);
 

@@ -228,8 +228,12 @@ class Evidence {
     horizon.learned = learned_[judging];
     horizon.gain = gain.OfAll();
     for (Eigen::Index c = 0; c < designed_rms.size(); ++c) {
-      horizon.channels.push_back(
-          {.nominal = other_rms[c], .designed = designed_rms[c], .floor = 0, .excess = {}, .gain = gain.OfChannel(c)});
+      horizon.channels.push_back({.nominal = other_rms[c],
+                                  .designed = designed_rms[c],
+                                  .floor = 0,
+                                  .spread = judge.spread()[c],
+                                  .excess = {},
+                                  .gain = gain.OfChannel(c)});
     }
     if (imitated_.empty()) return horizon;
     const MatrixXd designed = all_of(designed_);
