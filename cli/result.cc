@@ -70,6 +70,7 @@ void PrintValidation(const DesignRecord& design) {
   if (shown.channels.size() > kMostChannels) {
     Print("... {} more channels and other horizons in the report\n", shown.channels.size() - kMostChannels);
   }
+  Print("{}", NotJudged(shown));
   if (shown.learned) Print("(on logs that the design learned from: too few to keep a part aside)\n");
 }
 

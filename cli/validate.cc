@@ -29,7 +29,7 @@ void PrintHorizons(const ValidationResult& result, const std::string& model) {
             channel.floor, other != nullptr ? fmt::format("  {:.2g}", other->channels[c].designed) : "");
     }
   }
-  Print("\n{}\n", result.sentence);
+  Print("{}\n{}\n", NotJudged(result.validation.horizons.front()), result.sentence);
 }
 
 }  // namespace

@@ -29,6 +29,7 @@ json ToJson(const HeldOutPrediction& prediction) {
                           {"designed", c.designed},
                           {"floor", c.floor},
                           {"spread", c.spread},
+                          {"judged", c.judged},
                           {"excess", ToJson(c.excess)},
                           {"gain", ToJson(c.gain)}});
     }
@@ -62,6 +63,7 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
                                   .designed = NumberFrom(c.at("designed")),
                                   .floor = NumberFrom(c.at("floor")),
                                   .spread = NumberFrom(c.at("spread")),
+                                  .judged = c.at("judged"),
                                   .excess = EstimatedFrom(c.at("excess")),
                                   .gain = EstimatedFrom(c.at("gain"))});
     }

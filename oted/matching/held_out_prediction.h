@@ -22,6 +22,9 @@ struct HeldOutPrediction {
     /// Root mean square errors up to the horizon, in the channel's unit. NaN where the physics broke down.
     double nominal = 0, designed = 0, floor = 0;
     double spread = 0;  ///< standard deviation of the channel over the logs: the error of guessing its mean
+    /// Whether it has a part in what is told of all channels. Velocities that were computed from positions, or that a
+    /// drive shows late, have none: their errors are not the simulator's. Their gain and excess are 0.
+    bool judged = true;
     Estimated excess;  ///< of the designed simulator over the floor, in these windows and in those that it learned from
     Estimated gain;    ///< of the designed simulator over the nominal one: of sums over the windows
   };

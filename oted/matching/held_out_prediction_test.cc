@@ -18,6 +18,7 @@ TEST(HeldOutPrediction, ComesBackFromTheTextOfItsJson) {
                        .designed = 0.25,
                        .floor = 0.125,
                        .spread = 0.75,
+                       .judged = false,
                        .excess = {0.5, 0.0625},
                        .gain = {1.5, 2}}};
   horizon.excess = {3, 4};

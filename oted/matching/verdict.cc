@@ -194,7 +194,7 @@ bool IsNoBetterThanGuess(double error, double spread) { return spread > 0 && !(e
 bool ShowsNothing(const HeldOutPrediction& prediction) {
   return std::ranges::all_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
     return std::ranges::all_of(h.channels, [](const HeldOutPrediction::Channel& c) {
-      return IsNoBetterThanGuess(c.nominal, c.spread) && IsNoBetterThanGuess(c.designed, c.spread);
+      return !c.judged || (IsNoBetterThanGuess(c.nominal, c.spread) && IsNoBetterThanGuess(c.designed, c.spread));
     });
   });
 }

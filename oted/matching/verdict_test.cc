@@ -133,8 +133,9 @@ TEST(JudgeDesign, OutsideTheFamilyWhereTheDesignIsNoNearerThanTheNominalSimulato
 HeldOutPrediction Predicted(Estimated excess, Estimated gain, Estimated of_first = {}) {
   HeldOutPrediction::Horizon horizon;
   horizon.seconds = 0.5;
-  horizon.channels = {{.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .excess = of_first, .gain = {}},
-                      {.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .excess = {}, .gain = {}}};
+  horizon.channels = {
+      {.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .judged = true, .excess = of_first, .gain = {}},
+      {.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .judged = true, .excess = {}, .gain = {}}};
   horizon.excess = excess;
   horizon.gain = gain;
   return {.horizons = {horizon}, .open_ends = {}};

@@ -113,8 +113,13 @@ Section ValidationSection(const json& report) {
     table.Column(fmt::format("Sensors, {} s", seconds));
   }
   const json& channels = ListAt(horizons[0], "channels");
+  bool starred = false;
   for (size_t c = 0; c < channels.size(); ++c) {
     std::vector<std::string> cells = {Escape(TextAt(channels[c], "name")) + UnitHtml(TextAt(channels[c], "unit"))};
+    if (!channels[c].value("judged", true)) {
+      cells.front() += "&#8201;*";
+      starred = true;
+    }
     for (const json& horizon : horizons) {
       const json& channel = ListAt(horizon, "channels").at(c);
       cells.push_back(FormatNumber(NumberAt(channel, "nominal")));
@@ -124,6 +129,7 @@ Section ValidationSection(const json& report) {
     table.Row(std::move(cells));
   }
   section.html += table.Html();
+  if (starred) section.html += "<p>* computed from positions, or late: no verdict rests on it.</p>\n";
   return section;
 }
 

@@ -143,7 +143,8 @@ DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const Sim
         h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}};
     for (size_t c = 0; c < h.channels.size(); ++c) {
       horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
-                                  h.channels[c].designed, h.channels[c].floor, h.channels[c].spread});
+                                  h.channels[c].designed, h.channels[c].floor, h.channels[c].spread,
+                                  h.channels[c].judged});
     }
     validation.horizons.push_back(std::move(horizon));
   }

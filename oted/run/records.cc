@@ -183,7 +183,7 @@ DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
                                               {}};
     for (const RecordReader& c : h.List("channels")) {
       horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
-                                  c.Number("designed"), c.Number("floor"), c.Number("spread")});
+                                  c.Number("designed"), c.Number("floor"), c.Number("spread"), c.Get<bool>("judged")});
     }
     validation.horizons.push_back(std::move(horizon));
   }
@@ -272,7 +272,8 @@ json ValidationToJson(const DesignRecord::Validation& validation) {
                           {"nominal", c.nominal},
                           {"designed", c.designed},
                           {"floor", c.floor},
-                          {"spread", c.spread}});
+                          {"spread", c.spread},
+                          {"judged", c.judged}});
     }
     record["horizons"].push_back({{"seconds", h.seconds},
                                   {"n_steps", h.n_steps},

@@ -116,6 +116,7 @@ struct DesignRecord {
       double nominal = 0, designed = 0;  ///< root mean square error over the horizon [unit]; NaN: broke down
       double floor = 0;                  ///< what the sensors' noise alone would leave [unit]
       double spread = 0;                 ///< standard deviation over the logs: the error of a guess [unit]
+      bool judged = true;                ///< HeldOutPrediction::Channel::judged
     };
     struct Horizon {
       double seconds = 0;  ///< 0 where time has no unit

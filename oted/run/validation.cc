@@ -35,12 +35,13 @@ VectorXd NoiseOf(const DesignRecord& design, const Dataset& logs) {
 
 HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, const std::vector<double>& z,
                           const VectorXd& noise, int n_threads) {
+  const ReadingModel readings = ReadingModel::Of(factory.spec(), logs, ReadingsLeftOut(factory.spec(), logs, noise));
   const std::optional<HeldOutPrediction> prediction = PredictLogs({.factory = factory,
                                                                    .kept_aside = logs,
                                                                    .learned = nullptr,
                                                                    .z = z,
                                                                    .noise = noise,
-                                                                   .readings = ReadingModel::Of(factory.spec(), logs),
+                                                                   .readings = readings,
                                                                    .narrow = {},
                                                                    .key = RngKey(1).Stage("validation"),
                                                                    .n_threads = n_threads});

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "oted/matching/verdict.h"
 
 namespace oted {
@@ -36,7 +38,7 @@ std::string AtBounds(const DesignRecord& record) {
 std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   std::string names;
   for (const auto& c : horizon.channels) {
-    if (IsNoBetterThanGuess(c.floor, c.spread)) names += (names.empty() ? "" : ", ") + c.name;
+    if (c.judged && IsNoBetterThanGuess(c.floor, c.spread)) names += (names.empty() ? "" : ", ") + c.name;
   }
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
@@ -74,7 +76,12 @@ std::string InWords(const DesignRecord::Validation::Horizon& horizon) {
 }
 
 std::string InWords(const DesignRecord::Validation::Channel& channel) {
-  return channel.unit.empty() ? channel.name : fmt::format("{} [{}]", channel.name, channel.unit);
+  return channel.name + (channel.unit.empty() ? "" : fmt::format(" [{}]", channel.unit)) + (channel.judged ? "" : " *");
+}
+
+std::string NotJudged(const DesignRecord::Validation::Horizon& horizon) {
+  const bool all = std::ranges::all_of(horizon.channels, &DesignRecord::Validation::Channel::judged);
+  return all ? "" : "* computed from positions, or late: no verdict rests on it\n";
 }
 
 std::string ButElsewhere(const DesignRecord::Validation& validation) {
@@ -88,7 +95,8 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
     }
     for (const auto& channel : horizon.channels) {
       const auto ratio = [](const auto& c) { return c.designed / c.nominal; };
-      if (!(ratio(channel) > kWorse) || (worst != nullptr && ratio(channel) <= ratio(*worst))) continue;
+      if (!channel.judged || !(ratio(channel) > kWorse) || (worst != nullptr && ratio(channel) <= ratio(*worst)))
+        continue;
       worst = &channel;
       worst_at = &horizon;
     }

@@ -59,7 +59,8 @@ FuzzFamily RecordFamily() {
   const auto seed = [&](const json& record) { family.seeds.push_back(record.dump(2)); };
   const Suspect suspect{Spec("damping", "joint/*/damping"), 1.5, 20, FreedTrial{}};
   HeldOutPrediction prediction;
-  prediction.horizons = {{0.5, 62, 20, false, {{1, 0.5, 0.1, 2, {0.1, 0.1}, {0.2, 0.1}}}, {0.1, 0.1}, {0.2, 0.1}}};
+  prediction.horizons = {
+      {0.5, 62, 20, false, {{1, 0.5, 0.1, 2, true, {0.1, 0.1}, {0.2, 0.1}}}, {0.1, 0.1}, {0.2, 0.1}}};
   PolicySelectionRecord selection;
   selection.simulators = {{1, {0.5, 1.5}}};
   selection.agents = {{1, {3, 4}, 3.5, 0}};

@@ -21,6 +21,12 @@ constexpr double kLeadStep = 1e-5;  // of forward differences, in standard devia
 constexpr int kFollowed = 3;        // leads that the start of an imitated window is fitted to
 constexpr int kMostRowsBefore = 16;
 
+JudgedChannels ChannelsOf(const Dataset& logs, const ReadingModel& readings) {
+  VectorXd weight(readings.obs_dim());
+  for (Eigen::Index c = 0; c < weight.size(); ++c) weight[c] = readings.computed[static_cast<size_t>(c)] == 0 ? 1 : 0;
+  return {ChannelScales(logs), weight / weight.sum()};
+}
+
 }  // namespace
 
 PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const VectorXd& noise,
@@ -28,8 +34,8 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, 
     : replayer_(replayer),
       logs_(logs),
       variance_(noise.cwiseAbs2()),
-      spread_(ChannelScales(logs)),
       start_step_(kLeadStep * replayer.readings().state_scale),
+      channels_(ChannelsOf(logs, replayer.readings())),
       horizons_(std::move(horizons)) {
   const ReadingModel& readings = replayer.readings();
   const double lead = readings.unread.empty() ? kLead : kUnreadLead;
@@ -77,8 +83,8 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& imitat
     : replayer_(replayer),
       logs_(imitated),
       variance_(other.variance_),
-      spread_(other.spread_),
       start_step_(other.start_step_),
+      channels_(other.channels_),
       n_lead_(other.n_lead_),
       horizons_(other.horizons_),
       lasting_(other.lasting_) {
@@ -188,12 +194,16 @@ Dataset PredictionJudge::Imitate(const std::vector<VectorXd>& followed, const Ve
 }
 
 MatrixXd PredictionJudge::MeanSquares(const std::vector<double>& z) const {
-  const VectorXd most = spread_.cwiseAbs2();  // what is farther off is no nearer than a guess
+  const VectorXd most = channels_.spread.cwiseAbs2();  // what is farther off is no nearer than a guess
   MatrixXd squares = Predict(z).predicted.back();
   for (Eigen::Index w = 0; w < squares.cols(); ++w) {
     squares.col(w) = squares.col(w).hasNaN() ? most : (squares.col(w) + variance_).cwiseMin(most).eval();
   }
-  return squares;
+  std::vector<Eigen::Index> judged;
+  for (Eigen::Index c = 0; c < squares.rows(); ++c) {
+    if (channels_.weight[c] > 0) judged.push_back(c);
+  }
+  return squares(judged, Eigen::all);
 }
 
 PredictionRatio ComparePredictions(const MatrixXd& a, const MatrixXd& b) {

@@ -6,6 +6,7 @@
 
 #include "oted/base/rng.h"
 #include "oted/data/dataset.h"
+#include "oted/stages/design/replay/prediction_ratios.h"
 #include "oted/stages/design/replay/windows.h"
 
 namespace oted {
@@ -32,8 +33,8 @@ class PredictionJudge {
   int n_windows() const { return static_cast<int>(windows_.size()); }
   /// That are predicted over horizons()[h].
   int n_windows(size_t h) const { return static_cast<int>(lasting_[h].size()); }
-  /// (obs_dim): the standard deviation of each channel over the logs.
-  const Eigen::VectorXd& spread() const { return spread_; }
+  /// What errors are judged by.
+  const JudgedChannels& channels() const { return channels_; }
 
   /// Mean squared errors; NaN where the physics broke down.
   struct Squares {
@@ -42,7 +43,7 @@ class PredictionJudge {
     std::vector<Eigen::VectorXd> starts;     ///< of each window
   };
   Squares Predict(const std::vector<double>& z) const;
-  /// (channels, windows): mean squared errors over the longest horizon, the noise's variance added; at most the
+  /// (judged channels, windows): mean squared errors over the longest horizon, the noise's variance added; at most the
   /// channel's variance over the logs.
   Eigen::MatrixXd MeanSquares(const std::vector<double>& z) const;
   /// Logged minus simulated, of the lead and all predicted steps (as WindowReplayer::Residuals), where the simulator at
@@ -67,7 +68,8 @@ class PredictionJudge {
 
   WindowReplayer& replayer_;
   const Dataset& logs_;
-  Eigen::VectorXd variance_, spread_, start_step_;
+  Eigen::VectorXd variance_, start_step_;
+  JudgedChannels channels_;
   int n_lead_ = 0;
   std::vector<int> horizons_;
   std::vector<LogWindow> windows_;         // n_steps: the lead and what is predicted

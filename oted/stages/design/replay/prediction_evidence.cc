@@ -116,7 +116,7 @@ class Evidence {
   /// Before Compare, where the floor is asked for: it takes most of the time.
   void FindFloor() {
     if (parts_.empty()) return;
-    if ((noise_.array() <= kNoNoise * parts_.front()->judge().spread().array()).all()) {
+    if ((noise_.array() <= kNoNoise * parts_.front()->judge().channels().spread.array()).all()) {
       // Readings are the state. The design's own logs would be predicted without error.
       imitated_ = {designed_};
       for (PredictionJudge::Squares& squares : imitated_.front()) {
@@ -168,12 +168,12 @@ class Evidence {
     const PredictionJudge& judge = parts_[p]->judge();
     const PredictionJudge::Squares moved = judge.Predict(z);
     for (size_t h = 0; h < judge.horizons().size(); ++h) {
-      const PredictionRatios gain = RatiosOfSums(moved.predicted[h], designed_[p].predicted[h], judge.spread());
+      const PredictionRatios gain = RatiosOfSums(moved.predicted[h], designed_[p].predicted[h], judge.channels());
       HeldOutPrediction::Horizon compared;
       compared.gain = gain.OfAll();
-      compared.channels.resize(static_cast<size_t>(judge.spread().size()));
+      compared.channels.resize(static_cast<size_t>(judge.channels().spread.size()));
       for (size_t c = 0; c < compared.channels.size(); ++c) {
-        compared.channels[c].gain = gain.OfChannel(static_cast<Eigen::Index>(c));
+        compared.channels[c].gain = IfJudged(judge, c, gain);
       }
       if (IsSurelyWorse(compared)) return true;
     }
@@ -198,7 +198,7 @@ class Evidence {
     }
     if (logged.cols() == 0) return noise_;
     const VectorXd factor = (Medians(logged).array() / Medians(made).array()).sqrt();
-    const PredictionRatios leads = TypicalRatios(logged, made, logged.cols(), parts_.front()->judge().spread());
+    const PredictionRatios leads = TypicalRatios(logged, made, logged.cols(), parts_.front()->judge().channels());
     VectorXd corrected = noise_;
     for (Eigen::Index c = 0; c < noise_.size(); ++c) {
       // Leads are few: chance alone does not move what a fit of all windows told.
@@ -219,7 +219,7 @@ class Evidence {
     };
     const MatrixXd &of_judged = designed_[judging].predicted[h], of_other = Other(judging).predicted[h];
     const PredictionJudge& judge = parts_[judging]->judge();
-    const PredictionRatios gain = RatiosOfSums(of_other, of_judged, judge.spread());
+    const PredictionRatios gain = RatiosOfSums(of_other, of_judged, judge.channels());
     const VectorXd designed_rms = RootMeanSquares(of_judged), other_rms = RootMeanSquares(of_other);
     HeldOutPrediction::Horizon horizon;
     horizon.seconds = n_steps * problem_.factory.spec().control_period_s;
@@ -231,22 +231,29 @@ class Evidence {
       horizon.channels.push_back({.nominal = other_rms[c],
                                   .designed = designed_rms[c],
                                   .floor = 0,
-                                  .spread = judge.spread()[c],
+                                  .spread = judge.channels().spread[c],
+                                  .judged = judge.channels().weight[c] > 0,
                                   .excess = {},
-                                  .gain = gain.OfChannel(c)});
+                                  .gain = IfJudged(judge, static_cast<size_t>(c), gain)});
     }
     if (imitated_.empty()) return horizon;
     const MatrixXd designed = all_of(designed_);
     MatrixXd floor(designed.rows(), 0);
     for (const auto& squares : imitated_) floor = Beside(floor, all_of(squares));
-    const PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.spread());
+    const PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
     horizon.excess = excess.OfAll();
     for (size_t c = 0; c < horizon.channels.size(); ++c) {
       HeldOutPrediction::Channel& channel = horizon.channels[c];
-      channel.excess = excess.OfChannel(static_cast<Eigen::Index>(c));
-      channel.floor = channel.designed * std::exp(-0.5 * channel.excess.value);
+      channel.excess = IfJudged(judge, c, excess);
+      channel.floor = channel.designed * std::exp(-0.5 * excess.OfChannel(static_cast<Eigen::Index>(c)).value);
     }
     return horizon;
+  }
+
+  /// Nothing of a channel that is not judged.
+  static Estimated IfJudged(const PredictionJudge& judge, size_t c, const PredictionRatios& ratios) {
+    const auto row = static_cast<Eigen::Index>(c);
+    return judge.channels().weight[row] > 0 ? ratios.OfChannel(row) : Estimated{};
   }
 
   const PredictionJudge::Squares& Other(size_t part) {

@@ -40,10 +40,10 @@ MatrixXd Counted(const MatrixXd& squares, const VectorXd& spread) {
   return counted;
 }
 
-/// Behind the channels' numbers, their mean.
-MatrixXd WithMean(const MatrixXd& of_channels) {
+/// Behind the channels' numbers, their weighted mean.
+MatrixXd WithMean(const MatrixXd& of_channels, const VectorXd& weight) {
   MatrixXd all(of_channels.rows() + 1, of_channels.cols());
-  all << of_channels, of_channels.colwise().mean();
+  all << of_channels, weight.transpose() * of_channels;
   return all;
 }
 
@@ -59,13 +59,13 @@ PredictionRatios::PredictionRatios(VectorXd value, Eigen::Index n_blocks,
   if (n_blocks < 2) error_.setConstant(kUnknownError);
 }
 
-PredictionRatios TypicalRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Index n, const VectorXd& spread) {
+PredictionRatios TypicalRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Index n, const JudgedChannels& channels) {
   const auto mean_logs = [&](const MatrixXd& squares) {
-    const MatrixXd counted = Counted(squares, spread);
+    const MatrixXd counted = Counted(squares, channels.spread);
     MatrixXd logs = MatrixXd::Zero(squares.rows(), n);
     for (Eigen::Index i = 0; i < squares.cols(); ++i) logs.col(i % n) += counted.col(i).array().log().matrix();
     logs *= static_cast<double>(n) / static_cast<double>(squares.cols());
-    return WithMean(logs);
+    return WithMean(logs, channels.weight);
   };
   const MatrixXd sums = BlockSums(mean_logs(a) - mean_logs(b)), counts = BlockSums(MatrixXd::Ones(1, n));
   const VectorXd sum = sums.rowwise().sum();
@@ -74,11 +74,11 @@ PredictionRatios TypicalRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Inde
           [&](Eigen::Index k) -> VectorXd { return (sum - sums.col(k)) / (windows - counts(0, k)); }};
 }
 
-PredictionRatios RatiosOfSums(const MatrixXd& a, const MatrixXd& b, const VectorXd& spread) {
-  const MatrixXd sums_a = BlockSums(Counted(a, spread)), sums_b = BlockSums(Counted(b, spread));
+PredictionRatios RatiosOfSums(const MatrixXd& a, const MatrixXd& b, const JudgedChannels& channels) {
+  const MatrixXd sums_a = BlockSums(Counted(a, channels.spread)), sums_b = BlockSums(Counted(b, channels.spread));
   const VectorXd sum_a = sums_a.rowwise().sum(), sum_b = sums_b.rowwise().sum();
-  const auto log_ratios = [](const VectorXd& x, const VectorXd& y) -> VectorXd {
-    return WithMean((x.array() / y.array()).log().matrix());
+  const auto log_ratios = [&](const VectorXd& x, const VectorXd& y) -> VectorXd {
+    return WithMean((x.array() / y.array()).log().matrix(), channels.weight);
   };
   return {log_ratios(sum_a, sum_b), sums_a.cols(),
           [&](Eigen::Index k) { return log_ratios(sum_a - sums_a.col(k), sum_b - sums_b.col(k)); }};

@@ -8,6 +8,14 @@
 
 namespace oted {
 
+/// What is judged by.
+struct JudgedChannels {
+  Eigen::VectorXd spread;  ///< (channels): standard deviations over the logs; squares count as HeldOutPrediction has it
+  /// (channels): the part of each in what is told of all together; 0 for readings that the fit leaves out
+  /// (ReadingModel::computed), whose errors are not the simulator's.
+  Eigen::VectorXd weight;
+};
+
 /// Logarithms of ratios, of each channel and behind them of all channels together, with errors by the delete-one
 /// jackknife over ten blocks of neighbouring windows.
 class PredictionRatios {
@@ -25,12 +33,11 @@ class PredictionRatios {
 
 /// How much larger the errors `a` are than `b` in a typical one of the same `n` windows: means of logarithms. Either
 /// may hold several draws of each window, one behind the other.
-/// @param a, b    (channels, windows): mean squared errors, NaN where the physics broke down
-/// @param spread  (channels): PredictionJudge::spread; squares count as HeldOutPrediction has it
+/// @param a, b  (channels, windows): mean squared errors, NaN where the physics broke down
 PredictionRatios TypicalRatios(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::Index n,
-                               const Eigen::VectorXd& spread);
+                               const JudgedChannels& channels);
 
 /// The same by sums over the windows: what users feel is the error of the windows that are far off.
-PredictionRatios RatiosOfSums(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const Eigen::VectorXd& spread);
+PredictionRatios RatiosOfSums(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const JudgedChannels& channels);
 
 }  // namespace oted

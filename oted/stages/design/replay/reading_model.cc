@@ -193,4 +193,11 @@ std::vector<char> ComputedReadings(const SimulatorSpec& spec, const Dataset& dat
   return computed;
 }
 
+std::vector<char> ReadingsLeftOut(const SimulatorSpec& spec, const Dataset& dataset, const VectorXd& noise) {
+  std::vector<char> left_out = ComputedReadings(spec, dataset, noise);
+  const std::vector<char> late = LateReadings(spec, dataset);
+  for (size_t c = 0; c < left_out.size(); ++c) left_out[c] = static_cast<char>(left_out[c] | late[c]);
+  return left_out;
+}
+
 }  // namespace oted

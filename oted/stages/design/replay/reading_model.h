@@ -56,4 +56,8 @@ std::vector<char> LateReadings(const SimulatorSpec& spec, const Dataset& dataset
 /// @param noise  (obs_dim): standard deviations, as told by a fit
 std::vector<char> ComputedReadings(const SimulatorSpec& spec, const Dataset& dataset, const Eigen::VectorXd& noise);
 
+/// (obs_dim): nonzero for readings that a fit leaves out and nobody is judged by: computed and late ones.
+/// @param noise  as ComputedReadings has it
+std::vector<char> ReadingsLeftOut(const SimulatorSpec& spec, const Dataset& dataset, const Eigen::VectorXd& noise);
+
 }  // namespace oted

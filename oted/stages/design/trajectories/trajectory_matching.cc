@@ -209,10 +209,7 @@ class TrajectoryMatch {
   /// left out from here on.
   bool LeaveOutComputed() {
     if (!IsNoisy() || std::ranges::any_of(replayer_->readings().computed, [](char c) { return c != 0; })) return false;
-    const SimulatorSpec& spec = problem_.factory.spec();
-    std::vector<char> computed = ComputedReadings(spec, problem_.dataset, SensorNoise());
-    const std::vector<char> late = LateReadings(spec, problem_.dataset);
-    for (size_t c = 0; c < computed.size(); ++c) computed[c] = static_cast<char>(computed[c] | late[c]);
+    const std::vector<char> computed = ReadingsLeftOut(problem_.factory.spec(), problem_.dataset, SensorNoise());
     if (std::ranges::none_of(computed, [](char c) { return c != 0; })) return false;
     Read(computed);
     return true;
