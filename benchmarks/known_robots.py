@@ -11,7 +11,7 @@ there is not run again.
   finger-positions  dm_control's finger, positions alone: damping and gear
   finger            the same with velocities
   arm-positions     six joints with position servos, positions alone: friction, damping, a payload, a delay of the commands
-  arm-late          the same with velocities that are 20 ms late and commands that are 1.5 rows late
+  arm-late          the same with velocities that are 20 ms late and commands that are 1.6 rows late (16 ms)
   arm-stiffness     the servos' stiffness is 15 % off and not searched: no parameter may be identified, and no gap closed
   arm-rest          the commands stand still: what a robot at rest does not show must not be identified
   ant-noisy         Gymnasium's Ant with a free base, noise of 0.01 on the whole state: friction, gain, gravity
@@ -74,7 +74,7 @@ CASES = {
     "finger-positions": ("finger", 0.02, POSITIONS, {}, {}),
     "finger": ("finger", 0.02, VELOCITIES, {}, {}),
     "arm-positions": ("arm", 0.01, POSITIONS, ARM_PARAMETERS | DELAY, {}),
-    "arm-late": ("arm", 0.01, VELOCITIES, ARM_PARAMETERS | DELAY, {"delay": 1.5}),
+    "arm-late": ("arm", 0.01, VELOCITIES, ARM_PARAMETERS | DELAY, {"delay": 1.6}),
     "arm-stiffness": ("arm", 0.01, VELOCITIES, ARM_PARAMETERS, {"delay": 0.0, "stiffness": 1.15}),
     "arm-rest": ("arm", 0.01, VELOCITIES, ARM_PARAMETERS, {"delay": 0.0}),
     "ant-noisy": ("ant", 0.05, None, {}, {}),
@@ -190,7 +190,7 @@ def run(case, seed, oted):
     robot, _, _, parameters, fixed = CASES[case]
     parameters = parameters or OTHERS[robot]
     draw = random.Random(f"{case}-{seed}")
-    truth = {name: draw.uniform(0, 3) if name == "delay" else round(float(np.exp(draw.uniform(np.log(0.5), np.log(1.9)))), 3)
+    truth = {name: draw.randint(0, 15) / 5 if name == "delay" else round(float(np.exp(draw.uniform(np.log(0.5), np.log(1.9)))), 3)
              for name in parameters} | fixed
     with tempfile.TemporaryDirectory(prefix="oted-robots-") as name:
         folder = pathlib.Path(name)

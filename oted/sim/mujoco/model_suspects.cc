@@ -17,7 +17,8 @@ namespace {
 
 constexpr int kMostBodies = 12;  // whose masses are suspected one by one
 constexpr double kLow = 0.1, kHigh = 10.0;
-constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body at the model's length against gravity
+constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
+constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
 
 struct SuspectedField {
   std::string name, path;
@@ -31,6 +32,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"damping", "joint/*/damping", "damping", torque},
       {"armature", "joint/*/armature", "armature", RoundBound(model.stat.meaninertia)},
       {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
+      {"load_friction", "joint/@actuated/load_friction", "load_friction", kMostLoadFriction},
       {"stiffness", "joint/*/stiffness"},
       {"gear", "actuator/*/gear[0]"},
       {"kp", "actuator/*/kp"},
