@@ -67,13 +67,8 @@ class FreedTrials {
     x_ = Eigen::Map<const VectorXd>(x.data(), static_cast<Eigen::Index>(x.size()));
   }
 
-  /// The likeliest first.
-  std::vector<Suspect> Find() {
-    std::vector<Suspect> suspects = FindBy(ShortScreening());
-    // Of a robot's logs short windows tell little but noise: where they name nothing, longer ones are asked.
-    if (suspects.empty() && problem_.fit.errors_grow) suspects = FindBy(LongScreening());
-    return suspects;
-  }
+  /// The likeliest first. Where long windows took the place of short ones, those tell of little but noise.
+  std::vector<Suspect> Find() { return FindBy(problem_.fit.errors_grow ? LongScreening() : ShortScreening()); }
 
   std::optional<FreedTrial> Try(const Suspect& suspect) {
     const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
