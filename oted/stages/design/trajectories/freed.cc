@@ -9,6 +9,7 @@
 
 #include "oted/matching/designer.h"
 #include "oted/matching/verdict.h"
+#include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/kept_aside.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
 #include "oted/stages/design/replay/reading_model.h"
@@ -134,11 +135,12 @@ class FreedTrials {
   }
 
   std::vector<Suspect> FindBy(const Screening& by) {
-    const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
-    const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
-    if (wide == nullptr) return {};
     // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
     const ReadingModel readings = ReadingsOf(problem_.factory);
+    std::vector<ParameterSpec> specs = problem_.factory.Suspects();
+    std::erase_if(specs, [&](const ParameterSpec& spec) { return IsOfReadingsLeftOut(spec, readings); });
+    const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
+    if (wide == nullptr) return {};
     WindowReplayer every = Replayer(*wide, readings), alone = Replayer(problem_.factory, readings);
     const Level level = LongWindows(every, parts_.learn, by.n_steps, by.n_rows, period_);
     if (level.windows.size() < kFewestFreedWindows) return {};
@@ -153,7 +155,10 @@ class FreedTrials {
     std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
     if (by.errors_grow) AddUnscored(specs, suspects);
     suspects.resize(std::min(suspects.size(), by.errors_grow ? kMostLongScreened : kMostScreened));
-    for (Suspect& suspect : suspects) {
+    for (size_t k = 0; k < suspects.size(); ++k) {
+      Suspect& suspect = suspects[k];
+      problem_.context.log->Progress("suspects", "asked", static_cast<int64_t>(k),
+                                     static_cast<int64_t>(suspects.size()), suspect.spec.name);
       const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
       WindowReplayer replayer = Replayer(*wider, readings);
       const Prior prior = WithUniform(problem_.prior);
@@ -165,6 +170,15 @@ class FreedTrials {
                   [](const Suspect& s) { return !(s.explains > kFewestNats) || !IsNoticeable(s.spec, s.value); });
     std::ranges::stable_sort(suspects, [](const Suspect& a, const Suspect& b) { return a.explains > b.explains; });
     return suspects;
+  }
+
+  /// Whether it acts on readings alone that the fit leaves out: nothing tells of it.
+  bool IsOfReadingsLeftOut(const ParameterSpec& spec, const ReadingModel& readings) const {
+    if (!IsChannelPath(spec.field)) return false;
+    const ChannelField field = ResolveChannel(problem_.factory.spec(), spec.field);
+    return field.quantity != ChannelQuantity::kActionDelay && std::ranges::all_of(field.observations, [&](int c) {
+             return readings.computed[static_cast<size_t>(c)] != 0;
+           });
   }
 
   /// Those of `specs` that no score favours, and where their fit begins.
