@@ -8,6 +8,7 @@
 //                      half of its bytes), nospace (from here on the disk takes nothing more), ioerror (it fails once),
 //                      leak (from here on each call loses 16 KiB, and a write a descriptor: what growth.py must notice)
 //   OTED_CHEAP         sync: nothing is waited for; hash: nothing is hashed; both: neither (durability_cost.py)
+//   OTED_TIMES         a file that gets, in the end, how long all syncs and all hashes took (durability_cost.py)
 //
 // Programs that this one starts run undisturbed.
 //
@@ -21,12 +22,14 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <climits>
 #include <csignal>
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 namespace {
 
@@ -96,6 +99,20 @@ bool IsBelow(const char* path) {
 
 bool IsWatched(int fd) { return fd >= 0 && fd < kMaxFiles && g_watched[fd]; }
 
+/// How long calls of one kind took, on all threads together.
+struct Clocked {
+  std::atomic<int64_t> nanoseconds{0}, calls{0};
+  template <class F>
+  auto operator()(const F& call) {
+    const auto start = std::chrono::steady_clock::now();
+    const auto result = call();
+    nanoseconds += (std::chrono::steady_clock::now() - start).count();
+    ++calls;
+    return result;
+  }
+};
+Clocked g_syncs, g_hashes;
+
 void Leak(Call call) {
   constexpr size_t kLost = 16384;
   std::memset(std::malloc(kLost), 1, kLost);
@@ -147,6 +164,17 @@ FILE* OpenStream(const char* name, const char* path, const char* mode) {
   FILE* file = Next<FILE*(const char*, const char*)>(name)(path, mode);
   if (file != nullptr) Watch(::fileno(file), below);
   return file;
+}
+
+__attribute__((destructor)) void TellTimes() {
+  const char* file = std::getenv("OTED_TIMES");
+  FILE* times = file == nullptr ? nullptr : Next<FILE*(const char*, const char*)>("fopen")(file, "w");
+  if (times == nullptr) return;
+  for (const auto& [name, clocked] : {std::pair{"sync", &g_syncs}, {"hash", &g_hashes}}) {
+    std::fprintf(times, "%s %.6f %ld\n", name, 1e-9 * static_cast<double>(clocked->nanoseconds.load()),
+                 static_cast<long>(clocked->calls.load()));
+  }
+  std::fclose(times);
 }
 
 }  // namespace
@@ -202,12 +230,12 @@ ssize_t writev(int fd, const iovec* parts, int n) {
 }
 int EVP_DigestUpdate(void* context, const void* bytes, size_t size) {
   if (The().no_hash) return 1;
-  return Next<int(void*, const void*, size_t)>("EVP_DigestUpdate")(context, bytes, size);
+  return g_hashes([&] { return Next<int(void*, const void*, size_t)>("EVP_DigestUpdate")(context, bytes, size); });
 }
 int fsync(int fd) {
   if (The().no_sync) return 0;
   if (IsWatched(fd) && Fails(Meet(Call::kSync))) return -1;
-  return Next<int(int)>("fsync")(fd);
+  return g_syncs([&] { return Next<int(int)>("fsync")(fd); });
 }
 int ftruncate(int fd, off_t size) {
   if (IsWatched(fd) && Fails(Meet(Call::kTruncate))) return -1;
