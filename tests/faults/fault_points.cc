@@ -7,12 +7,14 @@
 //   takes
 //                      half of its bytes), nospace (from here on the disk takes nothing more), ioerror (it fails once),
 //                      leak (from here on each call loses 16 KiB, and a write a descriptor: what growth.py must notice)
+//   OTED_FAULT_READS   set: the calls that read files are counted, in place of those that change them
 //   OTED_CHEAP         sync: nothing is waited for; hash: nothing is hashed; both: neither (durability_cost.py)
 //   OTED_TIMES         a file that gets, in the end, how long all syncs and all hashes took (durability_cost.py)
 //
-// Programs that this one starts run undisturbed.
+// Processes that this one starts run undisturbed.
 //
-// The calls are those through which the program changes files: open for writing, write, sync, truncate, rename, remove.
+// The calls are those through which the program changes files: open for writing, write, sync, truncate, rename, remove,
+// new folder; or those that read them: open for reading (look), read.
 
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -34,9 +36,9 @@
 namespace {
 
 enum class Kind { kNone, kKill, kShort, kNoSpace, kIoError, kLeak };
-enum class Call { kOpen, kWrite, kSync, kTruncate, kRename, kRemove, kFolder };
+enum class Call { kOpen, kWrite, kSync, kTruncate, kRename, kRemove, kFolder, kLook, kRead };
 
-constexpr const char* kNames[] = {"open", "write", "sync", "truncate", "rename", "remove", "folder"};
+constexpr const char* kNames[] = {"open", "write", "sync", "truncate", "rename", "remove", "folder", "look", "read"};
 constexpr int kMaxFiles = 4096;
 
 struct Settings {
@@ -44,6 +46,8 @@ struct Settings {
   long at = -1;
   Kind kind = Kind::kNone;
   int count = -1;  // descriptor
+  bool reads = false;
+  pid_t process = ::getpid();
   bool no_sync = false, no_hash = false;
 };
 
@@ -65,6 +69,7 @@ const Settings& The() {
       if (std::strcmp(rest, " ioerror") == 0) s.kind = Kind::kIoError;
       if (std::strcmp(rest, " leak") == 0) s.kind = Kind::kLeak;
     }
+    s.reads = std::getenv("OTED_FAULT_READS") != nullptr;
     if (const char* cheap = std::getenv("OTED_CHEAP")) {
       s.no_sync = std::strcmp(cheap, "sync") == 0 || std::strcmp(cheap, "both") == 0;
       s.no_hash = std::strcmp(cheap, "hash") == 0 || std::strcmp(cheap, "both") == 0;
@@ -122,6 +127,8 @@ void Leak(Call call) {
 /// What happens to this call. @return kNone: it goes on as if nothing were
 Kind Meet(Call call) {
   const Settings& s = The();
+  if (s.process != ::getpid()) return Kind::kNone;
+  if (s.reads != (call == Call::kLook || call == Call::kRead)) return Kind::kNone;
   const long n = g_calls++;
   if (s.count >= 0) {
     const char* name = kNames[static_cast<int>(call)];
@@ -152,7 +159,7 @@ bool Writes(int flags) { return (flags & O_ACCMODE) != O_RDONLY || (flags & (O_C
 
 int Open(const char* name, const char* path, int flags, mode_t mode) {
   const bool below = IsBelow(path);
-  if (below && Writes(flags) && Fails(Meet(Call::kOpen))) return -1;
+  if (below && Fails(Meet(Writes(flags) ? Call::kOpen : Call::kLook))) return -1;
   const int fd = Next<int(const char*, int, ...)>(name)(path, flags, mode);
   Watch(fd, below);
   return fd;
@@ -160,7 +167,7 @@ int Open(const char* name, const char* path, int flags, mode_t mode) {
 
 FILE* OpenStream(const char* name, const char* path, const char* mode) {
   const bool below = IsBelow(path);
-  if (below && std::strpbrk(mode, "wa+") != nullptr && Fails(Meet(Call::kOpen))) return nullptr;
+  if (below && Fails(Meet(std::strpbrk(mode, "wa+") != nullptr ? Call::kOpen : Call::kLook))) return nullptr;
   FILE* file = Next<FILE*(const char*, const char*)>(name)(path, mode);
   if (file != nullptr) Watch(::fileno(file), below);
   return file;
@@ -228,6 +235,15 @@ ssize_t writev(int fd, const iovec* parts, int n) {
   }
   return Next<ssize_t(int, const iovec*, int)>("writev")(fd, parts, n);
 }
+ssize_t read(int fd, void* bytes, size_t size) {
+  if (IsWatched(fd) && Fails(Meet(Call::kRead))) return -1;
+  return Next<ssize_t(int, void*, size_t)>("read")(fd, bytes, size);
+}
+ssize_t pread(int fd, void* bytes, size_t size, off_t offset) {
+  if (IsWatched(fd) && Fails(Meet(Call::kRead))) return -1;
+  return Next<ssize_t(int, void*, size_t, off_t)>("pread")(fd, bytes, size, offset);
+}
+ssize_t pread64(int fd, void* bytes, size_t size, off64_t offset) { return pread(fd, bytes, size, offset); }
 int EVP_DigestUpdate(void* context, const void* bytes, size_t size) {
   if (The().no_hash) return 1;
   return g_hashes([&] { return Next<int(void*, const void*, size_t)>("EVP_DigestUpdate")(context, bytes, size); });
