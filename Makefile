@@ -9,6 +9,8 @@ SEED ?= 1
 POINTS ?= all
 KILLS ?= 100
 DAMAGES ?= 0
+# Where the campaigns work: in memory where they can, as it is not the disk that they test.
+CAMPAIGNS ?= $(shell test -w /dev/shm && echo /dev/shm/oted$(subst /,-,$(CURDIR)) || echo build)
 BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetitions=15 --benchmark_report_aggregates_only=true
 export CMAKE CTEST JOBS
 
@@ -74,12 +76,12 @@ fuzz:  ## hostile files for every reader, guided by coverage, under the sanitize
 
 crash: setup  ## a fault at each call that changes a file, and kill -9 at random: COMMANDS="run unit" POINTS=all KILLS=100 (run: half an hour; all: hours; goes on when stopped)
 	@scripts/build.sh dev
-	@.venv/bin/python tests/faults/crash.py build/release/oted build/release/tests/liboted_fault_points.so build/crash \
+	@.venv/bin/python tests/faults/crash.py build/release/oted build/release/tests/liboted_fault_points.so $(CAMPAIGNS)/crash \
 	  $(if $(COMMANDS),--commands $(COMMANDS)) --points $(POINTS) --kills $(KILLS) --record
 
 corrupt: setup  ## each file of a finished and of two half-finished runs damaged: DAMAGES=0 (all; ten minutes; goes on when stopped), SEED=1
 	@scripts/build.sh dev
-	@.venv/bin/python tests/faults/corrupt.py build/release/oted build/corrupt --damages $(DAMAGES) --seed $(SEED) --record
+	@.venv/bin/python tests/faults/corrupt.py build/release/oted $(CAMPAIGNS)/corrupt --damages $(DAMAGES) --seed $(SEED) --record
 
 lint: setup  ## formatting, the rules on who may include whom, sizes of functions, names
 	@scripts/check_format.sh

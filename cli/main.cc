@@ -127,11 +127,11 @@ int oted::cli::RunWords(const std::vector<std::string>& words) {
 
 int oted::cli::Main(int argc, char** argv) {
   PrepareStreams();
+  cli::InstallStopHandler();
   cli::Program program;
   program.app.set_version_flag("--version", "oted " OTED_VERSION);
   program.app.require_subcommand(1);
   AddVerbs(program);
-  cli::InstallStopHandler();
   try {
     const std::span<char*> words = std::span(argv, static_cast<size_t>(argc)).subspan(1);
     CheckWords(words);

@@ -27,6 +27,7 @@ def campaigns():
         kind, _, command = record["cell"].partition(" ")
         if kind == "crash":
             tried = f"{record['faults']:,} of {record['of']:,} faults at {record['points']:,} calls, {record['kills']} kills"
+            tried += f", {record['reads']:,} of {record['of_reads']:,} failed reads" if "reads" in record else ""
             yield f"`make crash`: `{command}`", tried, record["failed"]
         else:
             yield f"`make corrupt`: `{command}`", f"{record['damages']:,} of {record['possible']:,} damages", record["failed"]

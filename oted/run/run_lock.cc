@@ -41,6 +41,18 @@ bool SameFile(int descriptor, const fs::path& file) {
          mine.st_dev == named.st_dev;
 }
 
+/// Writes all of it from the file's beginning. @return 0, or the error
+int Fill(int descriptor, const std::string& text) {
+  if (::ftruncate(descriptor, 0) != 0) return errno;
+  for (size_t done = 0; done < text.size();) {
+    const ssize_t n = ::pwrite(descriptor, text.data() + done, text.size() - done, static_cast<off_t>(done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return n < 0 ? errno : ENOSPC;
+    done += static_cast<size_t>(n);
+  }
+  return 0;
+}
+
 /// One who only looks (IsLocked) is gone at once.
 bool LockWithPatience(int descriptor) {
   for (int n_left = 5;; --n_left) {
@@ -82,10 +94,7 @@ bool RunLock::TryToLock() {
     descriptor_ = -1;
     return false;
   }
-  const std::string text = Myself();
-  if (::ftruncate(descriptor_, 0) != 0 ||
-      ::pwrite(descriptor_, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size())) {
-    const int error = errno == 0 ? ENOSPC : errno;
+  if (const int error = Fill(descriptor_, Myself())) {
     ::unlink(file_.c_str());
     fail("write", error);
   }

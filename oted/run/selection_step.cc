@@ -1,5 +1,7 @@
 #include "oted/run/selection_step.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 #include <utility>
@@ -67,7 +69,11 @@ SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const Po
   for (const DesignRecord::Member& member : selected.record.mixture) {
     const auto of = std::ranges::find_if(
         designs, [&](const Design& design) { return design.setting == setting && design.seed == member.seed; });
-    OTED_CHECK(of != designs.end());
+    if (of == designs.end()) {
+      throw DataError(
+          fmt::format("'{}' has a design of seed {} in its mixture, which the settings '{}' did not make; restore it",
+                      SelectionArtifact(run).file.string(), member.seed, setting));
+    }
     selected.q.push_back(of->record.q);
   }
   return selected;

@@ -308,6 +308,10 @@ class TestDirectory(RunTest):
         self.assertOneLine(under(resource.RLIMIT_FSIZE, 5000, *self.words(self.out, "--quiet")), DATA_OR_MODEL, "File too large")
         self.again()
         self.assertAsFinished()
+        for name in ("log.hdf5", "log-v0"):  # libhdf5 writes both
+            result = under(resource.RLIMIT_FSIZE, 1000, "data", "convert", self.demos, self.folder / name)
+            self.assertOneLine(result, DATA_OR_MODEL, name, "File too large")
+            self.assertEqual([path.name for path in self.folder.glob("log*")], [])
         path = self.folder / "large.csv"
         path.write_bytes(b"obs_0,action_0\n" + b"0,0\n" * (8 << 20))
         self.assertOneLine(under(resource.RLIMIT_AS, 400 << 20, "data", "info", path), DATA_OR_MODEL, "not enough memory")

@@ -108,7 +108,7 @@ class Campaign:
         return {**os.environ, MARK: str(self.folder), **more}
 
     def run(self, command=None, environment=None):
-        return subprocess.run([self.oted, *map(str, command or self.command)], capture_output=True, text=True, timeout=600,
+        return subprocess.run([self.oted, *map(str, command or self.command)], capture_output=True, text=True, timeout=3600,
                               env=environment or self.environment(), cwd=self.folder)
 
     def fail(self, what):

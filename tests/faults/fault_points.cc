@@ -7,11 +7,14 @@
 //   takes
 //                      half of its bytes), nospace (from here on the disk takes nothing more), ioerror (it fails once),
 //                      leak (from here on each call loses 16 KiB, and a write a descriptor: what growth.py must notice)
+//   OTED_FAULT_READS   set: the calls that read files are counted, in place of those that change them
 //   OTED_CHEAP         sync: nothing is waited for; hash: nothing is hashed; both: neither (durability_cost.py)
+//   OTED_TIMES         a file that gets, in the end, how long all syncs and all hashes took (durability_cost.py)
 //
-// Programs that this one starts run undisturbed.
+// Processes that this one starts run undisturbed.
 //
-// The calls are those through which the program changes files: open for writing, write, sync, truncate, rename, remove.
+// The calls are those through which the program changes files: open for writing, write, sync, truncate, rename, remove,
+// new folder; or those that read them: open for reading (look), read.
 
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -21,19 +24,21 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <climits>
 #include <csignal>
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 namespace {
 
 enum class Kind { kNone, kKill, kShort, kNoSpace, kIoError, kLeak };
-enum class Call { kOpen, kWrite, kSync, kTruncate, kRename, kRemove, kFolder };
+enum class Call { kOpen, kWrite, kSync, kTruncate, kRename, kRemove, kFolder, kLook, kRead };
 
-constexpr const char* kNames[] = {"open", "write", "sync", "truncate", "rename", "remove", "folder"};
+constexpr const char* kNames[] = {"open", "write", "sync", "truncate", "rename", "remove", "folder", "look", "read"};
 constexpr int kMaxFiles = 4096;
 
 struct Settings {
@@ -41,6 +46,8 @@ struct Settings {
   long at = -1;
   Kind kind = Kind::kNone;
   int count = -1;  // descriptor
+  bool reads = false;
+  pid_t process = ::getpid();
   bool no_sync = false, no_hash = false;
 };
 
@@ -62,6 +69,7 @@ const Settings& The() {
       if (std::strcmp(rest, " ioerror") == 0) s.kind = Kind::kIoError;
       if (std::strcmp(rest, " leak") == 0) s.kind = Kind::kLeak;
     }
+    s.reads = std::getenv("OTED_FAULT_READS") != nullptr;
     if (const char* cheap = std::getenv("OTED_CHEAP")) {
       s.no_sync = std::strcmp(cheap, "sync") == 0 || std::strcmp(cheap, "both") == 0;
       s.no_hash = std::strcmp(cheap, "hash") == 0 || std::strcmp(cheap, "both") == 0;
@@ -96,6 +104,20 @@ bool IsBelow(const char* path) {
 
 bool IsWatched(int fd) { return fd >= 0 && fd < kMaxFiles && g_watched[fd]; }
 
+/// How long calls of one kind took, on all threads together.
+struct Clocked {
+  std::atomic<int64_t> nanoseconds{0}, calls{0};
+  template <class F>
+  auto operator()(const F& call) {
+    const auto start = std::chrono::steady_clock::now();
+    const auto result = call();
+    nanoseconds += (std::chrono::steady_clock::now() - start).count();
+    ++calls;
+    return result;
+  }
+};
+Clocked g_syncs, g_hashes;
+
 void Leak(Call call) {
   constexpr size_t kLost = 16384;
   std::memset(std::malloc(kLost), 1, kLost);
@@ -105,6 +127,8 @@ void Leak(Call call) {
 /// What happens to this call. @return kNone: it goes on as if nothing were
 Kind Meet(Call call) {
   const Settings& s = The();
+  if (s.process != ::getpid()) return Kind::kNone;
+  if (s.reads != (call == Call::kLook || call == Call::kRead)) return Kind::kNone;
   const long n = g_calls++;
   if (s.count >= 0) {
     const char* name = kNames[static_cast<int>(call)];
@@ -135,7 +159,7 @@ bool Writes(int flags) { return (flags & O_ACCMODE) != O_RDONLY || (flags & (O_C
 
 int Open(const char* name, const char* path, int flags, mode_t mode) {
   const bool below = IsBelow(path);
-  if (below && Writes(flags) && Fails(Meet(Call::kOpen))) return -1;
+  if (below && Fails(Meet(Writes(flags) ? Call::kOpen : Call::kLook))) return -1;
   const int fd = Next<int(const char*, int, ...)>(name)(path, flags, mode);
   Watch(fd, below);
   return fd;
@@ -143,10 +167,21 @@ int Open(const char* name, const char* path, int flags, mode_t mode) {
 
 FILE* OpenStream(const char* name, const char* path, const char* mode) {
   const bool below = IsBelow(path);
-  if (below && std::strpbrk(mode, "wa+") != nullptr && Fails(Meet(Call::kOpen))) return nullptr;
+  if (below && Fails(Meet(std::strpbrk(mode, "wa+") != nullptr ? Call::kOpen : Call::kLook))) return nullptr;
   FILE* file = Next<FILE*(const char*, const char*)>(name)(path, mode);
   if (file != nullptr) Watch(::fileno(file), below);
   return file;
+}
+
+__attribute__((destructor)) void TellTimes() {
+  const char* file = std::getenv("OTED_TIMES");
+  FILE* times = file == nullptr ? nullptr : Next<FILE*(const char*, const char*)>("fopen")(file, "w");
+  if (times == nullptr) return;
+  for (const auto& [name, clocked] : {std::pair{"sync", &g_syncs}, {"hash", &g_hashes}}) {
+    std::fprintf(times, "%s %.6f %ld\n", name, 1e-9 * static_cast<double>(clocked->nanoseconds.load()),
+                 static_cast<long>(clocked->calls.load()));
+  }
+  std::fclose(times);
 }
 
 }  // namespace
@@ -200,14 +235,23 @@ ssize_t writev(int fd, const iovec* parts, int n) {
   }
   return Next<ssize_t(int, const iovec*, int)>("writev")(fd, parts, n);
 }
+ssize_t read(int fd, void* bytes, size_t size) {
+  if (IsWatched(fd) && Fails(Meet(Call::kRead))) return -1;
+  return Next<ssize_t(int, void*, size_t)>("read")(fd, bytes, size);
+}
+ssize_t pread(int fd, void* bytes, size_t size, off_t offset) {
+  if (IsWatched(fd) && Fails(Meet(Call::kRead))) return -1;
+  return Next<ssize_t(int, void*, size_t, off_t)>("pread")(fd, bytes, size, offset);
+}
+ssize_t pread64(int fd, void* bytes, size_t size, off64_t offset) { return pread(fd, bytes, size, offset); }
 int EVP_DigestUpdate(void* context, const void* bytes, size_t size) {
   if (The().no_hash) return 1;
-  return Next<int(void*, const void*, size_t)>("EVP_DigestUpdate")(context, bytes, size);
+  return g_hashes([&] { return Next<int(void*, const void*, size_t)>("EVP_DigestUpdate")(context, bytes, size); });
 }
 int fsync(int fd) {
   if (The().no_sync) return 0;
   if (IsWatched(fd) && Fails(Meet(Call::kSync))) return -1;
-  return Next<int(int)>("fsync")(fd);
+  return g_syncs([&] { return Next<int(int)>("fsync")(fd); });
 }
 int ftruncate(int fd, off_t size) {
   if (IsWatched(fd) && Fails(Meet(Call::kTruncate))) return -1;

@@ -18,7 +18,7 @@ class Hdf5Handle {
   Hdf5Handle& operator=(Hdf5Handle&&) = delete;
   bool ok() const { return id_ >= 0; }
   hid_t id() const { return id_; }
-  /// Closes now; false when that fails (a full disk shows up when a file is closed).
+  /// Closes now; false when that fails.
   [[nodiscard]] bool Reset() {
     const hid_t id = std::exchange(id_, -1);
     return id < 0 || close_(id) >= 0;

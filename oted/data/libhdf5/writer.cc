@@ -1,21 +1,30 @@
 #include "oted/data/libhdf5/writer.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
 
 namespace oted {
 namespace {
 
-constexpr const char* kFull = "is the disk full?";
+constexpr const char* kNoMemory = "is there enough memory?";
+constexpr size_t kMoreMemory = size_t{1} << 20;
+
+Hdf5Handle CreateInMemory() {
+  const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  const bool in_memory = H5Pset_fapl_core(access.id(), kMoreMemory, /*backing_store=*/false) >= 0;
+  return {in_memory ? H5Fcreate("in memory", H5F_ACC_TRUNC, H5P_DEFAULT, access.id()) : H5I_INVALID_HID, H5Fclose};
+}
 
 }  // namespace
 
 Hdf5Writer::Hdf5Writer(const std::string& temporary_path, const std::string& path)
-    : path_(path), file_(H5Fcreate(temporary_path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose) {
-  if (!file_.ok()) Fail("the file", "is its folder writable?");
+    : temporary_path_(temporary_path), path_(path), file_(CreateInMemory()) {
+  if (!file_.ok()) Fail("the file", kNoMemory);
 }
 
 void Hdf5Writer::Fail(const std::string& what, const char* remedy) const {
@@ -24,7 +33,7 @@ void Hdf5Writer::Fail(const std::string& what, const char* remedy) const {
 
 void Hdf5Writer::Group(const std::string& name) {
   const Hdf5Handle group(H5Gcreate2(file_.id(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
-  if (!group.ok()) Fail(name, kFull);
+  if (!group.ok()) Fail(name, kNoMemory);
 }
 
 void Hdf5Writer::Attribute(const std::string& group, const char* name, int64_t value) {
@@ -32,7 +41,7 @@ void Hdf5Writer::Attribute(const std::string& group, const char* name, int64_t v
   const Hdf5Handle space(H5Screate(H5S_SCALAR), H5Sclose);
   const Hdf5Handle attribute(H5Acreate2(object.id(), name, H5T_STD_I64LE, space.id(), H5P_DEFAULT, H5P_DEFAULT),
                              H5Aclose);
-  if (!attribute.ok() || H5Awrite(attribute.id(), H5T_NATIVE_INT64, &value) < 0) Fail(group, kFull);
+  if (!attribute.ok() || H5Awrite(attribute.id(), H5T_NATIVE_INT64, &value) < 0) Fail(group, kNoMemory);
 }
 
 void Hdf5Writer::Numbers(const std::string& name, const Array2<double>& m, bool as_float32) {
@@ -55,7 +64,7 @@ void Hdf5Writer::Flags(const std::string& name, std::span<const uint8_t> flags) 
   const Hdf5Handle type(H5Tenum_create(H5T_STD_I8LE), H5Tclose);
   const int8_t no = 0;
   const int8_t yes = 1;
-  if (H5Tenum_insert(type.id(), "FALSE", &no) < 0 || H5Tenum_insert(type.id(), "TRUE", &yes) < 0) Fail(name, kFull);
+  if (H5Tenum_insert(type.id(), "FALSE", &no) < 0 || H5Tenum_insert(type.id(), "TRUE", &yes) < 0) Fail(name, kNoMemory);
   std::vector<int8_t> values(flags.size());
   std::ranges::transform(flags, values.begin(), [](uint8_t flag) { return static_cast<int8_t>(flag != 0); });
   const hsize_t dims[1] = {values.size()};
@@ -63,7 +72,11 @@ void Hdf5Writer::Flags(const std::string& name, std::span<const uint8_t> flags) 
 }
 
 void Hdf5Writer::Close() {
-  if (!file_.Reset()) Fail("the file", kFull);
+  const ssize_t size = H5Fflush(file_.id(), H5F_SCOPE_GLOBAL) < 0 ? -1 : H5Fget_file_image(file_.id(), nullptr, 0);
+  if (size <= 0) Fail("the file", kNoMemory);
+  std::string bytes(static_cast<size_t>(size), '\0');
+  if (H5Fget_file_image(file_.id(), bytes.data(), bytes.size()) != size || !file_.Reset()) Fail("the file", kNoMemory);
+  OpenFile(temporary_path_, O_WRONLY | O_CREAT | O_TRUNC).Write(bytes);
 }
 
 void Hdf5Writer::Write(const std::string& name, hid_t file_type, hid_t memory_type, std::span<const hsize_t> dims,
@@ -78,12 +91,12 @@ void Hdf5Writer::Write(const std::string& name, hid_t file_type, hid_t memory_ty
   chunk[0] = std::clamp<hsize_t>(64000 / width, 1, dims[0]);
   const bool prepared = H5Pset_chunk(create.id(), rank, chunk.data()) >= 0 && H5Pset_shuffle(create.id()) >= 0 &&
                         H5Pset_deflate(create.id(), 4) >= 0 && H5Pset_obj_track_times(create.id(), false) >= 0;
-  if (!prepared) Fail(name, kFull);
+  if (!prepared) Fail(name, kNoMemory);
   Hdf5Handle field(H5Dcreate2(file_.id(), name.c_str(), file_type, space.id(), H5P_DEFAULT, create.id(), H5P_DEFAULT),
                    H5Dclose);
-  if (!field.ok()) Fail(name, kFull);
-  if (H5Dwrite(field.id(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) Fail(name, kFull);
-  if (!field.Reset()) Fail(name, kFull);
+  if (!field.ok()) Fail(name, kNoMemory);
+  if (H5Dwrite(field.id(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) Fail(name, kNoMemory);
+  if (!field.Reset()) Fail(name, kNoMemory);
 }
 
 }  // namespace oted

@@ -12,7 +12,8 @@
 
 namespace oted {
 
-/// Every failure is a DataError that names the file that the user asked for. Equal calls give equal bytes.
+/// Every failure is a DataError that names the file that the user asked for. Equal calls give equal bytes. The file is
+/// made in memory and written by Close: libhdf5 crashes at the program's end where a disk has not taken its bytes.
 class Hdf5Writer : public Hdf5Output {
  public:
   Hdf5Writer(const std::string& temporary_path, const std::string& path);
@@ -29,7 +30,7 @@ class Hdf5Writer : public Hdf5Output {
   [[noreturn]] void Fail(const std::string& what, const char* remedy) const;
   void Write(const std::string& name, hid_t file_type, hid_t memory_type, std::span<const hsize_t> dims,
              const void* values);
-  std::string path_;
+  std::string temporary_path_, path_;
   Hdf5Handle file_;
 };
 
