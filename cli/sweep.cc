@@ -178,7 +178,7 @@ void AddSweepVerb(Program& program) {
     Hashes hashes;
     for (const Point& point : Points(*options)) plan.lines.push_back(LineOf(*options, point, hashes));
     WritePlan(plan, options->target);
-    if (options->submit.engine.empty()) return;
+    if (!options->submit.engine) return;
     PlanPlace place{options->target.file, {}};
     place.Resolve();
     program.exit_code = SubmitPlan(place, options->submit);
