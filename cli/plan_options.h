@@ -29,6 +29,9 @@ void AddPlanPlace(CLI::App& verb, PlanPlace& place);
 /// @throws UsageError for a plan of another version of the program, whose units have other keys
 Plan ReadPlan(const PlanPlace& place);
 
+/// The terminal names so many units of a kind.
+inline constexpr size_t kMostNamed = 20;
+
 struct MergeOptions {
   std::filesystem::path to;
   bool mixed = false;

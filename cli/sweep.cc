@@ -118,6 +118,7 @@ class Hashes {
 PlanLine LineOf(const SweepOptions& sweep, const Point& point, Hashes& hashes) {
   const Options options = OptionsOf(sweep, point);
   const RunConfig config = ResolveConfig(options);
+  config.data.CheckNamed();
   PlanLine line;
   std::string data;
   for (const std::string& file : config.data.AllFiles()) {

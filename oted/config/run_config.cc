@@ -81,6 +81,10 @@ void DataConfig::CheckConstants(const std::vector<std::string>& names) const {
   }
 }
 
+void DataConfig::CheckNamed() const {
+  if (empty()) throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
+}
+
 std::optional<size_t> DataConfig::n_episodes() const {
   if (episodes == "all") return std::nullopt;
   size_t n = 0;

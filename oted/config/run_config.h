@@ -58,6 +58,8 @@ struct DataConfig {
   int action_delay = 0;
   FieldList Fields();
   bool empty() const { return path.empty() && recordings.empty(); }
+  /// @throws UsageError where no data are named
+  void CheckNamed() const;
   /// How many episodes `episodes` asks for; none: all. @throws UsageError
   std::optional<size_t> n_episodes() const;
   std::vector<std::string> AllFiles() const;

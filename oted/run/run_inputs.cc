@@ -85,7 +85,7 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
 }
 
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
-  if (config.empty()) throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
+  config.CheckNamed();
   const Dataset all = ReadFiles(config, DataOptionsFor(config, spec));
   const std::optional<size_t> wanted = config.n_episodes();
   if (!wanted) return all;
