@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
-#include <optional>
 
 #include "cli/console.h"
 #include "cli/options.h"
@@ -23,8 +22,7 @@ void AddExportVerb(Program& program) {
   CLI::App* verb = program.app.add_subcommand(
       "export", "write the designed model as MJCF, q(z) as JSON, and parameters for mujoco.sysid");
   struct Words {
-    std::string run, mjcf, q, sysid;
-    std::optional<std::string> member;
+    std::string run, mjcf, q, sysid, member = ExportRequest().member;
   };
   auto words = std::make_shared<Words>();
   verb->add_option("RUN_DIR,--out", words->run, "run directory that holds a design.json")->required();
@@ -39,10 +37,10 @@ void AddExportVerb(Program& program) {
   verb->callback([words] {
     ExportRequest request{.mjcf = words->mjcf, .q = words->q, .sysid = words->sysid};
     if (request.mjcf.empty() && request.q.empty() && request.sysid.empty()) request = DefaultExports(words->run);
-    if (words->member && request.mjcf.empty()) {
+    request.member = words->member;
+    if (request.mjcf.empty() && request.member != ExportRequest().member) {
       throw UsageError("--member says which model --mjcf writes; add --mjcf FILE");
     }
-    if (words->member) request.member = *words->member;
     for (const ExportedFile& file : Export(words->run, request)) {
       Print("{}: {}\n", file.what, file.path.string());
     }

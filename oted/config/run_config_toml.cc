@@ -105,7 +105,7 @@ void ReadDesign(const toml::table& table, const std::string& file_name, DesignCh
     }
     json value = TomlToJson(node, at);
     // The path among what a prior can be is relative to the file's folder.
-    if (name == "prior" && value.is_string() && PriorSourceOf(value) == PriorSource::kDesign) {
+    if (name == "prior" && value.is_string() && PriorSourceOf(value.get<std::string>()) == PriorSource::kDesign) {
       value = BesideFile(value.get<std::string>(), file_name);
     }
     design.Set(name, value, at);
