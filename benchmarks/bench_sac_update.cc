@@ -79,7 +79,7 @@ void CrossQBesideSac(benchmark::State& state, int obs_dim, int act_dim) {
 }
 
 // The hand-written step beside the same one on libtorch's autograd: what --device cuda runs, here or there.
-void Autograd(benchmark::State& state, ReplayWorkload::Algorithm algorithm, const std::string& device) {
+void Autograd(benchmark::State& state, ReplayWorkload::Algorithm algorithm, TrainingDevice device) {
   try {
     CheckDevice(device);
   } catch (const std::exception& error) {
@@ -93,10 +93,10 @@ BENCHMARK_CAPTURE(Update, Hopper, 11, 3)->Iterations(100);
 BENCHMARK_CAPTURE(Update, HalfCheetah, 17, 6)->Iterations(100);
 BENCHMARK_CAPTURE(CrossQBesideSac, Hopper, 11, 3)->Iterations(100);
 BENCHMARK_CAPTURE(CrossQBesideSac, HalfCheetah, 17, 6)->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, SacOnCpu, kSac, "cpu")->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, SacOnCuda, kSac, "cuda")->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, CrossQOnCpu, kCrossQ, "cpu")->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, CrossQOnCuda, kCrossQ, "cuda")->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, SacOnCpu, kSac, TrainingDevice::kCpu)->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, SacOnCuda, kSac, TrainingDevice::kCuda)->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, CrossQOnCpu, kCrossQ, TrainingDevice::kCpu)->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, CrossQOnCuda, kCrossQ, TrainingDevice::kCuda)->Iterations(100);
 
 }  // namespace
 }  // namespace oted

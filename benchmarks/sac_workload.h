@@ -5,6 +5,7 @@
 #include <time.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,17 +37,18 @@ class ReplayWorkload {
  public:
   enum class Algorithm { kSac, kCrossQ };
 
-  /// @param autograd_on  empty for the hand-written update, or the device that OnDevice takes
-  ReplayWorkload(Algorithm algorithm, int obs_dim, int act_dim, const std::string& autograd_on = "")
+  /// @param autograd_on  none for the hand-written update, or the device that OnDevice takes
+  ReplayWorkload(Algorithm algorithm, int obs_dim, int act_dim,
+                 std::optional<TrainingDevice> autograd_on = std::nullopt)
       : buffer_(obs_dim, act_dim, kRows) {
     const TanhGaussianPolicy actor = Actor(obs_dim, act_dim, rng_);
     const double entropy = -static_cast<double>(act_dim);
     const auto set_update = [&](auto update, const auto& options) {
       using Update = decltype(update);
-      if (autograd_on.empty()) {
+      if (!autograd_on) {
         update_ = std::make_unique<Update>(std::move(update));
       } else {
-        update_ = OnDevice(std::move(update), options, autograd_on);
+        update_ = OnDevice(std::move(update), options, *autograd_on);
       }
     };
     if (algorithm == Algorithm::kSac) {

@@ -76,8 +76,8 @@ void EvaluateFile(const EvaluateOptions& options) {
   const int n_episodes = Episodes(options.episodes);
   NullSink log;
   const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("evaluate");
-  const BatchPolicy policy = LoadBatchPolicy(options.policy, factory->spec(), config.algorithms.ppo.EvaluationNoise(),
-                                             key.Stage("actions").MakeRng());
+  const BatchPolicy policy =
+      LoadBatchPolicy(options.policy, factory->spec(), config.algorithms.ppo.evaluate, key.Stage("actions").MakeRng());
   const PolicyEvaluation result =
       EvaluateBatchPolicy(*factory, policy, z, n_episodes, MakeContext(log, config.run.threads).n_threads, key);
   const SimulatorSpec& spec = factory->spec();

@@ -22,7 +22,7 @@ void AddExportVerb(Program& program) {
   CLI::App* verb = program.app.add_subcommand(
       "export", "write the designed model as MJCF, q(z) as JSON, and parameters for mujoco.sysid");
   struct Words {
-    std::string run, mjcf, q, sysid, member = "best";
+    std::string run, mjcf, q, sysid, member = ExportRequest().member;
   };
   auto words = std::make_shared<Words>();
   verb->add_option("RUN_DIR,--out", words->run, "run directory that holds a design.json")->required();
@@ -38,7 +38,7 @@ void AddExportVerb(Program& program) {
     ExportRequest request{.mjcf = words->mjcf, .q = words->q, .sysid = words->sysid};
     if (request.mjcf.empty() && request.q.empty() && request.sysid.empty()) request = DefaultExports(words->run);
     request.member = words->member;
-    if (request.mjcf.empty() && request.member != "best") {
+    if (request.mjcf.empty() && request.member != ExportRequest().member) {
       throw UsageError("--member says which model --mjcf writes; add --mjcf FILE");
     }
     for (const ExportedFile& file : Export(words->run, request)) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <memory>
 #include <set>
 
@@ -43,12 +44,26 @@ void MergeSweep(const Collected& units, const fs::path& to) {
   Print("{}", table.Text());
 }
 
+/// The first of them on lines of their own, and how many more there are.
+template <class Units, class Line>
+void SayEach(const char* what, const Units& units, const Line& line) {
+  for (size_t i = 0; i < std::min(units.size(), kMostNamed); ++i) Say(fmt::format("{}: {}\n", what, line(units[i])));
+  if (units.size() > kMostNamed) Say(fmt::format("{}: ... and {} more\n", what, units.size() - kMostNamed));
+}
+
 void SayWhatLacks(const Collected& units) {
-  for (const PlanLine& line : units.missing) Say(fmt::format("missing: {}\n", line.name));
-  for (const CollectedUnit& unit : units.failed) {
-    Say(fmt::format("failed: {}: exit code {}: {}\n", unit.line.name, unit.record.exit_code,
-                    Printable(unit.record.message)));
-  }
+  SayEach("missing", units.missing, [](const PlanLine& line) { return line.name; });
+  SayEach("failed", units.failed, [](const CollectedUnit& unit) {
+    return fmt::format("{}: exit code {}: {}", unit.line.name, unit.record.exit_code, Printable(unit.record.message));
+  });
+}
+
+/// What the user may do about it.
+std::string Remedy(const Collected& units, const PlanPlace& place) {
+  const std::string submit = fmt::format("'oted submit {} --engine local' (or slurm)", place.file.string());
+  if (units.failed.empty()) return submit + " goes on";
+  if (units.missing.empty()) return fmt::format("{} with --retry-failed tries the failed ones again", submit);
+  return submit + " goes on, and with --retry-failed tries the failed ones again";
 }
 
 void SayWhere(const Collected& units, const fs::path& merged) {
@@ -77,8 +92,7 @@ fs::path MergeOptions::Stem(const Plan& plan, const PlanPlace& place) const {
   const char* ending = EndingOf(plan.kind);
   if (!to.has_filename() || (to.has_extension() && to.extension() != ending)) {
     throw UsageError(
-        fmt::format("--merge-to {}: a {} is merged into a file; wanted a name that ends with {}, or one "
-                    "without an ending",
+        fmt::format("--merge-to {}: the result of a {} is a {} file; wanted a name with that ending, or with none",
                     to.string(), NameOf(PlanKindNames(), plan.kind), ending));
   }
   return fs::path(to).replace_extension();
@@ -94,9 +108,7 @@ int MergePlan(const Plan& plan, const PlanPlace& place, const MergeOptions& opti
   SayWhatLacks(units);
   const bool complete = units.missing.empty() && units.failed.empty();
   if (!complete) {
-    Say(fmt::format("{} of {} units are done; 'oted submit {} --engine local' (or slurm) goes on{}\n",
-                    units.done.size(), plan.lines.size(), place.file.string(),
-                    units.failed.empty() ? "" : ", and with --retry-failed tries the failed ones again"));
+    Say(fmt::format("{} of {} units are done; {}\n", units.done.size(), plan.lines.size(), Remedy(units, place)));
   }
   return static_cast<int>(complete ? ExitCode::kDone : ExitCode::kDataOrModel);
 }

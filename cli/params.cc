@@ -97,7 +97,7 @@ void PrintOffers(const std::string& task, const std::vector<ParameterOffer>& off
       Print("\n{}{}{}\n", owner, names.empty() ? "" : ": ", fmt::join(names, ", "));
     }
     Print("  {:<30} {:<18} {}{}\n", offer.path, NominalRange(offer.places), offer.meaning, UnitInBrackets(offer.unit));
-    if (!values || offer.owner == "action" || offer.owner == "obs") continue;
+    if (!values || IsChannelPath(offer.path)) continue;
     for (const ParameterPlace& place : offer.places) Print("      {:<40} {:g}\n", place.path, place.nominal);
   }
 }

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "oted/plan/plan_state.h"
@@ -28,6 +29,9 @@ void AddPlanPlace(CLI::App& verb, PlanPlace& place);
 /// @throws UsageError for a plan of another version of the program, whose units have other keys
 Plan ReadPlan(const PlanPlace& place);
 
+/// The terminal names so many units of a kind.
+inline constexpr size_t kMostNamed = 20;
+
 struct MergeOptions {
   std::filesystem::path to;
   bool mixed = false;
@@ -38,8 +42,11 @@ void AddMergeOptions(CLI::App& verb, MergeOptions& options);
 /// Joins what is done, prints its table, and on stderr what is missing or failed. @return the exit code
 int MergePlan(const Plan& plan, const PlanPlace& place, const MergeOptions& options);
 
+/// What runs a plan's units.
+enum class Engine { kLocal, kSlurm };
+
 struct SubmitOptions {
-  std::string engine;
+  std::optional<Engine> engine;
   int at_once = 0, rounds = 3;
   bool retry_failed = false, quiet = false;
   std::vector<std::string> sbatch;

@@ -11,9 +11,6 @@
 namespace oted::cli {
 namespace {
 
-/// The terminal names so many of a kind.
-constexpr size_t kMostNamed = 20;
-
 struct Named {
   std::string name, what;
 };

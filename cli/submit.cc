@@ -104,9 +104,13 @@ int SubmitToCluster(const Plan& plan, const PlanPlace& place, const SubmitOption
 }  // namespace
 
 void AddSubmitOptions(CLI::App& verb, SubmitOptions& options, bool engine_required) {
-  CLI::Option* engine =
-      verb.add_option("--engine", options.engine, "local: this machine's cores; slurm: arrays of jobs")
-          ->check(CLI::IsMember({"local", "slurm"}));
+  CLI::Option* engine = verb.add_option_function<std::string>(
+                                "--engine",
+                                [&options](const std::string& name) {
+                                  options.engine = name == "slurm" ? Engine::kSlurm : Engine::kLocal;
+                                },
+                                "local: this machine's cores; slurm: arrays of jobs")
+                            ->check(CLI::IsMember({"local", "slurm"}));
   if (engine_required) engine->required();
   verb.add_option("--at-once", options.at_once,
                   "units at a time [default: local as many as there are cores, slurm as many as the cluster gives]")
@@ -128,7 +132,7 @@ int SubmitPlan(const PlanPlace& place, SubmitOptions options) {
   for (const PlanLine& line : plan.lines) {
     if (options.retry_failed) root.ForgetFailure(line.Folder());
   }
-  return options.engine == "slurm" ? SubmitToCluster(plan, place, options) : SubmitLocal(plan, place, options);
+  return options.engine == Engine::kSlurm ? SubmitToCluster(plan, place, options) : SubmitLocal(plan, place, options);
 }
 
 void AddSubmitVerb(Program& program) {

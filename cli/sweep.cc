@@ -118,6 +118,7 @@ class Hashes {
 PlanLine LineOf(const SweepOptions& sweep, const Point& point, Hashes& hashes) {
   const Options options = OptionsOf(sweep, point);
   const RunConfig config = ResolveConfig(options);
+  config.data.CheckNamed();
   PlanLine line;
   std::string data;
   for (const std::string& file : config.data.AllFiles()) {
@@ -178,7 +179,7 @@ void AddSweepVerb(Program& program) {
     Hashes hashes;
     for (const Point& point : Points(*options)) plan.lines.push_back(LineOf(*options, point, hashes));
     WritePlan(plan, options->target);
-    if (options->submit.engine.empty()) return;
+    if (!options->submit.engine) return;
     PlanPlace place{options->target.file, {}};
     place.Resolve();
     program.exit_code = SubmitPlan(place, options->submit);

@@ -67,7 +67,7 @@ std::string Evaluate(const nb::object& policy, const Study& study, const std::op
   const nb::gil_scoped_release release;
   const RunConfig config = ExpandPresets(study.Config());
   Array2<double> starts;
-  if (config.task.has_model() && config.task.model.start == "logs") {
+  if (config.task.has_model() && config.task.model.starts_in_logs()) {
     starts = ReadEpisodes(config.data, SpecOf(config.task)).EpisodeStarts();
   }
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, starts);
@@ -76,7 +76,7 @@ std::string Evaluate(const nb::object& policy, const Study& study, const std::op
   factory->parameters().CheckInside(at);
   const RngKey key = RngKey(seed).Stage("evaluate");
   const BatchPolicy act =
-      is_file ? LoadBatchPolicy(path, spec, config.algorithms.ppo.EvaluationNoise(), key.Stage("actions").MakeRng())
+      is_file ? LoadBatchPolicy(path, spec, config.algorithms.ppo.evaluate, key.Stage("actions").MakeRng())
               : OfFunction(policy, spec);
   const PolicyEvaluation result = EvaluateBatchPolicy(*factory, act, at, n_episodes, config.Threads(), key);
   json returns = json::array(), lengths = json::array();

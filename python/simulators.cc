@@ -26,7 +26,7 @@ class Lanes {
     const RunConfig config = ExpandPresets(study.Config());
     task_ = config.task;
     Array2<double> starts;
-    if (task_.has_model() && task_.model.start == "logs") {
+    if (task_.has_model() && task_.model.starts_in_logs()) {
       starts = ReadEpisodes(config.data, SpecOf(task_)).EpisodeStarts();
     }
     factory_ = MakeSimulatorFactory(task_, config.parameters, starts);

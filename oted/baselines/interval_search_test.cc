@@ -139,7 +139,7 @@ struct Training {
     config.hidden = {8};
     config.eval_interval = 300;
     config.eval_episodes = 1;
-    config.keep = "last";
+    config.keep = KeptPolicy::kLast;
     NullSink log;
     return TrainAgent({.factory = PointMassFactory({.max_episode_steps = 5}),
                        .source = search,

@@ -41,7 +41,7 @@ FieldList AgentsConfig::Fields() {
                    TrainInNames());
   fields.AddChoice("device", &device,
                    "device of crossq's and sac's gradient steps: cpu, or cuda (libtorch's autograd on a GPU)",
-                   {"cpu", "cuda"});
+                   TrainingDeviceNames());
   fields.Add("nominal", &nominal, "with a known truth, also train agents in the nominal simulator, to compare");
   fields.Add("nominal_at", &nominal_at,
              "that simulator's parameters, in the order of [parameters]; none: their nominal values");
@@ -65,10 +65,10 @@ AgentAlgorithm AgentsConfig::AlgorithmFor(const SimulatorSpec& spec) const {
 
 void RunConfig::CheckAgentSettings(const SimulatorSpec& spec) const {
   const AlgorithmEntry& used = Algorithm(spec);
-  if (used.algorithm == AgentAlgorithm::kPpo && agents.device != "cpu") {
+  if (used.algorithm == AgentAlgorithm::kPpo && agents.device != TrainingDevice::kCpu) {
     throw UsageError(fmt::format(
         "agents.device is {}, but the agents of task '{}' learn by ppo, whose gradient steps are made on the cpu alone",
-        agents.device, spec.task));
+        NameOf(TrainingDeviceNames(), agents.device), spec.task));
   }
   CheckDevice(agents.device);
   AlgorithmSettings given = algorithms, defaults;

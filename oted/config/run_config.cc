@@ -19,6 +19,7 @@
 #include "oted/config/toml_writer.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
+#include "oted/stages/design/prior_source.h"
 
 namespace oted {
 
@@ -28,8 +29,7 @@ FieldList DataConfig::Fields() {
   FieldList fields("data");
   fields.Add("path", &path, "logged trajectories: .hdf5 (D4RL or Minari), a Minari folder, .npz, .csv or .csv.gz");
   fields.Add("episodes", &episodes, "how many episodes to use, from the first: a number, or all");
-  fields.AddChoice("format", &format, "the file's format; auto: by path and content",
-                   {"auto", "d4rl", "minari", "npz", "csv"});
+  fields.AddChoice("format", &format, "the file's format; auto: by path and content", DataFormatNames());
   fields.Add("observations", &columns.observations, "CSV columns with observations; none: those with the prefix obs");
   fields.Add("actions", &columns.actions, "CSV columns with actions; none: those with the prefix act");
   fields.Add("episode", &columns.episode, "CSV column with the episode's number; empty: by the usual names");
@@ -79,6 +79,21 @@ void DataConfig::CheckConstants(const std::vector<std::string>& names) const {
                       recording.path, name, DidYouMean(name, names), name));
     }
   }
+}
+
+void DataConfig::CheckNamed() const {
+  if (empty()) throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
+}
+
+std::optional<size_t> DataConfig::n_episodes() const {
+  if (episodes == "all") return std::nullopt;
+  size_t n = 0;
+  const char *begin = episodes.data(), *end = begin + episodes.size();
+  const auto [rest, error] = std::from_chars(begin, end, n);
+  if (error != std::errc{} || rest != end || n < 1) {
+    throw UsageError(fmt::format("data.episodes is '{}', wanted a number of at least 1, or all", episodes));
+  }
+  return n;
 }
 
 DataOptions DataConfig::Options() const {
@@ -218,19 +233,13 @@ void RunConfig::Check() const {
   } catch (const json::exception&) {
     throw UsageError("a column named in [data] is not UTF-8 text, which run.toml cannot hold; rename it in the file");
   }
-  if (data.episodes != "all") {
-    int n = 0;
-    const char *begin = data.episodes.data(), *end = begin + data.episodes.size();
-    const auto [rest, error] = std::from_chars(begin, end, n);
-    if (error != std::errc{} || rest != end || n < 1) {
-      throw UsageError(fmt::format("data.episodes is '{}', wanted a number of at least 1, or all", data.episodes));
-    }
-  }
+  static_cast<void>(data.n_episodes());
   design.Check();
   for (const auto& [name, setting] : settings) setting.Check();
   baselines.Check();
-  const bool used = std::ranges::any_of(
-      DesignSettings(), [](const auto& setting) { return setting.second.Assumed().prior == "gaussian"; });
+  const bool used = std::ranges::any_of(DesignSettings(), [](const auto& setting) {
+    return PriorSourceOf(setting.second.Assumed().prior) == PriorSource::kBeliefs;
+  });
   for (const ParameterSpec& spec : parameters) {
     if (!spec.prior || used) continue;
     throw UsageError(

@@ -53,11 +53,15 @@ struct DataConfig {
   std::string path;
   std::vector<Recording> recordings;  ///< in place of `path`
   std::string episodes = "all";
-  std::string format = "auto";
+  std::optional<DataFormat> format;
   CsvLayout columns;
   int action_delay = 0;
   FieldList Fields();
   bool empty() const { return path.empty() && recordings.empty(); }
+  /// @throws UsageError where no data are named
+  void CheckNamed() const;
+  /// How many episodes `episodes` asks for; none: all. @throws UsageError
+  std::optional<size_t> n_episodes() const;
   std::vector<std::string> AllFiles() const;
   /// For sentences: "a.csv", "a.csv and 2 more".
   std::string Files() const;
@@ -90,7 +94,7 @@ struct AgentsConfig {
   std::optional<AgentAlgorithm> algorithm;  ///< none: auto
   int n_agents = 3;
   TrainIn train_in = TrainIn::kModes;
-  std::string device = "cpu";
+  TrainingDevice device = TrainingDevice::kCpu;
   bool nominal = true;             ///< with a known truth, also train agents in the nominal simulator
   std::vector<double> nominal_at;  ///< z of that simulator; empty: the parameters' nominal values
   int selection_episodes = 10;

@@ -310,7 +310,7 @@ TEST(RunConfig, SetTakesAnySetting) {
   EXPECT_EQ(config.data.path, "a=b.hdf5") << "the first '=' ends the key";
   EXPECT_EQ(config.data.episodes, "5");
   const DataOptions options = config.data.Options();
-  EXPECT_EQ(options.format, "csv");
+  EXPECT_EQ(options.format, DataFormat::kCsv);
   EXPECT_THAT(options.columns.observations, ElementsAre("joint/hip/qpos", "obs_1"));
   EXPECT_THAT(options.columns.actions, ElementsAre("a,b"));
   EXPECT_EQ(options.columns.time, "t");

@@ -14,6 +14,7 @@
 #include "oted/config/toml_reader.h"
 #include "oted/config/toml_text.h"
 #include "oted/config/toml_writer.h"
+#include "oted/stages/design/prior_source.h"
 
 namespace oted {
 
@@ -104,7 +105,7 @@ void ReadDesign(const toml::table& table, const std::string& file_name, DesignCh
     }
     json value = TomlToJson(node, at);
     // The path among what a prior can be is relative to the file's folder.
-    if (name == "prior" && value.is_string() && value != "uniform" && value != "gaussian") {
+    if (name == "prior" && value.is_string() && PriorSourceOf(value.get<std::string>()) == PriorSource::kDesign) {
       value = BesideFile(value.get<std::string>(), file_name);
     }
     design.Set(name, value, at);

@@ -13,20 +13,20 @@ namespace oted {
 Dataset ReadHdf5(const std::string& path, const DataOptions& options) {
   return ReadHdf5File(path, options.hdf5_limits, [&](const Hdf5Reader& source) {
     const bool is_minari = !source.Has("observations") && source.Has("episode_0");
-    if (is_minari && options.format == "d4rl") {
+    if (is_minari && options.format == DataFormat::kD4rl) {
       throw DataError(fmt::format(
           "'{}' is in Minari's layout (one group per episode), wanted D4RL's flat arrays; set the format to "
           "minari, or leave it out",
           path));
     }
-    if (is_minari || options.format == "minari") return ReadMinariEpisodes(source, path);
+    if (is_minari || options.format == DataFormat::kMinari) return ReadMinariEpisodes(source, path);
     return ReadD4rlArrays(source, path, options.max_episode_steps);
   });
 }
 
 Dataset ReadD4rlHdf5(const std::string& path) {
   DataOptions options;
-  options.format = "d4rl";
+  options.format = DataFormat::kD4rl;
   return ReadHdf5(path, options);
 }
 

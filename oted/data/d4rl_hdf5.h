@@ -8,7 +8,7 @@
 namespace oted {
 
 /// Reads an HDF5 file in a child process within limits (hdf5.h): D4RL's layout, or Minari's where the file has
-/// one group per episode and `options.format` is not "d4rl". Of D4RL's arrays it reads observations, actions, rewards,
+/// one group per episode and `options.format` is not kD4rl. Of D4RL's arrays it reads observations, actions, rewards,
 /// terminals, timeouts, next_observations, infos/qpos, infos/qvel; of these rewards, timeouts, next_observations and
 /// infos are optional. Float or double, (N) or (N, 1), bool, integer or float flags. Without timeouts an episode is cut
 /// after options.max_episode_steps rows; without next_observations, s' is the next row and the last row of each

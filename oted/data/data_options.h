@@ -2,10 +2,18 @@
 /// How a dataset's file is to be read and written, beyond what its name says.
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "oted/base/fields.h"
+
 namespace oted {
+
+enum class DataFormat { kD4rl, kMinari, kNpz, kCsv };
+
+/// Without a value: "auto".
+const NamedValues<std::optional<DataFormat>>& DataFormatNames();
 
 /// Which columns of a CSV hold what. An empty entry is found by convention (docs/file_formats.md): observations and
 /// actions by their prefixes ("obs.hip", "action_0"), the others by their usual names ("episode", "time", "reward",
@@ -32,8 +40,8 @@ struct ChildLimits {
 ChildLimits LimitsFor(uint64_t file_bytes, const ChildLimits& base = {});
 
 struct DataOptions {
-  std::string format = "auto";  ///< auto (by path and content), d4rl, minari, npz, csv
-  CsvLayout columns;            ///< of a CSV
+  std::optional<DataFormat> format;  ///< none: by path and content
+  CsvLayout columns;                 ///< of a CSV
   /// The logged action acts this many control steps later: row i gets the action of row i - action_delay.
   int action_delay = 0;
 
@@ -48,9 +56,8 @@ struct DataOptions {
   bool check = true;  ///< Dataset::Check; without it, what the file holds, NaN included, for the checks that name it
 };
 
-/// How a dataset is written; all but the format concern Minari's metadata.
+/// What is written beside a dataset: Minari's metadata.
 struct WriteOptions {
-  std::string format = "auto";     ///< auto (by the path's ending), d4rl, minari, npz, csv
   std::string environment;         ///< Gymnasium id ("Hopper-v5") for env_spec; empty: none
   std::string dataset_id;          ///< "NAMESPACE/NAME-v0"; empty: the last part of the path
   std::string algorithm = "oted";  ///< what chose the actions

@@ -20,37 +20,21 @@
 namespace oted {
 namespace {
 
-enum class Format { kD4rl, kMinari, kNpz, kCsv };
-
-/// @return false for "auto". @throws UsageError
-bool NamedFormat(const std::string& name, Format& format) {
-  static const std::vector<std::string> kNames = {"auto", "d4rl", "minari", "npz", "csv"};
-  for (size_t i = 0; i < kNames.size(); ++i) {
-    if (name != kNames[i]) continue;
-    if (i > 0) format = static_cast<Format>(i - 1);
-    return i > 0;
-  }
-  throw UsageError(
-      fmt::format("data format '{}'{}, wanted {}", name, DidYouMean(name, kNames), fmt::join(kNames, ", ")));
-}
-
-/// The format that a file's ending stands for. @return false when it stands for none
-bool FormatOfEnding(const std::string& path, Format& format) {
+/// The format that a file's ending stands for, if any.
+std::optional<DataFormat> FormatOfEnding(const std::string& path) {
   struct Ending {
     std::string_view ending;
-    Format format;
+    DataFormat format;
   };
-  static constexpr std::array<Ending, 5> kEndings = {{{".hdf5", Format::kD4rl},
-                                                      {".h5", Format::kD4rl},
-                                                      {".npz", Format::kNpz},
-                                                      {".csv", Format::kCsv},
-                                                      {".csv.gz", Format::kCsv}}};
+  static constexpr std::array<Ending, 5> kEndings = {{{".hdf5", DataFormat::kD4rl},
+                                                      {".h5", DataFormat::kD4rl},
+                                                      {".npz", DataFormat::kNpz},
+                                                      {".csv", DataFormat::kCsv},
+                                                      {".csv.gz", DataFormat::kCsv}}};
   for (const Ending& e : kEndings) {
-    if (!path.ends_with(e.ending)) continue;
-    format = e.format;
-    return true;
+    if (path.ends_with(e.ending)) return e.format;
   }
-  return false;
+  return std::nullopt;
 }
 
 [[noreturn]] void FailEnding(const std::string& path) {
@@ -60,14 +44,13 @@ bool FormatOfEnding(const std::string& path, Format& format) {
                   path, std::filesystem::path(path).extension().string()));
 }
 
-Format FormatToRead(const std::string& path, const DataOptions& options) {
-  Format format = Format::kD4rl;
-  if (NamedFormat(options.format, format)) return format;
-  if (std::filesystem::path(path).filename() == "main_data.hdf5") return Format::kMinari;
-  if (FormatOfEnding(path, format)) return format;
+DataFormat FormatToRead(const std::string& path, const DataOptions& options) {
+  if (options.format) return *options.format;
+  if (std::filesystem::path(path).filename() == "main_data.hdf5") return DataFormat::kMinari;
+  if (const auto format = FormatOfEnding(path)) return *format;
   std::error_code error;
-  if (std::filesystem::is_directory(path, error)) return Format::kMinari;
-  if (IsMinariName(path)) return Format::kMinari;  // which is missing: its reader says so
+  if (std::filesystem::is_directory(path, error)) return DataFormat::kMinari;
+  if (IsMinariName(path)) return DataFormat::kMinari;  // which is missing: its reader says so
   FailEnding(path);
 }
 
@@ -112,6 +95,15 @@ void Reorder(const std::string& path, const char* what, const char* setting, con
 
 }  // namespace
 
+const NamedValues<std::optional<DataFormat>>& DataFormatNames() {
+  static const NamedValues<std::optional<DataFormat>> names = {{std::nullopt, "auto"},
+                                                               {DataFormat::kD4rl, "d4rl"},
+                                                               {DataFormat::kMinari, "minari"},
+                                                               {DataFormat::kNpz, "npz"},
+                                                               {DataFormat::kCsv, "csv"}};
+  return names;
+}
+
 void MatchNames(Dataset& dataset, const std::vector<std::string>& observation_names,
                 const std::vector<std::string>& action_names) {
   Reorder(dataset.path, "observations", "observations", observation_names, dataset.observation_names,
@@ -149,20 +141,20 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
     throw UsageError(fmt::format("data.action_delay is {}, wanted 0 or more control steps", options.action_delay));
   }
   CheckIsFile(path);
-  const Format format = FormatToRead(path, options);
+  const DataFormat format = FormatToRead(path, options);
   std::error_code error;
-  if (format != Format::kMinari && !std::filesystem::is_regular_file(path, error)) {
+  if (format != DataFormat::kMinari && !std::filesystem::is_regular_file(path, error)) {
     throw DataError(
         fmt::format("dataset '{}' is not a file; check the path (it is relative to where oted runs)", path));
   }
   Dataset dataset;
   std::string file = path;
-  if (format == Format::kMinari) {
+  if (format == DataFormat::kMinari) {
     dataset = ReadMinari(path, options);
     file = FindMinari(path).data;
-  } else if (format == Format::kD4rl) {
+  } else if (format == DataFormat::kD4rl) {
     dataset = ReadHdf5(path, options);
-  } else if (format == Format::kNpz) {
+  } else if (format == DataFormat::kNpz) {
     dataset = ReadDatasetNpz(path, options);
   } else {
     Recording recording = ReadCsv(path, options);
@@ -181,20 +173,17 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
 void WriteDataset(const Dataset& dataset, const std::string& path) { WriteDataset(dataset, path, WriteOptions{}); }
 
 void WriteDataset(const Dataset& dataset, const std::string& path, const WriteOptions& options) {
-  Format format = Format::kD4rl;
-  if (!NamedFormat(options.format, format) && !FormatOfEnding(path, format)) {
-    if (!IsMinariName(path)) FailEnding(path);
-    format = Format::kMinari;
-  }
-  if (format != Format::kCsv && !dataset.constants.empty()) {
+  if (!FormatOfEnding(path) && !IsMinariName(path)) FailEnding(path);
+  const DataFormat format = FormatOfEnding(path).value_or(DataFormat::kMinari);
+  if (format != DataFormat::kCsv && !dataset.constants.empty()) {
     throw DataError(fmt::format("'{}': only a CSV holds constants of recordings ({}); write .csv or .csv.gz", path,
                                 fmt::join(dataset.constant_names, ", ")));
   }
-  if (format == Format::kD4rl) {
+  if (format == DataFormat::kD4rl) {
     WriteD4rlHdf5(dataset, path);
-  } else if (format == Format::kMinari) {
+  } else if (format == DataFormat::kMinari) {
     WriteMinari(dataset, path, options);
-  } else if (format == Format::kNpz) {
+  } else if (format == DataFormat::kNpz) {
     WriteDatasetNpz(dataset, path);
   } else {
     WriteCsv(dataset, path);

@@ -30,7 +30,7 @@ ReplayAgent TrainAgent(const AgentJob& job, const CrossQConfig& config) {
                                       .momentum = config.momentum,
                                       .renorm_warmup = config.renorm_warmup};
     CrossQUpdate update(actor, config.critic_hidden, options, rng);
-    if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
+    if (config.device != TrainingDevice::kCpu) return OnDevice(std::move(update), options, config.device);
     return std::make_unique<CrossQUpdate>(std::move(update));
   };
   return TrainByReplay(job, config, "crossq", make_update);

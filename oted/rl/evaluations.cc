@@ -48,7 +48,7 @@ void Evaluations::Keep(double eval_return, int n_diverged) {
   const auto failed = [&](int n) { return n == schedule_.eval_episodes; };
   const bool better =
       failed(n_diverged) != failed(curve_.n_diverged) ? failed(curve_.n_diverged) : eval_return > curve_.eval_return;
-  if (schedule_.keep != "last" && !curve_.eval_returns.empty() && !better) return;
+  if (schedule_.keep == KeptPolicy::kBest && !curve_.eval_returns.empty() && !better) return;
   curve_.eval_return = eval_return;
   curve_.n_diverged = n_diverged;
   curve_.kept = now_.parameters;

@@ -35,10 +35,10 @@ FieldList PpoConfig::Fields() {
   fields.Add("eval_interval", &eval_interval, "control steps between evaluations and checkpoints", AtLeast(1));
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
-                   {"best", "last"});
+                   KeptPolicyNames());
   fields.AddChoice("evaluate", &evaluate,
                    "how a policy over discrete actions acts in evaluations: a drawn action, or the most probable one",
-                   {"sampled", "most_probable"});
+                   NamedValues<ActionNoise>{{ActionNoise::kSampled, "sampled"}, {ActionNoise::kMean, "most_probable"}});
   return fields;
 }
 
@@ -276,8 +276,7 @@ PpoResult TrainAgent(const AgentJob& job, const PpoConfig& config) {
   PpoTraining training(job.factory, job.source, config, job.key, job.context.n_threads);
   PpoResult result;
   static_cast<LearningCurve&>(result) = TrainInSegments(
-      training, job,
-      {config.n_steps, config.eval_interval, config.eval_episodes, config.keep, config.EvaluationNoise()});
+      training, job, {config.n_steps, config.eval_interval, config.eval_episodes, config.keep, config.evaluate});
   result.policy = training.PolicyOf(result.kept);
   return result;
 }

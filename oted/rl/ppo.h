@@ -34,11 +34,9 @@ struct PpoConfig {
   bool normalize_advantage = true;
   int64_t eval_interval = 50'000;
   int eval_episodes = 20;
-  std::string keep = "best";
-  std::string evaluate = "sampled";
+  KeptPolicy keep = KeptPolicy::kBest;
+  ActionNoise evaluate = ActionNoise::kSampled;  ///< how a policy over discrete actions acts where it is judged
 
-  /// How a policy over discrete actions acts where it is judged.
-  ActionNoise EvaluationNoise() const { return evaluate == "sampled" ? ActionNoise::kSampled : ActionNoise::kMean; }
   FieldList Fields();
 };
 

@@ -85,7 +85,7 @@ TEST(TrainPpo, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   const EpisodeParameters draw = [](Rng& rng) { return std::vector<double>{rng.Uniform() < 0.5 ? 0.0 : 0.4}; };
   Training uninterrupted{whole.path()};
   uninterrupted.config.n_steps = 700;
-  uninterrupted.config.keep = "last";
+  uninterrupted.config.keep = KeptPolicy::kLast;
   uninterrupted.parameters = draw;
   const PpoResult expected = uninterrupted();
 

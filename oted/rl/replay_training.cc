@@ -30,7 +30,7 @@ void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("eval_interval", &eval_interval, "control steps between evaluations and checkpoints", AtLeast(1));
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
-                   {"best", "last"});
+                   KeptPolicyNames());
   fields.Add("average_over", &average_over,
              "gradient steps over which the policy that is evaluated and kept is averaged; 1: none", AtLeast(1));
   fields.Add(

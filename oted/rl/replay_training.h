@@ -32,7 +32,7 @@ struct ReplayConfig {
   int multi_step = 1;
   int64_t eval_interval = 10'000;
   int eval_episodes = 5;
-  std::string keep = "best";
+  KeptPolicy keep = KeptPolicy::kBest;
   /// The policy that is evaluated and kept is a running mean of the learner's over about this many gradient steps; 1:
   /// the learner's own.
   int64_t average_over = 1;
@@ -41,8 +41,8 @@ struct ReplayConfig {
   /// Whether networks see observations in units of ObservationStatistics. A setting of SAC alone: CrossQ's networks
   /// begin with a batch normalisation.
   bool normalize_observations = false;
-  /// Where gradient steps are made, "cpu" or "cuda" (oted/rl/autograd). Not a field: `[agents] device` names it.
-  std::string device = "cpu";
+  /// Where gradient steps are made (oted/rl/autograd). Not a field: `[agents] device` names it.
+  TrainingDevice device = TrainingDevice::kCpu;
 
   /// @throws UsageError, naming `section`, where training would end before its first gradient step
   void CheckLearns(std::string_view section) const;

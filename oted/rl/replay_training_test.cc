@@ -128,7 +128,7 @@ TEST_P(EitherAlgorithm, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) 
   Training uninterrupted{whole.path()};
   uninterrupted.algorithm = GetParam();
   uninterrupted.config.n_steps = 600;
-  uninterrupted.config.keep = "last";
+  uninterrupted.config.keep = KeptPolicy::kLast;
   uninterrupted.config.updates_per_step = 0.7;
   uninterrupted.config.multi_step = 3;
   uninterrupted.config.buffer_size = 250;  // the ring has wrapped when the second segment ends

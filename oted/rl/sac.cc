@@ -24,7 +24,7 @@ ReplayAgent TrainAgent(const AgentJob& job, const SacConfig& config) {
                                    .tau = config.tau,
                                    .target_entropy = -static_cast<double>(actor.act_dim())};
     SacUpdate update(std::move(actor), config.hidden, options, rng);
-    if (config.device != "cpu") return OnDevice(std::move(update), options, config.device);
+    if (config.device != TrainingDevice::kCpu) return OnDevice(std::move(update), options, config.device);
     return std::make_unique<SacUpdate>(std::move(update));
   };
   return TrainByReplay(job, config, "sac", make_update);

@@ -8,6 +8,16 @@
 
 namespace oted {
 
+const NamedValues<KeptPolicy>& KeptPolicyNames() {
+  static const NamedValues<KeptPolicy> names = {{KeptPolicy::kBest, "best"}, {KeptPolicy::kLast, "last"}};
+  return names;
+}
+
+const NamedValues<TrainingDevice>& TrainingDeviceNames() {
+  static const NamedValues<TrainingDevice> names = {{TrainingDevice::kCpu, "cpu"}, {TrainingDevice::kCuda, "cuda"}};
+  return names;
+}
+
 void StartEpisode(Simulator& simulator, int lane, EpisodeSource& source, Rng& rng) {
   simulator.SetParameters(lane, source.Draw(lane, rng));
   simulator.Reset(lane, rng);

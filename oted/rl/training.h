@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "oted/base/error.h"
+#include "oted/base/fields.h"
 #include "oted/base/log.h"
 #include "oted/data/npz.h"
 #include "oted/nn/policy.h"
@@ -57,12 +58,20 @@ class DrawnEpisodes : public EpisodeSource {
 /// Algorithm 2 of the paper, line 1: a lane begins an episode with parameters drawn anew, then a start state.
 void StartEpisode(Simulator& simulator, int lane, EpisodeSource& source, Rng& rng);
 
+/// Which policy training returns: the best evaluated one, or the last.
+enum class KeptPolicy { kBest, kLast };
+const NamedValues<KeptPolicy>& KeptPolicyNames();
+
+/// Where gradient steps are made.
+enum class TrainingDevice { kCpu, kCuda };
+const NamedValues<TrainingDevice>& TrainingDeviceNames();
+
 /// How long an agent trains and how it is looked at on the way.
 struct TrainingSchedule {
   int64_t n_steps = 0;        ///< control steps over all lanes
   int64_t eval_interval = 0;  ///< of a segment, in control steps
   int eval_episodes = 0;
-  std::string keep;                        ///< "best" or "last"
+  KeptPolicy keep = KeptPolicy::kBest;
   ActionNoise noise = ActionNoise::kMean;  ///< how the policy acts where it is evaluated
 };
 

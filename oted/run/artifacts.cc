@@ -20,7 +20,7 @@ namespace {
 json TaskIdentity(const RunSetup& run) {
   json identity = run.config.task.Identity();
   // Agents, too, depend on the data where episodes begin there.
-  if (run.config.task.has_model() && run.config.task.model.start == "logs") {
+  if (run.config.task.has_model() && run.config.task.model.starts_in_logs()) {
     identity["starts"] = {run.dataset.sha256, run.config.data.episodes};
   }
   return identity;
@@ -51,7 +51,9 @@ std::string AgentFingerprint(const RunSetup& run, Ground ground) {
   const json settings = run.config.Algorithm(run.spec()).fields(algorithms).ToJson();
   const bool designed = ground == Ground::kDesigned;
   json inputs = {"agent", designed, settings, run.config.run.seed, TaskIdentity(run), run.model_sha256};
-  if (run.config.agents.device != "cpu") inputs.push_back(run.config.agents.device);  // other bits
+  if (const TrainingDevice device = run.config.agents.device; device != TrainingDevice::kCpu) {
+    inputs.push_back(NameOf(TrainingDeviceNames(), device));  // other bits
+  }
   if (designed) {
     inputs.push_back(SelectionArtifact(run).fingerprint);
     if (run.config.agents.train_in != TrainIn::kModes) {

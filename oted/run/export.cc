@@ -15,6 +15,7 @@
 #include "oted/run/finished_design.h"
 #include "oted/run/provenance.h"
 #include "oted/run/run_directory.h"
+#include "oted/sim/channel_path.h"
 #include "oted/sim/mujoco/export_mjcf.h"
 #include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/joint_residual.h"
@@ -33,9 +34,14 @@ using Member = DesignRecord::Member;
 constexpr const char* kExportFolder = "export";
 constexpr const char* kExports = "export.json";
 
-std::vector<Member> SelectMembers(const FinishedDesign& design, const std::string& which) {
-  if (which == "best") return {design.record.mixture[design.best]};
-  if (which == "all") return design.record.mixture;
+struct Members {
+  std::vector<Member> chosen;
+  bool all = false;  ///< each gets a file with its seed's number
+};
+
+Members SelectMembers(const FinishedDesign& design, const std::string& which) {
+  if (which == "best") return {{design.record.mixture[design.best]}};
+  if (which == "all") return {design.record.mixture, true};
   int seed = 0;
   const char* end = which.data() + which.size();
   const auto [rest, error] = std::from_chars(which.data(), end, seed);
@@ -46,7 +52,7 @@ std::vector<Member> SelectMembers(const FinishedDesign& design, const std::strin
     throw UsageError(fmt::format("member '{}' is none of the design's: wanted best, all, or a seed, {}", which,
                                  fmt::join(seeds, ", ")));
   }
-  return {*found};
+  return {{*found}};
 }
 
 // "friction = 0.549 +- 0.047 x nominal ..." for each parameter, with z as in `mode`.
@@ -77,10 +83,7 @@ constexpr const char* kNotInThisFile = "Not in this file, as they are no fields 
 constexpr const char* kActionDelay = "action/delay";  // MuJoCo's actuators have a delay, too
 
 // Whether a parameter is one of the model; others act on what the agent sees and does.
-bool IsFieldOfModel(const std::string& field) {
-  const std::string owner = field.substr(0, field.find('/'));
-  return owner != "action" && owner != "obs" && owner != "env";
-}
+bool IsFieldOfModel(const std::string& field) { return !field.starts_with("env/") && !IsChannelPath(field); }
 
 bool IsInModel(const ParameterSpec& spec) { return IsFieldOfModel(spec.field); }
 
@@ -154,25 +157,26 @@ bool HasMjcf(const TaskConfig& task) {
 }
 
 std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const ExportRequest& request) {
-  const std::vector<Member> members = SelectMembers(design, request.member);
+  const Members members = SelectMembers(design, request.member);
   if (!HasMjcf(design.config.task)) {
     throw UsageError(
         fmt::format("task '{}' is no MuJoCo model and has no MJCF; write its q(z) with --q", design.config.task.name));
   }
   const MujocoSimulatorFactory factory = ModelFactory(design.config);
   CheckSameModel(design, factory.model_path(), factory.model_sha256());
+  // MuJoCo fills the past of a late actuator with the command 0, at which motors rest; a servo would run to its zero.
+  const bool delay_is_in = HasMotorsAlone(factory.model());
+  const std::string remarks =
+      NotInTheModel(design, delay_is_in) + "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
   std::vector<ExportedFile> written;
-  for (const Member& member : members) {
+  for (const Member& member : members.chosen) {
     fs::path path = request.mjcf;
-    if (request.member == "all") {
+    if (members.all) {
       path.replace_filename(fmt::format("{}-{}{}", path.stem().string(), member.seed, path.extension().string()));
     }
-    // MuJoCo fills the past of a late actuator with the command 0, at which motors rest; a servo would run to its zero.
-    const bool delay_is_in = HasMotorsAlone(factory.model());
-    const std::string comment = Origin(design, member) + NotInTheModel(design, delay_is_in) +
-                                "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
     const double delay = delay_is_in ? ActionDelay(design.config, member.mode, factory.spec().control_period_s) : 0;
-    WriteFileAtomically(path, DesignedMjcf(factory, ModelPart(design.config, member.mode), comment, delay));
+    WriteFileAtomically(
+        path, DesignedMjcf(factory, ModelPart(design.config, member.mode), Origin(design, member) + remarks, delay));
     written.push_back({fmt::format("designed model, seed {}", member.seed), path});
   }
   return written;

@@ -10,6 +10,7 @@
 #include "oted/base/files.h"
 #include "oted/base/seal.h"
 #include "oted/sim/mujoco/model_task.h"
+#include "oted/stages/design/prior_source.h"
 
 namespace oted {
 
@@ -71,7 +72,7 @@ void WriteConfig(const RunSetup& run) {
   if (!model.empty() && !model.starts_with("package:")) model = fs::proximate(model, root).string();
   const auto place_prior = [&](DesignChoice& design) {
     const std::string prior = design.Assumed().prior;
-    if (prior == "uniform" || prior == "gaussian") return;
+    if (PriorSourceOf(prior) != PriorSource::kDesign) return;
     design.Set("prior", fs::proximate(prior, root).string(), "design");
   };
   place_prior(written.design);

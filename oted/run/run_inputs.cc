@@ -85,16 +85,16 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
 }
 
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
-  if (config.empty()) throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
+  config.CheckNamed();
   const Dataset all = ReadFiles(config, DataOptionsFor(config, spec));
-  if (config.episodes == "all") return all;
+  const std::optional<size_t> wanted = config.n_episodes();
+  if (!wanted) return all;
   std::vector<Episode> episodes = all.Episodes();
-  const size_t wanted = std::stoul(config.episodes);
-  if (wanted > episodes.size()) {
+  if (*wanted > episodes.size()) {
     throw DataError(fmt::format("data.episodes asks for {} episodes, but '{}' holds {}; ask for fewer, or for all",
-                                wanted, config.Files(), episodes.size()));
+                                *wanted, config.Files(), episodes.size()));
   }
-  episodes.resize(wanted);
+  episodes.resize(*wanted);
   return all.Select(episodes);
 }
 

@@ -12,6 +12,7 @@
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/effects.h"
 #include "oted/stages/design/method_choice.h"
+#include "oted/stages/design/prior_source.h"
 
 namespace oted {
 namespace {
@@ -81,7 +82,7 @@ void CheckGrowth(const RunSetup& run) {
                       "drop --grow, or choose that method",
                       Describe(config.method).name));
     }
-    if (config.prior != "uniform" && config.prior != "gaussian") {
+    if (PriorSourceOf(config.prior) == PriorSource::kDesign) {
       throw UsageError(fmt::format(
           "design.prior = \"{}\" knows nothing of parameters that design.grow adds; set it to uniform or gaussian, or "
           "drop --grow",

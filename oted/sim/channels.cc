@@ -59,13 +59,13 @@ std::span<const double> ChannelSimulator::Memory::Back(int age) const {
 // ---------------------------------------------------------------- simulator
 
 ChannelSimulator::ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, std::unique_ptr<Simulator> plant)
-    : setup_(std::move(setup)), plant_(std::move(plant)) {
+    : WrappedSimulator(std::move(plant)), setup_(std::move(setup)) {
   const SimulatorSpec& spec = setup_->spec;
   const size_t obs_dim = static_cast<size_t>(spec.obs_dim());
   for (size_t k = 0; k < static_cast<size_t>(spec.act_dim); ++k) {
     neutral_.push_back(spec.n_discrete_actions > 0 ? 0.0 : std::clamp(0.0, spec.action_low[k], spec.action_high[k]));
   }
-  lanes_.resize(static_cast<size_t>(plant_->n_lanes()));
+  lanes_.resize(static_cast<size_t>(n_lanes()));
   for (Lane& lane : lanes_) {
     lane.noise_std.assign(obs_dim, 0.0);
     lane.bias = lane.delay = lane.shown = lane.noise_std;
@@ -77,7 +77,7 @@ ChannelSimulator::ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, st
 
 void ChannelSimulator::SetParameters(int lane, std::span<const double> z) {
   setup_->space.CheckInside(z);
-  plant_->SetParameters(lane, setup_->PlantParameters(z));
+  inside().SetParameters(lane, setup_->PlantParameters(z));
   Lane& l = At(lane);
   for (const auto& [index, field] : setup_->channels) {
     const double value = z[static_cast<size_t>(index)];
@@ -99,19 +99,19 @@ void ChannelSimulator::Begin(Lane& lane, Rng noise) {
 }
 
 void ChannelSimulator::Reset(int lane, Rng& rng) {
-  plant_->Reset(lane, rng);
+  inside().Reset(lane, rng);
   BeginAtPlant(lane, rng);
 }
 
 void ChannelSimulator::ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng& rng) {
-  plant_->ResetTo(lane, qpos, qvel, rng);
+  inside().ResetTo(lane, qpos, qvel, rng);
   BeginAtPlant(lane, rng);
 }
 
 void ChannelSimulator::BeginAtPlant(int lane, Rng& rng) {
   // One draw where there is noise; none otherwise, so that the caller's stream goes on as without this class.
   Begin(At(lane), setup_->n_noisy > 0 ? RngKey(rng.Next()).Stage("noise").MakeRng() : Rng(0));
-  At(lane).observations.Fill(plant_->observation(lane));
+  At(lane).observations.Fill(inside().observation(lane));
   Show(lane);
 }
 
@@ -122,7 +122,8 @@ bool ChannelSimulator::SetStateFromObservation(int lane, std::span<const double>
 bool ChannelSimulator::SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) {
   const size_t obs_dim = static_cast<size_t>(spec().obs_dim());
   // The plant says what is wrong with either.
-  if (!spec().can_set_state || observation.size() != obs_dim) return plant_->SetStateFromObservation(lane, observation);
+  if (!spec().can_set_state || observation.size() != obs_dim)
+    return inside().SetStateFromObservation(lane, observation);
   const int n_before = static_cast<int>(before.observations.size() / obs_dim);
   OTED_CHECK(before.observations.size() == static_cast<size_t>(n_before) * obs_dim);
   OTED_CHECK(before.actions.size() == static_cast<size_t>(n_before) * neutral_.size());
@@ -135,12 +136,12 @@ bool ChannelSimulator::SetStateFromLog(int lane, std::span<const double> observa
 bool ChannelSimulator::SetState(int lane, std::span<const double> state, const LoggedHistory& before) {
   Lane& l = At(lane);
   const size_t obs_dim = l.bias.size();
-  if (state.size() != obs_dim + spec().hidden.size()) return plant_->SetState(lane, state, {});  // says what is wrong
+  if (state.size() != obs_dim + spec().hidden.size()) return inside().SetState(lane, state, {});  // says what is wrong
   std::vector<double> of_plant(state.begin(), state.end());
   for (size_t j = 0; j < obs_dim; ++j) of_plant[j] -= l.bias[j];
-  if (!plant_->SetState(lane, of_plant, {})) return false;
+  if (!inside().SetState(lane, of_plant, {})) return false;
   Begin(l, NoiseAfter(state));
-  l.observations.Fill(plant_->observation(lane));
+  l.observations.Fill(inside().observation(lane));
   FillActions(l, before, static_cast<int>(before.actions.size() / neutral_.size()));
   l.shown.assign(state.begin(), state.begin() + static_cast<ptrdiff_t>(obs_dim));
   return true;
@@ -157,8 +158,8 @@ void ChannelSimulator::FillActions(Lane& lane, const LoggedHistory& before, int 
 std::optional<bool> ChannelSimulator::EndsAt(int lane, std::span<const double> observation) {
   if (!SetStateFromObservation(lane, observation)) return std::nullopt;
   // A copy: the plant writes the rows that it shows.
-  const std::span<const double> state = plant_->observation(lane);
-  return plant_->EndsAt(lane, std::vector<double>(state.begin(), state.end()));
+  const std::span<const double> state = inside().observation(lane);
+  return inside().EndsAt(lane, std::vector<double>(state.begin(), state.end()));
 }
 
 bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back,
@@ -182,15 +183,15 @@ bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, 
     if (age.fraction > 0) state[j] += age.fraction * (logged(row + 1, j) - state[j]);
     if (unbias && l.bias[j] != 0) state[j] -= l.bias[j];
   }
-  if (!plant_->SetStateFromObservation(lane, state)) return false;
+  if (!inside().SetStateFromObservation(lane, state)) return false;
 
   Begin(l, NoiseAfter(observation));
-  l.observations.Fill(plant_->observation(lane));
+  l.observations.Fill(inside().observation(lane));
   FillActions(l, before, start);
-  for (int row = start; row < n_before && plant_->status(lane) != LaneStatus::kDiverged; ++row) {
+  for (int row = start; row < n_before && inside().status(lane) != LaneStatus::kDiverged; ++row) {
     PushAction(l, action(row), std::span(actions_).subspan(static_cast<size_t>(lane) * act_dim, act_dim));
-    plant_->Step({&lane, 1}, actions_);
-    l.observations.Push(plant_->observation(lane));
+    inside().Step({&lane, 1}, actions_);
+    l.observations.Push(inside().observation(lane));
     ++l.n_ahead;
   }
   l.shown.assign(observation.begin(), observation.end());
@@ -228,10 +229,10 @@ void ChannelSimulator::Step(std::span<const int> lanes, std::span<const double> 
     const size_t at = static_cast<size_t>(lane) * act_dim;
     PushAction(At(lane), actions.subspan(at, act_dim), std::span(actions_).subspan(at, act_dim));
   }
-  plant_->Step(lanes, actions_);
+  inside().Step(lanes, actions_);
   for (const int lane : lanes) {
     ++At(lane).clock;
-    At(lane).observations.Push(plant_->observation(lane));
+    At(lane).observations.Push(inside().observation(lane));
     Show(lane);
   }
 }
@@ -255,7 +256,7 @@ void ChannelSimulator::Show(int lane) {
 std::span<const double> ChannelSimulator::observation(int lane) const { return At(lane).shown; }
 
 LaneStatus ChannelSimulator::status(int lane) const {
-  const LaneStatus status = plant_->status(lane);
+  const LaneStatus status = inside().status(lane);
   // The plant's clock also counts the steps that it made before the episode's start.
   const bool early = At(lane).n_ahead > 0 && At(lane).clock < spec().max_episode_steps;
   return status == LaneStatus::kTruncated && early ? LaneStatus::kRunning : status;

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "oted/sim/channel_path.h"
-#include "oted/sim/simulator.h"
+#include "oted/sim/wrapped_simulator.h"
 
 namespace oted {
 
@@ -43,14 +43,13 @@ struct ChannelSetup {
 
 /// Noise is drawn from one stream per lane: Reset takes it from its Rng, SetStateFromObservation from the observation
 /// itself. Lanes with equal starts draw equal noise, scaled by each lane's own noise_std: differences between lanes are
-/// then differences of their parameters.
-class ChannelSimulator : public Simulator {
+/// then differences of their parameters. Poses, rates and the task's policies are of the plant's true state.
+class ChannelSimulator : public WrappedSimulator {
  public:
   ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, std::unique_ptr<Simulator> plant);
 
   const SimulatorSpec& spec() const override { return setup_->spec; }
   const ParameterSpace& parameters() const override { return setup_->space; }
-  int n_lanes() const override { return plant_->n_lanes(); }
 
   void SetParameters(int lane, std::span<const double> z) override;
   void Reset(int lane, Rng& rng) override;
@@ -70,14 +69,7 @@ class ChannelSimulator : public Simulator {
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
 
   std::span<const double> observation(int lane) const override;
-  double reward(int lane) const override { return plant_->reward(lane); }
   LaneStatus status(int lane) const override;
-  /// The plant's true pose, and below its policies, which see its true state.
-  std::span<const double> pose(int lane) const override { return plant_->pose(lane); }
-  std::vector<double> pose_rates(int lane) const override { return plant_->pose_rates(lane); }
-  void TakeTaskPolicy(TaskPolicy policy, int lane, Rng& rng, std::span<double> action) const override {
-    plant_->TakeTaskPolicy(policy, lane, rng, action);
-  }
 
  private:
   /// The latest rows of a sequence.
@@ -114,7 +106,6 @@ class ChannelSimulator : public Simulator {
   bool StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back, bool unbias);
 
   std::shared_ptr<const ChannelSetup> setup_;
-  std::unique_ptr<Simulator> plant_;
   std::vector<double> neutral_;  // (act_dim)
   std::vector<Lane> lanes_;
   std::vector<double> actions_;  // (n_lanes, act_dim), what reaches the plant

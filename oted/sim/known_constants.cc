@@ -69,10 +69,10 @@ std::vector<double> ConstantsSetup::Join(std::span<const double> z, std::span<co
   return all;
 }
 
-ConstantsSimulator::ConstantsSimulator(std::shared_ptr<const ConstantsSetup> setup, std::unique_ptr<Simulator> inside)
-    : setup_(std::move(setup)),
-      inside_(std::move(inside)),
-      lanes_(static_cast<size_t>(inside_->n_lanes()), Lane{.z = setup_->space.Nominal(), .known = {}}) {}
+ConstantsSimulator::ConstantsSimulator(std::shared_ptr<const ConstantsSetup> setup, std::unique_ptr<Simulator> of_all)
+    : WrappedSimulator(std::move(of_all)),
+      setup_(std::move(setup)),
+      lanes_(static_cast<size_t>(n_lanes()), Lane{.z = setup_->space.Nominal(), .known = {}}) {}
 
 void ConstantsSimulator::SetParameters(int lane, std::span<const double> z) {
   setup_->space.CheckInside(z);
@@ -92,18 +92,18 @@ void ConstantsSimulator::Know(int lane, std::span<const double> known) {
 void ConstantsSimulator::Apply(int lane) {
   Lane& l = lanes_[static_cast<size_t>(lane)];
   if (l.is_applied) return;
-  inside_->SetParameters(lane, setup_->Join(l.z, l.known));
+  inside().SetParameters(lane, setup_->Join(l.z, l.known));
   l.is_applied = true;
 }
 
 void ConstantsSimulator::Reset(int lane, Rng& rng) {
   Know(lane, {});
-  inside_->Reset(lane, rng);
+  inside().Reset(lane, rng);
 }
 
 void ConstantsSimulator::ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng& rng) {
   Know(lane, {});
-  inside_->ResetTo(lane, qpos, qvel, rng);
+  inside().ResetTo(lane, qpos, qvel, rng);
 }
 
 bool ConstantsSimulator::SetStateFromObservation(int lane, std::span<const double> observation) {
@@ -112,22 +112,22 @@ bool ConstantsSimulator::SetStateFromObservation(int lane, std::span<const doubl
 
 bool ConstantsSimulator::SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) {
   Know(lane, before.constants);
-  return inside_->SetStateFromLog(lane, observation, before);
+  return inside().SetStateFromLog(lane, observation, before);
 }
 
 bool ConstantsSimulator::SetState(int lane, std::span<const double> state, const LoggedHistory& before) {
   Know(lane, before.constants);
-  return inside_->SetState(lane, state, before);
+  return inside().SetState(lane, state, before);
 }
 
 std::optional<bool> ConstantsSimulator::EndsAt(int lane, std::span<const double> observation) {
   Apply(lane);
-  return inside_->EndsAt(lane, observation);
+  return inside().EndsAt(lane, observation);
 }
 
 void ConstantsSimulator::Step(std::span<const int> lanes, std::span<const double> actions) {
   for (const int lane : lanes) Apply(lane);
-  inside_->Step(lanes, actions);
+  inside().Step(lanes, actions);
 }
 
 ConstantsSimulatorFactory::ConstantsSimulatorFactory(std::vector<ParameterSpec> parameters,

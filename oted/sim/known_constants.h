@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "oted/sim/simulator.h"
+#include "oted/sim/wrapped_simulator.h"
 
 namespace oted {
 
@@ -24,13 +24,13 @@ struct ConstantsSetup {
 };
 
 /// A lane that is set to a logged state has the constants of that recording, one that was reset those of the model.
-class ConstantsSimulator : public Simulator {
+class ConstantsSimulator : public WrappedSimulator {
  public:
-  ConstantsSimulator(std::shared_ptr<const ConstantsSetup> setup, std::unique_ptr<Simulator> inside);
+  /// @param of_all  one of the parameters and the constants
+  ConstantsSimulator(std::shared_ptr<const ConstantsSetup> setup, std::unique_ptr<Simulator> of_all);
 
   const SimulatorSpec& spec() const override { return setup_->spec; }
   const ParameterSpace& parameters() const override { return setup_->space; }
-  int n_lanes() const override { return inside_->n_lanes(); }
 
   void SetParameters(int lane, std::span<const double> z) override;
   void Reset(int lane, Rng& rng) override;
@@ -41,15 +41,6 @@ class ConstantsSimulator : public Simulator {
   std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
 
-  std::span<const double> observation(int lane) const override { return inside_->observation(lane); }
-  double reward(int lane) const override { return inside_->reward(lane); }
-  LaneStatus status(int lane) const override { return inside_->status(lane); }
-  std::span<const double> pose(int lane) const override { return inside_->pose(lane); }
-  std::vector<double> pose_rates(int lane) const override { return inside_->pose_rates(lane); }
-  void TakeTaskPolicy(TaskPolicy policy, int lane, Rng& rng, std::span<double> action) const override {
-    inside_->TakeTaskPolicy(policy, lane, rng, action);
-  }
-
  private:
   struct Lane {
     std::vector<double> z, known;
@@ -59,7 +50,6 @@ class ConstantsSimulator : public Simulator {
   void Apply(int lane);
 
   std::shared_ptr<const ConstantsSetup> setup_;
-  std::unique_ptr<Simulator> inside_;
   std::vector<Lane> lanes_;
 };
 

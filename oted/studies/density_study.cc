@@ -117,7 +117,7 @@ json RunSeed(const RunConfig& config, const DensityStudy& study, const DensityCe
 /// The mean density of the grids that are left after rejection; null where no exact figure is known.
 json RealisedDensity(const MinigridTask& task, double density) {
   const int side = task.size - 2;
-  if (task.placement != "bernoulli" || !task.solvable) return nullptr;
+  if (task.placement != GridPlacement::kBernoulli || !task.solvable) return nullptr;
   if (side > minigrid::SolvableGrids::kMaxSide) return nullptr;
   return minigrid::SolvableGrids::Of(side).MeanRealisedDensity(density);
 }

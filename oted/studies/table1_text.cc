@@ -70,16 +70,20 @@ const char* OfflineFigure(const std::string& row, const std::string& method) {
 
 const char* PaperFigure(const std::string& row, const std::string& parameters, const std::string& method) {
   if (const char* offline = OfflineFigure(row, method)) return offline;
+  static const std::map<std::string, const char* PaperLine::*> columns = {{"bc", &PaperLine::bc},
+                                                                          {"dr", &PaperLine::dr},
+                                                                          {"is", &PaperLine::is},
+                                                                          {"bc_dr", &PaperLine::bc_dr},
+                                                                          {"friction", &PaperLine::friction},
+                                                                          {"gain", &PaperLine::gain},
+                                                                          {"gravity", &PaperLine::gravity}};
   const auto found = kPaper.find(row);
   if (found == kPaper.end()) return "";
   const PaperLine& line = found->second;
-  if (method == "bc") return line.bc;
-  if (method == "dr") return line.dr;
-  if (method == "is") return line.is;
-  if (method == "bc_dr") return line.bc_dr;
-  if (parameters == "friction") return line.friction;
-  if (parameters == "gain") return line.gain;
-  return parameters == "gravity" ? line.gravity : line.all;
+  for (const std::string& what : {method, parameters}) {
+    if (const auto column = columns.find(what); column != columns.end()) return line.*(column->second);
+  }
+  return line.all;
 }
 
 /// A method's column, and that of the published figures beside it.

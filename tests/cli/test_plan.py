@@ -222,6 +222,7 @@ class PlanTest(program.HopperTest):
             code = program.DATA_OR_MODEL if words[0] == "--data" else program.USAGE
             data = () if words[0] == "--data" else ("--data", self.demos)
             self.assertRefused(self.sweep(*words, *data, to=self.folder / "y.jsonl"), code, named)
+        self.assertRefused(self.sweep(to=self.folder / "y.jsonl"), program.USAGE, "no data are named")
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ import cluster
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "cli"))
 import program  # noqa: E402
 
+PATIENCE_S = 300  # on a machine that others use as well
 SKIPPED = 77
 STUDY = ["--task", "hopper", "--parameters", "gain", "--methods", "bc", "dr", "nominal", "--seeds", "4", "--steps", "4000",
          *program.sets(program.TINY)]
@@ -83,10 +84,10 @@ class SlurmTest(unittest.TestCase):
         return [pid for pid in self.cluster.processes(node) if b"unit" in words_of(pid)]
 
     def wait_for(self, state):
-        self.cluster.wait(lambda: self.units(state), 60, f"no unit is {state}")
+        self.cluster.wait(lambda: self.units(state), PATIENCE_S, f"no unit is {state}")
 
     def wait_for_work(self, node):
-        self.cluster.wait(lambda: self.processes_of_units(node), 60, f"{node} has no unit")
+        self.cluster.wait(lambda: self.processes_of_units(node), PATIENCE_S, f"{node} has no unit")
 
     def stop_a_unit(self, node):
         """Kills what runs there until a unit with good data is stopped in its midst."""
@@ -94,7 +95,7 @@ class SlurmTest(unittest.TestCase):
             for pid in self.processes_of_units(node):
                 end(pid)
             return any("medium-expert" not in name for name in self.units("stopped"))
-        self.cluster.wait(stopped, 60, f"no unit of {node} was caught at work")
+        self.cluster.wait(stopped, PATIENCE_S, f"no unit of {node} was caught at work")
 
     def wait_for_end(self, seconds):
         self.cluster.wait(lambda: not self.cluster.queue(), seconds, "jobs are still there")
@@ -117,8 +118,8 @@ class SlurmTest(unittest.TestCase):
         self.cluster.kill("n2")
         self.cluster.call("scancel", "--me")
         self.cluster.start("n2")
-        self.wait_for_end(60)
-        self.cluster.wait(lambda: self.cluster.states() == {"idle"}, 60, "the node is not back")
+        self.wait_for_end(PATIENCE_S)
+        self.cluster.wait(lambda: self.cluster.states() == {"idle"}, PATIENCE_S, "the node is not back")
         self.assertNotEqual(self.units("stopped"), [])
         before = self.records()
         failed_before = self.failures()
@@ -126,7 +127,7 @@ class SlurmTest(unittest.TestCase):
         self.assertLess(len(before), 16)
 
         self.submit()
-        self.wait_for_end(120)
+        self.wait_for_end(PATIENCE_S)
         after = self.records()
         self.assertEqual(len(after), 16)
         self.assertEqual({path: after[path] for path in before}, before, "what was done was done again")
@@ -160,7 +161,7 @@ class SlurmTest(unittest.TestCase):
         self.wait_for_work("n2")
         self.cluster.kill("n2")
         start = time.monotonic()
-        self.wait_for_end(420)
+        self.wait_for_end(3 * PATIENCE_S)
         print(f"the plan ended {time.monotonic() - start:.0f} s after the node", file=sys.stderr)
         self.assertEqual(len(self.units("done")), 16)
         self.assertEqual(self.oted("merge", self.plan).stdout, self.table_of_one_machine(*study))

@@ -80,16 +80,15 @@ class UpdateOnDevice : public ReplayUpdate {
   Device device_;
 };
 
-torch::Device FindDevice(const std::string& name) {
-  CheckDevice(name);
-  return name == "cuda" ? torch::Device(torch::kCUDA, 0) : torch::Device(torch::kCPU);
+torch::Device FindDevice(TrainingDevice device) {
+  CheckDevice(device);
+  return device == TrainingDevice::kCuda ? torch::Device(torch::kCUDA, 0) : torch::Device(torch::kCPU);
 }
 
 }  // namespace
 
-void CheckDevice(const std::string& device) {
-  if (device == "cpu") return;
-  OTED_CHECK(device == "cuda");
+void CheckDevice(TrainingDevice device) {
+  if (device == TrainingDevice::kCpu) return;
   // Not linked: it is gigabytes to load, and a CPU build of libtorch has none. Loading it registers it with libtorch,
   // which asks once whether there is CUDA and remembers the answer: so before anything else of libtorch runs.
   if (dlopen("libtorch_cuda.so", RTLD_NOW | RTLD_GLOBAL) == nullptr) {
@@ -104,13 +103,12 @@ void CheckDevice(const std::string& device) {
   }
 }
 
-std::unique_ptr<ReplayUpdate> OnDevice(SacUpdate start, const SacUpdateOptions& options, const std::string& device) {
+std::unique_ptr<ReplayUpdate> OnDevice(SacUpdate start, const SacUpdateOptions& options, TrainingDevice device) {
   return std::make_unique<UpdateOnDevice<SacUpdate, AutogradSac, SacUpdateOptions>>(std::move(start), options,
                                                                                     FindDevice(device));
 }
 
-std::unique_ptr<ReplayUpdate> OnDevice(CrossQUpdate start, const CrossQUpdateOptions& options,
-                                       const std::string& device) {
+std::unique_ptr<ReplayUpdate> OnDevice(CrossQUpdate start, const CrossQUpdateOptions& options, TrainingDevice device) {
   return std::make_unique<UpdateOnDevice<CrossQUpdate, AutogradCrossQ, CrossQUpdateOptions>>(std::move(start), options,
                                                                                              FindDevice(device));
 }

@@ -3,25 +3,23 @@
 /// without libtorch there is none.
 
 #include <memory>
-#include <string>
 
 #include "oted/rl/crossq_update.h"
 #include "oted/rl/sac_update.h"
 
 namespace oted {
 
-/// @param device  "cpu": always there; "cuda": the first GPU that CUDA_VISIBLE_DEVICES leaves
+/// @param device  kCpu: always there; kCuda: the first GPU that CUDA_VISIBLE_DEVICES leaves
 /// @throws UsageError saying what is missing
-void CheckDevice(const std::string& device);
+void CheckDevice(TrainingDevice device);
 
 /// `start`, going on there. Its actor() follows on the processor after every step; Save writes the arrays that `start`
 /// would, and Restore reads them, wherever they come from. Numbers are those of `start` up to single precision's
 /// rounding.
-/// @param device   "cuda", or "cpu" for autograd on the processor
+/// @param device   kCpu: autograd on the processor
 /// @param options  those of `start`
 /// @throws as CheckDevice
-std::unique_ptr<ReplayUpdate> OnDevice(SacUpdate start, const SacUpdateOptions& options, const std::string& device);
-std::unique_ptr<ReplayUpdate> OnDevice(CrossQUpdate start, const CrossQUpdateOptions& options,
-                                       const std::string& device);
+std::unique_ptr<ReplayUpdate> OnDevice(SacUpdate start, const SacUpdateOptions& options, TrainingDevice device);
+std::unique_ptr<ReplayUpdate> OnDevice(CrossQUpdate start, const CrossQUpdateOptions& options, TrainingDevice device);
 
 }  // namespace oted

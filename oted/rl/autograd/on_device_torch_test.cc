@@ -37,19 +37,19 @@ struct CrossQ {
 };
 
 /// The processor, and a GPU where there is one.
-std::vector<std::string> Devices() {
+std::vector<TrainingDevice> Devices() {
   try {
-    CheckDevice("cuda");
-    return {"cpu", "cuda"};
+    CheckDevice(TrainingDevice::kCuda);
+    return {TrainingDevice::kCpu, TrainingDevice::kCuda};
   } catch (const UsageError&) {
-    return {"cpu"};
+    return {TrainingDevice::kCpu};
   }
 }
 
 template <class Algorithm>
 class OnDeviceTest : public testing::Test {
  protected:
-  static std::unique_ptr<ReplayUpdate> Make(const std::string& device) {
+  static std::unique_ptr<ReplayUpdate> Make(TrainingDevice device) {
     return OnDevice(Algorithm::Make(), Algorithm::kOptions, device);
   }
   static AlignedVector<float> Parameters(const ReplayUpdate& update) { return update.actor().net().parameters(); }
@@ -61,25 +61,26 @@ TYPED_TEST_SUITE(OnDeviceTest, Algorithms);
 // Both are in single precision, so twice the rounding of the tests against double precision.
 TYPED_TEST(OnDeviceTest, FollowsTheHandWrittenUpdateOverSixtySteps) {
   torch::set_num_threads(1);
-  for (const std::string& device : Devices()) {
+  for (const TrainingDevice device : Devices()) {
     auto update = TypeParam::Make();
     const auto on_device = this->Make(device);
     const auto start = this->Parameters(update);
-    EXPECT_EQ(this->Parameters(*on_device), start) << device;
+    EXPECT_EQ(this->Parameters(*on_device), start) << NameOf(TrainingDeviceNames(), device);
     Rng rng(12);
     for (int step = 0; step < 60; ++step) {
       const TransitionBatch batch = RandomBatch(kObsDim, kActDim, rng);
       const ReplayLosses want = update.Step(batch), got = on_device->Step(batch);
       ExpectNear(got, want, step, 1e-4);
     }
-    EXPECT_LT(MaxDifference(this->Parameters(*on_device), this->Parameters(update)), 2e-4) << device;
-    EXPECT_GT(MaxDifference(this->Parameters(*on_device), start), 2e-3) << device;
+    EXPECT_LT(MaxDifference(this->Parameters(*on_device), this->Parameters(update)), 2e-4)
+        << NameOf(TrainingDeviceNames(), device);
+    EXPECT_GT(MaxDifference(this->Parameters(*on_device), start), 2e-3) << NameOf(TrainingDeviceNames(), device);
   }
 }
 
 TYPED_TEST(OnDeviceTest, ACheckpointGoesOnThereAndBack) {
   torch::set_num_threads(1);
-  for (const std::string& device : Devices()) {
+  for (const TrainingDevice device : Devices()) {
     auto update = TypeParam::Make();
     Rng rng(13);
     for (int step = 0; step < 7; ++step) update.Step(RandomBatch(kObsDim, kActDim, rng));
@@ -87,10 +88,10 @@ TYPED_TEST(OnDeviceTest, ACheckpointGoesOnThereAndBack) {
     update.Save(there);
     const auto on_device = this->Make(device);
     on_device->Restore(ParseNpz(NpzBytes(there), "memory"));
-    EXPECT_EQ(this->Parameters(*on_device), this->Parameters(update)) << device;
+    EXPECT_EQ(this->Parameters(*on_device), this->Parameters(update)) << NameOf(TrainingDeviceNames(), device);
     NpzArrays unchanged;
     on_device->Save(unchanged);
-    EXPECT_EQ(NpzBytes(unchanged), NpzBytes(there)) << device;
+    EXPECT_EQ(NpzBytes(unchanged), NpzBytes(there)) << NameOf(TrainingDeviceNames(), device);
 
     // Moments and counters came along: without them parameters would part by some learning rate, 3e-4, at once.
     const TransitionBatch batch = RandomBatch(kObsDim, kActDim, rng);
@@ -104,15 +105,16 @@ TYPED_TEST(OnDeviceTest, ACheckpointGoesOnThereAndBack) {
       const ReplayLosses want = update.Step(next), got = returned.Step(next);
       if (step > 0) ExpectNear(got, want, step, 1e-5);  // before, the actor's losses may be of a step not seen
     }
-    EXPECT_LT(MaxDifference(this->Parameters(returned), this->Parameters(update)), 1e-5) << device;
+    EXPECT_LT(MaxDifference(this->Parameters(returned), this->Parameters(update)), 1e-5)
+        << NameOf(TrainingDeviceNames(), device);
   }
 }
 
 TEST(OnDevice, WhatIsMissingForCudaIsSaid) {
-  CheckDevice("cpu");
+  CheckDevice(TrainingDevice::kCpu);
   if (Devices().size() == 2) GTEST_SKIP() << "there is a GPU";
   try {
-    CheckDevice("cuda");
+    CheckDevice(TrainingDevice::kCuda);
     FAIL();
   } catch (const UsageError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("device cuda: "));

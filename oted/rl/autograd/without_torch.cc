@@ -4,19 +4,19 @@
 
 namespace oted {
 
-void CheckDevice(const std::string& device) {
-  if (device == "cpu") return;
-  throw UsageError("device " + device +
-                   ": this program was built without libtorch; build it with 'make build-cuda', or leave "
-                   "agents.device at cpu");
+void CheckDevice(TrainingDevice device) {
+  if (device == TrainingDevice::kCpu) return;
+  throw UsageError(
+      "device cuda: this program was built without libtorch; build it with 'make build-cuda', or leave "
+      "agents.device at cpu");
 }
 
-std::unique_ptr<ReplayUpdate> OnDevice(SacUpdate, const SacUpdateOptions&, const std::string& device) {
+std::unique_ptr<ReplayUpdate> OnDevice(SacUpdate, const SacUpdateOptions&, TrainingDevice device) {
   CheckDevice(device);
   throw InternalError("no learner on autograd without libtorch");
 }
 
-std::unique_ptr<ReplayUpdate> OnDevice(CrossQUpdate, const CrossQUpdateOptions&, const std::string& device) {
+std::unique_ptr<ReplayUpdate> OnDevice(CrossQUpdate, const CrossQUpdateOptions&, TrainingDevice device) {
   CheckDevice(device);
   throw InternalError("no learner on autograd without libtorch");
 }

@@ -53,7 +53,7 @@ class Reader {
     if (observation.back() != agent_.direction) {
       Fail(row, fmt::format("the agent looks in direction {}, wanted {}", observation.back(), agent_.direction));
     }
-    if (task_.observation == "grid") {
+    if (task_.observation == GridObservation::kWhole) {
       for (int x = 0; x < task_.size; ++x) {
         for (int y = 0; y < task_.size; ++y)
           Note({x, y}, observation[static_cast<size_t>((x * task_.size + y) * 3)], row);
@@ -105,7 +105,7 @@ class Reader {
       if (to.x < 1 || to.y < 1 || to.x > side_ || to.y > side_) return;
       const CellFact fact = facts_[static_cast<size_t>((to.y - 1) * side_ + to.x - 1)];
       if (fact == CellFact::kUnknown) Fail(row, "the cell ahead of the agent is not visible");
-      if (fact == CellFact::kObstacle && task_.obstacle == "wall") return;
+      if (fact == CellFact::kObstacle && task_.obstacle == GridObstacle::kWall) return;
       agent_.x = to.x;
       agent_.y = to.y;
     }
@@ -122,7 +122,7 @@ class Reader {
 
 std::vector<CellFact> SeenCells(const MinigridTask& task, const Dataset& data, const Episode& episode) {
   OTED_CHECK(task.layout == MinigridLayout::kObstacles && episode.size() > 0);
-  const int side = task.observation == "grid" ? task.size : minigrid::kView;
+  const int side = task.observation == GridObservation::kWhole ? task.size : minigrid::kView;
   data.CheckFits(task.name, side * side * 3 + 1, 1);
   return Reader(task, data).Read(episode);
 }
@@ -153,7 +153,7 @@ void DensityLikelihood::Add(std::span<const CellFact> facts) {
       throw DataError(fmt::format(
           "episode {}: no path can lead from start to goal, though the task's grids are solvable", n_episodes_));
     }
-  } else if (task_.placement == "count") {
+  } else if (task_.placement == GridPlacement::kCount) {
     for (size_t k = 0; k <= n_unknown; ++k) completions.push_back(BinomialCoefficient(n_unknown, k));
   }
   ++n_episodes_;
@@ -170,7 +170,7 @@ double DensityLikelihood::LogLikelihood(double z) const {
   OTED_CHECK(z >= 0 && z < 1);
   const auto n = static_cast<size_t>(task_.n_free_cells());
   double sum = 0;
-  if (task_.placement == "count") {
+  if (task_.placement == GridPlacement::kCount) {
     const auto count = static_cast<size_t>(std::lround(z * static_cast<double>(n)));
     const double rooms = grids_ != nullptr ? grids_->counts()[count] : BinomialCoefficient(n, count);
     for (const Seen& seen : seen_) {
@@ -191,7 +191,7 @@ double DensityLikelihood::LogLikelihood(double z) const {
 DensityEstimate DensityLikelihood::EstimateAt(double z, double low, double high) const {
   DensityEstimate estimate{z, LogLikelihood(z), std::numeric_limits<double>::infinity()};
   // By second differences; placement by count has no derivative, its steps are one cell wide.
-  const double h = task_.placement == "count" ? 1.0 / task_.n_free_cells() : 1e-3;
+  const double h = task_.placement == GridPlacement::kCount ? 1.0 / task_.n_free_cells() : 1e-3;
   if (z - h <= low || z + h >= high) return estimate;
   const double curvature = (LogLikelihood(z - h) - 2 * estimate.log_likelihood + LogLikelihood(z + h)) / (h * h);
   if (std::isfinite(curvature) && curvature < 0) estimate.standard_error = 1 / std::sqrt(-curvature);
@@ -218,7 +218,7 @@ DensityEstimate DensityLikelihood::MaximumOnGrid(double low, double high, double
 DensityEstimate DensityLikelihood::Maximum(double low, double high) const {
   OTED_CHECK(low >= 0 && low < high && high < 1);
   // A coarse look first: with rejection the likelihood need not have one peak only.
-  const int n_coarse = task_.placement == "count" ? 1000 : 200;
+  const int n_coarse = task_.placement == GridPlacement::kCount ? 1000 : 200;
   const auto at = [&](int i) { return low + (high - low) * i / n_coarse; };
   int best = 0;
   double best_value = kNever;
@@ -229,7 +229,7 @@ DensityEstimate DensityLikelihood::Maximum(double low, double high) const {
       best_value = value;
     }
   }
-  if (task_.placement == "count") return EstimateAt(at(best), low, high);
+  if (task_.placement == GridPlacement::kCount) return EstimateAt(at(best), low, high);
   // Golden section between the neighbours.
   const double ratio = (std::sqrt(5.0) - 1) / 2;
   double a = at(std::max(best - 1, 0)), b = at(std::min(best + 1, n_coarse));

@@ -15,7 +15,7 @@ using minigrid::CellFact;
 using minigrid::Kind;
 using testing::HasSubstr;
 
-MinigridTask Task(int size = 10, const std::string& placement = "bernoulli", bool solvable = true) {
+MinigridTask Task(int size = 10, GridPlacement placement = GridPlacement::kBernoulli, bool solvable = true) {
   MinigridTask task = FindMinigridTask("MiniGrid-Obstacles-10x10");
   task.size = size;
   task.placement = placement;
@@ -29,8 +29,8 @@ MinigridSimulatorFactory Factory(const MinigridTask& task) {
 }
 
 TEST(SeenCells, AreTheTrueOnesAndThoseThatTheViewsShowed) {
-  for (const char* obstacle : {"wall", "lava", "ball"}) {
-    for (const char* observation : {"view", "grid"}) {
+  for (const GridObstacle obstacle : {GridObstacle::kWall, GridObstacle::kLava, GridObstacle::kBall}) {
+    for (const GridObservation observation : {GridObservation::kView, GridObservation::kWhole}) {
       for (const bool see_through : {false, true}) {
         MinigridTask task = Task();
         task.obstacle = obstacle;
@@ -56,9 +56,9 @@ TEST(SeenCells, AreTheTrueOnesAndThoseThatTheViewsShowed) {
             }
           }
         }
-        const bool all = task.observation == "grid";
+        const bool all = task.observation == GridObservation::kWhole;
         // Seven columns by the agent's row and three more of the first view are all that counts with balls.
-        const bool first_view = task.obstacle == "ball" && !all;
+        const bool first_view = task.obstacle == GridObstacle::kBall && !all;
         EXPECT_GE(n_known, all ? 20 * 64 : 20 * 25);
         EXPECT_LE(n_known, first_view ? 20 * (7 * 4 + 1) : 20 * 64);
       }
@@ -73,7 +73,7 @@ TEST(SeenCells, EpisodesOfAnotherTaskAreErrors) {
   data.actions(3, 0) = 2 - data.actions(3, 0);
   EXPECT_THAT(message(), HasSubstr("from their start"));
   MinigridTask whole = task;
-  whole.observation = "grid";
+  whole.observation = GridObservation::kWhole;
   EXPECT_THROW(SeenCells(whole, data, data.Episodes()[0]), DataError);
 }
 
@@ -90,7 +90,7 @@ double EnumeratedLogLikelihood(const MinigridTask& task, const std::vector<CellF
     }
     if (task.solvable && !minigrid::IsSolvable(4, room)) continue;
     const int k = std::popcount(bits);
-    const double p = task.placement == "count" ? k == wanted : std::pow(z, k) * std::pow(1 - z, 14 - k);
+    const double p = task.placement == GridPlacement::kCount ? k == wanted : std::pow(z, k) * std::pow(1 - z, 14 - k);
     possible += p;
     together += agrees ? p : 0;
   }
@@ -99,7 +99,7 @@ double EnumeratedLogLikelihood(const MinigridTask& task, const std::vector<CellF
 
 TEST(DensityLikelihood, IsThatOfAnEnumerationOfAllRooms) {
   Rng rng(1);
-  for (const char* placement : {"bernoulli", "count"}) {
+  for (const GridPlacement placement : {GridPlacement::kBernoulli, GridPlacement::kCount}) {
     for (const bool solvable : {true, false}) {
       const MinigridTask task = Task(6, placement, solvable);
       DensityLikelihood likelihood(task);
@@ -189,8 +189,8 @@ TEST(DensityLikelihood, CountsUnseenCellsThroughThePathThatThereMustBe) {
 }
 
 TEST(DensityLikelihood, WithACountOneWholeGridTellsIt) {
-  MinigridTask task = Task(10, "count");
-  task.observation = "grid";
+  MinigridTask task = Task(10, GridPlacement::kCount);
+  task.observation = GridObservation::kWhole;
   DensityLikelihood likelihood(task);
   likelihood.Add(CollectMinigridDemonstrations(Factory(task), {0.25}, MinigridExpert(), 1, RngKey(9), 1));
   EXPECT_EQ(likelihood.MaximumOnGrid(0, 0.8).density, 0.25);

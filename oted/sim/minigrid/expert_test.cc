@@ -19,7 +19,7 @@ using minigrid::State;
 const ParameterSpec kDensity = {
     .name = "density", .field = "env/density", .low = 0, .high = 0.9, .scale = ParameterScale::kAbsolute};
 
-MinigridTask Task(const std::string& obstacle, bool solvable) {
+MinigridTask Task(GridObstacle obstacle, bool solvable) {
   MinigridTask task = FindMinigridTask("MiniGrid-Obstacles-10x10");
   task.obstacle = obstacle;
   task.solvable = solvable;
@@ -49,7 +49,7 @@ int FewestActions(MinigridSimulator& simulator, const State& start) {
 
 TEST(ShortestPaths, AreThoseOfASearchInTheSimulator) {
   int unreachable = 0;
-  for (const char* obstacle : {"wall", "lava"}) {
+  for (const GridObstacle obstacle : {GridObstacle::kWall, GridObstacle::kLava}) {
     const MinigridSimulatorFactory factory(Task(obstacle, false), {kDensity});
     const auto simulator = factory.MakeMinigrid(1, 1);
     for (uint64_t i = 0; i < 30; ++i) {
@@ -67,7 +67,7 @@ TEST(ShortestPaths, AreThoseOfASearchInTheSimulator) {
 }
 
 TEST(MinigridExpert, TakesTheFewestActionsHoweverTiesAreBroken) {
-  const MinigridSimulatorFactory factory(Task("wall", true), {kDensity});
+  const MinigridSimulatorFactory factory(Task(GridObstacle::kWall, true), {kDensity});
   int differences = 0;
   const Dataset fixed = CollectMinigridDemonstrations(factory, {0.3}, MinigridExpert(), 50, RngKey(2), 1);
   const Dataset random =
@@ -89,8 +89,8 @@ TEST(MinigridExpert, TakesTheFewestActionsHoweverTiesAreBroken) {
 }
 
 TEST(MinigridExpert, NeverCollidesWithWhatMoves) {
-  MinigridTask task = Task("ball", true);
-  task.collision = "terminate";
+  MinigridTask task = Task(GridObstacle::kBall, true);
+  task.collision = GridCollision::kTerminate;
   const Dataset data = CollectMinigridDemonstrations(MinigridSimulatorFactory(task, {kDensity}), {0.2},
                                                      MinigridExpert(), 50, RngKey(3), 1);
   int reached = 0;
@@ -102,7 +102,7 @@ TEST(MinigridExpert, NeverCollidesWithWhatMoves) {
 }
 
 TEST(MinigridExpert, WithoutAPathItTurnsOnTheSpot) {
-  const auto simulator = MinigridSimulatorFactory(Task("lava", false), {}).MakeMinigrid(1, 1);
+  const auto simulator = MinigridSimulatorFactory(Task(GridObstacle::kLava, false), {}).MakeMinigrid(1, 1);
   State state = simulator->state(0);
   state.grid.at(8, 8) = minigrid::kGoal;
   state.grid.at(8, 7) = state.grid.at(7, 8) = minigrid::kLava;
@@ -113,7 +113,7 @@ TEST(MinigridExpert, WithoutAPathItTurnsOnTheSpot) {
 }
 
 TEST(MinigridMedium, IsTheExpertWithoutMistakesAndSlowerWithThem) {
-  const MinigridSimulatorFactory factory(Task("wall", true), {kDensity});
+  const MinigridSimulatorFactory factory(Task(GridObstacle::kWall, true), {kDensity});
   const auto collect = [&](const MinigridPolicy& policy, int n_threads = 1) {
     return CollectMinigridDemonstrations(factory, {0.25}, policy, 40, RngKey(4), n_threads);
   };
@@ -128,7 +128,7 @@ TEST(MinigridMedium, IsTheExpertWithoutMistakesAndSlowerWithThem) {
 }
 
 TEST(OnTrueStates, InRunEpisodesTheExpertTakesTheShortestPathOfEachLanesOwnGrid) {
-  const MinigridSimulatorFactory factory(Task("wall", true), {kDensity});
+  const MinigridSimulatorFactory factory(Task(GridObstacle::kWall, true), {kDensity});
   constexpr int kLanes = 12;
   const std::vector<std::vector<double>> z(kLanes, {0.3});
   const RngKey key(8);
@@ -149,7 +149,7 @@ TEST(OnTrueStates, InRunEpisodesTheExpertTakesTheShortestPathOfEachLanesOwnGrid)
 }
 
 TEST(CollectTaskPolicy, LogsTheGridsOwnPoliciesAlsoBehindAnActionDelay) {
-  const MinigridSimulatorFactory factory(Task("wall", true), {kDensity});
+  const MinigridSimulatorFactory factory(Task(GridObstacle::kWall, true), {kDensity});
   const auto collect = [](const SimulatorFactory& from, std::vector<double> z, TaskPolicy policy) {
     return CollectTaskPolicy(from, z, policy, 10, RngKey(4), 1);
   };
@@ -160,7 +160,7 @@ TEST(CollectTaskPolicy, LogsTheGridsOwnPoliciesAlsoBehindAnActionDelay) {
   const ParameterSpec delay = {
       .name = "delay", .field = "action/delay", .low = 0, .high = 2, .scale = ParameterScale::kAbsolute};
   const auto delayed = WithChannels({kDensity, delay}, [](std::vector<ParameterSpec> own) {
-    return std::make_unique<MinigridSimulatorFactory>(Task("wall", true), std::move(own));
+    return std::make_unique<MinigridSimulatorFactory>(Task(GridObstacle::kWall, true), std::move(own));
   });
   EXPECT_TRUE(delayed->has_expert());
   EXPECT_EQ(delayed->why_not_settable(), factory.why_not_settable());
@@ -170,7 +170,7 @@ TEST(CollectTaskPolicy, LogsTheGridsOwnPoliciesAlsoBehindAnActionDelay) {
 }
 
 TEST(CollectMinigridDemonstrations, ComesBackFromAFileAsItWas) {
-  const MinigridSimulatorFactory factory(Task("wall", true), {kDensity});
+  const MinigridSimulatorFactory factory(Task(GridObstacle::kWall, true), {kDensity});
   const Dataset data = CollectMinigridDemonstrations(factory, {0.25}, MinigridMedium(), 3, RngKey(5), 1);
   data.Check();
   data.CheckFits(factory.spec().task, 148, 1);

@@ -38,7 +38,7 @@ void AddBall(State& state, Position at) {
 void GenerateCrossing(const MinigridTask& task, Rng& rng, State& state) {
   Grid& grid = state.grid;
   const int size = task.size;
-  const Cell river = task.obstacle == "lava" ? kLava : kWall;
+  const Cell river = task.obstacle == GridObstacle::kLava ? kLava : kWall;
   // Rivers at even positions, vertical ones first.
   const int n_each = (size - 3) / 2;
   std::vector<int> vertical, horizontal;
@@ -97,7 +97,7 @@ void GenerateFourRooms(Rng& rng, State& state) {
 // One draw of the room, solvable or not. Start and goal are its first and its last cell.
 void DrawRoom(const MinigridTask& task, double density, Rng& rng, std::vector<uint8_t>& obstacles) {
   const size_t n_free = obstacles.size() - 2;
-  if (task.placement == "bernoulli") {
+  if (task.placement == GridPlacement::kBernoulli) {
     for (size_t i = 1; i <= n_free; ++i) obstacles[i] = rng.Uniform() < density;
     return;
   }
@@ -112,7 +112,7 @@ void DrawRoom(const MinigridTask& task, double density, Rng& rng, std::vector<ui
 void GenerateObstacles(const MinigridTask& task, double density, Rng& rng, State& state) {
   constexpr int kDrawsBeforeExact = 1000;
   const int side = task.size - 2;
-  const bool has_exact = task.placement == "bernoulli" && side <= SolvableGrids::kMaxSide;
+  const bool has_exact = task.placement == GridPlacement::kBernoulli && side <= SolvableGrids::kMaxSide;
   std::vector<uint8_t> obstacles(static_cast<size_t>(side * side), 0);
   DrawRoom(task, density, rng, obstacles);
   for (int draw = 1; task.solvable && !IsSolvable(side, obstacles); ++draw) {
@@ -128,7 +128,7 @@ void GenerateObstacles(const MinigridTask& task, double density, Rng& rng, State
     }
     DrawRoom(task, density, rng, obstacles);
   }
-  const Cell obstacle = task.obstacle == "lava" ? kLava : kWall;
+  const Cell obstacle = task.obstacle == GridObstacle::kLava ? kLava : kWall;
   for (int y = 0; y < side; ++y) {
     for (int x = 0; x < side; ++x) {
       if (obstacles[static_cast<size_t>(y * side + x)] == 0) continue;

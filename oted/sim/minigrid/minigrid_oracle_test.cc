@@ -123,7 +123,7 @@ struct Differences {
 Differences Replay(const std::string& text, const MinigridTask& task) {
   const Recorded& record = RecordOf(text);
   const auto simulator = MinigridSimulatorFactory(task, {}).MakeMinigrid(1, 1);
-  const std::vector<double>& images = task.observation == "grid" ? record.grids : record.images;
+  const std::vector<double>& images = task.observation == GridObservation::kWhole ? record.grids : record.images;
   const size_t n_rows = record.rewards.size();
   const size_t image_size = images.size() / n_rows, n_balls = record.balls.size() / n_rows;
   const size_t start_size = record.starts.size() / record.lengths.size();
@@ -177,8 +177,8 @@ TEST_P(MinigridOracle, ImagesDirectionsRewardsAndEndsAreThePackages) {
   EXPECT_EQ(d.n_steps, kStepsPerCase);
   // The record holds what there is to compare: ends of all kinds, and hidden cells where walls hide.
   EXPECT_GT(d.n_terminated + d.n_truncated, 5);
-  EXPECT_EQ(d.n_penalties > 0, task.collision == "terminate");
-  EXPECT_EQ(d.n_hidden > 0, !task.see_through_walls && task.observation == "view");
+  EXPECT_EQ(d.n_penalties > 0, task.collision == GridCollision::kTerminate);
+  EXPECT_EQ(d.n_hidden > 0, !task.see_through_walls && task.observation == GridObservation::kView);
 }
 
 TEST(MinigridOracleRecord, ComparesAHundredThousandStepsAndTellsOtherRules) {
@@ -187,7 +187,7 @@ TEST(MinigridOracleRecord, ComparesAHundredThousandStepsAndTellsOtherRules) {
   task.see_through_walls = !task.see_through_walls;
   EXPECT_GT(Replay(Cases()[8], task).observations, 1000);
   task = TaskOf(Cases()[8]);
-  task.collision = "terminate";
+  task.collision = GridCollision::kTerminate;
   EXPECT_GT(Replay(Cases()[8], task).rewards, 100);
 }
 

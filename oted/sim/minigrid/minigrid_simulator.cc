@@ -20,7 +20,7 @@ constexpr int kLanesPerThread = 1024;
 SimulatorSpec MakeSpec(const MinigridTask& task) {
   SimulatorSpec spec;
   spec.task = task.name;
-  const int side = task.observation == "grid" ? task.size : minigrid::kView;
+  const int side = task.observation == GridObservation::kWhole ? task.size : minigrid::kView;
   spec.image_shape = {side, side, 3};
   spec.observation_shape = {side * side * 3 + 1};
   for (int i = 0; i < side * side; ++i) {
@@ -171,7 +171,7 @@ void MinigridSimulator::StartEpisode(int lane) {
 void MinigridSimulator::Observe(int lane) {
   const minigrid::State& state = At(lane).state;
   const std::span<double> row = observations_.row(lane);
-  if (setup_->task.observation == "grid") {
+  if (setup_->task.observation == GridObservation::kWhole) {
     minigrid::EncodeGrid(state, row);
   } else {
     minigrid::EncodeView(state, setup_->rules.see_through_walls, row);

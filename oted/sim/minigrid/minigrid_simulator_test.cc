@@ -22,7 +22,7 @@ ParameterSpec Density(double low = 0, double high = 0.6) {
   return {.name = "density", .field = "env/density", .low = low, .high = high, .scale = ParameterScale::kAbsolute};
 }
 
-MinigridTask ObstaclesTask(const std::string& obstacle = "wall", bool solvable = true) {
+MinigridTask ObstaclesTask(GridObstacle obstacle = GridObstacle::kWall, bool solvable = true) {
   MinigridTask task = FindMinigridTask("MiniGrid-Obstacles-10x10");
   task.obstacle = obstacle;
   task.solvable = solvable;
@@ -35,12 +35,13 @@ std::unique_ptr<SimulatorFactory> Factory(const MinigridTask& task) {
 
 INSTANTIATE_TEST_SUITE_P(Minigrid, SimulatorConformance,
                          testing::Values(ConformanceCase{"Wall", [] { return Factory(ObstaclesTask()); }},
-                                         ConformanceCase{"Ball", [] { return Factory(ObstaclesTask("ball")); }},
+                                         ConformanceCase{"Ball",
+                                                         [] { return Factory(ObstaclesTask(GridObstacle::kBall)); }},
                                          ConformanceCase{"LavaWholeGridTerminate",
                                                          [] {
-                                                           MinigridTask task = ObstaclesTask("lava");
-                                                           task.observation = "grid";
-                                                           task.collision = "terminate";
+                                                           MinigridTask task = ObstaclesTask(GridObstacle::kLava);
+                                                           task.observation = GridObservation::kWhole;
+                                                           task.collision = GridCollision::kTerminate;
                                                            return Factory(task);
                                                          }}),
                          [](const auto& parameter) { return parameter.param.name; });
@@ -65,7 +66,7 @@ std::vector<uint8_t> ObstaclesOf(const minigrid::State& state, int side) {
 TEST(MinigridSimulator, TheRealisedDensityIsTheParameterBeforeRejectionAndTheExactMeanAfterIt) {
   for (const bool solvable : {false, true}) {
     const auto simulator =
-        MinigridSimulatorFactory(ObstaclesTask("wall", solvable), {Density(0, 0.95)}).MakeMinigrid(1, 1);
+        MinigridSimulatorFactory(ObstaclesTask(GridObstacle::kWall, solvable), {Density(0, 0.95)}).MakeMinigrid(1, 1);
     const minigrid::SolvableGrids& grids = minigrid::SolvableGrids::Of(8);
     // 0.75: beyond what is drawn by rejection alone.
     for (const double z : {0.1, 0.4, 0.75}) {
@@ -87,8 +88,8 @@ TEST(MinigridSimulator, TheRealisedDensityIsTheParameterBeforeRejectionAndTheExa
 }
 
 TEST(MinigridSimulator, ACountIsThatManyObstaclesAnywhere) {
-  MinigridTask task = ObstaclesTask("lava", false);
-  task.placement = "count";
+  MinigridTask task = ObstaclesTask(GridObstacle::kLava, false);
+  task.placement = GridPlacement::kCount;
   const auto simulator = MinigridSimulatorFactory(task, {Density()}).MakeMinigrid(1, 1);
   std::vector<int> at(64, 0);
   for (uint64_t i = 0; i < 2000; ++i) {
@@ -103,7 +104,7 @@ TEST(MinigridSimulator, ACountIsThatManyObstaclesAnywhere) {
 
 TEST(MinigridSimulator, AnUnsolvableDemandIsAnErrorThatSaysWhatToDo) {
   MinigridTask task = ObstaclesTask();
-  task.placement = "count";
+  task.placement = GridPlacement::kCount;
   const auto simulator = MinigridSimulatorFactory(task, {Density(0, 0.95)}).MakeMinigrid(1, 1);
   EXPECT_THAT(MessageOf<UsageError>([&] { Start(*simulator, 0.9, 1); }), HasSubstr("solvable = false"));
 }
@@ -170,7 +171,7 @@ TEST(MinigridSimulator, BallsMoveWithinOneCellAndKeepTheirNumber) {
 TEST(MinigridSimulator, TheCollisionRuleDecidesWhatAWallDoes) {
   for (const bool ends : {false, true}) {
     MinigridTask task = ObstaclesTask();
-    task.collision = ends ? "terminate" : "block";
+    task.collision = ends ? GridCollision::kTerminate : GridCollision::kBlock;
     const auto simulator = MinigridSimulatorFactory(task, {}).MakeMinigrid(1, 1);
     minigrid::State state = simulator->state(0);
     state.grid.at(2, 1) = minigrid::kWall;
@@ -183,7 +184,7 @@ TEST(MinigridSimulator, TheCollisionRuleDecidesWhatAWallDoes) {
 }
 
 TEST(MinigridSimulator, ThousandsOfLanesOnTwoThreadsGiveTheBytesOfOne) {
-  const MinigridSimulatorFactory factory(ObstaclesTask("ball"), {});
+  const MinigridSimulatorFactory factory(ObstaclesTask(GridObstacle::kBall), {});
   const auto run = [&](int n_threads) {
     const auto simulator = factory.Make(2100, n_threads);
     std::vector<int> lanes;
@@ -215,7 +216,7 @@ TEST(MinigridSimulator, TheSpecSaysWhatALaneShows) {
   EXPECT_EQ(view.parameters()[0].unit, "probability of an obstacle");
   EXPECT_EQ(view.parameters().Nominal(), std::vector{0.2});
   MinigridTask task = ObstaclesTask();
-  task.observation = "grid";
+  task.observation = GridObservation::kWhole;
   EXPECT_EQ(MinigridSimulatorFactory(task, {}).spec().observation_shape, std::vector{301});
   EXPECT_EQ(MinigridSimulatorFactory("MiniGrid-FourRooms-v0", {}).spec().n_discrete_actions, 7);
 }
@@ -236,9 +237,9 @@ TEST(MinigridSimulator, RequestsThatMakeNoSenseAreErrors) {
   other.field = "env/densty";
   EXPECT_THAT(make(ObstaclesTask(), other), HasSubstr("did you mean 'env/density'"));
   EXPECT_THAT(make(FindMinigridTask("MiniGrid-FourRooms-v0"), Density()), HasSubstr("has no parameter"));
-  MinigridTask task = ObstaclesTask("cheese");
-  EXPECT_THAT(make(task, Density()), HasSubstr("obstacle does not take 'cheese'; it takes wall or lava or ball"));
-  task = ObstaclesTask();
+  MinigridTask task = ObstaclesTask();
+  EXPECT_THAT(MessageOf<UsageError>([&] { task.Fields().Find("obstacle", "").FromText("cheese", "[task]"); }),
+              AllOf(HasSubstr("obstacle"), HasSubstr("cheese"), HasSubstr("lava")));
   task.size = 3;
   EXPECT_THAT(make(task, Density()), HasSubstr("size does not take 3; it takes a number in [4, 32]"));
   EXPECT_THAT(MessageOf<UsageError>([] { FindMinigridTask("MiniGrid-FourRoms-v0"); }),

@@ -15,6 +15,18 @@ constexpr int kMinSize = 4;
 constexpr int kMaxSize = 32;
 constexpr const char* kObstaclesPrefix = "MiniGrid-Obstacles-";
 
+const NamedValues<GridObservation> kObservationNames = {{GridObservation::kView, "view"},
+                                                        {GridObservation::kWhole, "grid"}};
+const NamedValues<GridCollision> kCollisionNames = {{GridCollision::kBlock, "block"},
+                                                    {GridCollision::kTerminate, "terminate"}};
+const NamedValues<std::optional<GridCollision>> kCollisionOrTaskNames = {
+    {std::nullopt, "task"}, {GridCollision::kBlock, "block"}, {GridCollision::kTerminate, "terminate"}};
+const NamedValues<std::optional<bool>> kSeeThroughNames = {{std::nullopt, "task"}, {true, "true"}, {false, "false"}};
+const NamedValues<GridObstacle> kObstacleNames = {
+    {GridObstacle::kWall, "wall"}, {GridObstacle::kLava, "lava"}, {GridObstacle::kBall, "ball"}};
+const NamedValues<GridPlacement> kPlacementNames = {{GridPlacement::kBernoulli, "bernoulli"},
+                                                    {GridPlacement::kCount, "count"}};
+
 MinigridTask Obstacles(int size) {
   MinigridTask task;
   task.name = fmt::format("{}{}x{}", kObstaclesPrefix, size, size);
@@ -39,14 +51,15 @@ MinigridTask Dynamic(int size, bool random_start, int n_balls) {
   task.layout = MinigridLayout::kDynamicObstacles;
   task.n_items = n_balls;
   task.n_actions = 3;
-  task.obstacle = "ball";
-  task.collision = "terminate";
+  task.obstacle = GridObstacle::kBall;
+  task.collision = GridCollision::kTerminate;
   return task;
 }
 
-MinigridTask Crossing(const std::string& obstacle, int size, int n_crossings) {
+MinigridTask Crossing(GridObstacle obstacle, int size, int n_crossings) {
   MinigridTask task;
-  task.name = fmt::format("MiniGrid-{}CrossingS{}N{}-v0", obstacle == "lava" ? "Lava" : "Simple", size, n_crossings);
+  task.name = fmt::format("MiniGrid-{}CrossingS{}N{}-v0", obstacle == GridObstacle::kLava ? "Lava" : "Simple", size,
+                          n_crossings);
   task.layout = MinigridLayout::kCrossing;
   task.size = size;
   task.n_items = n_crossings;
@@ -63,17 +76,28 @@ MinigridTask FourRooms() {
 }
 
 const std::vector<MinigridTask>& Tasks() {
-  static const std::vector<MinigridTask> tasks = {Obstacles(10),           Empty(5, false),
-                                                  Empty(5, true),          Empty(6, false),
-                                                  Empty(6, true),          Empty(8, false),
-                                                  Empty(16, false),        Crossing("wall", 9, 1),
-                                                  Crossing("wall", 9, 2),  Crossing("wall", 9, 3),
-                                                  Crossing("wall", 11, 5), Crossing("lava", 9, 1),
-                                                  Crossing("lava", 9, 2),  Crossing("lava", 9, 3),
-                                                  Crossing("lava", 11, 5), Dynamic(5, false, 2),
-                                                  Dynamic(5, true, 2),     Dynamic(6, false, 3),
-                                                  Dynamic(6, true, 3),     Dynamic(8, false, 4),
-                                                  Dynamic(16, false, 8),   FourRooms()};
+  static const std::vector<MinigridTask> tasks = {Obstacles(10),
+                                                  Empty(5, false),
+                                                  Empty(5, true),
+                                                  Empty(6, false),
+                                                  Empty(6, true),
+                                                  Empty(8, false),
+                                                  Empty(16, false),
+                                                  Crossing(GridObstacle::kWall, 9, 1),
+                                                  Crossing(GridObstacle::kWall, 9, 2),
+                                                  Crossing(GridObstacle::kWall, 9, 3),
+                                                  Crossing(GridObstacle::kWall, 11, 5),
+                                                  Crossing(GridObstacle::kLava, 9, 1),
+                                                  Crossing(GridObstacle::kLava, 9, 2),
+                                                  Crossing(GridObstacle::kLava, 9, 3),
+                                                  Crossing(GridObstacle::kLava, 11, 5),
+                                                  Dynamic(5, false, 2),
+                                                  Dynamic(5, true, 2),
+                                                  Dynamic(6, false, 3),
+                                                  Dynamic(6, true, 3),
+                                                  Dynamic(8, false, 4),
+                                                  Dynamic(16, false, 8),
+                                                  FourRooms()};
   return tasks;
 }
 
@@ -98,18 +122,18 @@ FieldList MinigridTask::Fields() {
   fields.Add("max_steps", &max_steps, "time limit [steps]; 0: Minigrid's own, 4 size^2 (FourRooms: 100)", AtLeast(0));
   fields.Add("see_through_walls", &see_through_walls, "no cell of the view is hidden behind a wall");
   fields.AddChoice("observation", &observation, "view: 7x7x3 around the agent; grid: the whole grid with the agent",
-                   {"view", "grid"});
+                   kObservationNames);
   fields.AddChoice("collision", &collision,
                    "block: walls and balls block, lava ends the episode with reward 0; terminate: forward into "
                    "anything but an empty cell or the goal ends it with reward -1",
-                   {"block", "terminate"});
+                   kCollisionNames);
   if (!obstacles) return fields;
   fields.Add("density", &density, "of the nominal simulator: probability of an obstacle in a free cell",
              {.low = 0, .high = 1, .high_open = true});
-  fields.AddChoice("obstacle", &obstacle, "wall, lava, or balls that move one cell a step", {"wall", "lava", "ball"});
+  fields.AddChoice("obstacle", &obstacle, "wall, lava, or balls that move one cell a step", kObstacleNames);
   fields.AddChoice("placement", &placement,
                    "bernoulli: each free cell with probability density; count: round(density x free cells) of them",
-                   {"bernoulli", "count"});
+                   kPlacementNames);
   fields.Add("solvable", &solvable, "draw again until start and goal are connected; density is before that");
   return fields;
 }
@@ -117,20 +141,20 @@ FieldList MinigridTask::Fields() {
 FieldList GridSettings::Fields() {
   FieldList fields("grid");
   fields.AddChoice("observation", &observation, "view: 7x7x3 around the agent; grid: the whole grid with the agent",
-                   {"view", "grid"});
+                   kObservationNames);
   fields.AddChoice("obstacle", &obstacle, "of MiniGrid-Obstacles: wall, lava, or balls that move one cell a step",
-                   {"wall", "lava", "ball"});
+                   kObstacleNames);
   fields.AddChoice("placement", &placement,
                    "of MiniGrid-Obstacles: each free cell with probability density, or round(density x free cells)",
-                   {"bernoulli", "count"});
+                   kPlacementNames);
   fields.Add("solvable", &solvable,
              "of MiniGrid-Obstacles: draw again until start and goal are connected; density counts before that");
   fields.AddChoice("collision", &collision,
                    "block: walls and balls block, lava ends the episode with reward 0; terminate: forward into "
                    "anything but an empty cell or the goal ends it with reward -1; task: as the task has it",
-                   {"task", "block", "terminate"});
+                   kCollisionOrTaskNames);
   fields.AddChoice("see_through_walls", &see_through_walls, "walls hide no cell of the view; task: as the task has it",
-                   {"task", "true", "false"});
+                   kSeeThroughNames);
   fields.Add("max_steps", &max_steps, "time limit [steps]; 0: Minigrid's own, 4 size^2 (FourRooms: 100)", AtLeast(0));
   fields.Add("density", &density, "of the nominal MiniGrid-Obstacles: probability of an obstacle in a free cell",
              {.low = 0, .high = 1, .high_open = true});
@@ -153,8 +177,8 @@ MinigridTask GridSettings::ApplyTo(MinigridTask task) const {
     task.density = density;
   }
   task.observation = observation;
-  if (collision != "task") task.collision = collision;
-  if (see_through_walls != "task") task.see_through_walls = see_through_walls == "true";
+  task.collision = collision.value_or(task.collision);
+  task.see_through_walls = see_through_walls.value_or(task.see_through_walls);
   task.max_steps = max_steps;
   return task;
 }
@@ -165,19 +189,12 @@ void MinigridTask::Check() const {
   const std::string where = fmt::format("task '{}'", name);
   for (const Field& field : fields.fields()) {
     const auto* number = std::get_if<int*>(&field.target);
-    const auto* text = std::get_if<std::string*>(&field.target);
     const auto* real = std::get_if<double*>(&field.target);
-    const bool fits = number != nullptr ? field.range.Contains(**number)
-                      : real != nullptr ? field.range.Contains(**real)
-                      : text != nullptr ? std::ranges::count(field.choices, **text) == 1
-                                        : true;
-    if (fits) continue;
-    throw UsageError(fmt::format("{}: {} does not take {}; it takes {}", where, field.name,
-                                 text != nullptr     ? fmt::format("'{}'", **text)
-                                 : number != nullptr ? fmt::format("{}", **number)
-                                                     : fmt::format("{}", **real),
-                                 text != nullptr ? fmt::format("{}", fmt::join(field.choices, " or "))
-                                                 : "a number in " + field.range.ToString()));
+    if (number == nullptr && real == nullptr) continue;
+    const double value = number != nullptr ? **number : **real;
+    if (field.range.Contains(value)) continue;
+    throw UsageError(fmt::format("{}: {} does not take {}; it takes a number in {}", where, field.name, value,
+                                 field.range.ToString()));
   }
 }
 
@@ -187,12 +204,14 @@ int MinigridTask::time_limit() const {
 }
 
 minigrid::Rules MinigridTask::rules() const {
-  return {
-      .max_steps = time_limit(), .collision_ends = collision == "terminate", .see_through_walls = see_through_walls};
+  return {.max_steps = time_limit(),
+          .collision_ends = collision == GridCollision::kTerminate,
+          .see_through_walls = see_through_walls};
 }
 
 bool MinigridTask::moves_balls() const {
-  return layout == MinigridLayout::kDynamicObstacles || (layout == MinigridLayout::kObstacles && obstacle == "ball");
+  return layout == MinigridLayout::kDynamicObstacles ||
+         (layout == MinigridLayout::kObstacles && obstacle == GridObstacle::kBall);
 }
 
 bool IsMinigridTask(const std::string& name) { return name.starts_with("MiniGrid-"); }

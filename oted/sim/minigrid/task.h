@@ -1,6 +1,7 @@
 #pragma once
 /// The grid worlds by name: what they are made of and which rules they have.
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,17 @@ enum class MinigridLayout {
   kFourRooms,         ///< FourRoomsEnv
 };
 
+enum class GridObservation {
+  kView,   ///< 7 x 7 x 3 around the agent
+  kWhole,  ///< the whole grid, size x size x 3
+};
+enum class GridCollision { kBlock, kTerminate };
+enum class GridObstacle { kWall, kLava, kBall };
+enum class GridPlacement {
+  kBernoulli,  ///< each free cell with probability density
+  kCount,      ///< round(density x free cells) of them
+};
+
 /// One task. Start (1, 1) looking right and goal in the opposite corner, unless the layout says otherwise.
 struct MinigridTask {
   std::string name;
@@ -30,12 +42,12 @@ struct MinigridTask {
   int size = 10;      ///< side of the grid with its border
   int max_steps = 0;  ///< time limit in steps; 0: Minigrid's, 4 size^2 (100 in FourRooms)
   bool see_through_walls = false;
-  std::string observation = "view";     ///< "view": 7 x 7 x 3 around the agent; "grid": the whole, size x size x 3
-  std::string collision = "block";      ///< "block" or "terminate"
-  double density = 0.2;                 ///< of the nominal simulator
-  std::string obstacle = "wall";        ///< "wall", "lava" or "ball"
-  std::string placement = "bernoulli";  ///< "bernoulli": each free cell with probability density; "count"
-  bool solvable = true;                 ///< grids without a path from start to goal are drawn again
+  GridObservation observation = GridObservation::kView;
+  GridCollision collision = GridCollision::kBlock;
+  double density = 0.2;  ///< of the nominal simulator
+  GridObstacle obstacle = GridObstacle::kWall;
+  GridPlacement placement = GridPlacement::kBernoulli;
+  bool solvable = true;  ///< grids without a path from start to goal are drawn again
 
   /// The settings that this task's layout reads, for [task], --set and the run record.
   FieldList Fields();
@@ -51,12 +63,12 @@ struct MinigridTask {
 
 /// What a user may change of a grid world by [grid]. Settings that a task's layout does not read must stay as they are.
 struct GridSettings {
-  std::string observation = "view";
-  std::string obstacle = "wall";
-  std::string placement = "bernoulli";
+  GridObservation observation = GridObservation::kView;
+  GridObstacle obstacle = GridObstacle::kWall;
+  GridPlacement placement = GridPlacement::kBernoulli;
   bool solvable = true;
-  std::string collision = "task";
-  std::string see_through_walls = "task";
+  std::optional<GridCollision> collision;  ///< none: as the task has it
+  std::optional<bool> see_through_walls;
   int max_steps = 0;
   double density = 0.2;
 

@@ -19,9 +19,9 @@ double SumOfSquares(std::span<const double> values) {
 void Write(const std::vector<ModelPlan::Target>& targets, std::span<const double> values, const LaneState& state) {
   for (size_t i = 0; i < targets.size(); ++i) {
     const ModelPlan::Target& target = targets[i];
-    if (target.part == ModelPlan::Target::Part::kQpos) state.qpos[target.index] = values[i];
-    if (target.part == ModelPlan::Target::Part::kQvel) state.qvel[target.index] = values[i];
-    if (target.part == ModelPlan::Target::Part::kAct) state.act[target.index] = values[i];
+    if (target.part == StatePart::kQpos) state.qpos[target.index] = values[i];
+    if (target.part == StatePart::kQvel) state.qvel[target.index] = values[i];
+    if (target.part == StatePart::kAct) state.act[target.index] = values[i];
   }
 }
 

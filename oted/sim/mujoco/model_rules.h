@@ -12,6 +12,7 @@
 
 #include "oted/base/array2.h"
 #include "oted/sim/mujoco/expression.h"
+#include "oted/sim/mujoco/observables.h"
 #include "oted/sim/mujoco/task_rules.h"
 
 namespace oted {
@@ -29,7 +30,7 @@ struct ModelPlan {
   };
   /// Where an observed number goes when the state is set from an observation.
   struct Target {
-    enum class Part { kNone, kQpos, kQvel, kAct } part = Part::kNone;
+    StatePart part = StatePart::kNone;
     size_t index = 0;
   };
 

@@ -19,8 +19,6 @@
 namespace oted {
 namespace {
 
-using Part = ModelPlan::Target::Part;
-
 constexpr int kMostSteps = 100'000;  // of the physics in a control period
 
 bool IsActionRange(double low, double high) { return std::isfinite(low) && std::isfinite(high) && low < high; }
@@ -154,7 +152,7 @@ class Builder {
       const std::vector<int> keys = MatchObjects(model_, kind, std::string_view(task_.start).substr(9), what);
       if (keys.size() > 1) throw UsageError(what + ": matches several keyframes; name one");
       setup_.start_state = FixedState(model_, keys[0]);
-    } else if (task_.start == "logs") {
+    } else if (task_.starts_in_logs()) {
       if (logged_starts.rows() == 0) {
         throw UsageError(
             "task.start = \"logs\" takes start states from logged data, and there are none here; set task.start to "
@@ -186,25 +184,21 @@ class Builder {
 
   // Every coordinate of the state is seen, or declared to be of no consequence.
   void Settable() {
-    std::set<std::pair<std::string, int>> known;
+    std::set<std::pair<StatePart, int>> known;
     for (const Observable& observed : observed_) {
       const Observable o = AsState(model_, observed);
-      const Part part = o.array == "qpos"   ? Part::kQpos
-                        : o.array == "qvel" ? Part::kQvel
-                        : o.array == "act"  ? Part::kAct
-                                            : Part::kNone;
-      plan_.targets.push_back({part, static_cast<size_t>(o.index)});
-      if (part != Part::kNone) known.insert({o.array, o.index});
+      plan_.targets.push_back({o.part, static_cast<size_t>(o.index)});
+      if (o.part != StatePart::kNone) known.insert({o.part, o.index});
     }
     for (const std::string& path : task_.unobserved) {
       const std::string what = At("unobserved", path);
       for (const Observable& o : ResolveObservable(model_, path, what)) {
-        if (o.array != "qpos" && o.array != "qvel" && o.array != "act") {
+        if (o.part == StatePart::kNone) {
           throw UsageError(what +
                            ": wanted a coordinate of the state: joint/NAME/qpos, joint/NAME/qvel or "
                            "actuator/NAME/act");
         }
-        if (!known.insert({o.array, o.index}).second) {
+        if (!known.insert({o.part, o.index}).second) {
           throw UsageError(fmt::format("{}: '{}' is observed, or listed twice; remove it here", what, o.name));
         }
       }
@@ -213,7 +207,7 @@ class Builder {
     for (const char* all : {"joint/*/qpos", "joint/*/qvel", "actuator/*/act"}) {
       if (all[0] == 'j' ? model_.njnt == 0 : model_.na == 0) continue;
       for (const Observable& o : ResolveObservable(model_, all, "")) {
-        if (!known.contains({o.array, o.index})) missing.push_back(o);
+        if (!known.contains({o.part, o.index})) missing.push_back(o);
       }
     }
     Rates();
@@ -228,7 +222,7 @@ class Builder {
                       fmt::join(shown, ", "),
                       missing.size() > n_shown ? fmt::format(" and {} more", missing.size() - n_shown) : "");
       // Where positions are unknown, a fit has nothing to begin from.
-      if (std::ranges::none_of(missing, [](const Observable& o) { return o.array == "qpos"; })) {
+      if (std::ranges::none_of(missing, [](const Observable& o) { return o.part == StatePart::kQpos; })) {
         for (const Observable& o : missing) AddHidden(o);
       }
     }
@@ -241,7 +235,7 @@ class Builder {
   }
 
   // The observation that shows an entry of qpos, or of another part of the state, or -1.
-  int SeenAt(int index, Part part = Part::kQpos) const {
+  int SeenAt(int index, StatePart part = StatePart::kQpos) const {
     const auto found = std::find_if(plan_.targets.begin(), plan_.targets.end(), [&](const ModelPlan::Target& t) {
       return t.part == part && t.index == static_cast<size_t>(index);
     });
@@ -257,14 +251,13 @@ class Builder {
 
   void Rates() {
     for (const ModelPlan::Target& t : plan_.targets) {
-      spec_.rate_of.push_back(t.part == Part::kQvel ? PositionOf(static_cast<int>(t.index)) : -1);
+      spec_.rate_of.push_back(t.part == StatePart::kQvel ? PositionOf(static_cast<int>(t.index)) : -1);
     }
   }
 
   void AddHidden(const Observable& o) {
-    const Part part = o.array == "qvel" ? Part::kQvel : Part::kAct;
     HiddenCoordinate hidden{.name = o.name};
-    if (part == Part::kQvel) {
+    if (o.part == StatePart::kQvel) {
       const int joint = model_.dof_jntid[o.index], k = o.index - model_.jnt_dofadr[joint];
       hidden.rate_of = PositionOf(o.index);
       const int first = model_.jnt_type[joint] == mjJNT_FREE ? 3 : 0;
@@ -279,7 +272,7 @@ class Builder {
       }
     }
     spec_.hidden.push_back(hidden);
-    plan_.hidden.push_back({part, static_cast<size_t>(o.index)});
+    plan_.hidden.push_back({o.part, static_cast<size_t>(o.index)});
   }
 
   // Those that an observation shows as a whole.
@@ -299,10 +292,10 @@ class Builder {
     const bool is_free = model_.jnt_type[joint] == mjJNT_FREE;
     const int turn = model_.jnt_dofadr[joint] + (is_free ? 3 : 0);
     for (int k = 0; k < 3; ++k) {
-      body.turn[static_cast<size_t>(k)] = SeenAt(turn + k, Part::kQvel);
+      body.turn[static_cast<size_t>(k)] = SeenAt(turn + k, StatePart::kQvel);
       if (!is_free) continue;
       body.position[static_cast<size_t>(k)] = SeenAt(model_.jnt_qposadr[joint] + k);
-      body.velocity[static_cast<size_t>(k)] = SeenAt(model_.jnt_dofadr[joint] + k, Part::kQvel);
+      body.velocity[static_cast<size_t>(k)] = SeenAt(model_.jnt_dofadr[joint] + k, StatePart::kQvel);
     }
     return body;
   }
@@ -357,7 +350,7 @@ void CheckUnobserved(const MujocoSetup& setup, const ModelPlan& plan, MujocoSimu
   constexpr double kShift = 0.37, kTolerance = 1e-4;
   const mjModel& model = *setup.loaded.model;
   const std::vector<double> start(simulator.IntegrationState(0).begin(), simulator.IntegrationState(0).end());
-  const auto shown = [&](Part part, int index) {
+  const auto shown = [&](StatePart part, int index) {
     const auto is_it = [&](const ModelPlan::Target& t) {
       return t.part == part && t.index == static_cast<size_t>(index);
     };
@@ -366,14 +359,13 @@ void CheckUnobserved(const MujocoSetup& setup, const ModelPlan& plan, MujocoSimu
   const std::vector<double> before = FirstSteps(simulator, start);
   for (const char* all : {"joint/*/qpos", "joint/*/qvel"}) {
     for (const Observable& o : ResolveObservable(model, all, "")) {
-      const bool position = o.array == "qpos";
-      if (shown(position ? Part::kQpos : Part::kQvel, o.index)) continue;
+      if (shown(o.part, o.index)) continue;
       const ptrdiff_t qpos = simulator.qpos(0).data() - simulator.IntegrationState(0).data();
       const ptrdiff_t qvel = simulator.qvel(0).data() - simulator.IntegrationState(0).data();
       // Both ways: a fall towards the floor shows, one from higher up may not.
       for (const double shift : {kShift, -kShift}) {
         std::vector<double> state = start;
-        state[static_cast<size_t>((position ? qpos : qvel) + o.index)] += shift;
+        state[static_cast<size_t>((o.part == StatePart::kQpos ? qpos : qvel) + o.index)] += shift;
         mj_normalizeQuat(&model, state.data() + qpos);
         const std::vector<double> after = FirstSteps(simulator, state);
         for (size_t i = 0; i < before.size(); ++i) {

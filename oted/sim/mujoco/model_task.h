@@ -19,8 +19,9 @@ struct ModelTask {
   std::vector<std::string> actions = {"actuator/*"};
   std::vector<double> action_range;  ///< [low, high] of controls without a ctrlrange
   std::string start = "default";     ///< "default", "keyframe/NAME" or "logs"
-  std::vector<double> start_qpos;    ///< (nq) positions of the start state instead of the model's; empty: those
-  double start_noise = 0;            ///< half width of uniform noise on qpos and qvel [m, rad, m/s, rad/s]
+  bool starts_in_logs() const { return start == "logs"; }
+  std::vector<double> start_qpos;  ///< (nq) positions of the start state instead of the model's; empty: those
+  double start_noise = 0;          ///< half width of uniform noise on qpos and qvel [m, rad, m/s, rad/s]
   std::map<std::string, std::string> quantities;  ///< name in expressions -> path: "height" -> "body/torso/xpos[2]"
   std::string reward;                             ///< per control step; "": none
   std::string terminate;                          ///< not 0: the episode ends; "": never

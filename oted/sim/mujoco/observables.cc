@@ -25,6 +25,7 @@ struct ObservableField {
   const char* array;
   int stage;
   Place (*place)(const mjModel& model, int id);
+  StatePart part = StatePart::kNone;
 };
 
 int PositionsOf(int joint_type) { return joint_type == mjJNT_FREE ? 7 : joint_type == mjJNT_BALL ? 4 : 1; }
@@ -42,8 +43,8 @@ Place Four(const mjModel&, int id) { return {4 * id, 4}; }
 
 const std::vector<ObservableField>& Fields() {
   static const std::vector<ObservableField> fields = {
-      {"joint", "qpos", "qpos", mjSTAGE_NONE, JointPositions},
-      {"joint", "qvel", "qvel", mjSTAGE_NONE, JointVelocities},
+      {"joint", "qpos", "qpos", mjSTAGE_NONE, JointPositions, StatePart::kQpos},
+      {"joint", "qvel", "qvel", mjSTAGE_NONE, JointVelocities, StatePart::kQvel},
       {"joint", "qacc", "qacc", mjSTAGE_ACC, JointVelocities},
       {"joint", "qfrc_actuator", "qfrc_actuator", mjSTAGE_ACC, JointVelocities},
       {"body", "xpos", "xpos", mjSTAGE_POS, Three},
@@ -56,7 +57,7 @@ const std::vector<ObservableField>& Fields() {
       {"actuator", "force", "actuator_force", mjSTAGE_ACC, ActuatorOutputs},
       {"actuator", "length", "actuator_length", mjSTAGE_POS, ActuatorOutputs},
       {"actuator", "velocity", "actuator_velocity", mjSTAGE_VEL, ActuatorOutputs},
-      {"actuator", "act", "act", mjSTAGE_NONE, ActuatorStates},
+      {"actuator", "act", "act", mjSTAGE_NONE, ActuatorStates, StatePart::kAct},
       {"tendon", "length", "ten_length", mjSTAGE_POS, One},
       {"tendon", "velocity", "ten_velocity", mjSTAGE_VEL, One}};
   return fields;
@@ -136,7 +137,8 @@ std::vector<Observable> ResolveObservable(const mjModel& model, const std::strin
     const Place place = field->place(model, id);
     const Observable proto{.name = fmt::format("{}/{}/{}", word, ObjectName(model, kind->type, id), field->name),
                            .array = field->array,
-                           .stage = field->stage};
+                           .stage = field->stage,
+                           .part = field->part};
     Append(place, ref.index, proto, found);
     largest = std::max(largest, place.size);
   }
@@ -157,9 +159,11 @@ Observable AsState(const mjModel& model, const Observable& observable) {
     Observable state = observable;
     if (model.sensor_type[id] == mjSENS_JOINTPOS) {
       state.array = "qpos";
+      state.part = StatePart::kQpos;
       state.index = model.jnt_qposadr[joint];
     } else if (model.sensor_type[id] == mjSENS_JOINTVEL) {
       state.array = "qvel";
+      state.part = StatePart::kQvel;
       state.index = model.jnt_dofadr[joint];
     }
     return state;

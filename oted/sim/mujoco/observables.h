@@ -9,12 +9,16 @@
 
 namespace oted {
 
+/// The part of a simulator's state that a number is of.
+enum class StatePart { kNone, kQpos, kQvel, kAct };
+
 /// One number that MuJoCo computes or stores.
 struct Observable {
   std::string name;          ///< "joint/hip/qpos"; with "[i]" where the object has several numbers
   std::string array;         ///< "qpos", "qvel", "act", or mjData's field: "site_xpos", "sensordata", ...
   int index = 0;             ///< into that array
   int stage = mjSTAGE_NONE;  ///< mjtStage that MuJoCo must have computed
+  StatePart part = StatePart::kNone;
 };
 
 /// Every number that `path` names, objects in the model's order, at least one.

@@ -25,7 +25,7 @@ AlgorithmEntry Sac() {
           .noise = [](const AlgorithmSettings&) { return ActionNoise::kMean; },
           .check = [](const AlgorithmSettings& settings) { settings.sac.CheckLearns("sac"); },
           .train =
-              [](const AgentJob& job, const AlgorithmSettings& settings, const std::string& device) {
+              [](const AgentJob& job, const AlgorithmSettings& settings, TrainingDevice device) {
                 SacConfig config = settings.sac;
                 config.device = device;
                 return Trained(TrainAgent(job, config));
@@ -43,7 +43,7 @@ AlgorithmEntry CrossQ() {
           .noise = [](const AlgorithmSettings&) { return ActionNoise::kMean; },
           .check = [](const AlgorithmSettings& settings) { settings.crossq.CheckLearns("crossq"); },
           .train =
-              [](const AgentJob& job, const AlgorithmSettings& settings, const std::string& device) {
+              [](const AgentJob& job, const AlgorithmSettings& settings, TrainingDevice device) {
                 CrossQConfig config = settings.crossq;
                 config.device = device;
                 return Trained(TrainAgent(job, config));
@@ -58,10 +58,10 @@ AlgorithmEntry Ppo() {
           .fields = [](AlgorithmSettings& settings) { return settings.ppo.Fields(); },
           .n_steps = [](const AlgorithmSettings& settings) { return settings.ppo.n_steps; },
           .eval_episodes = [](const AlgorithmSettings& settings) { return settings.ppo.eval_episodes; },
-          .noise = [](const AlgorithmSettings& settings) { return settings.ppo.EvaluationNoise(); },
+          .noise = [](const AlgorithmSettings& settings) { return settings.ppo.evaluate; },
           .check = [](const AlgorithmSettings&) {},
           .train = [](const AgentJob& job, const AlgorithmSettings& settings,
-                      const std::string&) { return Trained(TrainAgent(job, settings.ppo)); }};
+                      TrainingDevice) { return Trained(TrainAgent(job, settings.ppo)); }};
 }
 
 }  // namespace

@@ -40,8 +40,8 @@ struct AlgorithmEntry {
   ActionNoise (*noise)(const AlgorithmSettings& settings);  ///< how its policies act where they are judged
   /// @throws UsageError where training would end before its first gradient step
   void (*check)(const AlgorithmSettings& settings);
-  /// @param device  "cpu" or "cuda": where gradient steps are made; PPO's on the cpu alone
-  TrainedAgent (*train)(const AgentJob& job, const AlgorithmSettings& settings, const std::string& device);
+  /// @param device  of gradient steps; PPO makes them on the cpu alone
+  TrainedAgent (*train)(const AgentJob& job, const AlgorithmSettings& settings, TrainingDevice device);
 };
 
 /// All of them.

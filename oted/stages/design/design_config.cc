@@ -67,7 +67,7 @@ void DesignConfig::Check() const {
                     "design.adversarial.clone_updates = 0",
                     described.name, ToJson().at("adversarial").at("actions").get<std::string>()));
   }
-  if (described.needs.uniform_prior && prior != "uniform") {
+  if (described.needs.uniform_prior && PriorSourceOf(prior) != PriorSource::kUniform) {
     throw UsageError(
         fmt::format("design.method = \"{}\" maximises a likelihood and knows no prior; set design.prior = "
                     "\"uniform\", or another method",

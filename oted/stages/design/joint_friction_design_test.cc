@@ -6,8 +6,8 @@
 
 #include "oted/base/testing.h"
 #include "oted/matching/designer.h"
-#include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/stages/design/testing.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted::joint_friction_design_test {
@@ -28,39 +28,10 @@ const std::vector<ParameterSpec> kFriction = {Absolute("stribeck_torque", 0.3), 
 
 class Hinge {
  public:
-  Hinge() { WriteFileAtomically(folder_ / "hinge.xml", kXml); }
-
   std::unique_ptr<MujocoSimulatorFactory> Factory(const std::vector<ParameterSpec>& specs) const {
-    ModelTask task;
-    task.name = "Hinge";
-    task.model = folder_ / "hinge.xml";
-    task.control_period = 0.01;
-    task.observations = {"joint/*/qpos", "joint/*/qvel"};
-    task.max_episode_steps = 1000;
-    return std::make_unique<MujocoSimulatorFactory>(task, specs);
+    return std::make_unique<MujocoSimulatorFactory>(HingeTask(folder_, kXml), specs);
   }
-
-  /// Two episodes under slow and fast torques.
-  Dataset Logs() const {
-    const auto simulator = Factory(kFriction)->Make(1, 1);
-    simulator->SetParameters(0, kTruth);
-    Dataset logs;
-    for (const double rate : {0.021, 0.034}) {
-      Rng rng(1);
-      simulator->Reset(0, rng);
-      for (int i = 0; i < 400; ++i) {
-        const std::vector<double> torque = {1.1 * std::sin(rate * i) + 0.5 * std::sin(5.3 * rate * i)};
-        logs.observations.AppendRow(simulator->observation(0));
-        logs.actions.AppendRow(torque);
-        const int lane = 0;
-        simulator->Step({&lane, 1}, torque);
-        logs.next_observations.AppendRow(simulator->observation(0));
-        logs.terminals.push_back(0);
-        logs.timeouts.push_back(i == 399);
-      }
-    }
-    return logs;
-  }
+  Dataset Logs() const { return LogsUnderTorques(*Factory(kFriction), kTruth, 1.1); }
 
  private:
   TestFolder folder_;

@@ -8,10 +8,10 @@
 #include "oted/base/testing.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/designer.h"
-#include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/presets.h"
 #include "oted/stages/design/prior_source.h"
+#include "oted/stages/design/testing.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted::joint_residual_design_test {
@@ -33,35 +33,12 @@ class Pendulum {
                                                   const std::string& spring = "") const {
     std::string xml = kXml;
     xml.replace(xml.find("SPRING"), 6, spring);
-    WriteFileAtomically(folder_ / "hinge.xml", xml);
-    ModelTask task;
-    task.name = "Hinge";
-    task.model = folder_ / "hinge.xml";
-    task.control_period = 0.01;
-    task.observations = {"joint/*/qpos", "joint/*/qvel"};
-    task.max_episode_steps = 1000;
-    return std::make_unique<MujocoSimulatorFactory>(task, specs);
+    return std::make_unique<MujocoSimulatorFactory>(HingeTask(folder_, xml), specs);
   }
 
   Dataset Logs() const {
-    const auto simulator = Factory({kSearched}, R"( stiffness="0.4" springref="60")")->Make(1, 1);
-    simulator->SetParameters(0, std::vector<double>{kMass});
-    Dataset logs;
-    for (const double rate : {0.021, 0.034}) {
-      Rng rng(1);
-      simulator->Reset(0, rng);
-      for (int i = 0; i < 400; ++i) {
-        const std::vector<double> torque = {0.9 * std::sin(rate * i) + 0.5 * std::sin(5.3 * rate * i)};
-        logs.observations.AppendRow(simulator->observation(0));
-        logs.actions.AppendRow(torque);
-        const int lane = 0;
-        simulator->Step({&lane, 1}, torque);
-        logs.next_observations.AppendRow(simulator->observation(0));
-        logs.terminals.push_back(0);
-        logs.timeouts.push_back(i == 399);
-      }
-    }
-    return WithSensorNoise(logs, 0.001, RngKey(3));
+    const auto target = Factory({kSearched}, R"( stiffness="0.4" springref="60")");
+    return WithSensorNoise(LogsUnderTorques(*target, {kMass}, 0.9), 0.001, RngKey(3));
   }
 
  private:

@@ -141,9 +141,20 @@ Prior FromDesign(const std::string& source, const ParameterSpace& space, const P
 
 }  // namespace
 
+PriorSource PriorSourceOf(const std::string& prior) {
+  if (prior == "uniform") return PriorSource::kUniform;
+  return prior == "gaussian" ? PriorSource::kBeliefs : PriorSource::kDesign;
+}
+
 Prior MakePrior(const std::string& source, const ParameterSpace& space, const PriorUse& use) {
-  if (source == "uniform") return Prior::Uniform(space.size());
-  if (source == "gaussian") return FromBeliefs(space);
+  switch (PriorSourceOf(source)) {
+    case PriorSource::kUniform:
+      return Prior::Uniform(space.size());
+    case PriorSource::kBeliefs:
+      return FromBeliefs(space);
+    case PriorSource::kDesign:
+      break;
+  }
   return FromDesign(source, space, use);
 }
 

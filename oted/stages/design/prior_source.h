@@ -8,6 +8,11 @@
 
 namespace oted {
 
+enum class PriorSource { kUniform, kBeliefs, kDesign };
+
+/// What `design.prior` names: "uniform", "gaussian", or the path of an earlier design.
+PriorSource PriorSourceOf(const std::string& prior);
+
 /// How q is represented, which says what an earlier one must be.
 struct PriorUse {
   bool categorical = false;

@@ -4,9 +4,13 @@
 #include <cmath>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/testing.h"
+#include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
@@ -76,5 +80,39 @@ class PositionAloneFactory : public PointMassFactory {
  private:
   SimulatorSpec spec_ = PositionAlone::SpecOfPosition();
 };
+
+/// A joint that a model's file in `folder` describes, as a task.
+inline ModelTask HingeTask(const TestFolder& folder, const std::string& xml) {
+  WriteFileAtomically(folder / "hinge.xml", xml);
+  ModelTask task;
+  task.name = "Hinge";
+  task.model = folder / "hinge.xml";
+  task.control_period = 0.01;
+  task.observations = {"joint/*/qpos", "joint/*/qvel"};
+  task.max_episode_steps = 1000;
+  return task;
+}
+
+/// Two episodes of 400 control steps under slow and fast torques. @param slow  the slow torque's amplitude [N m]
+inline Dataset LogsUnderTorques(const SimulatorFactory& factory, const std::vector<double>& z, double slow) {
+  const auto simulator = factory.Make(1, 1);
+  simulator->SetParameters(0, z);
+  Dataset logs;
+  for (const double rate : {0.021, 0.034}) {
+    Rng rng(1);
+    simulator->Reset(0, rng);
+    for (int i = 0; i < 400; ++i) {
+      const std::vector<double> torque = {slow * std::sin(rate * i) + 0.5 * std::sin(5.3 * rate * i)};
+      logs.observations.AppendRow(simulator->observation(0));
+      logs.actions.AppendRow(torque);
+      const int lane = 0;
+      simulator->Step({&lane, 1}, torque);
+      logs.next_observations.AppendRow(simulator->observation(0));
+      logs.terminals.push_back(0);
+      logs.timeouts.push_back(i == 399);
+    }
+  }
+  return logs;
+}
 
 }  // namespace oted
