@@ -56,6 +56,7 @@ struct DataConfig {
   std::string format = "auto";
   CsvLayout columns;
   int action_delay = 0;
+  std::vector<std::string> unwrap;
   FieldList Fields();
   bool empty() const { return path.empty() && recordings.empty(); }
   std::vector<std::string> AllFiles() const;

@@ -85,8 +85,12 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
 }
 
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
+  return ReadEpisodes(config, DataOptionsFor(config, spec));
+}
+
+Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options) {
   if (config.empty()) throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
-  const Dataset all = ReadFiles(config, DataOptionsFor(config, spec));
+  const Dataset all = ReadFiles(config, options);
   if (config.episodes == "all") return all;
   std::vector<Episode> episodes = all.Episodes();
   const size_t wanted = std::stoul(config.episodes);
