@@ -18,8 +18,8 @@ struct RateAgreement {
   bool IsShifted() const;
 };
 
-/// Of every velocity in the log whose position is there too, where both move. Clipped velocities are left out, and so are
-/// jumps of a position by a whole turn.
+/// Of every velocity in the log whose position is there too, where both move. Clipped velocities are left out, and so
+/// are jumps of a position by a whole turn.
 /// @param period_s  between two rows; 0: unknown, lags are then looked for among few rows
 std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vector<int>& rate_of, double period_s);
 
