@@ -19,6 +19,7 @@
 #include "oted/data/dataset_files.h"
 #include "oted/data/recording.h"
 #include "oted/data/resample.h"
+#include "oted/data/unwrap.h"
 #include "oted/run/run_inputs.h"
 #include "python/binding.h"
 
@@ -123,7 +124,7 @@ struct Rows {
   InArray observations, actions;
   Maybe times, rewards, qpos, qvel;
   std::vector<std::tuple<int, int, bool>> runs;
-  std::vector<std::string> observation_names, action_names;
+  std::vector<std::string> observation_names, action_names, unwrap;
 };
 
 Recording RecordingOf(const Rows& rows) {
@@ -192,10 +193,9 @@ Dataset FromRows(const Rows& rows, double period_s) {
   Recording recording = RecordingOf(rows);
   recording.period_s = period_s;
   const nb::gil_scoped_release release;
-  if (!recording.times.empty()) {
-    UseTimes(recording);
-    if (period_s > 0) recording = Resample(recording, period_s);
-  }
+  if (!recording.times.empty()) UseTimes(recording);
+  Unwrap(recording, rows.unwrap);
+  if (!recording.times.empty() && period_s > 0) recording = Resample(recording, period_s);
   Dataset dataset = ToDataset(recording);
   dataset.path.clear();
   dataset.Check();
@@ -215,10 +215,13 @@ std::vector<Stream> StreamsOf(const std::vector<GivenStream>& given) {
 }
 
 Dataset LogsOfStreams(const std::vector<GivenStream>& states, const std::vector<GivenStream>& actions, double period,
-                      double most_gap) {
-  const std::vector<Stream> seen = StreamsOf(states), done = StreamsOf(actions);
+                      double most_gap, const std::vector<std::string>& unwrap) {
+  std::vector<Stream> seen = StreamsOf(states);
+  const std::vector<Stream> done = StreamsOf(actions);
   const nb::gil_scoped_release release;
+  const std::vector<std::string> remarks = Unwrap(seen, unwrap);
   Dataset dataset = ToDataset(FromStreams(seen, done, period, most_gap));
+  dataset.remarks.insert(dataset.remarks.end(), remarks.begin(), remarks.end());
   dataset.path.clear();
   dataset.Check();
   return dataset;
@@ -227,7 +230,7 @@ Dataset LogsOfStreams(const std::vector<GivenStream>& states, const std::vector<
 Dataset Read(const Study& study) {
   const nb::gil_scoped_release release;
   const RunConfig config = study.Config();
-  if (config.task.name.empty()) return ReadFiles(config.data, config.data.Options());
+  if (config.task.name.empty()) return ReadEpisodes(config.data, config.data.Options());
   return ReadEpisodes(config.data, SpecOf(config.task));
 }
 
@@ -335,22 +338,22 @@ void AddLogs(nb::module_& m) {
       "logs_from_rows",
       [](const InArray& observations, const InArray& actions, const std::vector<std::tuple<int, int, bool>>& runs,
          const Maybe& times, const Maybe& rewards, const Maybe& qpos, const Maybe& qvel,
-         const std::vector<std::string>& observation_names, const std::vector<std::string>& action_names,
-         double period) {
-        return FromRows({observations, actions, times, rewards, qpos, qvel, runs, observation_names, action_names},
-                        period);
+         const std::vector<std::string>& observation_names, const std::vector<std::string>& action_names, double period,
+         const std::vector<std::string>& unwrap) {
+        return FromRows(
+            {observations, actions, times, rewards, qpos, qvel, runs, observation_names, action_names, unwrap}, period);
       },
       nb::arg("observations"), nb::arg("actions"), nb::arg("runs"), nb::arg("times").none(), nb::arg("rewards").none(),
       nb::arg("qpos").none(), nb::arg("qvel").none(), nb::arg("observation_names"), nb::arg("action_names"),
-      nb::arg("period"));
+      nb::arg("period"), nb::arg("unwrap"));
   m.def("logs_from_streams", &LogsOfStreams, nb::arg("states"), nb::arg("actions"), nb::arg("period"),
-        nb::arg("most_gap"));
+        nb::arg("most_gap"), nb::arg("unwrap"));
   m.attr("MOST_GAP") = kMostGap;
   m.def(
       "logs_from_transitions",
       [](const InArray& observations, const InArray& actions, const InArray& next_observations, const Maybe& terminals,
          const Maybe& timeouts, const Maybe& rewards, const std::vector<std::string>& observation_names,
-         const std::vector<std::string>& action_names, double period) {
+         const std::vector<std::string>& action_names, double period, const std::vector<std::string>& unwrap) {
         Dataset d;
         d.observations = Matrix(observations, "observations");
         d.actions = Matrix(actions, "actions");
@@ -367,12 +370,15 @@ void AddLogs(nb::module_& m) {
         d.observation_names = observation_names;
         d.action_names = action_names;
         d.period_s = period;
+        d.path = "logs";
         d.Check();
+        Unwrap(d, unwrap);
+        d.path.clear();
         return d;
       },
       nb::arg("observations"), nb::arg("actions"), nb::arg("next_observations"), nb::arg("terminals").none(),
       nb::arg("timeouts").none(), nb::arg("rewards").none(), nb::arg("observation_names"), nb::arg("action_names"),
-      nb::arg("period"));
+      nb::arg("period"), nb::arg("unwrap"));
 }
 
 }  // namespace oted::python

@@ -109,6 +109,6 @@ echo "== $("$environment/bin/python" --version): notebooks (what they look like:
 PATH="$PWD/$environment/bin:$PATH" "$environment/bin/python" tests/python/test_notebooks.py build/notebooks
 echo "== $("$environment/bin/python" --version): types of the notebooks"
 for notebook in examples/notebooks/*.ipynb; do
-  "$environment/bin/python" -m nbconvert --log-level ERROR --to script --output-dir build/notebooks "$notebook"
+  "$environment/bin/python" -m nbconvert --log-level ERROR --to python --output-dir build/notebooks "$notebook"
   "$environment/bin/python" -m mypy "build/notebooks/$(basename "$notebook" .ipynb).py"
 done

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 #include "oted/base/error.h"
 #include "oted/checks/corrections.h"
@@ -197,6 +198,10 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
   facts.observation_names = spec.observation_names;
   facts.rate_of = spec.rate_of;
   facts.bodies = spec.bodies;
+  std::set<int> positions(spec.rate_of.begin(), spec.rate_of.end());
+  for (const HiddenCoordinate& hidden : spec.hidden) positions.insert(hidden.rate_of);
+  positions.erase(-1);
+  facts.positions.assign(positions.begin(), positions.end());
   facts.control_period_s = spec.control_period_s;
   facts.action_low = spec.action_low;
   facts.action_high = spec.action_high;

@@ -56,6 +56,7 @@ struct DataConfig {
   std::optional<DataFormat> format;
   CsvLayout columns;
   int action_delay = 0;
+  std::vector<std::string> unwrap;
   FieldList Fields();
   bool empty() const { return path.empty() && recordings.empty(); }
   /// @throws UsageError where no data are named

@@ -299,6 +299,7 @@ TEST(RunConfig, SetTakesAnySetting) {
   config.Set("data.actions=[\"a,b\"]");
   config.Set("data.time=t");
   config.Set("data.action_delay=2");
+  config.Set("data.unwrap=joint/*/qpos");
   config.Set("run.strict=true");
   EXPECT_EQ(config.design.Assumed().adversarial.n_iterations, 5);
   EXPECT_THAT(config.clone.hidden, ElementsAre(32, 16));
@@ -315,6 +316,7 @@ TEST(RunConfig, SetTakesAnySetting) {
   EXPECT_THAT(options.columns.actions, ElementsAre("a,b"));
   EXPECT_EQ(options.columns.time, "t");
   EXPECT_EQ(options.action_delay, 2);
+  EXPECT_THAT(options.unwrap, ElementsAre("joint/*/qpos"));
   EXPECT_EQ(RunConfig::FromToml(config.ToToml(), "run.toml").ToJson(), config.ToJson());
   EXPECT_TRUE(config.run.strict);
 }

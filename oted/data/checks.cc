@@ -80,6 +80,7 @@ std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts
   CheckChannels(dataset, facts, findings);
   CheckFrozen(dataset, facts, findings);
   CheckStates(dataset, facts, findings);
+  CheckWraps(dataset, facts, findings);
   CheckRates(dataset, facts, CheckTurning(dataset, facts, findings), findings);
   CheckDynamics(dataset, facts, findings);
   return findings;

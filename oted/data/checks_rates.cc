@@ -44,7 +44,10 @@ struct Pair {
   double clip;
 };
 
-Sums Sum(const Pair& pair, double lag, int margin, int* n_wraps) {
+/// Whether a position jumps by a whole turn between two rows.
+bool Wraps(double change) { return std::abs(std::abs(change) - 2 * std::numbers::pi) < std::numbers::pi / 2; }
+
+Sums Sum(const Pair& pair, double lag, int margin) {
   Sums sums;
   const int whole = static_cast<int>(std::floor(lag));
   const double part = lag - whole;
@@ -58,10 +61,7 @@ Sums Sum(const Pair& pair, double lag, int margin, int* n_wraps) {
       const size_t k = static_cast<size_t>(i);
       if (std::abs(v[k]) >= pair.clip || std::abs(v[k + 1]) >= pair.clip) continue;
       const double y = p[k + 1] - p[k], x = (at(i) + at(i + 1)) / 2;
-      if (std::abs(std::abs(y) - 2 * std::numbers::pi) < std::numbers::pi / 2) {
-        if (n_wraps != nullptr) ++*n_wraps;
-        continue;
-      }
+      if (Wraps(y)) continue;
       sums.xy += x * y;
       sums.xx += x * x;
       sums.xxxx += x * x * x * x;
@@ -75,17 +75,17 @@ Sums Sum(const Pair& pair, double lag, int margin, int* n_wraps) {
 RateAgreement Compare(const Pair& pair, double period_s) {
   RateAgreement rate;
   const int most = period_s > 0 ? std::clamp(static_cast<int>(kLongestLag_s / period_s), 2, 25) : 3;
-  const Sums all = Sum(pair, 0, 0, &rate.n_wraps);
+  const Sums all = Sum(pair, 0, 0);
   rate.slope = all.Slope();
   rate.correlation = all.Correlation();
   rate.support = all.Support();
   if (all.n < kFewestPairs) return RateAgreement{};
   // One row more at each side than is read, as a lag between rows reads two.
   const int margin = most + 1;
-  if (Sum(pair, 0, margin, nullptr).n < kFewestPairs) return rate;
+  if (Sum(pair, 0, margin).n < kFewestPairs) return rate;
   double best = 1, prompt = 1;
   for (double lag = -most; lag <= most; lag += kLagStep) {
-    const Sums sums = Sum(pair, lag, margin, nullptr);
+    const Sums sums = Sum(pair, lag, margin);
     const double left = sums.Slope() * all.Slope() > 0 ? sums.Left() : 1;
     if (std::abs(lag) <= kNoLag) prompt = std::min(prompt, left);
     if (left < best) {
@@ -113,9 +113,6 @@ class Rates {
   void Check(const std::vector<int>& elsewhere) {
     std::erase_if(rates_,
                   [&](const RateAgreement& r) { return std::ranges::find(elsewhere, r.velocity) != elsewhere.end(); });
-    for (const RateAgreement& rate : rates_) {
-      if (rate.n_wraps > 0) AddWraps(rate);
-    }
     std::erase_if(rates_, [](const RateAgreement& r) { return r.support < kFewestCarry; });
     AddSwaps();
     if (!AddControlRate()) {
@@ -137,12 +134,6 @@ class Rates {
                          .channels = std::move(channels),
                          .meaning = std::move(meaning),
                          .remedy = std::move(remedy)});
-  }
-
-  void AddWraps(const RateAgreement& rate) {
-    Add("wrapped_angle", fmt::format("{} jumps by a whole turn in {} rows", Position(rate), rate.n_wraps),
-        {Position(rate)}, "the angle is kept within one turn; replays compare it with one that is not",
-        "unwrap it: numpy.unwrap(column)");
   }
 
   /// Velocities that go with the position of another joint.
@@ -273,6 +264,32 @@ double PeriodByRates(const std::vector<RateAgreement>& rates) {
   const double median = MedianOf(periods);
   const auto agrees = [&](double period) { return Near(period, median, kUnitSlack); };
   return 2 * std::ranges::count_if(periods, agrees) > static_cast<ptrdiff_t>(periods.size()) ? median : 0;
+}
+
+void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
+  if (!facts.flat_observations) return;
+  for (const int position : facts.positions) {
+    if (position >= dataset.obs_dim()) continue;
+    int n_wraps = 0;
+    for (const std::vector<double>& series : SeriesOf(dataset, position)) {
+      // Between steps that are small: degrees move by as much in every row.
+      const auto is_small = [&](size_t i) {
+        return i == 0 || i == series.size() || std::abs(series[i] - series[i - 1]) < std::numbers::pi / 2;
+      };
+      for (size_t i = 1; i < series.size(); ++i) {
+        n_wraps += Wraps(series[i] - series[i - 1]) && is_small(i - 1) && is_small(i + 1);
+      }
+    }
+    if (n_wraps == 0) continue;
+    const std::string name = facts.ObservationName(position);
+    findings.push_back({.check = "wrapped_angle",
+                        .severity = Severity::kWarning,
+                        .what = fmt::format("{} jumps by a whole turn in {} rows", name, n_wraps),
+                        .count = n_wraps,
+                        .channels = {name},
+                        .meaning = "the angle is kept within one turn; replays compare it with one that is not",
+                        .remedy = fmt::format("name it in data.unwrap, in Python unwrap=[\"{}\"]", name)});
+  }
 }
 
 void CheckRates(const Dataset& dataset, const TaskFacts& facts, const std::vector<int>& elsewhere,

@@ -13,18 +13,21 @@ struct RateAgreement {
   double support = 0;              ///< how many rows carry these: the fewer, the more the velocity comes in bursts
   double lag = 0;                  ///< [rows] by which the velocity is late where it goes best with the position
   double lag_gain = 1;             ///< what that leaves of the squared difference
-  int n_wraps = 0;                 ///< jumps of the position by a whole turn; they are left out
 
   /// Whether the velocity is surely of another row than its position: late, or for a lag below zero too early.
   bool IsShifted() const;
 };
 
-/// Of every velocity in the log whose position is there too, where both move. Clipped velocities are left out.
+/// Of every velocity in the log whose position is there too, where both move. Clipped velocities are left out, and so
+/// are jumps of a position by a whole turn.
 /// @param period_s  between two rows; 0: unknown, lags are then looked for among few rows
 std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vector<int>& rate_of, double period_s);
 
 /// Seconds per row by positions and velocities: the median, where they agree with each other; 0 otherwise.
 double PeriodByRates(const std::vector<RateAgreement>& rates);
+
+/// Positions that are kept within one turn.
+void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
 
 /// Signs, units, lags, swapped columns, the control rate.
 /// @param elsewhere  velocities that another check has explained (checks_turning.h)

@@ -13,6 +13,7 @@ namespace oted::checks_rates_test {
 constexpr double kPeriod = 0.01;
 const TaskFacts kFacts = {.observation_names = {"hip/qpos", "knee/qpos", "hip/qvel", "knee/qvel"},
                           .rate_of = {-1, -1, 0, 1},
+                          .positions = {0, 1},
                           .control_period_s = kPeriod};
 
 double Hip(double t) { return 0.8 * std::sin(3 * t) + 0.1 * std::sin(17 * t); }
@@ -110,14 +111,23 @@ TEST(Rates, AnotherControlRateIsOneFindingWithTheRate) {
   EXPECT_NE(f.what.find("0.02 s apart, not 0.01 s"), std::string::npos) << f.what;
 }
 
-TEST(Rates, AWrappedAngleIsToldToBeUnwrapped) {
-  const auto wrapped = [](double t) {
-    return std::vector<double>{std::remainder(9 * t, 2 * M_PI), Knee(t), 9.0 + 1e-3 * std::sin(40 * t), KneeRate(t)};
-  };
-  bool told = false;
-  for (const Finding& f : Check(LogOf(wrapped)))
-    told = told || (f.check == "wrapped_angle" && f.channels[0] == "hip/qpos");
-  EXPECT_TRUE(told);
+TEST(Rates, AWrappedAngleIsToldToBeUnwrappedWithAndWithoutItsVelocity) {
+  const auto angle = [](double t) { return std::remainder(9 * t + 0.2 * std::sin(5 * t), 2 * M_PI); };
+  const auto rate = [](double t) { return 9 + std::cos(5 * t); };
+  const auto with = [&](double t) { return std::vector<double>{angle(t), Knee(t), rate(t), KneeRate(t)}; };
+  const auto without = [&](double t) { return std::vector<double>{angle(t), Knee(t)}; };
+  const TaskFacts positions = {
+      .observation_names = {"hip/qpos", "knee/qpos"}, .positions = {0, 1}, .control_period_s = kPeriod};
+  for (const Finding& f :
+       {Only(Check(LogOf(with)), "wrapped_angle"), Only(Check(LogOf(without), positions), "wrapped_angle")}) {
+    EXPECT_EQ(f.channels, std::vector<std::string>{"hip/qpos"});
+    EXPECT_NE(f.remedy.find("unwrap=[\"hip/qpos\"]"), std::string::npos) << f.remedy;
+  }
+}
+
+TEST(Rates, DegreesThatMoveByATurnOfRadiansInEachRowAreNoWrappedAngle) {
+  const TaskFacts positions = {.observation_names = {"hip/qpos"}, .positions = {0}, .control_period_s = kPeriod};
+  EXPECT_TRUE(Check(LogOf([](double t) { return std::vector<double>{600 * t + std::sin(3 * t)}; }), positions).empty());
 }
 
 TEST(Frozen, ReadingsThatStandStillWhileTheRobotMovesAreNamed) {

@@ -44,6 +44,7 @@ struct DataOptions {
   CsvLayout columns;                 ///< of a CSV
   /// The logged action acts this many control steps later: row i gets the action of row i - action_delay.
   int action_delay = 0;
+  std::vector<std::string> unwrap;  ///< observations, by name or pattern, that are angles kept within one turn
 
   // What the task says; 0 or empty where it is not known.
   double control_period_s = 0;                 ///< a log with a time column and shorter rows is resampled to it

@@ -16,6 +16,7 @@
 #include "oted/data/d4rl_hdf5.h"
 #include "oted/data/minari.h"
 #include "oted/data/npz.h"
+#include "oted/data/unwrap.h"
 
 namespace oted {
 namespace {
@@ -158,6 +159,7 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
     dataset = ReadDatasetNpz(path, options);
   } else {
     Recording recording = ReadCsv(path, options);
+    Unwrap(recording, options.unwrap, options.observation_names);
     const double period = options.control_period_s > 0 ? options.control_period_s : recording.period_s;
     if (period > 0) recording = Resample(recording, period);
     dataset = ToDataset(recording);
@@ -165,6 +167,7 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
   dataset.path = path;
   dataset.sha256 = Sha256OfFile(file);
   if (options.check) dataset.Check();
+  if (format != Format::kCsv && !options.unwrap.empty()) Unwrap(dataset, options.unwrap, options.observation_names);
   MatchNames(dataset, options.observation_names, options.action_names);
   DelayActions(dataset, options.action_delay);
   return dataset;

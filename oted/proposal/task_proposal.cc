@@ -411,6 +411,7 @@ class Proposer {
     config.Resolve();
     Unobserve();
     dataset_ = ReadEpisodes(data_, SpecOf(config));
+    UnwrapAngles(SpecOf(config));
     if (proposal_.joined.empty()) Tell(data_.path, dataset_);
     if (IsCsv(data_.path)) {
       int longest = 1;
@@ -424,6 +425,16 @@ class Proposer {
       proposal_.guessed.push_back(fmt::format("episodes begin at {}", task_.start));
     }
     factory_ = MakeSimulatorFactory(config, {}, dataset_.EpisodeStarts());
+  }
+
+  void UnwrapAngles(const SimulatorSpec& spec) {
+    std::vector<Finding> wrapped;
+    if (dataset_.qpos.empty()) CheckWraps(dataset_, FactsOf(spec), wrapped);
+    for (const Finding& finding : wrapped) {
+      data_.unwrap.push_back(finding.channels.front());
+      proposal_.guessed.push_back(fmt::format("{}, which data.unwrap takes out", finding.what));
+    }
+    if (!wrapped.empty()) dataset_ = ReadEpisodes(data_, spec);
   }
 
   /// Lists what no column shows as unobserved, where the model allows that.

@@ -109,6 +109,7 @@ void WriteData(std::ostream& out, const Proposal& proposal, const std::filesyste
   }
   if (!data.columns.episode.empty()) out << "episode = " << Toml(data.columns.episode) << "\n";
   if (!data.columns.time.empty()) out << "time = " << Toml(data.columns.time) << "\n";
+  if (!data.unwrap.empty()) out << "unwrap = " << Toml(data.unwrap) << "\n";
   WriteComments(out, "Columns that are not used:", proposal.columns.unused);
 }
 

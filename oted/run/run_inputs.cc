@@ -85,8 +85,12 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
 }
 
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
+  return ReadEpisodes(config, DataOptionsFor(config, spec));
+}
+
+Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options) {
   config.CheckNamed();
-  const Dataset all = ReadFiles(config, DataOptionsFor(config, spec));
+  const Dataset all = ReadFiles(config, options);
   const std::optional<size_t> wanted = config.n_episodes();
   if (!wanted) return all;
   std::vector<Episode> episodes = all.Episodes();

@@ -23,6 +23,8 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options);
 
 /// The logged episodes that a configuration names, for a task. @throws UsageError, DataError
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec);
+/// The same with what the reader is told. @throws UsageError, DataError
+Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options);
 
 /// `config` with its presets replaced by the parameters that they stand for in its task's model; `notes`, when given,
 /// gets a line for each entry that the model does not have. @throws UsageError, DataError

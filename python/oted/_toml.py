@@ -36,6 +36,8 @@ def section(name: str, entries: Mapping[str, Any]) -> str:
 def assignments(settings: Mapping[str, Any] | None) -> list[str]:
     """Settings as --set has them: {"design.method": "paper"} is design.method=paper."""
     words = []
+    if not isinstance(settings or {}, Mapping):
+        raise UsageError(f"settings: got {settings!r}, wanted a dict as {{'design.method': 'paper'}}")
     for key, v in (settings or {}).items():
         if "." not in key:
             raise UsageError(f"settings: got '{key}', wanted section.key as in docs/configuration.md, 'design.method'")

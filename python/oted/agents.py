@@ -100,6 +100,8 @@ def train(
     """Trains agents in the designed simulators and selects one in them: `oted select-policy` in the design's run
     directory. steps: control steps of each agent. algorithm: "crossq", "sac" or "ppo". train_in: "modes", "samples" or
     "best". Like fit, it goes on where it was stopped. For other libraries' agents see oted.make_env."""
+    if not isinstance(design, Design):
+        raise UsageError(f"design: got {type(design).__name__}, wanted what oted.fit or oted.load('runs/arm') gives")
     chosen = algorithm
     given: dict[str, Any] = {"agents.algorithm": algorithm, "agents.n_agents": agents, "agents.train_in": train_in,
                              "run.threads": threads}
@@ -114,7 +116,7 @@ def train(
 
 
 def evaluate(
-    policy: Agent | Policy | str | os.PathLike[str],
+    policy: Agent | Policy | str | os.PathLike[str] | Any,
     task: TaskLike | Design,
     *,
     parameters: ParametersLike = None,
@@ -123,12 +125,17 @@ def evaluate(
     seed: int = 1,
     threads: int | None = None,
 ) -> Evaluation:
-    """Runs a policy in a simulator: `oted evaluate --policy`. policy: an Agent, a policy file, or a function of a batch
-    of observations (n, channels) that gives actions (n, actions). at: the parameters' values by name; of a design also
+    """Runs a policy in a simulator: `oted evaluate --policy`. policy: an Agent, a policy file, a function of a batch of
+    observations (n, channels) that gives actions (n, actions), or what has Stable-Baselines3's predict. at: the parameters' values by name; of a design also
     "mode" (the default) or "nominal"."""
     if isinstance(policy, Agent):
         policy = policy.path
     acts: Any = os.fspath(policy) if isinstance(policy, (str, os.PathLike)) else policy
+    predict: Any = getattr(policy, "predict", None)
+    if callable(predict):
+        acts = lambda observations: predict(observations, deterministic=True)[0]  # noqa: E731
+    if not isinstance(acts, str) and not callable(acts):
+        raise UsageError(f"policy: got {type(policy).__name__}, wanted an Agent, a file, or a function of observations")
     if episodes < 1:
         raise UsageError(f"episodes: got {episodes}, wanted at least 1")
     what = study_of(task, parameters, threads)

@@ -33,6 +33,7 @@ def read_bag(
     offset: Mapping[str, float] | None = None,
     shift: Mapping[str, float] | None = None,
     most_gap: float = core.MOST_GAP,
+    unwrap: Sequence[str] = (),
     messages: Paths = (),
 ) -> Logs:
     """One recording. states and actions: "TOPIC:FIELD", such as "/joint_states:position" and "/commands:data"; also
@@ -44,7 +45,8 @@ def read_bag(
     and effort are then called joint/NAME/qpos, joint/NAME/qvel, joint/NAME/qfrc_actuator, others TOPIC:FIELD[NAME]; without
     names TOPIC:FIELD[i]. names renames channels ("joint/panda_1/qpos": "joint/shoulder/qpos") or joints ("panda_1":
     "shoulder"). scale and offset correct a channel, after renaming: value * scale + offset. shift [s] is added to the times
-    of a topic.
+    of a topic. unwrap: channels [rad] that the log keeps within one turn, by name or pattern, after renaming and scaling
+    (`joint/*/qpos`).
 
     period [s]: the task's control period. time: "header" (stamps in the messages: header.stamp, stamp or timestamp; where
     nobody set one, the time of recording), "log" (when they were recorded), "publish" (MCAP alone), or ":FIELD", a field
@@ -66,7 +68,7 @@ def read_bag(
             values = values * (scale or {}).get(called, 1.0) + (offset or {}).get(called, 0.0)
             channels[text].append(Channel(called, seconds, values, text))
     return to_logs([c for text in states for c in channels[text]], [c for text in actions for c in channels[text]],
-                   period, most_gap=most_gap)
+                   period, most_gap=most_gap, unwrap=unwrap)
 
 
 def bag_topics(path: str | os.PathLike[str], messages: Paths = ()) -> list[dict[str, Any]]:

@@ -55,6 +55,8 @@ class Design:
     """What a design found and how far to trust it. `path` is its run directory, which the program `oted` goes on with."""
 
     def __init__(self, path: str | os.PathLike[str], *, temporary: bool = False) -> None:
+        if not isinstance(path, (str, os.PathLike)):
+            raise UsageError(f"got {type(path).__name__}, wanted the path of a run directory")
         self.path = pathlib.Path(path)
         if temporary:  # nothing of it outlives the object
             weakref.finalize(self, shutil.rmtree, self.path, True)
@@ -135,8 +137,8 @@ class Design:
 
     def draw(self, n: int, seed: int = 0) -> NDArray[np.float64]:
         """The same as (n, parameters)."""
-        if n < 1:
-            raise UsageError(f"samples: got {n}, wanted at least 1")
+        if not isinstance(n, (int, np.integer)) or n < 1:
+            raise UsageError(f"samples: got {n!r}, wanted a whole number of at least 1")
         if self._sampler is None:
             self._sampler = core.Sampler(str(self.path))
         drawn: NDArray[np.float64] = self._sampler.draw(n, seed)

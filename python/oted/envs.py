@@ -20,6 +20,13 @@ Array = NDArray[np.float64]
 SAMPLES = ("modes", "samples")
 
 
+def numbers(what: str, given: Any) -> Array:
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as e:
+        raise UsageError(f"{what}: got {given!r}, wanted numbers") from e
+
+
 class _Simulators:
     """Lanes and what their episodes begin with, shared by the single and the vector environment."""
 
@@ -76,7 +83,10 @@ class _Simulators:
                 self._place(lane, draws[own.integers(n_seeds)])
         seed = int(own.integers(2**62))
         if start:
-            self.lanes.reset_to(lane, np.asarray(start["qpos"], float), np.asarray(start["qvel"], float), seed)
+            if start.keys() != {"qpos", "qvel"}:
+                raise UsageError(f"options: got {', '.join(start)}, wanted qpos and qvel")
+            qpos, qvel = (numbers(key, start[key]) for key in ("qpos", "qvel"))
+            self.lanes.reset_to(lane, qpos, qvel, seed)
         elif self._noise is not None:
             scale, is_normal = self._noise
             n = len(self._start)
@@ -144,7 +154,7 @@ class OtedEnv(gymnasium.Env[Array, Any]):
         if self._ended:
             raise UsageError("step: the episode has ended or not begun; call reset() first")
         lanes = self._sims.lanes
-        lanes.step([0], np.asarray(action, dtype=np.float64).reshape(1, -1))
+        lanes.step([0], numbers("action", action).reshape(1, -1))
         status = int(lanes.status()[0])
         terminated, diverged = status == core.TERMINATED, status == core.DIVERGED
         truncated = diverged or status == core.TRUNCATED
@@ -174,15 +184,18 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         threads: int = 1,
         autoreset_mode: "gymnasium.vector.AutoresetMode | str" = gymnasium.vector.AutoresetMode.NEXT_STEP,
     ) -> None:
-        if num_envs < 1 or threads < 1:
-            raise UsageError(f"got num_envs {num_envs} and threads {threads}, wanted at least 1 of each")
+        if not all(isinstance(n, (int, np.integer)) and n > 0 for n in (num_envs, threads)):
+            raise UsageError(f"got num_envs {num_envs!r} and threads {threads!r}, wanted at least 1 of each")
+        try:
+            self.mode = gymnasium.vector.AutoresetMode(autoreset_mode)
+        except ValueError as e:
+            raise UsageError(f"autoreset_mode: got {autoreset_mode!r}, wanted one of gymnasium.vector.AutoresetMode") from e
         self._sims = _Simulators(task, parameters, sample, num_envs, threads)
         self.num_envs = num_envs
         self.single_observation_space = self._sims.observation_space
         self.single_action_space = self._sims.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.mode = gymnasium.vector.AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.mode}
         self._randoms = [np.random.default_rng() for _ in range(num_envs)]
         self._done = np.ones(num_envs, dtype=bool)
@@ -204,6 +217,8 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"], dtype=bool)
+            if mask.shape != (self.num_envs,):
+                raise UsageError(f"reset_mask: got shape {mask.shape}, wanted {(self.num_envs,)}")
         for lane, own in enumerate(seeds):
             if own is not None:
                 self._randoms[lane] = gymnasium.utils.seeding.np_random(own)[0]
@@ -217,7 +232,10 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         lanes = self._sims.lanes
         begin = self._done
         running = self._all if not begin.any() else [int(i) for i in np.flatnonzero(~begin)]
-        lanes.step(running, np.asarray(actions, dtype=np.float64).reshape(self.num_envs, -1))
+        given = numbers("actions", actions)
+        if len(given) != self.num_envs:
+            raise UsageError(f"step: got {len(given)} actions, wanted one for each of {self.num_envs} environments")
+        lanes.step(running, given.reshape(self.num_envs, -1))
         rewards: Array = lanes.rewards()
         status = lanes.status()
         terminated = status == core.TERMINATED

@@ -9,7 +9,7 @@ from typing import Any
 from oted import _toml
 from oted._engine import core
 from oted.design import Design
-from oted.logs import Logs
+from oted.logs import Logs, file_of
 from oted.progress import Callback, handler
 from oted.task import ParametersLike, TaskLike, study
 
@@ -65,7 +65,7 @@ def _logs_path(logs: Logs | PathLike | None, task: TaskLike, folder: pathlib.Pat
     if logs is None:
         return None
     if not isinstance(logs, Logs):
-        return os.fspath(logs)
+        return file_of(logs)
     if logs.path is not None:
         return logs.path
     # A table is the only format that holds constants.

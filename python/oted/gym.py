@@ -69,6 +69,9 @@ class GymSimulator:
         for what, text in (("name", name), ("version", version)):
             if not isinstance(text, str) or not re.fullmatch(r"[A-Za-z0-9_.+-]+", text):
                 raise UsageError(f"{what}: got {text!r}, wanted a text of letters, digits and _ . + -")
+        if not callable(make_env):
+            raise UsageError(f"make_env: got {type(make_env).__name__}, wanted a function that makes an environment, such as "
+                             "lambda: gymnasium.make('Pendulum-v1')")
         if (nominal is None) != (set_parameters is None):
             raise UsageError("got one of nominal and set_parameters, wanted both, or neither for an environment without "
                              "parameters of its own")

@@ -22,9 +22,11 @@ def read_lerobot(
     observation_names: Sequence[str] | None = None,
     action_names: Sequence[str] | None = None,
     scale: float | Sequence[float] = 1.0,
+    unwrap: Sequence[str] = (),
 ) -> Logs:
     """A data set's folder. Rows are taken as evenly spaced at its fps: its float32 time stamps lose milliseconds. Cameras
     are not read. scale multiplies states and actions, such as pi / 180 for arms that log degrees: nothing is guessed.
+    unwrap: as oted.Logs has it, after scaling.
 
     An action that is the next measured position, as teleoperation often logs it, makes the controller part of the
     simulator."""
@@ -65,7 +67,7 @@ def read_lerobot(
     return Logs.from_episodes(
         parts, period=1 / float(info["fps"]),
         observation_names=list(observation_names or _names(info, state, parts[0][0].shape[1])),
-        action_names=list(action_names or _names(info, action, parts[0][1].shape[1])))
+        action_names=list(action_names or _names(info, action, parts[0][1].shape[1])), unwrap=unwrap)
 
 
 def _names(info: dict[str, Any], feature: str, n: int) -> list[str]:

@@ -1,6 +1,7 @@
 """Logged trajectories: what a design is fitted to."""
 
 import os
+import pathlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -40,6 +41,7 @@ class Logs:
     terminated: one flag per episode: it ended in a terminal state, not by a time limit or the end of the log.
     times: [s] per row. period: [s] between two rows; with both, rows come at one per period, by the rules that hold for CSV
     (docs/file_formats.md#from-times-to-rows): observations linearly, the action in force, an end where rows are missing.
+    unwrap: angles [rad] that the log keeps within one turn, by name or pattern (`joint/*/qpos`).
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class Logs:
         qvel: ArrayLike | None = None,
         observation_names: Sequence[str] = (),
         action_names: Sequence[str] = (),
+        unwrap: Sequence[str] = (),
     ) -> None:
         seen = _array("observations", observations, 2)
         ends = _episode_ends(len(seen), episode_ends, episode)
@@ -67,7 +70,7 @@ class Logs:
         self._set(core.logs_from_rows(
             seen, _array("actions", actions, 2), runs, _maybe("times", times, 1), _maybe("rewards", rewards, 1),
             _maybe("qpos", qpos, 2), _maybe("qvel", qvel, 2), list(observation_names), list(action_names),
-            _period(period)))
+            _period(period), _patterns(unwrap)))
 
     def _set(self, data: "core.Dataset", path: str | None = None) -> None:
         self._data = data
@@ -85,11 +88,18 @@ class Logs:
         all_observations: list[Array] = []
         all_actions: list[Array] = []
         ends: list[int] = []
-        for i, (observations, actions) in enumerate(episodes):
+        for i, pair in enumerate(episodes):
+            try:
+                observations, actions = pair
+            except (TypeError, ValueError) as e:
+                raise UsageError(f"episode {i}: wanted (observations, actions)") from e
             seen, done = _array(f"observations of episode {i}", observations, 2), _array(f"actions of {i}", actions, 2)
             if len(seen) - len(done) not in (0, 1):
                 raise UsageError(f"episode {i}: got {len(seen)} observations and {len(done)} actions, wanted as many, or "
                                  "one observation more")
+            if all_actions and (seen.shape[1], done.shape[1]) != (all_observations[0].shape[1], all_actions[0].shape[1]):
+                raise UsageError(f"episode {i}: got {seen.shape[1]} observations and {done.shape[1]} actions, the first has "
+                                 f"{all_observations[0].shape[1]} and {all_actions[0].shape[1]}")
             if len(done) < len(seen):
                 done = np.vstack([done, np.zeros((1, done.shape[1]))])
             all_observations.append(seen)
@@ -112,13 +122,14 @@ class Logs:
         period: float | None = None,
         observation_names: Sequence[str] = (),
         action_names: Sequence[str] = (),
+        unwrap: Sequence[str] = (),
     ) -> "Logs":
         """From D4RL's arrays, one row per transition: an episode ends after each terminal and each timeout."""
         return cls._of(core.logs_from_transitions(
             _array("observations", observations, 2), _array("actions", actions, 2),
             _array("next_observations", next_observations, 2), _maybe("terminals", terminals, 1),
             _maybe("timeouts", timeouts, 1), _maybe("rewards", rewards, 1), list(observation_names),
-            list(action_names), _period(period)))
+            list(action_names), _period(period), _patterns(unwrap)))
 
     @classmethod
     def from_pandas(
@@ -134,6 +145,7 @@ class Logs:
         terminated: str | None = None,
         observation_names: Sequence[str] | None = None,
         action_names: Sequence[str] | None = None,
+        unwrap: Sequence[str] = (),
     ) -> "Logs":
         """From a DataFrame of pandas, Polars or pyarrow, or any mapping of columns, one row as in Logs. The columns keep
         their names, by which a task finds them; give others where the task has others. A column of times is numbers [s]
@@ -167,7 +179,7 @@ class Logs:
         return cls(matrix(observations), matrix(actions), episode=labels, times=times, period=period,
                    rewards=None if reward is None else column(reward).astype(np.float64), terminated=flags,
                    observation_names=list(observation_names or observations),
-                   action_names=list(action_names or actions))
+                   action_names=list(action_names or actions), unwrap=unwrap)
 
     def __len__(self) -> int:
         return len(self._data)
@@ -223,10 +235,10 @@ class Logs:
     def select(self, episodes: Sequence[int]) -> "Logs":
         """The episodes of these numbers, from 0, in that order."""
         n = len(self.episodes)
-        chosen = [int(i) for i in episodes]
+        chosen = list(episodes)
         for i in chosen:
-            if not 0 <= i < n:
-                raise UsageError(f"episode {i} does not exist; there are {n}, from 0")
+            if not isinstance(i, (int, np.integer)) or not 0 <= i < n:
+                raise UsageError(f"episode {i!r} does not exist; there are {n}, from 0")
         return Logs._of(self._data.select(chosen))
 
     @property
@@ -240,11 +252,15 @@ class Logs:
         oted.Task(constants=...)). Join recordings by +; what one of them does not say is there as in the model."""
         data = self._data.copy()
         for name, value in values.items():
+            if not isinstance(value, (int, float, np.number)):
+                raise UsageError(f"constant '{name}': got {value!r}, wanted a number")
             data.set_constant(name, float(value))
         return Logs._of(data)
 
     def __add__(self, other: "Logs") -> "Logs":
         """Both, one after the other; no episode goes on across the seam."""
+        if not isinstance(other, Logs):
+            return NotImplemented
         data = self._data.copy()
         data.append(other._data)
         return Logs._of(data)
@@ -278,6 +294,12 @@ def _episode_ends(n_rows: int, ends: Sequence[int] | None, labels: ArrayLike | N
     return found
 
 
+def _patterns(given: Sequence[str]) -> list[str]:
+    if isinstance(given, str) or not all(isinstance(name, str) for name in given):
+        raise UsageError(f"unwrap: got {given!r}, wanted a list of observations, such as ['joint/hip/qpos']")
+    return list(given)
+
+
 def _period(given: float | None) -> float:
     """0 where it is not known."""
     if given is None:
@@ -302,6 +324,30 @@ def _seconds(name: str, values: NDArray[Any]) -> Array:
         raise UsageError(f"column '{name}' holds neither seconds nor time stamps ({e})") from e
 
 
+_BAG = "oted.bags.read_bag, which is told the topics (oted.bags.bag_topics lists them)"
+_READERS = {".mcap": _BAG, ".bag": _BAG, ".db3": _BAG,
+            ".parquet": "oted.Logs.from_pandas(pandas.read_parquet(path), observations=[...], actions=[...])"}
+_FOLDERS = {"metadata.yaml": _BAG, "meta/info.json": "oted.lerobot.read_lerobot"}
+
+
+def file_of(logs: Any) -> str:
+    """The path of what should be a file of logs."""
+    if isinstance(logs, (str, os.PathLike)):
+        path = pathlib.Path(logs)
+        reader = _READERS.get(path.suffix)
+        if path.is_dir():
+            reader = next((its for mark, its in _FOLDERS.items() if (path / mark).exists()), reader)
+        if reader is not None:
+            raise UsageError(f"'{path}' is read by {reader}")
+        return os.fspath(logs)
+    remedy = {"list": "join several by +: oted.read_logs('a.csv') + oted.read_logs('b.csv')",
+              "tuple": "join several by +: oted.read_logs('a.csv') + oted.read_logs('b.csv')",
+              "ndarray": "oted.Logs(observations, actions) makes logs of arrays",
+              "DataFrame": "oted.Logs.from_pandas(frame, observations=[...], actions=[...]) makes logs of it"}
+    kind = type(logs).__name__
+    raise UsageError(f"logs: got {kind}, wanted oted.Logs or a file" + (f"; {remedy[kind]}" if kind in remedy else ""))
+
+
 def read_logs(
     path: str | os.PathLike[str],
     task: TaskLike = None,
@@ -309,11 +355,14 @@ def read_logs(
     episodes: int | None = None,
     format: str | None = None,
     action_delay: int = 0,
+    unwrap: Sequence[str] = (),
 ) -> Logs:
     """Reads .hdf5 (D4RL or Minari), .npz, .csv, .csv.gz, or a Minari folder, by the program's own readers; with a task,
-    in its channels' order and at its control period. `episodes`: the first so many."""
+    in its channels' order and at its control period. `episodes`: the first so many. unwrap: as Logs has it."""
+    if episodes is not None and not (isinstance(episodes, int) and episodes > 0):
+        raise UsageError(f"episodes: got {episodes!r}, wanted how many, from the first")
     chosen = {"episodes": None if episodes is None else str(episodes), "format": format,
-              "action_delay": action_delay or None}
-    data = core.read_logs(study(task, data={"path": path, **chosen}))
+              "action_delay": action_delay or None, "unwrap": _patterns(unwrap) or None}
+    data = core.read_logs(study(task, data={"path": file_of(path), **chosen}))
     plain = all(v is None for v in chosen.values())
     return Logs._of(data, os.fspath(path) if plain else None)

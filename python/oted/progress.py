@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
+from oted.errors import UsageError
+
 Event = dict[str, Any]
 Callback = Callable[[Event], None]
 
@@ -72,6 +74,8 @@ class TensorBoard:
 
 def handler(progress: bool, callback: Callback | None) -> tuple[Callback, Callable[[], None]]:
     """(what gets every event, what ends the bars)."""
+    if callback is not None and not callable(callback):
+        raise UsageError(f"callback: got {type(callback).__name__}, wanted a function of a dict")
     bars = Bars() if progress else None
 
     def handle(event: Event) -> None:

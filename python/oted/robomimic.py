@@ -26,12 +26,13 @@ def read_robomimic(
     names: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
     offset: Mapping[str, float] | None = None,
+    unwrap: Sequence[str] = (),
 ) -> Logs:
     """A file with data/demo_0/obs/..., data/demo_0/actions and so on.
 
     observations: arrays below data/DEMO, such as "obs/robot0_joint_pos", or "robot0_joint_pos" where it lies in obs; their
     columns become channels "robot0_joint_pos[0]", ... names renames them: {"robot0_joint_pos[0]": "joint/shoulder/qpos"}.
-    scale and offset correct a channel, after renaming: value * scale + offset. actions: arrays of what was commanded.
+    scale and offset correct a channel, after renaming: value * scale + offset; unwrap is as oted.Logs has it. actions: arrays of what was commanded.
     period [s] between two rows: where it is not given, it is 1 / control_freq of the file's env_args. episodes: names of
     demos; mask: those of a filter key, such as "train". Without next_obs a demo's last action is not used."""
     h5py: Any = need("h5py", "a robomimic file")
@@ -68,7 +69,7 @@ def read_robomimic(
     factor, zero = ([np.array([(given or {}).get(name, rest) for name in names_]) for names_ in (renamed, called)]
                     for given, rest in ((scale, 1.0), (offset, 0.0)))
     return Logs.from_episodes([(seen * factor[0] + zero[0], done * factor[1] + zero[1]) for seen, done in parts],
-                              period=seconds, observation_names=renamed, action_names=called)
+                              period=seconds, observation_names=renamed, action_names=called, unwrap=unwrap)
 
 
 def _chosen(file: Any, data: Any, path: Any, episodes: Sequence[str] | None, mask: str | None) -> list[str]:

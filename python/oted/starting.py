@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from oted._engine import core
+from oted.errors import UsageError
 
 Path = str | os.PathLike[str]
 
@@ -29,6 +30,8 @@ def init(model: Path, logs: Path | Sequence[Path], out: Path = "task.toml", *, p
          threads: int | None = None) -> Proposal:
     """`oted init`: a first task file from a model and logs. It matches columns with joints, actuators and sensors by
     name, and picks parameters that the logs can show. period: [s] between two rows, where the logs do not say."""
-    paths = [logs] if isinstance(logs, (str, os.PathLike)) else list(logs)
+    paths: list[Any] = list(logs) if isinstance(logs, (list, tuple)) else [logs]
+    if not all(isinstance(path, (str, os.PathLike)) for path in paths):
+        raise UsageError("logs: wanted files; write what is in memory with Logs.save('log.csv')")
     return Proposal(json.loads(core.init(os.fspath(model), [os.fspath(path) for path in paths], os.fspath(out),
                                          period or 0.0, threads or 0)))

@@ -1,6 +1,6 @@
 """Channels logged at times and rates of their own, made rows of one grid, by the rules of docs/file_formats.md#from-times-to-rows.
 
-Angles must not wrap and quaternions must not change sign between two samples: unwrap them before."""
+Quaternions must not change sign between two samples: make their signs agree before."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from oted._engine import core
 from oted.errors import UsageError
-from oted.logs import Logs
+from oted.logs import Logs, _array, _patterns
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class Channel:
     source: str = ""  # for errors: topic and field
 
     def arrays(self) -> tuple[str, str, Array, Array]:
-        times, values = (np.ascontiguousarray(given, dtype=np.float64) for given in (self.times, self.values))
+        times, values = (_array(f"channel '{self.name}'", given, 1) for given in (self.times, self.values))
         if times.shape != values.shape or times.ndim != 1:
             raise UsageError(f"channel '{self.name}'" + (f" ({self.source})" if self.source else "") + f": got {times.shape} "
                              f"times and {values.shape} values, wanted a time for each value")
@@ -38,8 +38,16 @@ def to_logs(
     period: float,
     *,
     most_gap: float = core.MOST_GAP,
+    unwrap: Sequence[str] = (),
 ) -> Logs:
     """The rows of one recording; several recordings are joined by +. period [s] is the task's control period. A gap of more
-    than most_gap typical steps of a state ends an episode."""
+    than most_gap typical steps of a state ends an episode. unwrap: states [rad] that are kept within one turn, by name or
+    pattern."""
+    for channel in (*states, *actions):
+        if not isinstance(channel, Channel):
+            raise UsageError(f"got {type(channel).__name__}, wanted oted.streams.Channel(name, times, values)")
+    if not isinstance(period, (int, float, np.number)):
+        raise UsageError(f"period: got {period!r}, wanted seconds")
     return Logs._of(core.logs_from_streams([channel.arrays() for channel in states],
-                                           [channel.arrays() for channel in actions], float(period), float(most_gap)))
+                                           [channel.arrays() for channel in actions], float(period), float(most_gap),
+                                           _patterns(unwrap)))

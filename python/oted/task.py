@@ -74,12 +74,17 @@ class Param:
     prior: tuple[float, float] | None = None
 
     def to_toml(self) -> dict[str, Any]:
-        entry: dict[str, Any] = {"field": self.path, "range": [float(self.low), float(self.high)]}
+        try:
+            entry: dict[str, Any] = {"field": self.path, "range": [float(self.low), float(self.high)]}
+        except (TypeError, ValueError) as e:
+            raise UsageError(f"parameter of '{self.path}': got range [{self.low!r}, {self.high!r}], wanted numbers") from e
         if self.scale != "nominal":
             entry["scale"] = self.scale
         if self.log:
             entry["log"] = True
         if self.prior is not None:
+            if not isinstance(self.prior, Sequence) or len(self.prior) != 2:
+                raise UsageError(f"parameter of '{self.path}': got prior {self.prior!r}, wanted (mean, standard deviation)")
             entry["prior"] = {"mean": float(self.prior[0]), "std": float(self.prior[1])}
         return entry
 
@@ -124,6 +129,8 @@ def task_toml(task: TaskLike, folder: pathlib.Path | None = None) -> tuple[str, 
         if text.endswith((".xml", ".urdf", ".mjcf")):
             raise UsageError(f"task: '{text}' is a model; give oted.Task(model='{text}', control_period=...), or let "
                              f"'oted init {text} LOGS' write a task file")
+        if os.path.isfile(os.path.join(text, "design.json")):
+            raise UsageError(f"task: '{text}' is a run directory; give oted.load('{text}')")
         return _toml.section("task", {"name": text}), ""
     gym = sys.modules.get("oted.gym")  # who has such a simulator has imported it
     if gym is not None and isinstance(task, gym.GymSimulator):

@@ -157,6 +157,18 @@ class InitTest(ProgramTest):
         self.assertAlmostEqual(task["task"]["control_period"], 0.02)
         self.assertIn("as positions and velocities say", text)
 
+    def test_an_angle_that_the_log_keeps_within_a_turn_is_unwrapped(self):
+        rows = swing(1)
+        cut = np.median(rows[:, 2])
+        rows[:, 2] = cut + (rows[:, 2] - cut) % (2 * math.pi)
+        for columns in (range(7), (0, 1, 2, 5, 6)):  # with velocities and without
+            text, task = self.init(self.csv(rows[:, columns], [NAMES[i] for i in columns]))
+            self.assertEqual(task["data"]["unwrap"], ["joint/elbow_joint/qpos"])
+            self.assertRegex(text, r"joint/elbow_joint/qpos jumps by a whole turn in \d+ rows, which data.unwrap takes out")
+            check = json.loads(self.succeed("data", "check", self.task, "--json").stdout)
+            self.assertNotIn("wrapped_angle", [f["check"] for f in check["findings"]])
+            self.task.unlink()
+
     def test_positions_alone_are_enough(self):
         _, task = self.init(self.csv(swing(1)[:, [0, 1, 2, 5, 6]], [NAMES[i] for i in (0, 1, 2, 5, 6)]))
         self.assertEqual(task["task"]["observations"], ["joint/*/qpos"])

@@ -86,6 +86,28 @@ class Bags(InFolder):
         i, j = (names.observation_names.index("joint/elbow/qpos") for names in (logs, plain))
         np.testing.assert_allclose(logs.observations[:, i], 1 - 2 * plain.observations[:, j], atol=1e-12)
 
+    def test_an_angle_that_is_kept_within_a_turn_goes_on_where_that_is_said(self):
+        def hinge(t):
+            return 9 * t + np.sin(3 * t)
+
+        with RobotBag(self.folder / "bag", StoragePlugin.MCAP) as bag:
+            for k in range(1000):
+                stamp = START + 2_000_000 * k + 700_000 * (k % 2)  # uneven: rows lie between samples
+                t = (stamp - START) * 1e-9
+                bag.state(stamp, stamp, np.array(["hinge", "slide"]), np.array([np.remainder(hinge(t), 2 * np.pi), t]), np.zeros(2))
+                bag.command(stamp, np.zeros(1))
+        how = {"states": ["/joint_states:position"], "actions": ["/commands:data"], "period": 0.02}
+        logs = read_bag(self.folder / "bag", unwrap=["joint/h*/qpos"], **how)
+        i, j = (logs.observation_names.index(f"joint/{name}/qpos") for name in ("hinge", "slide"))
+        # Linear interpolation over 3.4 ms: h^2 / 8 of 9 rad/s^2.
+        np.testing.assert_allclose(logs.observations[:, i], hinge(logs.observations[:, j]), atol=2e-5)
+        self.assertTrue(any("'joint/hinge/qpos'" in remark for remark in logs.remarks), logs.remarks)
+        wrapped = read_bag(self.folder / "bag", **how)
+        self.assertGreater(np.abs(np.diff(wrapped.observations[:, i])).max(), 3)
+        for given in (["joint/knee/qpos"], "joint/hinge/qpos"):
+            with self.assertRaisesRegex(oted.UsageError, "unwrap"):
+                read_bag(self.folder / "bag", unwrap=given, **how)
+
     def test_errors_name_topic_and_field(self):
         write_bag(self.folder / "bag", StoragePlugin.MCAP)
         for states, error in ((["/joint_state:position"], "/joint_states"), (["/joint_states:postion"], "position"),

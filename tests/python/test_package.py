@@ -104,6 +104,8 @@ class LogsTest(InFolder):
             np.testing.assert_array_equal(logs.actions, file["actions"][()])
             n_ends = int((file["terminals"][()].astype(bool) | file["timeouts"][()].astype(bool)).sum())
         self.assertEqual(len(logs.episodes), n_ends)
+        some = oted.read_logs(HOPPER, episodes=2)
+        self.assertEqual(some.episodes, logs.episodes[:2])
 
     def test_what_is_saved_reads_back_the_same(self):
         logs = oted.read_logs(HOPPER)
@@ -164,6 +166,24 @@ class LogsTest(InFolder):
                 digest.update(array.tobytes())
             digest.update(repr((logs.episodes, logs.period)).encode())
         self.assertEqual(digest.hexdigest()[:16], "e156f721123d113e")
+
+    def test_wrapped_angles_go_on_from_every_source(self):
+        t = 0.02 * np.arange(300)
+        angle, wrapped = 7 * t + 0.1, np.remainder(7 * t + 0.1, 2 * np.pi)
+        seen, done, names = np.column_stack([wrapped, t]), np.zeros((300, 1)), ["q", "v"]
+        np.savetxt(self.folder / "log.csv", np.column_stack([t, seen, done]), delimiter=",", header="time,obs.q,obs.v,act.u",
+                   comments="")
+        for logs in (oted.Logs(seen, done, period=0.02, observation_names=names, unwrap=["q"]),
+                     oted.Logs.from_pandas({"q": wrapped, "v": t, "u": done[:, 0]}, observations=names, actions=["u"],
+                                           unwrap=["q"]),
+                     oted.Logs.from_transitions(seen[:-1], done[:-1], seen[1:], observation_names=names, unwrap=["q"]),
+                     oted.read_logs(self.folder / "log.csv", unwrap=["q"])):
+            np.testing.assert_allclose(logs.observations[:, 0], angle[:len(logs)], atol=1e-12)
+            np.testing.assert_allclose(logs.next_observations[:, 0], angle[1:len(logs) + 1], atol=1e-12)
+            np.testing.assert_array_equal(logs.observations[:, 1], t[:len(logs)])
+            self.assertIsNone(logs.path)
+        with self.assertRaisesRegex(oted.UsageError, "no names"):
+            oted.Logs(seen, done, unwrap=["q"])
 
     def test_logs_join_and_part(self):
         logs = oted.read_logs(HOPPER)
@@ -467,6 +487,12 @@ class Designs(InFolder):
         by_call = oted.evaluate(lambda seen: agent.predict(seen)[0], self.design, episodes=3)
         self.assertEqual(by_file.returns, by_call.returns)
 
+        class Theirs:  # as Stable-Baselines3 has it
+
+            def predict(self, seen, deterministic=False):
+                return agent.predict(seen)[0], None
+        self.assertEqual(oted.evaluate(Theirs(), self.design, episodes=3).returns, by_file.returns)
+
 
     def test_the_viewers_ghost_is_the_log_and_the_simulator_moves_by_the_logged_actions(self):
         from oted.viewer import motion
@@ -516,6 +542,46 @@ class Refusals(InFolder):
             self.assertEqual(len(str(raised.exception).splitlines()), 1)
             self.assertFalse(out.exists())
         self.assertTrue(issubclass(oted.UsageError, ValueError))
+
+    def test_what_a_call_cannot_take_is_told_in_a_line_with_what_it_takes(self):
+        array, env, vector = np.zeros((10, 2)), oted.make_env("Hopper-v5"), oted.make_vec_env("Hopper-v5", 2)
+        env.reset()
+        channel = Channel("q", [0, 1], [0, 1])
+        (self.folder / "meta").mkdir()
+        (self.folder / "meta/info.json").write_text("{}")
+        for wanted, call in (
+                ("oted.Logs\\(observations, actions\\)", lambda: oted.fit("Hopper-v5", array, FRICTION)),
+                ("join several by \\+", lambda: oted.fit("Hopper-v5", [HOPPER, HOPPER], FRICTION)),
+                ("wanted oted.Logs or a file", lambda: oted.check({"q": [1]}, "Hopper-v5")),
+                ("oted.bags.read_bag", lambda: oted.read_logs("run.mcap")),
+                ("from_pandas", lambda: oted.fit("Hopper-v5", "run.parquet", FRICTION)),
+                ("read_lerobot", lambda: oted.read_logs(self.folder)),
+                ("episodes: got 0", lambda: oted.read_logs(HOPPER, episodes=0)),
+                ("wanted numbers", lambda: oted.fit("Hopper-v5", HOPPER, {"f": oted.Param("geom/*/friction[0]", "a", 2)})),
+                ("mean, standard", lambda: oted.fit("Hopper-v5", HOPPER, {"f": oted.Param("geom/*/size", 1, 2, prior=1.0)})),
+                ("settings: got", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, settings="design.method=paper")),
+                ("callback: got int", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, callback=3)),
+                ("episode 0: wanted", lambda: oted.Logs.from_episodes([array])),
+                ("episode 1: got 1 obs", lambda: oted.Logs.from_episodes([(array, array), (array[:, :1], array)])),
+                ("episode 'a'", lambda: oted.Logs(array, array).select("a")),
+                ("constant 'load'", lambda: oted.Logs(array, array).with_constants(load="x")),
+                ("run directory", lambda: oted.load(3)),
+                ("num_envs '8'", lambda: oted.make_vec_env("Hopper-v5", "8")),
+                ("autoreset_mode", lambda: oted.make_vec_env("Hopper-v5", 2, autoreset_mode="x")),
+                ("wanted qpos and qvel", lambda: env.reset(options={"qpos": [0]})),
+                ("action: got 'a'", lambda: env.step("a")),
+                ("got 3 actions", lambda: vector.step(np.zeros((3, 3)))),
+                ("reset_mask", lambda: vector.reset(options={"reset_mask": [True]})),
+                ("policy: got int", lambda: oted.evaluate(3, "Hopper-v5")),
+                ("design: got str", lambda: oted.train("Hopper-v5")),
+                ("Logs.save", lambda: oted.init("arm.xml", oted.Logs(array, array))),
+                ("period: got 'x'", lambda: to_logs([channel], [channel], "x")),
+                ("wanted oted.streams.Channel", lambda: to_logs([("q", [0, 1], [0, 1])], [channel], 0.1)),
+                ("holds no numbers", lambda: to_logs([Channel("q", [0, 1], ["x", 1])], [channel], 0.1)),
+                ("make_env: got str", lambda: oted.GymSimulator("Pendulum-v1", name="p", version="1"))):
+            with self.subTest(wanted), self.assertRaisesRegex(oted.UsageError, wanted) as raised:
+                call()
+            self.assertEqual(len(str(raised.exception).splitlines()), 1)
 
     def test_ctrl_c_stops_and_the_same_call_goes_on(self):
         code = """
