@@ -167,7 +167,7 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
   dataset.path = path;
   dataset.sha256 = Sha256OfFile(file);
   if (options.check) dataset.Check();
-  if (format != Format::kCsv && !options.unwrap.empty()) Unwrap(dataset, options.unwrap, options.observation_names);
+  if (format != DataFormat::kCsv && !options.unwrap.empty()) Unwrap(dataset, options.unwrap, options.observation_names);
   MatchNames(dataset, options.observation_names, options.action_names);
   DelayActions(dataset, options.action_delay);
   return dataset;
