@@ -585,7 +585,8 @@ class Refusals(InFolder):
 
     def test_ctrl_c_stops_and_the_same_call_goes_on(self):
         code = """
-import oted, sys
+import oted, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
 def tell(event):
     if event["kind"] == "progress" and event["stage"] == "design": print("designing", flush=True)
 try:
