@@ -553,6 +553,8 @@ class Refusals(InFolder):
                 ("oted.Logs\\(observations, actions\\)", lambda: oted.fit("Hopper-v5", array, FRICTION)),
                 ("join several by \\+", lambda: oted.fit("Hopper-v5", [HOPPER, HOPPER], FRICTION)),
                 ("wanted oted.Logs or a file", lambda: oted.check({"q": [1]}, "Hopper-v5")),
+                ("logs: wanted", lambda: oted.fit("Hopper-v5", parameters=FRICTION)),
+                ("describe", lambda: oted.fit("Hopper-v5", HOPPER)),
                 ("oted.bags.read_bag", lambda: oted.read_logs("run.mcap")),
                 ("from_pandas", lambda: oted.fit("Hopper-v5", "run.parquet", FRICTION)),
                 ("read_lerobot", lambda: oted.read_logs(self.folder)),
