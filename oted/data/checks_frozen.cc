@@ -129,11 +129,15 @@ class Frozen {
       if (p < 0 || (v != channel && p != channel)) continue;
       const auto& partner = series_[static_cast<size_t>(v == channel ? p : v)][s.series];
       if (p == channel) {
-        double moved = 0;
-        for (size_t i = s.begin; i < s.end; ++i) moved += period_ * (partner[i] + partner[i + 1]) / 2;
+        double at = 0, low = 0, high = 0;  // it may come back
+        for (size_t i = s.begin; i < s.end; ++i) {
+          at += period_ * (partner[i] + partner[i + 1]) / 2;
+          low = std::min(low, at);
+          high = std::max(high, at);
+        }
         // A robot at rest has a sensor's bias, which adds up.
         const double usual = TypicalSize(series_[static_cast<size_t>(v)]);
-        if (std::abs(moved) > missed && std::abs(moved) > kMoves * usual * period_ * s.Length()) return true;
+        if (high - low > std::max(missed, kMoves * usual * period_ * s.Length())) return true;
       } else {
         double low = INFINITY, high = -INFINITY;
         for (size_t i = s.begin; i < s.end; ++i) {

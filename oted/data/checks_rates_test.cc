@@ -140,6 +140,19 @@ TEST(Frozen, ReadingsThatStandStillWhileTheRobotMovesAreNamed) {
   EXPECT_EQ(f.row, 200);
 }
 
+TEST(Frozen, AReadingThatStandsWhileItsJointTurnsBackIsNamedThoughItDoesNotJump) {
+  Dataset d = LogOf(Truth);
+  int top = 20;  // of the knee, in the first episode
+  while (KneeRate(top * kPeriod) * KneeRate((top + 1) * kPeriod) > 0) ++top;
+  for (int i = top - 7; i < top + 7; ++i) {
+    d.next_observations(i, 1) = d.observations(i + 1, 1) = d.observations(top - 7, 1);
+  }
+  const double jump = std::abs(d.observations(top + 8, 1) - d.observations(top + 7, 1));
+  EXPECT_LT(jump, 0.02) << "not by its jump";
+  const auto f = Only(Check(d), "frozen_channels");
+  EXPECT_EQ(f.channels, std::vector<std::string>{"knee/qpos"});
+}
+
 TEST(Frozen, ARobotAtRestAndACoarseEncoderAreNotFrozen) {
   const auto grid = [](double v) { return std::round(v * 1000) / 1000; };
   // It comes to rest smoothly, stays, and starts smoothly.

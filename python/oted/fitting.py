@@ -9,6 +9,7 @@ from typing import Any
 from oted import _toml
 from oted._engine import core
 from oted.design import Design
+from oted.errors import UsageError
 from oted.logs import Logs, file_of
 from oted.progress import Callback, handler
 from oted.task import ParametersLike, TaskLike, study
@@ -40,6 +41,12 @@ def fit(
 
     Ctrl-C stops between two units of work and raises KeyboardInterrupt; the same call goes on from there.
     """
+    if not os.fspath(task if isinstance(task, (str, os.PathLike)) else "").endswith(".toml"):  # a file says them itself
+        if logs is None:
+            raise UsageError("logs: wanted oted.Logs or a file")
+        if parameters is None or (isinstance(parameters, Mapping) and not parameters):
+            raise UsageError("parameters: wanted {'friction': oted.Param(path, low, high)} or presets; "
+                             "oted.describe(task)['offers'] lists the paths")
     folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-") if out is None else out)
     path = _logs_path(logs, task, folder)
     what = study(task, parameters, data={"path": path} if path else None, folder=folder / "given")

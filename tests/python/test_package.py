@@ -553,6 +553,8 @@ class Refusals(InFolder):
                 ("oted.Logs\\(observations, actions\\)", lambda: oted.fit("Hopper-v5", array, FRICTION)),
                 ("join several by \\+", lambda: oted.fit("Hopper-v5", [HOPPER, HOPPER], FRICTION)),
                 ("wanted oted.Logs or a file", lambda: oted.check({"q": [1]}, "Hopper-v5")),
+                ("logs: wanted", lambda: oted.fit("Hopper-v5", parameters=FRICTION)),
+                ("describe", lambda: oted.fit("Hopper-v5", HOPPER)),
                 ("oted.bags.read_bag", lambda: oted.read_logs("run.mcap")),
                 ("from_pandas", lambda: oted.fit("Hopper-v5", "run.parquet", FRICTION)),
                 ("read_lerobot", lambda: oted.read_logs(self.folder)),
@@ -585,7 +587,8 @@ class Refusals(InFolder):
 
     def test_ctrl_c_stops_and_the_same_call_goes_on(self):
         code = """
-import oted, sys
+import oted, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
 def tell(event):
     if event["kind"] == "progress" and event["stage"] == "design": print("designing", flush=True)
 try:
