@@ -29,8 +29,8 @@ NARROW = ("crossq.n_lanes=16", "crossq.updates_per_step=0.25", "crossq.hidden=12
 LEARNERS = {
     "default": Learner("the default", "#1f8a4c", "sac", every=20_000),
     "default-starts": Learner("the default, best of three starts, averaged weights", "#7a3fa0", "sac", STARTS, every=20_000),
-    "crossq-128": Learner("CrossQ, 2x128, batches of 128, a quarter of an update a step, best of three starts, averaged weights", "#c23b7a", "crossq",
-                          NARROW, every=50_000),
+    "crossq-128": Learner("CrossQ, 2x128, a quarter of an update a step, best of three starts, averaged weights", "#c23b7a",
+                          "crossq", NARROW, every=50_000),
     "crossq": Learner("CrossQ", "#1b6ca8", "crossq"),
     "sac": Learner("SAC, settings of Stable-Baselines3", "#c2571a", "sac", PLAIN),
     "stable-baselines3": Learner("Stable-Baselines3's SAC", "#5b5b5b"),
