@@ -24,7 +24,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kFreedRows = 1600;  // of the windows that are fitted
+constexpr int kFreedRows = 1600;         // of the windows that are fitted
+constexpr double kFreedPhysics = 1.5e5;  // steps of a linearization of them
 constexpr int kFreedIterations = 12;
 constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
 constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
@@ -191,9 +192,10 @@ class FreedTrials {
     }
   }
 
-  /// Rows of so long windows: what makes enough of them.
-  int FreedRows(int n_steps) const {
-    return problem_.fit.errors_grow ? std::max(kFreedRows, kFewestLongWindows * n_steps) : kFreedRows;
+  /// Rows of so long windows: what makes enough of them, and what the physics affords.
+  int FreedRows(int n_steps, const SimulatorFactory& factory, const ReadingModel& readings) const {
+    const int enough = problem_.fit.errors_grow ? std::max(kFreedRows, kFewestLongWindows * n_steps) : kFreedRows;
+    return AffordableRows(enough, kFreedPhysics, factory, readings);
   }
 
   /// x, and behind it what a further parameter of this value has.
@@ -222,7 +224,7 @@ class FreedTrials {
     const int n_steps =
         std::max({std::min(problem_.fit.window, told), static_cast<int>(std::lround(kShortestLongWindow / period_)),
                   readings.longest_age() + kFewestFreedSteps});
-    const Level level = LongWindows(replayer, parts_.learn, n_steps, FreedRows(n_steps), period_);
+    const Level level = LongWindows(replayer, parts_.learn, n_steps, FreedRows(n_steps, factory, readings), period_);
     if (level.windows.size() < kFewestFreedWindows) return std::nullopt;
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(replayer, space, prior, scale, level, from);
