@@ -74,7 +74,7 @@ fuzz:  ## hostile files for every reader, guided by coverage, under the sanitize
 	@scripts/build.sh fuzz
 	@.venv/bin/python scripts/fuzz.py build/fuzz/fuzz_readers --minutes $(MINUTES) --seed $(SEED) $(FAMILIES)
 
-crash: setup  ## a fault at each call that changes a file, and kill -9 at random: COMMANDS="run unit" POINTS=all KILLS=100 (run: half an hour; all: hours; goes on when stopped)
+crash: setup  ## a fault at each call that changes a file, and kill -9 at random: COMMANDS="run unit" POINTS=all KILLS=100 (run: a quarter of an hour; all: hours; goes on when stopped)
 	@scripts/build.sh dev
 	@.venv/bin/python tests/faults/crash.py build/release/oted build/release/tests/liboted_fault_points.so $(CAMPAIGNS)/crash \
 	  $(if $(COMMANDS),--commands $(COMMANDS)) --points $(POINTS) --kills $(KILLS) --record

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -86,10 +87,10 @@ void EnterLimits(const ChildLimits& limits) {
   }
 }
 
-/// The child's whole life after the fork.
-void RunChild(int fd, const std::string& file, const ChildLimits& limits,
-              const std::function<void(ChildOutput&)>& work) {
-  EnterLimits(limits);
+bool g_work_here = false;
+
+/// Its result or its error goes to `fd`.
+void Work(int fd, const std::string& file, const ChildLimits& limits, const std::function<void(ChildOutput&)>& work) {
   ChildOutput out(fd);
   try {
     work(out);
@@ -173,6 +174,10 @@ ChildProcess::ChildProcess(std::string file, const ChildLimits& limits, std::mut
   };
   // The write end is closed before the lock goes: no other child can inherit it and keep the pipe open.
   const std::lock_guard lock(library_lock);
+  if (g_work_here) {
+    WorkHere(work);
+    return;
+  }
   int fds[2];
   if (::pipe2(fds, O_CLOEXEC) != 0) fail("reach");
   pid_ = ::fork();
@@ -183,23 +188,33 @@ ChildProcess::ChildProcess(std::string file, const ChildLimits& limits, std::mut
   }
   if (pid_ == 0) {
     ::close(fds[0]);
-    RunChild(fds[1], file_, limits_, work);
+    EnterLimits(limits_);
+    Work(fds[1], file_, limits_, work);
     ::_exit(0);
   }
   ::close(fds[1]);
   fd_ = fds[0];
 }
 
-ChildProcess::~ChildProcess() {
-  if (fd_ >= 0) ::close(fd_);
-  if (pid_ > 0) {
-    ::kill(pid_, SIGKILL);
-    Reap();
-  }
+void ChildProcess::WorkHere() { g_work_here = true; }
+
+void ChildProcess::WorkHere(const std::function<void(ChildOutput&)>& work) {
+  fd_ = ::memfd_create("result", MFD_CLOEXEC);
+  OTED_CHECK(fd_ >= 0);
+  Work(fd_, file_, limits_, work);
+  deadline_ = std::chrono::steady_clock::time_point::max();  // nothing is waited for
+  OTED_CHECK(::lseek(fd_, 0, SEEK_SET) == 0);
 }
 
-int ChildProcess::Reap() {
+ChildProcess::~ChildProcess() {
+  if (fd_ >= 0) ::close(fd_);
+  End();
+}
+
+int ChildProcess::End() {
   int status = 0;
+  if (pid_ <= 0) return status;  // no process: -1 would be all of them
+  ::kill(pid_, SIGKILL);
   while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
   }
   pid_ = -1;
@@ -208,13 +223,12 @@ int ChildProcess::Reap() {
 
 void ChildProcess::FailEnded() {
   // The pipe is closed, so it is dead or about to be; what closed it and lives on is not waited for.
-  while (MillisecondsUntil(deadline_) > 0) {
+  while (pid_ > 0 && MillisecondsUntil(deadline_) > 0) {
     siginfo_t info{};
     if (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) != 0 || info.si_pid == pid_) break;
     ::poll(nullptr, 0, 1);
   }
-  ::kill(pid_, SIGKILL);
-  const int status = Reap();
+  const int status = End();
   const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   if (signal == SIGXCPU) {
     throw DataError(
@@ -232,8 +246,7 @@ void ChildProcess::FailEnded() {
 }
 
 void ChildProcess::FailIdle() {
-  ::kill(pid_, SIGKILL);
-  Reap();
+  End();
   throw DataError(fmt::format(
       "'{}': reading it waits for what does not come, such as a pipe that it names; name files that have an "
       "end",
@@ -241,8 +254,7 @@ void ChildProcess::FailIdle() {
 }
 
 void ChildProcess::FailTimeout() {
-  ::kill(pid_, SIGKILL);
-  Reap();
+  End();
   throw DataError(fmt::format("'{}': reading it took more than {} s; {}", file_, limits_.wall_s, kRemedy));
 }
 

@@ -44,12 +44,17 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
+  /// From now on `work` runs in this process and without limits, which is quick: what fuzzing asks for, where a process
+  /// that ends is one that is started again.
+  static void WorkHere();
+
   /// The next bytes of the result. @throws DataError naming the file when the child failed, died, or ran past a limit.
   void Read(void* bytes, size_t size);
 
  private:
-  /// Waits for the child's end. @return its wait status
-  int Reap();
+  void WorkHere(const std::function<void(ChildOutput&)>& work);
+  /// Ends the child where there is one. @return its wait status
+  int End();
   [[noreturn]] void FailEnded();
   [[noreturn]] void FailIdle();
   [[noreturn]] void FailTimeout();

@@ -3,6 +3,7 @@
 //   OTED_FUZZ_FAMILY  name of a family; "list" prints them all
 //   OTED_FUZZ_WORK    folder for the files that are read
 //   OTED_FUZZ_SEEDS   folder that gets the family's seeds
+//   OTED_FUZZ_HERE    set: what the program reads in a child process is read in this one
 
 #include <fmt/format.h>
 #include <sys/mman.h>
@@ -17,6 +18,7 @@
 #include <stdexcept>
 
 #include "oted/base/files.h"
+#include "oted/data/child_process.h"
 #include "tests/fuzz/families.h"
 
 extern "C" size_t LLVMFuzzerMutate(uint8_t* bytes, size_t size, size_t most);
@@ -91,6 +93,7 @@ Target MakeTarget() {
   for (size_t i = 0; i < target.family.seeds.size(); ++i) {
     WriteFileAtomically(seeds / fmt::format("seed-{}", i), target.family.seeds[i]);
   }
+  if (std::getenv("OTED_FUZZ_HERE") != nullptr) ChildProcess::WorkHere();
   ShareCountersWithChildren();
   return target;
 }
