@@ -15,6 +15,7 @@
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/object_path.h"
 #include "oted/sim/mujoco/observables.h"
+#include "oted/sim/mujoco/place.h"
 
 namespace oted {
 namespace {
@@ -207,7 +208,8 @@ class Builder {
     for (const char* all : {"joint/*/qpos", "joint/*/qvel", "actuator/*/act"}) {
       if (all[0] == 'j' ? model_.njnt == 0 : model_.na == 0) continue;
       for (const Observable& o : ResolveObservable(model_, all, "")) {
-        if (!known.contains({o.part, o.index})) missing.push_back(o);
+        if (known.contains({o.part, o.index}) || IsUnseenPlace(o)) continue;
+        missing.push_back(o);
       }
     }
     Rates();
@@ -232,6 +234,12 @@ class Builder {
       throw UsageError(fmt::format("task.start = \"logs\": {}", setup_.why_not_settable));
     }
     Quaternions();
+  }
+
+  // Where a robot stands need not be seen if nothing that is seen depends on it. Observations of other numbers may.
+  bool IsUnseenPlace(const Observable& o) const {
+    return o.part == StatePart::kQpos && IsPlace(model_, o.index) &&
+           std::ranges::none_of(plan_.targets, [](const ModelPlan::Target& t) { return t.part == StatePart::kNone; });
   }
 
   // The observation that shows an entry of qpos, or of another part of the state, or -1.
