@@ -80,7 +80,7 @@ TEST(ChooseStart, TheOneWithTheHighestReturnGoesOn) {
                         .run_name = "agent",
                         .context = {&log, nullptr, 2},
                         .observer = [&](int64_t step, const Policy&, double value) { seen.emplace_back(step, value); }};
-  const TrainingSchedule schedule = {1000, 100, kEpisodes, "best"};
+  const TrainingSchedule schedule = {1000, 100, kEpisodes, KeptPolicy::kBest};
   const auto make = [](EpisodeSource&, RngKey of, int) { return std::make_unique<ConstantLearner>(of); };
   ChooseStart(job, schedule, {5, 300}, make);
   ConstantLearner learner(key);
