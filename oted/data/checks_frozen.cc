@@ -98,7 +98,7 @@ class Frozen {
       const double value = own[s.series][s.begin];
       // On an extreme a reading is clipped.
       if (s.Length() < kShortest || s.Length() < kLongerThan * chance || value == low || value == high) continue;
-      if (Jumps(own[s.series], s, missed) || PartnerMoves(channel, s, missed)) frozen.push_back(s);
+      if (Jumps(own[s.series], s, missed) || PartnerMoves(channel, s, missed, chance < 1)) frozen.push_back(s);
     }
     return frozen;
   }
@@ -122,22 +122,25 @@ class Frozen {
   }
 
   /// Whether the channel that it is the rate of, or that is its rate, contradicts it.
-  bool PartnerMoves(int channel, const Stretch& s, double missed) const {
+  /// @param alone  the channel never repeats itself elsewhere: the way to and fro counts, and not how far it went
+  bool PartnerMoves(int channel, const Stretch& s, double missed, bool alone) const {
     if (period_ <= 0) return false;
     for (int v = 0; v < static_cast<int>(facts_.rate_of.size()); ++v) {
       const int p = facts_.rate_of[static_cast<size_t>(v)];
       if (p < 0 || (v != channel && p != channel)) continue;
       const auto& partner = series_[static_cast<size_t>(v == channel ? p : v)][s.series];
       if (p == channel) {
-        double at = 0, low = 0, high = 0;  // it may come back
+        double at = 0, low = 0, high = 0, way = 0;
         for (size_t i = s.begin; i < s.end; ++i) {
-          at += period_ * (partner[i] + partner[i + 1]) / 2;
+          const double step = period_ * (partner[i] + partner[i + 1]) / 2;
+          at += step;
+          way += std::abs(step);
           low = std::min(low, at);
           high = std::max(high, at);
         }
         // A robot at rest has a sensor's bias, which adds up.
         const double usual = TypicalSize(series_[static_cast<size_t>(v)]);
-        if (high - low > std::max(missed, kMoves * usual * period_ * s.Length())) return true;
+        if ((alone ? way : high - low) > std::max(missed, kMoves * usual * period_ * s.Length())) return true;
       } else {
         double low = INFINITY, high = -INFINITY;
         for (size_t i = s.begin; i < s.end; ++i) {

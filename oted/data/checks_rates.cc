@@ -173,7 +173,10 @@ class Rates {
       return false;
     }
     const auto agrees = [&](const RateAgreement& r) {
-      return r.correlation < kClear || Near(r.slope, seconds, 2 * kAgree);
+      if (r.correlation < kClear) return true;
+      const double spread =
+          std::sqrt((1 / (r.correlation * r.correlation) - 1) / r.support);  // of the slope, as a share
+      return Near(r.slope, seconds, std::max(2 * kAgree, 2 * spread));
     };
     if (!std::ranges::all_of(rates_, agrees)) return false;
     Add("control_rate",
