@@ -6,7 +6,7 @@ after the other (tests/fuzz/families.h).
 Each family is searched for M minutes, from its seeds, from tests/fuzz/corpus and from what earlier searches found, which
 build/fuzz/corpus keeps. An input fails a reader where it is neither read nor refused by one line that names the file, where
 a sanitizer objects, where reading it takes longer than 30 s or 2 GiB. What the program reads in a child process (HDF5, models)
-is searched without one, which is a hundred times as quick, and what fails then is read once more with one: a library that
+is searched without one, which costs a tenth of the time, and what fails then is read once more with one: a library that
 crashes there is a refusal. Such inputs are kept in build/fuzz/failures; mend the reader and put the input into
 tests/fuzz/corpus. A line for each family goes into benchmarks/results/fuzz.jsonl. Ends with 1
 where anything failed.

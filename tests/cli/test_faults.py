@@ -300,6 +300,14 @@ class TestDirectory(RunTest):
             self.again()
             self.assertAsFinished()
 
+    def test_a_lock_that_is_written_in_parts_is_no_error(self):
+        shutil.rmtree(self.out)
+        for n in range(3, 5):  # the lock is the first file that is written
+            environment = {**os.environ, "LD_PRELOAD": LIBRARY, "OTED_FAULT_FOLDER": str(self.out), "OTED_FAULT": f"{n} short"}
+            result = subprocess.run([program.OTED, *self.words(self.out, verb="clone"), "--quiet"], capture_output=True, text=True,
+                                    env=environment)
+            self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+
     def test_limits_of_memory_and_of_file_size_end_in_an_error(self):
         def under(which, most, *words):
             return subprocess.run([program.OTED, *map(str, words)], capture_output=True, text=True,
