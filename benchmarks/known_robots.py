@@ -77,7 +77,7 @@ CASES = {
     "arm-late": ("arm", 0.01, VELOCITIES, ARM_PARAMETERS | DELAY, {"delay": 1.6}),
     "arm-stiffness": ("arm", 0.01, VELOCITIES, ARM_PARAMETERS, {"delay": 0.0, "stiffness": 1.15}),
     "arm-rest": ("arm", 0.01, VELOCITIES, ARM_PARAMETERS, {"delay": 0.0}),
-    "ant-noisy": ("ant", 0.05, None, {}, {}),
+    "ant-noisy": ("ant", 0.05, VELOCITIES, {}, {}),
 }
 LATE = {"arm-late": 2}  # rows
 OTHERS = {
@@ -176,11 +176,8 @@ def record(case, path, truth, seed, folder):
 
 def task_file(case, folder, parameters):
     robot, period, observations = CASES[case][:3]
-    seen = observations or '"joint/root/qpos[2]", "joint/root/qpos[3:7]", "joint/*/qpos", "joint/*/qvel"'
-    if robot == "ant":
-        seen = '"joint/*/qpos", "joint/*/qvel"'
-    lines = ["[task]", f'model = "{model_file(robot, folder)}"', f"control_period = {period}", f"observations = [{seen}]", "[data]",
-             'path = "logs.csv"', "[parameters]"]
+    lines = ["[task]", f'model = "{model_file(robot, folder)}"', f"control_period = {period}", f"observations = [{observations}]",
+             "[data]", 'path = "logs.csv"', "[parameters]"]
     for name, (field, low, high, more) in parameters.items():
         lines.append(f"{name} = {{ field = {json.dumps(field)}, range = [{low}, {high}], {more} }}")
     (folder / "task.toml").write_text("\n".join(lines) + "\n")
