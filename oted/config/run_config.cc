@@ -88,13 +88,13 @@ void DataConfig::CheckNamed() const {
 
 std::optional<size_t> DataConfig::n_episodes() const {
   if (episodes == "all") return std::nullopt;
-  size_t n = 0;
+  int n = 0;
   const char *begin = episodes.data(), *end = begin + episodes.size();
   const auto [rest, error] = std::from_chars(begin, end, n);
   if (error != std::errc{} || rest != end || n < 1) {
     throw UsageError(fmt::format("data.episodes is '{}', wanted a number of at least 1, or all", episodes));
   }
-  return n;
+  return static_cast<size_t>(n);
 }
 
 DataOptions DataConfig::Options() const {

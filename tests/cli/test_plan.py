@@ -174,7 +174,7 @@ class PlanTest(program.HopperTest):
         for name in ("c.jsonl", "c.csv.gz", "folder/"):
             for command in (("merge",), ("submit", "--engine", "local", "--quiet")):
                 refused = program.oted(command[0], self.plan, *command[1:], "--merge-to", f"{self.folder}/{name}")
-                self.assertOneLine(refused, program.USAGE, "wanted a name that ends with .csv, or one without an ending")
+                self.assertOneLine(refused, program.USAGE, "the result of a sweep is a .csv file; wanted a name with that ending, or with none")
         self.assertEqual(self.states(), ["missing"])
         self.assertEqual(sorted(self.folder.glob("c*")), [])
 
