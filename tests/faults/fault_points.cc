@@ -173,6 +173,9 @@ FILE* OpenStream(const char* name, const char* path, const char* mode) {
   return file;
 }
 
+/// Before a child is forked, which would take itself for the program that is watched.
+__attribute__((constructor)) void ReadSettings() { The(); }
+
 __attribute__((destructor)) void TellTimes() {
   const char* file = std::getenv("OTED_TIMES");
   FILE* times = file == nullptr ? nullptr : Next<FILE*(const char*, const char*)>("fopen")(file, "w");
