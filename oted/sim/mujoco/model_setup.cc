@@ -14,6 +14,7 @@
 #include "oted/sim/mujoco/model_rules.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/object_path.h"
+#include "oted/sim/mujoco/observable_unit.h"
 #include "oted/sim/mujoco/observables.h"
 #include "oted/sim/mujoco/place.h"
 
@@ -84,6 +85,7 @@ class Builder {
         }
         observed_.push_back(o);
         spec_.observation_names.push_back(o.name);
+        spec_.observation_units.push_back(UnitOf(model_, o));
         plan_.observation.push_back(plan_.Add(o.array, o.index, o.stage));
       }
     }

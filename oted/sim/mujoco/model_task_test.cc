@@ -193,6 +193,9 @@ TEST(ModelTask, NamesUnitsAndBoundsStandInTheSpec) {
   EXPECT_EQ(spec.observation_names[10], "joint/extend/qpos");
   EXPECT_EQ(spec.observation_names[11], "sensor/hip_angle") << "a sensor keeps its own name";
   EXPECT_EQ(static_cast<int>(spec.observation_names.size()), spec.obs_dim());
+  EXPECT_EQ(spec.observation_units.size(), spec.observation_names.size());
+  EXPECT_EQ(spec.observation_units[10], "m");
+  EXPECT_EQ(spec.observation_units[11], "rad");
   EXPECT_THAT(spec.action_names, ElementsAre("actuator/hip", "actuator/wrist", "actuator/line"));
   EXPECT_THAT(spec.action_low, ElementsAre(-1, -2, -0.2));
   EXPECT_THAT(spec.action_high, ElementsAre(1, 1, 0.2));
