@@ -131,6 +131,19 @@ Figure MatrixFigure(std::string title, json columns, json rows, json values, jso
   return figure;
 }
 
+void SetRows(Figure& figure, const std::vector<std::string>& names) {
+  json places = json::array(), labels = json::array();
+  for (size_t i = 0; i < names.size(); ++i) {
+    places.push_back(i);
+    labels.push_back(PlotLabel(names[i]));
+  }
+  figure.layout()["height"] = 70 + 30 * names.size();
+  figure.layout()["yaxis"] = {{"range", {static_cast<double>(names.size()) - 0.5, -0.5}},
+                              {"tickvals", std::move(places)},
+                              {"ticktext", std::move(labels)},
+                              {"showgrid", false}};
+}
+
 std::string FigureGrid(std::string_view figures) {
   return figures.empty() ? "" : fmt::format("<div class=\"grid\">{}</div>\n", figures);
 }

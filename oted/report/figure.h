@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace oted {
 
@@ -54,6 +55,9 @@ class Figure {
 /// @param format  of a number, in plotly.js's template: "%{z:.2f}"
 Figure MatrixFigure(std::string title, nlohmann::json columns, nlohmann::json rows, nlohmann::json values,
                     nlohmann::json colorscale, const char* format);
+
+/// Names down the left side, the first one on top; what is drawn lies at y = 0, 1, ... Names need not differ.
+void SetRows(Figure& figure, const std::vector<std::string>& names);
 
 /// Plain text for plotly.js.
 std::string PlotText(std::string_view text);

@@ -111,7 +111,7 @@ TEST_F(WriteReportTest, AWholeRunGivesAWellFormedPageThatNeedsNothingElse) {
   EXPECT_TRUE(RunPython(std::string(kCheckPage) + R"(
 assert page.ids == {'top', 'parameters', 'policies', 'warnings', 'design', 'discriminator', 'selection', 'agents',
                     'policy-selection', 'data', 'clone', 'run'}, page.ids
-assert page.figures == 3 + 1 + 2 + 1 + 1 + 1 + 1 + 1, page.figures
+assert page.figures == 1 + 3 + 1 + 2 + 1 + 1 + 1 + 1 + 1, page.figures
 )",
                         folder_));
   const std::string page = Page();

@@ -69,7 +69,7 @@ std::string ParameterFigure(const json& report, size_t index, const std::string&
   }
   AddSeedCurves(seeds, "design/mode/" + name, best, &figure);
   if (const auto nominal = NumberAt(parameter, "nominal")) {
-    figure.AddLevel(*nominal, "original", {.color = "var:--nominal", .width = 1.6});
+    figure.AddLevel(*nominal, "nominal", {.color = "var:--nominal", .width = 1.6});
   }
   if (const auto truth = NumberAt(parameter, "truth")) {
     figure.AddLevel(*truth, "truth", {.color = "var:--truth", .width = 1.6, .dash = "dash"});
@@ -123,7 +123,7 @@ Section DesignSection(const json& report) {
   PlotKey key;
   key.Add("line", "--designed", best.empty() ? "designed value" : "designed value, best seed in bold");
   key.Add("band", "--band", "spread (&plusmn; one standard deviation)");
-  if (any_has("nominal")) key.Add("line", "--nominal", "original (nominal)");
+  if (any_has("nominal")) key.Add("line", "--nominal", "nominal value");
   if (any_has("truth")) key.Add("dash", "--truth", "truth");
   section.html += WithKey(key, FigureGrid(figures)) + CorrelationFigure(report);
   return section;

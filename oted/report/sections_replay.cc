@@ -81,7 +81,7 @@ std::string Player(const json& motion) {
   const json& panels = ListAt(motion, "panels");
   if (panels.empty()) return "";
   constexpr std::pair<const char*, const char*> kNames[] = {
-      {"logged", "Logged"}, {"nominal", "Original"}, {"designed", "Designed"}};
+      {"logged", "Logged"}, {"nominal", "Nominal"}, {"designed", "Designed"}};
   std::string html = fmt::format(
       "<div class=\"motion\" data-columns=\"{}\" data-frames=\"{}\" data-period=\"{}\"><div class=\"panels\">",
       FormatGiven(NumberAt(motion, "columns")), FormatGiven(NumberAt(motion, "n_frames")),

@@ -4,12 +4,16 @@
 
 #include <algorithm>
 
+#include "oted/report/interval_figure.h"
 #include "oted/report/json_values.h"
+#include "oted/report/prediction_figure.h"
 
 namespace oted {
 namespace {
 
 using nlohmann::json;
+
+constexpr double kShownSeconds = 0.5 + 1e-9;
 
 std::string VerdictBadge(const std::string& verdict) {
   if (verdict.empty()) return "–";
@@ -46,6 +50,15 @@ std::string SeedRange(const json& parameter) {
   return least ? fmt::format("{} to {}", FormatAtScale(least, spread), FormatAtScale(greatest, spread)) : "–";
 }
 
+/// The horizon that is drawn: the longest up to half a second.
+const json& Shown(const json& horizons) {
+  const json* shown = &horizons[0];
+  for (const json& horizon : horizons) {
+    if (NumberAt(horizon, "seconds").value_or(0) <= kShownSeconds) shown = &horizon;
+  }
+  return *shown;
+}
+
 bool AnyHas(const json& list, const char* key) {
   return std::any_of(list.begin(), list.end(), [&](const json& item) { return NumberAt(item, key).has_value(); });
 }
@@ -60,10 +73,15 @@ Section ParametersSection(const json& report) {
   const bool error = AnyHas(parameters, "absolute_error");
   const bool seeds = std::any_of(parameters.begin(), parameters.end(),
                                  [](const json& p) { return ListAt(p, "seed_modes").size() > 1; });
-  section.html =
-      "<p>Values are the best-scoring seed's mode. The spread (one standard deviation) and the interval are those of q "
-      "over all seeds. They say how sharply the design decided, and do not bound its error. A parameter that is "
-      "<em>not identified</em> could have any value in its range.";
+  section.html = fmt::format(
+      "<p>{} They say how sharply the design decided, and do not bound its error. A parameter that is <em>not "
+      "identified</em> could have any value in its range. Where something beside these parameters differs, none is "
+      "more "
+      "than <em>weak</em>, however narrow its interval.",
+      seeds ? "Values are the best-scoring seed's mode. The spread (one standard deviation) and the interval are those "
+              "of "
+              "q over all seeds."
+            : "Values are the mode of q. The spread is one standard deviation.");
   if (truth) section.html += " The design did not see the truth; only the last columns use it.";
   section.html += "</p>\n";
   HtmlTable table;
@@ -86,7 +104,7 @@ Section ParametersSection(const json& report) {
     if (error) cells.push_back(FormatAtScale(NumberAt(parameter, "absolute_error"), spread));
     table.Row(std::move(cells));
   }
-  section.html += table.Html();
+  section.html += table.Html() + IntervalFigure(parameters);
   return section;
 }
 
@@ -108,9 +126,7 @@ Section ValidationSection(const json& report) {
   HtmlTable table;
   table.Column("Channel", HtmlTable::Align::kText);
   for (const json& horizon : horizons) {
-    const std::string seconds = FormatGiven(NumberAt(horizon, "seconds"));
-    table.Column(fmt::format("Nominal, {} s", seconds)).Column(fmt::format("Designed, {} s", seconds));
-    table.Column(fmt::format("Sensors, {} s", seconds));
+    table.Column(fmt::format("{} s: nominal, designed (sensors)", FormatGiven(NumberAt(horizon, "seconds"))));
   }
   const json& channels = ListAt(horizons[0], "channels");
   bool starred = false;
@@ -122,13 +138,13 @@ Section ValidationSection(const json& report) {
     }
     for (const json& horizon : horizons) {
       const json& channel = ListAt(horizon, "channels").at(c);
-      cells.push_back(FormatNumber(NumberAt(channel, "nominal")));
-      cells.push_back("<b>" + FormatNumber(NumberAt(channel, "designed")) + "</b>");
-      cells.push_back(FormatNumber(NumberAt(channel, "floor")));
+      cells.push_back(fmt::format("{}, <b>{}</b> <small>({})</small>", FormatNumber(NumberAt(channel, "nominal")),
+                                  FormatNumber(NumberAt(channel, "designed")),
+                                  FormatNumber(NumberAt(channel, "floor"))));
     }
     table.Row(std::move(cells));
   }
-  section.html += table.Html();
+  section.html += PredictionFigure(Shown(horizons)) + table.Html();
   if (starred) section.html += "<p>* computed from positions, or late: no verdict rests on it.</p>\n";
   return section;
 }

@@ -91,16 +91,23 @@ Section SelectionSection(const json& report) {
   if (!report.contains("design") || ListAt(report["design"], "settings").empty()) return section;
   const json& design = report["design"];
   const double log2 = NumberAt(design, "log2").value_or(std::log(2.0));
+  const json& settings = ListAt(design, "settings");
+  // There was nothing to choose.
+  const bool alone = settings.size() == 1 && ListAt(settings[0], "seeds").size() <= 1;
+  if (alone && design.contains("validation")) {
+    section.html = TriedMethods(design);
+    return section;
+  }
   section.html =
       "<p>Each setting ran with several seeds and was scored on fresh simulations. At a score of 0 the judge cannot "
       "tell simulated samples from logged ones; the lower the score, the easier it can. Only the common judge compares "
       "across settings, because it is trained the same way for all. The own judge can go above 0: it then takes "
       "simulated samples for logged ones.</p>\n";
   HtmlTable table;
-  table.Column("Setting", HtmlTable::Align::kText).Column("Form", HtmlTable::Align::kText).Column("Seeds");
+  table.Column("Setting", HtmlTable::Align::kText).Column("Method", HtmlTable::Align::kText).Column("Seeds");
   table.Column("Common judge").Column("Own judge").Column("Design deviation").Column("Learning progress");
   const std::string selected = TextAt(design, "selected");
-  for (const json& setting : ListAt(design, "settings")) {
+  for (const json& setting : settings) {
     const bool chosen = TextAt(setting, "name") == selected;
     table.Row({SelectedName(TextAt(setting, "name"), chosen), Escape(TextAt(setting, "method")),
                FormatCount(ListAt(setting, "seeds").size()), FormatScore(Minus(NumberAt(setting, "common"), log2)),

@@ -95,8 +95,10 @@ void AddParameters(const json& report, json* found) {
   }
   const std::vector<std::string> weak = NamesOf(parameters, "weak");
   if (!weak.empty()) {
+    const char* be = weak.size() == 1 ? "is" : "are";
     found->push_back(
-        fmt::format("The logs show only roughly what {} {}.", Enumerate(weak), weak.size() == 1 ? "is" : "are"));
+        outside ? fmt::format("The values of {} are those that predict best within this family.", Enumerate(weak))
+                : fmt::format("The logs show only roughly what {} {}.", Enumerate(weak), be));
   }
 }
 

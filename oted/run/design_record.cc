@@ -64,6 +64,7 @@ void AddParameters(const ParameterSpace& space, const std::vector<ParameterSumma
                                  .nominal = spec.nominal,
                                  .low = spec.low,
                                  .high = spec.high,
+                                 .logarithmic = spec.logarithmic,
                                  .mode = s.mode,
                                  .std = s.std,
                                  .interval90_low = s.interval90_low,

@@ -231,12 +231,15 @@ DesignRecord::Setting SettingFrom(const RecordReader& reader) {
   return setting;
 }
 
+constexpr const char *kLogScale = "log", *kLinearScale = "linear";
+
 json ParameterToRecord(const DesignRecord::Parameter& p) {
   return {{"name", p.name},
           {"field", p.field},
           {"unit", p.unit},
           {"nominal", p.nominal},
           {"bounds", {p.low, p.high}},
+          {"scale", p.logarithmic ? kLogScale : kLinearScale},
           {"mode", p.mode},
           {"std", p.std},
           {"interval90", {p.interval90_low, p.interval90_high}},
@@ -255,6 +258,7 @@ DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
   if (bounds.size() != 2) reader.Fail("bounds", "it has no two ends");
   if (interval.size() != 2) reader.Fail("interval90", "it has no two ends");
   p.low = bounds[0], p.high = bounds[1];
+  p.logarithmic = reader.Get<std::string>("scale") == kLogScale;
   p.interval90_low = interval[0], p.interval90_high = interval[1];
   p.verdict = reader.GetNamed<ParameterVerdict>("verdict", ParameterVerdictNames());
   return p;

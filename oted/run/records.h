@@ -83,6 +83,7 @@ struct DesignRecord {
   struct Parameter {
     std::string name, field, unit;
     double nominal = 0, low = 0, high = 0;  ///< z
+    bool logarithmic = false;               ///< searched on a log scale
     double mode = 0, std = 0;               ///< of the best-scoring seed; spread over all seeds
     double interval90_low = 0, interval90_high = 0;
     ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
