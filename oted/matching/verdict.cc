@@ -114,6 +114,14 @@ bool ContainsNominal(const Designer& q) {
   return distance <= n * std::pow(1.0 - third + 2.3263 * std::sqrt(third), 3);
 }
 
+/// Whether somewhere the design leaves more than the floor, noticeably and beyond chance.
+bool ExceedsFloor(const HeldOutPrediction& prediction) {
+  return std::ranges::any_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
+    return IsExcess(h.excess) ||
+           std::ranges::any_of(h.channels, [](const auto& channel) { return IsChannelExcess(channel.excess); });
+  });
+}
+
 /// Surely or not: few windows leave large gains unsure.
 bool GainsNoticeably(const HeldOutPrediction& prediction) {
   return std::ranges::any_of(prediction.horizons,
@@ -200,13 +208,7 @@ bool ShowsNothing(const HeldOutPrediction& prediction) {
 }
 
 bool ReachesFloor(const HeldOutPrediction& prediction) {
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    if (IsExcess(h.excess)) return false;
-    for (const HeldOutPrediction::Channel& c : h.channels) {
-      if (IsChannelExcess(c.excess)) return false;
-    }
-  }
-  return true;
+  return !ExceedsFloor(prediction) && !ShowsNothing(prediction);
 }
 
 bool NominalReachesFloor(const HeldOutPrediction& prediction) {
@@ -218,11 +220,11 @@ bool NominalReachesFloor(const HeldOutPrediction& prediction) {
 }
 
 bool LeavesGap(const HeldOutPrediction& prediction) {
-  return !ReachesFloor(prediction) && !NominalReachesFloor(prediction);
+  return ExceedsFloor(prediction) && !NominalReachesFloor(prediction) && !ShowsNothing(prediction);
 }
 
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
-  if (ReachesFloor(prediction)) return {};
+  if (!ExceedsFloor(prediction) || ShowsNothing(prediction)) return {};
   const size_t n = prediction.horizons.front().channels.size();
   std::vector<double> excess(n, 0.0), of_off(n, 0.0);
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {

@@ -74,14 +74,14 @@ bool ShowsNothing(const HeldOutPrediction& prediction);
 
 /// Whether what the design leaves is what the sensors leave: at no horizon is the excess over the floor both noticeable
 /// and beyond chance. Over all channels together: more than a tenth (of mean squares) and 2.5 standard errors; in one
-/// channel: more than half and four standard errors.
+/// channel: more than half and four standard errors. Logs that show nothing (ShowsNothing) have no floor to reach.
 bool ReachesFloor(const HeldOutPrediction& prediction);
 /// Whether the nominal simulator does: a design of little data can predict worse. No standard error excuses it.
 bool NominalReachesFloor(const HeldOutPrediction& prediction);
-/// Whether neither does: then there is something to find.
+/// Whether neither does, in logs that show something: then there is something to find.
 bool LeavesGap(const HeldOutPrediction& prediction);
-/// The channels in which it does not, the farthest off first; all horizons count. Where all channels together are off
-/// and none alone, the one with the largest excess.
+/// The channels in which the design leaves more than the floor, the farthest off first; all horizons count. Where all
+/// channels together are off and none alone, the one with the largest excess. None where the logs show nothing.
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction);
 /// Whether an error is surely smaller: by a twentieth (of mean squares) and by two standard errors.
 bool IsSure(const Estimated& gain);

@@ -185,6 +185,9 @@ TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
   HeldOutPrediction noise = Predicted(kNothing, kNothing);
   for (HeldOutPrediction::Channel& c : noise.horizons[0].channels) c.spread = 1;
   EXPECT_TRUE(ShowsNothing(noise));
+  EXPECT_FALSE(ReachesFloor(noise)) << "what cannot be judged has not passed";
+  EXPECT_FALSE(LeavesGap(noise)) << "nor is there anything to find";
+  EXPECT_TRUE(ChannelsOff(noise).empty());
   EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kOutsideFamily);
   noise.horizons[0].channels[1].spread = 5;
   EXPECT_FALSE(ShowsNothing(noise)) << "one channel is predicted";

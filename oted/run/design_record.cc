@@ -124,7 +124,7 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
   if (best.prediction) {
     judgement.verdict = JudgePrediction(best.q, *best.prediction);
     judgement.better = PredictsBetter(*best.prediction);
-    judgement.reaches_floor = ReachesFloor(*best.prediction) && !ShowsNothing(*best.prediction);
+    judgement.reaches_floor = ReachesFloor(*best.prediction);
     judgement.off = ChannelsOff(*best.prediction);
   } else {
     judgement.verdict = JudgeDesign(nominal_common, designed_common);

@@ -111,7 +111,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   ValidationResult result{.validation = InRecord(prediction, spec),
                           .model = std::nullopt,
                           .predicts_better = PredictsBetter(prediction),
-                          .reaches_floor = ReachesFloor(prediction) && !ShowsNothing(prediction),
+                          .reaches_floor = ReachesFloor(prediction),
                           .sentence = {},
                           .warnings = Doubts(design.record, logs, spec),
                           .data_sha256 = logs.sha256,

@@ -64,6 +64,7 @@ TEST(ChooseByHeldOut, OneWindowThatBreaksDoesNotDecide) {
 TEST(KeepFirstMethod, OthersAreTriedWhereMoreIsLeftThanTheSensorsExplainAndNothingIsWon) {
   HeldOutPrediction prediction;
   prediction.horizons.resize(1);
+  prediction.horizons[0].channels = {{.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .excess = {}, .gain = {}}};
   prediction.horizons[0].excess = {0.01, 0.1};
   EXPECT_FALSE(AsksForOtherMethods(prediction));
   EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("as near to the logs as the sensors let them"));
@@ -74,6 +75,10 @@ TEST(KeepFirstMethod, OthersAreTriedWhereMoreIsLeftThanTheSensorsExplainAndNothi
   EXPECT_FALSE(AsksForOtherMethods(prediction));
   EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("surely predicts better than the nominal"));
   EXPECT_FALSE(AsksForOtherMethods(std::nullopt)) << "nothing can be compared";
+  prediction.horizons[0].gain = {};
+  prediction.horizons[0].channels[0].spread = 1;
+  EXPECT_FALSE(AsksForOtherMethods(prediction)) << "none predicts better than the mean";
+  EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("these logs show nothing"));
 }
 
 TEST(ChooseByCapability, SaysWhatTheTaskCannotDo) {

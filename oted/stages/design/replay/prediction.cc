@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 constexpr double kLead = 0.05;       // [s] of readings that tell a start state
 constexpr double kUnreadLead = 0.1;  // the same where they do not show all of it
 constexpr int kFewestLead = 4;       // control steps
-constexpr int kLeadIterations = 4;
+constexpr int kLeadIterations = 4, kUnreadLeadIterations = 15;
 constexpr double kLeadStep = 1e-5;  // of forward differences, in standard deviations of the channel
 constexpr int kFollowed = 3;        // leads that the start of an imitated window is fitted to
 constexpr int kMostRowsBefore = 16;
@@ -117,12 +117,13 @@ PredictionJudge::Replays PredictionJudge::FitAndReplay(const std::vector<double>
       fitted.push_back({windows_[w].begin, n_fitted, windows_[w].episode_begin});
     }
     const WindowLikelihood likelihood(replayer_.readings(), variance_, n_fitted);
-    FittedStarts to = FitStarts(replayer_, std::move(from),
-                                {.windows = fitted,
-                                 .z = z,
-                                 .likelihood = likelihood,
-                                 .start_step = start_step_,
-                                 .n_iterations = kLeadIterations});
+    FittedStarts to =
+        FitStarts(replayer_, std::move(from),
+                  {.windows = fitted,
+                   .z = z,
+                   .likelihood = likelihood,
+                   .start_step = start_step_,
+                   .n_iterations = replayer_.readings().unread.empty() ? kLeadIterations : kUnreadLeadIterations});
     std::vector<VectorXd> replayed = replayer_.Residuals(whole, to.starts, z);
     for (size_t k = 0; k < at.size(); ++k) {
       replays.starts[at[k]] = std::move(to.starts[k]);

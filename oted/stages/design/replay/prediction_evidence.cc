@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <memory>
 
 #include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
+#include "oted/stages/design/replay/judged_part.h"
+#include "oted/stages/design/replay/noise_bound.h"
 #include "oted/stages/design/replay/prediction.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
-#include "oted/stages/design/replay/replay_fit.h"
 
 namespace oted {
 namespace {
@@ -21,8 +21,8 @@ using Eigen::VectorXd;
 constexpr std::array<double, 3> kHorizons = {0.1, 0.5, 1.0};  // [s]
 constexpr double kStepWithoutUnit = 0.05;                     // [s]
 constexpr int kImitations = 2;
-constexpr int kFewestPredicted = 3, kMostPredicted = 60;  // windows of each part at each horizon
-constexpr double kSurely = 2.0;                           // standard errors
+constexpr int kFewestPredicted = 3;  // windows of a part that judges
+constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2;
 constexpr double kNoNoise = 1e-6;  // of a channel's spread: such noise is none
 constexpr double kMoved = 0.25;    // of the range: what an identified parameter is known to
@@ -30,62 +30,10 @@ constexpr double kMoved = 0.25;    // of the range: what an identified parameter
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
 
-/// One part of the logs: how it is predicted, and how the design's own logs of the same windows are.
-class JudgedPart {
- public:
-  JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& horizons, double period_s)
-      : problem_(problem),
-        replayer_(Replayer(logs)),
-        judge_(replayer_, logs, problem.noise, horizons, period_s, kMostPredicted) {}
-
-  const PredictionJudge& judge() const { return judge_; }
-
-  /// Where `n_steps` stand among the horizons; none where too few windows are that long.
-  std::optional<size_t> Find(int n_steps, int fewest) const {
-    const auto found = std::ranges::find(judge_.horizons(), n_steps);
-    const auto h = static_cast<size_t>(found - judge_.horizons().begin());
-    if (found == judge_.horizons().end() || judge_.n_windows(h) < fewest) return std::nullopt;
-    return h;
-  }
-
-  /// As PredictionJudge::Predict, of logs that the design made itself. @param designed  its prediction of the logs
-  PredictionJudge::Squares PredictItself(const PredictionJudge::Squares& designed, const VectorXd& noise, Rng& rng) {
-    if (followed_.empty()) followed_ = judge_.Follow(problem_.z, designed.starts);
-    const Dataset made = judge_.Imitate(followed_, noise, rng);
-    WindowReplayer replayer = Replayer(made);
-    return PredictionJudge(replayer, made, judge_).Predict(problem_.z);
-  }
-
- private:
-  WindowReplayer Replayer(const Dataset& logs) const {
-    return MakeReplayer(problem_.factory, 0, logs, problem_.readings, problem_.n_threads);
-  }
-
-  const PredictionProblem& problem_;
-  WindowReplayer replayer_;
-  PredictionJudge judge_;
-  std::vector<VectorXd> followed_;
-};
-
-MatrixXd Beside(const MatrixXd& a, const MatrixXd& b) {
-  MatrixXd both(a.rows(), a.cols() + b.cols());
-  both << a, b;
-  return both;
-}
-
-/// Of each channel, the median over windows; those that broke down count as the largest.
-VectorXd Medians(const MatrixXd& squares) {
-  VectorXd medians(squares.rows());
-  for (Eigen::Index c = 0; c < squares.rows(); ++c) {
-    std::vector<double> values;
-    for (Eigen::Index w = 0; w < squares.cols(); ++w) {
-      values.push_back(std::isnan(squares(c, w)) ? std::numeric_limits<double>::infinity() : squares(c, w));
-    }
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::ranges::nth_element(values, middle);
-    medians[c] = *middle;
-  }
-  return medians;
+/// (obs_dim): what the sensors' noise does not exceed in any part of the logs.
+VectorXd LargestNoiseOf(const PredictionProblem& problem) {
+  const VectorXd largest = LargestNoise(problem.kept_aside);
+  return problem.learned == nullptr ? largest : largest.cwiseMax(LargestNoise(*problem.learned)).eval();
 }
 
 VectorXd RootMeanSquares(const MatrixXd& squares) {
@@ -105,7 +53,8 @@ class Evidence {
   /// @param other  z that the design is compared with
   Evidence(const PredictionProblem& problem, std::vector<double> other, const std::vector<int>& horizons,
            double period_s)
-      : problem_(problem), other_(std::move(other)), noise_(problem.noise) {
+      : problem_(problem), other_(std::move(other)), largest_noise_(LargestNoiseOf(problem)) {
+    noise_ = problem.noise.cwiseMin(largest_noise_);
     AddPart(problem.kept_aside, problem.learned == nullptr, horizons, period_s);
     if (problem.learned != nullptr) AddPart(*problem.learned, true, horizons, period_s);
     if (parts_.empty()) return;
@@ -116,27 +65,26 @@ class Evidence {
   /// Before Compare, where the floor is asked for: it takes most of the time.
   void FindFloor() {
     if (parts_.empty()) return;
-    if ((noise_.array() <= kNoNoise * parts_.front()->judge().channels().spread.array()).all()) {
-      // Readings are the state. The design's own logs would be predicted without error.
+    const bool is_exact = (noise_.array() <= kNoNoise * parts_.front()->judge().channels().spread.array()).all();
+    if (is_exact && problem_.readings.ShowsState()) {
+      // The design's own logs would be predicted without error.
       imitated_ = {designed_};
       for (PredictionJudge::Squares& squares : imitated_.front()) {
         for (MatrixXd& predicted : squares.predicted) predicted.setZero();
       }
       return;
     }
-    for (int round = 0; round < kNoiseCorrections; ++round) {
-      const RngKey key = problem_.key.Stage("noise").Index(static_cast<uint64_t>(round));
-      const VectorXd corrected = CorrectedNoise(key.MakeRng());
-      if (corrected == noise_) break;
-      noise_ = corrected;
-    }
-    Rng rng = problem_.key.Stage("imitations").MakeRng();
-    for (int k = 0; k < kImitations; ++k) {
-      imitated_.emplace_back();
-      for (size_t p = 0; p < parts_.size(); ++p) {
-        imitated_.back().push_back(parts_[p]->PredictItself(designed_[p], noise_, rng));
-      }
-    }
+    imitated_ = Imitate(
+        problem_.z, [&](size_t p) -> const auto& { return designed_[p]; });
+    starts_are_found_ = true;
+  }
+
+  /// Behind FindFloor: how the other simulator predicts logs of its own counts as well (Compare). Of readings that are
+  /// the state there is nothing to find.
+  void FindFloorOfOther() {
+    if (!starts_are_found_) return;
+    imitated_by_other_ = Imitate(
+        other_, [&](size_t p) -> const auto& { return Other(p); });
   }
 
   /// How errors compare over this many control steps. @param is_first  shorter episodes are then predicted to their end
@@ -189,22 +137,51 @@ class Evidence {
     learned_.push_back(learned);
   }
 
-  /// The noise with which the design's own logs leave as much in the leads as the logs do.
-  VectorXd CorrectedNoise(Rng rng) {
-    MatrixXd logged(noise_.size(), 0), made = logged;
+  /// What the simulator at z makes of the logs, with noise by which its own leads leave as much as the logs' do.
+  /// @param of_part  its prediction of a part
+  template <class Predicted>
+  Imitations Imitate(const std::vector<double>& z, const Predicted& of_part) {
+    std::vector<std::vector<VectorXd>> followed;
+    MatrixXd logged(problem_.noise.size(), 0);
     for (size_t p = 0; p < parts_.size(); ++p) {
-      logged = Beside(logged, designed_[p].lead);
-      made = Beside(made, parts_[p]->PredictItself(designed_[p], noise_, rng).lead);
+      followed.push_back(parts_[p]->judge().Follow(z, of_part(p).starts));
+      logged = Beside(logged, of_part(p).lead);
     }
-    if (logged.cols() == 0) return noise_;
+    const auto imitate = [&](const VectorXd& noise, Rng& rng) {
+      std::vector<PredictionJudge::Squares> of_parts;
+      for (size_t p = 0; p < parts_.size(); ++p) {
+        of_parts.push_back(parts_[p]->PredictItself(z, followed[p], noise, rng));
+      }
+      return of_parts;
+    };
+    VectorXd noise = noise_;
+    for (int round = 0; round < kNoiseCorrections; ++round) {
+      Rng rng = problem_.key.Stage("noise").Index(static_cast<uint64_t>(round)).MakeRng();
+      MatrixXd made(noise.size(), 0);
+      for (const PredictionJudge::Squares& squares : imitate(noise, rng)) made = Beside(made, squares.lead);
+      const VectorXd corrected = Corrected(noise, logged, made);
+      if (corrected == noise) break;
+      noise = corrected;
+    }
+    Rng rng = problem_.key.Stage("imitations").MakeRng();
+    Imitations imitations;
+    for (int k = 0; k < kImitations; ++k) imitations.push_back(imitate(noise, rng));
+    return imitations;
+  }
+
+  /// The noise with which a simulator's own logs leave as much in the leads as the logs do.
+  /// @param logged, made  (channels, windows): what leads of the logs leave, and those of logs made with `noise`
+  VectorXd Corrected(const VectorXd& noise, const MatrixXd& logged, const MatrixXd& made) const {
+    if (logged.cols() == 0) return noise;
     const VectorXd factor = (Medians(logged).array() / Medians(made).array()).sqrt();
     const PredictionRatios leads = TypicalRatios(logged, made, logged.cols(), parts_.front()->judge().channels());
-    VectorXd corrected = noise_;
-    for (Eigen::Index c = 0; c < noise_.size(); ++c) {
+    VectorXd corrected = noise;
+    for (Eigen::Index c = 0; c < noise.size(); ++c) {
       // Leads are few: chance alone does not move what a fit of all windows told.
       const bool surely = std::abs(2 * std::log(factor[c])) > kSurely * leads.OfChannel(c).error;
       if (surely && std::isfinite(factor[c])) {
         corrected[c] *= std::clamp(factor[c], kLeastCorrection, kLargestCorrection);
+        corrected[c] = std::min(corrected[c], largest_noise_[c]);
       }
     }
     return corrected;
@@ -238,14 +215,31 @@ class Evidence {
     }
     if (imitated_.empty()) return horizon;
     const MatrixXd designed = all_of(designed_);
-    MatrixXd floor(designed.rows(), 0);
-    for (const auto& squares : imitated_) floor = Beside(floor, all_of(squares));
+    const auto floor_of = [&](const Imitations& imitations) {
+      MatrixXd floor(designed.rows(), 0);
+      for (const auto& squares : imitations) floor = Beside(floor, all_of(squares));
+      return floor;
+    };
+    const MatrixXd floor = floor_of(imitated_);
     const PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
-    horizon.excess = excess.OfAll();
-    for (size_t c = 0; c < horizon.channels.size(); ++c) {
-      HeldOutPrediction::Channel& channel = horizon.channels[c];
-      channel.excess = IfJudged(judge, c, excess);
-      channel.floor = channel.designed * std::exp(-0.5 * excess.OfChannel(static_cast<Eigen::Index>(c)).value);
+    // The design may be so wrong that it does not predict even its own logs. Where the other one predicts these logs no
+    // worse, and logs of its own surely better, sensors leave no more than that.
+    std::optional<PredictionRatios> lower, excess_over_lower;
+    if (!imitated_by_other_.empty() && horizon.gain.value <= 0) {
+      const MatrixXd floor_of_other = floor_of(imitated_by_other_);
+      lower = TypicalRatios(floor, floor_of_other, designed.cols(), judge.channels());
+      excess_over_lower = TypicalRatios(designed, floor_of_other, designed.cols(), judge.channels());
+    }
+    const auto excess_in = [&](Eigen::Index c) {
+      return lower && IsSure(lower->OfChannel(c)) ? excess_over_lower->OfChannel(c) : excess.OfChannel(c);
+    };
+    const Eigen::Index n_channels = designed.rows();
+    horizon.excess = excess_in(n_channels);
+    for (Eigen::Index c = 0; c < n_channels; ++c) {
+      HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
+      const Estimated of_channel = excess_in(c);
+      if (channel.judged) channel.excess = of_channel;
+      channel.floor = channel.designed * std::exp(-0.5 * of_channel.value);
     }
     return horizon;
   }
@@ -269,8 +263,9 @@ class Evidence {
   // By part, what PredictionJudge::Predict gave.
   std::vector<PredictionJudge::Squares> designed_;
   std::vector<std::optional<PredictionJudge::Squares>> of_other_;
-  std::vector<std::vector<PredictionJudge::Squares>> imitated_;  // by imitation, by part
-  VectorXd noise_;                                               // of the sensors
+  Imitations imitated_, imitated_by_other_;
+  bool starts_are_found_ = false;   // and not read
+  VectorXd noise_, largest_noise_;  // of the sensors
 };
 
 /// z with sensors that add no noise: a prediction is of what they would read without.
@@ -298,6 +293,16 @@ std::vector<HeldOutPrediction::OpenEnd> OpenEnds(const Evidence& evidence, const
   return ends;
 }
 
+HeldOutPrediction CompareAll(Evidence& evidence, const std::vector<int>& horizons) {
+  HeldOutPrediction prediction;
+  for (const int n_steps : horizons) {
+    auto horizon = evidence.Compare(n_steps, prediction.horizons.empty());
+    if (!horizon) break;
+    prediction.horizons.push_back(*std::move(horizon));
+  }
+  return prediction;
+}
+
 /// @param with_floor  whether the floor is asked for
 std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const std::vector<double>& other,
                                          bool with_floor) {
@@ -314,13 +319,12 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
   if (horizons.empty()) return std::nullopt;
   Evidence evidence(problem, WithoutNoise(space, other), horizons, step);
   if (with_floor) evidence.FindFloor();
-  HeldOutPrediction prediction;
-  for (const int n_steps : horizons) {
-    auto horizon = evidence.Compare(n_steps, prediction.horizons.empty());
-    if (!horizon) break;
-    prediction.horizons.push_back(*std::move(horizon));
-  }
+  HeldOutPrediction prediction = CompareAll(evidence, horizons);
   if (prediction.horizons.empty()) return std::nullopt;
+  if (with_floor && !PredictsBetter(prediction)) {
+    evidence.FindFloorOfOther();
+    prediction = CompareAll(evidence, horizons);
+  }
   prediction.open_ends = OpenEnds(evidence, problem);
   return prediction;
 }

@@ -35,7 +35,13 @@ struct PredictionProblem {
 /// windows, from where it follows them best, and predicts these in the same way: from starts that are fitted to noisy
 /// readings, through contacts that magnify what is unknown of them. Its sensors' noise is first scaled, channel by
 /// channel, until starts fitted to readings leave as much as in the logs (the median over windows), so that neither a
-/// guess that is too high nor noise that is no Gaussian passes for an error of the simulator.
+/// guess that is too high nor noise that is no Gaussian passes for an error of the simulator. A design that is wrong
+/// leaves more in those starts than noise does, and may not even predict its own logs. So the noise is at most what the
+/// readings alone allow (LargestNoise). And where the nominal simulator predicts no worse, and its own logs surely
+/// better, the floor is that of the nominal one.
+///
+/// Readings that show the whole state without noise have the floor 0. Where starts have to be found (positions alone),
+/// finding them in the design's own logs is part of the floor, however exact the sensors are.
 ///
 /// Standard errors: delete-one jackknife over ten blocks of neighbouring windows.
 std::optional<HeldOutPrediction> PredictLogs(const PredictionProblem& problem);

@@ -9,6 +9,7 @@
 #include "oted/matching/testing.h"
 #include "oted/matching/verdict.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/testing.h"
 #include "oted/stages/design/trajectories/noise_estimate.h"
 
 namespace oted::prediction_evidence_test {
@@ -18,8 +19,8 @@ using Eigen::VectorXd;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
 /// Of these logs, judged at z, whose guess of the noise is `guess`. Every interval has to be borne out.
-HeldOutPrediction Evidence(const Dataset& logs, const std::vector<double>& z, double guess, uint64_t seed) {
-  const PointMassFactory factory;
+HeldOutPrediction Evidence(const Dataset& logs, const std::vector<double>& z, double guess, uint64_t seed,
+                           const SimulatorFactory& factory = PointMassFactory()) {
   const VectorXd guessed = VectorXd::Constant(2, guess);
   const ReadingModel readings = ReadingModel::Of(factory.spec(), logs);
   const auto prediction = PredictLogs({.factory = factory,
@@ -76,6 +77,51 @@ TEST(PredictLogs, AParameterThatIsOffByATenthIsMoreThanTheSensorsExplain) {
     EXPECT_FALSE(ReachesFloor(prediction)) << seed;
     EXPECT_TRUE(PredictsBetter(prediction)) << "than the nominal simulator, which is off by a third";
   }
+}
+
+/// Of the truth, under slow actions.
+Dataset SlowLogs() {
+  PointMassOptions options;
+  options.max_episode_steps = 60;
+  PointMass simulator(options, 1, 1);
+  simulator.SetParameters(0, kTruth);
+  Rng rng(1);
+  Dataset logs;
+  for (int row = 0; row < 20 * 60; ++row) {
+    if (row % 60 == 0) simulator.Reset(0, rng);
+    const std::vector<double> action = {std::sin(0.15 * row)};
+    const int lane = 0;
+    logs.observations.AppendRow(simulator.observation(0));
+    logs.actions.AppendRow(action);
+    simulator.Step({&lane, 1}, action);
+    logs.next_observations.AppendRow(simulator.observation(0));
+    logs.terminals.push_back(0);
+    logs.timeouts.push_back(row % 60 == 59);
+  }
+  return logs;
+}
+
+TEST(PredictLogs, ADesignThatIsOffDoesNotRaiseTheFloor) {
+  // Its short windows leave its errors, which then pass for noise. Readings of slow motion tell that it is not.
+  const Dataset logs = WithSensorNoise(SlowLogs(), 0.02, RngKey(1));
+  const HeldOutPrediction at_truth = Evidence(logs, kTruth, 0.02, 1), off = Evidence(logs, {0.3, 0.6, 0.5}, 0.2, 1);
+  EXPECT_FALSE(ReachesFloor(off));
+  for (size_t h = 0; h < 3; ++h) {
+    for (size_t c = 0; c < 2; ++c) {
+      EXPECT_LT(off.horizons[h].channels[c].floor, 2 * at_truth.horizons[h].channels[c].floor) << h << c;
+    }
+  }
+}
+
+TEST(PredictLogs, ADesignThatCannotPredictItsOwnLogsDoesNotReachTheFloor) {
+  // It bounces off walls that the logs' own simulator, the nominal one, hardly ever meets.
+  const BetweenWallsFactory factory;
+  const std::vector<double> nominal = factory.parameters().Nominal();
+  BetweenWalls simulator(25, 1);
+  const Dataset logs = WithSensorNoise(RandomLogs(simulator, nominal), 0.05, RngKey(1));
+  const HeldOutPrediction off = Evidence(logs, {2.0, 0.2, 0.5}, 0.05, 1, factory);
+  EXPECT_FALSE(PredictsBetter(off));
+  EXPECT_FALSE(ReachesFloor(off));
 }
 
 std::vector<std::pair<int, bool>> OpenEnds(const HeldOutPrediction& prediction) {

@@ -30,6 +30,8 @@ struct ReadingModel {
   /// (n_steps + 1, obs_dim) row by row, then the unread coordinates: 1 where a residual counts, else 0.
   Eigen::VectorXd Held(int n_steps) const;
   int longest_age() const;
+  /// Whether every coordinate of a state is read when it is so.
+  bool ShowsState() const { return unread.empty() && longest_age() == 0; }
   /// The state at a logged row, as far as the logs suggest it.
   Eigen::VectorXd Guess(const SimulatorSpec& spec, const Dataset& dataset, LocalRates& rates, int row) const;
 

@@ -125,7 +125,7 @@ class TrajectoryMatch {
                      [](const auto& a, const auto& b) { return a.first < b.first; });
     VectorXd x = candidates.front().second;
     // Exact logs need no fit of starts. Only of the nearest candidate: where there is noise, it is for nothing.
-    if (ReadsStarts()) {
+    if (replayer_->readings().ShowsState()) {
       LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, x);
       fit.HoldStarts(true);
       Descend(fit, kStartIterations);
@@ -142,12 +142,6 @@ class TrajectoryMatch {
       if (IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll) break;
     }
     return x;
-  }
-
-  /// Whether every coordinate of a state is read when it is so.
-  bool ReadsStarts() const {
-    const ReadingModel& readings = replayer_->readings();
-    return readings.unread.empty() && readings.longest_age() == 0;
   }
 
   /// Longer and longer windows, while they are explained as well as the short ones.

@@ -1,0 +1,62 @@
+#include "oted/stages/design/replay/judged_part.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "oted/stages/design/replay/replay_fit.h"
+
+namespace oted {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+constexpr int kMostPredicted = 60;  // windows at each horizon
+}
+
+JudgedPart::JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& horizons,
+                       double period_s)
+    : problem_(problem),
+      replayer_(Replayer(logs)),
+      judge_(replayer_, logs, problem.noise, horizons, period_s, kMostPredicted) {}
+
+std::optional<size_t> JudgedPart::Find(int n_steps, int fewest) const {
+  const auto found = std::ranges::find(judge_.horizons(), n_steps);
+  const auto h = static_cast<size_t>(found - judge_.horizons().begin());
+  if (found == judge_.horizons().end() || judge_.n_windows(h) < fewest) return std::nullopt;
+  return h;
+}
+
+PredictionJudge::Squares JudgedPart::PredictItself(const std::vector<double>& z, const std::vector<VectorXd>& followed,
+                                                   const VectorXd& noise, Rng& rng) const {
+  const Dataset made = judge_.Imitate(followed, noise, rng);
+  WindowReplayer replayer = Replayer(made);
+  return PredictionJudge(replayer, made, judge_).Predict(z);
+}
+
+WindowReplayer JudgedPart::Replayer(const Dataset& logs) const {
+  return MakeReplayer(problem_.factory, 0, logs, problem_.readings, problem_.n_threads);
+}
+
+MatrixXd Beside(const MatrixXd& a, const MatrixXd& b) {
+  MatrixXd both(a.rows(), a.cols() + b.cols());
+  both << a, b;
+  return both;
+}
+
+VectorXd Medians(const MatrixXd& squares) {
+  VectorXd medians(squares.rows());
+  for (Eigen::Index c = 0; c < squares.rows(); ++c) {
+    std::vector<double> values;
+    for (Eigen::Index w = 0; w < squares.cols(); ++w) {
+      values.push_back(std::isnan(squares(c, w)) ? std::numeric_limits<double>::infinity() : squares(c, w));
+    }
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::ranges::nth_element(values, middle);
+    medians[c] = *middle;
+  }
+  return medians;
+}
+
+}  // namespace oted

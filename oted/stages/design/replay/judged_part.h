@@ -1,0 +1,48 @@
+#pragma once
+/// One part of the logs that a simulator is judged by (prediction_evidence.h).
+
+#include <Eigen/Dense>
+#include <optional>
+#include <vector>
+
+#include "oted/base/rng.h"
+#include "oted/data/dataset.h"
+#include "oted/stages/design/replay/prediction.h"
+#include "oted/stages/design/replay/prediction_evidence.h"
+
+namespace oted {
+
+/// How a part of the logs is predicted, and how a simulator's own logs of the same windows are.
+class JudgedPart {
+ public:
+  /// @param problem  what it refers to must outlive this object, as `logs` must
+  JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& horizons, double period_s);
+
+  const PredictionJudge& judge() const { return judge_; }
+
+  /// Where `n_steps` stand among the horizons; none where too few windows are that long.
+  std::optional<size_t> Find(int n_steps, int fewest) const;
+
+  /// As PredictionJudge::Predict, of logs that the simulator at z made itself.
+  /// @param followed  its PredictionJudge::Follow
+  PredictionJudge::Squares PredictItself(const std::vector<double>& z, const std::vector<Eigen::VectorXd>& followed,
+                                         const Eigen::VectorXd& noise, Rng& rng) const;
+
+ private:
+  WindowReplayer Replayer(const Dataset& logs) const;
+
+  const PredictionProblem& problem_;
+  WindowReplayer replayer_;
+  PredictionJudge judge_;
+};
+
+/// A simulator's predictions of logs that it made itself: by draw of the noise, by part.
+using Imitations = std::vector<std::vector<PredictionJudge::Squares>>;
+
+/// The windows of `a`, and behind them those of `b`.
+Eigen::MatrixXd Beside(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
+
+/// Of each channel, the median over windows; those that broke down count as the largest.
+Eigen::VectorXd Medians(const Eigen::MatrixXd& squares);
+
+}  // namespace oted
