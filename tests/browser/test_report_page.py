@@ -64,7 +64,7 @@ eval_episodes = 1
 replay_steps = 15
 """
 TINY = ["adversarial.n_iterations=6", "adversarial.n_sims=4", "adversarial.n_steps=20", "discriminator.hidden=16",
-        "discriminator.steps=5", "discriminator.batch=32"]
+        "discriminator.steps=5", "discriminator.batch=32", "trajectories.tried=1"]
 
 VIEWS = {"desktop": dict(width=1280, height=800), "phone": dict(width=390, height=844, mobile=True)}
 MODES = {"light": False, "dark": True}

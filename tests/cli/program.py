@@ -26,7 +26,9 @@ FRICTION = "friction=geom/*/friction[0]:0.2:2.0"
 GRAVITY = "gravity=opt/gravity[2]:0.2:2.0"
 # Contact friction is the larger of the two geoms', and the foot's is 2: the floor's below that has no effect.
 FLOOR = "floor=geom/floor/friction[0]:0.2:1.0"
+# Suspects are tried in test_suspects.py alone: their trials take longer than all the rest.
 TINY_DESIGN = [
+    "design.trajectories.tried=0",
     "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.adversarial.n_iterations=3", "design.adversarial.n_sims=4",
     "design.adversarial.n_steps=20", "design.discriminator.hidden=16", "design.discriminator.steps=5",
     "design.discriminator.batch=32", "design.trajectories.rows=32", "design.trajectories.window=4",

@@ -140,7 +140,7 @@ steps = 2
 hidden = [8]
 [design.settings.matching]
 method = "trajectories"
-trajectories = { rows = 64, coarse = 4, starts = 1 }
+trajectories = { rows = 64, coarse = 4, starts = 1, tried = 0 }
 [design.settings.squares]
 method = "least-squares"
 least_squares = { rows = 100, starts = 1 }

@@ -14,7 +14,7 @@ import program
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
 QUICK = program.sets(program.TINY + ["design.trajectories.rows=96", "design.trajectories.window=16", "selection.n_seeds=1",
-                             "report.motion=false"])
+                             "design.trajectories.tried=3", "report.motion=false"])
 
 
 class SuspectsTest(unittest.TestCase):

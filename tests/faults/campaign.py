@@ -165,7 +165,8 @@ class Grow(Campaign):
             made = self.run(["collect", "--task", "Hopper-v5", "--policy", policy, "--episodes", "2", "--seed", "1", "--param", GAIN,
                              "--truth", "gain=1.2", "--param", DAMPING, "--truth", "damping=0.7", "--out", demos])
             assert made.returncode == DONE, made.stderr
-        settings = TINY + ["design.trajectories.rows=96", "design.trajectories.window=16", "selection.n_seeds=1"]
+        settings = TINY + ["design.trajectories.rows=96", "design.trajectories.window=16", "design.trajectories.tried=3",
+                           "selection.n_seeds=1"]
         self.command = ["design", "--grow", "--task", "Hopper-v5", "--data", str(demos), "--param", GAIN, "--threads", "1", "--out",
                         str(self.out), *sets(settings)]
 

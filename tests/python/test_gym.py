@@ -30,7 +30,8 @@ HOPPER = str(ROOT / "examples/data/hopper-quickstart.hdf5")
 # A design of seconds.
 TINY = {
     "design.method": "trajectories", "design.trajectories.rows": 32, "design.trajectories.window": 4,
-    "design.trajectories.starts": 1, "design.trajectories.coarse": 4, "selection.n_seeds": 1, "report.motion": "false",
+    "design.trajectories.starts": 1, "design.trajectories.coarse": 4, "design.trajectories.tried": 0, "selection.n_seeds": 1,
+    "report.motion": "false",
 }
 QUICK = {"progress": False, "threads": 2}
 GEARS = {"length": oted.Param("env/length", 0.5, 2.0)}

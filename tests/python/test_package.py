@@ -34,9 +34,10 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 HOPPER = str(ROOT / "examples/data/hopper-quickstart.hdf5")
 POLICY = ROOT / "examples/policies/hopper/medium.npz"
 FRICTION = {"friction": oted.Param("geom/*/friction[0]", 0.2, 2.0)}
-# A design of seconds: no other method is tried beside it.
+# A design of seconds: no other method is tried beside it, no suspect.
 TINY = {
-    "design.method": "trajectories", "clone.hidden": "16", "clone.max_steps": 40, "clone.check_interval": 20,
+    "data.episodes": 2, "design.method": "trajectories", "design.trajectories.tried": 0,
+    "clone.hidden": "16", "clone.max_steps": 40, "clone.check_interval": 20,
     "design.adversarial.n_iterations": 3,
     "design.adversarial.n_sims": 4, "design.adversarial.n_steps": 20, "design.discriminator.hidden": "16",
     "design.discriminator.steps": 5, "design.discriminator.batch": 32, "design.trajectories.rows": 32,
