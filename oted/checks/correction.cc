@@ -74,55 +74,39 @@ std::vector<std::string> Correction::Names(const SimulatorSpec& spec) const {
   return names;
 }
 
-std::string Correction::Change(const SimulatorSpec& spec) const {
+Correction::Words Correction::InWords(const SimulatorSpec& spec) const {
   const std::vector<std::string> names = Names(spec);
   switch (kind) {
     case CorrectionKind::kSign:
     case CorrectionKind::kActionSign:
-      return fmt::format("{} turned round", List(names));
+      return {fmt::format("{} turned round", List(names)), fmt::format("turn round the sign of {}", List(names))};
     case CorrectionKind::kUnit:
-      return fmt::format("{} times {:.6g}", List(names), value);
+      return {fmt::format("{} times {:.6g}", List(names), value),
+              fmt::format("multiply {} by {:.6g}", List(names), value)};
     case CorrectionKind::kZero:
-      return fmt::format("{} {} {:.3g}", names[0], value < 0 ? "-" : "+", std::abs(value));
-    case CorrectionKind::kSwap:
-    case CorrectionKind::kActionSwap:
-      return fmt::format("{} in each other's place", List(names));
-    case CorrectionKind::kQuaternionOrder:
-      return fmt::format("{} to {} read as x, y, z, w", names.front(), names.back());
-  }
-  return "";
-}
-
-std::string Correction::Remedy(const SimulatorSpec& spec) const {
-  const std::vector<std::string> names = Names(spec);
-  switch (kind) {
-    case CorrectionKind::kSign:
-    case CorrectionKind::kActionSign:
-      return fmt::format("turn round the sign of {}", List(names));
-    case CorrectionKind::kUnit:
-      return fmt::format("multiply {} by {:.6g}", List(names), value);
-    case CorrectionKind::kZero:
-      return fmt::format("add {:.3g} to {}, or make its zero a parameter: obs/{}/bias", value, names[0], names[0]);
+      return {fmt::format("{} {} {:.3g}", names[0], value < 0 ? "-" : "+", std::abs(value)),
+              fmt::format("add {:.3g} to {}, or make its zero a parameter: obs/{}/bias", value, names[0], names[0])};
     case CorrectionKind::kSwap:
     case CorrectionKind::kActionSwap: {
       std::vector<std::string> swaps;
       for (size_t k = 0; k + 1 < names.size(); k += 2)
         swaps.push_back(fmt::format("{} with {}", names[k], names[k + 1]));
-      return "swap " + List(swaps);
+      return {fmt::format("{} in each other's place", List(names)), "swap " + List(swaps)};
     }
     case CorrectionKind::kQuaternionOrder:
-      return fmt::format("put {}, the scalar, before the other three", names.back());
+      return {fmt::format("{} to {} read as x, y, z, w", names.front(), names.back()),
+              fmt::format("put {}, the scalar, before the other three", names.back())};
   }
-  return "";
+  return {};
 }
 
 void Correction::ApplyTo(Dataset& dataset) const {
   if (IsOfActions()) {
-    oted::Change(dataset.actions, *this);
+    Change(dataset.actions, *this);
     return;
   }
-  oted::Change(dataset.observations, *this);
-  oted::Change(dataset.next_observations, *this);
+  Change(dataset.observations, *this);
+  Change(dataset.next_observations, *this);
 }
 
 }  // namespace oted

@@ -19,10 +19,11 @@ struct Correction {
 
   /// The name of its finding: "joint_sign".
   const char* Check() const;
-  /// "joint/elbow/qpos and joint/elbow/qvel turned round".
-  std::string Change(const SimulatorSpec& spec) const;
-  /// "turn round the sign of joint/elbow/qpos and joint/elbow/qvel".
-  std::string Remedy(const SimulatorSpec& spec) const;
+  struct Words {
+    std::string change;  ///< "joint/elbow/qpos and joint/elbow/qvel turned round"
+    std::string remedy;  ///< "turn round the sign of joint/elbow/qpos and joint/elbow/qvel"
+  };
+  Words InWords(const SimulatorSpec& spec) const;
   std::vector<std::string> Names(const SimulatorSpec& spec) const;
   void ApplyTo(Dataset& dataset) const;
   bool IsOfActions() const { return kind == CorrectionKind::kActionSign || kind == CorrectionKind::kActionSwap; }

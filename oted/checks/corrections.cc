@@ -307,23 +307,22 @@ class Search {
   void Report(const std::vector<Trial>& trials, const Errors& now) {
     const Trial& best = trials.front();
     const std::vector<int>& judged = best.correction.judged;
+    const auto [change, remedy] = best.correction.InWords(spec_);
     std::vector<std::string> others;
-    for (size_t i = 1; i < trials.size(); ++i) others.push_back(trials[i].correction.Remedy(spec_));
+    for (size_t i = 1; i < trials.size(); ++i) others.push_back(trials[i].correction.InWords(spec_).remedy);
     const double period = spec_.control_period_s;
     findings_.push_back(
         {.check = best.correction.Check(),
          .severity = Severity::kWarning,
          .what =
              fmt::format("with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
-                         best.correction.Change(spec_), spec_.task,
-                         best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
+                         change, spec_.task, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
                          std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
                          period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
          .meaning = "the columns are not what the model means by them; a design would bend parameters to fit that",
-         .remedy = best.correction.Remedy(spec_) +
-                   (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
+         .remedy = remedy + (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
   }
 
   const SimulatorSpec& spec_;

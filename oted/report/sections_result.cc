@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "oted/base/words.h"
 #include "oted/report/interval_figure.h"
 #include "oted/report/json_values.h"
 #include "oted/report/prediction_figure.h"
@@ -145,7 +146,7 @@ Section ValidationSection(const json& report) {
     table.Row(std::move(cells));
   }
   section.html += PredictionFigure(Shown(horizons)) + table.Html();
-  if (starred) section.html += "<p>* computed from positions, or late: no verdict rests on it.</p>\n";
+  if (starred) section.html += fmt::format("<p>{}.</p>\n", kStarredChannels);
   return section;
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "oted/base/words.h"
 #include "oted/matching/verdict.h"
 
 namespace oted {
@@ -81,7 +82,7 @@ std::string InWords(const DesignRecord::Validation::Channel& channel) {
 
 std::string NotJudged(const DesignRecord::Validation::Horizon& horizon) {
   const bool all = std::ranges::all_of(horizon.channels, &DesignRecord::Validation::Channel::judged);
-  return all ? "" : "* computed from positions, or late: no verdict rests on it\n";
+  return all ? "" : fmt::format("{}\n", kStarredChannels);
 }
 
 std::string ButElsewhere(const DesignRecord::Validation& validation) {
