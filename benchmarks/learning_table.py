@@ -47,7 +47,7 @@ def minutes(found):
 def reached(record, goal):
     """CPU seconds of the first checkpoint at the goal, or none: on 20 fresh episodes, of a peer on its five."""
     judged = record.get("judged", record["returns"])
-    return next((record["cpu_seconds"][i] for i, value in enumerate(judged) if value >= goal), None)
+    return next((record["cpu_seconds"][i] for i, value in enumerate(judged) if value is not None and value >= goal), None)
 
 
 def best_of(record):
