@@ -29,9 +29,13 @@ VARIANTS = {
     "letter": ["design.method=paper", "design.adversarial.starts=initial", "design.adversarial.n_iterations=60"],
     "transitions": ["design.method=transitions"],
 }
+# CrossQ's settings when its logs were made.
+FORMER_CROSSQ = [word for setting in ("critic_hidden=256,256", "batch_size=256", "n_lanes=1", "updates_per_step=1", "average_over=1")
+                 for word in ("--set", f"crossq.{setting}")]
 TRAINED = {
-    "sac": ["--algorithm", "sac", "--seed", "11", "--set", "sac.n_steps=80000"],
-    "crossq": ["--algorithm", "crossq", "--seed", "12", "--set", "crossq.n_steps=40000", "--set", "crossq.hidden=[64,64]"],
+    "sac": ["--algorithm", "sac", "--seed", "11", "--set", "sac.n_steps=80000", "--set", "sac.n_starts=1", "--set",
+            "sac.average_over=1"],
+    "crossq": ["--algorithm", "crossq", "--seed", "12", "--set", "crossq.n_steps=40000", "--set", "crossq.hidden=[64,64]", *FORMER_CROSSQ],
 }
 BEHAVIOURS = ("medium", "expert", *TRAINED)
 TARGETS = ("shifted", "opposite", "drawn")

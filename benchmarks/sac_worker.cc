@@ -68,7 +68,13 @@ void Train(const std::string& task, const std::string& folder) {
   const MujocoSimulatorFactory factory(task, {});
   SacConfig config;
   config.n_steps = config.eval_interval = 100'000'000;  // one segment, no evaluation
-  config.buffer_size = 1'000'000;
+  // The settings of the packages beside it.
+  config.n_lanes = config.multi_step = config.n_starts = 1;
+  config.average_over = 1;
+  config.batch_size = 256;
+  config.hidden = {256, 256};
+  config.learning_rate = 3e-4;
+  config.normalize_observations = false;
   SliceSink sink;
   RunContext context;
   context.log = &sink;

@@ -93,7 +93,7 @@ const NamedValues<TrainIn>& TrainInNames();
 /// Stages 4 and 5: which agents, how many, and how they are compared.
 struct AgentsConfig {
   std::optional<AgentAlgorithm> algorithm;  ///< none: auto
-  int n_agents = 3;
+  int n_agents = 2;
   TrainIn train_in = TrainIn::kModes;
   TrainingDevice device = TrainingDevice::kCpu;
   bool nominal = true;             ///< with a known truth, also train agents in the nominal simulator

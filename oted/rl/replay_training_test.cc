@@ -27,6 +27,7 @@ SacConfig SmallConfig() {
   config.eval_episodes = 3;
   config.n_lanes = 1;
   config.multi_step = 1;
+  config.average_over = 1;
   config.batch_size = 32;
   config.hidden = {16, 16};
   config.learning_rate = 3e-4;

@@ -11,7 +11,7 @@
 namespace oted {
 
 /// Defaults are what earns most in minutes of a processor's time (docs/speed.md), not Stable-Baselines3's: small
-/// networks on normalised observations, many lanes, rewards of three steps.
+/// networks on normalised observations, many lanes, rewards of three steps, the best of three starts, averaged weights.
 struct SacConfig : ReplayConfig {
   double tau = 0.005;
 
@@ -21,6 +21,8 @@ struct SacConfig : ReplayConfig {
     hidden = {64, 64};
     learning_rate = 1e-3;
     multi_step = 3;
+    average_over = 1'000;
+    n_starts = 3;
     normalize_observations = true;
   }
   FieldList Fields(const std::string& section = "sac");
