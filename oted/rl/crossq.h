@@ -9,8 +9,8 @@
 
 namespace oted {
 
-/// Defaults are the paper's and its authors' program's except where noted. Sizes, lanes and the number of gradient steps
-/// are what earns most in minutes of a processor's time (docs/speed.md).
+/// Defaults are the paper's and its authors' program's except where noted. Sizes, lanes and the number of gradient
+/// steps are what earns most in minutes of a processor's time (docs/speed.md).
 struct CrossQConfig : ReplayConfig {
   std::vector<int> critic_hidden = {128, 128};  ///< the paper: 2048, 2048
   double beta1 = 0.5;
