@@ -11,6 +11,7 @@
 #include "oted/run/design_record.h"
 #include "oted/run/finished_design.h"
 #include "oted/run/run_inputs.h"
+#include "oted/run/sensor_noise_of.h"
 #include "oted/run/verdict_sentence.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
 #include "oted/stages/design/replay/replay_fit.h"
@@ -19,19 +20,6 @@ namespace oted {
 namespace {
 
 using Eigen::VectorXd;
-
-constexpr double kNoiseGuess = 0.01;  // of a channel's spread, where no fit told; PredictLogs corrects it
-
-/// (obs_dim): the sensors' noise, as the design's fit told it.
-VectorXd NoiseOf(const DesignRecord& design, const Dataset& logs) {
-  const VectorXd scale = ChannelScales(logs);
-  if (!design.fit || static_cast<Eigen::Index>(design.fit->channels.size()) != scale.size()) return kNoiseGuess * scale;
-  VectorXd noise(scale.size());
-  for (Eigen::Index c = 0; c < noise.size(); ++c) {
-    noise[c] = design.fit->channels[static_cast<size_t>(c)].short_noise_std;
-  }
-  return noise;
-}
 
 HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, const std::vector<double>& z,
                           const VectorXd& noise, int n_threads) {
@@ -106,7 +94,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
         fmt::format("task '{}' cannot be set to a logged state: its recordings cannot be predicted", config.task.name));
   }
   CheckSameModel(design, config.task.name, factory->model_sha256());
-  const VectorXd noise = NoiseOf(design.record, logs);
+  const VectorXd noise = SensorNoiseOf(design.record, logs);
   const HeldOutPrediction prediction = Predict(*factory, logs, design.record.BestMode(), noise, context.n_threads);
   ValidationResult result{.validation = InRecord(prediction, spec),
                           .model = std::nullopt,
