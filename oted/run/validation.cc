@@ -24,15 +24,17 @@ using Eigen::VectorXd;
 HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, const std::vector<double>& z,
                           const VectorXd& noise, int n_threads) {
   const ReadingModel readings = ReadingModel::Of(factory.spec(), logs, ReadingsLeftOut(factory.spec(), logs, noise));
-  const std::optional<HeldOutPrediction> prediction = PredictLogs({.factory = factory,
-                                                                   .kept_aside = logs,
-                                                                   .learned = nullptr,
-                                                                   .z = z,
-                                                                   .noise = noise,
-                                                                   .readings = readings,
-                                                                   .narrow = {},
-                                                                   .key = RngKey(1).Stage("validation"),
-                                                                   .n_threads = n_threads});
+  const std::optional<HeldOutPrediction> prediction =
+      PredictLogs({.factory = factory,
+                   .kept_aside = logs,
+                   .learned = nullptr,
+                   .z = z,
+                   .noise = noise,
+                   .readings = readings,
+                   .narrow = {},
+                   .key = RngKey(1).Stage("validation"),
+                   .n_threads = n_threads,
+                   .n_whole = static_cast<int>(logs.Episodes().size())});
   if (!prediction) {
     throw DataError(fmt::format(
         "no window of '{}' can be predicted: its episodes are too short, or its states cannot be set; give longer ones",

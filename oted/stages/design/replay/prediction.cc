@@ -116,6 +116,13 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& imitat
   }
 }
 
+int PredictionJudge::n_windows(size_t h, int n_episodes) const {
+  const std::vector<Episode> episodes = logs_.Episodes();
+  const int end = n_episodes > 0 ? episodes[static_cast<size_t>(n_episodes) - 1].end : 0;
+  return static_cast<int>(
+      std::ranges::count_if(lasting_[h], [&](int w) { return windows_[static_cast<size_t>(w)].begin < end; }));
+}
+
 int PredictionJudge::RowsBefore(const LogWindow& window) const {
   return std::min(std::max(kMostRowsBefore, replayer_.n_past_actions()), window.begin - window.episode_begin);
 }

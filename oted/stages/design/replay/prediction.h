@@ -41,6 +41,8 @@ class PredictionJudge {
   int n_windows() const { return static_cast<int>(windows_.size()); }
   /// That are predicted over horizons()[h].
   int n_windows(size_t h) const { return static_cast<int>(lasting_[h].size()); }
+  /// How many of them, the first ones, begin in the first `n_episodes` episodes.
+  int n_windows(size_t h, int n_episodes) const;
   /// What errors are judged by.
   const JudgedChannels& channels() const { return channels_; }
 
