@@ -6,8 +6,8 @@ Each cell is one `oted design` on the fit recordings. The judge is this script, 
 oted: windows of 1 s begin every 0.25 s in the held-out recordings, the logged actions are taken open loop, and every model
 starts from the same state, a parabola through the logged positions of 0.05 s about the start. The error is the root mean
 square of the joint positions over the first 0.1, 0.5 and 1 s; printed are ratios to the nominal model's, geometric means over
-joints. What MJCF cannot carry is taken from the design's q.json: a delay of the actions mixes neighbouring rows, the zero of a
-position sensor is added to what the model shows. A column `gain` multiplies the stiffness of every servo. A cell that is in
+joints. What MJCF cannot carry is taken from the design's q.json: a delay of the actions, the zero of a position sensor that is
+added to what the model shows. A column `gain` multiplies the stiffness of every servo. A cell that is in
 results/real_recordings.jsonl is not made again. Needs mujoco and numpy (requirements-test.txt).
 
 The method mujoco.sysid is MuJoCo's own identification, judged alike (rival_sysid_real.py):
@@ -21,6 +21,7 @@ import gzip
 import json
 import pathlib
 import re
+import resource
 import subprocess
 import tempfile
 import time
@@ -84,13 +85,13 @@ def start_state(positions, k, period):
 
 
 def late(actions, delay):
-    """The actions as they act `delay` rows later; what lies between two rows mixes them."""
-    rows, part = int(delay), delay - int(delay)
+    """The actions as they act `delay` time steps later; a step that they change in gets their mean over it."""
+    steps, part = int(delay), delay - int(delay)
 
     def shifted(n):
         return np.vstack([np.repeat(actions[:1], n, axis=0), actions[:len(actions) - n]])
 
-    return (1 - part) * shifted(rows) + part * shifted(rows + 1)
+    return (1 - part) * shifted(steps) + part * shifted(steps + 1)
 
 
 def with_gain(model, gain, stiffness):
@@ -110,14 +111,15 @@ def errors(judged, logs, period):
     squares = []
     for log in logs:
         with_gain(model, log.gain, stiffness)
-        positions, actions = log.positions - zeros, late(log.actions, judged.delay)
+        positions, actions = log.positions - zeros, late(np.repeat(log.actions, substeps, axis=0), judged.delay * substeps)
         for k in range(max(12, round(0.025 / period)), len(positions) - n - round(0.025 / period), round(0.25 / period)):
             mujoco.mj_resetData(model, data)
             data.qpos[:], data.qvel[:] = start_state(positions, k, period)
             square = np.empty((n, positions.shape[1]))
             for t in range(n):
-                data.ctrl[:] = actions[k + t]
-                mujoco.mj_step(model, data, substeps)
+                for action in actions[(k + t) * substeps:(k + t + 1) * substeps]:
+                    data.ctrl[:] = action
+                    mujoco.mj_step(model, data)
                 square[t] = (data.qpos - positions[k + t + 1]) ** 2
             squares.append(square)
     mean = np.mean(squares, axis=0)
@@ -147,18 +149,21 @@ def rival(folder, period, out):
     return Judged(out / "designed.xml"), 0
 
 
+def processor_time():
+    """Of this process and those that it waited for [s]."""
+    return time.process_time() + resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+
+
 def make(name, method, oted):
     period, parts = SETS[name]
     folder = ROOT / "examples/real" / name
     with tempfile.TemporaryDirectory() as out:
-        begin, cpu = time.monotonic(), time.process_time()
+        begin, cpu = time.monotonic(), processor_time()
         place = pathlib.Path(out)
         model, code = rival(folder, period, place) if method == RIVAL else design(folder, method, oted, place)
-        seconds = time.monotonic() - begin
+        seconds, cpu = time.monotonic() - begin, processor_time() - cpu
         logs = episodes(folder / "held_out.csv.gz")
-        cell = {"set": name, "method": method, "exit_code": code, "seconds": round(seconds), "ratios": {}, "nominal": {}}
-        if method == RIVAL:
-            cell["cpu_seconds"] = round(time.process_time() - cpu)
+        cell = {"set": name, "method": method, "exit_code": code, "seconds": round(seconds), "cpu_seconds": round(cpu), "ratios": {}, "nominal": {}}
         for part, wanted in parts.items():
             chosen = [of for episode, of in logs.items() if wanted is None or episode in wanted]
             nominal = errors(Judged(folder / "model.xml"), chosen, period)

@@ -255,9 +255,7 @@ bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
 bool PredictsBetter(const HeldOutPrediction& prediction) {
   bool better = false;
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    for (const Estimated& gain : {h.gain, h.gain_of_recordings}) {
-      if (IsSure({-gain.value, gain.error})) return false;
-    }
+    if (IsSure({-h.gain.value, h.gain.error})) return false;
     better = better || IsSure(h.gain);
   }
   return better;

@@ -73,6 +73,8 @@ ChannelSimulator::ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, st
     lane.observations.Resize(setup_->longest_observation_delay + 1, spec.obs_dim());
   }
   actions_.resize(lanes_.size() * neutral_.size());
+  before_.resize(actions_.size());
+  late_share_.resize(lanes_.size());
 }
 
 void ChannelSimulator::SetParameters(int lane, std::span<const double> z) {
@@ -189,8 +191,8 @@ bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, 
   l.observations.Fill(inside().observation(lane));
   FillActions(l, before, start);
   for (int row = start; row < n_before && inside().status(lane) != LaneStatus::kDiverged; ++row) {
-    PushAction(l, action(row), std::span(actions_).subspan(static_cast<size_t>(lane) * act_dim, act_dim));
-    inside().Step({&lane, 1}, actions_);
+    PushAction(lane, action(row));
+    StepPlant({&lane, 1});
     l.observations.Push(inside().observation(lane));
     ++l.n_ahead;
   }
@@ -198,19 +200,23 @@ bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, 
   return true;
 }
 
-void ChannelSimulator::PushAction(Lane& lane, std::span<const double> action, std::span<double> reaches_plant) const {
-  lane.actions.Push(action);
+void ChannelSimulator::PushAction(int lane, std::span<const double> action) {
+  Lane& l = At(lane);
+  l.actions.Push(action);
   const bool discrete = setup_->spec.n_discrete_actions > 0;
-  const Age age(discrete ? std::round(lane.action_delay) : lane.action_delay);
-  const std::span<const double> newer = lane.actions.Back(age.whole);
-  std::copy(newer.begin(), newer.end(), reaches_plant.begin());
-  if (age.fraction == 0) return;
-  const std::span<const double> older = lane.actions.Back(age.whole + 1);
-  for (size_t k = 0; k < newer.size(); ++k) {
-    const auto bounded = [&](double a) {
-      return std::clamp(a, setup_->spec.action_low[k], setup_->spec.action_high[k]);
-    };
-    reaches_plant[k] = age.fraction * bounded(older[k]) + (1 - age.fraction) * bounded(newer[k]);
+  const Age age(discrete ? std::round(l.action_delay) : l.action_delay);
+  const auto first = static_cast<ptrdiff_t>(lane) * std::ssize(neutral_);
+  std::ranges::copy(l.actions.Back(age.whole), actions_.begin() + first);
+  if (age.fraction > 0) std::ranges::copy(l.actions.Back(age.whole + 1), before_.begin() + first);
+  late_share_[static_cast<size_t>(lane)] = age.fraction;
+}
+
+void ChannelSimulator::StepPlant(std::span<const int> lanes) {
+  const auto is_late = [&](int lane) { return late_share_[static_cast<size_t>(lane)] > 0; };
+  if (std::ranges::any_of(lanes, is_late)) {
+    inside().StepLate(lanes, actions_, {.before = before_, .share = late_share_});
+  } else {
+    inside().Step(lanes, actions_);
   }
 }
 
@@ -225,11 +231,8 @@ void ChannelSimulator::Step(std::span<const int> lanes, std::span<const double> 
           fmt::format("lane {}: got an action that is not finite, wanted {} finite numbers", lane, act_dim));
     }
   }
-  for (const int lane : lanes) {
-    const size_t at = static_cast<size_t>(lane) * act_dim;
-    PushAction(At(lane), actions.subspan(at, act_dim), std::span(actions_).subspan(at, act_dim));
-  }
-  inside().Step(lanes, actions_);
+  for (const int lane : lanes) PushAction(lane, actions.subspan(static_cast<size_t>(lane) * act_dim, act_dim));
+  StepPlant(lanes);
   for (const int lane : lanes) {
     ++At(lane).clock;
     At(lane).observations.Push(inside().observation(lane));

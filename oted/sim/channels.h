@@ -3,10 +3,11 @@
 /// delay. Each is a parameter of z with the nominal value 0 (oted/sim/channel_path.h has the paths).
 ///
 /// Action delay d = n + f control steps, 0 <= f < 1, under a zero-order hold: within control period k the actuators see
-/// a[k-n-1] for the first f of it and a[k-n] for the rest. The plant takes one action per period and is given their
-/// mean over it, f a[k-n-1] + (1-f) a[k-n], each within the action bounds: the impulse of the period is exact, also for
-/// actuators that saturate; its distribution within the period is not. Whole numbers are exact. A discrete action is
-/// delayed by the nearest whole number. Before an episode's first action the actuators hold 0, or the nearest bound.
+/// a[k-n-1] for the first f of it and a[k-n] for the rest (Simulator::StepLate). A plant with several time steps in a
+/// control period switches between two of them; in the one that f falls into, it is given the mean of the two actions
+/// over it, each within the action bounds, so that what it shows is continuous in d. Whole numbers are exact. A
+/// discrete action is delayed by the nearest whole number. Before an episode's first action the actuators hold 0, or
+/// the nearest bound.
 ///
 /// Sensor j shows x_j(t - d_j) + bias_j + noise_std_j N(0, 1): x is what the plant's own observation shows, a fraction
 /// of a control step is interpolated, readings from before the episode's start are those of its start, and the noise is
@@ -100,7 +101,9 @@ class ChannelSimulator : public WrappedSimulator {
 
   void Begin(Lane& lane, Rng noise);
   void BeginAtPlant(int lane, Rng& rng);
-  void PushAction(Lane& lane, std::span<const double> action, std::span<double> reaches_plant) const;
+  /// Row of `actions` that the lane is given: what reaches the plant now goes to actions_, before_ and late_share_.
+  void PushAction(int lane, std::span<const double> action);
+  void StepPlant(std::span<const int> lanes);
   void Show(int lane);
   void FillActions(Lane& lane, const LoggedHistory& before, int end) const;
   bool StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back, bool unbias);
@@ -108,7 +111,8 @@ class ChannelSimulator : public WrappedSimulator {
   std::shared_ptr<const ChannelSetup> setup_;
   std::vector<double> neutral_;  // (act_dim)
   std::vector<Lane> lanes_;
-  std::vector<double> actions_;  // (n_lanes, act_dim), what reaches the plant
+  std::vector<double> actions_, before_;  // (n_lanes, act_dim), what reaches the plant: late, and until then
+  std::vector<double> late_share_;        // (n_lanes): of the control period
 };
 
 }  // namespace oted

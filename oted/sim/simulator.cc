@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "oted/base/error.h"
 
 namespace oted {
@@ -20,6 +22,21 @@ double SimulatorSpec::NormalizedScore(double episode_return) const {
 void Simulator::ResetTo(int, std::span<const double>, std::span<const double>, Rng&) {
   throw UsageError(
       fmt::format("task '{}' has no positions and velocities to start from; reset it without them", spec().task));
+}
+
+void Simulator::StepLate(std::span<const int> lanes, std::span<const double> actions, const LateActions& late) {
+  const size_t act_dim = static_cast<size_t>(spec().act_dim);
+  std::vector<double> mean(actions.begin(), actions.end());
+  for (const int lane : lanes) {
+    const double share = late.share[static_cast<size_t>(lane)];
+    if (share == 0) continue;
+    for (size_t k = 0; k < act_dim; ++k) {
+      const size_t i = static_cast<size_t>(lane) * act_dim + k;
+      const auto bounded = [&](double a) { return std::clamp(a, spec().action_low[k], spec().action_high[k]); };
+      mean[i] = share * bounded(late.before[i]) + (1 - share) * bounded(actions[i]);
+    }
+  }
+  Step(lanes, mean);
 }
 
 void Simulator::TakeTaskPolicy(TaskPolicy, int, Rng&, std::span<double>) const {

@@ -84,6 +84,12 @@ struct LoggedHistory {
   std::span<const double> constants = {};
 };
 
+/// What lanes are held at until their present action arrives. Rows of lanes that are not stepped are not read.
+struct LateActions {
+  std::span<const double> before;  ///< (n_lanes, act_dim)
+  std::span<const double> share;   ///< (n_lanes): of the control period, 0 <= share < 1
+};
+
 /// A policy that a task brings along. It acts on a lane's true state, which no observation need show.
 enum class TaskPolicy {
   kExpert,  ///< the best that can be done
@@ -141,6 +147,11 @@ class Simulator {
   /// One control period for the lanes listed in `lanes`. `actions` is (n_lanes, act_dim); rows of other lanes are not
   /// read. A lane that has ended is not reset by itself.
   virtual void Step(std::span<const int> lanes, std::span<const double> actions) = 0;
+
+  /// The same with commands that arrive within the period: lane k is held at its row of `late.before` for the first
+  /// `late.share[k]` of it, and at its row of `actions` from then on. A simulator that knows no shorter time takes the
+  /// mean of the two over the period, each within its bounds.
+  virtual void StepLate(std::span<const int> lanes, std::span<const double> actions, const LateActions& late);
 
   /// Of one lane, after its last Reset, SetStateFromObservation or Step.
   virtual std::span<const double> observation(int lane) const = 0;

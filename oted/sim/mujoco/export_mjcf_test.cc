@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/model_compare.h"
 #include "oted/sim/mujoco/model_field.h"
@@ -247,6 +248,38 @@ TEST(DesignedMjcf, ActuatorsActLaterByTheDelayAndByNothingElse) {
     EXPECT_NEAR(two[k], k < 2 ? 0.0 : commands[k - 2], 1e-12) << k;
     const double last = k < 1 ? 0 : commands[k - 1], before = k < 2 ? 0 : commands[k - 2];
     EXPECT_NEAR(half[k], (last + before) / 2, 1e-12) << k;
+  }
+}
+
+TEST(DesignedMjcf, WithADelayMovesAsTheDesignsOwnSimulatorDoes) {
+  std::vector<ParameterSpec> specs = {
+      {.name = "friction", .field = "geom/*/friction[0]"},
+      {.name = "delay", .field = "action/delay", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute}};
+  const MujocoSimulatorFactory plant("HalfCheetah-v5", {specs.front()});
+  const int n_steps = plant.frame_skip();
+  const double delay = 1.3, of_step = plant.model().opt.timestep;  // 6.5 time steps
+  const auto simulator = WithChannels(specs, [](std::vector<ParameterSpec> own) {
+                           return std::make_unique<MujocoSimulatorFactory>("HalfCheetah-v5", std::move(own));
+                         })->Make(1, 1);
+  simulator->SetParameters(0, std::vector<double>{0.7, delay});
+  const std::string text = DesignedMjcf(plant, std::vector<double>{0.7}, "", delay * n_steps * of_step);
+  const SpecPtr spec(mj_parseXMLString(text.c_str(), nullptr, nullptr, 0));
+  const ModelPtr model(mj_compile(spec.get(), nullptr));
+  std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);
+  const std::vector<double> qpos(static_cast<size_t>(model->nq), 0.01), qvel(static_cast<size_t>(model->nv), 0.1);
+  Rng rng(1);
+  simulator->ResetTo(0, qpos, qvel, rng);
+  std::ranges::copy(qpos, data->qpos);
+  std::ranges::copy(qvel, data->qvel);
+  const int lane = 0;
+  for (int k = 0; k < 12; ++k) {
+    std::vector<double> action(6);
+    for (size_t i = 0; i < 6; ++i) action[i] = std::sin(2.7 * k + static_cast<double>(i));
+    simulator->Step({&lane, 1}, action);
+    std::ranges::copy(action, data->ctrl);
+    for (int step = 0; step < n_steps; ++step) mj_step(model.get(), data.get());
+    for (int i = 0; i < model->nq; ++i)
+      EXPECT_NEAR(simulator->pose(0)[static_cast<size_t>(i)], data->qpos[i], 1e-9) << k;
   }
 }
 

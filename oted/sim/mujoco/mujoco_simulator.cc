@@ -261,7 +261,7 @@ std::optional<bool> MujocoSimulator::EndsAt(int lane, std::span<const double> ob
   return rules_->Ends(LaneView(arrays_, lane));
 }
 
-void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> actions) {
+void MujocoSimulator::Activate(std::span<const int> lanes, std::span<const double> actions) {
   const size_t act_dim = setup_->controls.size();
   OTED_CHECK(actions.size() == lanes_.size() * act_dim);
   for (int lane : lanes) {
@@ -273,28 +273,78 @@ void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> a
   }
   active_.clear();
   for (int lane : lanes) {
-    if (lanes_[static_cast<size_t>(lane)].status == LaneStatus::kDiverged) continue;
-    for (size_t k = 0; k < act_dim; ++k) {
-      ctrl_.row(lane)[static_cast<size_t>(setup_->controls[k])] = actions[static_cast<size_t>(lane) * act_dim + k];
-    }
-    active_.push_back(lane);
+    if (lanes_[static_cast<size_t>(lane)].status != LaneStatus::kDiverged) active_.push_back(lane);
   }
-  if (active_.empty()) return;
-  if (StepPhysics() != 0) {
-    for (int lane : active_) {
-      if (mjb_status(batch_.get())[lane] != 0) {
-        throw DataError(
-            fmt::format("MuJoCo failed in lane {} of {}: {}", lane, setup_->spec.task, mjb_error(batch_.get(), lane)));
-      }
-    }
-  }
-  for (int lane : active_) FinishStep(lane, actions.subspan(static_cast<size_t>(lane) * act_dim, act_dim));
 }
 
-int MujocoSimulator::StepPhysics() {
-  const int n = static_cast<int>(active_.size()), n_steps = setup_->frame_skip;
+void MujocoSimulator::SetControls(int lane, std::span<const double> action) {
+  for (size_t k = 0; k < action.size(); ++k) ctrl_.row(lane)[static_cast<size_t>(setup_->controls[k])] = action[k];
+}
+
+void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> actions) {
+  Activate(lanes, actions);
+  if (active_.empty()) return;
+  const size_t act_dim = setup_->controls.size();
+  const auto action = [&](int lane) { return actions.subspan(static_cast<size_t>(lane) * act_dim, act_dim); };
+  for (const int lane : active_) SetControls(lane, action(lane));
+  CheckPhysics(StepPhysics(setup_->frame_skip, true));
+  for (const int lane : active_) FinishStep(lane, action(lane));
+}
+
+void MujocoSimulator::StepLate(std::span<const int> lanes, std::span<const double> actions, const LateActions& late) {
+  OTED_CHECK(late.before.size() == actions.size() && late.share.size() == lanes_.size());
+  Activate(lanes, actions);
+  if (active_.empty()) return;
+  const int n_steps = setup_->frame_skip;
+  // When any lane's controls change: before and after the step that its share ends in.
+  std::vector<int> changes = {0, n_steps};
+  for (const int lane : active_) {
+    const double share = late.share[static_cast<size_t>(lane)];
+    OTED_CHECK(share >= 0 && share < 1);
+    const double end = share * n_steps;
+    changes.push_back(static_cast<int>(std::floor(end)));
+    changes.push_back(static_cast<int>(std::ceil(end)));
+  }
+  std::ranges::sort(changes);
+  changes.erase(std::ranges::unique(changes).begin(), changes.end());
+  const size_t act_dim = setup_->controls.size();
+  std::vector<double> held(act_dim);
+  // Held at the action before for `share` of the steps from `begin` to `end`.
+  const auto hold = [&](int lane, double begin, double end) -> std::span<const double> {
+    const double left = late.share[static_cast<size_t>(lane)] * n_steps - begin;
+    const double share = std::clamp(left / (end - begin), 0.0, 1.0);
+    const size_t first = static_cast<size_t>(lane) * act_dim;
+    if (share == 0) return actions.subspan(first, act_dim);
+    if (share == 1) return late.before.subspan(first, act_dim);
+    for (size_t k = 0; k < act_dim; ++k) {
+      const auto bounded = [&](double a) {
+        return std::clamp(a, setup_->spec.action_low[k], setup_->spec.action_high[k]);
+      };
+      held[k] = share * bounded(late.before[first + k]) + (1 - share) * bounded(actions[first + k]);
+    }
+    return held;
+  };
+  for (size_t i = 0; i + 1 < changes.size(); ++i) {
+    for (const int lane : active_) SetControls(lane, hold(lane, changes[i], changes[i + 1]));
+    CheckPhysics(StepPhysics(changes[i + 1] - changes[i], changes[i + 1] == n_steps));
+  }
+  for (const int lane : active_) FinishStep(lane, hold(lane, 0, n_steps));
+}
+
+void MujocoSimulator::CheckPhysics(int n_failed) const {
+  if (n_failed == 0) return;
+  for (const int lane : active_) {
+    if (mjb_status(batch_.get())[lane] != 0) {
+      throw DataError(
+          fmt::format("MuJoCo failed in lane {} of {}: {}", lane, setup_->spec.task, mjb_error(batch_.get(), lane)));
+    }
+  }
+}
+
+int MujocoSimulator::StepPhysics(int n_steps, bool is_last) {
+  const int n = static_cast<int>(active_.size()), last_stage = is_last ? rules_->stage() : mjSTAGE_NONE;
   if (friction_ == nullptr && residual_ == nullptr) {
-    return mjb_step(batch_.get(), active_.data(), n, n_steps, rules_->stage());
+    return mjb_step(batch_.get(), active_.data(), n, n_steps, last_stage);
   }
   int n_failed = 0;
   for (int step = 0; step < n_steps && n_failed == 0; ++step) {
@@ -302,7 +352,7 @@ int MujocoSimulator::StepPhysics() {
       for (const int lane : active_) residual_->Write(lane);
     }
     if (friction_ != nullptr) n_failed = friction_->Prepare(active_);
-    const int stage = step + 1 == n_steps ? rules_->stage() : static_cast<int>(mjSTAGE_NONE);
+    const int stage = step + 1 == n_steps ? last_stage : static_cast<int>(mjSTAGE_NONE);
     if (n_failed == 0) n_failed = mjb_step(batch_.get(), active_.data(), n, 1, stage);
   }
   return n_failed;

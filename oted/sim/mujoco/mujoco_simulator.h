@@ -53,6 +53,9 @@ class MujocoSimulator : public Simulator {
   /// @throws UsageError when an action is not finite; nothing is simulated then. DataError when a task file's
   /// expression gives no finite number.
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
+  /// The commands change between two time steps of the physics; in the one that a change falls into, the controls are
+  /// the mean over it. So do MuJoCo's own actuators that have a delay. The reward is that of the period's mean.
+  void StepLate(std::span<const int> lanes, std::span<const double> actions, const LateActions& late) override;
 
   std::span<const double> observation(int lane) const override { return observations_.row(lane); }
   double reward(int lane) const override { return lanes_[static_cast<size_t>(lane)].reward; }
@@ -99,8 +102,13 @@ class MujocoSimulator : public Simulator {
   LaneState StateOf(int lane) const;
   void StartEpisode(int lane);
   bool SetTo(int lane, std::span<const double> observation, std::span<const double> hidden);
-  /// A control period of the active lanes. @return as mjb_step
-  int StepPhysics();
+  /// Makes `lanes` the active ones, but for those that diverged.
+  void Activate(std::span<const int> lanes, std::span<const double> actions);
+  void SetControls(int lane, std::span<const double> action);
+  /// `n_steps` time steps of the active lanes, the last of a control period or not. @return as mjb_step
+  int StepPhysics(int n_steps, bool is_last);
+  /// Throws if StepPhysics failed anywhere.
+  void CheckPhysics(int n_failed) const;
   void FinishStep(int lane, std::span<const double> action);
   bool TakeDivergence(int lane);
 

@@ -16,6 +16,7 @@
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/task.h"
+#include "oted/sim/mujoco/testing.h"
 #include "tests/conformance/simulator_conformance.h"
 
 namespace oted::mujoco_simulator_test {
@@ -362,6 +363,83 @@ TEST(MujocoSimulatorFactory, MissingModelFilesAreErrorsWithTheRemedy) {
   EXPECT_THAT([] { MujocoSimulatorFactory("Hopper-v5", {}); },
               testing::ThrowsMessage<DataError>(testing::AllOf(HasSubstr("/nonexistent"), HasSubstr("OTED_ASSETS"))));
   unsetenv("OTED_ASSETS");
+}
+
+/// What lane 0 of the crawler shows after each of `commands`, from one start.
+std::vector<std::vector<double>> CrawlerShows(double period, const std::vector<std::vector<double>>& commands,
+                                              double delay = -1) {
+  const TestFolder folder;
+  ModelTask task = CrawlerTask(folder);
+  task.control_period = period;
+  std::vector<ParameterSpec> specs = {{.name = "gravity", .field = "opt/gravity[2]"}};
+  if (delay >= 0) {
+    specs.push_back({.name = "delay", .field = "action/delay", .high = 3, .scale = ParameterScale::kAbsolute});
+    specs.back().low = 0;
+  }
+  const auto factory = WithChannels(specs, [&](std::vector<ParameterSpec> own) {
+    return std::make_unique<MujocoSimulatorFactory>(task, std::move(own));
+  });
+  const auto simulator = factory->Make(1, 1);
+  simulator->SetParameters(0, delay >= 0 ? std::vector<double>{1.1, delay} : std::vector<double>{1.1});
+  Rng rng(5);
+  simulator->Reset(0, rng);
+  std::vector<std::vector<double>> shown;
+  const int lane = 0;
+  for (const std::vector<double>& command : commands) {
+    simulator->Step({&lane, 1}, command);
+    shown.emplace_back(simulator->observation(0).begin(), simulator->observation(0).end());
+  }
+  return shown;
+}
+
+TEST(MujocoSimulator, ALateCommandArrivesBetweenTwoTimeStepsOfThePeriod) {
+  constexpr int kInPeriod = 5, kPeriods = 8;  // time steps of 4 ms
+  std::vector<std::vector<double>> commands;
+  for (int k = 0; k < kPeriods; ++k) {
+    commands.push_back({std::sin(1.0 + 2.7 * k), std::cos(1.9 * k), 0.15 * std::sin(0.3 + k)});
+  }
+  for (const double late : {5.0, 8.0, 6.5}) {  // time steps; in the last, one of them is half and half
+    std::vector<std::vector<double>> by_step;
+    for (int step = 0; step < kPeriods * kInPeriod; ++step) {
+      const auto given = [&](double when) {
+        const double since = when - late;
+        return since < 0 ? std::vector<double>(3, 0.0) : commands[static_cast<size_t>(since / kInPeriod)];
+      };
+      const std::vector<double> first = given(step + 0.25), last = given(step + 0.75);
+      by_step.emplace_back();
+      for (size_t i = 0; i < 3; ++i)
+        by_step.back().push_back(first[i] == last[i] ? first[i] : (first[i] + last[i]) / 2);
+    }
+    const auto delayed = CrawlerShows(0.02, commands, late / kInPeriod), expected = CrawlerShows(0.004, by_step);
+    for (size_t k = 0; k < kPeriods; ++k) {
+      EXPECT_THAT(delayed[k], testing::Pointwise(testing::DoubleNear(1e-9), expected[(k + 1) * kInPeriod - 1]))
+          << late << ", " << k;
+    }
+  }
+}
+
+TEST(MujocoSimulator, LanesThatAreNotLateGoOnToTheLastBitBesideOthersThatAre) {
+  const MujocoSimulatorFactory factory("HalfCheetah-v5", ThreeParameters());
+  const auto alone = factory.MakeMujoco(1, 1), beside = factory.MakeMujoco(2, 1);
+  for (int lane = 0; lane < 2; ++lane) {
+    Rng rng(7);
+    beside->Reset(lane, rng);
+  }
+  Rng rng(7);
+  alone->Reset(0, rng);
+  const std::vector<int> lanes = {0, 1};
+  const std::vector<double> share = {0, 0.37}, before(12, 0.2);
+  for (int step = 0; step < 20; ++step) {
+    std::vector<double> action(6), of_both;
+    for (size_t k = 0; k < 6; ++k) action[k] = std::sin(1.3 * step + static_cast<double>(k));
+    of_both = action;
+    of_both.insert(of_both.end(), action.begin(), action.end());
+    alone->Step({lanes.data(), 1}, action);
+    beside->StepLate(lanes, of_both, {.before = before, .share = share});
+    EXPECT_THAT(beside->observation(0), testing::ElementsAreArray(alone->observation(0)));
+    EXPECT_EQ(beside->reward(0), alone->reward(0));
+  }
+  EXPECT_NE(beside->observation(1)[8], beside->observation(0)[8]);
 }
 
 }  // namespace oted::mujoco_simulator_test
