@@ -51,14 +51,24 @@ def draw(task, kind, rng):
     return round(math.exp(rng.choice([-1, 1]) * rng.uniform(math.log(1.6), math.log(3))), 3), truth
 
 
+def task_words(task, folder):
+    """--task words; the arm's files are written into `folder`."""
+    if task in TASKS:
+        return ["--task", TASKS[task]]
+    (folder / "arm.xml").write_text(ARM)
+    (folder / "task.toml").write_text(ARM_TASK)
+    return ["--task", str(folder / "task.toml")]
+
+
+def policy_of(task):
+    return f"examples/policies/{task}/medium.npz" if task in TASKS else "sine:0.5"
+
+
 def run_case(task, kind, case, oted, extra):
     culprit, truth = draw(task, kind, random.Random(f"grow-{task}-{kind}-{case}"))
     with tempfile.TemporaryDirectory(prefix="oted-grow-") as name:
         folder = pathlib.Path(name)
-        words = ["--task", TASKS[task]] if task in TASKS else ["--task", folder / "task.toml"]
-        (folder / "arm.xml").write_text(ARM)
-        (folder / "task.toml").write_text(ARM_TASK)
-        policy = f"examples/policies/{task}/medium.npz" if task in TASKS else "sine:0.5"
+        words, policy = task_words(task, folder), policy_of(task)
         searched = [word for key, path in SEARCHED[task].items() for word in ("--param", f"{key}={path}:{LOW}:{HIGH}")]
         scale = ":0:9:absolute" if kind in ("delay", "friction_loss") else ":0.2:5"
         target = [*searched, "--param", f"culprit={CULPRITS[kind]}{scale}", "--truth", f"culprit={culprit}"]

@@ -42,8 +42,8 @@ def parameter_words(fields, low=LOW, high=HIGH):
 
 def collect(oted, task, fields, truth, seed, out, noise=0.0, episodes=5, absolute=None, policy=None):
     """Episodes of a policy (by default the shipped medium one), logged into `out` in the target where truth: name -> multiple
-    of nominal, or the value itself of those that absolute: name -> (low, high) names."""
-    command = [oted, "collect", "--task", TASKS[task], "--policy", policy or f"examples/policies/{task}/medium.npz",
+    of nominal, or the value itself of those that absolute: name -> (low, high) names. A task that is not of TASKS is a file."""
+    command = [oted, "collect", "--task", TASKS.get(task, task), "--policy", policy or f"examples/policies/{task}/medium.npz",
                "--episodes", episodes, "--seed", seed, "--threads", 1, "--out", out,
                *parameter_words({name: path for name, path in fields.items() if name not in (absolute or {})}, 0.2, 3.0)]
     for name, (low, high) in (absolute or {}).items():

@@ -220,6 +220,15 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
   return warnings;
 }
 
+std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads) {
+  if (!factory.spec().can_set_state || !factory.spec().image_shape.empty()) return {};
+  std::vector<Finding> findings;
+  CheckCorrections(factory, dataset, n_threads, findings);
+  std::vector<std::string> warnings;
+  for (const Finding& f : findings) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.remedy));
+  return warnings;
+}
+
 DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uint64_t seed, const RunContext& context) {
   const TaskFacts facts = factory != nullptr ? FactsOf(factory->spec()) : TaskFacts{};
   DataCheck check;

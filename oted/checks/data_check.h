@@ -34,6 +34,11 @@ TaskFacts FactsOf(const SimulatorSpec& spec);
 /// What the checks that need no simulator warn of, a sentence each.
 std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec);
 
+/// Which changes of the columns (a joint's or an action's sign, two joints swapped, a zero) would make the nominal
+/// simulator predict the logs far better, a sentence each with the remedy: the findings of CheckCorrections. None where
+/// the task's states cannot be set from an observation.
+std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads);
+
 /// @param factory  may be null: then the checks that need a simulator are left out. Its parameters, if any, are checked
 ///   for an effect on the logged episodes.
 /// Never throws for what the data hold. Equal seeds give equal results at any number of threads.

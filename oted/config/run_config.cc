@@ -120,7 +120,8 @@ FieldList ReportConfig::Fields() {
       "motion", &motion,
       "films of logged, nominal and designed motion: auto (if OpenGL is there), true (an error without it), or false",
       NamedValues<Motion>{{Motion::kAuto, "auto"}, {Motion::kTrue, "true"}, {Motion::kFalse, "false"}});
-  fields.Add("replay_steps", &replay_steps, "control steps that a replay of logged actions takes", AtLeast(1));
+  fields.Add("replay_steps", &replay_steps,
+             "control steps that a replay of logged actions takes; 0: half a second, and at least 50", AtLeast(0));
   return fields;
 }
 

@@ -111,7 +111,7 @@ enum class Motion { kAuto, kTrue, kFalse };
 /// What the report shows beyond the results.
 struct ReportConfig {
   Motion motion = Motion::kAuto;
-  int replay_steps = 50;
+  int replay_steps = 0;
   FieldList Fields();
 };
 

@@ -24,7 +24,7 @@ HeldOutParts HoldOut(const Dataset& dataset, RngKey key) {
     (judges ? judge : learn).push_back(episode);
     if (judges) n_judge += episode.size();
   }
-  return {dataset.Select(learn), dataset.Select(judge)};
+  return {dataset.Select(learn), dataset.Select(judge), static_cast<int>(judge.size())};
 }
 
 }  // namespace oted

@@ -9,6 +9,7 @@ namespace oted {
 /// The episodes that learn and those that judge; two parts of the one where there is one.
 struct HeldOutParts {
   Dataset learn, judge;
+  int n_whole = 0;  ///< of the judge's episodes, the first ones: recordings of which nothing was learned
 };
 
 /// A fifth of the rows judges, in whole episodes drawn at random: at least one.

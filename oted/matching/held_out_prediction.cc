@@ -39,13 +39,18 @@ json ToJson(const HeldOutPrediction& prediction) {
                         {"learned", h.learned},
                         {"channels", channels},
                         {"excess", ToJson(h.excess)},
-                        {"gain", ToJson(h.gain)}});
+                        {"gain", ToJson(h.gain)},
+                        {"n_of_recordings", h.n_of_recordings},
+                        {"gain_of_recordings", ToJson(h.gain_of_recordings)}});
   }
   json open_ends = json::array();
   for (const HeldOutPrediction::OpenEnd& end : prediction.open_ends) {
     open_ends.push_back({{"parameter", end.parameter}, {"above", end.above}});
   }
-  return {{"horizons", horizons}, {"open_ends", open_ends}};
+  return {{"horizons", horizons},
+          {"n_recordings", prediction.n_recordings},
+          {"n_parts", prediction.n_parts},
+          {"open_ends", open_ends}};
 }
 
 HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
@@ -57,7 +62,9 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
                                        .learned = h.at("learned"),
                                        .channels = {},
                                        .excess = EstimatedFrom(h.at("excess")),
-                                       .gain = EstimatedFrom(h.at("gain"))};
+                                       .gain = EstimatedFrom(h.at("gain")),
+                                       .n_of_recordings = h.at("n_of_recordings"),
+                                       .gain_of_recordings = EstimatedFrom(h.at("gain_of_recordings"))};
     for (const json& c : h.at("channels")) {
       horizon.channels.push_back({.nominal = NumberFrom(c.at("nominal")),
                                   .designed = NumberFrom(c.at("designed")),
@@ -69,6 +76,8 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
     }
     prediction.horizons.push_back(std::move(horizon));
   }
+  prediction.n_recordings = record.at("n_recordings");
+  prediction.n_parts = record.at("n_parts");
   for (const json& end : record.at("open_ends")) {
     prediction.open_ends.push_back({end.at("parameter"), end.at("above")});
   }

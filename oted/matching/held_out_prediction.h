@@ -36,8 +36,14 @@ struct HeldOutPrediction {
     bool learned = false;
     std::vector<Channel> channels;
     Estimated excess, gain;
+    int n_of_recordings = 0;            ///< windows in whole recordings, where parts of others judge as well,
+    Estimated gain_of_recordings = {};  ///< and the gain in these alone
   };
   std::vector<Horizon> horizons;  ///< in ascending order; at least one
+
+  /// What was kept aside: whole recordings, and parts of those that the design learned from, whose motions it has seen.
+  /// Both 0: nothing was.
+  int n_recordings = 0, n_parts = 0;
 
   /// A parameter that may be a quarter of its range higher, or lower, than the design's: the logs are not surely
   /// predicted worse. However steep the fit's cost, they do not show that end of its interval.

@@ -23,10 +23,14 @@ TEST(HeldOutPrediction, ComesBackFromTheTextOfItsJson) {
                        .gain = {1.5, 2}}};
   horizon.excess = {3, 4};
   horizon.gain = {5, 6};
-  const nlohmann::json written =
-      nlohmann::json::parse(ToJson({.horizons = {horizon}, .open_ends = {{.parameter = 2, .above = true}}}).dump());
+  horizon.n_of_recordings = 3;
+  horizon.gain_of_recordings = {7, 8};
+  const nlohmann::json written = nlohmann::json::parse(
+      ToJson({.horizons = {horizon}, .n_recordings = 1, .n_parts = 4, .open_ends = {{.parameter = 2, .above = true}}})
+          .dump());
   const HeldOutPrediction read = HeldOutPredictionFromJson(written);
   EXPECT_EQ(ToJson(read).dump(), written.dump());
+  EXPECT_EQ(read.n_parts, 4);
   EXPECT_TRUE(std::isnan(read.horizons[0].channels[0].nominal)) << "its physics broke down";
   EXPECT_THROW(HeldOutPredictionFromJson(nlohmann::json::object()), nlohmann::json::exception);
 }

@@ -255,7 +255,9 @@ bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
 bool PredictsBetter(const HeldOutPrediction& prediction) {
   bool better = false;
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    if (IsSure({-h.gain.value, h.gain.error})) return false;
+    for (const Estimated& gain : {h.gain, h.gain_of_recordings}) {
+      if (IsSure({-gain.value, gain.error})) return false;
+    }
     better = better || IsSure(h.gain);
   }
   return better;

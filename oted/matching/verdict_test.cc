@@ -138,7 +138,9 @@ HeldOutPrediction Predicted(Estimated excess, Estimated gain, Estimated of_first
       {.nominal = 2, .designed = 1, .floor = 1, .spread = 5, .judged = true, .excess = {}, .gain = {}}};
   horizon.excess = excess;
   horizon.gain = gain;
-  return {.horizons = {horizon}, .open_ends = {}};
+  HeldOutPrediction prediction;
+  prediction.horizons = {horizon};
+  return prediction;
 }
 
 const Estimated kNothing = {0, 0.01}, kMuch = {1, 0.1};
@@ -168,6 +170,12 @@ TEST(PredictsBetter, AGainCountsWhereItIsSureAndNoHorizonLoses) {
   HeldOutPrediction two = Predicted(kNothing, kMuch);
   two.horizons.push_back(Predicted(kNothing, {-1, 0.1}).horizons[0]);
   EXPECT_FALSE(PredictsBetter(two));
+  HeldOutPrediction elsewhere = Predicted(kNothing, kMuch);
+  elsewhere.horizons[0].n_of_recordings = 5;
+  elsewhere.horizons[0].gain_of_recordings = {-1, 2};
+  EXPECT_TRUE(PredictsBetter(elsewhere)) << "chance reaches it";
+  elsewhere.horizons[0].gain_of_recordings = {-1, 0.1};
+  EXPECT_FALSE(PredictsBetter(elsewhere)) << "parts of what it learned from do not outvote other recordings";
 }
 
 TEST(JudgePrediction, TheFloorAndTheGainDecide) {

@@ -61,7 +61,7 @@ std::string ChannelFigures(const json& replay) {
   std::string figures;
   const json& channels = ListAt(replay, "channels");
   for (size_t i = 0; i < std::min(channels.size(), kMostChannels); ++i) {
-    Figure figure("<b>" + Escape(TextAt(channels[i], "name")) + "</b>");
+    Figure figure("<b>" + Escape(TextAt(channels[i], "name")) + "</b>" + UnitHtml(TextAt(channels[i], "unit")));
     const auto add = [&](const char* key, const char* name, const LineStyle& style) {
       figure.AddCurve(OverTime(ListAt(channels[i], key), Period(replay)), name, style);
     };
@@ -138,13 +138,20 @@ std::string Pictures(const json& images) {
 
 std::string Explanation(const json& replay) {
   const json window = replay.value("window", json::object());
+  const double n_lead = NumberAt(replay, "n_lead").value_or(0);
+  const std::string start =
+      n_lead > 0 ? fmt::format(
+                       "The logs show a state in part. Each simulator therefore starts where it follows the first "
+                       "{} readings best, and gets",
+                       FormatCount(n_lead))
+                 : "Each simulator starts in a logged state and gets";
   return fmt::format(
-      "<p>This section replays the logged actions in both simulators. Each simulator starts in a logged state and gets "
-      "the next {} logged actions, without correction. The sooner it leaves the log, the worse it fits. Small errors "
-      "grow, so every simulator leaves it after a while.</p>\n<p>The stretch shown starts at step {} of episode {}. Of "
-      "{} stretches spread over the logs it is the median one for the designed simulator. The design was made from "
-      "these logs.</p>\n",
-      FormatCount(NumberAt(replay, "n_steps")), FormatCount(NumberAt(window, "step")),
+      "<p>This section replays the logged actions in both simulators. {} the next {} logged actions, without "
+      "correction. The sooner it leaves the log, the worse it fits. Small errors grow, so every simulator leaves it "
+      "after a while.</p>\n<p>The stretch shown starts at step {} of episode {}. Of {} stretches spread over the logs "
+      "it "
+      "is the median one for the designed simulator. The design was made from these logs.</p>\n",
+      start, FormatCount(NumberAt(replay, "n_steps")), FormatCount(NumberAt(window, "step")),
       FormatCount(NumberAt(window, "episode")), FormatCount(NumberAt(replay, "n_windows")));
 }
 

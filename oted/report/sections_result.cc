@@ -64,6 +64,19 @@ bool AnyHas(const json& list, const char* key) {
   return std::any_of(list.begin(), list.end(), [&](const json& item) { return NumberAt(item, key).has_value(); });
 }
 
+/// What judged, as far as the record says.
+std::string WhatJudged(const json& validation) {
+  const json judges = validation.value("judged_by", json::object());
+  const int recordings = judges.value("recordings", 0), parts = judges.value("parts", 0);
+  if (recordings > 0 && parts == 0)
+    return "Whole recordings were kept aside, and a design from the others predicts them";
+  if (parts > 0 && recordings == 0) {
+    return "Parts of the recordings were kept aside, and a design from the other parts predicts them: motions that no "
+           "recording has were not asked";
+  }
+  return "Whole recordings and parts of the others were kept aside, and a design from the rest predicts them";
+}
+
 }  // namespace
 
 Section ParametersSection(const json& report) {
@@ -122,7 +135,7 @@ Section ValidationSection(const json& report) {
       "window, in the channel's unit. <em>Sensors</em> is what their noise alone would leave: the designed simulator "
       "predicts logs of its own, with the same noise on them.</p>\n",
       learned ? "The logs are too few to keep a part aside: the design predicts those that it learned from"
-              : "A part of the logs was kept aside, and a design from the rest predicts it",
+              : WhatJudged(validation),
       FormatCount(NumberAt(horizons[0], "n_windows")), FormatGiven(NumberAt(horizons[0], "seconds")));
   HtmlTable table;
   table.Column("Channel", HtmlTable::Align::kText);

@@ -139,13 +139,19 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
 
 DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec) {
   DesignRecord::Validation validation;
+  validation.n_recordings = prediction.n_recordings;
+  validation.n_parts = prediction.n_parts;
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
     DesignRecord::Validation::Horizon horizon{
-        h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}};
+        h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}, {}};
     for (size_t c = 0; c < h.channels.size(); ++c) {
       horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
                                   h.channels[c].designed, h.channels[c].floor, h.channels[c].spread,
                                   h.channels[c].judged});
+    }
+    if (h.n_of_recordings > 0) {
+      horizon.in_recordings = {h.n_of_recordings, 1 - std::exp(-0.5 * h.gain_of_recordings.value),
+                               IsSure(h.gain_of_recordings)};
     }
     validation.horizons.push_back(std::move(horizon));
   }
@@ -175,6 +181,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   DesignRecord record;
   record.task = run.config.task.name;
   AddParameters(space, summaries, record);
+  record.warnings = findings.corrections;
   AddWarnings(space, findings.has_effect, record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
   for (int i = 0; i < space.size(); ++i) {

@@ -13,9 +13,10 @@ namespace oted {
 struct DesignFindings {
   std::vector<Candidate> candidates;
   SelectionResult result;
-  std::vector<MethodChoice> choices;  ///< of the settings whose method was left to auto
-  std::vector<Suspect> suspects;      ///< of the design that tells of the whole
-  std::vector<bool> has_effect;       ///< per parameter, whether it changes anything that the logs show
+  std::vector<MethodChoice> choices;     ///< of the settings whose method was left to auto
+  std::vector<Suspect> suspects;         ///< of the design that tells of the whole
+  std::vector<std::string> corrections;  ///< of the logs' columns, where more is left than the sensors explain
+  std::vector<bool> has_effect;          ///< per parameter, whether it changes anything that the logs show
 };
 
 /// The candidate whose fit tells of the whole: the selected setting's best, or that of the first method which it stands

@@ -124,7 +124,7 @@ TEST(Recordings, AreReplayedAndPredictedWithTheirConstants) {
   const std::vector<double> truth = {kTrueDamping};
   const std::vector<int> begins = {10, 410};
   const auto simulator = inputs.factory->Make(2, 1);
-  const auto windows = ReplayWindows(*simulator, inputs.logs, begins, 50, truth);
+  const auto windows = ReplayWindows(*simulator, inputs.logs, AsLogged(begins), 50, truth);
   for (size_t w = 0; w < 2; ++w) {
     const auto errors = ReplayError(LoggedWindow(inputs.logs, begins[w], 50), windows[w], ChannelSpreads(inputs.logs));
     EXPECT_LT(errors.back(), 1e-6) << "window " << w;

@@ -173,6 +173,9 @@ DesignRecord::Fit FitFrom(const RecordReader& reader) {
 
 DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
   DesignRecord::Validation validation;
+  const RecordReader judges = reader.At("judged_by");
+  validation.n_recordings = judges.Get<int>("recordings");
+  validation.n_parts = judges.Get<int>("parts");
   for (const RecordReader& h : reader.List("horizons")) {
     DesignRecord::Validation::Horizon horizon{h.Number("seconds"),
                                               h.Get<int>("n_steps"),
@@ -184,6 +187,10 @@ DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
     for (const RecordReader& c : h.List("channels")) {
       horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
                                   c.Number("designed"), c.Number("floor"), c.Number("spread"), c.Get<bool>("judged")});
+    }
+    if (h.Has("in_recordings")) {
+      const RecordReader of = h.At("in_recordings");
+      horizon.in_recordings = {of.Get<int>("n_windows"), of.Number("narrowed"), of.Get<bool>("surely_better")};
     }
     validation.horizons.push_back(std::move(horizon));
   }
@@ -267,7 +274,8 @@ DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
 }  // namespace
 
 json ValidationToJson(const DesignRecord::Validation& validation) {
-  json record = {{"horizons", json::array()}};
+  json record = {{"horizons", json::array()},
+                 {"judged_by", {{"recordings", validation.n_recordings}, {"parts", validation.n_parts}}}};
   for (const DesignRecord::Validation::Horizon& h : validation.horizons) {
     json channels = json::array();
     for (const auto& c : h.channels) {
@@ -286,6 +294,11 @@ json ValidationToJson(const DesignRecord::Validation& validation) {
                                   {"narrowed", h.narrowed},
                                   {"surely_better", h.surely_better},
                                   {"channels", channels}});
+    if (h.in_recordings) {
+      record["horizons"].back()["in_recordings"] = {{"n_windows", h.in_recordings->n_windows},
+                                                    {"narrowed", h.in_recordings->narrowed},
+                                                    {"surely_better", h.in_recordings->surely_better}};
+    }
   }
   return record;
 }

@@ -119,6 +119,12 @@ struct DesignRecord {
       double spread = 0;                 ///< standard deviation over the logs: the error of a guess [unit]
       bool judged = true;                ///< HeldOutPrediction::Channel::judged
     };
+    /// In whole recordings alone, where parts of others judge as well.
+    struct InRecordings {
+      int n_windows = 0;
+      double narrowed = 0;
+      bool surely_better = false;
+    };
     struct Horizon {
       double seconds = 0;  ///< 0 where time has no unit
       int n_steps = 0;     ///< control steps
@@ -129,8 +135,10 @@ struct DesignRecord {
       double narrowed = 0;
       bool surely_better = false;  ///< that this is more than chance (IsSure)
       std::vector<Channel> channels;
+      std::optional<InRecordings> in_recordings = {};
     };
     std::vector<Horizon> horizons;
+    int n_recordings = 0, n_parts = 0;  ///< that judge (HeldOutPrediction)
   };
   struct Seed : Member {
     double common = 0;

@@ -14,6 +14,7 @@ namespace oted::records_test {
 
 using nlohmann::json;
 using testing::AllOf;
+using testing::EndsWith;
 using testing::HasSubstr;
 
 json Clone() {
@@ -137,12 +138,37 @@ TEST(Records, ANumberThatIsNotFiniteIsNullAndComesBackAsNan) {
 
 TEST(ShownHorizon, IsOneOverWhichTheGainIsSure) {
   DesignRecord::Validation validation;
-  for (const double seconds : {0.1, 0.5, 1.0}) validation.horizons.push_back({seconds, 1, 9, false, 0.3, true, {}});
+  for (const double seconds : {0.1, 0.5, 1.0}) validation.horizons.push_back({seconds, 1, 9, false, 0.3, true, {}, {}});
   EXPECT_EQ(ShownHorizon(validation).seconds, 0.5) << "the longest, up to half a second";
   validation.horizons[1].surely_better = false;
   EXPECT_EQ(ShownHorizon(validation).seconds, 0.1);
   validation.horizons[0].learned = true;
   EXPECT_EQ(ShownHorizon(validation).seconds, 0.5) << "what was learned from tells least";
+}
+
+TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
+  DesignRecord record;
+  record.verdict = DesignVerdict::kGapNarrowed;
+  record.predicts_better = true;
+  DesignRecord::Validation validation;
+  validation.horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.04, 0.01, 1}}, {}});
+  const auto sentence = [&] {
+    record.validation = validation;
+    return VerdictSentence(record, {0});
+  };
+  validation.n_parts = 6;
+  EXPECT_THAT(sentence(), HasSubstr("judged by other parts of the recordings that it learned from: other motions were "
+                                    "not asked"));
+  validation.n_recordings = 1;
+  validation.horizons[0].in_recordings = {4, 0.5, true};
+  EXPECT_THAT(sentence(), EndsWith("judged by 1 recording that it did not learn from, and by other parts of those that "
+                                   "it did"));
+  validation.horizons[0].in_recordings = {4, -0.1, false};
+  EXPECT_THAT(sentence(), EndsWith("in that recording alone it is 10 % worse than the nominal one"));
+  validation.n_parts = 0;
+  EXPECT_THAT(sentence(), EndsWith("judged by 1 recording that it did not learn from"));
+  validation.horizons[0].learned = true;
+  EXPECT_THAT(sentence(), EndsWith("judged by the logs that it learned from"));
 }
 
 }  // namespace oted::records_test

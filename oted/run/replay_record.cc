@@ -19,6 +19,7 @@ constexpr int kMostWindows = 32;
 using Windows = std::vector<Array2<double>>;
 
 struct Side {
+  std::vector<ReplayStart> starts;
   Windows windows;
   std::vector<std::vector<double>> errors;  // per window, per step
   double MeanError(size_t window) const {
@@ -110,23 +111,58 @@ json FirstImages(const SimulatorFactory& factory, const Dataset& dataset, const 
   return images;
 }
 
+/// Root mean square errors of each channel that moves, and its curves in the window that is shown; the largest error of
+/// the nominal simulator first.
+json Channels(const ReplayRequest& request, const Windows& logged, const Side& nominal, const Side& designed,
+              size_t shown) {
+  const SimulatorSpec& spec = request.factory.spec();
+  const std::vector<double> spreads = ChannelSpreads(request.dataset);
+  std::vector<std::pair<double, json>> channels;
+  for (int c = 0; c < request.dataset.obs_dim(); ++c) {
+    const size_t i = static_cast<size_t>(c);
+    if (spreads[i] <= 0) continue;  // it stands still: nothing to see
+    const double error = ChannelError(logged, nominal.windows, c, spreads[i]);
+    const std::string name =
+        i < spec.observation_names.size() ? spec.observation_names[i] : fmt::format("observation {}", c);
+    channels.push_back({error,
+                        {{"name", name},
+                         {"unit", i < spec.observation_units.size() ? spec.observation_units[i] : ""},
+                         {"index", c},
+                         {"spread", spreads[i]},
+                         {"error_nominal", Number(error)},
+                         {"error_designed", Number(ChannelError(logged, designed.windows, c, spreads[i]))},
+                         {"logged", Column(logged[shown], c)},
+                         {"nominal", Column(nominal.windows[shown], c)},
+                         {"designed", Column(designed.windows[shown], c)}}});
+  }
+  std::stable_sort(channels.begin(), channels.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  json list = json::array();
+  for (auto& [error, channel] : channels) list.push_back(std::move(channel));
+  return list;
+}
+
 }  // namespace
 
-json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, int n_steps,
-                      const std::vector<double>& nominal, const std::vector<double>& designed, int n_threads) {
+json MakeReplayRecord(const ReplayRequest& request) {
+  const auto& [factory, dataset, n_predicted, nominal, designed, finder, n_threads] = request;
   const SimulatorSpec& spec = factory.spec();
-  json record = {{"schema", "oted.replay/1"}, {"task", spec.task},
-                 {"n_steps", n_steps},        {"control_period_s", spec.control_period_s},
-                 {"nominal", nominal},        {"designed", designed}};
-  if (!spec.can_set_state) {
+  const int n_lead = finder == nullptr ? 0 : finder->n_lead(), n_steps = n_lead + n_predicted;
+  json record = {{"schema", "oted.replay/1"},
+                 {"task", spec.task},
+                 {"n_steps", n_steps},
+                 {"n_lead", n_lead},
+                 {"nominal", nominal},
+                 {"designed", designed},
+                 {"control_period_s", spec.control_period_s}};
+  if (!spec.can_set_state && finder == nullptr) {
     if (!spec.image_shape.empty() && !spec.observation_levels.empty()) {
       record["images"] = FirstImages(factory, dataset, nominal, designed);
     }
     record["note"] = fmt::format("{} cannot be put into a logged state, so its logs cannot be replayed.", spec.task);
     return record;
   }
-  const std::vector<int> starts = ReplayStarts(*factory.Make(1, 1), dataset, n_steps, kMostWindows);
-  if (starts.empty()) {
+  const std::vector<int> rows = ReplayStarts(*factory.Make(1, 1), dataset, n_steps, kMostWindows);
+  if (rows.empty()) {
     record["note"] = fmt::format(
         "No stretch of {} logged steps lies within one episode and starts in a state that the simulator can be put "
         "into; a smaller report.replay_steps may help.",
@@ -134,12 +170,12 @@ json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, i
     return record;
   }
   Windows logged;
-  for (const int begin : starts) logged.push_back(LoggedWindow(dataset, begin, n_steps));
+  for (const int row : rows) logged.push_back(LoggedWindow(dataset, row, n_steps));
   const std::vector<double> spreads = ChannelSpreads(dataset);
-  const auto simulator = factory.Make(static_cast<int>(starts.size()), n_threads);
+  const auto simulator = factory.Make(static_cast<int>(rows.size()), n_threads);
   const auto replay = [&](const std::vector<double>& z) {
-    Side side;
-    side.windows = ReplayWindows(*simulator, dataset, starts, n_steps, z);
+    Side side{finder == nullptr ? AsLogged(rows) : finder->Find(rows, n_steps, z), {}, {}};
+    side.windows = ReplayWindows(*simulator, dataset, side.starts, n_steps, z);
     for (size_t w = 0; w < logged.size(); ++w) {
       side.errors.push_back(ReplayError(logged[w], side.windows[w], spreads));
     }
@@ -148,29 +184,14 @@ json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, i
   const Side un_designed = replay(nominal), fitted = replay(designed);
   const size_t shown = MedianWindow(fitted);
 
-  record["n_windows"] = starts.size();
-  record["window"] = Window(dataset, starts[shown]);
-  record["error"] = {{"nominal", Growth(un_designed)}, {"designed", Growth(fitted)}};
-  std::vector<std::pair<double, json>> channels;
-  for (int c = 0; c < dataset.obs_dim(); ++c) {
-    const size_t i = static_cast<size_t>(c);
-    if (spreads[i] <= 0) continue;  // it stands still: nothing to see
-    const double error = ChannelError(logged, un_designed.windows, c, spreads[i]);
-    const std::string name =
-        i < spec.observation_names.size() ? spec.observation_names[i] : fmt::format("observation {}", c);
-    channels.push_back({error,
-                        {{"name", name},
-                         {"index", c},
-                         {"spread", spreads[i]},
-                         {"error_nominal", Number(error)},
-                         {"error_designed", Number(ChannelError(logged, fitted.windows, c, spreads[i]))},
-                         {"logged", Column(logged[shown], c)},
-                         {"nominal", Column(un_designed.windows[shown], c)},
-                         {"designed", Column(fitted.windows[shown], c)}}});
+  record["n_windows"] = rows.size();
+  record["window"] = Window(dataset, rows[shown]);
+  if (finder != nullptr) {
+    record["window"]["starts"] = {{"nominal", un_designed.starts[shown].state},
+                                  {"designed", fitted.starts[shown].state}};
   }
-  std::stable_sort(channels.begin(), channels.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-  record["channels"] = json::array();
-  for (auto& [error, channel] : channels) record["channels"].push_back(std::move(channel));
+  record["error"] = {{"nominal", Growth(un_designed)}, {"designed", Growth(fitted)}};
+  record["channels"] = Channels(request, logged, un_designed, fitted, shown);
   return record;
 }
 

@@ -6,9 +6,22 @@
 #include <vector>
 
 #include "oted/data/dataset.h"
+#include "oted/sim/replay.h"
 #include "oted/sim/simulator.h"
+#include "oted/stages/design/replay/start_finder.h"
 
 namespace oted {
+
+/// What is replayed. What it refers to must outlive the call.
+struct ReplayRequest {
+  const SimulatorFactory& factory;
+  const Dataset& dataset;
+  int n_steps;  ///< control steps that are predicted
+  const std::vector<double>& nominal;
+  const std::vector<double>& designed;
+  StartFinder* starts = nullptr;  ///< where logs show a state in part; null: replays start as logged
+  int n_threads = 1;
+};
 
 /// Replays up to 32 windows of the logs at both parameters. The record has the error over the steps of all windows, and
 /// every channel of one window: the one whose error in the designed simulator is the median, neither the best nor the
@@ -16,7 +29,6 @@ namespace oted {
 ///
 /// Where nothing can be replayed (no settable state, no stretch of `n_steps` rows) it has a `note` that says why, and
 /// neither.
-nlohmann::json MakeReplayRecord(const SimulatorFactory& factory, const Dataset& dataset, int n_steps,
-                                const std::vector<double>& nominal, const std::vector<double>& designed, int n_threads);
+nlohmann::json MakeReplayRecord(const ReplayRequest& request);
 
 }  // namespace oted

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -12,6 +14,7 @@
 #include "oted/run/artifacts.h"
 #include "oted/run/record_reader.h"
 #include "oted/run/replay_record.h"
+#include "oted/run/sensor_noise_of.h"
 #include "oted/sim/film.h"
 #include "oted/sim/log_window.h"
 #include "oted/sim/replay.h"
@@ -25,6 +28,8 @@ namespace {
 
 constexpr int kWidth = 256, kHeight = 256;  // [pixels]
 constexpr int kMostFrames = 64;
+constexpr double kReplaySeconds = 0.5;
+constexpr int kFewestSteps = 50;
 constexpr std::array<const char*, 3> kPanels = {"logged", "nominal", "designed"};
 
 /// The stretch of the logs that the report shows, and the two simulators that repeat it.
@@ -32,6 +37,7 @@ struct ShownWindow {
   int begin = 0;    ///< row of the logs
   int n_steps = 0;  ///< control steps
   std::vector<double> nominal, designed;
+  std::vector<double> nominal_start, designed_start;  ///< as ReplayStart::state
 };
 
 /// The seals of what it is made from.
@@ -72,11 +78,10 @@ Array2<double> Thinned(const Array2<double>& poses, int stride) {
   return thinned;
 }
 
-Array2<double> ReplayedPoses(Simulator& simulator, const Dataset& dataset, const ShownWindow& window,
+Array2<double> ReplayedPoses(Simulator& simulator, const Dataset& dataset, const ReplayStart& start, int n_steps,
                              const std::vector<double>& z) {
   Array2<double> poses;
-  ReplayWindows(simulator, dataset, std::vector{window.begin}, window.n_steps, z,
-                [&](int) { poses.AppendRow(simulator.pose(0)); });
+  ReplayWindows(simulator, dataset, {&start, 1}, n_steps, z, [&](int) { poses.AppendRow(simulator.pose(0)); });
   return poses;
 }
 
@@ -86,9 +91,12 @@ std::array<PoseTrack, 3> Tracks(const RunSetup& run, const ShownWindow& window) 
   // The logged poses are drawn in the designed model's shape: the target's own is not known.
   simulator->SetParameters(0, window.designed);
   const Array2<double> logged = LoggedWindow(run.dataset, window.begin, window.n_steps);
+  const auto replayed = [&](const std::vector<double>& start, const std::vector<double>& z) {
+    return ReplayedPoses(*simulator, run.dataset, {window.begin, start}, window.n_steps, z);
+  };
   return {{{window.designed, PosesOfObservations(*simulator, logged)},
-           {window.nominal, ReplayedPoses(*simulator, run.dataset, window, window.nominal)},
-           {window.designed, ReplayedPoses(*simulator, run.dataset, window, window.designed)}}};
+           {window.nominal, replayed(window.nominal_start, window.nominal)},
+           {window.designed, replayed(window.designed_start, window.designed)}}};
 }
 
 /// Draws `window` into `folder`. @return motion.json, with a note in place of pictures where none can be drawn
@@ -123,8 +131,40 @@ json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& 
 std::optional<ShownWindow> ShownIn(const json& replay, const std::string& where) {
   const RecordReader reader(replay, "oted.replay/1", where);
   if (!reader.Has("window")) return std::nullopt;
-  return ShownWindow{reader.At("window").Get<int>("row"), reader.Get<int>("n_steps"), reader.Numbers("nominal"),
-                     reader.Numbers("designed")};
+  const RecordReader window = reader.At("window");
+  ShownWindow shown{window.Get<int>("row"),
+                    reader.Get<int>("n_steps"),
+                    reader.Numbers("nominal"),
+                    reader.Numbers("designed"),
+                    {},
+                    {}};
+  if (window.Has("starts")) {
+    shown.nominal_start = window.At("starts").Numbers("nominal");
+    shown.designed_start = window.At("starts").Numbers("designed");
+  }
+  return shown;
+}
+
+/// As many control steps as the configuration says; by default half a second, and at least kFewestSteps.
+int ReplaySteps(const RunSetup& run) {
+  if (run.config.report.replay_steps > 0) return run.config.report.replay_steps;
+  const double period = run.spec().control_period_s;
+  return std::max(kFewestSteps, period > 0 ? static_cast<int>(std::lround(kReplaySeconds / period)) : 0);
+}
+
+json Replayed(const RunSetup& run, const DesignRecord& design) {
+  const std::vector<double> nominal = run.parameters().Nominal(), designed = design.BestMode();
+  std::optional<StartFinder> finder;
+  if (!run.spec().can_set_state && run.spec().can_replay()) {
+    finder.emplace(*run.factory, run.dataset, SensorNoiseOf(design, run.dataset), run.context.n_threads);
+  }
+  return MakeReplayRecord({.factory = *run.factory,
+                           .dataset = run.dataset,
+                           .n_steps = ReplaySteps(run),
+                           .nominal = nominal,
+                           .designed = designed,
+                           .starts = finder ? &*finder : nullptr,
+                           .n_threads = run.context.n_threads});
 }
 
 void RemoveMotion(const fs::path& folder) {
@@ -146,8 +186,7 @@ void ReplayLogs(const RunSetup& run, const DesignRecord& design) {
   const fs::path folder = artifact.file.parent_path();
   json replay = ReadIfCurrent(run, artifact);
   if (replay.is_null()) {
-    replay = MakeReplayRecord(*run.factory, run.dataset, run.config.report.replay_steps, run.parameters().Nominal(),
-                              design.BestMode(), run.context.n_threads);
+    replay = Replayed(run, design);
     WriteComplete(artifact, replay, {});
   }
   if (run.config.report.motion == Motion::kFalse) return RemoveMotion(folder);

@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "oted/base/error.h"
+#include "oted/checks/data_check.h"
+#include "oted/matching/verdict.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/design_record.h"
 #include "oted/run/growth_step.h"
@@ -35,6 +37,15 @@ std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<Metho
   return designs;
 }
 
+/// What a design leaves need not be the model's fault: a joint's sign, say, is no parameter. Asked where it leaves more
+/// than the sensors explain, at a bound as well.
+std::vector<std::string> CorrectionsOf(const RunSetup& run, const std::optional<HeldOutPrediction>& prediction) {
+  if (!prediction || !LeavesGap(*prediction)) return {};
+  std::vector<std::string> warnings = CorrectionWarnings(*run.factory, run.dataset, run.context.n_threads);
+  for (const std::string& warning : warnings) run.context.log->Warning(warning);
+  return warnings;
+}
+
 DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& designs) {
   DesignFindings findings;
   for (const Design& design : designs) findings.candidates.push_back(AsCandidate(run, design));
@@ -51,6 +62,8 @@ DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& des
   if (!more.empty()) findings.result = SelectSimulator(job, findings.candidates);
   Append(designs, std::move(more));
   Predict(run, findings.candidates[static_cast<size_t>(findings.result.best_candidate)]);
+  const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
+  findings.corrections = CorrectionsOf(run, best.prediction);
   findings.suspects = SuspectsOf(run, findings);
   findings.has_effect = ParametersWithEffect(run);
   return MakeDesignRecord(run, findings);

@@ -11,6 +11,7 @@
 #include "oted/run/design_record.h"
 #include "oted/run/finished_design.h"
 #include "oted/run/run_inputs.h"
+#include "oted/run/sensor_noise_of.h"
 #include "oted/run/verdict_sentence.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
 #include "oted/stages/design/replay/replay_fit.h"
@@ -20,31 +21,20 @@ namespace {
 
 using Eigen::VectorXd;
 
-constexpr double kNoiseGuess = 0.01;  // of a channel's spread, where no fit told; PredictLogs corrects it
-
-/// (obs_dim): the sensors' noise, as the design's fit told it.
-VectorXd NoiseOf(const DesignRecord& design, const Dataset& logs) {
-  const VectorXd scale = ChannelScales(logs);
-  if (!design.fit || static_cast<Eigen::Index>(design.fit->channels.size()) != scale.size()) return kNoiseGuess * scale;
-  VectorXd noise(scale.size());
-  for (Eigen::Index c = 0; c < noise.size(); ++c) {
-    noise[c] = design.fit->channels[static_cast<size_t>(c)].short_noise_std;
-  }
-  return noise;
-}
-
 HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, const std::vector<double>& z,
                           const VectorXd& noise, int n_threads) {
   const ReadingModel readings = ReadingModel::Of(factory.spec(), logs, ReadingsLeftOut(factory.spec(), logs, noise));
-  const std::optional<HeldOutPrediction> prediction = PredictLogs({.factory = factory,
-                                                                   .kept_aside = logs,
-                                                                   .learned = nullptr,
-                                                                   .z = z,
-                                                                   .noise = noise,
-                                                                   .readings = readings,
-                                                                   .narrow = {},
-                                                                   .key = RngKey(1).Stage("validation"),
-                                                                   .n_threads = n_threads});
+  const std::optional<HeldOutPrediction> prediction =
+      PredictLogs({.factory = factory,
+                   .kept_aside = logs,
+                   .learned = nullptr,
+                   .z = z,
+                   .noise = noise,
+                   .readings = readings,
+                   .narrow = {},
+                   .key = RngKey(1).Stage("validation"),
+                   .n_threads = n_threads,
+                   .n_whole = static_cast<int>(logs.Episodes().size())});
   if (!prediction) {
     throw DataError(fmt::format(
         "no window of '{}' can be predicted: its episodes are too short, or its states cannot be set; give longer ones",
@@ -106,7 +96,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
         fmt::format("task '{}' cannot be set to a logged state: its recordings cannot be predicted", config.task.name));
   }
   CheckSameModel(design, config.task.name, factory->model_sha256());
-  const VectorXd noise = NoiseOf(design.record, logs);
+  const VectorXd noise = SensorNoiseOf(design.record, logs);
   const HeldOutPrediction prediction = Predict(*factory, logs, design.record.BestMode(), noise, context.n_threads);
   ValidationResult result{.validation = InRecord(prediction, spec),
                           .model = std::nullopt,

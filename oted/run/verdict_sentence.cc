@@ -27,6 +27,22 @@ std::string WhatRemains(const DesignRecord::Validation::Horizon& horizon, const 
   return text;
 }
 
+/// What judged, to be appended to a sentence with a good word: it claims no more than that.
+std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRecord::Validation::Horizon& shown) {
+  if (shown.learned) return "; judged by the logs that it learned from";
+  const int n = validation.n_recordings;
+  const std::string recordings = fmt::format("{} recording{} that it did not learn from", n, n == 1 ? "" : "s");
+  if (validation.n_parts == 0) return n > 0 ? "; judged by " + recordings : "";
+  if (n == 0) return "; judged by other parts of the recordings that it learned from: other motions were not asked";
+  std::string text = fmt::format("; judged by {}, and by other parts of those that it did", recordings);
+  if (!shown.in_recordings || shown.in_recordings->surely_better) return text;
+  const std::string alone = n == 1 ? "that recording" : "those recordings";
+  const double narrowed = shown.in_recordings->narrowed;
+  return text + fmt::format(": in {} alone it is {}", alone,
+                            narrowed < 0 ? fmt::format("{:.0f} % worse than the nominal one", -100 * narrowed)
+                                         : "not surely better than the nominal one");
+}
+
 std::string AtBounds(const DesignRecord& record) {
   std::string names;
   for (const DesignRecord::Parameter& p : record.parameters) {
@@ -113,26 +129,31 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
   if (!record.validation || record.validation->horizons.empty()) return WithoutPrediction(record);
   const auto& horizon = ShownHorizon(*record.validation);
   const std::string over = "over " + InWords(horizon), share = fmt::format("{:.0f} %", 100 * horizon.narrowed);
-  const std::string at_bounds = AtBounds(record);
+  const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
-                         off.empty() ? "" : "; the designed one does not: keep the nominal one", ButUntold(horizon));
+                         off.empty() ? "" : "; the designed one does not: keep the nominal one", ButUntold(horizon)) +
+             judged_by;
     case DesignVerdict::kGapClosed:
       if (!record.predicts_better) {
         return fmt::format(
-            "gap closed: {} the designed simulator predicts the logs as well as the sensors let it; its parameters are "
-            "not the nominal ones, but that it predicts better is not sure{}",
-            over, ButUntold(horizon));
+                   "gap closed: {} the designed simulator predicts the logs as well as the sensors let it; its "
+                   "parameters are "
+                   "not the nominal ones, but that it predicts better is not sure{}",
+                   over, ButUntold(horizon)) +
+               judged_by;
       }
       return fmt::format(
-          "gap closed: {} the designed simulator predicts the logs as well as the sensors let it, with {} less error "
-          "than the nominal one{}",
-          over, share, ButUntold(horizon));
+                 "gap closed: {} the designed simulator predicts the logs as well as the sensors let it, with {} less "
+                 "error "
+                 "than the nominal one{}",
+                 over, share, ButUntold(horizon)) +
+             judged_by;
     case DesignVerdict::kGapNarrowed:
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
                          WhatRemains(horizon, off)) +
-             ButElsewhere(*record.validation);
+             ButElsewhere(*record.validation) + judged_by;
     case DesignVerdict::kOutsideFamily:
       break;
   }

@@ -32,6 +32,14 @@ bool IsUnseen(const Array2<double>& poses, const Array2<double>& rates, int k) {
   return moves;
 }
 
+/// Into the state that an observation shows; what no observation shows of it is 0.
+bool Show(Simulator& simulator, std::span<const double> observation) {
+  if (simulator.spec().can_set_state) return simulator.SetStateFromObservation(0, observation);
+  std::vector<double> state(observation.begin(), observation.end());
+  state.resize(static_cast<size_t>(simulator.spec().state_dim()));
+  return simulator.SetState(0, state, {});
+}
+
 /// The picture (height, width, 3) as a WebP file, lossy; both sides at most 16383.
 std::string EncodeWebp(std::span<const uint8_t> rgb, int width, int height, double quality) {
   OTED_CHECK(rgb.size() == 3 * static_cast<size_t>(width) * static_cast<size_t>(height));
@@ -75,7 +83,7 @@ Array2<double> PosesOfObservations(Simulator& simulator, const Array2<double>& o
   Array2<double> poses(n, n_numbers, std::numeric_limits<double>::quiet_NaN());
   Array2<double> rates(n, n_numbers, 0.0);
   for (int t = 0; t < n; ++t) {
-    if (!simulator.SetStateFromObservation(0, observations.row(t))) continue;
+    if (!Show(simulator, observations.row(t))) continue;
     std::copy(simulator.pose(0).begin(), simulator.pose(0).end(), poses.row(t).begin());
     const std::vector<double> rate = simulator.pose_rates(0);
     std::copy(rate.begin(), rate.end(), rates.row(t).begin());

@@ -30,7 +30,7 @@ FilmStrip DrawFilm(Renderer& renderer, const PoseTrack& track);
 /// in all rows; it is filled in by adding up the logged velocities, from 0, so that the logged robot travels as the
 /// simulated ones do.
 /// @param observations  (T, obs_dim), one control period apart
-/// @throws UsageError when the simulator's state cannot be set
+/// @throws UsageError when the simulator's state cannot be set (SimulatorSpec::can_replay)
 Array2<double> PosesOfObservations(Simulator& simulator, const Array2<double>& observations);
 
 }  // namespace oted

@@ -13,16 +13,27 @@
 namespace oted {
 namespace {
 
-/// Puts a lane into the state of a logged row, with what was logged before it: what a delay has yet to deliver.
-bool SetToRow(Simulator& simulator, int lane, const Dataset& dataset, int row) {
-  return simulator.SetStateFromLog(lane, dataset.observations.row(row),
-                                   HistoryBefore(dataset, WindowAt(dataset, row, 1)));
+/// Puts a lane into a start, with what was logged before it: what a delay has yet to deliver.
+bool SetTo(Simulator& simulator, int lane, const Dataset& dataset, const ReplayStart& start) {
+  const LoggedHistory before = HistoryBefore(dataset, WindowAt(dataset, start.row, 1));
+  if (!start.state.empty()) return simulator.SetState(lane, start.state, before);
+  return simulator.SetStateFromLog(lane, dataset.observations.row(start.row), before);
+}
+
+bool CanStart(Simulator& simulator, const Dataset& dataset, int row) {
+  const SimulatorSpec& spec = simulator.spec();
+  if (spec.can_set_state) return SetTo(simulator, 0, dataset, {row, {}});
+  if (row - WindowAt(dataset, row, 1).episode_begin < spec.n_past_actions) return false;
+  const auto logged = dataset.observations.row(row);
+  ReplayStart start{row, {logged.begin(), logged.end()}};
+  start.state.resize(static_cast<size_t>(spec.state_dim()));
+  return SetTo(simulator, 0, dataset, start);
 }
 
 }  // namespace
 
 std::vector<int> ReplayStarts(Simulator& simulator, const Dataset& dataset, int n_steps, int n_windows) {
-  if (!simulator.spec().can_set_state) {
+  if (!simulator.spec().can_replay()) {
     throw UsageError(
         fmt::format("task '{}' has no settable state: its logs cannot be replayed", simulator.spec().task));
   }
@@ -37,7 +48,7 @@ std::vector<int> ReplayStarts(Simulator& simulator, const Dataset& dataset, int 
   for (size_t i = 0; i < wanted; ++i) {
     const size_t end = rows.size() * (i + 1) / wanted;
     for (next = std::max(next, rows.size() * i / wanted); next < end; ++next) {
-      if (!SetToRow(simulator, 0, dataset, rows[next])) continue;
+      if (!CanStart(simulator, dataset, rows[next])) continue;
       starts.push_back(rows[next++]);
       break;
     }
@@ -55,13 +66,19 @@ Array2<double> LoggedWindow(const Dataset& dataset, int begin, int n_steps) {
   return window;
 }
 
-std::vector<Array2<double>> ReplayWindows(Simulator& simulator, const Dataset& dataset, std::span<const int> begins,
-                                          int n_steps, std::span<const double> z,
+std::vector<ReplayStart> AsLogged(std::span<const int> rows) {
+  std::vector<ReplayStart> starts;
+  for (const int row : rows) starts.push_back({row, {}});
+  return starts;
+}
+
+std::vector<Array2<double>> ReplayWindows(Simulator& simulator, const Dataset& dataset,
+                                          std::span<const ReplayStart> starts, int n_steps, std::span<const double> z,
                                           const std::function<void(int t)>& seen) {
   const int n_lanes = simulator.n_lanes();
-  OTED_CHECK(static_cast<int>(begins.size()) == n_lanes);
-  std::vector<Array2<double>> windows(begins.size(), Array2<double>(n_steps + 1, dataset.obs_dim()));
-  std::vector<bool> started(begins.size());
+  OTED_CHECK(static_cast<int>(starts.size()) == n_lanes);
+  std::vector<Array2<double>> windows(starts.size(), Array2<double>(n_steps + 1, dataset.obs_dim()));
+  std::vector<bool> started(starts.size());
   const auto is_valid = [&](int lane) {
     return started[static_cast<size_t>(lane)] && simulator.status(lane) != LaneStatus::kDiverged;
   };
@@ -78,9 +95,8 @@ std::vector<Array2<double>> ReplayWindows(Simulator& simulator, const Dataset& d
   };
   for (int lane = 0; lane < n_lanes; ++lane) {
     simulator.SetParameters(lane, z);
-    const int begin = begins[static_cast<size_t>(lane)];
     // What determines a state at one z may not at another: such a window is as good as diverged.
-    started[static_cast<size_t>(lane)] = SetToRow(simulator, lane, dataset, begin);
+    started[static_cast<size_t>(lane)] = SetTo(simulator, lane, dataset, starts[static_cast<size_t>(lane)]);
   }
   record(0);
   Array2<double> actions(n_lanes, dataset.act_dim());
@@ -88,7 +104,7 @@ std::vector<Array2<double>> ReplayWindows(Simulator& simulator, const Dataset& d
   for (int t = 0; t < n_steps; ++t) {
     running.clear();
     for (int lane = 0; lane < n_lanes; ++lane) {
-      const auto row = dataset.actions.row(begins[static_cast<size_t>(lane)] + t);
+      const auto row = dataset.actions.row(starts[static_cast<size_t>(lane)].row + t);
       std::copy(row.begin(), row.end(), actions.row(lane).begin());
       if (is_valid(lane)) running.push_back(lane);
     }

@@ -42,7 +42,7 @@ TEST(ReplayTest, TheTrueParametersReproduceTheLogToTheLastBit) {
   const Dataset d = SwingLog(1.3, 4);
   PointMass mass(PointMassOptions{}, 3, 1);
   const std::vector<int> begins = {0, 25, 70};
-  const auto windows = ReplayWindows(mass, d, begins, 10, std::vector{1.3, 0.5, 0.0});
+  const auto windows = ReplayWindows(mass, d, AsLogged(begins), 10, std::vector{1.3, 0.5, 0.0});
   ASSERT_EQ(windows.size(), 3u);
   for (size_t i = 0; i < begins.size(); ++i) EXPECT_EQ(windows[i], LoggedWindow(d, begins[i], 10));
 }
@@ -57,20 +57,20 @@ TEST(ReplayTest, ALogMadeWithADelayIsReproducedFromAnyWindowAtTheTrueDelay) {
   const Dataset d = LogOf(*target, 4);
   const auto simulator = factory->Make(4, 1);
   const std::vector<int> begins = {0, 1, 25, 70};
-  const auto windows = ReplayWindows(*simulator, d, begins, 10, truth);
+  const auto windows = ReplayWindows(*simulator, d, AsLogged(begins), 10, truth);
   for (size_t i = 0; i < begins.size(); ++i) {
     const std::vector<double> error = ReplayError(LoggedWindow(d, begins[i], 10), windows[i], ChannelSpreads(d));
     EXPECT_THAT(error, testing::Each(testing::Le(1e-12))) << "from row " << begins[i];
   }
   // Without the delay the same windows part from the log.
-  const auto prompt = ReplayWindows(*simulator, d, begins, 10, std::vector{1.3, 0.5, 0.0, 0.0});
+  const auto prompt = ReplayWindows(*simulator, d, AsLogged(begins), 10, std::vector{1.3, 0.5, 0.0, 0.0});
   EXPECT_GT(ReplayError(LoggedWindow(d, 25, 10), prompt[2], ChannelSpreads(d))[1], 0.1);
 }
 
 TEST(ReplayTest, AWrongGainPartsFromTheLogAsTheEquationsSay) {
   const Dataset d = SwingLog(1.0, 1);
   PointMass mass(PointMassOptions{}, 1, 1);
-  const auto windows = ReplayWindows(mass, d, std::vector{3}, 2, std::vector{1.5, 0.5, 0.0});
+  const auto windows = ReplayWindows(mass, d, AsLogged(std::vector{3}), 2, std::vector{1.5, 0.5, 0.0});
   const Array2<double> logged = LoggedWindow(d, 3, 2);
   EXPECT_EQ(windows[0](0, 0), logged(0, 0));
   // v' = (1 - damping) v + gain a: half of the first action comes on top.
@@ -103,8 +103,8 @@ TEST(ReplayTest, FromADivergenceOnNothingIsKnownAndTheErrorIsInfinite) {
   const Dataset d = SwingLog(1.0, 1);
   PointMass mass(PointMassOptions{.diverge_beyond = 1e-3}, 1, 1);
   int calls = 0;
-  const auto windows =
-      ReplayWindows(mass, d, std::vector{2}, 3, std::vector{1.0, 0.5, 0.0}, [&](int t) { EXPECT_EQ(t, calls++); });
+  const auto windows = ReplayWindows(mass, d, AsLogged(std::vector{2}), 3, std::vector{1.0, 0.5, 0.0},
+                                     [&](int t) { EXPECT_EQ(t, calls++); });
   EXPECT_EQ(calls, 4);
   EXPECT_FALSE(std::isnan(windows[0](0, 0)));
   for (int t = 1; t <= 3; ++t) EXPECT_TRUE(std::isnan(windows[0](t, 0)));

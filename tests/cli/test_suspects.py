@@ -9,6 +9,7 @@ import tempfile
 import unittest
 
 import jsonschema
+import numpy
 import program
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
@@ -92,6 +93,22 @@ class SuspectsTest(unittest.TestCase):
                 self.assertEqual((run / name).read_bytes(), before[run / name])
             (run / "design.json").unlink()
         self.assertEqual(program.oted("export", run, "--mjcf", self.folder / "grown.xml").returncode, 2)
+
+    def test_an_action_of_the_other_sign_is_told_and_the_remedy_with_it(self):
+        flipped = self.folder / "flipped.npz"
+        with numpy.load(self.demos) as logs:
+            columns = dict(logs)
+        columns["actions"] = columns["actions"] * numpy.array([1, -1, 1], columns["actions"].dtype)
+        numpy.savez(flipped, **columns)
+        result = program.oted("design", "--task", "Hopper-v5", "--data", flipped, "--out", self.folder / "flipped", "--quiet",
+                              "--param", GAIN, *QUICK, "--set", "design.method=trajectories", "--set",
+                              "design.trajectories.tried=0")
+        design = json.loads((self.folder / "flipped/design.json").read_text())
+        self.assertIn(design["verdict"], ("gap_narrowed", "outside_family"))
+        [warning] = [warning for warning in design["warnings"] if warning.startswith("data, ")]
+        self.assertIn("action_sign", warning)
+        self.assertIn("turn round the sign of", warning)
+        self.assertIn(warning, result.stdout + result.stderr)
 
     def test_what_cannot_grow_is_refused_before_anything_is_written(self):
         for setting, words in (("design.method=paper", "method trajectories alone finds"),

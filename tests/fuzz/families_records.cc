@@ -42,7 +42,7 @@ FuzzReader CodecReader(const std::string& file) {
 DesignRecord SampleDesign(const Suspect& suspect) {
   DesignRecord record;
   record.task = "Hopper-v5";
-  record.parameters = {{"friction", "geom/*/friction[0]", "x nominal", 1, 0.2, 2, 0.6, 0.1, 0.5, 0.7}};
+  record.parameters = {{"friction", "geom/*/friction[0]", "x nominal", 1, 0.2, 2, false, 0.6, 0.1, 0.5, 0.7}};
   record.correlation = {{1}};
   record.selected = "a";
   record.mixture = {{1, {0.6}, {0.1}}};

@@ -56,7 +56,8 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                       .readings = readings,
                       .narrow = narrow,
                       .key = key,
-                      .n_threads = n_threads});
+                      .n_threads = n_threads,
+                      .n_whole = all_learned ? 0 : parts.n_whole});
 }
 
 }  // namespace oted

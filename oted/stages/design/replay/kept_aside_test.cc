@@ -55,6 +55,9 @@ TEST(KeepAside, OfManyLongRecordingsOneIsKeptWholeAndOfTheOthersBlocks) {
   std::multiset<int> lengths;
   for (const Episode& episode : parts.judge.Episodes()) lengths.insert(episode.size());
   EXPECT_EQ(lengths, (std::multiset<int>{20, 20, 20, 20, 100}));
+  EXPECT_EQ(parts.n_whole, 1);
+  EXPECT_EQ(parts.judge.Episodes().front().size(), 100) << "the whole ones stand first";
+  EXPECT_EQ(KeepAside(Logs({300, 300}), kPeriod, RngKey(1)).n_whole, 0) << "of few, each is learned from";
 }
 
 TEST(KeepAside, ManyShortEpisodesAreKeptWhole) {

@@ -29,6 +29,12 @@ JudgedChannels ChannelsOf(const Dataset& logs, const ReadingModel& readings) {
 
 }  // namespace
 
+int LeadSteps(const ReadingModel& readings, double period_s) {
+  const double lead = readings.unread.empty() ? kLead : kUnreadLead;
+  const int n_steps = period_s > 0 ? static_cast<int>(std::lround(lead / period_s)) : 0;
+  return readings.longest_age() + std::max(kFewestLead, n_steps);
+}
+
 PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const VectorXd& noise,
                                  std::vector<int> horizons, double period_s, int most)
     : replayer_(replayer),
@@ -37,9 +43,7 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, 
       start_step_(kLeadStep * replayer.readings().state_scale),
       channels_(ChannelsOf(logs, replayer.readings())),
       horizons_(std::move(horizons)) {
-  const ReadingModel& readings = replayer.readings();
-  const double lead = readings.unread.empty() ? kLead : kUnreadLead;
-  n_lead_ = readings.longest_age() + std::max(kFewestLead, static_cast<int>(std::lround(lead / period_s)));
+  n_lead_ = LeadSteps(replayer.readings(), period_s);
   int longest = 0;
   for (const Episode& episode : logs.Episodes()) longest = std::max(longest, episode.size());
   longest -= n_lead_ + replayer.n_past_actions();
@@ -79,6 +83,22 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, 
   }
 }
 
+PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const VectorXd& noise,
+                                 const std::vector<int>& rows, int n_steps, double period_s)
+    : replayer_(replayer),
+      logs_(logs),
+      variance_(noise.cwiseAbs2()),
+      start_step_(kLeadStep * replayer.readings().state_scale),
+      channels_(ChannelsOf(logs, replayer.readings())),
+      n_lead_(LeadSteps(replayer.readings(), period_s)),
+      horizons_({n_steps}),
+      lasting_(1) {
+  for (const int row : rows) {
+    lasting_.front().push_back(n_windows());
+    windows_.push_back(WindowAt(logs, row, n_lead_ + n_steps));
+  }
+}
+
 PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& imitated, const PredictionJudge& other)
     : replayer_(replayer),
       logs_(imitated),
@@ -94,6 +114,13 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& imitat
     windows_.push_back({row + before, window.n_steps, row});
     row += before + window.n_steps;
   }
+}
+
+int PredictionJudge::n_windows(size_t h, int n_episodes) const {
+  const std::vector<Episode> episodes = logs_.Episodes();
+  const int end = n_episodes > 0 ? episodes[static_cast<size_t>(n_episodes) - 1].end : 0;
+  return static_cast<int>(
+      std::ranges::count_if(lasting_[h], [&](int w) { return windows_[static_cast<size_t>(w)].begin < end; }));
 }
 
 int PredictionJudge::RowsBefore(const LogWindow& window) const {

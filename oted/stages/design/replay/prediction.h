@@ -11,6 +11,10 @@
 
 namespace oted {
 
+/// The lead of a window [control steps]: the readings that its start is fitted to, as PredictionJudge has it.
+/// @param period_s  control period [s]; 0 where time has no unit
+int LeadSteps(const ReadingModel& readings, double period_s);
+
 /// How well simulators predict logged episodes, open loop: each window's start is fitted to its first readings (the
 /// lead), as the simulator at z sees them, and the rest is predicted. What it is given must outlive it.
 class PredictionJudge {
@@ -24,6 +28,10 @@ class PredictionJudge {
   /// @param most      windows
   PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const Eigen::VectorXd& noise,
                   std::vector<int> horizons, double period_s, int most = 200);
+  /// Of stretches of the caller's choice, for pictures. @param rows  where they begin; @param n_steps  control steps
+  /// that are predicted behind the lead
+  PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const Eigen::VectorXd& noise,
+                  const std::vector<int>& rows, int n_steps, double period_s);
   /// Of the windows of `other`, in logs that it imitated.
   PredictionJudge(WindowReplayer& replayer, const Dataset& imitated, const PredictionJudge& other);
 
@@ -33,6 +41,8 @@ class PredictionJudge {
   int n_windows() const { return static_cast<int>(windows_.size()); }
   /// That are predicted over horizons()[h].
   int n_windows(size_t h) const { return static_cast<int>(lasting_[h].size()); }
+  /// How many of them, the first ones, begin in the first `n_episodes` episodes.
+  int n_windows(size_t h, int n_episodes) const;
   /// What errors are judged by.
   const JudgedChannels& channels() const { return channels_; }
 

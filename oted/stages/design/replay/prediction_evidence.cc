@@ -36,6 +36,11 @@ VectorXd LargestNoiseOf(const PredictionProblem& problem) {
   return problem.learned == nullptr ? largest : largest.cwiseMax(LargestNoise(*problem.learned)).eval();
 }
 
+/// Of recordings that something was learned from.
+int NumberOfParts(const PredictionProblem& problem) {
+  return static_cast<int>(problem.kept_aside.Episodes().size()) - problem.n_whole;
+}
+
 VectorXd RootMeanSquares(const MatrixXd& squares) {
   VectorXd sum = VectorXd::Zero(squares.rows());
   double n = 0;
@@ -55,7 +60,7 @@ class Evidence {
            double period_s)
       : problem_(problem), other_(std::move(other)), largest_noise_(LargestNoiseOf(problem)) {
     noise_ = problem.noise.cwiseMin(largest_noise_);
-    AddPart(problem.kept_aside, problem.learned == nullptr, horizons, period_s);
+    AddPart(problem.kept_aside, problem.learned == nullptr && problem.n_whole == 0, horizons, period_s);
     if (problem.learned != nullptr) AddPart(*problem.learned, true, horizons, period_s);
     if (parts_.empty()) return;
     for (const auto& part : parts_) designed_.push_back(part->judge().Predict(problem.z));
@@ -213,6 +218,14 @@ class Evidence {
                                   .excess = {},
                                   .gain = IfJudged(judge, static_cast<size_t>(c), gain)});
     }
+    const Eigen::Index n_of_recordings =
+        learned_[judging] || NumberOfParts(problem_) == 0 ? 0 : judge.n_windows(h, problem_.n_whole);
+    if (n_of_recordings > 0) {
+      horizon.n_of_recordings = static_cast<int>(n_of_recordings);
+      horizon.gain_of_recordings =
+          RatiosOfSums(of_other.leftCols(n_of_recordings), of_judged.leftCols(n_of_recordings), judge.channels())
+              .OfAll();
+    }
     if (imitated_.empty()) return horizon;
     const MatrixXd designed = all_of(designed_);
     const auto floor_of = [&](const Imitations& imitations) {
@@ -308,8 +321,8 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
                                          bool with_floor) {
   const ParameterSpace& space = asked.factory.parameters();
   const std::vector<double> quiet = WithoutNoise(space, asked.z);
-  const PredictionProblem problem{asked.factory,  asked.kept_aside, asked.learned, quiet,          asked.noise,
-                                  asked.readings, asked.narrow,     asked.key,     asked.n_threads};
+  const PredictionProblem problem{asked.factory,  asked.kept_aside, asked.learned, quiet,           asked.noise,
+                                  asked.readings, asked.narrow,     asked.key,     asked.n_threads, asked.n_whole};
   const double period = problem.factory.spec().control_period_s, step = period > 0 ? period : kStepWithoutUnit;
   std::vector<int> horizons;
   for (const double seconds : kHorizons) {
@@ -326,6 +339,8 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
     prediction = CompareAll(evidence, horizons);
   }
   prediction.open_ends = OpenEnds(evidence, problem);
+  prediction.n_recordings = problem.n_whole;
+  prediction.n_parts = problem.learned == nullptr ? 0 : NumberOfParts(problem);
   return prediction;
 }
 

@@ -25,6 +25,7 @@ struct PredictionProblem {
   std::vector<int> narrow;          ///< parameters whose intervals have to be borne out (HeldOutPrediction::OpenEnd)
   RngKey key;
   int n_threads = 1;
+  int n_whole = 0;  ///< of the episodes kept aside, the first ones: recordings of which nothing was learned
 };
 
 /// Predictions over 0.1, 0.5 and 1 s (2, 10 and 20 control steps where time has no unit), as far as episodes last that

@@ -166,6 +166,36 @@ TEST(PredictLogs, EpisodesThatAreTooShortGiveNone) {
                             .n_threads = 1}));
 }
 
+TEST(PredictLogs, WholeRecordingsAreToldApartFromPartsOfThoseThatWereLearnedFrom) {
+  // The first two are of the nominal simulator, the eight others of the one that the design found.
+  const PointMassFactory factory;
+  Dataset logs = PointMassLogs(factory.parameters().Nominal(), 2);
+  logs.Append(PointMassLogs(kTruth, 8));
+  const ReadingModel readings = ReadingModel::Of(factory.spec(), logs);
+  const VectorXd noise = VectorXd::Constant(2, 1e-8);
+  const auto predict = [&](int n_whole) {
+    return PredictLogs({.factory = factory,
+                        .kept_aside = logs,
+                        .learned = &logs,
+                        .z = kTruth,
+                        .noise = noise,
+                        .readings = readings,
+                        .narrow = {},
+                        .key = RngKey(1),
+                        .n_threads = 1,
+                        .n_whole = n_whole})
+        .value();
+  };
+  const HeldOutPrediction mixed = predict(2);
+  EXPECT_EQ(mixed.n_recordings, 2);
+  EXPECT_EQ(mixed.n_parts, 8);
+  EXPECT_GT(mixed.horizons[0].gain.value, 0);
+  EXPECT_LT(mixed.horizons[0].gain_of_recordings.value, 0);
+  EXPECT_GT(mixed.horizons[0].n_of_recordings, 0);
+  EXPECT_LT(mixed.horizons[0].n_of_recordings, mixed.horizons[0].n_windows);
+  EXPECT_EQ(predict(10).horizons[0].n_of_recordings, 0) << "all are: the gain is theirs";
+}
+
 TEST(PredictLogs, TheSameKeyGivesTheSameNumbers) {
   EXPECT_EQ(Evidence(kTruth, 0.05, 0.05, 1).horizons[1].excess.value,
             Evidence(kTruth, 0.05, 0.05, 1).horizons[1].excess.value);
