@@ -33,7 +33,15 @@ constexpr double kOwnAlike = 1.5;
 constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
 constexpr size_t kMostJoints = 12;      // those that fit worst
 constexpr int kMostCorrections = 3;
+constexpr size_t kMostRecordings = 50;  // with more of them, too few windows lie in each
+constexpr size_t kMostOdd = 5;          // recordings that are searched one by one
+constexpr double kOdd = 4;              // squared error of a channel, of what is usual
+constexpr double kAsUsual = 2;          // what a correction of one recording must come down to
+constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "control_rate", "swapped_columns",
+                                  "quaternion_order", "quaternion_inverse", "turn_frame",   "velocity_frame",
+                                  "quaternion_sign",  "shifted_actions"};
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kThousandth = 1e-3;
 
 /// A position and its rate.
 struct Joint {
@@ -51,28 +59,53 @@ double Mean(const Errors& errors, const std::vector<int>& channels) {
 
 class Search {
  public:
-  Search(const SimulatorFactory& factory, const Dataset& dataset, int n_threads, std::vector<Finding>& findings)
+  Search(const SimulatorFactory& factory, int n_threads, std::vector<Finding>& findings)
       : spec_(factory.spec()), findings_(findings), simulator_(factory.Make(kLanes, n_threads)) {
     for (int lane = 0; lane < kLanes; ++lane) simulator_->SetParameters(lane, factory.parameters().Nominal());
     n_steps_ = spec_.control_period_s > 0
                    ? std::clamp(static_cast<int>(std::lround(kWindow_s / spec_.control_period_s)), 1, kLongestWindow)
                    : 1;
-    Choose(dataset);
-    for (const RateAgreement& rate : CompareRates(dataset, spec_.rate_of, spec_.control_period_s)) {
-      const double factor = spec_.control_period_s > 0 ? rate.slope / spec_.control_period_s : 1;
-      joints_.push_back({rate.position, rate.velocity, rate.correlation > 0.6 && std::abs(factor - 1) < 0.3});
-    }
   }
 
-  void Run() {
-    if (static_cast<int>(starts_.size()) < kFewestWindows) return;
-    std::optional<Errors> now = Measure(log_, 1);
+  /// What all recordings have in common. @return whether there is something
+  bool OfAll(const Dataset& dataset) {
+    std::optional<Errors> now = Take(dataset);
+    const size_t before = findings_.size();
     for (int i = 0; i < kMostCorrections && now && Worst(*now) > kGood * kGood; ++i) {
       const std::vector<Trial> trials = Try(*now);
-      if (trials.empty()) return;
-      Report(trials, *now);
+      if (trials.empty()) break;
+      Report(trials, *now, "");
       trials.front().correction.ApplyTo(log_);
       now = trials.front().errors;
+    }
+    return findings_.size() > before;
+  }
+
+  /// What single recordings have for themselves: those that are predicted far worse than the rest, and as well as it
+  /// with a correction.
+  void OfEach(const Dataset& dataset) {
+    const std::vector<Episode> episodes = dataset.Episodes();
+    if (episodes.size() < 2 || episodes.size() > kMostRecordings) return;
+    // Columns that are wrong throughout have to be mended first: what is left then tells recordings apart.
+    const auto is_of_all = [](const Finding& f) { return std::ranges::find(kOfAll, f.check) != std::end(kOfAll); };
+    if (std::ranges::any_of(findings_, is_of_all)) return;
+    std::vector<Errors> errors(episodes.size());
+    for (size_t e = 0; e < episodes.size(); ++e) {
+      errors[e] = Take(dataset.Select({episodes[e]})).value_or(Errors{});
+    }
+    const Errors usual = UsualOf(errors);
+    size_t n_searched = 0;
+    for (size_t e = 0; e < episodes.size() && n_searched < kMostOdd; ++e) {
+      if (errors[e].empty() || !IsOdd(errors[e], usual)) continue;
+      ++n_searched;
+      const std::optional<Errors> now = Take(dataset.Select({episodes[e]}));
+      std::vector<Trial> trials = Try(*now);
+      std::erase_if(trials, [&](const Trial& t) {
+        return Mean(t.errors, t.correction.judged) > kAsUsual * Mean(usual, t.correction.judged);
+      });
+      if (trials.empty()) continue;
+      Report(trials, *now, fmt::format("in episode {} alone: ", e + 1));
+      findings_.back().row = episodes[e].begin;
     }
   }
 
@@ -83,7 +116,42 @@ class Search {
     double total = 0, own = 0;
   };
 
-  /// Copies windows, each with what a simulator with delays reaches back to, into a log of their own.
+  /// Copies windows, each with what a simulator with delays reaches back to, into a log of their own, and measures it.
+  std::optional<Errors> Take(const Dataset& dataset) {
+    starts_.clear();
+    Choose(dataset);
+    joints_.clear();
+    for (const RateAgreement& rate : CompareRates(dataset, spec_.rate_of, spec_.control_period_s)) {
+      const double factor = spec_.control_period_s > 0 ? rate.slope / spec_.control_period_s : 1;
+      joints_.push_back({rate.position, rate.velocity, rate.correlation > 0.6 && std::abs(factor - 1) < 0.3});
+    }
+    if (static_cast<int>(starts_.size()) < kFewestWindows) return std::nullopt;
+    return Measure(log_, 1);
+  }
+
+  /// Of each channel the error in the better recordings: that a quarter of them stay below.
+  static Errors UsualOf(const std::vector<Errors>& errors) {
+    Errors usual;
+    for (const Errors& some : errors) usual.resize(std::max(usual.size(), some.size()));
+    for (size_t j = 0; j < usual.size(); ++j) {
+      std::vector<double> values;
+      for (const Errors& some : errors) {
+        if (!some.empty()) values.push_back(some[j]);
+      }
+      const auto at = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 4);
+      std::nth_element(values.begin(), at, values.end());
+      usual[j] = std::max(*at, kGood * kGood);
+    }
+    return usual;
+  }
+
+  static bool IsOdd(const Errors& errors, const Errors& usual) {
+    for (size_t j = 0; j < errors.size(); ++j) {
+      if (errors[j] > kOdd * usual[j]) return true;
+    }
+    return false;
+  }
+
   void Choose(const Dataset& dataset) {
     int before = spec_.n_past_actions;
     for (const int age : spec_.reading_ages) before = std::max(before, age);
@@ -175,7 +243,10 @@ class Search {
     std::vector<Correction> all;
     for (const Joint& joint : bad) AddOfJoint(joint, all);
     for (size_t i = 0; i < bad.size(); ++i) {
-      for (size_t k = 0; k < i; ++k) AddSwaps(bad[k], bad[i], all);
+      for (size_t k = 0; k < i; ++k) {
+        const bool in_order = bad[k].position < bad[i].position;  // as the task names them
+        AddSwaps(bad[in_order ? k : i], bad[in_order ? i : k], all);
+      }
     }
     for (const TurningBody& body : spec_.bodies) {
       if (std::ranges::any_of(body.orientation, [](int j) { return j < 0; })) continue;
@@ -198,10 +269,11 @@ class Search {
     } else {
       sets = {{joint.position}, {joint.velocity}, both};
     }
+    const double unit = InMetres(joint) ? kThousandth : kDegree;
     for (const auto& columns : sets) {
       all.push_back({CorrectionKind::kSign, columns, 0, both});
-      all.push_back({CorrectionKind::kUnit, columns, kDegree, both});
-      all.push_back({CorrectionKind::kUnit, columns, 1 / kDegree, both});
+      // Never the reverse: a motion made 57 times as fast hides what moves it, and so every other defect.
+      all.push_back({CorrectionKind::kUnit, columns, unit, both});
     }
     for (const double size : {1.0, 2.5, 5.0, 10.0, 20.0}) {
       for (const double sign : {-1.0, 1.0}) {
@@ -210,11 +282,11 @@ class Search {
     }
   }
 
-  double SmallestZero(const Joint& joint) const {
+  bool InMetres(const Joint& joint) const {
     const size_t p = static_cast<size_t>(joint.position);
-    const bool in_metres = p < spec_.observation_units.size() && spec_.observation_units[p] == "m";
-    return in_metres ? kSmallestZero / 10 : kSmallestZero;
+    return p < spec_.observation_units.size() && spec_.observation_units[p] == "m";
   }
+  double SmallestZero(const Joint& joint) const { return InMetres(joint) ? kSmallestZero / 10 : kSmallestZero; }
 
   static void AddSwaps(const Joint& x, const Joint& y, std::vector<Correction>& all) {
     const std::vector<int> judged = {x.position, x.velocity, y.position, y.velocity};
@@ -304,7 +376,8 @@ class Search {
     return fmt::format("{}", fmt::join(names, " and "));
   }
 
-  void Report(const std::vector<Trial>& trials, const Errors& now) {
+  /// @param where  of the log, where not in all of it
+  void Report(const std::vector<Trial>& trials, const Errors& now, const std::string& where) {
     const Trial& best = trials.front();
     const std::vector<int>& judged = best.correction.judged;
     const auto [change, remedy] = best.correction.InWords(spec_);
@@ -314,15 +387,15 @@ class Search {
     findings_.push_back(
         {.check = best.correction.Check(),
          .severity = Severity::kWarning,
-         .what =
-             fmt::format("with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
-                         change, spec_.task, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
-                         std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
-                         period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
+         .what = fmt::format(
+             "{}with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})", where,
+             change, spec_.task, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
+             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
+             period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
          .meaning = "the columns are not what the model means by them; a design would bend parameters to fit that",
-         .remedy = remedy + (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
+         .remedy = where + remedy + (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
   }
 
   const SimulatorSpec& spec_;
@@ -338,7 +411,8 @@ class Search {
 
 void CheckCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads,
                       std::vector<Finding>& findings) {
-  Search(factory, dataset, n_threads, findings).Run();
+  Search search(factory, n_threads, findings);
+  if (!search.OfAll(dataset)) search.OfEach(dataset);
 }
 
 }  // namespace oted

@@ -201,6 +201,13 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
   std::set<int> positions(spec.rate_of.begin(), spec.rate_of.end());
   for (const HiddenCoordinate& hidden : spec.hidden) positions.insert(hidden.rate_of);
   positions.erase(-1);
+  std::erase_if(positions, [&](int j) {  // metres have no whole turn
+    const size_t at = static_cast<size_t>(j);
+    return at < spec.observation_units.size() && spec.observation_units[at] == "m";
+  });
+  for (const TurningBody& body : spec.bodies) {
+    for (const int j : body.position) positions.erase(j);
+  }
   facts.positions.assign(positions.begin(), positions.end());
   facts.control_period_s = spec.control_period_s;
   facts.action_low = spec.action_low;

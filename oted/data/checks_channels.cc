@@ -124,9 +124,11 @@ class ChannelChecks {
       findings_.push_back(
           {.check = "clipped_observations",
            .severity = share > kClippedRows ? Severity::kWarning : Severity::kNote,
-           .what = fmt::format("in {} rows ({:.1f} %) a channel lies on its very extreme ({:.6g}), which {} channels "
-                               "reach again and again",
-                               n, 100 * share, fmt::join(bounds, ", "), clipped.size()),
+           .what = fmt::format(
+               "in {} rows ({:.1f} %) a channel lies on its very extreme ({:.6g}), which {} again "
+               "and again",
+               n, 100 * share, fmt::join(bounds, ", "),
+               clipped.size() == 1 ? "one channel reaches" : fmt::format("{} channels reach", clipped.size())),
            .row = static_cast<int>(first),
            .count = n,
            .channels = clipped,

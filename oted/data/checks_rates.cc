@@ -26,7 +26,22 @@ constexpr double kLagStep = 0.25;  // [rows]
 constexpr double kNoLag = 0.5, kLag = 1;
 constexpr double kLagGain = 0.6;  // what a lag must leave of the squared difference
 
+/// What else positions are logged in.
+struct Unit {
+  const char* name;
+  const char* of_rate;
+  double size;
+};
+constexpr Unit kUnits[] = {{"degrees", "degrees per second", kDegree},
+                           {"thousandths (millimetres)", "thousandths (millimetres per second)", 1e-3}};
+
 bool Near(double value, double wanted, double slack) { return std::abs(value - wanted) < slack * std::abs(wanted); }
+
+/// The unit in which a position is `factor` times as large as in the task's; null: none.
+const Unit* UnitOf(double factor) {
+  const auto unit = std::ranges::find_if(kUnits, [&](const Unit& u) { return Near(factor, 1 / u.size, kUnitSlack); });
+  return unit == std::end(kUnits) ? nullptr : unit;
+}
 
 /// Sums over rows of y (change of the position) and x (mean velocity of the row, read `lag` rows later).
 struct Sums {
@@ -168,10 +183,8 @@ class Rates {
   bool AddControlRate() {
     if (period_ <= 0 || rates_.size() < 2) return false;
     const double seconds = PeriodByRates(rates_);
-    if (seconds <= 0 || Near(seconds, period_, kUnitSlack) || Near(seconds, period_ / kDegree, kUnitSlack) ||
-        Near(seconds, period_ * kDegree, kUnitSlack)) {
-      return false;
-    }
+    if (seconds <= 0 || Near(seconds, period_, kUnitSlack)) return false;
+    if (UnitOf(seconds / period_) != nullptr || UnitOf(period_ / seconds) != nullptr) return false;
     const auto agrees = [&](const RateAgreement& r) {
       if (r.correlation < kClear) return true;
       const double spread =
@@ -198,12 +211,12 @@ class Rates {
     if (Near(size, 1, kUnitSlack)) {
       Add("rate_sign", what, {position, velocity}, "one of the two has the other sign",
           fmt::format("turn round the sign of {} or of {}, whichever is not the model's", position, velocity));
-    } else if (Near(size, 1 / kDegree, kUnitSlack)) {
-      Add("rate_unit", what, {position, velocity}, "the position is in degrees",
-          fmt::format("multiply {} by {:.6g}{}", position, kDegree, sign));
-    } else if (Near(size, kDegree, kUnitSlack)) {
-      Add("rate_unit", what, {position, velocity}, "the velocity is in degrees per second",
-          fmt::format("multiply {} by {:.6g}{}", velocity, kDegree, sign));
+    } else if (const Unit* unit = UnitOf(size)) {
+      Add("rate_unit", what, {position, velocity}, fmt::format("the position is in {}", unit->name),
+          fmt::format("multiply {} by {:.6g}{}", position, unit->size, sign));
+    } else if (const Unit* unit_of_rate = UnitOf(1 / size)) {
+      Add("rate_unit", what, {position, velocity}, fmt::format("the velocity is in {}", unit_of_rate->of_rate),
+          fmt::format("multiply {} by {:.6g}{}", velocity, unit_of_rate->size, sign));
     } else if (std::abs(rate.correlation) > kExactlyClear && std::max(size, 1 / size) > kFactor) {
       Add("rate_unit", what, {position, velocity},
           "units of the two differ, or the rows are not as far apart as was said",

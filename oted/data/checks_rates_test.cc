@@ -89,6 +89,20 @@ TEST(Rates, DegreesAreNamedWithTheirFactor) {
   EXPECT_NE(g.remedy.find("multiply knee/qvel by 0.0174533"), std::string::npos) << g.remedy;
 }
 
+TEST(Rates, ThousandthsAreNamedByTheColumnThatHasThem) {
+  const auto f = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{1000 * Hip(t), Knee(t), HipRate(t), KneeRate(t)};
+                      })),
+                      "rate_unit");
+  EXPECT_NE(f.remedy.find("multiply hip/qpos by 0.001"), std::string::npos) << f.remedy;
+  // All of them: not another control rate.
+  const auto found = Check(LogOf([](double t) {
+    return std::vector<double>{Hip(t), Knee(t), 1000 * HipRate(t), 1000 * KneeRate(t)};
+  }));
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_NE(found[1].remedy.find("multiply knee/qvel by 0.001"), std::string::npos) << found[1].remedy;
+}
+
 TEST(Rates, SwappedColumnsAreNamedTogether) {
   const auto f = Only(Check(LogOf([](double t) {
                         return std::vector<double>{Knee(t), Hip(t), HipRate(t), KneeRate(t)};
@@ -204,6 +218,17 @@ TEST(Turning, AScalarThatComesLastIsNamed) {
   const auto row = [](double t) { return BodyRow(TumbleAt(t), TumbleAt(t).velocity, TumbleAt(t).turn, true); };
   EXPECT_EQ(Only(Check(LogOf(row), kBody), "quaternion_order").channels,
             (std::vector<std::string>{"w", "i", "j", "k"}));
+}
+
+TEST(Turning, AQuaternionWhoseSignsChangeIsNamedWithTheFirstRow) {
+  const auto row = [](double t) {
+    Tumble b = TumbleAt(t);
+    if (t > 0.755 && t < 7) b.q.coeffs() *= -1;
+    return BodyRow(b, b.velocity, b.turn, false);
+  };
+  const Finding f = Only(Check(LogOf(row), kBody), "quaternion_sign");
+  EXPECT_EQ(f.count, 1);
+  EXPECT_EQ(f.row, 75);
 }
 
 TEST(Turning, FramesOfVelocitiesAreNamed) {

@@ -131,6 +131,29 @@ void AddReading(const Reading& best, double own, double left, const TurningBody&
   }
 }
 
+/// q and -q are one rotation, and drivers change from one to the other as they like.
+void AddSignChanges(const Dataset& d, const TurningBody& body, const TaskFacts& facts, std::vector<Finding>& findings) {
+  int first = -1, n = 0;
+  for (int i = 0; i < d.size(); ++i) {
+    const Quaterniond from = OrientationOf(d.observations.row(i), body, {});
+    const Quaterniond to = OrientationOf(d.next_observations.row(i), body, {});
+    if (from.dot(to) >= 0) continue;
+    if (n++ == 0) first = i;
+  }
+  if (n == 0) return;
+  const std::vector<std::string> names = Names(body.orientation, facts);
+  findings.push_back(
+      {.check = "quaternion_sign",
+       .severity = Severity::kWarning,
+       .what = fmt::format("{} to {} change their signs together in {} rows", names.front(), names.back(), n),
+       .row = first,
+       .count = n,
+       .channels = names,
+       .meaning = "the same orientation, but a design compares number by number and sees a jump",
+       .remedy = "go through the rows: where the product of a quaternion with the one before is negative, "
+                 "turn round its four signs"});
+}
+
 }  // namespace
 
 std::vector<int> CheckTurning(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
@@ -139,6 +162,7 @@ std::vector<int> CheckTurning(const Dataset& dataset, const TaskFacts& facts, st
   if (period <= 0 || dataset.size() < kFewestTurns) return explained;
   for (const TurningBody& body : facts.bodies) {
     if (!IsSeen(body.orientation, dataset)) continue;
+    AddSignChanges(dataset, body, facts, findings);
     Reading best;
     if (IsSeen(body.turn, dataset)) {
       const double own = Missed(dataset, body, {}, period);

@@ -11,6 +11,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/package_folders.h"
+#include "oted/data/gzip.h"
 #include "oted/report/json_values.h"
 #include "oted/report/page_assets.h"
 #include "oted/report/sections_agents.h"
@@ -71,7 +72,8 @@ std::string PlotlyJs() {
                     "OTED_PLOTLY_JS to a copy of plotly.min.js",
                     path.string()));
   }
-  return ReadFile(path);
+  const std::string text = ReadFile(path);
+  return IsGzip(text) ? Gunzip(text, path.string()) : text;
 }
 
 std::string HtmlDocument(std::string_view title, std::string_view navigation, std::string_view body,

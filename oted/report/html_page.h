@@ -18,7 +18,7 @@ std::string HtmlDocument(std::string_view title, std::string_view navigation, st
 std::string HtmlPage(const nlohmann::json& report, std::string_view plotly_js);
 
 /// The text of plotly.min.js: of the file that the environment variable OTED_PLOTLY_JS names, else of the one that
-/// FoundPackages() has. @throws DataError when there is none
+/// FoundPackages() has; either may be packed with gzip. @throws DataError when there is none
 std::string PlotlyJs();
 
 }  // namespace oted

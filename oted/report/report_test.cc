@@ -5,6 +5,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/data/dataset_files.h"
+#include "oted/data/gzip.h"
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
 
@@ -245,6 +246,16 @@ TEST_F(WriteReportTest, ASingleStageGivesItsOwnSectionsOnly) {
   expect_ids("'parameters', 'policies'");
   run_.WriteDataset();
   expect_ids("'data', 'run'");
+}
+
+TEST_F(WriteReportTest, APackedPlotlyGivesTheSamePage) {
+  run_.WriteClone();
+  WriteReport(folder_.path());
+  const std::string page = Page();
+  WriteFileAtomically(plotly_ / "plotly.min.js.gz", Gzip(kStandIn));
+  ::setenv("OTED_PLOTLY_JS", (plotly_ / "plotly.min.js.gz").c_str(), 1);
+  WriteReport(folder_.path());
+  EXPECT_EQ(Page(), page);
 }
 
 TEST_F(WriteReportTest, NullAndMissingFieldsAreShownAsUnknown) {

@@ -36,7 +36,7 @@ def _load_mujoco() -> None:
 
 
 def _plotly_js() -> pathlib.Path:
-    packaged = pathlib.Path(__file__).parent / "plotly" / "plotly.min.js"
+    packaged = pathlib.Path(__file__).parent / "plotly" / "plotly.min.js.gz"
     if packaged.is_file():
         return packaged
     folder = folder_of("plotly")

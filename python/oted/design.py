@@ -139,6 +139,8 @@ class Design:
         """The same as (n, parameters)."""
         if not isinstance(n, (int, np.integer)) or n < 1:
             raise UsageError(f"samples: got {n!r}, wanted a whole number of at least 1")
+        if not isinstance(seed, (int, np.integer)) or seed < 0:
+            raise UsageError(f"samples: got seed {seed!r}, wanted a whole number of at least 0")
         if self._sampler is None:
             self._sampler = core.Sampler(str(self.path))
         drawn: NDArray[np.float64] = self._sampler.draw(n, seed)
@@ -197,9 +199,9 @@ class Design:
         axes.set_yticks(range(len(self.parameters)), [f"{p['name']} [{p['unit']}]" for p in self.parameters])
         axes.set_xlim(0, 1)
         axes.set_xticks([0, 1], ["lower bound", "upper bound"])
-        axes.invert_yaxis()
+        axes.set_ylim(len(self.parameters) - 0.4, -0.6)  # the first on top
         axes.set_title(str(self.verdict).replace("_", " "), fontsize="medium")
-        axes.legend(loc="best", fontsize="small")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=2, frameon=False, fontsize="small")
         return axes
 
     def save(self, path: str | os.PathLike[str]) -> "Design":
@@ -209,8 +211,8 @@ class Design:
             raise UsageError(f"'{target}' exists already; remove it or name another")
         shutil.copytree(self.path, target)
         # run.toml names logs and models from its own folder: the finished run is called again from the new one.
-        given = target / "given" / "logs.npz"
-        data = _toml.section("data", {"path": given.resolve()}) if given.is_file() else ""
+        given = next((target / "given").glob("logs.*"), None)
+        data = _toml.section("data", {"path": given.resolve()}) if given else ""
         toml = (self.path / "run.toml").read_text(encoding="utf-8")
         what = core.Study(toml, str(self.path.resolve() / "run.toml"), data)
         core.run_stage(what, str(target), [], "design", "oted.Design.save", None)

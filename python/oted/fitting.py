@@ -48,6 +48,8 @@ def fit(
             raise UsageError("parameters: wanted {'friction': oted.Param(path, low, high)} or presets; "
                              "oted.describe(task)['offers'] lists the paths")
     folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-") if out is None else out)
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"out: '{folder}' is a file; name a folder")
     path = _logs_path(logs, task, folder)
     what = study(task, parameters, data={"path": path} if path else None, folder=folder / "given")
     given = {"run.seed": seed, "run.threads": threads, "selection.n_seeds": seeds}

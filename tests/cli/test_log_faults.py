@@ -47,6 +47,42 @@ class LogFaults(ProgramTest):
                 self.assertEqual(len(remedies), 1)
                 self.assertTrue(remedies[0].startswith(remedy), remedies)
 
+    def test_a_fault_of_one_recording_is_named_with_it(self):
+        """The three others are clean, so nothing is said of all."""
+        for name, robot in ROBOTS.items():
+            clean = log_robots.drive(robot)
+            a, b = log_robots.hinges_of(robot)
+            for fault, check, remedy in (
+                    ("sign", "joint_sign", f"turn round the sign of joint/{a}/qpos and joint/{a}/qvel"),
+                    ("encoder offset", "joint_zero", f"add -0.1 to joint/{b}/qpos")):
+                with self.subTest(robot=name, fault=fault):
+                    log, _ = log_robots.plant(fault, robot, clean, (a, b))
+                    rows = clean.rows.copy()
+                    rows[1] = log.rows[1]
+                    found = self.warnings(robot, log_robots.dataclasses.replace(clean, rows=rows))
+                    remedies = [f["remedy"] for f in found if f["check"] == check]
+                    self.assertEqual(len(remedies), 1, found)
+                    self.assertTrue(remedies[0].startswith(f"in episode 2 alone: {remedy}"), remedies)
+                    self.assertLessEqual({f["check"] for f in found}, {check, "one_step_error"})
+
+    def test_thousandths_are_named_by_their_column(self):
+        for name, robot in ROBOTS.items():
+            log = log_robots.drive(robot)
+            channel = "joint/root/qpos[2]" if name == "ant" else f"joint/{log_robots.hinges_of(robot)[0]}/qpos"
+            log.rows[:, :, log.at(channel)] *= 1000
+            with self.subTest(robot=name):
+                found = {f["check"]: f["remedy"] for f in self.warnings(robot, log)}
+                self.assertEqual(found.get("rate_unit"), f"multiply {channel} by 0.001", found)
+                self.assertLessEqual(set(found), {"rate_unit", "one_step_error"})
+
+    def test_quaternions_whose_signs_change_are_named_and_nothing_else(self):
+        robot = ROBOTS["ant"]
+        log = log_robots.drive(robot)
+        quaternion = log.at(*(f"joint/root/qpos[{k}]" for k in range(3, 7)))
+        signs = log_robots.np.where(log_robots.np.random.default_rng(0).random(log.rows.shape[:2]) < 0.1, -1, 1)
+        log.rows[:, :, quaternion] *= signs.cumprod(axis=1)[:, :, None]
+        self.assertEqual([f["check"] for f in self.warnings(robot, log)], ["quaternion_sign"])
+
 
 if __name__ == "__main__":
     program.take_paths(__doc__)

@@ -1,6 +1,7 @@
 """One design from the double pendulum's recordings in every form that robots log them: test_recordings.py [FOLDER], which
-holds the package oted where it is not installed. Bags are written here by rosbags. LeRobot's sets are written by LeRobot
-itself (write_lerobot.py) into the folders of the environment variable LEROBOT_SETS, separated by ':'."""
+holds the package oted where it is not installed. Bags are written here by rosbags, and by MCAP's own packages. LeRobot's
+sets are written by LeRobot itself (write_lerobot.py) into the folders of the environment variable LEROBOT_SETS, separated
+by ':'."""
 
 import csv
 import gzip
@@ -18,7 +19,7 @@ import pandas  # noqa: E402
 from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 
 import oted  # noqa: E402
-from robot_bag import RobotBag  # noqa: E402
+from robot_bag import RobotBag, RobotMcap  # noqa: E402
 from support import InFolder  # noqa: E402
 
 REAL = pathlib.Path(__file__).resolve().parents[2] / "examples/real/double_pendulum"
@@ -44,9 +45,9 @@ def recordings():
 NAMES, RECORDINGS = recordings()
 
 
-def write_bag(path, rows, plugin):
+def write_bag(open_bag, rows):
     random = np.random.default_rng(0)
-    with RobotBag(path, plugin) as bag:
+    with open_bag as bag:
         for t, *numbers in rows:
             stamp = START + round(t * 1e9)
             q, v, u = (np.array(numbers[i:i + 2]) for i in (0, 2, 4))
@@ -90,12 +91,13 @@ class Recordings(InFolder):
         self.assertEqual(design.parameters, self.design.parameters)
 
     def test_ros_2_bags_of_either_storage(self):
-        for name, plugin in (("sqlite", StoragePlugin.SQLITE3), ("mcap", StoragePlugin.MCAP)):
+        for name, make in (("sqlite", lambda path: RobotBag(path, StoragePlugin.SQLITE3)),
+                           ("mcap", lambda path: RobotBag(path, StoragePlugin.MCAP)), ("alone.mcap", RobotMcap)):
             logs = None
             for e, rows in enumerate(RECORDINGS):
-                write_bag(self.folder / f"{name}{e}", rows, plugin)
+                write_bag(make(self.folder / f"{e}{name}"), rows)
                 one = oted.bags.read_bag(
-                    self.folder / f"{name}{e}", period=0.002, states=["/joint_states:position", "/joint_states:velocity"],
+                    self.folder / f"{e}{name}", period=0.002, states=["/joint_states:position", "/joint_states:velocity"],
                     actions=["/commands:data"], names={"j1": "shoulder", "j2": "elbow", "/commands:data[0]": NAMES[6],
                                                        "/commands:data[1]": NAMES[7]},
                     scale={"joint/elbow/qpos": -1, "joint/elbow/qvel": -1})
