@@ -83,7 +83,7 @@ std::string IntervalFigure(const json& parameters) {
     const auto words = [&](const char* what, const std::string& value) {
       return fmt::format("{}: {} {} {}", name, what, value, unit);
     };
-    figure.AddTrace(Line({0, 1}, row, "var:--rule", 2));
+    figure.AddTrace(Line({0, 1}, row, "var:--edge", 1));
     figure.AddTrace(Line({range.At(AsNumber(interval[0])), range.At(AsNumber(interval[1]))}, row, "var:--designed", 5));
     designed.Add(range.At(NumberAt(parameter, "mode")), row,
                  words("designed", FormatSpread(NumberAt(parameter, "mode"), spread)));

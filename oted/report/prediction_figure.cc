@@ -63,7 +63,7 @@ std::string PredictionFigure(const json& horizon) {
                      {"x", {share(errors, errors.nominal), share(errors, errors.designed)}},
                      {"y", {row, row}},
                      {"hoverinfo", "skip"},
-                     {"line", {{"color", "var:--rule"}, {"width", 3}}}});
+                     {"line", {{"color", "var:--edge"}, {"width", 2}}}});
   }
   const auto add = [&](const char* words, std::optional<double> Errors::*error, const json& marker) {
     json x = json::array(), y = json::array(), text = json::array();

@@ -215,7 +215,8 @@ void AddFit(const json& report, json* found, json* trust) {
     lowest = std::min(lowest.value_or(*noise), *noise);
     highest = std::max(highest.value_or(*noise), *noise);
   }
-  if (!disagreeing.empty()) {
+  // Where logs were predicted, the headline says so.
+  if (!disagreeing.empty() && !report["design"].contains("validation")) {
     found->push_back(
         fmt::format("In predictions of the designed simulator, the error of {} is more than the sensors explain: look "
                     "there for what the simulator lacks.",
