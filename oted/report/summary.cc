@@ -96,9 +96,9 @@ void AddParameters(const json& report, json* found) {
   const std::vector<std::string> weak = NamesOf(parameters, "weak");
   if (!weak.empty()) {
     const char* be = weak.size() == 1 ? "is" : "are";
-    found->push_back(
-        outside ? fmt::format("The values of {} are those that predict best within this family.", Enumerate(weak))
-                : fmt::format("The logs show only roughly what {} {}.", Enumerate(weak), be));
+    found->push_back(outside
+                         ? fmt::format("The values of {} are what the method found, not measurements.", Enumerate(weak))
+                         : fmt::format("The logs show only roughly what {} {}.", Enumerate(weak), be));
   }
 }
 
