@@ -90,6 +90,18 @@ void Figure::AddRange(const json& steps, const json& low, const json& high, cons
                      {"y", std::move(y)}});
 }
 
+void Figure::AddMarkers(json x, json y, const std::vector<std::string>& texts, json marker) {
+  json escaped = json::array();
+  for (const std::string& text : texts) escaped.push_back(PlotText(text));
+  traces_.push_back({{"type", "scatter"},
+                     {"mode", "markers"},
+                     {"x", std::move(x)},
+                     {"y", std::move(y)},
+                     {"hovertext", std::move(escaped)},
+                     {"hoverinfo", "text"},
+                     {"marker", std::move(marker)}});
+}
+
 void Figure::AddLevel(double y, const std::string& name, const LineStyle& style) {
   if (!has_x_) return;
   AddCurve({{first_x_, y}, {std::max(last_x_, first_x_ + 1), y}}, name, style);

@@ -32,6 +32,8 @@ class Figure {
                 const std::string& color, double opacity = 1);
   /// A horizontal line over the curves' whole width. Call after the curves.
   void AddLevel(double y, const std::string& name, const LineStyle& style);
+  /// Points without a line. @param texts  what each says under the pointer, plain
+  void AddMarkers(nlohmann::json x, nlohmann::json y, const std::vector<std::string>& texts, nlohmann::json marker);
   /// A plotly.js trace as it is; texts in it must have been escaped with PlotText.
   void AddTrace(nlohmann::json trace) { traces_.push_back(std::move(trace)); }
   void SetXTitle(std::string_view text);

@@ -41,23 +41,17 @@ class Range {
 
 /// Markers of one kind, one per parameter.
 struct Markers {
-  json x = json::array(), y = json::array(), text = json::array();
+  json x = json::array(), y = json::array();
+  std::vector<std::string> texts;
 
   void Add(const json& at, size_t row, const std::string& words) {
     if (at.is_null()) return;
     x.push_back(at);
     y.push_back(row);
-    text.push_back(PlotText(words));
+    texts.push_back(words);
   }
   void AddTo(Figure& figure, const json& marker) const {
-    if (x.empty()) return;
-    figure.AddTrace({{"type", "scatter"},
-                     {"mode", "markers"},
-                     {"x", x},
-                     {"y", y},
-                     {"hovertext", text},
-                     {"hoverinfo", "text"},
-                     {"marker", marker}});
+    if (!x.empty()) figure.AddMarkers(x, y, texts, marker);
   }
 };
 

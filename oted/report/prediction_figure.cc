@@ -66,20 +66,14 @@ std::string PredictionFigure(const json& horizon) {
                      {"line", {{"color", "var:--edge"}, {"width", 2}}}});
   }
   const auto add = [&](const char* words, std::optional<double> Errors::*error, const json& marker) {
-    json x = json::array(), y = json::array(), text = json::array();
+    json x = json::array(), y = json::array();
+    std::vector<std::string> texts;
     for (const Errors& errors : channels) {
       x.push_back(share(errors, errors.*error));
       y.push_back(y.size());
-      text.push_back(
-          PlotText(fmt::format("{}: {} {} {}", errors.name, words, FormatNumber(errors.*error), errors.unit)));
+      texts.push_back(fmt::format("{}: {} {} {}", errors.name, words, FormatNumber(errors.*error), errors.unit));
     }
-    figure.AddTrace({{"type", "scatter"},
-                     {"mode", "markers"},
-                     {"x", x},
-                     {"y", y},
-                     {"hovertext", text},
-                     {"hoverinfo", "text"},
-                     {"marker", marker}});
+    figure.AddMarkers(x, y, texts, marker);
   };
   add("sensors alone", &Errors::floor,
       {{"color", "var:--muted"}, {"symbol", "line-ns-open"}, {"size", 16}, {"line", {{"width", 2.5}}}});
