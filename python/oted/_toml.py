@@ -39,7 +39,7 @@ def assignments(settings: Mapping[str, Any] | None) -> list[str]:
     if not isinstance(settings or {}, Mapping):
         raise UsageError(f"settings: got {settings!r}, wanted a dict as {{'design.method': 'paper'}}")
     for key, v in (settings or {}).items():
-        if "." not in key:
-            raise UsageError(f"settings: got '{key}', wanted section.key as in docs/configuration.md, 'design.method'")
+        if not isinstance(key, str) or "." not in key:
+            raise UsageError(f"settings: got {key!r}, wanted section.key as in docs/configuration.md, 'design.method'")
         words.append(f"{key}={v if isinstance(v, str) else value(v)}")
     return words

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oted import _toml
+from oted import _given, _toml
 from oted._engine import core
 from oted.design import Design
 from oted.errors import UsageError
@@ -31,7 +31,7 @@ class Agent:
     def predict(self, observation: ArrayLike, deterministic: bool = True) -> tuple[Array, None]:
         """(action, None), as Stable-Baselines3's predict, of one observation or of a batch. Always the deterministic
         action."""
-        array = np.ascontiguousarray(observation, dtype=np.float64)
+        array = _given.numbers("observation", observation)
         actions: Array = self._policy.act(np.atleast_2d(array))
         return (actions[0] if array.ndim == 1 else actions), None
 
@@ -74,14 +74,14 @@ def place(task: Any, what: "core.Study", at: Mapping[str, float] | str | None) -
     if isinstance(at, Mapping):
         unknown = [name for name in at if name not in nominal]
         if unknown:
-            raise UsageError(f"at: '{unknown[0]}' is no parameter; there are {', '.join(nominal) or 'none'}")
-        return [float(at.get(name, value)) for name, value in nominal.items()]
+            raise UsageError(f"'{unknown[0]}' is no parameter; there are {', '.join(nominal) or 'none'}")
+        return [_given.number(f"'{name}'", at.get(name, value)) for name, value in nominal.items()]
     if at == "nominal" or (at is None and not isinstance(task, Design)):
         return list(nominal.values())
     if not isinstance(task, Design):
-        raise UsageError(f"at: got '{at}', which only a design has; give values by name")
+        raise UsageError(f"got {at!r} for parameters, which only a design has; give values by name, {{'friction': 0.7}}")
     if at not in (None, "mode"):
-        raise UsageError(f"at: got '{at}', wanted 'mode', 'nominal', or values by name")
+        raise UsageError(f"got {at!r} for parameters, wanted 'mode', 'nominal', or values by name, {{'friction': 0.7}}")
     return list(task.mode.values())
 
 
@@ -136,7 +136,6 @@ def evaluate(
         acts = lambda observations: predict(observations, deterministic=True)[0]  # noqa: E731
     if not isinstance(acts, str) and not callable(acts):
         raise UsageError(f"policy: got {type(policy).__name__}, wanted an Agent, a file, or a function of observations")
-    if episodes < 1:
-        raise UsageError(f"episodes: got {episodes}, wanted at least 1")
+    episodes, seed = _given.whole("episodes", episodes, 1), _given.whole("seed", seed, 0)
     what = study_of(task, parameters, threads)
     return Evaluation(json.loads(core.evaluate(acts, what, place(task, what, at), episodes, seed)))

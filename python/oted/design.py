@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oted import _toml
+from oted import _given, _toml
 from oted._engine import core
 from oted._needs import need
 from oted.errors import DataError, UsageError
@@ -137,10 +137,7 @@ class Design:
 
     def draw(self, n: int, seed: int = 0) -> NDArray[np.float64]:
         """The same as (n, parameters)."""
-        if not isinstance(n, (int, np.integer)) or n < 1:
-            raise UsageError(f"samples: got {n!r}, wanted a whole number of at least 1")
-        if not isinstance(seed, (int, np.integer)) or seed < 0:
-            raise UsageError(f"samples: got seed {seed!r}, wanted a whole number of at least 0")
+        n, seed = _given.whole("samples", n, 1), _given.whole("seed", seed, 0)
         if self._sampler is None:
             self._sampler = core.Sampler(str(self.path))
         drawn: NDArray[np.float64] = self._sampler.draw(n, seed)
@@ -167,6 +164,7 @@ class Design:
 
     def to_arviz(self, n: int = 1000, seed: int = 0) -> Any:
         """q as ArviZ has a posterior: a chain per seed, n draws each; and the constants nominal, low, high."""
+        n = _given.whole("n", n, 1)
         arviz = need("arviz", "to_arviz")
         n_seeds = len(self.modes)
         drawn = self.draw(n * n_seeds, seed).reshape(n, n_seeds, -1)
@@ -184,6 +182,8 @@ class Design:
         pyplot = need("matplotlib.pyplot", "plot")
         if axes is None:
             axes = pyplot.subplots(figsize=(7, 0.6 + 0.5 * len(self.parameters)), layout="constrained")[1]
+        elif not hasattr(axes, "annotate"):
+            raise UsageError(f"axes: got {type(axes).__name__}, wanted one Axes of Matplotlib, as plt.subplots()[1] is")
         for i, p in enumerate(self.parameters):
             low, high = p["bounds"]
 

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from oted import _given
 from oted._engine import core
 from oted.agents import place, study_of
 from oted.design import Design
@@ -18,13 +19,6 @@ from oted.task import ParametersLike, TaskLike
 
 Array = NDArray[np.float64]
 SAMPLES = ("modes", "samples")
-
-
-def numbers(what: str, given: Any) -> Array:
-    try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as e:
-        raise UsageError(f"{what}: got {given!r}, wanted numbers") from e
 
 
 class _Simulators:
@@ -83,9 +77,9 @@ class _Simulators:
                 self._place(lane, draws[own.integers(n_seeds)])
         seed = int(own.integers(2**62))
         if start:
-            if start.keys() != {"qpos", "qvel"}:
-                raise UsageError(f"options: got {', '.join(start)}, wanted qpos and qvel")
-            qpos, qvel = (numbers(key, start[key]) for key in ("qpos", "qvel"))
+            if not isinstance(start, Mapping) or start.keys() != {"qpos", "qvel"}:
+                raise UsageError(f"options: got {start!r}, wanted {{'qpos': ..., 'qvel': ...}}")
+            qpos, qvel = (_given.numbers(key, start[key]) for key in ("qpos", "qvel"))
             self.lanes.reset_to(lane, qpos, qvel, seed)
         elif self._noise is not None:
             scale, is_normal = self._noise
@@ -122,7 +116,7 @@ class OtedEnv(gymnasium.Env[Array, Any]):
         self.observation_space = self._sims.observation_space
         self.action_space = self._sims.action_space
         self.render_mode = render_mode
-        self._size = (width, height)
+        self._size = (_given.whole("width", width, 1), _given.whole("height", height, 1))
         self._ended = True
         period = self._sims.facts["control_period"]
         self.metadata = {**self.metadata, "render_fps": round(1 / period) if period else 10}
@@ -154,7 +148,7 @@ class OtedEnv(gymnasium.Env[Array, Any]):
         if self._ended:
             raise UsageError("step: the episode has ended or not begun; call reset() first")
         lanes = self._sims.lanes
-        lanes.step([0], numbers("action", action).reshape(1, -1))
+        lanes.step([0], _given.numbers("action", action).reshape(1, -1))
         status = int(lanes.status()[0])
         terminated, diverged = status == core.TERMINATED, status == core.DIVERGED
         truncated = diverged or status == core.TRUNCATED
@@ -184,8 +178,7 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         threads: int = 1,
         autoreset_mode: "gymnasium.vector.AutoresetMode | str" = gymnasium.vector.AutoresetMode.NEXT_STEP,
     ) -> None:
-        if not all(isinstance(n, (int, np.integer)) and n > 0 for n in (num_envs, threads)):
-            raise UsageError(f"got num_envs {num_envs!r} and threads {threads!r}, wanted at least 1 of each")
+        num_envs, threads = _given.whole("num_envs", num_envs, 1), _given.whole("threads", threads, 1)
         try:
             self.mode = gymnasium.vector.AutoresetMode(autoreset_mode)
         except ValueError as e:
@@ -211,11 +204,13 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         elif isinstance(seed, (int, np.integer)):
             seeds = [int(seed) + i for i in self._all]
         else:
-            seeds = list(seed)
+            seeds = _given.listed("seed", seed, "a whole number, or a list of them")
         if len(seeds) != self.num_envs:
             raise UsageError(f"seed: got {len(seeds)} seeds, wanted {self.num_envs}")
         mask = np.ones(self.num_envs, dtype=bool)
-        if options and "reset_mask" in options:
+        if options:
+            if not isinstance(options, Mapping) or options.keys() != {"reset_mask"}:
+                raise UsageError(f"options: got {options!r}, wanted {{'reset_mask': ...}}")
             mask = np.asarray(options["reset_mask"], dtype=bool)
             if mask.shape != (self.num_envs,):
                 raise UsageError(f"reset_mask: got shape {mask.shape}, wanted {(self.num_envs,)}")
@@ -232,9 +227,9 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         lanes = self._sims.lanes
         begin = self._done
         running = self._all if not begin.any() else [int(i) for i in np.flatnonzero(~begin)]
-        given = numbers("actions", actions)
-        if len(given) != self.num_envs:
-            raise UsageError(f"step: got {len(given)} actions, wanted one for each of {self.num_envs} environments")
+        given = _given.numbers("actions", actions)
+        if given.shape[:1] != (self.num_envs,):
+            raise UsageError(f"step: got actions of shape {given.shape}, wanted one for each of {self.num_envs} environments")
         lanes.step(running, given.reshape(self.num_envs, -1))
         rewards: Array = lanes.rewards()
         status = lanes.status()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from oted import _given
 from oted._engine import core
 from oted.errors import UsageError
 from oted.task import TaskLike, study
@@ -20,10 +21,7 @@ def _maybe(name: str, given: ArrayLike | None, ndim: int) -> Array | None:
 
 
 def _array(name: str, given: ArrayLike, ndim: int) -> Array:
-    try:
-        array = np.ascontiguousarray(np.asarray(given), dtype=np.float64)
-    except (TypeError, ValueError) as e:
-        raise UsageError(f"{name}: got {type(given).__name__} that holds no numbers ({e}), wanted an array") from e
+    array = _given.numbers(name, given)
     if array.ndim == 1 and ndim == 2:
         array = array[:, None]
     if array.ndim != ndim:
@@ -63,14 +61,15 @@ class Logs:
     ) -> None:
         seen = _array("observations", observations, 2)
         ends = _episode_ends(len(seen), episode_ends, episode)
-        flags = [False] * len(ends) if terminated is None else [bool(flag) for flag in terminated]
+        flags = ([False] * len(ends) if terminated is None else
+                 [bool(flag) for flag in _given.listed("terminated", terminated, "a flag for each episode")])
         if len(flags) != len(ends):
             raise UsageError(f"terminated: got {len(flags)} flags, wanted one for each of the {len(ends)} episodes")
         runs = list(zip([0, *ends[:-1]], ends, flags))
         self._set(core.logs_from_rows(
             seen, _array("actions", actions, 2), runs, _maybe("times", times, 1), _maybe("rewards", rewards, 1),
-            _maybe("qpos", qpos, 2), _maybe("qvel", qvel, 2), list(observation_names), list(action_names),
-            _period(period), _patterns(unwrap)))
+            _maybe("qpos", qpos, 2), _maybe("qvel", qvel, 2), _names("observation_names", observation_names),
+            _names("action_names", action_names), _period(period), _patterns(unwrap)))
 
     def _set(self, data: "core.Dataset", path: str | None = None) -> None:
         self._data = data
@@ -88,7 +87,7 @@ class Logs:
         all_observations: list[Array] = []
         all_actions: list[Array] = []
         ends: list[int] = []
-        for i, pair in enumerate(episodes):
+        for i, pair in enumerate(_given.listed("episodes", episodes, "a list of (observations, actions)")):
             try:
                 observations, actions = pair
             except (TypeError, ValueError) as e:
@@ -128,8 +127,8 @@ class Logs:
         return cls._of(core.logs_from_transitions(
             _array("observations", observations, 2), _array("actions", actions, 2),
             _array("next_observations", next_observations, 2), _maybe("terminals", terminals, 1),
-            _maybe("timeouts", timeouts, 1), _maybe("rewards", rewards, 1), list(observation_names),
-            list(action_names), _period(period), _patterns(unwrap)))
+            _maybe("timeouts", timeouts, 1), _maybe("rewards", rewards, 1), _names("observation_names", observation_names),
+            _names("action_names", action_names), _period(period), _patterns(unwrap)))
 
     @classmethod
     def from_pandas(
@@ -168,7 +167,7 @@ class Logs:
             return np.column_stack(columns)
 
         for what, names in (("observations", observations), ("actions", actions)):
-            if isinstance(names, str) or not names:
+            if not _given.texts(what, names, "['hip', 'knee']"):
                 raise UsageError(f"{what}: wanted a list of columns")
         labels = None if episode is None else column(episode)
         times = None if time is None else _seconds(time, column(time))
@@ -177,7 +176,7 @@ class Logs:
             ends = _episode_ends(len(column(observations[0])), None, labels)
             flags = [bool(column(terminated)[end - 1]) for end in ends]
         return cls(matrix(observations), matrix(actions), episode=labels, times=times, period=period,
-                   rewards=None if reward is None else column(reward).astype(np.float64), terminated=flags,
+                   rewards=None if reward is None else _given.numbers(f"column '{reward}'", column(reward)), terminated=flags,
                    observation_names=list(observation_names or observations),
                    action_names=list(action_names or actions), unwrap=unwrap)
 
@@ -235,7 +234,7 @@ class Logs:
     def select(self, episodes: Sequence[int]) -> "Logs":
         """The episodes of these numbers, from 0, in that order."""
         n = len(self.episodes)
-        chosen = list(episodes)
+        chosen = _given.listed("episodes", episodes, "a list of numbers from 0")
         for i in chosen:
             if not isinstance(i, (int, np.integer)) or not 0 <= i < n:
                 raise UsageError(f"episode {i!r} does not exist; there are {n}, from 0")
@@ -295,9 +294,11 @@ def _episode_ends(n_rows: int, ends: Sequence[int] | None, labels: ArrayLike | N
 
 
 def _patterns(given: Sequence[str]) -> list[str]:
-    if isinstance(given, str) or not all(isinstance(name, str) for name in given):
-        raise UsageError(f"unwrap: got {given!r}, wanted a list of observations, such as ['joint/hip/qpos']")
-    return list(given)
+    return _given.texts("unwrap", given, "['joint/hip/qpos']")
+
+
+def _names(what: str, given: Sequence[str]) -> list[str]:
+    return _given.texts(what, given, "['joint/hip/qpos']")
 
 
 def _period(given: float | None) -> float:

@@ -5,6 +5,7 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
+from oted import _given
 from oted._engine import core
 from oted.errors import UsageError
 
@@ -33,5 +34,7 @@ def init(model: Path, logs: Path | Sequence[Path], out: Path = "task.toml", *, p
     paths: list[Any] = list(logs) if isinstance(logs, (list, tuple)) else [logs]
     if not all(isinstance(path, (str, os.PathLike)) for path in paths):
         raise UsageError("logs: wanted files; write what is in memory with Logs.save('log.csv')")
+    seconds = 0.0 if period is None else _given.number("period", period)
+    n_threads = 0 if threads is None else _given.whole("threads", threads, 0)
     return Proposal(json.loads(core.init(os.fspath(model), [os.fspath(path) for path in paths], os.fspath(out),
-                                         period or 0.0, threads or 0)))
+                                         seconds, n_threads)))

@@ -339,7 +339,8 @@ class Errors(InFolder):
     def test_ctrl_c_stops_within_a_unit_of_work_and_leaves_nothing_half_done(self):
         # Every step takes a hundredth of a second: the units of work last minutes.
         code = f"""
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
 sys.argv = ["x", {FOLDER!r}]
 sys.path.insert(0, {str(pathlib.Path(__file__).parent)!r})
 import test_gym as t

@@ -416,6 +416,17 @@ class Designs(InFolder):
         self.assertIn("friction", self.design._repr_html_())
         self.assertTrue(self.design.report.is_file())
 
+    @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "Matplotlib is not installed")
+    def test_a_plot_goes_into_one_axes(self):
+        from matplotlib.figure import Figure
+        figure = Figure()
+        axes = figure.subplots()
+        self.assertIs(self.design.plot(axes), axes)
+        self.assertIn("friction", axes.get_yticklabels()[0].get_text())
+        for wrong in (3, figure, Figure().subplots(2)):
+            with self.assertRaisesRegex(oted.UsageError, f"axes: got {type(wrong).__name__}, wanted one Axes"):
+                self.design.plot(wrong)
+
     def test_samples_are_of_q(self):
         drawn = self.design.samples(2000, seed=1)["friction"]
         np.testing.assert_array_equal(drawn, self.design.samples(2000, seed=1)["friction"])
@@ -569,18 +580,40 @@ class Refusals(InFolder):
                 ("episode 'a'", lambda: oted.Logs(array, array).select("a")),
                 ("constant 'load'", lambda: oted.Logs(array, array).with_constants(load="x")),
                 ("run directory", lambda: oted.load(3)),
-                ("num_envs '8'", lambda: oted.make_vec_env("Hopper-v5", "8")),
+                ("num_envs: got '8'", lambda: oted.make_vec_env("Hopper-v5", "8")),
                 ("autoreset_mode", lambda: oted.make_vec_env("Hopper-v5", 2, autoreset_mode="x")),
-                ("wanted qpos and qvel", lambda: env.reset(options={"qpos": [0]})),
+                ("options: got", lambda: env.reset(options={"qpos": [0]})),
+                ("options: got 3", lambda: env.reset(options=3)),
+                ("options: got {'qpos'", lambda: vector.reset(options={"qpos": [0]})),
+                ("seed: got 1.5", lambda: vector.reset(seed=1.5)),
                 ("action: got 'a'", lambda: env.step("a")),
-                ("got 3 actions", lambda: vector.step(np.zeros((3, 3)))),
+                ("of shape \\(3, 3\\)", lambda: vector.step(np.zeros((3, 3)))),
                 ("reset_mask", lambda: vector.reset(options={"reset_mask": [True]})),
                 ("policy: got int", lambda: oted.evaluate(3, "Hopper-v5")),
+                ("'friction': got 'x', wanted a number",
+                 lambda: oted.make_env("Hopper-v5", parameters=FRICTION, sample={"friction": "x"})),
+                ("'friction': got None", lambda: oted.make_env("Hopper-v5", parameters=FRICTION, sample={"friction": None})),
+                ("'friction': got \\[1, 2\\]",
+                 lambda: oted.evaluate(POLICY, "Hopper-v5", parameters=FRICTION, at={"friction": [1, 2]})),
+                ("got \\[0.7\\] for parameters", lambda: oted.make_env("Hopper-v5", parameters=FRICTION, sample=[0.7])),
+                ("episodes: got 'x'", lambda: oted.evaluate(POLICY, "Hopper-v5", episodes="x")),
+                ("seed: got -1", lambda: oted.evaluate(POLICY, "Hopper-v5", seed=-1)),
+                ("seed: got 'x'", lambda: oted.check(HOPPER, "Hopper-v5", seed="x")),
+                ("width: got 'x'", lambda: oted.make_env("Hopper-v5", render_mode="rgb_array", width="x")),
+                ("settings: got 3", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, settings={3: 4})),
+                ("complex", lambda: oted.Logs(array * 1j, array)),
+                ("terminated: got 5", lambda: oted.Logs(array, array, terminated=5)),
+                ("observation_names: got 'ab'", lambda: oted.Logs(array, array, observation_names="ab")),
+                ("observation_names: got \\[1, 2\\]", lambda: oted.Logs(array, array, observation_names=[1, 2])),
+                ("episodes: got 3", lambda: oted.Logs.from_episodes(3)),
+                ("observations: got 3", lambda: oted.Logs.from_pandas({"q": [1]}, observations=3, actions=["q"])),
+                ("column 't'", lambda: oted.Logs.from_pandas({"q": [1, 2], "t": ["x", "y"]}, observations=["q"], actions=["q"],
+                                                             reward="t")),
                 ("design: got str", lambda: oted.train("Hopper-v5")),
                 ("Logs.save", lambda: oted.init("arm.xml", oted.Logs(array, array))),
                 ("period: got 'x'", lambda: to_logs([channel], [channel], "x")),
                 ("wanted oted.streams.Channel", lambda: to_logs([("q", [0, 1], [0, 1])], [channel], 0.1)),
-                ("holds no numbers", lambda: to_logs([Channel("q", [0, 1], ["x", 1])], [channel], 0.1)),
+                ("wanted numbers", lambda: to_logs([Channel("q", [0, 1], ["x", 1])], [channel], 0.1)),
                 ("make_env: got str", lambda: oted.GymSimulator("Pendulum-v1", name="p", version="1"))):
             with self.subTest(wanted), self.assertRaisesRegex(oted.UsageError, wanted) as raised:
                 call()
