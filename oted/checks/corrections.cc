@@ -27,6 +27,7 @@ constexpr double kCap = 2;            // an error counts as so many times the us
 constexpr double kGood = 0.03;        // error of a channel, of its change: below it nothing is to be mended
 constexpr double kHelps = 0.35;       // what a correction must leave of the squared error of its channels
 constexpr double kZeroHelps = 0.2;    // the same for a zero, which wrong parameters can look like
+constexpr double kFasterHelps = 0.1;  // and for a motion made twice as fast, which hides half of what moves it
 constexpr double kActionHelps = 0.6;  // the same for an action, in the two channels that it helps most
 constexpr double kAlike = 1.1;        // corrections that leave within so much of the best are named beside it
 constexpr double kOwnAlike = 1.5;
@@ -41,7 +42,7 @@ constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "con
                                   "quaternion_order", "quaternion_inverse", "turn_frame",   "velocity_frame",
                                   "quaternion_sign",  "shifted_actions"};
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kThousandth = 1e-3;
+constexpr double kThousandth = 1e-3, kHundredth = 1e-2;
 
 /// A position and its rate.
 struct Joint {
@@ -275,6 +276,11 @@ class Search {
       // Never the reverse: a motion made 57 times as fast hides what moves it, and so every other defect.
       all.push_back({CorrectionKind::kUnit, columns, unit, both});
     }
+    if (InMetres(joint)) all.push_back({CorrectionKind::kUnit, both, kHundredth, both});
+    // A gear or a belt between encoder and joint; the width of a gripper in place of a finger's way.
+    if (joint.agree) {
+      for (const double gear : {0.5, 2.0}) all.push_back({CorrectionKind::kUnit, both, gear, both});
+    }
     for (const double size : {1.0, 2.5, 5.0, 10.0, 20.0}) {
       for (const double sign : {-1.0, 1.0}) {
         all.push_back({CorrectionKind::kZero, {joint.position}, sign * size * SmallestZero(joint), {joint.velocity}});
@@ -326,8 +332,10 @@ class Search {
   }
 
   bool Helps(const Trial& trial, const Errors& now) const {
-    const double most = trial.correction.IsOfActions()                   ? kActionHelps
-                        : trial.correction.kind == CorrectionKind::kZero ? kZeroHelps
+    const Correction& c = trial.correction;
+    const double most = c.IsOfActions()                                  ? kActionHelps
+                        : c.kind == CorrectionKind::kZero                ? kZeroHelps
+                        : c.kind == CorrectionKind::kUnit && c.value > 1 ? kFasterHelps
                                                                          : kHelps;
     return trial.own < most && trial.total < Total(now);
   }

@@ -10,6 +10,7 @@
 #include "oted/base/error.h"
 #include "oted/checks/corrections.h"
 #include "oted/checks/engine_check.h"
+#include "oted/checks/late_recordings.h"
 #include "oted/data/checks_dynamics.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/effects.h"
@@ -196,6 +197,7 @@ void AddEngine(const EngineMatch& better, const OneStepError& here, const Simula
 TaskFacts FactsOf(const SimulatorSpec& spec) {
   TaskFacts facts;
   facts.observation_names = spec.observation_names;
+  facts.action_names = spec.action_names;
   facts.rate_of = spec.rate_of;
   facts.bodies = spec.bodies;
   std::set<int> positions(spec.rate_of.begin(), spec.rate_of.end());
@@ -269,6 +271,9 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     AddOneStep(*check.one_step, *factory, check.findings);
     const auto better = FindBetterEngine(spec.task, *check.one_step, dataset, kOneStepRows, context.n_threads);
     if (better) AddEngine(*better, *check.one_step, spec, check.findings);
+    const bool all_late =
+        std::ranges::any_of(check.findings, [](const Finding& f) { return f.check == "shifted_actions"; });
+    if (!all_late) CheckLateRecordings(*factory, dataset, kOneStepRows, context.n_threads, check.findings);
     CheckCorrections(*factory, dataset, context.n_threads, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states
     try {

@@ -8,8 +8,10 @@
 
 #include "oted/base/error.h"
 #include "oted/data/checks_channels.h"
+#include "oted/data/checks_copies.h"
 #include "oted/data/checks_dynamics.h"
 #include "oted/data/checks_frozen.h"
+#include "oted/data/checks_missing.h"
 #include "oted/data/checks_rates.h"
 #include "oted/data/checks_rows.h"
 #include "oted/data/checks_states.h"
@@ -80,6 +82,8 @@ std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts
   CheckRows(dataset, facts, findings);
   CheckChannels(dataset, facts, findings);
   CheckFrozen(dataset, facts, findings);
+  CheckCopies(dataset, facts, findings);
+  CheckMissingRows(dataset, facts, findings);
   CheckStates(dataset, facts, findings);
   CheckWraps(dataset, facts, findings);
   CheckRates(dataset, facts, CheckTurning(dataset, facts, findings), findings);

@@ -244,4 +244,37 @@ TEST(Turning, FramesOfVelocitiesAreNamed) {
   EXPECT_EQ(Only(Check(LogOf(angular), kBody), "turn_frame").channels, (std::vector<std::string>{"p", "q", "r"}));
 }
 
+TEST(Copies, ACommandThatStandsAsThePositionIsNamed) {
+  TaskFacts facts = kFacts;
+  facts.action_names = {"motor"};
+  Dataset d = LogOf(Truth);
+  for (int i = 0; i < d.size(); ++i) d.actions(i, 0) = 2 * d.next_observations(i, 1) - 1;  // a LeRobot's "action"
+  const auto f = Only(Check(d, facts), "copied_channels");
+  EXPECT_EQ(f.channels, (std::vector<std::string>{"knee/qpos", "motor"}));
+  EXPECT_NE(f.what.find("the next row"), std::string::npos) << f.what;
+  // A servo that follows its command well, but not without any error.
+  for (int i = 0; i < d.size(); ++i) d.actions(i, 0) = d.next_observations(i, 1) + 1e-3 * d.next_observations(i, 3);
+  for (const Finding& g : Check(d, facts)) ADD_FAILURE() << g.check << ": " << g.what;
+}
+
+TEST(MissingRows, RowsThatWereLostAreFoundWhereTheRobotMoves) {
+  // Every fiftieth row is not there, and the times do not tell.
+  Dataset d;
+  for (int e = 0; e < 3; ++e) {
+    for (int i = 0, k = 0; i < 150; ++i) {
+      const double t = 7 * e + k * kPeriod;
+      k += i % 50 == 20 ? 2 : 1;
+      d.observations.AppendRow(Truth(t));
+      d.next_observations.AppendRow(Truth(7 * e + k * kPeriod));
+      d.actions.AppendRow(std::vector<double>{std::sin(9 * t)});
+      d.terminals.push_back(0);
+      d.timeouts.push_back(i == 149);
+    }
+  }
+  const auto f = Only(Check(d), "missing_rows");
+  EXPECT_GE(f.count, 3);
+  EXPECT_LE(f.count, 9);
+  EXPECT_EQ(f.row % 50, 20);
+}
+
 }  // namespace oted::checks_rates_test

@@ -240,6 +240,17 @@ def plant(fault, robot, log, joints, unit=None):
     elif fault == "swapped actions":
         commands[:, :, [0, 1]] = commands[:, :, [1, 0]]
         found = "swapped_actions", log.actions[:2]
+    elif fault == "command as position":
+        rows[:, 1:, pa] = log.commands[:, :-1, 0]
+        found = "copied_channels", [f"joint/{a}/qpos", log.actions[0]]
+    elif fault == "geared encoder":
+        rows[:, :, [pa, va]] *= 2
+        found = "joint_unit", [f"joint/{a}/qpos", f"joint/{a}/qvel"]
+    elif fault == "rows missing":
+        # The times do not tell: they are numbered anew when the log is written.
+        kept = [k for k in range(rows.shape[1]) if k % 40 != 25]
+        rows, commands = rows[:, kept], commands[:, kept]
+        found = "missing_rows", []
     elif fault == "half the rate":
         rows, commands = rows[:, ::2], commands[:, ::2]
         found = "control_rate", []
@@ -250,7 +261,7 @@ def plant(fault, robot, log, joints, unit=None):
 
 FAULTS = ["sign", "position sign", "swapped joints", "swapped columns", "quaternion xyzw", "encoder offset", "frozen rows",
           "frozen channel", "body-frame velocity", "velocities lag", "degrees", "position in degrees", "actions a row late",
-          "action sign", "swapped actions", "half the rate"]
+          "action sign", "swapped actions", "half the rate", "command as position", "geared encoder", "rows missing"]
 
 
 def hinges_of(robot):

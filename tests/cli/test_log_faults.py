@@ -65,6 +65,29 @@ class LogFaults(ProgramTest):
                     self.assertTrue(remedies[0].startswith(f"in episode 2 alone: {remedy}"), remedies)
                     self.assertLessEqual({f["check"] for f in found}, {check, "one_step_error"})
 
+    def test_actions_of_one_recording_that_are_late_are_named_with_it(self):
+        for name, robot in ROBOTS.items():
+            clean = log_robots.drive(robot)
+            log, _ = log_robots.plant("actions a row late", robot, clean, log_robots.hinges_of(robot))
+            commands = clean.commands.copy()
+            commands[2] = log.commands[2]
+            found = self.warnings(robot, log_robots.dataclasses.replace(clean, commands=commands))
+            with self.subTest(name):
+                self.assertEqual([f["check"] for f in found], ["shifted_actions"], found)
+                self.assertEqual(found[0]["remedy"], "in episode 3 alone: shift the actions by this number of rows")
+
+    def test_degrees_of_one_recording_are_named_with_it(self):
+        for name, robot in ROBOTS.items():
+            clean = log_robots.drive(robot)
+            a, b = log_robots.hinges_of(robot)
+            log, _ = log_robots.plant("degrees", robot, clean, (a, b))
+            rows = clean.rows.copy()
+            rows[1] = log.rows[1]
+            found = {f["check"]: f["remedy"] for f in self.warnings(robot, log_robots.dataclasses.replace(clean, rows=rows))}
+            with self.subTest(name):
+                self.assertEqual(found.get("joint_unit"), f"in episode 2 alone: multiply joint/{a}/qpos and joint/{a}/qvel "
+                                 "by 0.0174533", found)
+
     def test_thousandths_are_named_by_their_column(self):
         for name, robot in ROBOTS.items():
             log = log_robots.drive(robot)

@@ -1,0 +1,47 @@
+#include "oted/checks/late_recordings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "oted/sim/one_step.h"
+
+namespace oted {
+namespace {
+
+constexpr size_t kMostLate = 50;    // recordings: with more of them, too few rows lie in each
+constexpr double kLateGain = 0.5;   // another row's action must leave less than this of the error
+constexpr double kLateShare = 0.5;  // of the recordings: where more are late, it is no fault of single ones
+
+}  // namespace
+
+void CheckLateRecordings(const SimulatorFactory& factory, const Dataset& dataset, int max_rows, int n_threads,
+                         std::vector<Finding>& findings) {
+  const std::vector<Episode> episodes = dataset.Episodes();
+  if (episodes.size() < 2 || episodes.size() > kMostLate) return;
+  std::vector<Finding> late;
+  for (size_t e = 0; e < episodes.size(); ++e) {
+    const int rows = std::max(1, max_rows / static_cast<int>(episodes.size()));
+    const OneStepError error = MeasureOneStep(factory, dataset.Select({episodes[e]}), rows, n_threads);
+    const auto& ratios = error.ratio_by_shift;
+    if (ratios.empty()) continue;
+    const auto best = std::ranges::min_element(ratios, {}, [](const auto& r) { return r.second; });
+    const double own = ratios.at(0);
+    if (best->first == 0 || best->second > kLateGain * own) continue;
+    late.push_back(
+        {.check = "shifted_actions",
+         .severity = Severity::kWarning,
+         .what = fmt::format("in episode {} alone the action {} row(s) {} explains a row better than its own: "
+                             "error {:.2g} instead of {:.2g}",
+                             e + 1, std::abs(best->first), best->first < 0 ? "before" : "later", best->second, own),
+         .row = episodes[e].begin,
+         .count = std::abs(best->first),
+         .meaning = "its actions were logged with other rows than those of the other recordings",
+         .remedy = fmt::format("in episode {} alone: shift the actions by this number of rows", e + 1)});
+  }
+  if (static_cast<double>(late.size()) > kLateShare * static_cast<double>(episodes.size())) return;
+  findings.insert(findings.end(), late.begin(), late.end());
+}
+
+}  // namespace oted
