@@ -103,7 +103,8 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vec
   const double own = e.ratio_by_shift.at(0);
   const auto best = std::min_element(e.ratio_by_shift.begin(), e.ratio_by_shift.end(),
                                      [](const auto& a, const auto& b) { return a.second < b.second; });
-  if (best->first == 0 || exact || best->second > kShiftGain * own) return;
+  // An error above the change itself explains nothing, however much worse another one is.
+  if (best->first == 0 || exact || best->second > std::min(1.0, kShiftGain * own)) return;
   const std::string delay = best->first < 0 ? DelayAmong(factory.parameters()) : "";
   findings.push_back(
       {.check = "shifted_actions",

@@ -28,7 +28,7 @@ void CheckLateRecordings(const SimulatorFactory& factory, const Dataset& dataset
     if (ratios.empty()) continue;
     const auto best = std::ranges::min_element(ratios, {}, [](const auto& r) { return r.second; });
     const double own = ratios.at(0);
-    if (best->first == 0 || best->second > kLateGain * own) continue;
+    if (best->first == 0 || best->second > std::min(1.0, kLateGain * own)) continue;
     late.push_back(
         {.check = "shifted_actions",
          .severity = Severity::kWarning,

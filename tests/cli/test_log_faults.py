@@ -71,10 +71,12 @@ class LogFaults(ProgramTest):
             log, _ = log_robots.plant("actions a row late", robot, clean, log_robots.hinges_of(robot))
             commands = clean.commands.copy()
             commands[2] = log.commands[2]
-            found = self.warnings(robot, log_robots.dataclasses.replace(clean, commands=commands))
+            warnings = self.warnings(robot, log_robots.dataclasses.replace(clean, commands=commands))
+            found = {f["check"]: f["remedy"] for f in warnings}
             with self.subTest(name):
-                self.assertEqual([f["check"] for f in found], ["shifted_actions"], found)
-                self.assertEqual(found[0]["remedy"], "in episode 3 alone: shift the actions by this number of rows")
+                self.assertEqual(found.get("shifted_actions"),
+                                 "in episode 3 alone: shift the actions by this number of rows")
+                self.assertLessEqual(set(found), {"shifted_actions", "measurement_noise"})
 
     def test_degrees_of_one_recording_are_named_with_it(self):
         for name, robot in ROBOTS.items():
