@@ -41,6 +41,7 @@ constexpr double kAsUsual = 2;          // what a correction of one recording mu
 constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "control_rate", "swapped_columns",
                                   "quaternion_order", "quaternion_inverse", "turn_frame",   "velocity_frame",
                                   "quaternion_sign",  "shifted_actions"};
+constexpr double kCorrelated = 0.6;  // of a velocity with its position
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kThousandth = 1e-3, kHundredth = 1e-2;
 
@@ -48,6 +49,7 @@ constexpr double kThousandth = 1e-3, kHundredth = 1e-2;
 struct Joint {
   int position = 0, velocity = 0;
   bool agree = true;
+  bool correlated = true;  // one goes with the other, whatever the factor
 };
 
 using Errors = std::vector<double>;  // per channel: mean of the squared error over the squared change
@@ -124,7 +126,8 @@ class Search {
     joints_.clear();
     for (const RateAgreement& rate : CompareRates(dataset, spec_.rate_of, spec_.control_period_s)) {
       const double factor = spec_.control_period_s > 0 ? rate.slope / spec_.control_period_s : 1;
-      joints_.push_back({rate.position, rate.velocity, rate.correlation > 0.6 && std::abs(factor - 1) < 0.3});
+      const bool agree = rate.correlation > kCorrelated && std::abs(factor - 1) < 0.3;
+      joints_.push_back({rate.position, rate.velocity, agree, std::abs(rate.correlation) > kCorrelated});
     }
     if (static_cast<int>(starts_.size()) < kFewestWindows) return std::nullopt;
     return Measure(log_, 1);
@@ -273,8 +276,9 @@ class Search {
     const double unit = InMetres(joint) ? kThousandth : kDegree;
     for (const auto& columns : sets) {
       all.push_back({CorrectionKind::kSign, columns, 0, both});
-      // Never the reverse: a motion made 57 times as fast hides what moves it, and so every other defect.
-      all.push_back({CorrectionKind::kUnit, columns, unit, both});
+      // Never the reverse: a motion made 57 times as fast hides what moves it, and so every other defect. The unit of
+      // one of the two shows only where they move together: what stands still is predicted better the smaller it is.
+      if (joint.correlated) all.push_back({CorrectionKind::kUnit, columns, unit, both});
     }
     if (InMetres(joint)) all.push_back({CorrectionKind::kUnit, both, kHundredth, both});
     // A gear or a belt between encoder and joint; the width of a gripper in place of a finger's way.

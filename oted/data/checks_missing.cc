@@ -16,6 +16,7 @@ constexpr double kRowSlack = 0.25;
 constexpr double kRowLeft = 0.1;     // of the squared change, that one factor for all channels may leave
 constexpr double kMostLong = 0.2;    // of the rows: beyond it the log has another rate
 constexpr double kMostAgree = 0.75;  // of the rows, that must agree with their velocities
+constexpr double kMostShort = 0.2;   // of the long ones, that may be as much too short: else it is noise
 constexpr int kFewestLong = 3;
 
 struct Channel {
@@ -73,16 +74,23 @@ void CheckMissingRows(const Dataset& dataset, const TaskFacts& facts, std::vecto
   if (!facts.flat_observations || facts.rate_of.empty()) return;
   const RowLengths lengths(dataset, facts);
   if (lengths.period_s() <= 0) return;
-  int n = 0, n_agree = 0, n_long = 0, first = -1;
-  for (int i = 0; i < dataset.size(); ++i) {
-    const double length = lengths.Of(i);
-    if (length == 0) continue;
-    ++n;
-    n_agree += std::abs(length - 1) < kRowSlack;
-    if (length < 2 - kRowSlack || std::abs(length - std::round(length)) > kRowSlack) continue;
-    if (n_long++ == 0) first = i;
+  const auto near = [](double length, double wanted) { return std::abs(length - wanted) < kRowSlack; };
+  int n = 0, n_agree = 0, n_long = 0, n_short = 0, first = -1;
+  for (const Episode& e : dataset.Episodes()) {
+    for (int i = e.begin + 1; i + 1 < e.end; ++i) {
+      const double length = lengths.Of(i);
+      if (length == 0) continue;
+      ++n;
+      n_agree += near(length, 1);
+      n_short += length < 0.5;
+      // A lost row lies between others that are as they should be.
+      if (length < 2 - kRowSlack || !near(length, std::round(length))) continue;
+      if (!near(lengths.Of(i - 1), 1) || !near(lengths.Of(i + 1), 1)) continue;
+      if (n_long++ == 0) first = i;
+    }
   }
-  if (n_long < kFewestLong || n_long > kMostLong * n || n_agree < kMostAgree * n) return;
+  if (n_long < kFewestLong || n_long > kMostLong * n || n_agree < kMostAgree * n || n_short > kMostShort * n_long)
+    return;
   findings.push_back({.check = "missing_rows",
                       .severity = Severity::kWarning,
                       .what = fmt::format("in {} of {} rows all positions move two or more times as far as their "
