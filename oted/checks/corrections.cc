@@ -280,10 +280,10 @@ class Search {
       // one of the two shows only where they move together: what stands still is predicted better the smaller it is.
       if (joint.correlated) all.push_back({CorrectionKind::kUnit, columns, unit, both});
     }
-    if (InMetres(joint)) all.push_back({CorrectionKind::kUnit, both, kHundredth, both});
-    // A gear or a belt between encoder and joint; the width of a gripper in place of a finger's way.
     if (joint.agree) {
+      // A gear or a belt between encoder and joint; the width of a gripper in place of a finger's way.
       for (const double gear : {0.5, 2.0}) all.push_back({CorrectionKind::kUnit, both, gear, both});
+      if (InMetres(joint)) all.push_back({CorrectionKind::kUnit, both, kHundredth, both});
     }
     for (const double size : {1.0, 2.5, 5.0, 10.0, 20.0}) {
       for (const double sign : {-1.0, 1.0}) {

@@ -2,6 +2,7 @@
 for each episode, with the delays and sensors that they say."""
 
 import json
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -28,6 +29,9 @@ class _Simulators:
                  threads: int) -> None:
         what = study_of(task, parameters)
         self.facts: dict[str, Any] = json.loads(core.describe(what))
+        if not self.facts["has_reward"]:
+            warnings.warn(f"task '{self.facts['task']}' has no reward: every step gives 0; name one, "
+                          "oted.Task(..., reward='...')", stacklevel=4)
         self.lanes = core.Lanes(what, n_lanes, threads)
         self._design = task if isinstance(task, Design) else None
         self._sample = sample if isinstance(sample, str) and sample in SAMPLES else None

@@ -357,6 +357,16 @@ class Environments(InFolder):
         with self.assertRaises(oted.UsageError):
             env.reset(options={"qpos": [0.0], "qvel": [0.0]})
 
+    def test_a_task_without_a_reward_says_so(self):
+        (self.folder / "pendulum.xml").write_text(PENDULUM)
+        task = {"model": self.folder / "pendulum.xml", "control_period": 0.02}
+        with self.assertWarnsRegex(UserWarning, "has no reward: every step gives 0") as told:
+            oted.make_vec_env(oted.Task(**task), 2)
+        self.assertEqual(told.filename, __file__)  # the line that called
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            oted.make_env(oted.Task(**task, reward="1"))
+
     def test_a_model_of_mujocos_python_is_the_model_of_its_file(self):
         import mujoco
         spec = mujoco.MjSpec.from_string(PENDULUM)
