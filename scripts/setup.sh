@@ -8,7 +8,7 @@
 #                     software OpenGL
 #   .venv             a project-local Python environment. For the build 20 MB: the pinned wheels of requirements.txt without
 #                     their dependencies. For the tests requirements-test.txt and, again alone, requirements-models.txt:
-#                     360 MB more (1.5 GB on disk) with a CPU build of torch, 2.9 GB (6 GB) with a CUDA build
+#                     400 MB more (1.6 GB on disk) with a CPU build of torch, 2.9 GB (6 GB) with a CUDA build
 # PYTHON=... chooses the interpreter (3.11 or newer), CMAKE=... the cmake (3.25 or newer).
 # The output of apt and pip goes to build/setup-*.log.
 set -euo pipefail
@@ -182,7 +182,7 @@ install_wheels() {
   if [ "$PURPOSE" = cuda ]; then
     pip_install 'installing torch: 190 MB, or 2.5 GB where it comes with CUDA' setup-torch.log -r requirements-torch.txt
   elif [ "$PURPOSE" = test ]; then
-    pip_install 'installing what the tests compare with: 300 MB, or 2.9 GB where torch comes with CUDA' setup-test.log \
+    pip_install 'installing what the tests compare with: 340 MB, or 2.9 GB where torch comes with CUDA' setup-test.log \
       -r requirements-test.txt
     pip_install 'installing robot models for tests and examples: 57 MB' setup-models.log --no-deps -r requirements-models.txt
   fi

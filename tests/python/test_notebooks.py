@@ -20,8 +20,8 @@ NOTEBOOKS = sorted((ROOT / "examples/notebooks").glob("*.ipynb"))
 MOST_SECONDS = 1800  # of a cell: no measure of it, but the end of one that hangs
 SETTINGS = """settings = {
     "design.method": "trajectories", "design.trajectories.rows": 64, "design.trajectories.starts": 1,
-    "design.trajectories.coarse": 4, "design.trajectories.tried": 0, "selection.n_seeds": 1, "selection.n_sims": 2, "selection.n_steps": 20,
-    "selection.judge_steps": 20, "report.motion": "false",
+    "design.trajectories.coarse": 4, "design.trajectories.tried": 0, "selection.n_seeds": 1, "selection.n_sims": 2,
+    "selection.n_steps": 20, "selection.judge_steps": 20, "report.motion": "false",
 }
 rows, n_steps, n_episodes = 600, 4096, 2
 """
