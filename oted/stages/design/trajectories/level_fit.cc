@@ -128,9 +128,9 @@ std::optional<VectorXd> LevelFit::PredictedStart(size_t w) const {
 }
 
 bool LevelFit::TryOtherStarts(Rng& rng) {
-  if (ShareExplained() == 1) return false;
   const WindowLikelihood likelihood = Likelihood();
   const std::vector<double> z = ToZ(space_, x_);
+  bool found = false;
   for (int attempt = 0; attempt <= kRedraws; ++attempt) {
     std::vector<size_t> which;
     std::vector<LogWindow> windows;
@@ -155,9 +155,10 @@ bool LevelFit::TryOtherStarts(Rng& rng) {
       level_.starts[w] = fitted.starts[k];
       residuals_[w] = fitted.residuals[k];
       damping_of_start_[w] = 1e-2;
+      found = true;
     }
   }
-  return true;
+  return found;
 }
 
 void LevelFit::CountExplainedAlone() { explained_alone_ = ShareExplained() > kFewestExplained; }

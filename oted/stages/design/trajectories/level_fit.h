@@ -53,7 +53,7 @@ class LevelFit {
   /// Windows that are not explained are often caught in a local minimum of their start: noise of a hundredth of a metre
   /// puts a foot into the ground. Each is fitted again from other starts, from where the replay of the window before it
   /// ends and from readings with noise added anew, and keeps the best. Call Step before and after.
-  /// @return whether there was any such window
+  /// @return whether any window found a better start
   bool TryOtherStarts(Rng& rng);
   /// From now on windows that are not explained do not count at all, unless hardly any is: what x they ask for is that
   /// of a wrong start.

@@ -21,6 +21,7 @@ using Eigen::VectorXd;
 
 constexpr double kTolerableGrowth = 1.25;  // of the noise estimate from the first level to a longer one
 constexpr int kStartIterations = 5, kLevelIterations = 4;
+constexpr double kSamePlace = 0.1;  // in x, some fortieth of the range: two starts that meet need no third
 constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windows stay unexplained
 // The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
 constexpr int kFirstLevelIterations = 7;
@@ -137,9 +138,10 @@ class TrajectoryMatch {
       LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, candidates[static_cast<size_t>(s)].second);
       Descend(fit, kStartIterations);
       const double cost = fit.FinalCost();
+      const bool meets = s > 0 && (fit.x() - x).cwiseAbs().maxCoeff() < kSamePlace;
       if (cost < best) x = fit.x();
       best = std::min(best, cost);
-      if (IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll) break;
+      if (meets || (IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll)) break;
     }
     return x;
   }
@@ -162,10 +164,13 @@ class TrajectoryMatch {
         fit->HoldStarts(false);
         Descend(*fit, kLevelIterations);
       }
-      for (int round = 0; round < kRounds && fit->TryOtherStarts(rng_); ++round) {
+      for (int round = 0; round < kRounds && fit->ShareExplained() < 1; ++round) {
+        const bool found = fit->TryOtherStarts(rng_);
+        if (round > 0 && !found) break;
         fit->CountExplainedAlone();
-        for (int i = 0; i < kRoundIterations; ++i) {
-          fit->Step();
+        bool settled = false;
+        for (int i = 0; i < kRoundIterations && !settled; ++i) {
+          settled = fit->Step();
           Tell(fit->x());
         }
       }
