@@ -40,8 +40,9 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   const ParameterSpec& spec = suspect.spec;
   if (!suspect.trial) return fmt::format("{}: by the logs about {}", spec.field, ValueInWords(spec, suspect.value));
   const std::string freed = fmt::format("with {} freed ({})", spec.field, ValueInWords(spec, suspect.trial->value));
-  if (!suspect.trial->kept) return freed + ": no surely better prediction";
-  return fmt::format("{}: {}", freed, Bought(*suspect.trial, channels, off));
+  if (!(suspect.trial->gain.value > 0)) return freed + ": no better prediction";
+  return fmt::format("{}: {}{}", freed, Bought(*suspect.trial, channels, off),
+                     suspect.trial->kept ? "" : "; that is not sure");
 }
 
 }  // namespace oted
