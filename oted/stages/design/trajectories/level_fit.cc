@@ -5,6 +5,7 @@
 
 #include "oted/data/checks_dynamics.h"
 #include "oted/matching/designer.h"
+#include "oted/stages/design/trajectories/kept_derivatives.h"
 #include "oted/stages/design/trajectories/noise_estimate.h"
 #include "oted/stages/design/trajectories/start_fit.h"
 
@@ -46,14 +47,17 @@ LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const 
       scale_(scale),
       level_(std::move(level)),
       x_(std::move(x)),
-      damping_of_start_(level_.windows.size(), 1e-2) {}
+      damping_of_start_(level_.windows.size(), 1e-2),
+      linear_(level_.windows.size()),
+      kept_(level_.windows.size(), 0),
+      fresh_(level_.windows.size(), 0),
+      residuals_(level_.windows.size()) {}
 
 bool LevelFit::Step() {
-  Linearize(Tangents());
-  const std::vector<NormalEquations> equations = Equations(linear_);
-  const WindowLikelihood likelihood = Likelihood();
-  const double cost = Cost(residuals_, x_);
-  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+  Linearize(Without(kept_), Tangents());
+  for (int attempt = 0; attempt < kAttempts;) {
+    const std::vector<NormalEquations> equations = Equations(linear_);
+    const WindowLikelihood likelihood = Likelihood();
     // Where no step of x helps, the starts move alone.
     const bool starts_alone = attempt == kAttempts - 1;
     std::vector<NormalEquations::Factor> factors(equations.size());
@@ -73,11 +77,11 @@ bool LevelFit::Step() {
     VectorXd step = hessian.ldlt().solve(gradient);
     if (starts_alone || !step.allFinite()) step.setZero();
     step /= std::max(1.0, step.cwiseAbs().maxCoeff());
-    const VectorXd x = (x_ + step).cwiseMax(-kMaxX).cwiseMin(kMaxX);
+    const VectorXd x = (x_ + step).cwiseMax(-kMaxX).cwiseMin(kMaxX), change = x - x_;
     std::vector<VectorXd> starts = level_.starts;
     for (size_t w = 0; w < equations.size(); ++w) {
       if (!equations[w].valid || starts_are_held_) continue;
-      starts[w] += factors[w].solve(equations[w].start - equations[w].start_x * (x - x_));
+      starts[w] += factors[w].solve(equations[w].start - equations[w].start_x * change);
     }
     // Each window keeps the better of its two starts: one whose contact flips does not hold up the others.
     std::vector<VectorXd> moved = replayer_.Residuals(level_.windows, starts, ToZ(space_, x));
@@ -88,20 +92,36 @@ bool LevelFit::Step() {
       better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[w]);
       if (!better[w]) moved[w] = stayed[w];
     }
-    if (!starts_alone && !(Cost(moved, x) < cost)) {
-      damping_ *= 8;
+    if (!starts_alone && !(Cost(moved, x) < Cost(residuals_, x_))) {
+      const std::vector<size_t> old = Without(fresh_);
+      if (old.empty()) {
+        damping_ *= 8;
+        ++attempt;
+      } else {
+        Linearize(old, Tangents());
+      }
       continue;
     }
-    x_ = x;
+    const bool all_fresh = Without(fresh_).empty();
     for (size_t w = 0; w < moved.size(); ++w) {
+      VectorXd of_start;
+      if (better[w]) of_start = starts[w] - level_.starts[w];
+      // Derivatives that made a start worse may do better when they are taken anew.
+      kept_[w] = !starts_are_held_ && (better[w] || fresh_[w]) &&
+                 ForetoldBy(linear_[w], of_start, change, moved[w], likelihood.precision());
+      fresh_[w] = fresh_[w] && !better[w] && starts_alone;
       if (better[w]) level_.starts[w] = starts[w];
       residuals_[w] = linear_[w].residual = moved[w];
       linear_[w].valid = linear_[w].valid && moved[w].size() > 0;
       damping_of_start_[w] =
           better[w] ? std::max(1e-6, damping_of_start_[w] * 0.2) : std::min(1e4, damping_of_start_[w] * 6);
     }
+    x_ = x;
     damping_ = std::max(1e-7, damping_ * 0.2);
-    return !starts_alone && (step.cwiseAbs().array() < kSettled * uncertainty.array()).all();
+    const bool is_small = !starts_alone && (step.cwiseAbs().array() < kSettled * uncertainty.array()).all();
+    // Where derivatives of earlier starts say that x has arrived, those of the present ones are asked.
+    if (is_small && !all_fresh) kept_.assign(kept_.size(), 0);
+    return is_small && all_fresh;
   }
   return false;
 }
@@ -155,6 +175,7 @@ bool LevelFit::TryOtherStarts(Rng& rng) {
       level_.starts[w] = fitted.starts[k];
       residuals_[w] = fitted.residuals[k];
       damping_of_start_[w] = 1e-2;
+      kept_[w] = fresh_[w] = 0;
       found = true;
     }
   }
@@ -222,13 +243,34 @@ std::vector<std::vector<double>> LevelFit::Perturbed(const VectorXd& steps) cons
 }
 
 void LevelFit::Linearize(const Differences& steps) {
-  linear_ =
-      replayer_.Linearize(level_.windows, level_.starts, ToZ(space_, x_), Perturbed(steps.x), steps.x, steps.starts);
-  residuals_.assign(linear_.size(), {});
-  for (size_t w = 0; w < linear_.size(); ++w) {
-    if (linear_[w].valid) residuals_[w] = linear_[w].residual;
+  Linearize(Without(std::vector<char>(level_.windows.size(), 0)), steps);
+}
+
+void LevelFit::Linearize(const std::vector<size_t>& which, const Differences& steps) {
+  std::vector<LogWindow> windows;
+  std::vector<VectorXd> starts, start_steps;
+  for (const size_t w : which) {
+    windows.push_back(level_.windows[w]);
+    starts.push_back(level_.starts[w]);
+    if (!steps.starts.empty()) start_steps.push_back(steps.starts[w]);
+  }
+  std::vector<WindowReplayer::Linearization> linear =
+      replayer_.Linearize(windows, starts, ToZ(space_, x_), Perturbed(steps.x), steps.x, start_steps);
+  for (size_t k = 0; k < which.size(); ++k) {
+    const size_t w = which[k];
+    linear_[w] = std::move(linear[k]);
+    residuals_[w] = linear_[w].valid ? linear_[w].residual : VectorXd();
+    kept_[w] = fresh_[w] = 1;
   }
   EstimateNoise();
+}
+
+std::vector<size_t> LevelFit::Without(const std::vector<char>& flags) {
+  std::vector<size_t> which;
+  for (size_t w = 0; w < flags.size(); ++w) {
+    if (flags[w] == 0) which.push_back(w);
+  }
+  return which;
 }
 
 void LevelFit::EstimateNoise() {

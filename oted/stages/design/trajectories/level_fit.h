@@ -38,14 +38,18 @@ class LevelFit {
 
   /// While starts are held, windows start where their readings say: for logs that are exact but for rounding. Step once
   /// after they are let go.
-  void HoldStarts(bool held) { starts_are_held_ = held; }
+  void HoldStarts(bool held) {
+    starts_are_held_ = held;
+    kept_.assign(kept_.size(), 0);
+  }
 
   const Eigen::VectorXd& x() const { return x_; }
   const Level& level() const { return level_; }
   const ReadingModel& readings() const { return replayer_.readings(); }
   const Eigen::VectorXd& noise_variance() const { return variance_; }
 
-  /// One Gauss-Newton step on x and all starts.
+  /// One Gauss-Newton step on x and all starts. Windows whose derivatives foretold the last step keep them; where the
+  /// step gains nothing by those, all are taken anew.
   /// @return whether x moved by less than a quarter of its uncertainty
   bool Step();
   /// Steps until x has settled, `n_iterations` at most. @param tell  called with x after each
@@ -124,7 +128,11 @@ class LevelFit {
     bool arrived = false;  // it was not cut short
   };
   LastStep TakeLastStep();
+  /// Of all windows, or of some.
   void Linearize(const Differences& steps);
+  void Linearize(const std::vector<size_t>& which, const Differences& steps);
+  /// The windows of which a flag is not set.
+  static std::vector<size_t> Without(const std::vector<char>& flags);
   /// z with one search coordinate moved by its step, one per parameter.
   std::vector<std::vector<double>> Perturbed(const Eigen::VectorXd& steps) const;
   /// What each stretch says of the parameters of a linearization. A window that cannot be replayed says nothing.
@@ -144,6 +152,8 @@ class LevelFit {
   double damping_ = 1e-2;
   bool explained_alone_ = false, starts_are_held_ = false;
   std::vector<WindowReplayer::Linearization> linear_;
+  std::vector<char> kept_;   // of each window: its derivatives do for the next step,
+  std::vector<char> fresh_;  // they are those of its present start and x
   std::vector<Eigen::VectorXd> residuals_;
   Eigen::VectorXd variance_;         // of each channel's noise, or of what grows
   Eigen::VectorXd sensor_variance_;  // empty unless errors grow

@@ -1,8 +1,11 @@
 #include "oted/stages/design/trajectories/start_fit.h"
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 #include <utility>
+
+#include "oted/stages/design/trajectories/kept_derivatives.h"
 
 namespace oted {
 
@@ -28,27 +31,45 @@ FittedStarts FitStarts(WindowReplayer& replayer, std::vector<VectorXd> starts, c
   FittedStarts fitted{std::move(starts), {}};
   fitted.residuals = replayer.Residuals(windows, fitted.starts, z);
   std::vector<double> damping(windows.size(), 1e-2);
+  std::vector<WindowReplayer::Linearization> linear(windows.size());
+  // Whether a window's derivatives do for the next step, and whether they are those of its present start.
+  std::vector<char> kept(windows.size(), 0), fresh(windows.size(), 0);
   std::vector<size_t> moving(windows.size());
   std::iota(moving.begin(), moving.end(), size_t{0});
   for (int i = 0; i < n_iterations && !moving.empty(); ++i) {
-    const std::vector<LogWindow> some = At(moving, windows);
-    std::vector<VectorXd> moved = At(moving, fitted.starts);
-    const auto linear = replayer.Linearize(some, moved, z, {}, {}, std::vector<VectorXd>(moving.size(), start_step));
-    for (size_t k = 0; k < moving.size(); ++k) {
-      if (!linear[k].valid) continue;
-      const MatrixXd weighted = likelihood.precision().asDiagonal() * linear[k].d_start;
-      MatrixXd damped = linear[k].d_start.transpose() * weighted;
-      damped.diagonal() *= 1 + damping[moving[k]];
-      moved[k] += damped.ldlt().solve(weighted.transpose() * linear[k].residual);
+    std::vector<size_t> old;
+    std::ranges::copy_if(moving, std::back_inserter(old), [&](size_t w) { return kept[w] == 0; });
+    std::vector<WindowReplayer::Linearization> anew = replayer.Linearize(
+        At(old, windows), At(old, fitted.starts), z, {}, {}, std::vector<VectorXd>(old.size(), start_step));
+    for (size_t k = 0; k < old.size(); ++k) {
+      linear[old[k]] = std::move(anew[k]);
+      fresh[old[k]] = 1;
     }
-    std::vector<VectorXd> residuals = replayer.Residuals(some, moved, z);
+    std::vector<VectorXd> moved = At(moving, fitted.starts);
+    for (size_t k = 0; k < moving.size(); ++k) {
+      const WindowReplayer::Linearization& of_window = linear[moving[k]];
+      if (!of_window.valid) continue;
+      const MatrixXd weighted = likelihood.precision().asDiagonal() * of_window.d_start;
+      MatrixXd damped = of_window.d_start.transpose() * weighted;
+      damped.diagonal() *= 1 + damping[moving[k]];
+      moved[k] += damped.ldlt().solve(weighted.transpose() * of_window.residual);
+    }
+    std::vector<VectorXd> residuals = replayer.Residuals(At(moving, windows), moved, z);
     std::vector<size_t> go_on;
     for (size_t k = 0; k < moving.size(); ++k) {
       const size_t w = moving[k];
       const double gain = likelihood.Cost(fitted.residuals[w]) - likelihood.Cost(residuals[k]);
       damping[w] = gain > 0 ? std::max(1e-6, damping[w] * 0.2) : std::min(1e4, damping[w] * 6);
-      if (!(gain >= 0 && gain < kSettledCost)) go_on.push_back(w);
-      if (!(gain > 0)) continue;
+      // A step that old derivatives spoil tells nothing of the start.
+      const bool is_judged = fresh[w] != 0 || gain > 0;
+      if (!is_judged || !(gain >= 0 && gain < kSettledCost)) go_on.push_back(w);
+      if (!(gain > 0)) {
+        kept[w] = fresh[w];
+        continue;
+      }
+      kept[w] = ForetoldBy(linear[w], moved[k] - fitted.starts[w], {}, residuals[k], likelihood.precision());
+      fresh[w] = 0;
+      linear[w].residual = residuals[k];
       fitted.starts[w] = std::move(moved[k]);
       fitted.residuals[w] = std::move(residuals[k]);
     }
