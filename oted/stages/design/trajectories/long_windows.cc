@@ -36,10 +36,11 @@ struct LongFit {
   MatrixXd errors;  // of its predictions
 };
 
-bool IsSurelyWorse(const LongFit& fit, const LongFit& than) {
-  const PredictionRatio ratio = ComparePredictions(fit.errors, than.errors);
+bool IsSurelyWorse(const MatrixXd& errors, const MatrixXd& than) {
+  const PredictionRatio ratio = ComparePredictions(errors, than);
   return ratio.log_ratio > kWorse * ratio.std;
 }
+bool IsSurelyWorse(const LongFit& fit, const LongFit& than) { return IsSurelyWorse(fit.errors, than.errors); }
 
 LongFit Best(const std::vector<LongFit>& fits) {
   const LongFit* best = &fits.front();
@@ -79,6 +80,12 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
 int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings) {
   const double per_row = (1.0 + factory.parameters().size() + readings.state_dim()) * factory.spec().physics_steps;
   return std::min(wanted, std::max(kFewestLongRows, static_cast<int>(n_steps / per_row)));
+}
+
+bool TakesOver(const MatrixXd& of_long, const MatrixXd& of_short, const MatrixXd& of_nominal, bool explained) {
+  const bool misleads =
+      ComparePredictions(of_short, of_nominal).log_ratio > 0 && ComparePredictions(of_long, of_nominal).log_ratio < 0;
+  return explained && !misleads ? IsSurelyWorse(of_short, of_long) : !IsSurelyWorse(of_long, of_short);
 }
 
 LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& context,
@@ -135,10 +142,8 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
     std::erase_if(by_length, [&](const LongFit& fit) { return IsSurelyWorse(fit, best); });
     const LongFit nearest = *std::ranges::min_element(
         by_length, {}, [&](const LongFit& fit) { return std::abs(std::log(fit.n_steps * period / kPredicted)); });
-    // Parameters that the family explains are left for a reason that chance does not give; where it does not, short
-    // windows tell of noise.
-    const PredictionRatio gain = ComparePredictions(nearest.errors, of_short);
-    if (in.explained ? gain.log_ratio < -kWorse * gain.std : !IsSurelyWorse(nearest, choice)) choice = nearest;
+    const MatrixXd of_nominal = errors_at(NominalStart(space));
+    if (TakesOver(nearest.errors, of_short, of_nominal, in.explained)) choice = nearest;
   }
   LongFitChoice chosen{choice.n_steps, choice.x};
   for (LongFit& fit : tried) {

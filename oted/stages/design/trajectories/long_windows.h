@@ -49,6 +49,13 @@ struct LongFitInputs {
   bool explained = true;
 };
 
+/// Whether parameters of long windows take the place of those of short windows, by their errors: (channels, windows),
+/// mean squares of predictions. Where the family explains the short windows (`explained`), the long ones' have to be
+/// surely better, as chance alone gives no reason; elsewhere they have to be not surely worse, as short windows tell of
+/// noise. What predicts worse than the nominal simulator explains nothing, however little the short windows leave.
+bool TakesOver(const Eigen::MatrixXd& of_long, const Eigen::MatrixXd& of_short, const Eigen::MatrixXd& of_nominal,
+               bool explained);
+
 /// Steps of ChooseLongWindows, at most.
 inline constexpr int kMostLongTries = 42;
 

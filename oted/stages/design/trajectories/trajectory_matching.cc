@@ -31,7 +31,7 @@ constexpr int kManyReplays = 50000;     // control steps of a linearization: wha
 constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is rounding
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 constexpr int kValidationRows = 960;
-constexpr int kLongIterations = 25, kMostLongRows = 30000;
+constexpr int kLongIterations = 50, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + kLongIterations;
 
