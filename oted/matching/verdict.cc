@@ -253,12 +253,13 @@ bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
 }
 
 bool PredictsBetter(const HeldOutPrediction& prediction) {
+  const bool all_learned = std::ranges::all_of(prediction.horizons, &HeldOutPrediction::Horizon::learned);
   bool better = false;
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
     for (const Estimated& gain : {h.gain, h.gain_of_recordings}) {
       if (IsSure({-gain.value, gain.error})) return false;
     }
-    better = better || IsSure(h.gain);
+    better = better || ((all_learned || !h.learned) && IsSure(h.gain));
   }
   return better;
 }

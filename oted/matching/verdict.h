@@ -88,7 +88,8 @@ bool IsSure(const Estimated& gain);
 /// Whether what is compared at a horizon surely predicts worse than the design: over all channels, or in one.
 bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared);
 /// Whether the design surely predicts better than the nominal simulator: at some horizon, and at none surely worse,
-/// neither in all windows nor in the recordings that were kept aside whole.
+/// neither in all windows nor in the recordings that were kept aside whole. Logs that it learned from count for it only
+/// where no others can judge.
 bool PredictsBetter(const HeldOutPrediction& prediction);
 
 /// From the common score (held-out cross-entropy of a judge; log 2 where logs and simulator cannot be told apart),

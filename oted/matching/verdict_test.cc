@@ -178,6 +178,14 @@ TEST(PredictsBetter, AGainCountsWhereItIsSureAndNoHorizonLoses) {
   EXPECT_FALSE(PredictsBetter(elsewhere)) << "parts of what it learned from do not outvote other recordings";
 }
 
+TEST(PredictsBetter, LogsThatItLearnedFromCountWhereNoOthersCanJudge) {
+  HeldOutPrediction learned = Predicted(kNothing, kMuch);
+  learned.horizons[0].learned = true;
+  EXPECT_TRUE(PredictsBetter(learned));
+  learned.horizons.push_back(Predicted(kNothing, {-0.5, 0.4}).horizons[0]);
+  EXPECT_FALSE(PredictsBetter(learned)) << "the logs kept aside are predicted worse, if not surely";
+}
+
 TEST(JudgePrediction, TheFloorAndTheGainDecide) {
   const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
   EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
