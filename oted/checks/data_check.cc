@@ -99,22 +99,17 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vec
          .meaning = "these states or actions are impossible in the model",
          .remedy = "check units and frames; a step size that is too large does it, too"});
   }
-  if (e.ratio_by_shift.empty()) return;
-  const double own = e.ratio_by_shift.at(0);
-  const auto best = std::min_element(e.ratio_by_shift.begin(), e.ratio_by_shift.end(),
-                                     [](const auto& a, const auto& b) { return a.second < b.second; });
-  // An error above the change itself explains nothing, however much worse another one is.
-  if (best->first == 0 || exact || best->second > std::min(1.0, kShiftGain * own)) return;
-  const std::string delay = best->first < 0 ? DelayAmong(factory.parameters()) : "";
+  const std::optional<ActionShift> better = BetterShift(e, kShiftGain);
+  if (!better || exact) return;
+  const bool is_before = better->shift < 0;
+  const std::string delay = is_before ? DelayAmong(factory.parameters()) : "";
   findings.push_back(
       {.check = "shifted_actions",
        .severity = delay.empty() ? Severity::kWarning : Severity::kNote,
-       .what = fmt::format("the action {} row(s) {} explains a row better than its own: error {:.2g} instead of {:.2g}",
-                           std::abs(best->first), best->first < 0 ? "before" : "later", best->second, own),
-       .count = std::abs(best->first),
-       .meaning = best->first < 0
-                      ? "the target acts with a delay, its sensors show late, or actions were logged too early"
-                      : "actions were logged too late: with the state that they led to",
+       .what = ShiftInWords(*better),
+       .count = std::abs(better->shift),
+       .meaning = is_before ? "the target acts with a delay, its sensors show late, or actions were logged too early"
+                            : "actions were logged too late: with the state that they led to",
        .remedy = delay.empty() ? "shift the actions in the log by this number of rows, or make the delay a parameter: "
                                  "action/delay, obs/NAME/delay"
                                : fmt::format("none needed: the parameter '{}' takes it", delay)});

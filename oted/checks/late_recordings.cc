@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "oted/sim/one_step.h"
-
 namespace oted {
 namespace {
 
@@ -16,6 +14,11 @@ constexpr double kLateShare = 0.5;  // of the recordings: where more are late, i
 
 }  // namespace
 
+std::string ShiftInWords(const ActionShift& better) {
+  return fmt::format("the action {} row(s) {} explains a row better than its own: error {:.2g} instead of {:.2g}",
+                     std::abs(better.shift), better.shift < 0 ? "before" : "later", better.error, better.own);
+}
+
 void CheckLateRecordings(const SimulatorFactory& factory, const Dataset& dataset, int max_rows, int n_threads,
                          std::vector<Finding>& findings) {
   const std::vector<Episode> episodes = dataset.Episodes();
@@ -24,21 +27,15 @@ void CheckLateRecordings(const SimulatorFactory& factory, const Dataset& dataset
   for (size_t e = 0; e < episodes.size(); ++e) {
     const int rows = std::max(1, max_rows / static_cast<int>(episodes.size()));
     const OneStepError error = MeasureOneStep(factory, dataset.Select({episodes[e]}), rows, n_threads);
-    const auto& ratios = error.ratio_by_shift;
-    if (ratios.empty()) continue;
-    const auto best = std::ranges::min_element(ratios, {}, [](const auto& r) { return r.second; });
-    const double own = ratios.at(0);
-    if (best->first == 0 || best->second > std::min(1.0, kLateGain * own)) continue;
-    late.push_back(
-        {.check = "shifted_actions",
-         .severity = Severity::kWarning,
-         .what = fmt::format("in episode {} alone the action {} row(s) {} explains a row better than its own: "
-                             "error {:.2g} instead of {:.2g}",
-                             e + 1, std::abs(best->first), best->first < 0 ? "before" : "later", best->second, own),
-         .row = episodes[e].begin,
-         .count = std::abs(best->first),
-         .meaning = "its actions were logged with other rows than those of the other recordings",
-         .remedy = fmt::format("in episode {} alone: shift the actions by this number of rows", e + 1)});
+    const std::optional<ActionShift> better = BetterShift(error, kLateGain);
+    if (!better) continue;
+    late.push_back({.check = "shifted_actions",
+                    .severity = Severity::kWarning,
+                    .what = fmt::format("in episode {} alone {}", e + 1, ShiftInWords(*better)),
+                    .row = episodes[e].begin,
+                    .count = std::abs(better->shift),
+                    .meaning = "its actions were logged with other rows than those of the other recordings",
+                    .remedy = fmt::format("in episode {} alone: shift the actions by this number of rows", e + 1)});
   }
   if (static_cast<double>(late.size()) > kLateShare * static_cast<double>(episodes.size())) return;
   findings.insert(findings.end(), late.begin(), late.end());

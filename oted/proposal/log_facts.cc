@@ -92,12 +92,12 @@ void AddReplayFacts(const SimulatorFactory& factory, const Dataset& dataset, int
   std::vector<Finding> corrections;
   CheckCorrections(factory, dataset, n_threads, corrections);
   for (const Finding& f : corrections) facts.push_back(fmt::format("{}: {}; {}", f.check, f.what, f.remedy));
-  const auto shifts = MeasureOneStep(factory, dataset, kRows, n_threads).ratio_by_shift;
-  const auto best = std::ranges::min_element(shifts, {}, [](const auto& shift) { return shift.second; });
-  if (best != shifts.end() && best->first != 0 && best->second < kShiftGain * shifts.at(0) && shifts.at(0) > kExact) {
-    facts.push_back(fmt::format("the action {} row(s) {} predicts a row better than its own: {}", std::abs(best->first),
-                                best->first < 0 ? "before" : "later",
-                                best->first < 0
+  const auto better = BetterShift(MeasureOneStep(factory, dataset, kRows, n_threads), kShiftGain);
+  if (better && better->own > kExact) {
+    const bool is_before = better->shift < 0;
+    facts.push_back(fmt::format("the action {} row(s) {} predicts a row better than its own: {}",
+                                std::abs(better->shift), is_before ? "before" : "later",
+                                is_before
                                     ? "the robot acts late, which the parameter delay may take, or a sensor shows late "
                                       "(obs/NAME/delay)"
                                     : "actions were logged too late; shift them"));

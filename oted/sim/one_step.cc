@@ -102,6 +102,15 @@ OneStepError MeasureOneStep(const SimulatorFactory& factory, const Dataset& data
   return result;
 }
 
+std::optional<ActionShift> BetterShift(const OneStepError& error, double share) {
+  const auto& ratios = error.ratio_by_shift;
+  const auto best = std::ranges::min_element(ratios, {}, [](const auto& ratio) { return ratio.second; });
+  if (best == ratios.end() || best->first == 0) return std::nullopt;
+  const double own = ratios.at(0);
+  if (best->second > std::min(1.0, share * own)) return std::nullopt;
+  return ActionShift{best->first, best->second, own};
+}
+
 TerminalAgreement CompareTerminals(const SimulatorFactory& factory, const Dataset& dataset, int max_rows) {
   const auto simulator = factory.Make(1, 1);
   simulator->SetParameters(0, factory.parameters().Nominal());

@@ -2,6 +2,7 @@
 /// Logged transitions repeated one by one in the nominal simulator: what differs within a single control step?
 
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "oted/data/dataset.h"
@@ -21,6 +22,16 @@ struct OneStepError {
   /// neighbours in their episode; empty when there are fewer than 20.
   std::map<int, double> ratio_by_shift;
 };
+
+/// Another row's action that explains a row better than its own.
+struct ActionShift {
+  int shift = 0;              ///< rows later; negative: before
+  double error = 0, own = 0;  ///< of ratio_by_shift: with it, and with the row's own action
+};
+
+/// The best shift, where it leaves at most `share` of the own error. None where it leaves more than the change itself:
+/// such an error explains nothing, however much worse another one is.
+std::optional<ActionShift> BetterShift(const OneStepError& error, double share);
 
 /// At most `max_rows` rows, evenly spread over the data. Needs spec().can_set_state and finite data that fit the task.
 OneStepError MeasureOneStep(const SimulatorFactory& factory, const Dataset& dataset, int max_rows, int n_threads);

@@ -59,6 +59,22 @@ TEST(OneStep, ADelayShowsAsTheBestShift) {
   }
 }
 
+TEST(BetterShift, IsTheBestOneWhereItLeavesLittleEnoughOfTheErrorAndOfTheChange) {
+  OneStepError e;
+  EXPECT_FALSE(BetterShift(e, 0.5)) << "too few rows";
+  e.ratio_by_shift = {{-1, 0.3}, {0, 0.8}, {1, 0.5}};
+  const auto better = BetterShift(e, 0.5);
+  ASSERT_TRUE(better);
+  EXPECT_EQ(better->shift, -1);
+  EXPECT_EQ(better->error, 0.3);
+  EXPECT_EQ(better->own, 0.8);
+  EXPECT_FALSE(BetterShift(e, 0.3));
+  e.ratio_by_shift = {{-1, 0.3}, {0, 0.2}, {1, 0.5}};
+  EXPECT_FALSE(BetterShift(e, 0.9)) << "its own action is the best";
+  e.ratio_by_shift = {{-1, 1.2}, {0, 5.0}, {1, 7.0}};
+  EXPECT_FALSE(BetterShift(e, 0.5)) << "worse than predicting no change";
+}
+
 TEST(OneStep, RowsWhoseStateIsUnknownAreCountedAndLeftOut) {
   PointMassOptions clipped;
   clipped.velocity_clip = 0.5;
