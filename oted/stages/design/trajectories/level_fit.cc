@@ -55,9 +55,10 @@ LevelFit::LevelFit(WindowReplayer& replayer, const ParameterSpace& space, const 
 
 bool LevelFit::Step() {
   Linearize(Without(kept_), Tangents());
+  std::vector<NormalEquations> equations = Equations(linear_);
+  WindowLikelihood likelihood = Likelihood();
+  double cost = Cost(residuals_, x_);
   for (int attempt = 0; attempt < kAttempts;) {
-    const std::vector<NormalEquations> equations = Equations(linear_);
-    const WindowLikelihood likelihood = Likelihood();
     // Where no step of x helps, the starts move alone.
     const bool starts_alone = attempt == kAttempts - 1;
     std::vector<NormalEquations::Factor> factors(equations.size());
@@ -92,13 +93,16 @@ bool LevelFit::Step() {
       better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[w]);
       if (!better[w]) moved[w] = stayed[w];
     }
-    if (!starts_alone && !(Cost(moved, x) < Cost(residuals_, x_))) {
+    if (!starts_alone && !(Cost(moved, x) < cost)) {
       const std::vector<size_t> old = Without(fresh_);
       if (old.empty()) {
         damping_ *= 8;
         ++attempt;
       } else {
         Linearize(old, Tangents());
+        equations = Equations(linear_);
+        likelihood = Likelihood();
+        cost = Cost(residuals_, x_);
       }
       continue;
     }

@@ -50,7 +50,7 @@ class LevelFit {
 
   /// One Gauss-Newton step on x and all starts. Windows whose derivatives foretold the last step keep them; where the
   /// step gains nothing by those, all are taken anew.
-  /// @return whether x moved by less than a quarter of its uncertainty
+  /// @return whether x moved by less than a quarter of its uncertainty, by derivatives that were all taken anew
   bool Step();
   /// Steps until x has settled, `n_iterations` at most. @param tell  called with x after each
   void Descend(int n_iterations, const std::function<void(const Eigen::VectorXd&)>& tell);

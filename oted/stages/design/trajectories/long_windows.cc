@@ -82,10 +82,12 @@ int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, 
   return std::min(wanted, std::max(kFewestLongRows, static_cast<int>(n_steps / per_row)));
 }
 
-bool TakesOver(const MatrixXd& of_long, const MatrixXd& of_short, const MatrixXd& of_nominal, bool explained) {
-  const bool misleads =
-      ComparePredictions(of_short, of_nominal).log_ratio > 0 && ComparePredictions(of_long, of_nominal).log_ratio < 0;
-  return explained && !misleads ? IsSurelyWorse(of_short, of_long) : !IsSurelyWorse(of_long, of_short);
+bool TakesOver(const MatrixXd& of_long, const MatrixXd& of_short, const std::function<MatrixXd()>& of_nominal,
+               bool explained) {
+  const auto misleads = [&](const MatrixXd& nominal) {
+    return ComparePredictions(of_short, nominal).log_ratio > 0 && ComparePredictions(of_long, nominal).log_ratio < 0;
+  };
+  return explained && !misleads(of_nominal()) ? IsSurelyWorse(of_short, of_long) : !IsSurelyWorse(of_long, of_short);
 }
 
 LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& context,
@@ -142,7 +144,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
     std::erase_if(by_length, [&](const LongFit& fit) { return IsSurelyWorse(fit, best); });
     const LongFit nearest = *std::ranges::min_element(
         by_length, {}, [&](const LongFit& fit) { return std::abs(std::log(fit.n_steps * period / kPredicted)); });
-    const MatrixXd of_nominal = errors_at(NominalStart(space));
+    const auto of_nominal = [&] { return errors_at(NominalStart(space)); };
     if (TakesOver(nearest.errors, of_short, of_nominal, in.explained)) choice = nearest;
   }
   LongFitChoice chosen{choice.n_steps, choice.x};

@@ -53,8 +53,9 @@ struct LongFitInputs {
 /// mean squares of predictions. Where the family explains the short windows (`explained`), the long ones' have to be
 /// surely better, as chance alone gives no reason; elsewhere they have to be not surely worse, as short windows tell of
 /// noise. What predicts worse than the nominal simulator explains nothing, however little the short windows leave.
-bool TakesOver(const Eigen::MatrixXd& of_long, const Eigen::MatrixXd& of_short, const Eigen::MatrixXd& of_nominal,
-               bool explained);
+/// @param of_nominal  asked only where it matters
+bool TakesOver(const Eigen::MatrixXd& of_long, const Eigen::MatrixXd& of_short,
+               const std::function<Eigen::MatrixXd()>& of_nominal, bool explained);
 
 /// Steps of ChooseLongWindows, at most.
 inline constexpr int kMostLongTries = 42;

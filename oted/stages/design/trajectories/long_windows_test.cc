@@ -69,7 +69,8 @@ TEST(ChooseLongWindows, KeepsParametersThatAreRight) {
 }
 
 TEST(TakesOver, AsksMoreWhereShortWindowsAreExplainedAndPredictBetterThanTheNominalSimulator) {
-  const Eigen::MatrixXd nominal = Eigen::MatrixXd::Constant(1, 6, 1.0);
+  const Eigen::MatrixXd ones = Eigen::MatrixXd::Constant(1, 6, 1.0);
+  const auto nominal = [&] { return ones; };
   // Half of the error in the mean, but for one window: not two standard errors.
   const Eigen::MatrixXd better{{0.1, 0.1, 0.1, 0.1, 0.1, 2.4}};
   const Eigen::MatrixXd slightly_worse = Eigen::MatrixXd::Constant(1, 6, 1.05);
@@ -77,8 +78,8 @@ TEST(TakesOver, AsksMoreWhereShortWindowsAreExplainedAndPredictBetterThanTheNomi
   EXPECT_TRUE(TakesOver(better, slightly_better, nominal, false));
   EXPECT_FALSE(TakesOver(better, slightly_better, nominal, true)) << "chance gives such a gain";
   EXPECT_TRUE(TakesOver(better, slightly_worse, nominal, true)) << "short windows mislead";
-  EXPECT_FALSE(TakesOver(1.2 * nominal, slightly_worse, nominal, true)) << "and so do the long ones";
-  EXPECT_FALSE(TakesOver(1.2 * nominal, slightly_worse, nominal, false)) << "surely worse";
+  EXPECT_FALSE(TakesOver(1.2 * ones, slightly_worse, nominal, true)) << "and so do the long ones";
+  EXPECT_FALSE(TakesOver(1.2 * ones, slightly_worse, nominal, false)) << "surely worse";
 }
 
 }  // namespace oted::long_windows_test
