@@ -232,9 +232,7 @@ class Design:
     def _repr_html_(self) -> str:
         text = f"<p><b>{html.escape(self.sentence)}</b></p>" + _html_table(self.rows())
         for suspect in self.suspects:
-            in_vain = not (suspect.get("freed") or {"kept": True})["kept"]
-            what = "tried in vain" if in_vain else "suspect, not among the parameters"
-            text += f"<p>{what}: {html.escape(str(suspect['sentence']))}</p>"
+            text += f"<p>suspect, not among the parameters: {html.escape(str(suspect['sentence']))}</p>"
         return text
 
 
