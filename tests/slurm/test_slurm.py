@@ -35,6 +35,12 @@ def words_of(pid):
         return []
 
 
+def index_of(pid):
+    """Which unit of the plan the process makes, None where it has ended."""
+    words = words_of(pid)
+    return int(words[words.index(b"--index") + 1]) if b"--index" in words else None
+
+
 def end(pid):
     try:
         os.kill(pid, signal.SIGKILL)
@@ -66,10 +72,12 @@ class SlurmTest(unittest.TestCase):
         self.oted(*words, "--dataset", "medium", "expert", "--threads", "2", "--quiet")
         return self.oted(*words, *study, "--table").stdout
 
+    def listed(self):
+        return json.loads(self.oted("plan", "status", self.plan, "--json").stdout)["units"]
+
     def units(self, state):
         """The names of the units that are in it."""
-        listed = json.loads(self.oted("plan", "status", self.plan, "--json").stdout)["units"]
-        return [unit["name"] for unit in listed if unit["state"] == state]
+        return [unit["name"] for unit in self.listed() if unit["state"] == state]
 
     def records(self):
         return {path: path.read_bytes() for path in self.root.glob("units/*/done.json")}
@@ -90,10 +98,12 @@ class SlurmTest(unittest.TestCase):
         self.cluster.wait(lambda: self.processes_of_units(node), PATIENCE_S, f"{node} has no unit")
 
     def stop_a_unit(self, node):
-        """Kills what runs there until a unit with good data is stopped in its midst."""
+        """Kills a unit with good data in its midst. One that is killed before it begins would leave no trace."""
         def stopped():
+            begun = {unit["index"]: unit["name"] for unit in self.listed() if unit["state"] == "running"}
             for pid in self.processes_of_units(node):
-                end(pid)
+                if "medium-expert" not in begun.get(index_of(pid), "medium-expert"):
+                    end(pid)
             return any("medium-expert" not in name for name in self.units("stopped"))
         self.cluster.wait(stopped, PATIENCE_S, f"no unit of {node} was caught at work")
 
