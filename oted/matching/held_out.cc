@@ -13,7 +13,8 @@ HeldOutParts HoldOut(const Dataset& dataset, RngKey key) {
     const Episode whole = episodes[0];
     const int middle = whole.begin + std::max(1, static_cast<int>((1 - kJudgeShare) * whole.size()));
     if (middle >= whole.end) return {dataset, dataset};
-    return {dataset.Select({{whole.begin, middle, false}}), dataset.Select({{middle, whole.end, whole.terminated}})};
+    return {.learn = dataset.Select({{whole.begin, middle, false}}),
+            .judge = dataset.Select({{middle, whole.end, whole.terminated}})};
   }
   Rng rng = key.MakeRng();
   std::vector<Episode> learn, judge;
@@ -24,7 +25,7 @@ HeldOutParts HoldOut(const Dataset& dataset, RngKey key) {
     (judges ? judge : learn).push_back(episode);
     if (judges) n_judge += episode.size();
   }
-  return {dataset.Select(learn), dataset.Select(judge), static_cast<int>(judge.size())};
+  return {.learn = dataset.Select(learn), .judge = dataset.Select(judge), .n_whole = static_cast<int>(judge.size())};
 }
 
 }  // namespace oted

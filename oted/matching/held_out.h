@@ -1,6 +1,8 @@
 #pragma once
 /// Part of the logs, kept from what is learned so that it can judge it.
 
+#include <vector>
+
 #include "oted/base/rng.h"
 #include "oted/data/dataset.h"
 
@@ -9,6 +11,7 @@ namespace oted {
 /// The episodes that learn and those that judge; two parts of the one where there is one.
 struct HeldOutParts {
   Dataset learn, judge;
+  std::vector<int> recording = {};  ///< of each episode of `learn`: which one it is part of
   int n_whole = 0;  ///< of the judge's episodes, the first ones: recordings of which nothing was learned
 };
 

@@ -20,6 +20,7 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
   HeldOutParts parts = are_many ? HoldOut(dataset, key) : HeldOutParts{dataset, {}};
   const auto rows = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period_s))); };
   std::vector<Episode> learn, judge;
+  int recording = 0;
   for (const Episode& episode : parts.learn.Episodes()) {
     const int fifth = episode.size() / kBlocksPerJudged;
     // Where whole episodes judge already, short ones learn whole.
@@ -33,6 +34,7 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
       begin = end;
     }
     if (begin < episode.end) learn.push_back({begin, episode.end, episode.terminated});
+    parts.recording.resize(learn.size(), recording++);
   }
   parts.judge.Append(parts.learn.Select(judge));
   parts.learn = parts.learn.Select(learn);

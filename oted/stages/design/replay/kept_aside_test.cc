@@ -56,6 +56,8 @@ TEST(KeepAside, OfManyLongRecordingsOneIsKeptWholeAndOfTheOthersBlocks) {
   for (const Episode& episode : parts.judge.Episodes()) lengths.insert(episode.size());
   EXPECT_EQ(lengths, (std::multiset<int>{20, 20, 20, 20, 100}));
   EXPECT_EQ(parts.n_whole, 1);
+  EXPECT_EQ(parts.recording.size(), parts.learn.Episodes().size());
+  EXPECT_EQ(parts.recording.back(), 3) << "four recordings are learned from";
   EXPECT_EQ(parts.judge.Episodes().front().size(), 100) << "the whole ones stand first";
   EXPECT_EQ(KeepAside(Logs({300, 300}), kPeriod, RngKey(1)).n_whole, 0) << "of few, each is learned from";
 }

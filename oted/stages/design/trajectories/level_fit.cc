@@ -138,6 +138,31 @@ void LevelFit::Descend(int n_iterations, const std::function<void(const VectorXd
   }
 }
 
+LevelFit LevelFit::LeavingOut(const std::vector<char>& flags) const {
+  Level rest;
+  const std::vector<size_t> which = Without(flags);
+  for (const size_t w : which) {
+    rest.windows.push_back(level_.windows[w]);
+    rest.starts.push_back(level_.starts[w]);
+    rest.stretch.push_back(level_.stretch[w]);
+  }
+  LevelFit fit(replayer_, space_, prior_, scale_, std::move(rest), x_);
+  fit.starts_are_held_ = starts_are_held_;
+  fit.explained_alone_ = explained_alone_;
+  fit.sensor_variance_ = sensor_variance_;
+  fit.variance_ = variance_;
+  for (size_t k = 0; k < which.size(); ++k) {
+    const size_t w = which[k];
+    fit.damping_of_start_[k] = damping_of_start_[w];
+    fit.linear_[k] = linear_[w];
+    fit.kept_[k] = kept_[w];
+    fit.fresh_[k] = fresh_[w];
+    fit.residuals_[k] = residuals_[w];
+  }
+  fit.EstimateNoise();
+  return fit;
+}
+
 std::optional<VectorXd> LevelFit::PredictedStart(size_t w) const {
   if (w == 0 || level_.stretch[w - 1] != level_.stretch[w] || residuals_[w - 1].size() == 0) return std::nullopt;
   const LogWindow &before = level_.windows[w - 1], &window = level_.windows[w];

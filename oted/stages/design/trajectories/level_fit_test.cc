@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "oted/data/sensor_noise.h"
@@ -53,6 +54,36 @@ TEST(LevelFit, WindowsCaughtInALocalMinimumAreExplainedFromOtherStarts) {
   }
   EXPECT_GT(caught_before, 0.3);
   EXPECT_LT(caught_after, 0.6 * caught_before);
+}
+
+TEST(LevelFit, GoingOnWithoutWindowsComesToTheFitThatNeverHadThem) {
+  // The first half of the recordings is of another gain.
+  Dataset logs = PointMassLogs({1.0, 0.6, 0.5}, 10);
+  const int n_other = logs.size();
+  logs.Append(PointMassLogs(kTruth, 10));
+  logs = WithSensorNoise(logs, 0.1, RngKey(1));
+  WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), logs);
+  const ParameterSpace space = PointMass::MakeParameters();
+  const Prior prior = Prior::Uniform(3);
+  const Eigen::VectorXd scale = ChannelScales(logs);
+  const auto settled = [](LevelFit fit) {
+    for (int i = 0; i < 12; ++i) fit.Step();
+    return fit;
+  };
+  const LevelFit both = settled({replayer, space, prior, scale, WindowsOf(logs, replayer), TrueX(space)});
+  Level alone;
+  std::vector<char> left_out;
+  for (size_t w = 0; w < both.level().windows.size(); ++w) {
+    left_out.push_back(both.level().windows[w].begin < n_other ? 1 : 0);
+    if (left_out.back() != 0) continue;
+    alone.windows.push_back(both.level().windows[w]);
+    alone.starts.push_back(replayer.Guess(alone.windows.back()));
+    alone.stretch.push_back(both.level().stretch[w]);
+  }
+  const Eigen::VectorXd wanted = settled({replayer, space, prior, scale, alone, TrueX(space)}).x();
+  const Eigen::VectorXd found = settled(both.LeavingOut(left_out)).x();
+  EXPECT_LT((found - wanted).cwiseAbs().maxCoeff(), 1e-3);
+  EXPECT_GT((both.x() - wanted).cwiseAbs().maxCoeff(), 0.1);
 }
 
 TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {

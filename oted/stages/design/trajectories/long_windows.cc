@@ -10,6 +10,7 @@
 #include "oted/base/error.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/left_out.h"
 
 namespace oted {
 namespace {
@@ -25,10 +26,12 @@ constexpr int kMostRows = 10000;
 constexpr double kMostPhysics = 4e5;   // steps of a linearization
 constexpr int kFewestLongRows = 1000;  // however much they cost
 constexpr int kMostShortRows = 960;
-constexpr int kFitIterations = 6;
-constexpr double kWorse = 2.0;  // standard errors
+constexpr int kFitIterations = 8;
+constexpr double kWorse = 2.0;     // standard errors
+constexpr double kNoticed = 0.02;  // of a mean square
 // Of the short windows; of the first length and of that which is judged from two starts, of the others from one.
-static_assert(kMostLongTries == kFitIterations * (1 + 2 + 2 + (kWindows.size() - 2)));
+static_assert(kMostLongTries ==
+              (kFitIterations + kMostLeftOut * kStepsWithoutPart) * (1 + 2 + 2 + (kWindows.size() - 2)));
 
 struct LongFit {
   int n_steps;  // 0: the short windows'
@@ -87,7 +90,9 @@ bool TakesOver(const MatrixXd& of_long, const MatrixXd& of_short, const std::fun
   const auto misleads = [&](const MatrixXd& nominal) {
     return ComparePredictions(of_short, nominal).log_ratio > 0 && ComparePredictions(of_long, nominal).log_ratio < 0;
   };
-  return explained && !misleads(of_nominal()) ? IsSurelyWorse(of_short, of_long) : !IsSurelyWorse(of_long, of_short);
+  if (!explained || misleads(of_nominal())) return !IsSurelyWorse(of_long, of_short);
+  const PredictionRatio gain = ComparePredictions(of_short, of_long);
+  return gain.log_ratio > kNoticed + kWorse * gain.std;
 }
 
 LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& context,
@@ -96,30 +101,33 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   const double period = in.factory.spec().control_period_s;
   if (!(period > 0)) return {};
   WindowReplayer learner = MakeReplayer(in.factory, space.size(), in.learn, in.readings, context.n_threads);
-  WindowReplayer other = MakeReplayer(in.factory, 0, in.judge, in.readings, context.n_threads);
-  const auto steps_of = [&](double seconds) { return static_cast<int>(std::lround(seconds / period)); };
-  PredictionJudge judge(other, in.judge, in.noise, {steps_of(kPredicted)}, period);
+  const LeftOutRecordings judge({.factory = in.factory,
+                                 .dataset = in.learn,
+                                 .recording = in.recording,
+                                 .readings = in.readings,
+                                 .noise = in.noise,
+                                 .predicted_s = kPredicted},
+                                context.n_threads);
   if (judge.n_windows() < kFewestJudged) return {};
 
   const int n_rows = AffordableRows(kMostRows, kMostPhysics, in.factory, in.readings);
   const VectorXd scale = ChannelScales(in.learn);
-  const auto errors_at = [&](const VectorXd& x) { return judge.MeanSquares(ToZ(space, x)); };
-  // The short windows' parameters have seen the logs that judge: they count by what they predict, and by what a fit
-  // that has not seen them predicts, whichever is worse.
+  const auto errors_of = [&](const LevelFit& fit) { return judge.ErrorsOf(fit, [&] { tell(fit.x()); }); };
+  // The short windows' parameters have seen the logs that judge: they count by what they predict, and by what fits
+  // that have not seen them predict, whichever is worse.
   const Level short_level = LongWindows(learner, in.learn, in.short_steps, kMostShortRows, period);
-  VectorXd short_x = in.short_x;
+  MatrixXd of_short = judge.ErrorsAt(in.short_x);
   if (!short_level.windows.empty()) {
     LevelFit fit(learner, space, in.prior, scale, short_level, in.short_x);
     fit.Descend(kFitIterations, tell);
-    short_x = fit.x();
+    const MatrixXd unseen = errors_of(fit);
+    if (ComparePredictions(unseen, of_short).log_ratio > 0) of_short = unseen;
   }
-  const MatrixXd as_given = errors_at(in.short_x), unseen = errors_at(short_x);
-  const MatrixXd of_short = ComparePredictions(as_given, unseen).log_ratio > 0 ? as_given : unseen;
   std::vector<LongFit> tried = {{0, in.short_x, of_short}};
   std::vector<LongFit> by_length;
   std::vector<VectorXd> from = {NominalStart(space), in.short_x};
   for (const double seconds : kWindows) {
-    const int n_steps = steps_of(seconds);
+    const int n_steps = static_cast<int>(std::lround(seconds / period));
     if (n_steps <= std::max(in.short_steps, in.readings.longest_age() + 1)) continue;
     const Level level = LongWindows(learner, in.learn, n_steps, n_rows, period);
     if (level.windows.size() < 4) break;
@@ -130,7 +138,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
       LevelFit fit(learner, space, in.prior, scale, level, start);
       fit.LetErrorsGrow(in.noise.cwiseAbs2());
       fit.Descend(kFitIterations, tell);
-      fits.push_back({n_steps, fit.x(), errors_at(fit.x())});
+      fits.push_back({n_steps, fit.x(), errors_of(fit)});
     }
     std::ranges::move(fits, std::back_inserter(tried));
     by_length.push_back(Best({tried.end() - static_cast<ptrdiff_t>(fits.size()), tried.end()}));
@@ -139,12 +147,12 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   }
   LongFit choice = tried.front();
   if (!by_length.empty()) {
-    // Few windows tell lengths apart: of those that no other surely beats, the nearest to what is judged.
+    // Recordings hardly tell some lengths apart: of those that no other surely beats, the nearest to what is judged.
     const LongFit best = Best(by_length);
     std::erase_if(by_length, [&](const LongFit& fit) { return IsSurelyWorse(fit, best); });
     const LongFit nearest = *std::ranges::min_element(
         by_length, {}, [&](const LongFit& fit) { return std::abs(std::log(fit.n_steps * period / kPredicted)); });
-    const auto of_nominal = [&] { return errors_at(NominalStart(space)); };
+    const auto of_nominal = [&] { return judge.ErrorsAt(NominalStart(space)); };
     if (TakesOver(nearest.errors, of_short, of_nominal, in.explained)) choice = nearest;
   }
   LongFitChoice chosen{choice.n_steps, choice.x};

@@ -27,18 +27,18 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
 /// takes for a step counts, not the clock: the same logs give the same rows on any machine.
 int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings);
 
-/// A fit of long windows, chosen among lengths by prediction of episodes that it did not see.
+/// A fit of long windows, chosen among lengths by prediction of recordings that it leaves out.
 struct LongFitChoice {
   int n_steps = 0;    ///< of the windows; 0: no length predicts better than the short windows' parameters
-  Eigen::VectorXd x;  ///< fitted to part of the logs
+  Eigen::VectorXd x;  ///< fitted to `learn`
   /// x of every fit that was tried and does not surely predict worse, this one's too.
   std::vector<Eigen::VectorXd> as_good = {};
 };
 
 struct LongFitInputs {
   const SimulatorFactory& factory;
-  const Dataset& learn;  ///< the logs that windows are fitted to,
-  const Dataset& judge;  ///< and those that they are judged by
+  const Dataset& learn;
+  const std::vector<int>& recording;  ///< HeldOutParts::recording
   const Prior& prior;
   const ReadingModel& readings;
   Eigen::VectorXd short_x;  ///< what short windows gave
@@ -51,18 +51,20 @@ struct LongFitInputs {
 
 /// Whether parameters of long windows take the place of those of short windows, by their errors: (channels, windows),
 /// mean squares of predictions. Where the family explains the short windows (`explained`), the long ones' have to be
-/// surely better, as chance alone gives no reason; elsewhere they have to be not surely worse, as short windows tell of
-/// noise. What predicts worse than the nominal simulator explains nothing, however little the short windows leave.
+/// surely better by a hundredth of the error, as there is no reason but chance; elsewhere they have to be not surely
+/// worse, as short windows tell of noise. What predicts worse than the nominal simulator explains nothing, however
+/// little the short windows leave.
 /// @param of_nominal  asked only where it matters
 bool TakesOver(const Eigen::MatrixXd& of_long, const Eigen::MatrixXd& of_short,
                const std::function<Eigen::MatrixXd()>& of_nominal, bool explained);
 
 /// Steps of ChooseLongWindows, at most.
-inline constexpr int kMostLongTries = 42;
+inline constexpr int kMostLongTries = 140;
 
 /// Fits windows of 0.1 s to 1 s to `learn`, from the nominal parameters and from those of the short windows, and
-/// compares how they predict `judge` over half a second (less where episodes are shorter). Of the lengths that no other
-/// surely beats, the one nearest to that horizon is taken: few windows judge, and a fit is best at what it was asked.
+/// compares how well recordings that they leave out are predicted over half a second (less where episodes are shorter).
+/// Of the lengths that no other surely beats, the one nearest to that horizon is taken: a fit is best at what it was
+/// asked. The logs that are kept aside have no part in it.
 /// @param tell  called with x after every step
 LongFitChoice ChooseLongWindows(const LongFitInputs& inputs, const RunContext& context,
                                 const std::function<void(const Eigen::VectorXd&)>& tell);

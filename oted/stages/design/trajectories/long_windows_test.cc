@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "oted/base/log.h"
 #include "oted/data/sensor_noise.h"
@@ -16,6 +17,12 @@ namespace oted::long_windows_test {
 using Eigen::VectorXd;
 
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
+
+std::vector<int> EachItsOwn(const Dataset& logs) {
+  std::vector<int> recording(logs.Episodes().size());
+  std::iota(recording.begin(), recording.end(), 0);
+  return recording;
+}
 
 TEST(LongWindows, CoverTheLogsAndJoinThoseOfASecondIntoAStretch) {
   const Dataset logs = PointMassLogs(kTruth, 2);  // 20 steps of 0.1 s each
@@ -33,10 +40,11 @@ TEST(ChooseLongWindows, FindsTheParametersWhereNoiseHidesThemFromShortWindows) {
   const HeldOutParts parts = HoldOut(logs, RngKey(6));
   const PointMassFactory factory;
   const Prior prior = Prior::Uniform(3);
+  const std::vector<int> recording = EachItsOwn(parts.learn);
   NullSink log;
   const LongFitChoice choice = ChooseLongWindows({.factory = factory,
                                                   .learn = parts.learn,
-                                                  .judge = parts.judge,
+                                                  .recording = recording,
                                                   .prior = prior,
                                                   .readings = ReadingModel::Of(factory.spec(), logs),
                                                   .short_x = VectorXd::Constant(3, -2.0),
@@ -55,10 +63,11 @@ TEST(ChooseLongWindows, KeepsParametersThatAreRight) {
   const PointMassFactory factory;
   const std::vector<double> truth = ZToLogit(factory.parameters(), kTruth);
   const Prior prior = Prior::Uniform(3);
+  const std::vector<int> recording = EachItsOwn(parts.learn);
   NullSink log;
   const LongFitChoice choice = ChooseLongWindows({.factory = factory,
                                                   .learn = parts.learn,
-                                                  .judge = parts.judge,
+                                                  .recording = recording,
                                                   .prior = prior,
                                                   .readings = ReadingModel::Of(factory.spec(), logs),
                                                   .short_x = Eigen::Map<const VectorXd>(truth.data(), 3),

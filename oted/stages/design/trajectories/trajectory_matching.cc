@@ -258,7 +258,7 @@ class TrajectoryMatch {
     ExpectSteps(kLongSteps);
     choice_ = ChooseLongWindows({.factory = problem_.factory,
                                  .learn = parts_.learn,
-                                 .judge = parts_.judge,
+                                 .recording = parts_.recording,
                                  .prior = problem_.prior,
                                  .readings = replayer_->readings(),
                                  .short_x = fit_->x(),

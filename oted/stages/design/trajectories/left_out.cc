@@ -1,0 +1,121 @@
+#include "oted/stages/design/trajectories/left_out.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/matching/designer.h"
+#include "oted/stages/design/replay/replay_fit.h"
+
+namespace oted {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kFewestRecordings = 3;   // to leave out whole ones
+constexpr double kShortestPart = 1.4;  // [s]
+constexpr int kMostJudged = 200;       // windows
+constexpr int kFewestFitted = 2;       // windows
+
+/// What is left out together, the smallest such: recordings, or pieces of them.
+struct Unit {
+  std::vector<Episode> rows;
+};
+
+std::vector<Unit> UnitsOf(const std::vector<Episode>& episodes, const std::vector<int>& recording, int shortest) {
+  std::vector<Unit> units;
+  if (!recording.empty() && recording.back() + 1 >= kFewestRecordings) {
+    units.resize(static_cast<size_t>(recording.back()) + 1);
+    for (size_t e = 0; e < episodes.size(); ++e) units[static_cast<size_t>(recording[e])].rows.push_back(episodes[e]);
+    return units;
+  }
+  const int n_episodes = static_cast<int>(episodes.size()),
+            wanted = (kMostLeftOut + n_episodes - 1) / std::max(1, n_episodes);
+  for (const Episode& episode : episodes) {
+    const int n = std::clamp(episode.size() / shortest, 1, wanted);
+    for (int k = 0; k < n; ++k) {
+      const int begin = episode.begin + k * episode.size() / n, end = episode.begin + (k + 1) * episode.size() / n;
+      units.push_back({{{begin, end, episode.terminated && end == episode.end}}});
+    }
+  }
+  return units;
+}
+
+}  // namespace
+
+LeftOutRecordings::LeftOutRecordings(const Logs& logs, int n_threads)
+    : space_(logs.factory.parameters()), part_of_row_(static_cast<size_t>(logs.dataset.size())) {
+  const double period = logs.factory.spec().control_period_s;
+  const auto steps_of = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period))); };
+  const std::vector<Unit> units = UnitsOf(logs.dataset.Episodes(), logs.recording, steps_of(kShortestPart));
+  if (units.size() < 2) return;
+  const size_t n_parts = std::min(size_t{kMostLeftOut}, units.size());
+  std::vector<std::vector<Episode>> rows(n_parts);
+  for (size_t u = 0; u < units.size(); ++u) {
+    const size_t part = u * n_parts / units.size();
+    for (const Episode& episode : units[u].rows) {
+      rows[part].push_back(episode);
+      std::fill(part_of_row_.begin() + episode.begin, part_of_row_.begin() + episode.end, static_cast<int>(part));
+    }
+  }
+  parts_.resize(n_parts);  // judges refer to their logs: nothing may move them
+  for (size_t k = 0; k < n_parts; ++k) {
+    Part& part = parts_[k];
+    part.logs = logs.dataset.Select(rows[k]);
+    part.replayer =
+        std::make_unique<WindowReplayer>(MakeReplayer(logs.factory, 0, part.logs, logs.readings, n_threads));
+    part.judge = std::make_unique<PredictionJudge>(*part.replayer, part.logs, logs.noise,
+                                                   std::vector<int>{steps_of(logs.predicted_s)}, period,
+                                                   kMostJudged / static_cast<int>(n_parts));
+  }
+}
+
+int LeftOutRecordings::n_windows() const {
+  int n = 0;
+  for (const Part& part : parts_) n += part.judge->n_windows();
+  return n;
+}
+
+std::vector<char> LeftOutRecordings::Touches(const std::vector<LogWindow>& windows, int part) const {
+  std::vector<char> flags;
+  for (const LogWindow& window : windows) {
+    const auto first = static_cast<size_t>(window.begin), last = first + static_cast<size_t>(window.n_steps) - 1;
+    flags.push_back(part_of_row_[first] == part || part_of_row_[last] == part ? 1 : 0);
+  }
+  return flags;
+}
+
+MatrixXd LeftOutRecordings::Errors(const std::function<VectorXd(int)>& x_of) const {
+  std::vector<MatrixXd> of_parts;
+  Eigen::Index n = 0;
+  for (int k = 0; k < n_parts(); ++k) {
+    const PredictionJudge& judge = *parts_[static_cast<size_t>(k)].judge;
+    if (judge.n_windows() == 0) continue;
+    of_parts.push_back(judge.MeanSquares(ToZ(space_, x_of(k))));
+    n += of_parts.back().cols();
+  }
+  if (of_parts.empty()) return {};
+  MatrixXd errors(of_parts.front().rows(), n);
+  n = 0;
+  for (const MatrixXd& of_part : of_parts) {
+    errors.middleCols(n, of_part.cols()) = of_part;
+    n += of_part.cols();
+  }
+  return errors;
+}
+
+MatrixXd LeftOutRecordings::ErrorsAt(const VectorXd& x) const {
+  return Errors([&](int) { return x; });
+}
+
+MatrixXd LeftOutRecordings::ErrorsOf(const LevelFit& fit, const std::function<void()>& tell) const {
+  return Errors([&](int part) {
+    const std::vector<char> left_out = Touches(fit.level().windows, part);
+    if (std::ranges::count(left_out, 0) < kFewestFitted) return fit.x();
+    LevelFit rest = fit.LeavingOut(left_out);
+    rest.Descend(kStepsWithoutPart, [&](const VectorXd&) { tell(); });
+    return rest.x();
+  });
+}
+
+}  // namespace oted

@@ -1,0 +1,107 @@
+#include "oted/stages/design/trajectories/left_out.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "oted/data/sensor_noise.h"
+#include "oted/matching/designer.h"
+#include "oted/matching/testing.h"
+#include "oted/sim/testing.h"
+
+namespace oted::left_out_test {
+
+using Eigen::VectorXd;
+
+const std::vector<double> kTruth = {1.5, 0.6, 0.5};
+const VectorXd kNoise = VectorXd::Constant(2, 1e-3);
+
+/// Logs, and a fit of windows of five steps that has learned from all of them.
+struct Learned {
+  Learned(Dataset dataset, std::vector<int> recording_of)
+      : logs(std::move(dataset)),
+        recording(std::move(recording_of)),
+        readings(ReadingModel::Of(factory.spec(), logs)),
+        replayer(factory.Make(64, 1), logs),
+        left_out({.factory = factory,
+                  .dataset = logs,
+                  .recording = recording,
+                  .readings = readings,
+                  .noise = kNoise,
+                  .predicted_s = 0.5},
+                 1),
+        scale(ChannelScales(logs)),
+        fit(replayer, factory.parameters(), prior, scale, Windows(), VectorXd::Zero(3)) {
+    fit.Descend(12, [](const VectorXd&) {});
+  }
+
+  Level Windows() {
+    Level level;
+    for (const Episode& episode : logs.Episodes()) {
+      for (int i = episode.begin; i + 5 <= episode.end; i += 5) {
+        level.windows.push_back({i, 5, episode.begin});
+        level.starts.push_back(replayer.Guess(level.windows.back()));
+        level.stretch.push_back(episode.begin);
+      }
+    }
+    return level;
+  }
+
+  Dataset logs;
+  std::vector<int> recording;
+  PointMassFactory factory;
+  ReadingModel readings;
+  WindowReplayer replayer;
+  LeftOutRecordings left_out;
+  Prior prior = Prior::Uniform(3);
+  VectorXd scale;
+  LevelFit fit;
+};
+
+std::vector<int> UpTo(int n) {
+  std::vector<int> numbers(static_cast<size_t>(n));
+  std::iota(numbers.begin(), numbers.end(), 0);
+  return numbers;
+}
+
+TEST(LeftOutRecordings, OneSimulatorBehindAllPredictsWhatWasLeftOutAsWell) {
+  Learned all(PointMassLogs(kTruth, 6), UpTo(6));
+  EXPECT_EQ(all.left_out.n_parts(), 6);
+  int n_told = 0;
+  const Eigen::MatrixXd errors = all.left_out.ErrorsOf(all.fit, [&] { ++n_told; });
+  EXPECT_EQ(errors.cols(), all.left_out.n_windows());
+  EXPECT_LE(errors.maxCoeff(), 1.01 * kNoise.cwiseAbs2().maxCoeff());
+  EXPECT_GE(n_told, 6);
+}
+
+TEST(LeftOutRecordings, ARecordingOfItsOwnKindIsPredictedAsByTheOthers) {
+  // The last one, in two episodes, is of another gain: what a fit learned from it does not count.
+  Dataset logs = PointMassLogs(kTruth, 2);
+  logs.Append(PointMassLogs({0.8, 0.6, 0.5}, 2));
+  Learned all(WithSensorNoise(logs, 0.1, RngKey(1)), {0, 1, 2, 2});
+  ASSERT_EQ(all.left_out.n_parts(), 3);
+  const Eigen::MatrixXd as_learned = all.left_out.ErrorsAt(all.fit.x());
+  const Eigen::MatrixXd left_out = all.left_out.ErrorsOf(all.fit, [] {});
+  const std::vector<double> truth = ZToLogit(all.factory.parameters(), kTruth);
+  const Eigen::MatrixXd by_others = all.left_out.ErrorsAt(Eigen::Map<const VectorXd>(truth.data(), 3));
+  const Eigen::Index n = left_out.cols() / 2;
+  const double wanted = by_others.rightCols(n).sum();
+  EXPECT_NEAR(left_out.rightCols(n).sum() / wanted, 1, 0.1);
+  EXPECT_LT(as_learned.rightCols(n).sum(), 0.7 * wanted);
+}
+
+TEST(LeftOutRecordings, OneRecordingIsCutInTimeAndAWindowAcrossTheCutGoesWithBoth) {
+  Dataset logs = PointMassLogs(kTruth, 1, {.max_episode_steps = 120});  // 12 s
+  Learned one(logs, {0});
+  ASSERT_EQ(one.left_out.n_parts(), 6);
+  EXPECT_EQ(one.left_out.Touches({{0, 5, 0}, {18, 5, 0}, {20, 5, 0}}, 0), (std::vector<char>{1, 1, 0}));
+  EXPECT_EQ(one.left_out.Touches({{0, 5, 0}, {18, 5, 0}, {20, 5, 0}}, 1), (std::vector<char>{0, 1, 1}));
+}
+
+TEST(LeftOutRecordings, LogsTooShortToCutJudgeNothing) {
+  Learned brief(PointMassLogs(kTruth, 1), {0});  // 2 s
+  EXPECT_EQ(brief.left_out.n_parts(), 0);
+  EXPECT_EQ(brief.left_out.n_windows(), 0);
+}
+
+}  // namespace oted::left_out_test
