@@ -46,6 +46,7 @@ int SubmitLocal(const Plan& plan, const PlanPlace& place, const SubmitOptions& o
                     left ? fmt::format(", about {} left", Duration(*left)) : ""));
   };
   MakeFolders(place.root / "logs");
+  root.RemoveLeftovers();
   for (int round = 0; round < options.rounds; ++round) {
     const std::vector<int> open = StateOf(plan, root).Open();
     if (open.empty()) break;
@@ -80,7 +81,9 @@ int SubmitToCluster(const Plan& plan, const PlanPlace& place, const SubmitOption
                     "--watch), or end them (scancel {})",
                     fmt::join(queued, ", "), place.file.string(), fmt::join(queued, " ")));
   }
-  const PlanState state = StateOf(plan, WorkRoot(place.root));
+  const WorkRoot root(place.root);
+  root.RemoveLeftovers();
+  const PlanState state = StateOf(plan, root);
   // No job is left: what seems to run was lost a moment ago.
   std::vector<int> open = state.Open();
   const std::vector<int> lost = state.In(UnitState::kRunning);

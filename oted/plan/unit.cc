@@ -64,11 +64,13 @@ UnitReport MakeUnit(const PlanLine& line, const WorkRoot& root, const UnitPlace&
   if (!held) return Skipped(result);
   UnitClaim& claim = *held;
   UnitTry last{static_cast<int>(ExitCode::kDataOrModel), WrongInput(line)};
+  if (!last.message.empty()) last.message = WrongInput(line);  // a disk may fail once
   if (!last.message.empty()) {
     claim.Fail(RecordOf(line, place, claim, last));
     return {UnitOutcome::kFailed, last.exit_code, last.message};
   }
   KeepToOneKind(claim, place.instruction_set);
+  bool was_wrong = false;
   while (true) {
     last = run(line, claim.folder(), [&] { return claim.Beat(); });
     if (!claim.Beat()) return {UnitOutcome::kBusy};
@@ -83,6 +85,8 @@ UnitReport MakeUnit(const PlanLine& line, const WorkRoot& root, const UnitPlace&
         if (claim.breaks() < kMostBreaks) continue;
         [[fallthrough]];
       case UnitEnd::kWrong:
+        // Data that a disk failed to read once end like data that are wrong.
+        if (!std::exchange(was_wrong, true) && EndOf(last.exit_code) == UnitEnd::kWrong) continue;
         claim.Fail(RecordOf(line, place, claim, last));
         return {UnitOutcome::kFailed, last.exit_code, last.message};
     }

@@ -40,8 +40,9 @@ struct UnitReport {
 /// How often a unit may break before it counts as failed: a crash need not repeat itself.
 inline constexpr int kMostBreaks = 3;
 
-/// Skips what is done or failed, goes on with what was stopped, runs again what broke. A unit whose input is not what
-/// the plan says fails at once. @param place  for the record. @throws DataError when `root` takes no files
+/// Skips what is done or failed, goes on with what was stopped, runs again what broke. What is wrong fails when it
+/// is wrong twice, in the same call. So does a unit whose input is not what the plan says. @param place  for the
+/// record. @throws DataError when `root` takes no files
 UnitReport MakeUnit(const PlanLine& line, const WorkRoot& root, const UnitPlace& place, const UnitRunner& run);
 
 }  // namespace oted

@@ -38,7 +38,7 @@ TEST(Unit, IsMadeOnce) {
   EXPECT_TRUE(root.Begun().empty());
 }
 
-TEST(Unit, AWrongOneFailsOnceAndIsBegunAnewOnlyOnRequest) {
+TEST(Unit, AWrongOneFailsWhenItIsWrongTwiceAndIsBegunAnewOnlyOnRequest) {
   const TestFolder folder;
   const WorkRoot root(folder.path());
   const PlanLine line = CountedLine(1);
@@ -48,11 +48,39 @@ TEST(Unit, AWrongOneFailsOnceAndIsBegunAnewOnlyOnRequest) {
     return Ends(3, "the file is damaged");
   };
   EXPECT_EQ(MakeUnit(line, root, kHere, wrong).outcome, UnitOutcome::kFailed);
-  EXPECT_EQ(n_runs, 1);
+  EXPECT_EQ(n_runs, 2);
   EXPECT_EQ(MakeUnit(line, root, kHere, MustNotRun).outcome, UnitOutcome::kWasFailed);
   EXPECT_EQ(root.ReadFailed(line.Folder()).message, "the file is damaged");
   root.ForgetFailure(line.Folder());
   EXPECT_EQ(MakeUnit(line, root, kHere, WriteResult).outcome, UnitOutcome::kDone);
+}
+
+TEST(Unit, ADiskThatFailsOnceFailsNoUnit) {
+  const TestFolder folder;
+  const WorkRoot root(folder.path());
+  const PlanLine line = CountedLine(1);
+  int n_runs = 0;
+  const auto once = [&](const PlanLine& of, const fs::path& to, const std::function<bool()>& beat) {
+    return ++n_runs == 1 ? Ends(3, "cannot read the logs: Input/output error") : WriteResult(of, to, beat);
+  };
+  EXPECT_EQ(MakeUnit(line, root, kHere, once).outcome, UnitOutcome::kDone);
+  EXPECT_TRUE(root.Failed().empty());
+}
+
+TEST(Unit, WorkFoldersThatADeadProcessLeftOfADoneOneGo) {
+  const TestFolder folder;
+  const WorkRoot root(folder.path());
+  for (const int k : {1, 2}) {
+    ASSERT_EQ(MakeUnit(CountedLine(k), root, kHere, WriteResult).outcome, UnitOutcome::kDone);
+    fs::create_directories(folder.path() / "runs" / CountedLine(k).Folder() / "1");
+    WriteFileAtomically(folder.path() / "runs" / CountedLine(k).Folder() / "1/owner.json",
+                        R"({"owner": {"host": "", "pid": 0}})");
+  }
+  EXPECT_EQ(MakeUnit(CountedLine(1), root, kHere, MustNotRun).outcome, UnitOutcome::kWasDone);
+  EXPECT_FALSE(fs::exists(folder.path() / "runs" / CountedLine(1).Folder()));
+  EXPECT_TRUE(fs::exists(folder.path() / "runs" / CountedLine(2).Folder()));
+  root.RemoveLeftovers();
+  EXPECT_FALSE(fs::exists(folder.path() / "runs" / CountedLine(2).Folder()));
 }
 
 TEST(Unit, ABrokenOneIsTriedThreeTimesOverAllProcesses) {

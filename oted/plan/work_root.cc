@@ -204,7 +204,10 @@ std::pair<ClaimResult, std::optional<UnitClaim>> WorkRoot::Claim(const std::stri
     if (fs::exists(FailedFile(unit))) return ClaimResult::kFailed;
     return std::nullopt;
   };
-  if (const auto result = ended()) return {*result, std::nullopt};
+  if (const auto result = ended()) {
+    if (*result == ClaimResult::kDone) RemoveLeftoversOf(unit);
+    return {*result, std::nullopt};
+  }
   const fs::path runs = root_ / "runs" / unit;
   MakeFolders(runs);
   UnitClaim claim(root_, unit, me_);
@@ -233,6 +236,21 @@ std::pair<ClaimResult, std::optional<UnitClaim>> WorkRoot::Claim(const std::stri
     return {*result, std::nullopt};
   }
   return {ClaimResult::kMine, std::move(claim)};
+}
+
+void WorkRoot::RemoveLeftoversOf(const std::string& unit) const {
+  const fs::path runs = root_ / "runs" / unit;
+  if (!fs::exists(runs)) return;
+  const std::optional<BegunUnit> begun = Look(runs, ServerTime(runs));
+  std::error_code ignored;  // they are in nobody's way
+  if (!begun || !begun->runs) fs::remove_all(runs, ignored);
+}
+
+void WorkRoot::RemoveLeftovers() const {
+  const std::set<std::string> done = Done();
+  for (const std::string& unit : Names(root_ / "runs")) {
+    if (done.contains(unit)) RemoveLeftoversOf(unit);
+  }
 }
 
 std::optional<BegunUnit> WorkRoot::Look(const fs::path& runs, double now) const {

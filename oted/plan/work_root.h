@@ -88,10 +88,13 @@ class WorkRoot {
 
   UnitRecord ReadDone(const std::string& unit) const;
   UnitRecord ReadFailed(const std::string& unit) const;
+  /// Removes the work folders of units that are done: of processes that died, or had no permission, before they did.
+  void RemoveLeftovers() const;
   /// Lets a failed unit be begun anew.
   void ForgetFailure(const std::string& unit) const;
 
  private:
+  void RemoveLeftoversOf(const std::string& unit) const;
   std::optional<BegunUnit> Look(const std::filesystem::path& runs, double now) const;
 
   std::filesystem::path root_;
