@@ -72,6 +72,18 @@ Suspect SuspectFromJson(const json& record) {
   return suspect;
 }
 
+json ToJson(const LeftOutInTurn& left_out) {
+  json parts = json::array();
+  for (const LeftOutPart& part : left_out.parts) parts.push_back({{"error", part.error}, {"sure", part.sure}});
+  return {{"recordings", left_out.recordings}, {"parts", std::move(parts)}};
+}
+
+LeftOutInTurn LeftOutFromJson(const json& record) {
+  LeftOutInTurn left_out{{}, record.at("recordings")};
+  for (const json& part : record.at("parts")) left_out.parts.push_back({part.at("error"), part.at("sure")});
+  return left_out;
+}
+
 json ToJson(const FitEvidence& evidence) {
   json record = {{"window", evidence.window},
                  {"explained", evidence.explained},
@@ -85,6 +97,7 @@ json ToJson(const FitEvidence& evidence) {
   if (const auto& unseen = evidence.unseen) {
     record["unseen"] = {{"z", unseen->z}, {"computed", unseen->computed}, {"mean", unseen->mean}, {"std", unseen->std}};
   }
+  if (evidence.left_out) record["left_out"] = ToJson(*evidence.left_out);
   return record;
 }
 
@@ -103,6 +116,7 @@ FitEvidence FitEvidenceFromJson(const json& record) {
     const json& unseen = record.at("unseen");
     evidence.unseen = {unseen.at("z"), unseen.at("computed"), unseen.at("mean"), unseen.at("std")};
   }
+  if (record.contains("left_out")) evidence.left_out = LeftOutFromJson(record.at("left_out"));
   return evidence;
 }
 

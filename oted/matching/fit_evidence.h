@@ -42,6 +42,22 @@ struct UnseenFit {
 };
 
 /// Residuals of replayed windows at the fitted parameters and start states, per observation channel in its own unit.
+/// A part of the logs, predicted open loop over half a second by a fit that left it out.
+struct LeftOutPart {
+  double error = 1;  ///< geometric mean over channels of the root mean squares, in multiples of the nominal simulator's
+  bool sure = false;  ///< it differs from 1 by more than two standard errors
+};
+
+/// All parts of the logs in turn: what a design may expect of a motion that it has not seen.
+struct LeftOutInTurn {
+  std::vector<LeftOutPart> parts;
+  bool recordings = false;  ///< no part holds less than a whole recording
+};
+
+nlohmann::json ToJson(const LeftOutInTurn& left_out);
+/// @throws nlohmann::json::exception when a member is missing
+LeftOutInTurn LeftOutFromJson(const nlohmann::json& record);
+
 struct FitEvidence {
   int window = 0;                 ///< control steps of the longest windows that the estimate rests on
   double explained = 0;           ///< share of those windows that the simulator explains; the others count less
@@ -50,9 +66,10 @@ struct FitEvidence {
   /// (obs_dim): what the shortest windows leave as noise, and the longest that were tried. In the logs' own simulator
   /// the two are equal up to chance; what a simulator has wrong adds up over a window.
   std::vector<double> short_noise_std, long_noise_std;
-  int rows = 0, logged_rows = 0;         ///< transitions that the estimate rests on, and that there are
-  std::optional<UnseenFit> unseen = {};  ///< of methods that keep a part of the logs aside
-  bool errors_grow = false;              ///< over these windows: no simulator of the family explains the logs
+  int rows = 0, logged_rows = 0;               ///< transitions that the estimate rests on, and that there are
+  std::optional<UnseenFit> unseen = {};        ///< of methods that keep a part of the logs aside
+  bool errors_grow = false;                    ///< over these windows: no simulator of the family explains the logs
+  std::optional<LeftOutInTurn> left_out = {};  ///< where lengths of windows were chosen by it
 };
 
 nlohmann::json ToJson(const Suspect& suspect);

@@ -41,7 +41,7 @@ std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
 
 DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<Suspect>& suspects, const std::vector<int>& off,
                         const SimulatorSpec& spec) {
-  DesignRecord::Fit record{fit.window, fit.explained, {}, {}};
+  DesignRecord::Fit record{fit.window, fit.explained, {}, {}, fit.left_out};
   for (size_t c = 0; c < fit.noise_std.size(); ++c) {
     record.channels.push_back({ChannelName(spec, c), fit.noise_std[c], fit.short_noise_std[c], fit.long_noise_std[c],
                                std::ranges::find(off, static_cast<int>(c)) != off.end()});

@@ -143,6 +143,7 @@ namespace {
 json FitToJson(const DesignRecord::Fit& fit) {
   json record = {
       {"window", fit.window}, {"explained", fit.explained}, {"channels", json::array()}, {"suspects", json::array()}};
+  if (fit.left_out) record["left_out"] = ToJson(*fit.left_out);
   for (const DesignRecord::Suspected& s : fit.suspects) {
     record["suspects"].push_back(ToJson(s.suspect));
     record["suspects"].back().update({{"sentence", s.sentence}, {"line", s.line}});
@@ -168,6 +169,7 @@ DesignRecord::Fit FitFrom(const RecordReader& reader) {
   for (const RecordReader& s : reader.List("suspects")) {
     fit.suspects.push_back({std::move(suspects[k++]), s.Get<std::string>("sentence"), s.Get<std::string>("line")});
   }
+  if (reader.Has("left_out")) fit.left_out = reader.Read("left_out", LeftOutFromJson);
   return fit;
 }
 

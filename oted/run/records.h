@@ -108,6 +108,7 @@ struct DesignRecord {
     double explained = 0;
     std::vector<Channel> channels;
     std::vector<Suspected> suspects;
+    std::optional<LeftOutInTurn> left_out = {};
   };
   /// How the design predicts logs that it did not see, open loop. The designed simulator here is one that was fitted to
   /// the other logs alone.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ranges>
 
 #include "oted/base/words.h"
 #include "oted/matching/verdict.h"
@@ -41,6 +42,21 @@ std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRec
   return text + fmt::format(": in {} alone it is {}", alone,
                             narrowed < 0 ? fmt::format("{:.0f} % worse than the nominal one", -100 * narrowed)
                                          : "not surely better than the nominal one");
+}
+
+/// What recordings say that were left out in turn, where one of them is predicted worse than by doing nothing.
+std::string ButLeftOut(const DesignRecord& record) {
+  if (!record.fit || !record.fit->left_out || !record.fit->left_out->recordings) return "";
+  const std::vector<LeftOutPart>& parts = record.fit->left_out->parts;
+  const auto is_worse = [](const LeftOutPart& part) { return part.sure && part.error > 1; };
+  const auto n_worse = std::ranges::count_if(parts, is_worse);
+  if (n_worse == 0) return "";
+  const double worst = std::ranges::max(parts | std::views::filter(is_worse), {}, &LeftOutPart::error).error;
+  return fmt::format(
+      "; left out of the fit, {} of {} recordings {} predicted {}{:.0f} % worse than by the nominal simulator: so may "
+      "be a "
+      "motion unlike these",
+      n_worse, parts.size(), n_worse == 1 ? "is" : "are", n_worse == 1 ? "" : "up to ", 100 * (worst - 1));
 }
 
 std::string AtBounds(const DesignRecord& record) {
@@ -149,11 +165,11 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
                  "error "
                  "than the nominal one{}",
                  over, share, ButUntold(horizon)) +
-             judged_by;
+             judged_by + ButLeftOut(record);
     case DesignVerdict::kGapNarrowed:
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
                          WhatRemains(horizon, off)) +
-             ButElsewhere(*record.validation) + judged_by;
+             ButElsewhere(*record.validation) + judged_by + ButLeftOut(record);
     case DesignVerdict::kOutsideFamily:
       break;
   }

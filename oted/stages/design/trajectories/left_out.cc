@@ -15,6 +15,7 @@ using Eigen::VectorXd;
 constexpr int kFewestRecordings = 3;   // to leave out whole ones
 constexpr double kShortestPart = 1.4;  // [s]
 constexpr int kMostJudged = 200;       // windows
+constexpr double kSure = 2.0;          // standard errors
 constexpr int kFewestFitted = 2;       // windows
 
 /// What is left out together, the smallest such: recordings, or pieces of them.
@@ -22,9 +23,13 @@ struct Unit {
   std::vector<Episode> rows;
 };
 
+bool AreMany(const std::vector<int>& recording) {
+  return !recording.empty() && recording.back() + 1 >= kFewestRecordings;
+}
+
 std::vector<Unit> UnitsOf(const std::vector<Episode>& episodes, const std::vector<int>& recording, int shortest) {
   std::vector<Unit> units;
-  if (!recording.empty() && recording.back() + 1 >= kFewestRecordings) {
+  if (AreMany(recording)) {
     units.resize(static_cast<size_t>(recording.back()) + 1);
     for (size_t e = 0; e < episodes.size(); ++e) units[static_cast<size_t>(recording[e])].rows.push_back(episodes[e]);
     return units;
@@ -44,7 +49,9 @@ std::vector<Unit> UnitsOf(const std::vector<Episode>& episodes, const std::vecto
 }  // namespace
 
 LeftOutRecordings::LeftOutRecordings(const Logs& logs, int n_threads)
-    : space_(logs.factory.parameters()), part_of_row_(static_cast<size_t>(logs.dataset.size())) {
+    : space_(logs.factory.parameters()),
+      recordings_(AreMany(logs.recording)),
+      part_of_row_(static_cast<size_t>(logs.dataset.size())) {
   const double period = logs.factory.spec().control_period_s;
   const auto steps_of = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period))); };
   const std::vector<Unit> units = UnitsOf(logs.dataset.Episodes(), logs.recording, steps_of(kShortestPart));
@@ -102,6 +109,19 @@ MatrixXd LeftOutRecordings::Errors(const std::function<VectorXd(int)>& x_of) con
     n += of_part.cols();
   }
   return errors;
+}
+
+LeftOutInTurn LeftOutRecordings::BesideNominal(const MatrixXd& errors, const MatrixXd& of_nominal) const {
+  LeftOutInTurn in_turn{{}, recordings_};
+  Eigen::Index at = 0;
+  for (const Part& part : parts_) {
+    const Eigen::Index n = part.judge->n_windows();
+    if (n == 0) continue;
+    const PredictionRatio ratio = ComparePredictions(errors.middleCols(at, n), of_nominal.middleCols(at, n));
+    in_turn.parts.push_back({std::exp(ratio.log_ratio / 2), std::abs(ratio.log_ratio) > kSure * ratio.std});
+    at += n;
+  }
+  return in_turn;
 }
 
 MatrixXd LeftOutRecordings::ErrorsAt(const VectorXd& x) const {

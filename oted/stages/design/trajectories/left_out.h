@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "oted/data/dataset.h"
+#include "oted/matching/fit_evidence.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/replay/prediction.h"
 #include "oted/stages/design/trajectories/level_fit.h"
@@ -32,6 +33,9 @@ class LeftOutRecordings {
   };
   LeftOutRecordings(const Logs& logs, int n_threads);
 
+  /// How each part is predicted beside the nominal simulator. @param errors  ErrorsAt's or ErrorsOf's
+  LeftOutInTurn BesideNominal(const Eigen::MatrixXd& errors, const Eigen::MatrixXd& of_nominal) const;
+
   int n_parts() const { return static_cast<int>(parts_.size()); }
   int n_windows() const;
   /// Which part a window of the logs touches: flags of windows that have to go where it is left out.
@@ -51,6 +55,7 @@ class LeftOutRecordings {
   Eigen::MatrixXd Errors(const std::function<Eigen::VectorXd(int)>& x_of) const;
 
   const ParameterSpace& space_;
+  bool recordings_ = false;
   std::vector<int> part_of_row_;
   std::vector<Part> parts_;
 };

@@ -88,6 +88,12 @@ TEST(LeftOutRecordings, ARecordingOfItsOwnKindIsPredictedAsByTheOthers) {
   const double wanted = by_others.rightCols(n).sum();
   EXPECT_NEAR(left_out.rightCols(n).sum() / wanted, 1, 0.1);
   EXPECT_LT(as_learned.rightCols(n).sum(), 0.7 * wanted);
+
+  const LeftOutInTurn in_turn = all.left_out.BesideNominal(left_out, as_learned);
+  EXPECT_TRUE(in_turn.recordings);
+  ASSERT_EQ(in_turn.parts.size(), 3u);
+  EXPECT_GT(in_turn.parts[2].error, 1.1) << "more than what the fit made of it that has learned from it";
+  EXPECT_TRUE(in_turn.parts[2].sure);
 }
 
 TEST(LeftOutRecordings, OneRecordingIsCutInTimeAndAWindowAcrossTheCutGoesWithBoth) {

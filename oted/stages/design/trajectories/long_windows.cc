@@ -145,6 +145,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
     from = {Best(tried).x};
     if (IsSurelyWorse(by_length.back(), Best(tried))) break;
   }
+  const auto of_nominal = [&] { return judge.ErrorsAt(NominalStart(space)); };
   LongFit choice = tried.front();
   if (!by_length.empty()) {
     // Recordings hardly tell some lengths apart: of those that no other surely beats, the nearest to what is judged.
@@ -152,10 +153,10 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
     std::erase_if(by_length, [&](const LongFit& fit) { return IsSurelyWorse(fit, best); });
     const LongFit nearest = *std::ranges::min_element(
         by_length, {}, [&](const LongFit& fit) { return std::abs(std::log(fit.n_steps * period / kPredicted)); });
-    const auto of_nominal = [&] { return judge.ErrorsAt(NominalStart(space)); };
     if (TakesOver(nearest.errors, of_short, of_nominal, in.explained)) choice = nearest;
   }
   LongFitChoice chosen{choice.n_steps, choice.x};
+  if (choice.n_steps > 0) chosen.left_out = judge.BesideNominal(choice.errors, of_nominal());
   for (LongFit& fit : tried) {
     if (!IsSurelyWorse(fit, choice)) chosen.as_good.push_back(std::move(fit.x));
   }

@@ -10,6 +10,7 @@
 #include "oted/base/log.h"
 #include "oted/base/rng.h"
 #include "oted/data/dataset.h"
+#include "oted/matching/fit_evidence.h"
 #include "oted/matching/prior.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/replay/prediction.h"
@@ -33,6 +34,7 @@ struct LongFitChoice {
   Eigen::VectorXd x;  ///< fitted to `learn`
   /// x of every fit that was tried and does not surely predict worse, this one's too.
   std::vector<Eigen::VectorXd> as_good = {};
+  LeftOutInTurn left_out = {};  ///< how it predicts them; empty where n_steps is 0
 };
 
 struct LongFitInputs {

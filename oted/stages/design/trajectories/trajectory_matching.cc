@@ -276,6 +276,7 @@ class TrajectoryMatch {
     fit_->FinalCost();
     evidence_.window = choice_.n_steps;
     evidence_.errors_grow = true;
+    evidence_.left_out = choice_.left_out;
   }
 
   /// Mean square of how far the fits by other lengths of windows lie that predict as well: no length is the right one.
