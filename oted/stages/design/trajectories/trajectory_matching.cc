@@ -33,7 +33,7 @@ constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and n
 constexpr int kValidationRows = 960;
 constexpr int kLongIterations = 50, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
-constexpr int kLongSteps = kMostLongTries + kLongIterations;
+constexpr int kLongSteps = kMostLongTries + 2 * kLongIterations;
 
 /// One run of the method, step by step.
 class TrajectoryMatch {
@@ -267,9 +267,8 @@ class TrajectoryMatch {
                                  .explained = explained},
                                 problem_.context, [&](const VectorXd& x) { Tell(x); });
     if (choice_.n_steps == 0) return;
-    const int n_rows = AffordableRows(kMostLongRows, kMostFinalPhysics, problem_.factory, replayer_->readings());
-    const Level all =
-        LongWindows(*replayer_, problem_.dataset, choice_.n_steps, n_rows, problem_.factory.spec().control_period_s);
+    const Level all = LongWindows(*replayer_, problem_.dataset, choice_.n_steps, FinalRows(),
+                                  problem_.factory.spec().control_period_s);
     fit_ = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, all, choice_.x);
     fit_->LetErrorsGrow(SensorNoise().cwiseAbs2());
     Descend(*fit_, kLongIterations);
@@ -296,18 +295,26 @@ class TrajectoryMatch {
             .std = {readings.std.begin(), readings.std.end()}};
   }
 
-  /// x by the part of the logs that learns alone.
+  /// x by the part of the logs that learns alone, settled as that by all of them.
   VectorXd FitToPart() {
-    if (choice_.n_steps > 0) return choice_.x;
+    const bool is_long = choice_.n_steps > 0;
     WindowReplayer learner = Replayer(space_.size(), parts_.learn);
     const double period = problem_.factory.spec().control_period_s;
-    const Level level = LongWindows(learner, parts_.learn, evidence_.window, kValidationRows, period);
-    if (level.windows.empty()) return fit_->x();
+    const int n_rows = is_long ? FinalRows() : kValidationRows;
+    const Level level = LongWindows(learner, parts_.learn, evidence_.window, n_rows, period);
+    const VectorXd from = is_long ? choice_.x : fit_->x();
+    if (level.windows.empty()) return from;
     const VectorXd scale = ChannelScales(parts_.learn);
-    LevelFit fit(learner, space_, problem_.prior, scale, level, fit_->x());
+    LevelFit fit(learner, space_, problem_.prior, scale, level, from);
+    if (is_long) fit.LetErrorsGrow(SensorNoise().cwiseAbs2());
     fit.HoldStarts(is_exact_);
-    Descend(fit, kLevelIterations);
+    Descend(fit, is_long ? kLongIterations : kLevelIterations);
     return fit.x();
+  }
+
+  /// Of the last fit of long windows.
+  int FinalRows() const {
+    return AffordableRows(kMostLongRows, kMostFinalPhysics, problem_.factory, replayer_->readings());
   }
 
   /// (obs_dim): what the shortest windows leave.
