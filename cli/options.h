@@ -84,20 +84,4 @@ RunContext MakeContext(LogSink& log, int threads);
 /// The program's command line, as typed.
 std::string CommandLine(int argc, char** argv);
 
-/// Writes RUN_DIR/export/ when there is a design; what cannot be exported is a warning on stderr.
-void WriteExports(const std::filesystem::path& run_directory);
-
-/// Decimals with which returns are printed: three where all of them are small, as a grid world's are.
-int ReturnDecimals(const std::vector<double>& returns, int otherwise);
-
-/// Prints what the design found, which a run directory holds; nothing where JSON is wanted, which comes in one piece.
-void PrintDesign(const std::filesystem::path& run_directory, const Options& options);
-/// Prints the final tables of a run directory (or its JSON) and where its files lie, and returns the exit code that its
-/// verdict stands for.
-/// @param report  the folder of report.html
-int PrintResult(const std::filesystem::path& run_directory, const Options& options,
-                const std::filesystem::path& report);
-/// With the report in the run directory.
-int PrintResult(const std::filesystem::path& run_directory, const Options& options);
-
 }  // namespace oted::cli

@@ -1,9 +1,8 @@
-// How far a plan is, on the terminal and as a page.
+#include "cli/plan_state.h"
 
 #include <fmt/format.h>
 
 #include "cli/options.h"
-#include "cli/plan_options.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/report/live_page.h"

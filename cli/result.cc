@@ -1,4 +1,4 @@
-// The final tables on the terminal.
+#include "cli/result.h"
 
 #include <fmt/color.h>
 #include <fmt/format.h>

@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "oted/base/error.h"
-#include "oted/config/run_config.h"
 
 namespace oted::python {
 
@@ -67,36 +66,5 @@ class PythonInterrupt : public Interrupted {
  public:
   PythonInterrupt() : Interrupted("interrupted") {}
 };
-
-/// What stands between Ctrl-C and a stage that steps a user's environment: stages look at their stop flag between units
-/// of work, which may take long there.
-class Sessions {
- public:
-  static void Begin();
-  static void End();
-  static void AskToStop();
-  /// @throws Interrupted where the one session that runs was asked to stop a while ago
-  static void Check();
-};
-
-/// What a call from Python says of a run: the TOML of a task file, whose relative paths start from that file's folder,
-/// and what the call gives beside it, [data] and [parameters], which come before the file's. Paths in `given` start
-/// from the working folder.
-struct Study {
-  std::string toml, file_name, given;
-
-  /// @throws UsageError, DataError
-  RunConfig Config() const;
-};
-
-void AddStudies(nb::module_& m);
-void AddErrors(nb::module_& m);
-void AddFiles(nb::module_& m);
-void AddLogs(nb::module_& m);
-void AddSession(nb::module_& m);
-void AddDesigns(nb::module_& m);
-void AddSimulators(nb::module_& m);
-void AddGymSimulators(nb::module_& m);
-void AddPolicies(nb::module_& m);
 
 }  // namespace oted::python

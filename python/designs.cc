@@ -1,4 +1,5 @@
-// Finished designs: samples of q, exports; and what a task and its model have to offer.
+#include "python/designs.h"
+
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -12,7 +13,7 @@
 #include "oted/run/records.h"
 #include "oted/run/run_inputs.h"
 #include "oted/sim/mujoco/task.h"
-#include "python/binding.h"
+#include "python/study.h"
 
 namespace oted::python {
 namespace {

@@ -1,5 +1,5 @@
-// A user's Gymnasium environment as a simulator: oted/gym.py holds the environments and the user's functions, this file
-// makes a Simulator of them. Calls into Python are made one after the other, whatever thread makes them.
+#include "python/gym_simulators.h"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <nanobind/stl/optional.h>
@@ -18,7 +18,6 @@
 #include "oted/base/fields.h"
 #include "oted/config/task_registry.h"
 #include "oted/sim/simulator.h"
-#include "python/binding.h"
 
 namespace oted::python {
 namespace {

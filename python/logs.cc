@@ -1,4 +1,5 @@
-// Logged trajectories: from files by the library's readers, from arrays, and the checks of them.
+#include "python/logs.h"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <nanobind/stl/optional.h>
@@ -21,7 +22,7 @@
 #include "oted/data/resample.h"
 #include "oted/data/unwrap.h"
 #include "oted/run/run_inputs.h"
-#include "python/binding.h"
+#include "python/study.h"
 
 namespace oted::python {
 namespace {

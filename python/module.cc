@@ -8,8 +8,18 @@
 #include "cli/main.h"
 #include "oted/base/error.h"
 #include "python/binding.h"
+#include "python/designs.h"
+#include "python/gym_simulators.h"
+#include "python/logs.h"
+#include "python/package_folders.h"
+#include "python/policies.h"
+#include "python/session.h"
+#include "python/simulators.h"
+#include "python/study.h"
 
 namespace oted::python {
+
+namespace {
 
 /// Errors become those of oted.errors, by class.
 void AddErrors(nb::module_&) {
@@ -41,8 +51,6 @@ void AddErrors(nb::module_&) {
     }
   });
 }
-
-namespace {
 
 /// The program `oted`, in this process.
 int Main(std::vector<std::string> words) {

@@ -3,7 +3,7 @@
 
 #include <nanobind/stl/string.h>
 
-#include "python/binding.h"
+#include "python/package_folders.h"
 
 namespace oted {
 namespace {

@@ -1,4 +1,5 @@
-// Policies: those of files, to act and to be judged, and Python functions, to be judged.
+#include "python/policies.h"
+
 #include <fmt/format.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -11,7 +12,7 @@
 #include "oted/rl/batch_policy.h"
 #include "oted/rl/policy_evaluation.h"
 #include "oted/run/run_inputs.h"
-#include "python/binding.h"
+#include "python/study.h"
 
 namespace oted::python {
 namespace {

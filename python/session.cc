@@ -1,5 +1,5 @@
-// A stage of a run: the work goes on in a thread of its own, while the calling thread hands its events to Python and
-// watches for Ctrl-C.
+#include "python/session.h"
+
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -15,11 +15,13 @@
 #include <thread>
 
 #include "cli/options.h"
+#include "cli/verbs/export.h"
 #include "oted/base/parallel.h"
 #include "oted/report/file_sink.h"
 #include "oted/report/report.h"
 #include "oted/run/pipeline.h"
-#include "python/binding.h"
+#include "python/gym_simulators.h"
+#include "python/study.h"
 
 namespace oted::python {
 namespace {

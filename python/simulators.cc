@@ -1,4 +1,5 @@
-// Lanes of a simulator, for environments.
+#include "python/simulators.h"
+
 #include <fmt/format.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -14,7 +15,7 @@
 #include "oted/sim/film.h"
 #include "oted/sim/log_window.h"
 #include "oted/sim/mujoco/task.h"
-#include "python/binding.h"
+#include "python/study.h"
 
 namespace oted::python {
 namespace {

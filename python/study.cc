@@ -1,4 +1,5 @@
-// What a call from Python says of a run, and the task file that one may begin with.
+#include "python/study.h"
+
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -6,7 +7,6 @@
 
 #include "oted/base/parallel.h"
 #include "oted/proposal/task_proposal.h"
-#include "python/binding.h"
 
 namespace oted::python {
 

@@ -1,4 +1,4 @@
-/// How agents learn: [agents], and which of the algorithms' sections counts.
+#include "oted/config/agents_config.h"
 
 #include <fmt/format.h>
 

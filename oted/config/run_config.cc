@@ -15,6 +15,9 @@
 #include "oted/base/parallel.h"
 #include "oted/base/toml.h"
 #include "oted/config/former_names.h"
+#include "oted/config/parameters_toml.h"
+#include "oted/config/toml_reader.h"
+#include "oted/config/toml_sections.h"
 #include "oted/config/toml_text.h"
 #include "oted/config/toml_writer.h"
 #include "oted/sim/presets.h"
@@ -24,6 +27,19 @@
 namespace oted {
 
 using nlohmann::json;
+
+namespace {
+
+toml::table Parsed(const std::string& text, const std::string& file_name) {
+  CheckTomlCharacters(text, file_name);
+  try {
+    return toml::parse(text, file_name);
+  } catch (const toml::parse_error& e) {
+    throw UsageError(fmt::format("{}:{}: {}", file_name, e.source().begin.line, std::string(e.description())));
+  }
+}
+
+}  // namespace
 
 FieldList DataConfig::Fields() {
   FieldList fields("data");
@@ -262,6 +278,125 @@ int RunConfig::Threads() const { return run.threads > 0 ? run.threads : Availabl
 std::map<std::string, DesignChoice> RunConfig::DesignSettings() const {
   if (!settings.empty()) return settings;
   return {{"default", design}};
+}
+
+RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_name,
+                              const std::string& parameter_file) {
+  const toml::table document = Parsed(text, file_name);
+  RunConfig config;
+  std::vector<FieldList> sections = PlainSections(config);
+  std::vector<std::string> names = {"parameters", "truth", "design"};
+  for (const FieldList& section : sections) names.push_back(section.section());
+  for (const auto& [key, node] : document) {
+    const std::string name(key.str());
+    const std::string where = TomlPlace(file_name, node);
+    if (!node.is_table()) {
+      throw UsageError(fmt::format("{}: '{}' stands outside of a section{}; the sections are {}", where, name,
+                                   DidYouMean(name, names), fmt::join(names, ", ")));
+    }
+    const toml::table& table = *node.as_table();
+    if (name == "parameters") {
+      config.presets = PresetsFromToml(table, file_name);
+      config.parameters = ParametersFromToml(table, file_name, parameter_file);
+    } else if (name == "design") {
+      ReadDesign(table, file_name, config.design);
+    } else if (name == "truth") {
+      for (const auto& [parameter, value] : table) {
+        const std::string at = TomlPlace(file_name, value), what(parameter.str());
+        config.truth[what] = NumberAt(TomlToJson(value, at), "truth." + what, at);
+      }
+    } else {
+      const auto section = std::ranges::find(sections, name, &FieldList::section);
+      if (section == sections.end()) {
+        throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, name,
+                                     DidYouMean(name, names), fmt::join(names, ", ")));
+      }
+      ReadSection(table, file_name, *section);
+    }
+  }
+  if (const toml::node* quantities = document["task"]["quantities"].node()) {
+    ReadQuantities(*quantities, file_name, config.task.model.quantities);
+  }
+  if (const toml::node* constants = document["task"]["constants"].node()) {
+    config.task.constants = ConstantsFromToml(*constants, file_name);
+  }
+  if (const toml::node* recordings = document["data"]["recordings"].node()) {
+    config.data.recordings = ReadRecordings(*recordings, file_name);
+  }
+  if (const toml::node* settings = document["design"]["settings"].node()) {
+    config.settings = ReadDesignSettings(*settings, config.design, file_name);
+  }
+  // Without a [parameters] section there is nothing to add to the file.
+  if (!parameter_file.empty() && !document.contains("parameters")) {
+    config.parameters = ParametersFromToml({}, file_name, parameter_file);
+  }
+  config.data.path = BesideFile(config.data.path, file_name);
+  std::string& model = config.task.model.model;
+  if (!model.starts_with("package:")) model = BesideFile(model, file_name);
+  try {
+    config.task.Resolve();
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", file_name, e.what()));
+  }
+  return config;
+}
+
+RunConfig RunConfig::FromTomlFile(const std::string& path, const std::string& parameter_file) {
+  return FromToml(ReadFile(path), path, parameter_file);
+}
+
+json RunConfig::ToJson() const {
+  RunConfig copy = *this;
+  json object;
+  for (const FieldList& section : PlainSections(copy)) object[section.section()] = section.ToJson();
+  object["task"] = task.ToJson();
+  if (!data.recordings.empty()) object["data"]["recordings"] = data.RecordingsToJson();
+  if (!task.is_grid()) object.erase("grid");
+  object["design"] = design.ToJson();
+  for (const auto& [name, setting] : settings) object["design"]["settings"][name] = setting.ToJson();
+  object["parameters"] = json::object();
+  if (!presets.empty()) object["parameters"]["preset"] = presets;
+  for (const ParameterSpec& spec : parameters) object["parameters"][spec.name] = ParameterToJson(spec);
+  if (!truth.empty()) object["truth"] = truth;
+  return object;
+}
+
+std::string RunConfig::ToToml() const {
+  RunConfig copy = *this;
+  std::ostringstream out;
+  out << "# The resolved configuration of this run: every setting, defaults included.\n";
+  for (const FieldList& section : PlainSections(copy)) {
+    if (section.section() == "grid") continue;  // with the task
+    if (section.section() == "task") {
+      out << "\n" << task.ToToml();
+      continue;
+    }
+    out << "\n[" << section.section() << "]\n";
+    WriteFields(out, section.fields(), true);
+    if (section.section() == "data" && !data.recordings.empty()) {
+      out << "recordings = ";
+      WriteTomlValue(out, data.RecordingsToJson());
+      out << "\n";
+    }
+    if (section.section() == "run") {
+      out << "\n[parameters]\n";
+      if (!presets.empty()) out << "preset = " << json(presets).dump() << "\n";
+      for (const ParameterSpec& spec : parameters) {
+        out << spec.name << " = ";
+        WriteTomlValue(out, ParameterToJson(spec));
+        out << "\n";
+      }
+    }
+    if (section.section() == "clone") {
+      WriteDesign(out, "design", design, true);
+      for (const auto& [name, setting] : settings) WriteDesign(out, "design.settings." + name, setting, false);
+    }
+  }
+  if (!truth.empty()) {
+    out << "\n[truth]  # read by the evaluation and the report only\n";
+    for (const auto& [name, value] : truth) out << name << " = " << json(value).dump() << "\n";
+  }
+  return out.str();
 }
 
 }  // namespace oted

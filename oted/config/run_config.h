@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "oted/baselines/baselines_config.h"
+#include "oted/config/agents_config.h"
+#include "oted/config/task_config.h"
 #include "oted/data/data_options.h"
-#include "oted/sim/minigrid/task.h"
-#include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/parameter_space.h"
 #include "oted/stages/agent/algorithm.h"
 #include "oted/stages/behavior/clone_config.h"
@@ -19,29 +19,6 @@
 #include "oted/stages/simulator_selection/simulator_selection.h"
 
 namespace oted {
-
-/// What is simulated: one of the built-in tasks by its name, or a model (docs/task_files.md).
-struct TaskConfig {
-  std::string name;   ///< with a model, what reports call the task
-  ModelTask model;    ///< unused while model.model is empty
-  GridSettings grid;  ///< [grid]; unused by all but the grid worlds
-  /// [task.constants]: what is known of each recording and differs between them (oted/sim/known_constants.h).
-  std::vector<ParameterSpec> constants;
-  FieldList Fields();
-
-  bool has_model() const { return !model.model.empty(); }
-  bool is_grid() const { return !has_model() && IsMinigridTask(name); }
-  /// Fills in the name. @throws UsageError for a setting that makes no sense without a model.
-  void Resolve();
-  /// What --task takes: a built-in task's name, or the path of a TOML file whose [task] is read.
-  static TaskConfig FromArgument(const std::string& name_or_file);
-  std::vector<std::string> ConstantNames() const;
-  /// [task], [task.quantities], [task.constants] and [grid], every setting written out.
-  std::string ToToml() const;
-  nlohmann::json ToJson() const;
-  /// What results depend on, beside the model itself: the name of a built-in task, the settings of a model's.
-  nlohmann::json Identity() const;
-};
 
 struct DataConfig {
   /// One of data.recordings: a file, and the values of the task's constants while it was recorded.
@@ -79,29 +56,6 @@ struct RunSettings {
   int64_t seed = 1;
   int threads = 0;
   bool strict = false;
-  FieldList Fields();
-};
-
-/// Where agents of the design train, drawn anew for each episode.
-enum class TrainIn {
-  kModes,    ///< "modes": a mode of the seeds' q (Algorithm 2)
-  kSamples,  ///< "samples": a sample of one of them (Sec. 4, step 3)
-  kBest,     ///< "best": always the best-scoring seed's mode
-};
-const NamedValues<TrainIn>& TrainInNames();
-
-/// Stages 4 and 5: which agents, how many, and how they are compared.
-struct AgentsConfig {
-  std::optional<AgentAlgorithm> algorithm;  ///< none: auto
-  int n_agents = 2;
-  TrainIn train_in = TrainIn::kModes;
-  TrainingDevice device = TrainingDevice::kCpu;
-  bool nominal = true;             ///< with a known truth, also train agents in the nominal simulator
-  std::vector<double> nominal_at;  ///< z of that simulator; empty: the parameters' nominal values
-  int selection_episodes = 10;
-  int target_episodes = 20;
-  /// As the task's actions ask for. @throws UsageError when `algorithm` does not take them
-  AgentAlgorithm AlgorithmFor(const SimulatorSpec& spec) const;
   FieldList Fields();
 };
 

@@ -1,4 +1,4 @@
-// [task]: a built-in task, or a model with what is seen of it and what it pays.
+#include "oted/config/task_config.h"
 
 #include <fmt/format.h>
 

@@ -87,8 +87,4 @@ struct Table1Study {
 std::vector<nlohmann::json> RunTable1(const Table1Study& study, const std::filesystem::path& out,
                                       const std::string& command, const Table1Hooks& hooks, const RunContext& context);
 
-/// Table 1 as Markdown, with the paper's own figures beside ours: D4RL's normalised scores, mean over seeds and, in
-/// brackets, standard deviation and number of seeds. A line for each task, dataset and parameters of the study.
-std::string Table1(const Table1Study& study, const std::vector<nlohmann::json>& records);
-
 }  // namespace oted

@@ -11,6 +11,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/studies/study_file.h"
+#include "oted/studies/table1_text.h"
 
 namespace oted::table1_study_test {
 

@@ -1,4 +1,4 @@
-// Table 1 as text: the paper's figures, ours beside them.
+#include "oted/studies/table1_text.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -9,7 +9,6 @@
 #include <set>
 
 #include "oted/base/statistics.h"
-#include "oted/studies/table1_study.h"
 
 namespace oted {
 namespace {

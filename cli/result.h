@@ -1,0 +1,24 @@
+#pragma once
+/// The final tables on the terminal.
+
+#include <filesystem>
+#include <vector>
+
+#include "cli/options.h"
+
+namespace oted::cli {
+
+/// Decimals with which returns are printed: three where all of them are small, as a grid world's are.
+int ReturnDecimals(const std::vector<double>& returns, int otherwise);
+
+/// Prints what the design found, which a run directory holds; nothing where JSON is wanted, which comes in one piece.
+void PrintDesign(const std::filesystem::path& run_directory, const Options& options);
+/// Prints the final tables of a run directory (or its JSON) and where its files lie, and returns the exit code that its
+/// verdict stands for.
+/// @param report  the folder of report.html
+int PrintResult(const std::filesystem::path& run_directory, const Options& options,
+                const std::filesystem::path& report);
+/// With the report in the run directory.
+int PrintResult(const std::filesystem::path& run_directory, const Options& options);
+
+}  // namespace oted::cli

@@ -1,0 +1,86 @@
+#include "cli/verbs/export.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+
+#include "cli/console.h"
+#include "cli/options.h"
+#include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/seal.h"
+#include "oted/run/export.h"
+#include "oted/run/records.h"
+
+namespace oted::cli {
+
+void AddExportVerb(Program& program) {
+  CLI::App* verb = program.app.add_subcommand(
+      "export", "write the designed model as MJCF, q(z) as JSON, and parameters for mujoco.sysid");
+  struct Words {
+    std::string run, mjcf, q, sysid, member = ExportRequest().member;
+  };
+  auto words = std::make_shared<Words>();
+  verb->add_option("RUN_DIR,--out", words->run, "run directory that holds a design.json")->required();
+  verb->add_option("--mjcf", words->mjcf, "write the designed model: loads in MuJoCo's viewer and in Python");
+  verb->add_option(
+      "--member", words->member,
+      "whose mode --mjcf writes: best (the best-scoring seed), a seed, or all, one file each (NAME-SEED.xml) "
+      "[default: best]");
+  verb->add_option("--q", words->q, "write the selected setting's mixture q(z) (docs/schemas/oted.q.1.schema.json)");
+  verb->add_option("--sysid", words->sysid, "write a parameter file of mujoco.sysid (YAML)");
+  verb->footer("Without --mjcf, --q and --sysid all three are written into RUN_DIR/export/.");
+  verb->callback([words] {
+    ExportRequest request{.mjcf = words->mjcf, .q = words->q, .sysid = words->sysid};
+    if (request.mjcf.empty() && request.q.empty() && request.sysid.empty()) request = DefaultExports(words->run);
+    request.member = words->member;
+    if (request.mjcf.empty() && request.member != ExportRequest().member) {
+      throw UsageError("--member says which model --mjcf writes; add --mjcf FILE");
+    }
+    for (const ExportedFile& file : Export(words->run, request)) {
+      Print("{}: {}\n", file.what, file.path.string());
+    }
+  });
+}
+
+namespace {
+
+/// Whether some error is a tenth larger than the nominal model's.
+bool PredictsWorse(const DesignRecord& design) {
+  if (!design.validation) return false;
+  return std::ranges::any_of(design.validation->horizons,
+                             [](const DesignRecord::Validation::Horizon& h) { return h.narrowed < -0.1; });
+}
+
+/// Nothing that predicts worse than the nominal model passes for the result of a run by itself.
+void CheckIsWorthExporting(const std::filesystem::path& run_directory) {
+  const DesignRecord design = DesignRecord::FromJson(ReadSealed(run_directory / "design.json", true), "design.json");
+  const bool is_off = design.verdict == DesignVerdict::kOutsideFamily ||
+                      (design.verdict == DesignVerdict::kNoGap && PredictsWorse(design));
+  if (!is_off || design.predicts_better) return;
+  throw DataError(
+      fmt::format("the design does not surely predict better than the nominal model; 'oted export {} --mjcf FILE' "
+                  "writes it all the same",
+                  run_directory.string()));
+}
+
+}  // namespace
+
+void WriteExports(const std::filesystem::path& run_directory) {
+  if (!std::filesystem::exists(run_directory / "design.json")) return;
+  try {
+    CheckIsWorthExporting(run_directory);
+    Export(run_directory, DefaultExports(run_directory));
+  } catch (const FileError&) {
+    throw;
+  } catch (const Error& e) {
+    // The design is done and on disk: a model that MuJoCo cannot write does not make it a failure. An earlier design's
+    // exports must not pass for this one's.
+    RemoveExports(run_directory);
+    Say(fmt::format("warning: not exported: {}\n", e.what()));
+  }
+}
+
+}  // namespace oted::cli

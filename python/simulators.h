@@ -1,0 +1,10 @@
+#pragma once
+/// Lanes of a simulator, for environments.
+
+#include "python/binding.h"
+
+namespace oted::python {
+
+void AddSimulators(nb::module_& m);
+
+}  // namespace oted::python

@@ -1,0 +1,23 @@
+#pragma once
+/// What a call from Python says of a run, and the task file that one may begin with.
+
+#include <string>
+
+#include "oted/config/run_config.h"
+#include "python/binding.h"
+
+namespace oted::python {
+
+/// What a call from Python says of a run: the TOML of a task file, whose relative paths start from that file's folder,
+/// and what the call gives beside it, [data] and [parameters], which come before the file's. Paths in `given` start
+/// from the working folder.
+struct Study {
+  std::string toml, file_name, given;
+
+  /// @throws UsageError, DataError
+  RunConfig Config() const;
+};
+
+void AddStudies(nb::module_& m);
+
+}  // namespace oted::python
