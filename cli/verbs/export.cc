@@ -11,8 +11,8 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/seal.h"
+#include "oted/run/design_record.h"
 #include "oted/run/export.h"
-#include "oted/run/records.h"
 
 namespace oted::cli {
 

@@ -9,7 +9,7 @@
 
 #include "oted/baselines/offline_baselines.h"
 #include "oted/nn/policy.h"
-#include "oted/run/records.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/run_setup.h"
 #include "oted/run/selection_step.h"
 

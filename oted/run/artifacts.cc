@@ -5,7 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "oted/run/design_record.h"
 #include "oted/run/fingerprint.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/records.h"
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/method_choice.h"

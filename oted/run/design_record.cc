@@ -1,218 +1,290 @@
 #include "oted/run/design_record.h"
 
-#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+#include <numbers>
 
-#include <algorithm>
-#include <cmath>
-
-#include "oted/matching/verdict.h"
-#include "oted/run/suspect_sentence.h"
-#include "oted/run/verdict_sentence.h"
-#include "oted/sim/mujoco/version.h"
+#include "oted/run/record_reader.h"
+#include "oted/stages/design/trajectories/freed.h"
 
 namespace oted {
+
+using nlohmann::json;
+
+// ---------------------------------------------------------------- growth.json
+
 namespace {
 
-/// The designs of the selected setting.
-struct Mixture {
-  std::vector<DesignRecord::Member> members;
-  std::vector<Designer> q;
-  int best = 0;  ///< of them
-};
-
-Mixture SelectedMixture(const DesignFindings& findings) {
-  Mixture mixture;
-  for (const int i : findings.result.settings[static_cast<size_t>(findings.result.selected_setting)].candidates) {
-    const Candidate& candidate = findings.candidates[static_cast<size_t>(i)];
-    if (i == findings.result.best_candidate) mixture.best = static_cast<int>(mixture.q.size());
-    mixture.q.push_back(candidate.q);
-    mixture.members.push_back({candidate.seed, candidate.q.Mode(), candidate.q.Std()});
-  }
-  return mixture;
+json SuspectsToJson(const std::vector<Suspect>& suspects) {
+  json list = json::array();
+  for (const Suspect& suspect : suspects) list.push_back(ToJson(suspect));
+  return list;
 }
 
-std::string ChannelName(const SimulatorSpec& spec, size_t c) {
-  return c < spec.observation_names.size() ? spec.observation_names[c] : fmt::format("obs[{}]", c);
-}
-
-std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
-  return c < spec.observation_units.size() ? spec.observation_units[c] : "";
-}
-
-DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<Suspect>& suspects, const std::vector<int>& off,
-                        const SimulatorSpec& spec) {
-  DesignRecord::Fit record{fit.window, fit.explained, {}, {}, fit.left_out};
-  for (size_t c = 0; c < fit.noise_std.size(); ++c) {
-    record.channels.push_back({ChannelName(spec, c), fit.noise_std[c], fit.short_noise_std[c], fit.long_noise_std[c],
-                               std::ranges::find(off, static_cast<int>(c)) != off.end()});
-  }
-  std::vector<DesignRecord::Validation::Channel> channels;
-  for (size_t c = 0; c < fit.noise_std.size(); ++c) channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c)});
-  for (const Suspect& suspect : suspects) {
-    record.suspects.push_back({suspect, SuspectSentence(suspect, channels, off), ParameterLine(suspect.spec)});
-  }
-  return record;
-}
-
-void AddParameters(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries, DesignRecord& record) {
-  for (int i = 0; i < space.size(); ++i) {
-    const ParameterSpec& spec = space[i];
-    const ParameterSummary& s = summaries[static_cast<size_t>(i)];
-    record.parameters.push_back({.name = spec.name,
-                                 .field = spec.field,
-                                 .unit = spec.unit,
-                                 .nominal = spec.nominal,
-                                 .low = spec.low,
-                                 .high = spec.high,
-                                 .logarithmic = spec.logarithmic,
-                                 .mode = s.mode,
-                                 .std = s.std,
-                                 .interval90_low = s.interval90_low,
-                                 .interval90_high = s.interval90_high,
-                                 .verdict = s.verdict});
-  }
-}
-
-void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effect, DesignRecord& record) {
-  for (int i = 0; i < space.size(); ++i) {
-    const ParameterSpec& spec = space[i];
-    if (!has_effect[static_cast<size_t>(i)]) {
-      record.warnings.push_back(fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
-    }
-    if (record.parameters[static_cast<size_t>(i)].verdict == ParameterVerdict::kAtBound) {
-      record.warnings.push_back(
-          fmt::format("parameter '{}' ended at a bound of its range [{:g}, {:g}]: the true value may lie beyond",
-                      spec.name, spec.low, spec.high));
-    }
-  }
-}
-
-void AddSettings(const DesignFindings& findings, DesignRecord& record) {
-  for (const SettingScore& scored : findings.result.settings) {
-    DesignRecord::Setting setting;
-    setting.name = scored.setting;
-    setting.method = findings.candidates[static_cast<size_t>(scored.candidates[0])].method;
-    setting.c = scored.c;
-    setting.common = scored.common;
-    setting.design_deviation = scored.design_deviation;
-    setting.learning_progress = scored.learning_progress;
-    for (const int i : scored.candidates) {
-      const Candidate& candidate = findings.candidates[static_cast<size_t>(i)];
-      const CandidateScore& score = findings.result.candidates[static_cast<size_t>(i)];
-      DesignRecord::Seed seed;
-      seed.seed = candidate.seed;
-      seed.mode = candidate.q.Mode();
-      seed.std = candidate.q.Std();
-      seed.c = score.c;
-      seed.common = score.common;
-      seed.learning_progress = candidate.learning_progress;
-      setting.seeds.push_back(std::move(seed));
-    }
-    record.settings.push_back(std::move(setting));
-  }
-}
-
-/// The whole design's verdict, and what it rests on.
-struct Judgement {
-  DesignVerdict verdict = DesignVerdict::kNoGap;
-  bool reaches_floor = false, better = false;
-  std::vector<int> off;  ///< channels in which more is left than sensors explain
-};
-
-Judgement Judge(const Candidate& best, double nominal_common, double designed_common) {
-  Judgement judgement;
-  if (best.prediction) {
-    judgement.verdict = JudgePrediction(best.q, *best.prediction);
-    judgement.better = PredictsBetter(*best.prediction);
-    judgement.reaches_floor = ReachesFloor(*best.prediction);
-    judgement.off = ChannelsOff(*best.prediction);
-  } else {
-    judgement.verdict = JudgeDesign(nominal_common, designed_common);
-    judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
-    judgement.reaches_floor =
-        judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
-  }
-  return judgement;
+std::vector<Suspect> SuspectsFrom(const RecordReader& reader, const char* field) {
+  return reader.Read(field, [](const json& list) {
+    std::vector<Suspect> suspects;
+    for (const json& suspect : list) suspects.push_back(SuspectFromJson(suspect));
+    return suspects;
+  });
 }
 
 }  // namespace
 
-DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec) {
+const Suspect* GrowthRecord::Freed() const { return BestFreed(suspects); }
+
+json GrowthRecord::ToJson() const { return {{"schema", kSchema}, {"suspects", SuspectsToJson(suspects)}}; }
+
+GrowthRecord GrowthRecord::FromJson(const json& record, const std::string& where) {
+  return {SuspectsFrom(RecordReader(record, kSchema, where), "suspects")};
+}
+
+// ---------------------------------------------------------------- design.json
+
+namespace {
+
+json FitToJson(const DesignRecord::Fit& fit) {
+  json record = {
+      {"window", fit.window}, {"explained", fit.explained}, {"channels", json::array()}, {"suspects", json::array()}};
+  if (fit.left_out) record["left_out"] = ToJson(*fit.left_out);
+  for (const DesignRecord::Suspected& s : fit.suspects) {
+    record["suspects"].push_back(ToJson(s.suspect));
+    record["suspects"].back().update({{"sentence", s.sentence}, {"line", s.line}});
+  }
+  for (const DesignRecord::Channel& c : fit.channels) {
+    record["channels"].push_back({{"name", c.name},
+                                  {"noise_std", c.noise_std},
+                                  {"short_noise_std", c.short_noise_std},
+                                  {"long_noise_std", c.long_noise_std},
+                                  {"disagrees", c.disagrees}});
+  }
+  return record;
+}
+
+DesignRecord::Fit FitFrom(const RecordReader& reader) {
+  DesignRecord::Fit fit{reader.Get<int>("window"), reader.Number("explained"), {}, {}};
+  for (const RecordReader& c : reader.List("channels")) {
+    fit.channels.push_back({c.Get<std::string>("name"), c.Number("noise_std"), c.Number("short_noise_std"),
+                            c.Number("long_noise_std"), c.Get<bool>("disagrees")});
+  }
+  std::vector<Suspect> suspects = SuspectsFrom(reader, "suspects");
+  size_t k = 0;
+  for (const RecordReader& s : reader.List("suspects")) {
+    fit.suspects.push_back({std::move(suspects[k++]), s.Get<std::string>("sentence"), s.Get<std::string>("line")});
+  }
+  if (reader.Has("left_out")) fit.left_out = reader.Read("left_out", LeftOutFromJson);
+  return fit;
+}
+
+DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
   DesignRecord::Validation validation;
-  validation.n_recordings = prediction.n_recordings;
-  validation.n_parts = prediction.n_parts;
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    DesignRecord::Validation::Horizon horizon{
-        h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}, {}};
-    for (size_t c = 0; c < h.channels.size(); ++c) {
-      horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
-                                  h.channels[c].designed, h.channels[c].floor, h.channels[c].spread,
-                                  h.channels[c].judged});
+  const RecordReader judges = reader.At("judged_by");
+  validation.n_recordings = judges.Get<int>("recordings");
+  validation.n_parts = judges.Get<int>("parts");
+  for (const RecordReader& h : reader.List("horizons")) {
+    DesignRecord::Validation::Horizon horizon{h.Number("seconds"),
+                                              h.Get<int>("n_steps"),
+                                              h.Get<int>("n_windows"),
+                                              h.Get<bool>("learned"),
+                                              h.Number("narrowed"),
+                                              h.Get<bool>("surely_better"),
+                                              {}};
+    for (const RecordReader& c : h.List("channels")) {
+      horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
+                                  c.Number("designed"), c.Number("floor"), c.Number("spread"), c.Get<bool>("judged")});
     }
-    if (h.n_of_recordings > 0) {
-      horizon.in_recordings = {h.n_of_recordings, 1 - std::exp(-0.5 * h.gain_of_recordings.value),
-                               IsSure(h.gain_of_recordings)};
+    if (h.Has("in_recordings")) {
+      const RecordReader of = h.At("in_recordings");
+      horizon.in_recordings = {of.Get<int>("n_windows"), of.Number("narrowed"), of.Get<bool>("surely_better")};
     }
     validation.horizons.push_back(std::move(horizon));
   }
   return validation;
 }
 
-size_t ToldBy(const DesignFindings& findings) {
-  const SelectionResult& result = findings.result;
-  std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;
-  for (const MethodChoice& choice : findings.choices) {
-    if (choice.picked == setting) setting = choice.setting;
-  }
-  const auto of = std::ranges::find(result.settings, setting, &SettingScore::setting);
-  return static_cast<size_t>(of->best_candidate);
+void AddOfAlgorithm1(const std::optional<double>& c, const std::optional<double>& learning_progress, json& record) {
+  if (c) record["c"] = *c;
+  if (learning_progress) record["learning_progress"] = *learning_progress;
 }
 
-DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& findings) {
-  const ParameterSpace& space = run.parameters();
-  const SettingScore& selected = findings.result.settings[static_cast<size_t>(findings.result.selected_setting)];
-  const Mixture mixture = SelectedMixture(findings);
-  const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
-  const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common);
-  const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
-  const auto summaries =
-      SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends);
-
-  DesignRecord record;
-  record.task = run.config.task.name;
-  AddParameters(space, summaries, record);
-  record.warnings = findings.corrections;
-  AddWarnings(space, findings.has_effect, record);
-  const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
-  for (int i = 0; i < space.size(); ++i) {
-    const Eigen::VectorXd row = correlation.row(i);
-    record.correlation.emplace_back(row.begin(), row.end());
+json SettingToJson(const DesignRecord::Setting& setting) {
+  json seeds = json::array();
+  for (const DesignRecord::Seed& seed : setting.seeds) {
+    seeds.push_back({{"seed", seed.seed}, {"mode", seed.mode}, {"std", seed.std}, {"common", seed.common}});
+    AddOfAlgorithm1(seed.c, seed.learning_progress, seeds.back());
   }
-  record.selected = selected.setting;
-  record.mixture = mixture.members;
-  record.score_name = run.config.selection.score;
-  record.score = record.score_name == SelectionScore::kPaper ? selected.c.value() : selected.common;
-  record.verdict = judgement.verdict;
-  // The judge may be blind to a gap that the parameters show.
-  const bool moved_unseen = !best.prediction && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
-  if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;
-  if (const std::optional<FitEvidence>& fit = findings.candidates[ToldBy(findings)].fit) {
-    record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec());
-  }
-  for (const GrowthRecord& round : run.growth) {
-    if (const Suspect* freed = round.Freed()) record.grown.push_back(*freed);
-  }
-  if (best.prediction) record.validation = InRecord(*best.prediction, run.spec());
-  record.predicts_better = judgement.better;
-  record.method_choices = findings.choices;
-  record.nominal_common = findings.result.nominal_common;
-  AddSettings(findings, record);
-  record.sentence = VerdictSentence(record, judgement.off);
-  record.dataset = {run.config.data.Files(), run.dataset.sha256, run.dataset.size()};
-  record.model_sha256 = run.model_sha256;
-  record.oted_version = OTED_VERSION;
-  record.mujoco_version = MujocoVersion();
+  json record = {{"name", setting.name},
+                 {"method", setting.method},
+                 {"common", setting.common},
+                 {"design_deviation", setting.design_deviation},
+                 {"seeds", seeds}};
+  AddOfAlgorithm1(setting.c, setting.learning_progress, record);
   return record;
+}
+
+DesignRecord::Setting SettingFrom(const RecordReader& reader) {
+  DesignRecord::Setting setting;
+  setting.name = reader.Get<std::string>("name");
+  setting.method = reader.Get<std::string>("method");
+  setting.c = reader.Find<double>("c");
+  setting.common = reader.Number("common");
+  setting.design_deviation = reader.Number("design_deviation");
+  setting.learning_progress = reader.Find<double>("learning_progress");
+  for (const RecordReader& s : reader.List("seeds")) {
+    DesignRecord::Seed seed;
+    seed.seed = s.Get<int>("seed");
+    seed.mode = s.Numbers("mode");
+    seed.std = s.Numbers("std");
+    seed.c = s.Find<double>("c");
+    seed.common = s.Number("common");
+    seed.learning_progress = s.Find<double>("learning_progress");
+    setting.seeds.push_back(std::move(seed));
+  }
+  return setting;
+}
+
+constexpr const char *kLogScale = "log", *kLinearScale = "linear";
+
+json ParameterToRecord(const DesignRecord::Parameter& p) {
+  return {{"name", p.name},
+          {"field", p.field},
+          {"unit", p.unit},
+          {"nominal", p.nominal},
+          {"bounds", {p.low, p.high}},
+          {"scale", p.logarithmic ? kLogScale : kLinearScale},
+          {"mode", p.mode},
+          {"std", p.std},
+          {"interval90", {p.interval90_low, p.interval90_high}},
+          {"verdict", ToString(p.verdict)}};
+}
+
+DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
+  DesignRecord::Parameter p;
+  p.name = reader.Get<std::string>("name");
+  p.field = reader.Get<std::string>("field");
+  p.unit = reader.Get<std::string>("unit");
+  p.nominal = reader.Number("nominal");
+  p.mode = reader.Number("mode");
+  p.std = reader.Number("std");
+  const std::vector<double> bounds = reader.Numbers("bounds"), interval = reader.Numbers("interval90");
+  if (bounds.size() != 2) reader.Fail("bounds", "it has no two ends");
+  if (interval.size() != 2) reader.Fail("interval90", "it has no two ends");
+  p.low = bounds[0], p.high = bounds[1];
+  p.logarithmic = reader.Get<std::string>("scale") == kLogScale;
+  p.interval90_low = interval[0], p.interval90_high = interval[1];
+  p.verdict = reader.GetNamed<ParameterVerdict>("verdict", ParameterVerdictNames());
+  return p;
+}
+
+}  // namespace
+
+json ValidationToJson(const DesignRecord::Validation& validation) {
+  json record = {{"horizons", json::array()},
+                 {"judged_by", {{"recordings", validation.n_recordings}, {"parts", validation.n_parts}}}};
+  for (const DesignRecord::Validation::Horizon& h : validation.horizons) {
+    json channels = json::array();
+    for (const auto& c : h.channels) {
+      channels.push_back({{"name", c.name},
+                          {"unit", c.unit},
+                          {"nominal", c.nominal},
+                          {"designed", c.designed},
+                          {"floor", c.floor},
+                          {"spread", c.spread},
+                          {"judged", c.judged}});
+    }
+    record["horizons"].push_back({{"seconds", h.seconds},
+                                  {"n_steps", h.n_steps},
+                                  {"n_windows", h.n_windows},
+                                  {"learned", h.learned},
+                                  {"narrowed", h.narrowed},
+                                  {"surely_better", h.surely_better},
+                                  {"channels", channels}});
+    if (h.in_recordings) {
+      record["horizons"].back()["in_recordings"] = {{"n_windows", h.in_recordings->n_windows},
+                                                    {"narrowed", h.in_recordings->narrowed},
+                                                    {"surely_better", h.in_recordings->surely_better}};
+    }
+  }
+  return record;
+}
+
+std::vector<double> DesignRecord::BestMode() const {
+  std::vector<double> mode;
+  for (const Parameter& parameter : parameters) mode.push_back(parameter.mode);
+  return mode;
+}
+
+std::vector<std::vector<double>> DesignRecord::MixtureModes() const {
+  std::vector<std::vector<double>> modes;
+  for (const Member& member : mixture) modes.push_back(member.mode);
+  return modes;
+}
+
+json DesignRecord::ToJson() const {
+  json record = {
+      {"schema", kSchema},
+      {"task", task},
+      {"warnings", warnings},
+      {"correlation", correlation},
+      {"selected", selected},
+      {"mixture", json::array()},
+      {"score", score},
+      {"score_name", NameOf(SelectionScoreNames(), score_name)},
+      {"verdict", ToString(verdict)},
+      {"sentence", sentence},
+      {"predicts_better", predicts_better},
+      {"log2", std::numbers::ln2},
+      {"nominal_common", nominal_common},
+      {"dataset", {{"path", dataset.path}, {"sha256", dataset.sha256}, {"n_transitions", dataset.n_transitions}}},
+      {"model", {{"task", task}, {"sha256", model_sha256}}},
+      {"versions", {{"oted", oted_version}, {"mujoco", mujoco_version}}}};
+  for (const Parameter& parameter : parameters) record["parameters"].push_back(ParameterToRecord(parameter));
+  for (const Member& member : mixture) {
+    record["mixture"].push_back({{"seed", member.seed}, {"mode", member.mode}, {"std", member.std}});
+  }
+  if (fit) record["fit"] = FitToJson(*fit);
+  if (!grown.empty()) record["grown"] = SuspectsToJson(grown);
+  if (validation) record["validation"] = ValidationToJson(*validation);
+  for (const MethodChoice& choice : method_choices) record["method_choices"].push_back(::oted::ToJson(choice));
+  for (const Setting& setting : settings) record["settings"].push_back(SettingToJson(setting));
+  return record;
+}
+
+DesignRecord DesignRecord::FromJson(const json& record, const std::string& where) {
+  const RecordReader reader(record, kSchema, where);
+  DesignRecord design;
+  design.task = reader.Get<std::string>("task");
+  design.warnings = reader.Get<std::vector<std::string>>("warnings");
+  for (const RecordReader& p : reader.List("parameters")) design.parameters.push_back(ParameterFrom(p));
+  design.correlation = reader.Get<std::vector<std::vector<double>>>("correlation");
+  design.selected = reader.Get<std::string>("selected");
+  for (const RecordReader& m : reader.List("mixture")) {
+    design.mixture.push_back({m.Get<int>("seed"), m.Numbers("mode"), m.Numbers("std")});
+  }
+  design.score = reader.Number("score");
+  design.score_name = reader.GetNamed<SelectionScore>("score_name", SelectionScoreNames());
+  design.verdict = reader.GetNamed<DesignVerdict>("verdict", DesignVerdictNames());
+  design.sentence = reader.Get<std::string>("sentence");
+  design.predicts_better = reader.Get<bool>("predicts_better");
+  if (reader.Has("fit")) design.fit = FitFrom(reader.At("fit"));
+  if (reader.Has("grown")) design.grown = SuspectsFrom(reader, "grown");
+  if (reader.Has("validation")) design.validation = ValidationFrom(reader.At("validation"));
+  if (reader.Has("method_choices")) {
+    design.method_choices = reader.Read("method_choices", [](const json& list) {
+      std::vector<MethodChoice> choices;
+      for (const json& choice : list) choices.push_back(MethodChoiceFromJson(choice));
+      return choices;
+    });
+  }
+  design.nominal_common = reader.Number("nominal_common");
+  for (const RecordReader& s : reader.List("settings")) design.settings.push_back(SettingFrom(s));
+  const RecordReader dataset = reader.At("dataset"), versions = reader.At("versions");
+  design.dataset = {dataset.Get<std::string>("path"), dataset.Get<std::string>("sha256"),
+                    dataset.Get<int>("n_transitions")};
+  design.model_sha256 = reader.At("model").Get<std::string>("sha256");
+  design.oted_version = versions.Get<std::string>("oted");
+  design.mujoco_version = versions.Get<std::string>("mujoco");
+  design.fingerprint = reader.Find<std::string>("fingerprint").value_or("");
+  return design;
 }
 
 }  // namespace oted

@@ -1,34 +1,138 @@
 #pragma once
-/// What design.json says, from what the stages found.
+/// What a run says of its design: design.json, and growth.json of the designs that look for what its parameters lack.
 
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
 #include <vector>
 
-#include "oted/run/records.h"
-#include "oted/run/run_setup.h"
+#include "oted/matching/fit_evidence.h"
+#include "oted/matching/verdict.h"
 #include "oted/stages/design/method_choice.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
 
 namespace oted {
 
-struct DesignFindings {
-  std::vector<Candidate> candidates;
-  SelectionResult result;
-  std::vector<MethodChoice> choices;     ///< of the settings whose method was left to auto
-  std::vector<Suspect> suspects;         ///< of the design that tells of the whole
-  std::vector<std::string> corrections;  ///< of the logs' columns, where more is left than the sensors explain
-  std::vector<bool> has_effect;          ///< per parameter, whether it changes anything that the logs show
+/// growth/ROUND/growth.json: a design that was made to find what its parameters lack.
+struct GrowthRecord {
+  static constexpr const char* kSchema = "oted.growth/1";
+  /// Empty where the design leaves no more than the sensors explain, or ends at a bound.
+  std::vector<Suspect> suspects;
+
+  /// What joins the parameters; null where nothing does.
+  const Suspect* Freed() const;
+  nlohmann::json ToJson() const;
+  static GrowthRecord FromJson(const nlohmann::json& record, const std::string& where);
 };
 
-/// The candidate whose fit tells of the whole: the selected setting's best, or that of the first method which it stands
-/// for.
-size_t ToldBy(const DesignFindings& findings);
+/// design.json: what the design found and how far to trust it.
+struct DesignRecord {
+  static constexpr const char* kSchema = "oted.design/1";
+  struct Parameter {
+    std::string name, field, unit;
+    double nominal = 0, low = 0, high = 0;  ///< z
+    bool logarithmic = false;               ///< searched on a log scale
+    double mode = 0, std = 0;               ///< of the best-scoring seed; spread over all seeds
+    double interval90_low = 0, interval90_high = 0;
+    ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
+  };
+  struct Member {
+    int seed = 0;
+    std::vector<double> mode, std;
+  };
+  struct Channel {
+    std::string name;
+    double noise_std = 0, short_noise_std = 0, long_noise_std = 0;
+    bool disagrees = false;
+  };
+  /// What is not searched and should differ by the logs.
+  struct Suspected {
+    Suspect suspect;
+    std::string sentence;  ///< what the logs say of it, and what freeing it bought
+    std::string line;      ///< that adds it to the parameters of a task file
+  };
+  struct Fit {
+    int window = 0;
+    double explained = 0;
+    std::vector<Channel> channels;
+    std::vector<Suspected> suspects;
+    std::optional<LeftOutInTurn> left_out = {};
+  };
+  /// How the design predicts logs that it did not see, open loop. The designed simulator here is one that was fitted to
+  /// the other logs alone.
+  struct Validation {
+    struct Channel {
+      std::string name, unit;
+      double nominal = 0, designed = 0;  ///< root mean square error over the horizon [unit]; NaN: broke down
+      double floor = 0;                  ///< what the sensors' noise alone would leave [unit]
+      double spread = 0;                 ///< standard deviation over the logs: the error of a guess [unit]
+      bool judged = true;                ///< HeldOutPrediction::Channel::judged
+    };
+    /// In whole recordings alone, where parts of others judge as well.
+    struct InRecordings {
+      int n_windows = 0;
+      double narrowed = 0;
+      bool surely_better = false;
+    };
+    struct Horizon {
+      double seconds = 0;  ///< 0 where time has no unit
+      int n_steps = 0;     ///< control steps
+      int n_windows = 0;
+      bool learned = false;  ///< the design learned from these windows: too little could be kept aside
+      /// By which share the design's error is less than the nominal simulator's: of root mean squares, the geometric
+      /// mean over channels.
+      double narrowed = 0;
+      bool surely_better = false;  ///< that this is more than chance (IsSure)
+      std::vector<Channel> channels;
+      std::optional<InRecordings> in_recordings = {};
+    };
+    std::vector<Horizon> horizons;
+    int n_recordings = 0, n_parts = 0;  ///< that judge (HeldOutPrediction)
+  };
+  struct Seed : Member {
+    double common = 0;
+    std::optional<double> c, learning_progress;  ///< only of Algorithm 1
+  };
+  struct Setting {
+    std::string name, method;
+    double common = 0, design_deviation = 0;
+    std::optional<double> c, learning_progress;  ///< likewise
+    std::vector<Seed> seeds;
+  };
+  struct Source {
+    std::string path, sha256;
+    int n_transitions = 0;
+  };
 
-/// Parameters with modes, spreads, intervals and verdicts over the selected setting's seeds; the mixture that agents
-/// train in; every setting's scores; the verdict on the whole. Where another method took the place of trajectories, the
-/// verdict, the channels and the suspects are still those of the fit, which tells them.
-DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& findings);
+  std::string task;
+  std::vector<std::string> warnings;
+  std::vector<Parameter> parameters;
+  std::vector<std::vector<double>> correlation;
+  std::string selected;         ///< setting
+  std::vector<Member> mixture;  ///< its seeds: the simulators that agents train in
+  double score = 0;             ///< the selected setting's, by `score_name`
+  SelectionScore score_name = SelectionScore::kCommon;
+  DesignVerdict verdict = DesignVerdict::kNoGap;
+  std::string sentence;  ///< the verdict, with its figures (VerdictSentence)
+  /// Whether the design surely predicts better than the nominal simulator; nothing else is exported by default, nor is
+  /// it where there is no gap.
+  bool predicts_better = false;
+  std::optional<Fit> fit;
+  std::vector<Suspect> grown;                ///< what design.grow added to the parameters, in this order
+  std::optional<Validation> validation;      ///< none where nothing can be predicted
+  std::vector<MethodChoice> method_choices;  ///< of settings whose method was left to auto
+  double nominal_common = 0;
+  std::vector<Setting> settings;
+  Source dataset;
+  std::string model_sha256;
+  std::string oted_version, mujoco_version;
+  std::string fingerprint;  ///< as read; written by the run directory
 
-/// A prediction with the names and units of the observations.
-DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec);
+  std::vector<double> BestMode() const;
+  std::vector<std::vector<double>> MixtureModes() const;
+  nlohmann::json ToJson() const;
+  static DesignRecord FromJson(const nlohmann::json& record, const std::string& where);
+};
+nlohmann::json ValidationToJson(const DesignRecord::Validation& validation);
 
 }  // namespace oted

@@ -2,7 +2,7 @@
 /// A study's last step: every policy in the target. Nothing else of a run looks at the truth.
 
 #include "oted/run/agents_step.h"
-#include "oted/run/records.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/run_setup.h"
 #include "oted/run/selection_step.h"
 

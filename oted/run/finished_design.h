@@ -5,7 +5,7 @@
 #include <string>
 
 #include "oted/config/run_config.h"
-#include "oted/run/records.h"
+#include "oted/run/design_record.h"
 
 namespace oted {
 

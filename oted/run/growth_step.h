@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "oted/run/design_record.h"
+#include "oted/run/design_findings.h"
 #include "oted/run/run_setup.h"
 
 namespace oted {

@@ -22,7 +22,7 @@
 #include "oted/run/agents_step.h"
 #include "oted/run/clone_step.h"
 #include "oted/run/design_step.h"
-#include "oted/run/records.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/run_setup.h"
 #include "oted/run/selection_step.h"
 

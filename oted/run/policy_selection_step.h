@@ -2,7 +2,7 @@
 /// Stage 5 of a run: the best of the agents, judged in every designed simulator.
 
 #include "oted/run/agents_step.h"
-#include "oted/run/records.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/run_setup.h"
 #include "oted/run/selection_step.h"
 

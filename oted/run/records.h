@@ -1,24 +1,18 @@
 #pragma once
 /// What the stages of a run leave, as types: one struct for each kind of record, with one codec (docs/file_formats.md).
+/// Here those of the clone and of single designs; design_record.h and policy_records.h have the others.
 /// FromJson reads what ToJson wrote: it takes the file's name for errors, and throws DataError naming file and field.
 /// Numbers that are not finite are null in a file, and NaN again when read.
 
-#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
-#include <utility>
-#include <vector>
 
-#include "oted/config/run_config.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/fit_evidence.h"
 #include "oted/matching/held_out_prediction.h"
-#include "oted/matching/verdict.h"
-#include "oted/run/training_ground.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/method_choice.h"
-#include "oted/stages/policy_selection/policy_selection.h"
 
 namespace oted {
 
@@ -63,199 +57,6 @@ struct MethodChoiceRecord {
 
   nlohmann::json ToJson() const;
   static MethodChoiceRecord FromJson(const nlohmann::json& record, const std::string& where);
-};
-
-/// growth/ROUND/growth.json: a design that was made to find what its parameters lack.
-struct GrowthRecord {
-  static constexpr const char* kSchema = "oted.growth/1";
-  /// Empty where the design leaves no more than the sensors explain, or ends at a bound.
-  std::vector<Suspect> suspects;
-
-  /// What joins the parameters; null where nothing does.
-  const Suspect* Freed() const;
-  nlohmann::json ToJson() const;
-  static GrowthRecord FromJson(const nlohmann::json& record, const std::string& where);
-};
-
-/// design.json: what the design found and how far to trust it.
-struct DesignRecord {
-  static constexpr const char* kSchema = "oted.design/1";
-  struct Parameter {
-    std::string name, field, unit;
-    double nominal = 0, low = 0, high = 0;  ///< z
-    bool logarithmic = false;               ///< searched on a log scale
-    double mode = 0, std = 0;               ///< of the best-scoring seed; spread over all seeds
-    double interval90_low = 0, interval90_high = 0;
-    ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
-  };
-  struct Member {
-    int seed = 0;
-    std::vector<double> mode, std;
-  };
-  struct Channel {
-    std::string name;
-    double noise_std = 0, short_noise_std = 0, long_noise_std = 0;
-    bool disagrees = false;
-  };
-  /// What is not searched and should differ by the logs.
-  struct Suspected {
-    Suspect suspect;
-    std::string sentence;  ///< what the logs say of it, and what freeing it bought
-    std::string line;      ///< that adds it to the parameters of a task file
-  };
-  struct Fit {
-    int window = 0;
-    double explained = 0;
-    std::vector<Channel> channels;
-    std::vector<Suspected> suspects;
-    std::optional<LeftOutInTurn> left_out = {};
-  };
-  /// How the design predicts logs that it did not see, open loop. The designed simulator here is one that was fitted to
-  /// the other logs alone.
-  struct Validation {
-    struct Channel {
-      std::string name, unit;
-      double nominal = 0, designed = 0;  ///< root mean square error over the horizon [unit]; NaN: broke down
-      double floor = 0;                  ///< what the sensors' noise alone would leave [unit]
-      double spread = 0;                 ///< standard deviation over the logs: the error of a guess [unit]
-      bool judged = true;                ///< HeldOutPrediction::Channel::judged
-    };
-    /// In whole recordings alone, where parts of others judge as well.
-    struct InRecordings {
-      int n_windows = 0;
-      double narrowed = 0;
-      bool surely_better = false;
-    };
-    struct Horizon {
-      double seconds = 0;  ///< 0 where time has no unit
-      int n_steps = 0;     ///< control steps
-      int n_windows = 0;
-      bool learned = false;  ///< the design learned from these windows: too little could be kept aside
-      /// By which share the design's error is less than the nominal simulator's: of root mean squares, the geometric
-      /// mean over channels.
-      double narrowed = 0;
-      bool surely_better = false;  ///< that this is more than chance (IsSure)
-      std::vector<Channel> channels;
-      std::optional<InRecordings> in_recordings = {};
-    };
-    std::vector<Horizon> horizons;
-    int n_recordings = 0, n_parts = 0;  ///< that judge (HeldOutPrediction)
-  };
-  struct Seed : Member {
-    double common = 0;
-    std::optional<double> c, learning_progress;  ///< only of Algorithm 1
-  };
-  struct Setting {
-    std::string name, method;
-    double common = 0, design_deviation = 0;
-    std::optional<double> c, learning_progress;  ///< likewise
-    std::vector<Seed> seeds;
-  };
-  struct Source {
-    std::string path, sha256;
-    int n_transitions = 0;
-  };
-
-  std::string task;
-  std::vector<std::string> warnings;
-  std::vector<Parameter> parameters;
-  std::vector<std::vector<double>> correlation;
-  std::string selected;         ///< setting
-  std::vector<Member> mixture;  ///< its seeds: the simulators that agents train in
-  double score = 0;             ///< the selected setting's, by `score_name`
-  SelectionScore score_name = SelectionScore::kCommon;
-  DesignVerdict verdict = DesignVerdict::kNoGap;
-  std::string sentence;  ///< the verdict, with its figures (VerdictSentence)
-  /// Whether the design surely predicts better than the nominal simulator; nothing else is exported by default, nor is
-  /// it where there is no gap.
-  bool predicts_better = false;
-  std::optional<Fit> fit;
-  std::vector<Suspect> grown;                ///< what design.grow added to the parameters, in this order
-  std::optional<Validation> validation;      ///< none where nothing can be predicted
-  std::vector<MethodChoice> method_choices;  ///< of settings whose method was left to auto
-  double nominal_common = 0;
-  std::vector<Setting> settings;
-  Source dataset;
-  std::string model_sha256;
-  std::string oted_version, mujoco_version;
-  std::string fingerprint;  ///< as read; written by the run directory
-
-  std::vector<double> BestMode() const;
-  std::vector<std::vector<double>> MixtureModes() const;
-  nlohmann::json ToJson() const;
-  static DesignRecord FromJson(const nlohmann::json& record, const std::string& where);
-};
-nlohmann::json ValidationToJson(const DesignRecord::Validation& validation);
-
-/// agent.json
-struct AgentRecord {
-  static constexpr const char* kSchema = "oted.agent/1";
-  int agent = 1;  ///< from 1
-  Ground ground = Ground::kDesigned;
-  AgentAlgorithm algorithm = AgentAlgorithm::kSac;
-  TrainIn train_in = TrainIn::kModes;  ///< of designed ones
-  int64_t seed = 0;
-  int64_t n_steps = 0;
-  double eval_return = 0;                                ///< where it trained
-  std::vector<std::pair<std::string, double>> episodes;  ///< what its episodes ended with, by name
-
-  nlohmann::json ToJson() const;
-  static AgentRecord FromJson(const nlohmann::json& record, const std::string& where);
-};
-
-/// offline.json: a baseline that learned from the logs alone.
-struct OfflineRecord {
-  static constexpr const char* kSchema = "oted.offline/1";
-  std::string baseline;  ///< its name in settings
-  int64_t seed = 0, n_steps = 0;
-  int n_transitions = 0;
-  std::vector<std::pair<std::string, double>> losses;  ///< of the last step, by name
-
-  nlohmann::json ToJson() const;
-  static OfflineRecord FromJson(const nlohmann::json& record, const std::string& where);
-};
-
-/// policy_selection.json
-struct PolicySelectionRecord {
-  static constexpr const char* kSchema = "oted.policy_selection/1";
-  struct Simulator {
-    int seed = 0;
-    std::vector<double> mode;
-  };
-  struct Agent {
-    int agent = 1;                ///< from 1
-    std::vector<double> returns;  ///< per simulator
-    double mean_return = 0;
-    int n_diverged = 0;
-  };
-  int selected = 1;  ///< agent, from 1
-  std::vector<Simulator> simulators;
-  std::vector<Agent> agents;
-
-  nlohmann::json ToJson() const;
-  static PolicySelectionRecord FromJson(const nlohmann::json& record, const std::string& where);
-};
-
-/// evaluation.json: every policy in the target.
-struct EvaluationRecord {
-  static constexpr const char* kSchema = "oted.evaluation/1";
-  struct Parameter {
-    std::string name, unit;
-    double nominal = 0, truth = 0, mode = 0, std = 0, absolute_error = 0;
-  };
-  struct PolicyResult {
-    std::string name, label;
-    double mean_return = 0, std_return = 0;
-    int n_diverged = 0;
-    std::optional<double> score;
-  };
-  std::string task;
-  int episodes = 0;
-  std::vector<Parameter> parameters;
-  std::vector<PolicyResult> policies;
-
-  nlohmann::json ToJson() const;
-  static EvaluationRecord FromJson(const nlohmann::json& record, const std::string& where);
 };
 
 }  // namespace oted

@@ -8,6 +8,8 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/run/design_record.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/verdict_sentence.h"
 
 namespace oted::records_test {

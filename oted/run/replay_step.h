@@ -2,7 +2,7 @@
 /// What the report shows of the design at work: logs replayed in the nominal and in the designed simulator, as curves
 /// and, where there is an OpenGL context, as pictures. Nothing else depends on it.
 
-#include "oted/run/records.h"
+#include "oted/run/design_record.h"
 #include "oted/run/run_setup.h"
 
 namespace oted {

@@ -10,7 +10,7 @@
 #include "oted/base/log.h"
 #include "oted/config/run_config.h"
 #include "oted/data/dataset.h"
-#include "oted/run/records.h"
+#include "oted/run/design_record.h"
 #include "oted/run/run_directory.h"
 #include "oted/run/training_ground.h"
 #include "oted/sim/simulator.h"

@@ -10,7 +10,7 @@
 #include "oted/checks/data_check.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/artifacts.h"
-#include "oted/run/design_record.h"
+#include "oted/run/design_findings.h"
 #include "oted/run/growth_step.h"
 #include "oted/run/method_choice_step.h"
 

@@ -5,8 +5,8 @@
 
 #include "oted/matching/designer.h"
 #include "oted/nn/policy.h"
+#include "oted/run/design_record.h"
 #include "oted/run/design_step.h"
-#include "oted/run/records.h"
 #include "oted/run/run_setup.h"
 
 namespace oted {

@@ -4,7 +4,7 @@
 #include <Eigen/Dense>
 
 #include "oted/data/dataset.h"
-#include "oted/run/records.h"
+#include "oted/run/design_record.h"
 
 namespace oted {
 

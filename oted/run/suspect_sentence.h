@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "oted/run/records.h"
+#include "oted/run/design_record.h"
 
 namespace oted {
 

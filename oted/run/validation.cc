@@ -8,7 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/checks/data_check.h"
 #include "oted/matching/verdict.h"
-#include "oted/run/design_record.h"
+#include "oted/run/design_findings.h"
 #include "oted/run/finished_design.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/sensor_noise_of.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "oted/base/log.h"
-#include "oted/run/records.h"
+#include "oted/run/design_record.h"
 
 namespace oted {
 

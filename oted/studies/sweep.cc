@@ -8,7 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/seal.h"
-#include "oted/run/records.h"
+#include "oted/run/design_record.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/run_inputs.h"
 
 namespace oted {

@@ -9,6 +9,8 @@
 #include "oted/plan/unit_record.h"
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
+#include "oted/run/design_record.h"
+#include "oted/run/policy_records.h"
 #include "oted/run/records.h"
 #include "tests/fuzz/families.h"
 

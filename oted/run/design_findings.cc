@@ -1,0 +1,218 @@
+#include "oted/run/design_findings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "oted/matching/verdict.h"
+#include "oted/run/suspect_sentence.h"
+#include "oted/run/verdict_sentence.h"
+#include "oted/sim/mujoco/version.h"
+
+namespace oted {
+namespace {
+
+/// The designs of the selected setting.
+struct Mixture {
+  std::vector<DesignRecord::Member> members;
+  std::vector<Designer> q;
+  int best = 0;  ///< of them
+};
+
+Mixture SelectedMixture(const DesignFindings& findings) {
+  Mixture mixture;
+  for (const int i : findings.result.settings[static_cast<size_t>(findings.result.selected_setting)].candidates) {
+    const Candidate& candidate = findings.candidates[static_cast<size_t>(i)];
+    if (i == findings.result.best_candidate) mixture.best = static_cast<int>(mixture.q.size());
+    mixture.q.push_back(candidate.q);
+    mixture.members.push_back({candidate.seed, candidate.q.Mode(), candidate.q.Std()});
+  }
+  return mixture;
+}
+
+std::string ChannelName(const SimulatorSpec& spec, size_t c) {
+  return c < spec.observation_names.size() ? spec.observation_names[c] : fmt::format("obs[{}]", c);
+}
+
+std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
+  return c < spec.observation_units.size() ? spec.observation_units[c] : "";
+}
+
+DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<Suspect>& suspects, const std::vector<int>& off,
+                        const SimulatorSpec& spec) {
+  DesignRecord::Fit record{fit.window, fit.explained, {}, {}, fit.left_out};
+  for (size_t c = 0; c < fit.noise_std.size(); ++c) {
+    record.channels.push_back({ChannelName(spec, c), fit.noise_std[c], fit.short_noise_std[c], fit.long_noise_std[c],
+                               std::ranges::find(off, static_cast<int>(c)) != off.end()});
+  }
+  std::vector<DesignRecord::Validation::Channel> channels;
+  for (size_t c = 0; c < fit.noise_std.size(); ++c) channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c)});
+  for (const Suspect& suspect : suspects) {
+    record.suspects.push_back({suspect, SuspectSentence(suspect, channels, off), ParameterLine(suspect.spec)});
+  }
+  return record;
+}
+
+void AddParameters(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries, DesignRecord& record) {
+  for (int i = 0; i < space.size(); ++i) {
+    const ParameterSpec& spec = space[i];
+    const ParameterSummary& s = summaries[static_cast<size_t>(i)];
+    record.parameters.push_back({.name = spec.name,
+                                 .field = spec.field,
+                                 .unit = spec.unit,
+                                 .nominal = spec.nominal,
+                                 .low = spec.low,
+                                 .high = spec.high,
+                                 .logarithmic = spec.logarithmic,
+                                 .mode = s.mode,
+                                 .std = s.std,
+                                 .interval90_low = s.interval90_low,
+                                 .interval90_high = s.interval90_high,
+                                 .verdict = s.verdict});
+  }
+}
+
+void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effect, DesignRecord& record) {
+  for (int i = 0; i < space.size(); ++i) {
+    const ParameterSpec& spec = space[i];
+    if (!has_effect[static_cast<size_t>(i)]) {
+      record.warnings.push_back(fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
+    }
+    if (record.parameters[static_cast<size_t>(i)].verdict == ParameterVerdict::kAtBound) {
+      record.warnings.push_back(
+          fmt::format("parameter '{}' ended at a bound of its range [{:g}, {:g}]: the true value may lie beyond",
+                      spec.name, spec.low, spec.high));
+    }
+  }
+}
+
+void AddSettings(const DesignFindings& findings, DesignRecord& record) {
+  for (const SettingScore& scored : findings.result.settings) {
+    DesignRecord::Setting setting;
+    setting.name = scored.setting;
+    setting.method = findings.candidates[static_cast<size_t>(scored.candidates[0])].method;
+    setting.c = scored.c;
+    setting.common = scored.common;
+    setting.design_deviation = scored.design_deviation;
+    setting.learning_progress = scored.learning_progress;
+    for (const int i : scored.candidates) {
+      const Candidate& candidate = findings.candidates[static_cast<size_t>(i)];
+      const CandidateScore& score = findings.result.candidates[static_cast<size_t>(i)];
+      DesignRecord::Seed seed;
+      seed.seed = candidate.seed;
+      seed.mode = candidate.q.Mode();
+      seed.std = candidate.q.Std();
+      seed.c = score.c;
+      seed.common = score.common;
+      seed.learning_progress = candidate.learning_progress;
+      setting.seeds.push_back(std::move(seed));
+    }
+    record.settings.push_back(std::move(setting));
+  }
+}
+
+/// The whole design's verdict, and what it rests on.
+struct Judgement {
+  DesignVerdict verdict = DesignVerdict::kNoGap;
+  bool reaches_floor = false, better = false;
+  std::vector<int> off;  ///< channels in which more is left than sensors explain
+};
+
+Judgement Judge(const Candidate& best, double nominal_common, double designed_common) {
+  Judgement judgement;
+  if (best.prediction) {
+    judgement.verdict = JudgePrediction(best.q, *best.prediction);
+    judgement.better = PredictsBetter(*best.prediction);
+    judgement.reaches_floor = ReachesFloor(*best.prediction);
+    judgement.off = ChannelsOff(*best.prediction);
+  } else {
+    judgement.verdict = JudgeDesign(nominal_common, designed_common);
+    judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
+    judgement.reaches_floor =
+        judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
+  }
+  return judgement;
+}
+
+}  // namespace
+
+DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec) {
+  DesignRecord::Validation validation;
+  validation.n_recordings = prediction.n_recordings;
+  validation.n_parts = prediction.n_parts;
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
+    DesignRecord::Validation::Horizon horizon{
+        h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}, {}};
+    for (size_t c = 0; c < h.channels.size(); ++c) {
+      horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
+                                  h.channels[c].designed, h.channels[c].floor, h.channels[c].spread,
+                                  h.channels[c].judged});
+    }
+    if (h.n_of_recordings > 0) {
+      horizon.in_recordings = {h.n_of_recordings, 1 - std::exp(-0.5 * h.gain_of_recordings.value),
+                               IsSure(h.gain_of_recordings)};
+    }
+    validation.horizons.push_back(std::move(horizon));
+  }
+  return validation;
+}
+
+size_t ToldBy(const DesignFindings& findings) {
+  const SelectionResult& result = findings.result;
+  std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;
+  for (const MethodChoice& choice : findings.choices) {
+    if (choice.picked == setting) setting = choice.setting;
+  }
+  const auto of = std::ranges::find(result.settings, setting, &SettingScore::setting);
+  return static_cast<size_t>(of->best_candidate);
+}
+
+DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& findings) {
+  const ParameterSpace& space = run.parameters();
+  const SettingScore& selected = findings.result.settings[static_cast<size_t>(findings.result.selected_setting)];
+  const Mixture mixture = SelectedMixture(findings);
+  const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
+  const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common);
+  const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
+  const auto summaries =
+      SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends);
+
+  DesignRecord record;
+  record.task = run.config.task.name;
+  AddParameters(space, summaries, record);
+  record.warnings = findings.corrections;
+  AddWarnings(space, findings.has_effect, record);
+  const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
+  for (int i = 0; i < space.size(); ++i) {
+    const Eigen::VectorXd row = correlation.row(i);
+    record.correlation.emplace_back(row.begin(), row.end());
+  }
+  record.selected = selected.setting;
+  record.mixture = mixture.members;
+  record.score_name = run.config.selection.score;
+  record.score = record.score_name == SelectionScore::kPaper ? selected.c.value() : selected.common;
+  record.verdict = judgement.verdict;
+  // The judge may be blind to a gap that the parameters show.
+  const bool moved_unseen = !best.prediction && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
+  if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;
+  if (const std::optional<FitEvidence>& fit = findings.candidates[ToldBy(findings)].fit) {
+    record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec());
+  }
+  for (const GrowthRecord& round : run.growth) {
+    if (const Suspect* freed = round.Freed()) record.grown.push_back(*freed);
+  }
+  if (best.prediction) record.validation = InRecord(*best.prediction, run.spec());
+  record.predicts_better = judgement.better;
+  record.method_choices = findings.choices;
+  record.nominal_common = findings.result.nominal_common;
+  AddSettings(findings, record);
+  record.sentence = VerdictSentence(record, judgement.off);
+  record.dataset = {run.config.data.Files(), run.dataset.sha256, run.dataset.size()};
+  record.model_sha256 = run.model_sha256;
+  record.oted_version = OTED_VERSION;
+  record.mujoco_version = MujocoVersion();
+  return record;
+}
+
+}  // namespace oted
