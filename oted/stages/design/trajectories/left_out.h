@@ -17,7 +17,7 @@ namespace oted {
 
 inline constexpr int kMostLeftOut = 6;
 /// Steps of a fit that goes on without a part of its logs.
-inline constexpr int kStepsWithoutPart = 2;
+inline constexpr int kStepsWithoutPart = 1;
 
 /// Logs in up to kMostLeftOut parts. Of three recordings or more no part has less than a whole one; fewer are cut in
 /// time. Logs that give no two parts of 1.4 s have none.

@@ -155,7 +155,7 @@ LevelFit LevelFit::LeavingOut(const std::vector<char>& flags) const {
     const size_t w = which[k];
     fit.damping_of_start_[k] = damping_of_start_[w];
     fit.linear_[k] = linear_[w];
-    fit.kept_[k] = kept_[w];
+    fit.kept_[k] = linear_[w].valid ? 1 : 0;
     fit.fresh_[k] = fresh_[w];
     fit.residuals_[k] = residuals_[w];
   }

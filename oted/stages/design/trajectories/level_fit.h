@@ -62,7 +62,8 @@ class LevelFit {
   /// From now on windows that are not explained do not count at all, unless hardly any is: what x they ask for is that
   /// of a wrong start.
   void CountExplainedAlone();
-  /// The same fit, going on without the windows of which a flag is set.
+  /// The same fit, going on without the windows of which a flag is set. Its first step takes the derivatives that are
+  /// there, unless it gains nothing by them: where they were taken near the minimum, as a jackknife does.
   LevelFit LeavingOut(const std::vector<char>& flags) const;
   /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
   /// windows.

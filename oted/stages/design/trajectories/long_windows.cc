@@ -26,7 +26,7 @@ constexpr int kMostRows = 10000;
 constexpr double kMostPhysics = 4e5;   // steps of a linearization
 constexpr int kFewestLongRows = 1000;  // however much they cost
 constexpr int kMostShortRows = 960;
-constexpr int kFitIterations = 8;
+constexpr int kFitIterations = 6;
 constexpr double kWorse = 2.0;     // standard errors
 constexpr double kNoticed = 0.02;  // of a mean square
 // Of the short windows; of the first length and of that which is judged from two starts, of the others from one.

@@ -61,7 +61,7 @@ bool TakesOver(const Eigen::MatrixXd& of_long, const Eigen::MatrixXd& of_short,
                const std::function<Eigen::MatrixXd()>& of_nominal, bool explained);
 
 /// Steps of ChooseLongWindows, at most.
-inline constexpr int kMostLongTries = 140;
+inline constexpr int kMostLongTries = 84;
 
 /// Fits windows of 0.1 s to 1 s to `learn`, from the nominal parameters and from those of the short windows, and
 /// compares how well recordings that they leave out are predicted over half a second (less where episodes are shorter).
