@@ -179,16 +179,19 @@ void AddMatch(const json& report, json* trust) {
                   FormatScore(match.designed), FormatScore(match.nominal)));
 }
 
-// What is not searched and would explain what is left, and what joined the parameters.
+// Whether freeing a suspect surely bought something.
+bool IsBought(const json& suspect) { return suspect.contains("freed") && suspect["freed"].value("kept", false); }
+
+// What is not searched and surely explains what is left, and what joined the parameters.
 void AddSuspects(const json& design, json* found) {
   for (const json& grown : ListAt(design, "grown")) {
     found->push_back(fmt::format("The parameter {} ({}) was added by the design itself: it predicts better with it.",
                                  TextAt(grown, "name"), TextAt(grown, "field")));
   }
   for (const json& suspect : ListAt(design["fit"], "suspects")) {
-    const bool kept = suspect.contains("freed") && suspect["freed"].value("kept", false);
-    found->push_back(fmt::format("Suspect, not among the parameters: {}.{}", TextAt(suspect, "sentence"),
-                                 kept ? " Add this line to them: " + TextAt(suspect, "line") : ""));
+    if (!IsBought(suspect)) continue;
+    found->push_back(fmt::format("Suspect, not among the parameters: {}. Add this line to them: {}",
+                                 TextAt(suspect, "sentence"), TextAt(suspect, "line")));
   }
 }
 
@@ -249,6 +252,12 @@ json Unknown(const json& report, const std::string& verdict) {
   if (!parameters.empty() && !truth_known) {
     unknown.push_back(
         "The true values are not known, so there is no error to report. The spread says how sharply the logs decide.");
+  }
+  if (report.contains("design") && report["design"].contains("fit")) {
+    for (const json& suspect : ListAt(report["design"]["fit"], "suspects")) {
+      if (IsBought(suspect)) continue;
+      unknown.push_back(fmt::format("Suspect, not among the parameters: {}.", TextAt(suspect, "sentence")));
+    }
   }
   if (verdict == "gap_closed" || verdict == "no_gap") {
     unknown.push_back(

@@ -181,7 +181,7 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
         at_bounds.empty() ? "some parameter" : at_bounds, over, share, WhatRemains(horizon, off));
   }
   return fmt::format(
-      "outside the family: {} the designed simulator does not surely predict better than the nominal one, and what "
+      "outside the family: {} the designed simulator does not surely predict better than the nominal one; what "
       "remains is more than the sensors explain: {}",
       over, WhatRemains(horizon, off));
 }
