@@ -101,21 +101,27 @@ std::vector<nlohmann::json> RecordsThere(const Cells& cells, const std::filesyst
   return records;
 }
 
+/// What a table's cells are made of.
+template <class Study>
+void AddCellOptions(CLI::App& verb, Study& study) {
+  verb.add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")
+      ->type_name(value_kind::kRobot)
+      ->capture_default_str();
+  verb.add_option("--dataset", study.datasets, "medium, medium-expert, expert")
+      ->type_name(value_kind::kDataset)
+      ->capture_default_str();
+  verb.add_option("--parameters", study.parameters, "friction, gain, gravity, all")
+      ->type_name(value_kind::kParameter)
+      ->capture_default_str();
+}
+
 void AddDesignStudy(Program& program, CLI::App& parent, StudyUse use, const std::string& name, const char* help) {
   CLI::App* verb = parent.add_subcommand(name, help);
   auto options = std::make_shared<DesignStudyOptions>();
   options->study = DesignStudy::Named(name);
   DesignStudy& study = options->study;
   AddStudyOptions(*verb, use, *options);
-  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")
-      ->type_name(value_kind::kRobot)
-      ->capture_default_str();
-  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")
-      ->type_name(value_kind::kDataset)
-      ->capture_default_str();
-  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")
-      ->type_name(value_kind::kParameter)
-      ->capture_default_str();
+  AddCellOptions(*verb, study);
   verb->add_option("--design-method", study.design_method, "design.method of every cell")
       ->type_name(value_kind::kMethod)
       ->capture_default_str();
@@ -181,15 +187,7 @@ void AddTable1(Program& program, CLI::App& parent, StudyUse use) {
   auto options = std::make_shared<Table1Options>();
   Table1Study& study = options->study;
   AddStudyOptions(*verb, use, *options);
-  verb->add_option("--task", study.tasks, "halfcheetah, hopper, walker2d")
-      ->type_name(value_kind::kRobot)
-      ->capture_default_str();
-  verb->add_option("--dataset", study.datasets, "medium, medium-expert, expert")
-      ->type_name(value_kind::kDataset)
-      ->capture_default_str();
-  verb->add_option("--parameters", study.parameters, "friction, gain, gravity, all")
-      ->type_name(value_kind::kParameter)
-      ->capture_default_str();
+  AddCellOptions(*verb, study);
   verb->add_option("--methods", study.methods, "bc, f_brc, mbop, td3_bc, rebrac, dr, is, bc_dr, oted, nominal")
       ->type_name(value_kind::kLearner)
       ->capture_default_str();

@@ -46,7 +46,6 @@ int SubmitLocal(const Plan& plan, const PlanPlace& place, const SubmitOptions& o
                     left ? fmt::format(", about {} left", Duration(*left)) : ""));
   };
   MakeFolders(place.root / "logs");
-  root.RemoveLeftovers();
   for (int round = 0; round < options.rounds; ++round) {
     const std::vector<int> open = StateOf(plan, root).Open();
     if (open.empty()) break;
@@ -81,9 +80,7 @@ int SubmitToCluster(const Plan& plan, const PlanPlace& place, const SubmitOption
                     "--watch), or end them (scancel {})",
                     fmt::join(queued, ", "), place.file.string(), fmt::join(queued, " ")));
   }
-  const WorkRoot root(place.root);
-  root.RemoveLeftovers();
-  const PlanState state = StateOf(plan, root);
+  const PlanState state = StateOf(plan, WorkRoot(place.root));
   // No job is left: what seems to run was lost a moment ago.
   std::vector<int> open = state.Open();
   const std::vector<int> lost = state.In(UnitState::kRunning);
@@ -135,6 +132,7 @@ int SubmitPlan(const PlanPlace& place, SubmitOptions options) {
   for (const PlanLine& line : plan.lines) {
     if (options.retry_failed) root.ForgetFailure(line.Folder());
   }
+  root.RemoveLeftovers();
   return options.engine == Engine::kSlurm ? SubmitToCluster(plan, place, options) : SubmitLocal(plan, place, options);
 }
 

@@ -63,16 +63,20 @@ UnitReport MakeUnit(const PlanLine& line, const WorkRoot& root, const UnitPlace&
   auto [result, held] = root.Claim(line.Folder());
   if (!held) return Skipped(result);
   UnitClaim& claim = *held;
-  UnitTry last{static_cast<int>(ExitCode::kDataOrModel), WrongInput(line)};
-  if (!last.message.empty()) last.message = WrongInput(line);  // a disk may fail once
-  if (!last.message.empty()) {
+  const auto attempt = [&]() -> UnitTry {
+    if (std::string wrong = WrongInput(line); !wrong.empty()) {
+      return {static_cast<int>(ExitCode::kDataOrModel), std::move(wrong)};
+    }
+    KeepToOneKind(claim, place.instruction_set);
+    return run(line, claim.folder(), [&] { return claim.Beat(); });
+  };
+  const auto fail = [&](const UnitTry& last) -> UnitReport {
     claim.Fail(RecordOf(line, place, claim, last));
     return {UnitOutcome::kFailed, last.exit_code, last.message};
-  }
-  KeepToOneKind(claim, place.instruction_set);
+  };
   bool was_wrong = false;
   while (true) {
-    last = run(line, claim.folder(), [&] { return claim.Beat(); });
+    const UnitTry last = attempt();
     if (!claim.Beat()) return {UnitOutcome::kBusy};
     switch (EndOf(last.exit_code)) {
       case UnitEnd::kDone:
@@ -83,12 +87,11 @@ UnitReport MakeUnit(const PlanLine& line, const WorkRoot& root, const UnitPlace&
       case UnitEnd::kBroken:
         claim.AddBreak();
         if (claim.breaks() < kMostBreaks) continue;
-        [[fallthrough]];
+        return fail(last);
       case UnitEnd::kWrong:
-        // Data that a disk failed to read once end like data that are wrong.
-        if (!std::exchange(was_wrong, true) && EndOf(last.exit_code) == UnitEnd::kWrong) continue;
-        claim.Fail(RecordOf(line, place, claim, last));
-        return {UnitOutcome::kFailed, last.exit_code, last.message};
+        // What a disk failed to read once ends like what is wrong.
+        if (!std::exchange(was_wrong, true)) continue;
+        return fail(last);
     }
   }
 }

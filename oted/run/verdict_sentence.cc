@@ -54,8 +54,7 @@ std::string ButLeftOut(const DesignRecord& record) {
   const double worst = std::ranges::max(parts | std::views::filter(is_worse), {}, &LeftOutPart::error).error;
   return fmt::format(
       "; left out of the fit, {} of {} recordings {} predicted {}{:.0f} % worse than by the nominal simulator: so may "
-      "be a "
-      "motion unlike these",
+      "be a motion unlike these",
       n_worse, parts.size(), n_worse == 1 ? "is" : "are", n_worse == 1 ? "" : "up to ", 100 * (worst - 1));
 }
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,6 +15,13 @@
 #include "oted/sim/testing.h"
 
 namespace oted {
+
+/// HeldOutParts::recording where every episode is a recording.
+inline std::vector<int> EachItsOwn(const Dataset& logs) {
+  std::vector<int> recording(logs.Episodes().size());
+  std::iota(recording.begin(), recording.end(), 0);
+  return recording;
+}
 
 /// The point mass between walls at -0.5 and 0.5: beyond one it comes back at half its speed. A replay whose start is
 /// off by a little meets the wall a step earlier or later, and is off by much.

@@ -10,7 +10,7 @@ namespace {
 constexpr size_t kManyEpisodes = 5;
 constexpr int kBlocksPerJudged = 5;
 constexpr double kBlock = 2.0;          // [s]
-constexpr double kShortestBlock = 0.7;  // [s]: holds the horizon that chooses, half a second, and the lead before it
+constexpr double kShortestBlock = 0.7;  // [s]: holds the horizon that is shown, half a second, and the lead before it
 
 }  // namespace
 

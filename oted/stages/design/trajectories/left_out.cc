@@ -18,20 +18,17 @@ constexpr int kMostJudged = 200;       // windows
 constexpr double kSure = 2.0;          // standard errors
 constexpr int kFewestFitted = 2;       // windows
 
-/// What is left out together, the smallest such: recordings, or pieces of them.
-struct Unit {
-  std::vector<Episode> rows;
-};
-
 bool AreMany(const std::vector<int>& recording) {
   return !recording.empty() && recording.back() + 1 >= kFewestRecordings;
 }
 
-std::vector<Unit> UnitsOf(const std::vector<Episode>& episodes, const std::vector<int>& recording, int shortest) {
-  std::vector<Unit> units;
+/// What is left out together, the smallest such: recordings, or pieces of them.
+std::vector<std::vector<Episode>> UnitsOf(const std::vector<Episode>& episodes, const std::vector<int>& recording,
+                                          int shortest) {
+  std::vector<std::vector<Episode>> units;
   if (AreMany(recording)) {
     units.resize(static_cast<size_t>(recording.back()) + 1);
-    for (size_t e = 0; e < episodes.size(); ++e) units[static_cast<size_t>(recording[e])].rows.push_back(episodes[e]);
+    for (size_t e = 0; e < episodes.size(); ++e) units[static_cast<size_t>(recording[e])].push_back(episodes[e]);
     return units;
   }
   const int n_episodes = static_cast<int>(episodes.size()),
@@ -40,7 +37,7 @@ std::vector<Unit> UnitsOf(const std::vector<Episode>& episodes, const std::vecto
     const int n = std::clamp(episode.size() / shortest, 1, wanted);
     for (int k = 0; k < n; ++k) {
       const int begin = episode.begin + k * episode.size() / n, end = episode.begin + (k + 1) * episode.size() / n;
-      units.push_back({{{begin, end, episode.terminated && end == episode.end}}});
+      units.push_back({{begin, end, episode.terminated && end == episode.end}});
     }
   }
   return units;
@@ -54,13 +51,13 @@ LeftOutRecordings::LeftOutRecordings(const Logs& logs, int n_threads)
       part_of_row_(static_cast<size_t>(logs.dataset.size())) {
   const double period = logs.factory.spec().control_period_s;
   const auto steps_of = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period))); };
-  const std::vector<Unit> units = UnitsOf(logs.dataset.Episodes(), logs.recording, steps_of(kShortestPart));
+  const auto units = UnitsOf(logs.dataset.Episodes(), logs.recording, steps_of(kShortestPart));
   if (units.size() < 2) return;
   const size_t n_parts = std::min(size_t{kMostLeftOut}, units.size());
   std::vector<std::vector<Episode>> rows(n_parts);
   for (size_t u = 0; u < units.size(); ++u) {
     const size_t part = u * n_parts / units.size();
-    for (const Episode& episode : units[u].rows) {
+    for (const Episode& episode : units[u]) {
       rows[part].push_back(episode);
       std::fill(part_of_row_.begin() + episode.begin, part_of_row_.begin() + episode.end, static_cast<int>(part));
     }

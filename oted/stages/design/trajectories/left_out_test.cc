@@ -2,12 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <numeric>
-
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/testing.h"
+#include "oted/stages/design/trajectories/long_windows.h"
 
 namespace oted::left_out_test {
 
@@ -31,20 +31,9 @@ struct Learned {
                   .predicted_s = 0.5},
                  1),
         scale(ChannelScales(logs)),
-        fit(replayer, factory.parameters(), prior, scale, Windows(), VectorXd::Zero(3)) {
+        fit(replayer, factory.parameters(), prior, scale, LongWindows(replayer, logs, 5, logs.size(), 0.1),
+            VectorXd::Zero(3)) {
     fit.Descend(12, [](const VectorXd&) {});
-  }
-
-  Level Windows() {
-    Level level;
-    for (const Episode& episode : logs.Episodes()) {
-      for (int i = episode.begin; i + 5 <= episode.end; i += 5) {
-        level.windows.push_back({i, 5, episode.begin});
-        level.starts.push_back(replayer.Guess(level.windows.back()));
-        level.stretch.push_back(episode.begin);
-      }
-    }
-    return level;
   }
 
   Dataset logs;
@@ -58,14 +47,9 @@ struct Learned {
   LevelFit fit;
 };
 
-std::vector<int> UpTo(int n) {
-  std::vector<int> numbers(static_cast<size_t>(n));
-  std::iota(numbers.begin(), numbers.end(), 0);
-  return numbers;
-}
-
 TEST(LeftOutRecordings, OneSimulatorBehindAllPredictsWhatWasLeftOutAsWell) {
-  Learned all(PointMassLogs(kTruth, 6), UpTo(6));
+  const Dataset logs = PointMassLogs(kTruth, 6);
+  Learned all(logs, EachItsOwn(logs));
   EXPECT_EQ(all.left_out.n_parts(), 6);
   int n_told = 0;
   const Eigen::MatrixXd errors = all.left_out.ErrorsOf(all.fit, [&] { ++n_told; });

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 #include "oted/base/error.h"
@@ -145,7 +146,11 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
     from = {Best(tried).x};
     if (IsSurelyWorse(by_length.back(), Best(tried))) break;
   }
-  const auto of_nominal = [&] { return judge.ErrorsAt(NominalStart(space)); };
+  std::optional<MatrixXd> nominal;
+  const auto of_nominal = [&] {
+    if (!nominal) nominal = judge.ErrorsAt(NominalStart(space));
+    return *nominal;
+  };
   LongFit choice = tried.front();
   if (!by_length.empty()) {
     // Recordings hardly tell some lengths apart: of those that no other surely beats, the nearest to what is judged.

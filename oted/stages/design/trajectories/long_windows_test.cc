@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numeric>
 
 #include "oted/base/log.h"
 #include "oted/data/sensor_noise.h"
@@ -11,18 +10,13 @@
 #include "oted/matching/held_out.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/testing.h"
 
 namespace oted::long_windows_test {
 
 using Eigen::VectorXd;
 
 const std::vector<double> kTruth = {1.5, 0.6, 0.5};
-
-std::vector<int> EachItsOwn(const Dataset& logs) {
-  std::vector<int> recording(logs.Episodes().size());
-  std::iota(recording.begin(), recording.end(), 0);
-  return recording;
-}
 
 TEST(LongWindows, CoverTheLogsAndJoinThoseOfASecondIntoAStretch) {
   const Dataset logs = PointMassLogs(kTruth, 2);  // 20 steps of 0.1 s each
