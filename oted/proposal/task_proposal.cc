@@ -1,14 +1,11 @@
 #include "oted/proposal/task_proposal.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <span>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -18,7 +15,7 @@
 #include "oted/data/checks_rates.h"
 #include "oted/data/csv_dataset_write.h"
 #include "oted/data/dataset_files.h"
-#include "oted/data/log_columns.h"
+#include "oted/proposal/first_log.h"
 #include "oted/proposal/log_facts.h"
 #include "oted/proposal/parameter_candidates.h"
 #include "oted/proposal/task_text.h"
@@ -28,19 +25,9 @@
 namespace oted {
 namespace {
 
-constexpr double kSlowest_s = 0.5;     // a time column with longer rows is not in seconds
 constexpr double kPeriodSlack = 0.01;  // of the reader (docs/file_formats.md)
 constexpr double kRangeSlack = 1.1;    // of actions beyond the logged ones
-constexpr size_t kShown = 12;
 constexpr uint64_t kSeed = 1;
-
-bool IsCsv(const std::string& path) { return path.ends_with(".csv") || path.ends_with(".csv.gz"); }
-
-std::string Some(const std::vector<std::string>& names) {
-  const std::span<const std::string> first(names.data(), std::min(names.size(), kShown));
-  return fmt::format("{}{}", fmt::join(first, ", "),
-                     names.size() > kShown ? fmt::format(" and {} more", names.size() - kShown) : "");
-}
 
 /// Removes a file that is of no use without another where that did not come to be.
 class Companion {
@@ -65,7 +52,7 @@ class Proposer {
     CheckRequest();
     model_ = OutlineOf(request_.model);
     task_.model = request_.model;
-    MapLogs();
+    MapColumnsOfLog();
     Observe();
     Act();
     task_.control_period = ControlPeriod();
@@ -78,8 +65,6 @@ class Proposer {
   }
 
  private:
-  const std::string& log() const { return request_.logs.front(); }
-
   void CheckRequest() const {
     if (request_.logs.empty())
       throw UsageError("no logs are named; give one or more .csv, .npz or .hdf5 after the model");
@@ -99,30 +84,10 @@ class Proposer {
     return path.replace_extension(".logs.csv.gz");
   }
 
-  // ------------------------------------------------------------ columns
-
-  void MapLogs() {
-    const std::vector<std::string> names = IsCsv(log()) ? CsvNames() : ArrayNames();
+  void MapColumnsOfLog() {
+    log_.emplace(request_.logs.front());
     ColumnMap& map = proposal_.columns;
-    map = MapColumns(names, model_);
-    for (const LogColumn& column : text_columns_) {
-      if (column.is_damaged) RefuseWhereKnown(column);
-      ColumnMap of_text = MapColumns({column.name}, model_);
-      if (map.episode.empty()) map.episode = of_text.episode;
-    }
-    const auto fail = [&](const char* what, const std::vector<std::string>& wanted) {
-      for (const LogColumn& column : text_columns_) RefuseWhereKnown(column);
-      throw DataError(
-          fmt::format("'{}': no column is {} of model '{}'. The columns are {}; the model has {}; rename columns after "
-                      "these ('hip_pos', 'hip_vel', 'hip_cmd')",
-                      log(), what, request_.model, Some(names), wanted.empty() ? "none" : Some(wanted)));
-    };
-    std::vector<std::string> joints, actuators;
-    for (const auto& joint : model_.joints) joints.push_back(joint.name);
-    for (const auto& actuator : model_.actuators) actuators.push_back(actuator.name);
-    if (map.observations.empty()) fail("a position, velocity or sensor", joints);
-    if (map.actions.empty()) fail("a command", actuators.empty() ? joints : actuators);
-    if (!IsCsv(log())) InFileOrder(names);
+    map = log_->Map(model_, request_.model);
     const auto by_order = [](const ColumnMap::Entry& entry) { return entry.by_order; };
     if (std::ranges::any_of(map.observations, by_order) || std::ranges::any_of(map.actions, by_order)) {
       proposal_.guessed.emplace_back("numbered columns are in the model's order");
@@ -132,57 +97,6 @@ class Proposer {
       proposal_.suspicious.push_back(
           fmt::format("column '{}' is in degrees by its name; multiply it by 0.0174533 in the log", entry.column));
     }
-  }
-
-  /// Words where the model asks for numbers.
-  void RefuseWhereKnown(const LogColumn& column) const {
-    if (MapColumns({column.name}, model_).IsEmpty()) return;
-    throw DataError(
-        fmt::format("'{}' line {}, column '{}': '{}' is no number, wanted digits with a decimal point; "
-                    "repair or remove the row",
-                    log(), column.text_line, column.name, column.text_field.substr(0, 40)));
-  }
-
-  std::vector<std::string> CsvNames() {
-    std::vector<std::string> names;
-    for (const LogColumn& column : ReadLogColumns(log())) {
-      (column.is_numeric() ? columns_ : text_columns_).push_back(column);
-      if (column.is_numeric()) names.push_back(column.name);
-    }
-    return names;
-  }
-
-  std::vector<std::string> ArrayNames() {
-    DataOptions options;
-    options.check = false;
-    arrays_ = ReadDataset(log(), options);
-    std::vector<std::string> names = arrays_->observation_names;
-    for (int i = 0; names.empty() && i < arrays_->obs_dim(); ++i) arrays_names_.push_back(fmt::format("obs_{}", i));
-    if (names.empty()) names = arrays_names_;
-    n_observations_ = names.size();
-    const std::vector<std::string>& actions = arrays_->action_names;
-    for (int i = 0; i < arrays_->act_dim(); ++i) {
-      names.push_back(actions.empty() ? fmt::format("act_{}", i) : actions[static_cast<size_t>(i)]);
-    }
-    return names;
-  }
-
-  /// Arrays have no columns to choose from: each must be something, in the order of the file.
-  void InFileOrder(const std::vector<std::string>& names) {
-    ColumnMap& map = proposal_.columns;
-    const auto sort = [&](std::vector<ColumnMap::Entry>& entries) {
-      std::ranges::sort(entries, {}, [&](const ColumnMap::Entry& entry) {
-        return std::ranges::find(names, entry.column) - names.begin();
-      });
-    };
-    sort(map.observations);
-    sort(map.actions);
-    if (map.observations.size() == n_observations_ && map.actions.size() == names.size() - n_observations_) return;
-    throw DataError(
-        fmt::format("'{}' has {} numbers per observation and {} per action, and of these {} and {} are in model '{}', "
-                    "whose state has {} positions and {} velocities, with {} actuators; write a CSV with named columns",
-                    log(), n_observations_, names.size() - n_observations_, map.observations.size(), map.actions.size(),
-                    request_.model, model_.qpos.size(), model_.qvel.size(), model_.actuators.size()));
   }
 
   // ------------------------------------------------------------ [task]
@@ -223,7 +137,7 @@ class Proposer {
       proposal_.guessed.push_back(
           fmt::format("the control of {} is 0 throughout: no column is its command", Some(unlogged)));
     }
-    if (lacks_range) HoldActionsUpTo(LargestAction());
+    if (lacks_range) HoldActionsUpTo(log_->LargestAction(proposal_.columns));
   }
 
   /// Actions of this size lie in the task's range.
@@ -237,18 +151,6 @@ class Proposer {
       if (paths[i] != "actuator/" + model_.actuators[i].name) return false;
     }
     return true;
-  }
-
-  double LargestAction() const {
-    double most = 0;
-    const auto take = [&](double value) { most = std::isfinite(value) ? std::max(most, std::abs(value)) : most; };
-    if (arrays_) std::ranges::for_each(arrays_->actions.values(), take);
-    for (const ColumnMap::Entry& entry : proposal_.columns.actions) {
-      for (const LogColumn& column : columns_) {
-        if (column.name == entry.column) std::ranges::for_each(column.values, take);
-      }
-    }
-    return most;
   }
 
   /// The rows' own, as a multiple of the model's time step. [s]
@@ -267,68 +169,26 @@ class Proposer {
   }
 
   double RowPeriod() {
-    if (arrays_) return ArrayPeriod();
-    const ColumnMap& map = proposal_.columns;
-    const LogColumn* time = nullptr;
-    for (const LogColumn& column : columns_) {
-      if (column.name == (map.scaled_time.empty() ? TimeName() : map.scaled_time)) time = &column;
+    if (log_->arrays()) return ArrayPeriod(*log_->arrays());
+    const double rows = log_->RowPeriod(proposal_.columns);
+    const std::string& unread = proposal_.columns.scaled_time;
+    if (!unread.empty()) {
+      proposal_.guessed.push_back(fmt::format(
+          "column '{}' is no time in seconds: rows count as steps of {:.6g} s, gaps are not seen", unread, rows));
     }
-    if (time == nullptr) FailPeriod();
-    std::vector<double> steps;
-    for (size_t i = 1; i < time->values.size(); ++i) {
-      const double rows = (time->values[i] - time->values[i - 1]) * map.time_unit;
-      if (rows > 0) steps.push_back(rows);
-    }
-    if (steps.empty()) {
-      throw DataError(
-          fmt::format("'{}': column '{}' never goes up from row to row; sort the rows by time, or repair the "
-                      "clock",
-                      log(), time->name));
-    }
-    const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
-    std::ranges::nth_element(steps, middle);
-    if (*middle > kSlowest_s) {
-      throw DataError(
-          fmt::format("'{}': column '{}' goes up by {:.6g} per row, wanted seconds; divide it, or rename it "
-                      "(time_ms, time_us, time_ns) and rows count as steps",
-                      log(), time->name, *middle / map.time_unit));
-    }
-    if (!map.scaled_time.empty()) {
-      proposal_.guessed.push_back(
-          fmt::format("column '{}' is no time in seconds: rows count as steps of {:.6g} s, gaps are not seen",
-                      map.scaled_time, *middle));
-    }
-    return *middle;
+    return rows;
   }
 
-  /// Of the time column, as the reader finds it.
-  std::string TimeName() const {
-    if (!proposal_.columns.time.empty()) return proposal_.columns.time;
-    for (const char* wanted : {"time", "time_s", "time [s]", "t", "timestamp"}) {
-      for (const LogColumn& column : columns_) {
-        std::string lower = column.name;
-        std::ranges::transform(lower, lower.begin(),
-                               [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-        if (lower == wanted) return column.name;
-      }
-    }
-    return "";
-  }
-
-  [[noreturn]] void FailPeriod() const {
-    throw UsageError(fmt::format("'{}' does not say how far apart its rows are; give it with --period [s]", log()));
-  }
-
-  double ArrayPeriod() {
-    if (arrays_->period_s > 0) return arrays_->period_s;
+  double ArrayPeriod(const Dataset& arrays) {
+    if (arrays.period_s > 0) return arrays.period_s;
     // Where velocities are there, positions tell the time.
     ModelTask task = task_;
     task.control_period = model_.time_step;
     TaskConfig config;
     config.model = task;
     config.Resolve();
-    const double rows = PeriodByRates(CompareRates(*arrays_, SpecOf(config).rate_of, 0));
-    if (rows <= 0) FailPeriod();
+    const double rows = PeriodByRates(CompareRates(arrays, SpecOf(config).rate_of, 0));
+    if (rows <= 0) log_->FailPeriod();
     const double n = std::max(1.0, std::round(rows / model_.time_step));
     proposal_.guessed.push_back(
         fmt::format("rows lie {:.6g} s apart, as positions and velocities say ({:.4g} s)", n * model_.time_step, rows));
@@ -338,8 +198,8 @@ class Proposer {
   // ------------------------------------------------------------ [data]
 
   void JoinLogs() {
-    data_.path = log();
-    if (IsCsv(log())) {
+    data_.path = log_->path();
+    if (log_->is_csv()) {
       const auto names = [](const std::vector<ColumnMap::Entry>& entries) {
         std::vector<std::string> columns;
         for (const ColumnMap::Entry& entry : entries) columns.push_back(entry.column);
@@ -353,16 +213,16 @@ class Proposer {
     if (request_.logs.size() == 1) return;
     Dataset joined;
     for (const std::string& path : request_.logs) {
-      if (IsCsv(path) != IsCsv(log())) {
-        throw UsageError(
-            fmt::format("'{}' and '{}' are of different formats; convert one ('oted data convert')", log(), path));
+      if (IsCsv(path) != log_->is_csv()) {
+        throw UsageError(fmt::format("'{}' and '{}' are of different formats; convert one ('oted data convert')",
+                                     log_->path(), path));
       }
       const Dataset one = ReadDataset(path, data_.Options());
       if (joined.size() > 0 && (one.obs_dim() != joined.obs_dim() || one.act_dim() != joined.act_dim() ||
                                 one.rewards.empty() != joined.rewards.empty() ||
                                 one.has_states() != joined.has_states() || PeriodsDiffer(one, joined))) {
-        throw DataError(
-            fmt::format("'{}' has other columns or another rate than '{}'; make a task file for each", path, log()));
+        throw DataError(fmt::format("'{}' has other columns or another rate than '{}'; make a task file for each", path,
+                                    log_->path()));
       }
       Tell(path, one);
       joined.Append(one);
@@ -528,11 +388,7 @@ class Proposer {
   ModelTask& task_;
   DataConfig& data_;
   ModelOutline model_;
-  std::vector<LogColumn> columns_;       // those that hold numbers
-  std::vector<LogColumn> text_columns_;  // the others
-  std::optional<Dataset> arrays_;
-  std::vector<std::string> arrays_names_;
-  size_t n_observations_ = 0;
+  std::optional<FirstLog> log_;
   Dataset dataset_;
   std::unique_ptr<SimulatorFactory> factory_;
   Companion companion_{request_.out};

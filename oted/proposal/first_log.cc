@@ -1,0 +1,160 @@
+#include "oted/proposal/first_log.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <span>
+#include <utility>
+
+#include "oted/base/error.h"
+#include "oted/data/dataset_files.h"
+
+namespace oted {
+namespace {
+
+constexpr double kSlowest_s = 0.5;  // a time column with longer rows is not in seconds
+constexpr size_t kShown = 12;
+
+template <class T>
+std::vector<std::string> NamesOf(const std::vector<T>& owners) {
+  std::vector<std::string> names;
+  for (const T& owner : owners) names.push_back(owner.name);
+  return names;
+}
+
+}  // namespace
+
+bool IsCsv(const std::string& path) { return path.ends_with(".csv") || path.ends_with(".csv.gz"); }
+
+std::string Some(const std::vector<std::string>& names) {
+  const std::span<const std::string> first(names.data(), std::min(names.size(), kShown));
+  return fmt::format("{}{}", fmt::join(first, ", "),
+                     names.size() > kShown ? fmt::format(" and {} more", names.size() - kShown) : "");
+}
+
+FirstLog::FirstLog(std::string path) : path_(std::move(path)) {
+  if (is_csv()) {
+    for (const LogColumn& column : ReadLogColumns(path_)) {
+      (column.is_numeric() ? columns_ : text_columns_).push_back(column);
+    }
+    names_ = NamesOf(columns_);
+    return;
+  }
+  DataOptions options;
+  options.check = false;
+  arrays_ = ReadDataset(path_, options);
+  names_ = arrays_->observation_names;
+  const bool is_named = !names_.empty();
+  for (int i = 0; !is_named && i < arrays_->obs_dim(); ++i) names_.push_back(fmt::format("obs_{}", i));
+  n_observations_ = names_.size();
+  const std::vector<std::string>& actions = arrays_->action_names;
+  for (int i = 0; i < arrays_->act_dim(); ++i) {
+    names_.push_back(actions.empty() ? fmt::format("act_{}", i) : actions[static_cast<size_t>(i)]);
+  }
+}
+
+ColumnMap FirstLog::Map(const ModelOutline& model, const std::string& model_path) const {
+  ColumnMap map = MapColumns(names_, model);
+  for (const LogColumn& column : text_columns_) {
+    if (column.is_damaged) RefuseWhereKnown(column, model);
+    if (map.episode.empty()) map.episode = MapColumns({column.name}, model).episode;
+  }
+  const auto fail = [&](const char* what, const std::vector<std::string>& wanted) {
+    for (const LogColumn& column : text_columns_) RefuseWhereKnown(column, model);
+    throw DataError(
+        fmt::format("'{}': no column is {} of model '{}'. The columns are {}; the model has {}; rename columns after "
+                    "these ('hip_pos', 'hip_vel', 'hip_cmd')",
+                    path_, what, model_path, Some(names_), wanted.empty() ? "none" : Some(wanted)));
+  };
+  if (map.observations.empty()) fail("a position, velocity or sensor", NamesOf(model.joints));
+  if (map.actions.empty())
+    fail("a command", model.actuators.empty() ? NamesOf(model.joints) : NamesOf(model.actuators));
+  if (!is_csv()) InFileOrder(map, model, model_path);
+  return map;
+}
+
+/// Words where the model asks for numbers.
+void FirstLog::RefuseWhereKnown(const LogColumn& column, const ModelOutline& model) const {
+  if (MapColumns({column.name}, model).IsEmpty()) return;
+  throw DataError(
+      fmt::format("'{}' line {}, column '{}': '{}' is no number, wanted digits with a decimal point; "
+                  "repair or remove the row",
+                  path_, column.text_line, column.name, column.text_field.substr(0, 40)));
+}
+
+/// Arrays have no columns to choose from: each must be something, in the order of the file.
+void FirstLog::InFileOrder(ColumnMap& map, const ModelOutline& model, const std::string& model_path) const {
+  const auto sort = [&](std::vector<ColumnMap::Entry>& entries) {
+    std::ranges::sort(entries, {}, [&](const ColumnMap::Entry& entry) {
+      return std::ranges::find(names_, entry.column) - names_.begin();
+    });
+  };
+  sort(map.observations);
+  sort(map.actions);
+  const size_t n_actions = names_.size() - n_observations_;
+  if (map.observations.size() == n_observations_ && map.actions.size() == n_actions) return;
+  throw DataError(
+      fmt::format("'{}' has {} numbers per observation and {} per action, and of these {} and {} are in model '{}', "
+                  "whose state has {} positions and {} velocities, with {} actuators; write a CSV with named columns",
+                  path_, n_observations_, n_actions, map.observations.size(), map.actions.size(), model_path,
+                  model.qpos.size(), model.qvel.size(), model.actuators.size()));
+}
+
+double FirstLog::LargestAction(const ColumnMap& map) const {
+  double most = 0;
+  const auto take = [&](double value) { most = std::isfinite(value) ? std::max(most, std::abs(value)) : most; };
+  if (arrays_) std::ranges::for_each(arrays_->actions.values(), take);
+  for (const ColumnMap::Entry& entry : map.actions) {
+    for (const LogColumn& column : columns_) {
+      if (column.name == entry.column) std::ranges::for_each(column.values, take);
+    }
+  }
+  return most;
+}
+
+double FirstLog::RowPeriod(const ColumnMap& map) const {
+  const std::string name = map.scaled_time.empty() ? TimeName(map) : map.scaled_time;
+  const auto time = std::ranges::find(columns_, name, &LogColumn::name);
+  if (time == columns_.end()) FailPeriod();
+  std::vector<double> steps;
+  for (size_t i = 1; i < time->values.size(); ++i) {
+    const double rows = (time->values[i] - time->values[i - 1]) * map.time_unit;
+    if (rows > 0) steps.push_back(rows);
+  }
+  if (steps.empty()) {
+    throw DataError(
+        fmt::format("'{}': column '{}' never goes up from row to row; sort the rows by time, or repair the clock",
+                    path_, time->name));
+  }
+  const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
+  std::ranges::nth_element(steps, middle);
+  if (*middle > kSlowest_s) {
+    throw DataError(
+        fmt::format("'{}': column '{}' goes up by {:.6g} per row, wanted seconds; divide it, or rename it "
+                    "(time_ms, time_us, time_ns) and rows count as steps",
+                    path_, time->name, *middle / map.time_unit));
+  }
+  return *middle;
+}
+
+/// Of the time column, as the reader finds it.
+std::string FirstLog::TimeName(const ColumnMap& map) const {
+  if (!map.time.empty()) return map.time;
+  for (const char* wanted : {"time", "time_s", "time [s]", "t", "timestamp"}) {
+    for (const LogColumn& column : columns_) {
+      std::string lower = column.name;
+      std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+      if (lower == wanted) return column.name;
+    }
+  }
+  return "";
+}
+
+void FirstLog::FailPeriod() const {
+  throw UsageError(fmt::format("'{}' does not say how far apart its rows are; give it with --period [s]", path_));
+}
+
+}  // namespace oted
