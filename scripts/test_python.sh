@@ -61,6 +61,8 @@ for python in "${PYTHONS[@]}"; do
     "$wheel[notebook,bags,lerobot]" 'gymnasium[mujoco]' mujoco==4.0.0 mypy
   echo "== $("$python" --version): the package"
   "$environment/bin/python" tests/python/test_package.py '' build/release/oted
+  "$environment/bin/python" tests/python/test_logs.py '' build/release/oted
+  "$environment/bin/python" tests/python/test_envs.py ''
   "$environment/bin/python" tests/python/test_gym.py ''
   echo "== $("$python" --version): readers"
   "$environment/bin/python" tests/python/test_bags.py

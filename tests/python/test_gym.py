@@ -23,10 +23,8 @@ import numpy as np  # noqa: E402
 import oted  # noqa: E402
 from oted import _engine  # noqa: E402
 from oted.task import study  # noqa: E402
-from support import InFolder  # noqa: E402
+from support import HOPPER, InFolder  # noqa: E402
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-HOPPER = str(ROOT / "examples/data/hopper-quickstart.hdf5")
 # A design of seconds.
 TINY = {
     "design.method": "trajectories", "design.trajectories.rows": 32, "design.trajectories.window": 4,

@@ -1,9 +1,8 @@
-"""The Python package as its users meet it.
+"""The Python package as its users meet it: importing, designs, refusals. Logs and environments: test_logs.py, test_envs.py.
 
     test_package.py FOLDER OTED     FOLDER holds the package oted, "" where it is installed; OTED is the program
 """
 
-import hashlib
 import importlib.util
 import json
 import os
@@ -13,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import unittest
-import warnings
 
 if len(sys.argv) < 3:
     sys.exit(__doc__)
@@ -28,10 +26,8 @@ import numpy as np  # noqa: E402
 
 import oted  # noqa: E402
 from oted.streams import Channel, to_logs  # noqa: E402
-from support import InFolder  # noqa: E402
+from support import HOPPER, ROOT, InFolder  # noqa: E402
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-HOPPER = str(ROOT / "examples/data/hopper-quickstart.hdf5")
 POLICY = ROOT / "examples/policies/hopper/medium.npz"
 FRICTION = {"friction": oted.Param("geom/*/friction[0]", 0.2, 2.0)}
 # A design of seconds: no other method is tried beside it, no suspect.
@@ -45,9 +41,6 @@ TINY = {
     "selection.n_seeds": 2, "selection.n_sims": 2, "selection.n_steps": 20, "selection.judge_steps": 20,
     "report.motion": "false",
 }
-PENDULUM = """<mujoco><option timestep="0.01"/><worldbody><body><joint name="hinge" type="hinge" axis="0 1 0" damping="0.1"/>
-<geom name="rod" type="capsule" fromto="0 0 0 0 0 -0.5" size="0.02"/></body></worldbody>
-<actuator><motor name="motor" joint="hinge" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
 def python(code, **keywords):
@@ -95,289 +88,6 @@ class Import(unittest.TestCase):
             out, err = ours.communicate()
             theirs = subprocess.run([OTED, *words], capture_output=True, text=True)
             self.assertEqual((ours.returncode, out, err), (theirs.returncode, theirs.stdout, theirs.stderr))
-
-
-class LogsTest(InFolder):
-    def test_hdf5_is_read_as_the_file_has_it(self):
-        logs = oted.read_logs(HOPPER)
-        with h5py.File(HOPPER) as file:
-            np.testing.assert_array_equal(logs.observations, file["observations"][()])
-            np.testing.assert_array_equal(logs.actions, file["actions"][()])
-            n_ends = int((file["terminals"][()].astype(bool) | file["timeouts"][()].astype(bool)).sum())
-        self.assertEqual(len(logs.episodes), n_ends)
-        some = oted.read_logs(HOPPER, episodes=2)
-        self.assertEqual(some.episodes, logs.episodes[:2])
-
-    def test_what_is_saved_reads_back_the_same(self):
-        logs = oted.read_logs(HOPPER)
-        for name in ("a.hdf5", "b.npz", "c-v0"):
-            logs.save(self.folder / name)
-            back = oted.read_logs(self.folder / name)
-            np.testing.assert_array_equal(back.observations, logs.observations)
-            np.testing.assert_array_equal(back.next_observations, logs.next_observations)
-            self.assertEqual(back.episodes, logs.episodes)
-
-    def test_links_to_other_files_are_refused(self):
-        with h5py.File(self.folder / "x.hdf5", "w") as file:
-            file["observations"] = h5py.ExternalLink(HOPPER, "observations")
-        with self.assertRaisesRegex(oted.DataError, "link to another file"):
-            oted.read_logs(self.folder / "x.hdf5")
-
-    def test_arrays_episodes_and_columns_give_the_same_logs(self):
-        random = np.random.default_rng(0)
-        episodes = [(random.normal(size=(n + 1, 2)), random.normal(size=(n, 1))) for n in (5, 3)]
-        a = oted.Logs.from_episodes(episodes, period=0.1)
-        rows = np.vstack([seen for seen, _ in episodes])
-        done = np.vstack([np.vstack([act, [[9.0]]]) for _, act in episodes])
-        b = oted.Logs(rows, done, episode_ends=[6, 10], period=0.1)
-        columns = {"q": rows[:, 0], "v": rows[:, 1], "u": done[:, 0], "episode": np.array(["a"] * 6 + ["b"] * 4)}
-        c = oted.Logs.from_pandas(columns, observations=["q", "v"], actions=["u"], episode="episode", period=0.1)
-        for logs in (a, b, c):
-            self.assertEqual(logs.episodes, [(0, 5, False), (5, 8, False)])
-            np.testing.assert_array_equal(logs.observations, np.vstack([seen[:-1] for seen, _ in episodes]))
-            np.testing.assert_array_equal(logs.next_observations, np.vstack([seen[1:] for seen, _ in episodes]))
-            np.testing.assert_array_equal(logs.actions, np.vstack([act for _, act in episodes]))
-            self.assertEqual(logs.period, 0.1)
-
-    def test_times_are_brought_to_the_period_and_gaps_end_episodes(self):
-        t = np.concatenate([np.arange(0, 1, 0.005), np.arange(3, 4, 0.005)])
-        logs = oted.Logs(np.column_stack([2 * t]), np.column_stack([np.floor(t / 0.02 + 1e-9)]), times=t, period=0.02)
-        self.assertEqual(len(logs.episodes), 2)
-        self.assertTrue(any("gaps" in remark for remark in logs.remarks), logs.remarks)
-        np.testing.assert_allclose(logs.next_observations - logs.observations, 0.04, atol=1e-9)
-        np.testing.assert_allclose(logs.actions[:, 0], np.floor(logs.observations[:, 0] / 2 / 0.02 + 1e-6))
-        with self.assertRaisesRegex(oted.UsageError, "rise"):
-            oted.Logs(np.zeros((3, 1)), np.zeros((3, 1)), times=[0.0, 0.2, 0.1])
-
-    def test_the_rows_of_tables_are_to_the_last_bit_those_of_the_first_version(self):
-        (self.folder / "pendulum.xml").write_text(PENDULUM)
-        task = oted.Task(model=self.folder / "pendulum.xml", control_period=0.02)
-        digest = hashlib.sha256()
-        for step, jitter, gap in ((20_000, 0, 0), (20_000, 7_000, 60_000), (5_000, 2_000, 15_000), (1_000, 0, 7_000),
-                                  (8_000, 3_000, 900_000), (19_900, 900, 0)):  # [us]
-            state, time, lines = 1, 0, ["time,joint/hinge/qpos,joint/hinge/qvel,actuator/motor,reward"]
-            for i in range(300):
-                state = state * 1103515245 % 2**31  # no generator of a library that may change
-                shifted = time + (state >> 8) % (jitter + 1)
-                lines.append(f"{shifted / 1e6},{i * i % 97 / 64},{i % 31 / 32},{shifted // 24_000 % 7 / 8},1")
-                time += step + (gap if i % 90 == 50 else 0)
-            (self.folder / "log.csv").write_text("\n".join(lines) + "\n")
-            logs = oted.read_logs(self.folder / "log.csv", task=task)
-            for array in (logs.observations, logs.actions, logs.next_observations, logs.rewards):
-                digest.update(array.tobytes())
-            digest.update(repr((logs.episodes, logs.period)).encode())
-        self.assertEqual(digest.hexdigest()[:16], "e156f721123d113e")
-
-    def test_wrapped_angles_go_on_from_every_source(self):
-        t = 0.02 * np.arange(300)
-        angle, wrapped = 7 * t + 0.1, np.remainder(7 * t + 0.1, 2 * np.pi)
-        seen, done, names = np.column_stack([wrapped, t]), np.zeros((300, 1)), ["q", "v"]
-        np.savetxt(self.folder / "log.csv", np.column_stack([t, seen, done]), delimiter=",", header="time,obs.q,obs.v,act.u",
-                   comments="")
-        for logs in (oted.Logs(seen, done, period=0.02, observation_names=names, unwrap=["q"]),
-                     oted.Logs.from_pandas({"q": wrapped, "v": t, "u": done[:, 0]}, observations=names, actions=["u"],
-                                           unwrap=["q"]),
-                     oted.Logs.from_transitions(seen[:-1], done[:-1], seen[1:], observation_names=names, unwrap=["q"]),
-                     oted.read_logs(self.folder / "log.csv", unwrap=["q"])):
-            np.testing.assert_allclose(logs.observations[:, 0], angle[:len(logs)], atol=1e-12)
-            np.testing.assert_allclose(logs.next_observations[:, 0], angle[1:len(logs) + 1], atol=1e-12)
-            np.testing.assert_array_equal(logs.observations[:, 1], t[:len(logs)])
-            self.assertIsNone(logs.path)
-        with self.assertRaisesRegex(oted.UsageError, "no names"):
-            oted.Logs(seen, done, unwrap=["q"])
-
-    def test_logs_join_and_part(self):
-        logs = oted.read_logs(HOPPER)
-        again = logs.select([1, 0]) + logs.select([2])
-        self.assertEqual(len(again.episodes), 3)
-        begin, end, _ = logs.episodes[1]
-        np.testing.assert_array_equal(again.observations[:end - begin], logs.observations[begin:end])
-        self.assertIsNone(again.path)
-
-    def test_constants_go_with_their_recordings_and_only_with_a_task_that_has_them(self):
-        (self.folder / "pendulum.xml").write_text(PENDULUM)
-        constants = {"load": {"field": "body/*/mass"}}
-        task = oted.Task(model=self.folder / "pendulum.xml", control_period=0.02, constants=constants)
-        t = np.arange(0, 4, 0.02)
-        one = oted.Logs(np.column_stack([np.sin(t), np.cos(t)]), np.sin(3 * t)[:, None], period=0.02)
-        both = one.with_constants(load=1.5) + one
-        np.testing.assert_array_equal(both.constants["load"][:len(one)], 1.5)
-        self.assertTrue(np.isnan(both.constants["load"][len(one):]).all())
-        both.save(self.folder / "log.csv", task)
-        back = oted.read_logs(self.folder / "log.csv", task)
-        np.testing.assert_array_equal(back.constants["load"], both.constants["load"])
-        self.assertEqual(oted.check(both, task).errors, [])
-        with self.assertRaisesRegex(oted.UsageError, "constant 'lode'"):
-            oted.check(one.with_constants(lode=1.0), task)
-
-    def test_bad_arrays_are_usage_errors(self):
-        for call in (lambda: oted.Logs(np.zeros((4, 2)), np.zeros((3, 1))),
-                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), episode_ends=[2, 5]),
-                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), episode_ends=["x"]),
-                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), period=-1.0),
-                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), period="x"),
-                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))) + oted.Logs(np.zeros((4, 3)), np.zeros((4, 1))),
-                     lambda: oted.Logs([["x"]], [[0.0]]),
-                     lambda: oted.Logs.from_pandas({"q": np.zeros(3)}, observations=["p"], actions=["q"])):
-            with self.assertRaises(oted.UsageError):
-                call()
-        with self.assertRaises(oted.DataError):
-            oted.Logs(np.full((4, 2), np.nan), np.zeros((4, 1)))
-
-
-class Starting(InFolder):
-    def test_a_first_task_file_is_the_programs(self):
-        (self.folder / "pendulum.xml").write_text(PENDULUM)
-        t = np.arange(200) * 0.01
-        rows = np.stack([t, np.sin(3 * t), 3 * np.cos(3 * t), 0.1 * np.sin(5 * t)], axis=1)
-        np.savetxt(self.folder / "log.csv", rows, delimiter=",", header="time,hinge_pos,hinge_vel,motor_cmd", comments="")
-        names = [str(self.folder / name) for name in ("pendulum.xml", "log.csv", "python.toml", "program.toml")]
-        proposal = oted.init(names[0], names[1], names[2])
-        self.assertEqual(proposal.columns, {"hinge_pos": "joint/hinge/qpos", "hinge_vel": "joint/hinge/qvel",
-                                            "motor_cmd": "actuator/motor"})
-        subprocess.run([OTED, "init", *names[:2], "--out", names[3]], check=True, capture_output=True)
-        text = (self.folder / "program.toml").read_text()
-        self.assertEqual(repr(proposal), text.replace("program.toml", "python.toml"))
-        self.assertEqual(oted.check(names[1], names[2]).errors, [])
-        with self.assertRaisesRegex(oted.UsageError, "is there already"):
-            oted.init(names[0], names[1], names[2])
-
-
-class Streams(unittest.TestCase):
-    """The rule of oted.streams, on signals whose values between the samples are known."""
-
-    def test_states_are_interpolated_and_actions_held(self):
-        q = np.arange(0, 1.0, 0.013)
-        u = np.arange(-0.05, 1.0, 0.1)
-        logs = to_logs([Channel("q", q, 3 * q)], [Channel("u", u, np.arange(len(u)))], 0.02)
-        t = np.arange(len(logs)) * 0.02
-        np.testing.assert_allclose(logs.observations[:, 0], 3 * t, atol=1e-12)
-        np.testing.assert_array_equal(logs.actions[:, 0], np.floor((t + 0.05 + 1e-12) / 0.1))
-
-    def test_a_gap_parts_episodes_and_nothing_lies_in_it(self):
-        q = np.concatenate([np.arange(0, 0.5, 0.01), np.arange(0.7, 1.2, 0.01)])
-        logs = to_logs([Channel("q", q, q)], [Channel("u", [0.0, 1.0], [0.0, 0.0])], 0.02)
-        self.assertEqual(len(logs.episodes), 2)
-        seen = np.concatenate([logs.observations, logs.next_observations])
-        self.assertFalse(((seen > 0.4901) & (seen < 0.6999)).any())
-
-    def test_times_since_1970_lose_nothing_that_matters(self):
-        t = 1.7e9 + np.arange(0, 1, 0.01)
-        logs = to_logs([Channel("q", t, t - 1.7e9)], [Channel("u", [1.7e9, 1.7e9 + 1], [0.0, 0.0])], 0.02)
-        np.testing.assert_allclose(logs.observations[:, 0], np.arange(len(logs)) * 0.02, atol=1e-6)
-
-    def test_clocks_that_do_not_meet_and_stamps_that_fall_are_errors(self):
-        q = np.arange(0, 1, 0.01)
-        with self.assertRaisesRegex(oted.DataError, "clocks"):
-            to_logs([Channel("q", q, q)], [Channel("u", q + 50, q)], 0.02)
-        with self.assertRaisesRegex(oted.DataError, "do not rise"):
-            to_logs([Channel("q", np.repeat(q, 2), np.repeat(q, 2))], [Channel("u", q, q)], 0.02)
-
-
-class Environments(InFolder):
-    def test_at_nominal_parameters_an_environment_is_gymnasiums_to_the_last_bit(self):
-        for name in ("Hopper-v5", "HalfCheetah-v5", "Walker2d-v5"):
-            ours, theirs = oted.make_env(name), gymnasium.make(name)
-            self.assertEqual(ours.action_space, theirs.action_space)
-            self.assertEqual(ours.observation_space, theirs.observation_space)
-            random = np.random.default_rng(0)
-            for seed in (3, None):  # the second start goes on with the stream of the first
-                np.testing.assert_array_equal(ours.reset(seed=seed)[0], theirs.reset(seed=seed)[0])
-                for _ in range(1000):
-                    action = random.uniform(-1, 1, theirs.action_space.shape)
-                    a, b = ours.step(action), theirs.step(action)
-                    np.testing.assert_array_equal(a[0], b[0])
-                    self.assertEqual(a[1:4], (b[1], b[2], b[3]))
-                    if b[2] or b[3]:
-                        break
-
-    def test_a_changed_parameter_is_gymnasiums_with_a_changed_model(self):
-        parameters = {"gravity": oted.Param("opt/gravity[2]", 0.2, 2.0)}
-        ours = oted.make_env("Hopper-v5", parameters=parameters, sample={"gravity": 1.3})
-        theirs = gymnasium.make("Hopper-v5")
-        theirs.unwrapped.model.opt.gravity[2] *= 1.3
-        self.assertEqual(ours.reset(seed=1)[1]["parameters"], {"gravity": 1.3})
-        theirs.reset(seed=1)
-        for _ in range(20):
-            np.testing.assert_array_equal(ours.step(np.zeros(3))[0], theirs.step(np.zeros(3))[0])
-
-    def test_gymnasiums_checker_passes(self):
-        from gymnasium.utils.env_checker import check_env
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            check_env(oted.make_env("Walker2d-v5"), skip_render_check=True)
-
-    def test_a_vector_environment_is_its_single_ones_at_any_number_of_threads(self):
-        n, seen = 3, []
-        for threads in (1, 2):
-            vector = oted.make_vec_env("Hopper-v5", n, threads=threads)
-            theirs = gymnasium.vector.SyncVectorEnv([lambda: oted.make_env("Hopper-v5")] * n)
-            np.testing.assert_array_equal(vector.reset(seed=5)[0], theirs.reset(seed=5)[0])
-            random = np.random.default_rng(1)
-            for _ in range(120):  # past the ends of episodes
-                actions = random.uniform(-1, 1, (n, 3))
-                a, b = vector.step(actions), theirs.step(actions)
-                for x, y in zip(a[:4], b[:4]):
-                    np.testing.assert_array_equal(x, y)
-            seen.append(a[0])
-        np.testing.assert_array_equal(*seen)
-
-    def test_same_step_resets_hand_over_the_last_observation(self):
-        mode = gymnasium.vector.AutoresetMode.SAME_STEP
-        vector = oted.make_vec_env("Hopper-v5", 2, autoreset_mode=mode)
-        theirs = gymnasium.vector.SyncVectorEnv([lambda: oted.make_env("Hopper-v5")] * 2, autoreset_mode=mode)
-        vector.reset(seed=5)
-        theirs.reset(seed=5)
-        random = np.random.default_rng(1)
-        n_ends = 0
-        for _ in range(100):
-            actions = random.uniform(-1, 1, (2, 3))
-            a, b = vector.step(actions), theirs.step(actions)
-            np.testing.assert_array_equal(a[0], b[0])
-            for i in np.flatnonzero(a[2] | a[3]):
-                n_ends += 1
-                np.testing.assert_array_equal(a[4]["final_obs"][i], b[4]["final_obs"][i])
-        self.assertGreater(n_ends, 0)
-
-    def test_an_action_delay_is_felt_a_step_later(self):
-        delay = {"delay": oted.Param("action/delay", 0, 2, scale="absolute")}
-        late = oted.make_env("Hopper-v5", parameters=delay, sample={"delay": 1})
-        prompt = oted.make_env("Hopper-v5")
-        late.reset(seed=1)
-        prompt.reset(seed=1)
-        actions = np.random.default_rng(0).uniform(-1, 1, (10, 3))
-        for t in range(10):
-            seen = late.step(actions[t])[0]
-            np.testing.assert_array_equal(seen, prompt.step(actions[t - 1] if t else np.zeros(3))[0])
-
-    def test_an_episode_begins_where_options_say(self):
-        env = oted.make_env("Hopper-v5")
-        observation, _ = env.reset(options={"qpos": [0, 1.3, 0.01, 0, 0, 0], "qvel": [0.5, 0, 0, 0, 0, 0]})
-        np.testing.assert_array_equal(observation, [1.3, 0.01, 0, 0, 0, 0.5, 0, 0, 0, 0, 0])
-        with self.assertRaises(oted.UsageError):
-            env.reset(options={"qpos": [0.0], "qvel": [0.0]})
-
-    def test_a_task_without_a_reward_says_so(self):
-        (self.folder / "pendulum.xml").write_text(PENDULUM)
-        task = {"model": self.folder / "pendulum.xml", "control_period": 0.02}
-        with self.assertWarnsRegex(UserWarning, "has no reward: every step gives 0") as told:
-            oted.make_vec_env(oted.Task(**task), 2)
-        self.assertEqual(told.filename, __file__)  # the line that called
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            oted.make_env(oted.Task(**task, reward="1"))
-
-    def test_a_model_of_mujocos_python_is_the_model_of_its_file(self):
-        import mujoco
-        spec = mujoco.MjSpec.from_string(PENDULUM)
-        (self.folder / "pendulum.xml").write_text(PENDULUM)
-        a, b = (oted.make_env(oted.Task(model=model, control_period=0.02, start_noise=0.1))
-                for model in (spec, self.folder / "pendulum.xml"))
-        np.testing.assert_array_equal(a.reset(seed=1)[0], b.reset(seed=1)[0])
-        for _ in range(50):
-            np.testing.assert_array_equal(a.step([0.5])[0], b.step([0.5])[0])
-        with self.assertRaisesRegex(oted.UsageError, "MjModel"):
-            oted.make_env(oted.Task(model=spec.compile(), control_period=0.02))
 
 
 class Designs(InFolder):
