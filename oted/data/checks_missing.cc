@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "oted/data/channel_series.h"
 #include "oted/data/checks_rates.h"
@@ -45,8 +44,7 @@ class RowLengths {
     for (const Channel& c : channels_) {
       const double before = dataset_.observations(row, c.velocity), after = dataset_.next_observations(row, c.velocity);
       const double change = Change(c.position, row);
-      const bool wraps = std::abs(change) > std::numbers::pi;
-      if (wraps || std::abs(before) >= c.clip || std::abs(after) >= c.clip || c.change <= 0) continue;
+      if (Wraps(change) || std::abs(before) >= c.clip || std::abs(after) >= c.clip || c.change <= 0) continue;
       const double x = period_ * (before + after) / 2 / c.change, y = change / c.change;
       xx += x * x;
       xy += x * y;

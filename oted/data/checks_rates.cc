@@ -59,9 +59,6 @@ struct Pair {
   double clip;
 };
 
-/// Whether a position jumps by a whole turn between two rows.
-bool Wraps(double change) { return std::abs(std::abs(change) - 2 * std::numbers::pi) < std::numbers::pi / 2; }
-
 Sums Sum(const Pair& pair, double lag, int margin) {
   Sums sums;
   const int whole = static_cast<int>(std::floor(lag));
@@ -254,6 +251,8 @@ class Rates {
 };
 
 }  // namespace
+
+bool Wraps(double change) { return std::abs(std::abs(change) - 2 * std::numbers::pi) < std::numbers::pi / 2; }
 
 bool RateAgreement::IsShifted() const { return std::abs(lag) >= kLag && lag_gain < kLagGain; }
 

@@ -26,6 +26,9 @@ std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vecto
 /// Seconds per row by positions and velocities: the median, where they agree with each other; 0 otherwise.
 double PeriodByRates(const std::vector<RateAgreement>& rates);
 
+/// Whether a position that moves so far between two rows jumps by a whole turn. [rad]
+bool Wraps(double change);
+
 /// Positions that are kept within one turn.
 void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
 

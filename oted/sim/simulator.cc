@@ -24,6 +24,11 @@ void Simulator::ResetTo(int, std::span<const double>, std::span<const double>, R
       fmt::format("task '{}' has no positions and velocities to start from; reset it without them", spec().task));
 }
 
+double SimulatorSpec::MeanAction(size_t k, double before, double now, double share) const {
+  const auto bounded = [&](double a) { return std::clamp(a, action_low[k], action_high[k]); };
+  return share * bounded(before) + (1 - share) * bounded(now);
+}
+
 void Simulator::StepLate(std::span<const int> lanes, std::span<const double> actions, const LateActions& late) {
   const size_t act_dim = static_cast<size_t>(spec().act_dim);
   std::vector<double> mean(actions.begin(), actions.end());
@@ -32,8 +37,7 @@ void Simulator::StepLate(std::span<const int> lanes, std::span<const double> act
     if (share == 0) continue;
     for (size_t k = 0; k < act_dim; ++k) {
       const size_t i = static_cast<size_t>(lane) * act_dim + k;
-      const auto bounded = [&](double a) { return std::clamp(a, spec().action_low[k], spec().action_high[k]); };
-      mean[i] = share * bounded(late.before[i]) + (1 - share) * bounded(actions[i]);
+      mean[i] = spec().MeanAction(k, late.before[i], actions[i], share);
     }
   }
   Step(lanes, mean);

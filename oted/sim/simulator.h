@@ -63,6 +63,9 @@ struct SimulatorSpec {
   /// Whether logged windows can be replayed, from states that a fit finds.
   bool can_replay() const { return can_set_state || !hidden.empty(); }
   int state_dim() const { return obs_dim() + static_cast<int>(hidden.size()); }
+  /// Component k of what acts on average where action `before` holds for `share` of a while and `now` for the rest:
+  /// each is bounded before they mix.
+  double MeanAction(size_t k, double before, double now, double share) const;
   bool has_score() const { return return_expert != return_random; }
   /// D4RL's normalised score of an undiscounted return.
   double NormalizedScore(double episode_return) const;

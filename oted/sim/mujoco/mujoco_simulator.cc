@@ -317,10 +317,7 @@ void MujocoSimulator::StepLate(std::span<const int> lanes, std::span<const doubl
     if (share == 0) return actions.subspan(first, act_dim);
     if (share == 1) return late.before.subspan(first, act_dim);
     for (size_t k = 0; k < act_dim; ++k) {
-      const auto bounded = [&](double a) {
-        return std::clamp(a, setup_->spec.action_low[k], setup_->spec.action_high[k]);
-      };
-      held[k] = share * bounded(late.before[first + k]) + (1 - share) * bounded(actions[first + k]);
+      held[k] = setup_->spec.MeanAction(k, late.before[first + k], actions[first + k], share);
     }
     return held;
   };
