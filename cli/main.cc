@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "cli/console.h"
-#include "cli/options.h"
 #include "cli/program.h"
+#include "cli/stop.h"
 #include "cli/verbs/collect.h"
 #include "cli/verbs/completion.h"
 #include "cli/verbs/data.h"
@@ -35,6 +35,7 @@
 #include "cli/verbs/unit.h"
 #include "cli/verbs/validate.h"
 #include "cli/verbs/verify.h"
+#include "cli/versions.h"
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
 #include "oted/data/csv.h"

@@ -2,112 +2,17 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/time.h>
-#include <unistd.h>
 
-#include <chrono>
-#include <csignal>
-#include <ctime>
-#include <fstream>
-#include <nlohmann/json.hpp>
+#include <algorithm>
 
 #include "cli/numbers.h"
 #include "cli/value_kinds.h"
 #include "oted/base/error.h"
-#include "oted/base/files.h"
-#include "oted/base/parallel.h"
-#include "oted/base/seal.h"
 #include "oted/run/provenance.h"
-#include "oted/sim/mujoco/version.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
-#include "oted/stages/design/design_method.h"
 
 namespace oted::cli {
-
-std::atomic<bool> g_stop{false};
-
-namespace {
-
-/// For work to come to where its state is on the disk. Then the program ends where it stands: files are whole at any
-/// moment, and the work since the last checkpoint is done again.
-constexpr timeval kGrace = {1, 500'000};
-
-std::atomic<bool> g_has_children{false};
-
-extern "C" void OnInterrupt(int) {
-  if (g_stop.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
-  if (g_has_children) return;
-  const itimerval grace = {{0, 0}, kGrace};
-  ::setitimer(ITIMER_REAL, &grace, nullptr);
-}
-
-extern "C" void OnGraceOver(int) {
-  constexpr char kLine[] = "\noted: interrupted; run the same command again to go on from here\n";
-  [[maybe_unused]] const ssize_t unused = ::write(STDERR_FILENO, kLine, sizeof kLine - 1);
-  std::_Exit(static_cast<int>(ExitCode::kInterrupted));
-}
-
-}  // namespace
-
-std::string Cpu() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);) {
-    const size_t colon = line.find(": ");
-    if (line.starts_with("model name") && colon != std::string::npos) return line.substr(colon + 2);
-  }
-  return "unknown";
-}
-
-std::string Now() {
-  const std::time_t now = std::time(nullptr);
-  char text[32];
-  std::strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
-  return text;
-}
-
-void WriteVersions(const std::filesystem::path& run_directory, const std::string& command_line,
-                   const std::string& started) {
-  nlohmann::json versions = {{"oted", OTED_VERSION},
-                             {"mujoco", MujocoVersion()},
-                             {"cpu", Cpu()},
-                             {"command", command_line},
-                             {"started", started}};
-  Seal(versions);
-  WriteJson(run_directory / "versions.json", versions);
-}
-
-void InstallStopHandler() {
-  struct sigaction action {};
-  action.sa_handler = OnInterrupt;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  // A terminal that goes away, unless nohup keeps the program.
-  struct sigaction before {};
-  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
-  action.sa_handler = OnGraceOver;
-  sigaction(SIGALRM, &action, nullptr);
-}
-
-void WaitForChildrenOnStop() { g_has_children = true; }
-
-RunContext MakeContext(LogSink& log, int threads) {
-  RunContext context;
-  context.log = &log;
-  context.stop = &g_stop;
-  context.n_threads = threads > 0 ? threads : AvailableThreads();
-  return context;
-}
-
-std::string CommandLine(int argc, char** argv) {
-  std::string line = "oted";
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    const bool plain = word.find_first_of(" *'\"[]$&|;<>()") == std::string::npos;
-    line += plain ? " " + word : " '" + word + "'";
-  }
-  return line;
-}
 
 void AddParameterOptions(CLI::App& app, Options& options) {
   app.add_option("--param", options.parameters,
@@ -170,59 +75,6 @@ void AddRunOptions(CLI::App& app, Options& options) {
   app.add_flag("--require-identified", options.require_identified, "exit with 4 when a parameter is not identified");
 }
 
-namespace {
-
-std::string FieldHelp(const Field& field, const std::string& default_value) {
-  const std::string range = field.range.ToString();
-  return fmt::format("  {:<28} {} ({}{}) [default: {}]\n", field.name, field.help, field.TypeName(),
-                     range.empty() ? "" : " in " + range, default_value);
-}
-
-/// The methods of the design, and the settings of its sections.
-std::string DesignHelp() {
-  DesignChoice defaults;
-  DesignConfig config = defaults.Assumed();
-  std::string text;
-  for (const FieldList& section : config.Sections()) {
-    text += fmt::format("\n[{}]\n", section.section());
-    if (section.section() == "design") text += FieldHelp(defaults.MethodField(), "\"auto\"");
-    for (const Field& field : section.fields()) {
-      text += FieldHelp(field, DefaultInWords(section.section(), field.name));
-    }
-  }
-  return text;
-}
-
-std::string MethodsHelp() {
-  std::string text = "Methods of the design (design.method):\n";
-  for (const MethodDescription& method : DesignMethods()) {
-    std::vector<std::string> sections;
-    for (const std::string& name : method.sections) sections.push_back(fmt::format("[design.{}]", name));
-    text += fmt::format("  {:<14} {} (needs: {}; settings: {})\n", method.name, method.summary, NeedsInWords(method),
-                        fmt::join(sections, ", "));
-  }
-  return text;
-}
-
-}  // namespace
-
-std::string SettingsHelp(const std::vector<std::string>& sections) {
-  const auto wanted = [&](const std::string& name) {
-    return sections.empty() || std::ranges::find(sections, name) != sections.end();
-  };
-  RunConfig defaults;
-  std::string text = wanted("design") ? MethodsHelp() + "\n" : "";
-  text += "Settings (in the configuration file, or with --set section.key=value):\n";
-  for (const FieldList& section : PlainSections(defaults)) {
-    if (wanted(section.section())) {
-      text += fmt::format("\n[{}]\n", section.section());
-      for (const Field& field : section.fields()) text += FieldHelp(field, field.ToJson().dump());
-    }
-    if (section.section() == "clone" && wanted("design")) text += DesignHelp();
-  }
-  return text;
-}
-
 RunConfig ResolveConfig(const Options& options) {
   RunConfig config;
   const std::filesystem::path out = options.out;
@@ -275,14 +127,6 @@ std::vector<double> TargetParameters(const ParameterSpace& space, const std::map
     }
   }
   return z;
-}
-
-Session::Session(const Options& options, const std::string& command_line) : terminal_(options.quiet) {
-  const std::string started = Now();
-  const RunConfig config = ResolveConfig(options);
-  log_ = std::make_unique<FileSink>(options.out, &terminal_);
-  pipeline_ = std::make_unique<Pipeline>(config, options.out, MakeContext(*log_, config.run.threads));
-  WriteVersions(options.out, command_line, started);
 }
 
 }  // namespace oted::cli

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "cli/options.h"
+#include "cli/versions.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/report/live_page.h"

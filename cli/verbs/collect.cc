@@ -9,6 +9,8 @@
 #include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/result.h"
+#include "cli/session.h"
+#include "cli/settings_help.h"
 #include "cli/value_kinds.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"

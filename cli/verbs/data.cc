@@ -10,6 +10,7 @@
 #include "cli/data_report.h"
 #include "cli/numbers.h"
 #include "cli/options.h"
+#include "cli/session.h"
 #include "cli/value_kinds.h"
 #include "oted/base/error.h"
 #include "oted/checks/data_check.h"

@@ -9,6 +9,8 @@
 #include "cli/console.h"
 #include "cli/options.h"
 #include "cli/result.h"
+#include "cli/session.h"
+#include "cli/settings_help.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/nn/onnx_policy.h"
@@ -61,7 +63,7 @@ TaskConfig TaskOf(const RunConfig& config, const std::string& policy) {
   throw UsageError(fmt::format("'{}' does not say its task; add --task", policy));
 }
 
-const char* EndOf(const EpisodeResult& episode) {
+const char* EpisodeEnd(const EpisodeResult& episode) {
   if (episode.diverged()) return "diverged";
   return episode.end == LaneStatus::kTerminated ? "terminated" : "time limit";
 }
@@ -88,7 +90,7 @@ void EvaluateFile(const EvaluateOptions& options) {
       parameters[factory->parameters()[i].name] = z[static_cast<size_t>(i)];
     }
     for (const EpisodeResult& e : result.episodes) {
-      episodes.push_back({{"return", e.episode_return}, {"length", e.n_steps}, {"end", EndOf(e)}});
+      episodes.push_back({{"return", e.episode_return}, {"length", e.n_steps}, {"end", EpisodeEnd(e)}});
     }
     Print("{}\n", json{{"schema", "oted.policy_evaluation/1"},
                        {"policy", options.policy},

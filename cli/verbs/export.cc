@@ -7,7 +7,6 @@
 #include <memory>
 
 #include "cli/console.h"
-#include "cli/options.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/seal.h"

@@ -9,6 +9,7 @@
 #include "cli/console.h"
 #include "cli/numbers.h"
 #include "cli/options.h"
+#include "cli/session.h"
 #include "oted/proposal/task_proposal.h"
 
 namespace oted::cli {

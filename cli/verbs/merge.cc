@@ -8,7 +8,6 @@
 #include <set>
 
 #include "cli/console.h"
-#include "cli/options.h"
 #include "cli/plan_state.h"
 #include "cli/program.h"
 #include "cli/verbs/plan.h"

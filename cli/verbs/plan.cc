@@ -11,8 +11,8 @@
 
 #include "cli/console.h"
 #include "cli/numbers.h"
-#include "cli/options.h"
 #include "cli/plan_state.h"
+#include "cli/stop.h"
 #include "cli/verbs/reproduce.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"

@@ -11,6 +11,7 @@
 #include "cli/console.h"
 #include "cli/numbers.h"
 #include "cli/options.h"
+#include "cli/session.h"
 #include "cli/value_kinds.h"
 #include "cli/verbs/plan.h"
 #include "oted/base/error.h"

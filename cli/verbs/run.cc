@@ -4,6 +4,8 @@
 
 #include "cli/options.h"
 #include "cli/result.h"
+#include "cli/session.h"
+#include "cli/settings_help.h"
 #include "cli/verbs/export.h"
 #include "oted/report/report.h"
 

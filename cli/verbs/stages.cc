@@ -5,6 +5,8 @@
 
 #include "cli/options.h"
 #include "cli/result.h"
+#include "cli/session.h"
+#include "cli/settings_help.h"
 #include "cli/verbs/export.h"
 #include "oted/report/report.h"
 

@@ -8,7 +8,8 @@
 
 #include "cli/console.h"
 #include "cli/numbers.h"
-#include "cli/options.h"
+#include "cli/session.h"
+#include "cli/stop.h"
 #include "cli/terminal.h"
 #include "cli/verbs/merge.h"
 #include "cli/verbs/plan.h"

@@ -9,13 +9,15 @@
 #include <thread>
 
 #include "cli/console.h"
-#include "cli/options.h"
+#include "cli/stop.h"
 #include "cli/verbs/plan.h"
+#include "cli/versions.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/nn/gemm.h"
 #include "oted/plan/child_program.h"
 #include "oted/plan/unit.h"
+#include "oted/plan/unit_record.h"
 
 namespace oted::cli {
 namespace {

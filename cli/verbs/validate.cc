@@ -7,7 +7,7 @@
 
 #include "cli/console.h"
 #include "cli/numbers.h"
-#include "cli/options.h"
+#include "cli/session.h"
 #include "cli/terminal.h"
 #include "oted/base/error.h"
 #include "oted/run/validation.h"

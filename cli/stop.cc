@@ -1,0 +1,52 @@
+#include "cli/stop.h"
+
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+
+#include "oted/base/error.h"
+
+namespace oted::cli {
+
+std::atomic<bool> g_stop{false};
+
+namespace {
+
+/// For work to come to where its state is on the disk. Then the program ends where it stands: files are whole at any
+/// moment, and the work since the last checkpoint is done again.
+constexpr timeval kGrace = {1, 500'000};
+
+std::atomic<bool> g_has_children{false};
+
+extern "C" void OnInterrupt(int) {
+  if (g_stop.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
+  if (g_has_children) return;
+  const itimerval grace = {{0, 0}, kGrace};
+  ::setitimer(ITIMER_REAL, &grace, nullptr);
+}
+
+extern "C" void OnGraceOver(int) {
+  constexpr char kLine[] = "\noted: interrupted; run the same command again to go on from here\n";
+  [[maybe_unused]] const ssize_t unused = ::write(STDERR_FILENO, kLine, sizeof kLine - 1);
+  std::_Exit(static_cast<int>(ExitCode::kInterrupted));
+}
+
+}  // namespace
+
+void InstallStopHandler() {
+  struct sigaction action {};
+  action.sa_handler = OnInterrupt;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  // A terminal that goes away, unless nohup keeps the program.
+  struct sigaction before {};
+  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
+  action.sa_handler = OnGraceOver;
+  sigaction(SIGALRM, &action, nullptr);
+}
+
+void WaitForChildrenOnStop() { g_has_children = true; }
+
+}  // namespace oted::cli
