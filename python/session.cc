@@ -14,8 +14,8 @@
 #include <optional>
 #include <thread>
 
-#include "cli/options.h"
 #include "cli/verbs/export.h"
+#include "cli/versions.h"
 #include "oted/base/parallel.h"
 #include "oted/report/file_sink.h"
 #include "oted/report/report.h"
