@@ -5,6 +5,7 @@
 
 #include "oted/data/checks_dynamics.h"
 #include "oted/matching/designer.h"
+#include "oted/stages/design/trajectories/box_step.h"
 #include "oted/stages/design/trajectories/kept_derivatives.h"
 #include "oted/stages/design/trajectories/noise_estimate.h"
 #include "oted/stages/design/trajectories/start_fit.h"
@@ -18,6 +19,7 @@ using Eigen::VectorXd;
 constexpr double kParameterStep = 1e-4;  // of forward differences, in x
 constexpr double kStartStep = 1e-5;      // of forward differences, in standard deviations of the channel
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
+constexpr double kLongestStep = 1.0;     // of each coordinate of x
 constexpr int kAttempts = 5;
 constexpr int kFewestIterations = 3;                    // the starts need them where x does not
 constexpr double kSettled = 0.25;                       // of the uncertainty of x
@@ -58,6 +60,7 @@ bool LevelFit::Step() {
   std::vector<NormalEquations> equations = Equations(linear_);
   WindowLikelihood likelihood = Likelihood();
   double cost = Cost(residuals_, x_);
+  bool was_near = false;  // the first step from fresh derivatives was a small one
   for (int attempt = 0; attempt < kAttempts;) {
     // Where no step of x helps, the starts move alone.
     const bool starts_alone = attempt == kAttempts - 1;
@@ -75,29 +78,26 @@ bool LevelFit::Step() {
     }
     const VectorXd uncertainty = hessian.inverse().diagonal().cwiseSqrt();
     hessian.diagonal() *= 1 + damping_;
-    VectorXd step = hessian.ldlt().solve(gradient);
-    if (starts_alone || !step.allFinite()) step.setZero();
-    step /= std::max(1.0, step.cwiseAbs().maxCoeff());
-    const VectorXd x = (x_ + step).cwiseMax(-kMaxX).cwiseMin(kMaxX), change = x - x_;
+    VectorXd change = VectorXd::Zero(x_.size());
+    if (!starts_alone) {
+      change = StepWithin(hessian, gradient, (-kMaxX - x_.array()).cwiseMax(-kLongestStep),
+                          (kMaxX - x_.array()).cwiseMin(kLongestStep));
+    }
+    const VectorXd x = x_ + change;
+    const bool is_small = !starts_alone && (change.cwiseAbs().array() < kSettled * uncertainty.array()).all();
+    if (attempt == 0) was_near = is_small;
     std::vector<VectorXd> starts = level_.starts;
     for (size_t w = 0; w < equations.size(); ++w) {
       if (!equations[w].valid || starts_are_held_) continue;
       starts[w] += factors[w].solve(equations[w].start - equations[w].start_x * change);
     }
-    // Each window keeps the better of its two starts: one whose contact flips does not hold up the others.
     std::vector<VectorXd> moved = replayer_.Residuals(level_.windows, starts, ToZ(space_, x));
-    std::vector<char> better(moved.size());
-    const std::vector<VectorXd> stayed =
-        starts_are_held_ ? moved : replayer_.Residuals(level_.windows, level_.starts, ToZ(space_, x));
-    for (size_t w = 0; w < moved.size(); ++w) {
-      better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[w]);
-      if (!better[w]) moved[w] = stayed[w];
-    }
+    const std::vector<char> better = TakeBetterStarts(moved, x, likelihood);
     if (!starts_alone && !(Cost(moved, x) < cost)) {
       const std::vector<size_t> old = Without(fresh_);
       if (old.empty()) {
         damping_ *= 8;
-        ++attempt;
+        attempt = was_near ? kAttempts - 1 : attempt + 1;  // shorter steps than a small one tell nothing
       } else {
         Linearize(old, Tangents());
         equations = Equations(linear_);
@@ -122,12 +122,38 @@ bool LevelFit::Step() {
     }
     x_ = x;
     damping_ = std::max(1e-7, damping_ * 0.2);
-    const bool is_small = !starts_alone && (step.cwiseAbs().array() < kSettled * uncertainty.array()).all();
     // Where derivatives of earlier starts say that x has arrived, those of the present ones are asked.
     if (is_small && !all_fresh) kept_.assign(kept_.size(), 0);
-    return is_small && all_fresh;
+    // The cost is rough at the scale of a step that it refuses: where that was a small one, x has arrived as well.
+    return (is_small || was_near) && all_fresh;
   }
   return false;
+}
+
+std::vector<char> LevelFit::TakeBetterStarts(std::vector<VectorXd>& moved, const VectorXd& x,
+                                             const WindowLikelihood& likelihood) const {
+  std::vector<char> better(moved.size(), 0);
+  if (starts_are_held_) return better;
+  std::vector<size_t> unsure;
+  for (size_t w = 0; w < moved.size(); ++w) {
+    const WindowReplayer::Linearization& linear = linear_[w];
+    better[w] = linear.valid && residuals_[w].size() > 0 &&
+                likelihood.Cost(moved[w]) < likelihood.Cost(residuals_[w] - linear.d_parameters * (x - x_));
+    if (!better[w]) unsure.push_back(w);
+  }
+  std::vector<LogWindow> windows;
+  std::vector<VectorXd> starts;
+  for (const size_t w : unsure) {
+    windows.push_back(level_.windows[w]);
+    starts.push_back(level_.starts[w]);
+  }
+  std::vector<VectorXd> stayed = replayer_.Residuals(windows, starts, ToZ(space_, x));
+  for (size_t k = 0; k < unsure.size(); ++k) {
+    const size_t w = unsure[k];
+    better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[k]);
+    if (!better[w]) moved[w] = std::move(stayed[k]);
+  }
+  return better;
 }
 
 void LevelFit::Descend(int n_iterations, const std::function<void(const VectorXd&)>& tell) {

@@ -115,6 +115,12 @@ class LevelFit {
     if (sensor_variance_.size() > 0) return WindowLikelihood::Growing(readings, sensor_variance_, variance_, n_steps());
     return {readings, variance_, n_steps()};
   }
+  /// Each window keeps the better of its two starts at x: one whose contact flips does not hold up the others. The old
+  /// one is replayed only where the new one is worse than derivatives foretell of the old one.
+  /// @param moved  residuals of the new starts; on return of the better ones
+  /// @return which windows' new start is better
+  std::vector<char> TakeBetterStarts(std::vector<Eigen::VectorXd>& moved, const Eigen::VectorXd& x,
+                                     const WindowLikelihood& likelihood) const;
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
