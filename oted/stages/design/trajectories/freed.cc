@@ -38,9 +38,11 @@ constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6;
 constexpr int kFewestScreenedSteps = 4, kMostScreenedSteps = 8;
 constexpr double kScreenedSeconds = 0.06;
 constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kFewestNamed = 3;
+constexpr double kNoWorse = 2.0;     // nats: the prior of one parameter more
 constexpr double kFewestNats = 8.0;  // as much as four standard deviations of one number
 
 struct Fitted {
+  int n_steps;  // of the windows
   VectorXd x;
   double cost = 0;
   MatrixXd covariance;
@@ -83,6 +85,7 @@ class FreedTrials {
     const ReadingModel readings = ReadingsOf(*wider);
     std::optional<Fitted> best;
     for (const double value : {suspect.value, before.back()}) {
+      if (best && !IsCaught(*best)) break;
       std::optional<Fitted> fitted = Fit(*wider, prior, readings, StartOf(*wider, x, value));
       if (fitted && (!best || fitted->cost < best->cost)) best = std::move(fitted);
     }
@@ -109,6 +112,11 @@ class FreedTrials {
   }
 
  private:
+  /// Whether a fit with one parameter more ends above the fit without it, where it could be as well.
+  bool IsCaught(const Fitted& with) const {
+    return !fitted_without_ || with.n_steps != fitted_without_->n_steps || with.cost > fitted_without_->cost + kNoWorse;
+  }
+
   bool LearnsFromAll() const { return parts_.judge.size() == problem_.dataset.size(); }
 
   ReadingModel ReadingsOf(const SimulatorFactory& factory) const {
@@ -193,9 +201,9 @@ class FreedTrials {
   }
 
   /// Rows of so long windows: what makes enough of them, and what the physics affords.
-  int FreedRows(int n_steps, const SimulatorFactory& factory, const ReadingModel& readings) const {
+  int FreedRows(int n_steps) const {
     const int enough = problem_.fit.errors_grow ? std::max(kFreedRows, kFewestLongWindows * n_steps) : kFreedRows;
-    return AffordableRows(enough, kFreedPhysics, factory, readings);
+    return AffordableRows(enough, kFreedPhysics, problem_.factory, ReadingsOf(problem_.factory));
   }
 
   /// x, and behind it what a further parameter of this value has.
@@ -224,7 +232,7 @@ class FreedTrials {
     const int n_steps =
         std::max({std::min(problem_.fit.window, told), static_cast<int>(std::lround(kShortestLongWindow / period_)),
                   readings.longest_age() + kFewestFreedSteps});
-    const Level level = LongWindows(replayer, parts_.learn, n_steps, FreedRows(n_steps, factory, readings), period_);
+    const Level level = LongWindows(replayer, parts_.learn, n_steps, FreedRows(n_steps), period_);
     if (level.windows.size() < kFewestFreedWindows) return std::nullopt;
     const VectorXd scale = ChannelScales(parts_.learn);
     LevelFit fit(replayer, space, prior, scale, level, from);
@@ -233,7 +241,7 @@ class FreedTrials {
     const double cost = fit.FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
     const MatrixXd covariance = fit.Finish();
-    return Fitted{fit.x(), cost, covariance};
+    return Fitted{n_steps, fit.x(), cost, covariance};
   }
 
   /// Of what the design found in the part of the logs that learns, and what that part gives in the windows that freed
@@ -242,11 +250,11 @@ class FreedTrials {
     if (without_) return *without_;
     without_ = x_;
     const ReadingModel readings = ReadingsOf(problem_.factory);
-    const std::optional<Fitted> fitted = Fit(problem_.factory, problem_.prior, readings, x_);
-    if (!fitted) return *without_;
+    fitted_without_ = Fit(problem_.factory, problem_.prior, readings, x_);
+    if (!fitted_without_) return *without_;
     const ParameterSpace& space = problem_.factory.parameters();
-    const auto prediction = Beside(problem_.factory, readings, ToZ(space, fitted->x), ToZ(space, x_));
-    if (prediction && Told(*prediction).gain.value > 0) without_ = fitted->x;
+    const auto prediction = Beside(problem_.factory, readings, ToZ(space, fitted_without_->x), ToZ(space, x_));
+    if (prediction && Told(*prediction).gain.value > 0) without_ = fitted_without_->x;
     return *without_;
   }
 
@@ -270,6 +278,7 @@ class FreedTrials {
   HeldOutParts parts_;
   VectorXd x_;  ///< what the design found without the part that judges
   std::optional<VectorXd> without_;
+  std::optional<Fitted> fitted_without_;  ///< in the windows that freed suspects are fitted to
 };
 
 }  // namespace

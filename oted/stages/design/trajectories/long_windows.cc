@@ -144,7 +144,8 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
     std::ranges::move(fits, std::back_inserter(tried));
     by_length.push_back(Best({tried.end() - static_cast<ptrdiff_t>(fits.size()), tried.end()}));
     from = {Best(tried).x};
-    if (IsSurelyWorse(by_length.back(), Best(tried))) break;
+    // Brief windows that predict well at first say nothing of those as long as what is judged.
+    if (seconds >= kPredicted && IsSurelyWorse(by_length.back(), Best(tried))) break;
   }
   std::optional<MatrixXd> nominal;
   const auto of_nominal = [&] {

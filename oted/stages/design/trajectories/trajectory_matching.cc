@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <numeric>
+#include <optional>
 
 #include "oted/matching/designer.h"
 #include "oted/matching/held_out.h"
@@ -270,11 +271,13 @@ class TrajectoryMatch {
     if (choice_.n_steps == 0) return;
     const Level all = LongWindows(*replayer_, problem_.dataset, choice_.n_steps, FinalRows(),
                                   problem_.factory.spec().control_period_s);
-    fit_ = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, all, choice_.x);
+    evidence_.window = choice_.n_steps;
+    // The part that learns has fewer rows, and most of the way is in all of the logs the same.
+    of_part_ = AllLearn() ? choice_.x : FitToPart();
+    fit_ = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, all, *of_part_);
     fit_->LetErrorsGrow(SensorNoise().cwiseAbs2());
     Descend(*fit_, kLongIterations);
     fit_->FinalCost();
-    evidence_.window = choice_.n_steps;
     evidence_.errors_grow = true;
     evidence_.left_out = choice_.left_out;
   }
@@ -288,13 +291,16 @@ class TrajectoryMatch {
 
   /// What has not seen the logs that were kept aside.
   UnseenFit FitUnseen() {
-    const bool all_learn = parts_.judge.size() == problem_.dataset.size();
     const ReadingModel& readings = replayer_->readings();
-    return {.z = all_learn ? std::vector<double>{} : ToZ(space_, FitToPart()),
+    if (!AllLearn() && !of_part_) of_part_ = FitToPart();
+    return {.z = AllLearn() ? std::vector<double>{} : ToZ(space_, *of_part_),
             .computed = readings.computed,
             .mean = {readings.mean.begin(), readings.mean.end()},
             .std = {readings.std.begin(), readings.std.end()}};
   }
+
+  /// Whether nothing could be kept aside.
+  bool AllLearn() const { return parts_.judge.size() == problem_.dataset.size(); }
 
   /// x by the part of the logs that learns alone, settled as that by all of them.
   VectorXd FitToPart() {
@@ -333,6 +339,7 @@ class TrajectoryMatch {
   Level first_;
   std::unique_ptr<LevelFit> fit_;
   LongFitChoice choice_;
+  std::optional<VectorXd> of_part_;  // by the part that learns
   FitEvidence evidence_;
   int n_done_ = 0, n_total_ = 0;
 };
