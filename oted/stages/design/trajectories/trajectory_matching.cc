@@ -33,7 +33,7 @@ constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is round
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 constexpr int kValidationRows = 960;
 constexpr int kRowsPerJudged = 3;  // of the last fit: what judges a fit needs it less exactly than who uses it
-constexpr int kLongIterations = 50, kMostLongRows = 30000;
+constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + 2 * kLongIterations;
 
