@@ -240,7 +240,8 @@ class FreedTrials {
     Descend(fit, kFreedIterations);
     const double cost = fit.FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
-    const MatrixXd covariance = fit.Finish();
+    // As of the design itself: where long windows were taken, x stays where the descent came to.
+    const MatrixXd covariance = problem_.fit.errors_grow ? fit.CovarianceOfParts() : fit.Finish();
     return Fitted{n_steps, fit.x(), cost, covariance};
   }
 
