@@ -4,6 +4,7 @@
 find_package(Threads REQUIRED)
 find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)
+find_package(OpenSSL REQUIRED COMPONENTS Crypto)
 find_package(ZLIB REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(muparser REQUIRED)
@@ -35,12 +36,7 @@ add_library(libzip INTERFACE)
 target_include_directories(libzip SYSTEM INTERFACE ${ZIP_INCLUDE_DIR})
 target_link_libraries(libzip INTERFACE ${ZIP_LIBRARY})
 
-# libmd (SHA-256) and libwebp come without a CMake config.
-find_path(MD_INCLUDE_DIR sha256.h REQUIRED)
-find_library(MD_LIBRARY md REQUIRED)
-add_library(libmd INTERFACE)
-target_include_directories(libmd SYSTEM INTERFACE ${MD_INCLUDE_DIR})
-target_link_libraries(libmd INTERFACE ${MD_LIBRARY})
+# libwebp comes without a CMake config.
 find_path(WEBP_INCLUDE_DIR webp/encode.h REQUIRED)
 find_library(WEBP_LIBRARY webp REQUIRED)
 add_library(webp INTERFACE)

@@ -80,7 +80,7 @@ has_python_headers() {
 
 # Libraries and programs that only dpkg knows of.
 readonly BUILD_PACKAGES=(ca-certificates libhdf5-dev zlib1g-dev libzip-dev libcli11-dev libtomlplusplus-dev
-  nlohmann-json3-dev libfmt-dev libeigen3-dev libmuparser-dev libyaml-cpp-dev libprotozero-dev libmd-dev libwebp-dev)
+  nlohmann-json3-dev libfmt-dev libeigen3-dev libmuparser-dev libyaml-cpp-dev libprotozero-dev libssl-dev libwebp-dev)
 readonly TEST_PACKAGES=(libgtest-dev libgmock-dev libbenchmark-dev libegl1 libgl1-mesa-dri)
 readonly SLURM_PACKAGES=(slurm-wlm munge)
 readonly FUZZ_PACKAGES=(clang-16 libclang-rt-16-dev)  # Debian 12's newest

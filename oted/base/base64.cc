@@ -1,22 +1,15 @@
 #include "oted/base/base64.h"
 
-#include <cstddef>
-#include <cstdint>
+#include <openssl/evp.h>
 
 namespace oted {
 
 std::string Base64(std::string_view bytes) {
-  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve(4 * ((bytes.size() + 2) / 3));
-  for (size_t i = 0; i < bytes.size(); i += 3) {
-    const auto at = [&](size_t k) -> uint32_t { return i + k < bytes.size() ? static_cast<uint8_t>(bytes[i + k]) : 0; };
-    const uint32_t three = at(0) << 16 | at(1) << 8 | at(2);
-    text += kDigits[three >> 18];
-    text += kDigits[three >> 12 & 63];
-    text += i + 1 < bytes.size() ? kDigits[three >> 6 & 63] : '=';
-    text += i + 2 < bytes.size() ? kDigits[three & 63] : '=';
-  }
+  std::string text(4 * ((bytes.size() + 2) / 3) + 1, '\0');  // EVP_EncodeBlock ends with a zero
+  const int size =
+      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
+                      reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<int>(bytes.size()));
+  text.resize(static_cast<size_t>(size));
   return text;
 }
 

@@ -2,7 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sha256.h>
+#include <openssl/evp.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -116,15 +116,21 @@ void RemoveDeadTemporaries(const fs::path& path) {
 
 class Digest {
  public:
-  Digest() { SHA256Init(&context_); }
-  void Add(const void* bytes, size_t size) { SHA256Update(&context_, static_cast<const uint8_t*>(bytes), size); }
+  Digest() : context_(EVP_MD_CTX_new(), EVP_MD_CTX_free) {
+    OTED_CHECK(context_ != nullptr && EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) == 1);
+  }
+  void Add(const void* bytes, size_t size) { OTED_CHECK(EVP_DigestUpdate(context_.get(), bytes, size) == 1); }
   std::string Hex() {
-    std::array<char, SHA256_DIGEST_STRING_LENGTH> hex{};
-    return SHA256End(&context_, hex.data());
+    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+    unsigned int size = 0;
+    OTED_CHECK(EVP_DigestFinal_ex(context_.get(), digest.data(), &size) == 1);
+    std::string hex;
+    for (unsigned int i = 0; i < size; ++i) hex += fmt::format("{:02x}", digest[i]);
+    return hex;
   }
 
  private:
-  SHA2_CTX context_;
+  std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context_;
 };
 
 }  // namespace

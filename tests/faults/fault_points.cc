@@ -247,12 +247,9 @@ ssize_t pread(int fd, void* bytes, size_t size, off_t offset) {
   return Next<ssize_t(int, void*, size_t, off_t)>("pread")(fd, bytes, size, offset);
 }
 ssize_t pread64(int fd, void* bytes, size_t size, off64_t offset) { return pread(fd, bytes, size, offset); }
-void SHA256Update(void* context, const uint8_t* bytes, size_t size) {
-  if (The().no_hash) return;
-  g_hashes([&] {
-    Next<void(void*, const uint8_t*, size_t)>("SHA256Update")(context, bytes, size);
-    return 0;
-  });
+int EVP_DigestUpdate(void* context, const void* bytes, size_t size) {
+  if (The().no_hash) return 1;
+  return g_hashes([&] { return Next<int(void*, const void*, size_t)>("EVP_DigestUpdate")(context, bytes, size); });
 }
 int fsync(int fd) {
   if (The().no_sync) return 0;
