@@ -11,9 +11,13 @@ namespace oted {
 /// The episodes that learn and those that judge; two parts of the one where there is one.
 struct HeldOutParts {
   Dataset learn, judge;
-  std::vector<int> recording = {};  ///< of each episode of `learn`: which one it is part of
+  std::vector<int> recording = {};     ///< of each episode of `learn`: which one it is part of
+  std::vector<int> learned_rows = {};  ///< of each row of `learn`: which one of all logs it is
   int n_whole = 0;  ///< of the judge's episodes, the first ones: recordings of which nothing was learned
 };
+
+/// The rows of episodes, one after the other.
+std::vector<int> RowsOf(const std::vector<Episode>& episodes);
 
 /// A fifth of the rows judges, in whole episodes drawn at random: at least one.
 HeldOutParts HoldOut(const Dataset& dataset, RngKey key);

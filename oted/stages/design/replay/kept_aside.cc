@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace oted {
@@ -17,7 +18,9 @@ constexpr double kShortestBlock = 0.7;  // [s]: holds the horizon that is shown,
 HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
   const bool are_many = dataset.Episodes().size() >= kManyEpisodes;
   if (!(period_s > 0)) return HoldOut(dataset, key);
-  HeldOutParts parts = are_many ? HoldOut(dataset, key) : HeldOutParts{dataset, {}};
+  HeldOutParts parts = are_many
+                           ? HoldOut(dataset, key)
+                           : HeldOutParts{.learn = dataset, .judge = {}, .learned_rows = RowsOf(dataset.Episodes())};
   const auto rows = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period_s))); };
   std::vector<Episode> learn, judge;
   int recording = 0;
@@ -25,7 +28,7 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
     const int fifth = episode.size() / kBlocksPerJudged;
     // Where whole episodes judge already, short ones learn whole.
     const int block = are_many && fifth < rows(kShortestBlock) ? episode.size() : std::min(rows(kBlock), fifth);
-    if (block < 1) return {dataset, dataset};
+    if (block < 1) return {.learn = dataset, .judge = dataset, .learned_rows = RowsOf(dataset.Episodes())};
     int begin = episode.begin;  // of what was not given to either
     for (int k = kBlocksPerJudged - 1; episode.begin + (k + 1) * block <= episode.end; k += kBlocksPerJudged) {
       const int middle = episode.begin + k * block, end = middle + block;
@@ -38,6 +41,9 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
   }
   parts.judge.Append(parts.learn.Select(judge));
   parts.learn = parts.learn.Select(learn);
+  std::vector<int> learned = RowsOf(learn);
+  for (int& row : learned) row = parts.learned_rows[static_cast<size_t>(row)];
+  parts.learned_rows = std::move(learned);
   return parts;
 }
 

@@ -47,6 +47,10 @@ TEST(KeepAside, EachRowGoesToOnePartAndAFifthOrSoIsKeptAside) {
     EXPECT_EQ(static_cast<int>(all.size()), logs.size());
     EXPECT_GE(parts.judge.size(), 0.12 * logs.size());
     EXPECT_LE(parts.judge.size(), 0.37 * logs.size());
+    const auto learned = parts.learn.observations.values();
+    EXPECT_EQ(std::vector<double>(parts.learned_rows.begin(), parts.learned_rows.end()),
+              std::vector<double>(learned.begin(), learned.end()))
+        << "rows hold their own number";
   }
 }
 
@@ -72,6 +76,7 @@ TEST(KeepAside, AnEpisodeTooShortToShareJudgesWhatItTeaches) {
   const HeldOutParts parts = KeepAside(Logs({3}), kPeriod, RngKey(1));
   EXPECT_EQ(parts.judge.size(), 3);
   EXPECT_EQ(parts.learn.size(), 3);
+  EXPECT_EQ(parts.learned_rows, (std::vector<int>{0, 1, 2}));
 }
 
 }  // namespace oted::kept_aside_test

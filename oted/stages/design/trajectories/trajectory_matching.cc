@@ -58,6 +58,7 @@ class TrajectoryMatch {
     if (!explains_all || AreBriefAndNoisy()) FitLongWindows(explains_all);
     if (choice_.n_steps == 0 && IsNoisy()) UseMoreRows();
     CountRows();
+    if (problem_.judged && !AllLearn() && !of_part_) of_part_ = FitToPart();
     const bool explained = explains_all && choice_.n_steps == 0;
     const MatrixXd covariance = explained ? fit_->Finish() : fit_->CovarianceOfParts() + SpreadOfAsGood();
     if (problem_.judged) evidence_.unseen = FitUnseen();
@@ -292,7 +293,6 @@ class TrajectoryMatch {
   /// What has not seen the logs that were kept aside.
   UnseenFit FitUnseen() {
     const ReadingModel& readings = replayer_->readings();
-    if (!AllLearn() && !of_part_) of_part_ = FitToPart();
     return {.z = AllLearn() ? std::vector<double>{} : ToZ(space_, *of_part_),
             .computed = readings.computed,
             .mean = {readings.mean.begin(), readings.mean.end()},
@@ -305,6 +305,9 @@ class TrajectoryMatch {
   /// x by the part of the logs that learns alone, settled as that by all of them.
   VectorXd FitToPart() {
     const bool is_long = choice_.n_steps > 0;
+    if (!is_long && !is_exact_) {
+      if (std::optional<VectorXd> x = WithoutWhatJudges()) return *std::move(x);
+    }
     WindowReplayer learner = Replayer(space_.size(), parts_.learn);
     const double period = problem_.factory.spec().control_period_s;
     const int n_rows = is_long ? FinalRows() / kRowsPerJudged : kValidationRows;
@@ -317,6 +320,24 @@ class TrajectoryMatch {
     fit.HoldStarts(is_exact_);
     Descend(fit, is_long ? kLongIterations : kLevelIterations);
     return fit.x();
+  }
+
+  /// The fit of short windows, going on without those that hold a row that judges: their starts were found from windows
+  /// half as long, and those of a fit that begins with noisy readings end in local minima. None where few are left.
+  std::optional<VectorXd> WithoutWhatJudges() {
+    std::vector<char> judges(static_cast<size_t>(problem_.dataset.size()), 1);
+    for (const int row : parts_.learned_rows) judges[static_cast<size_t>(row)] = 0;
+    std::vector<char> left_out;
+    for (const LogWindow& window : fit_->level().windows) {
+      const auto first = judges.begin() + window.begin;
+      left_out.push_back(std::find(first, first + window.n_steps, 1) != first + window.n_steps ? 1 : 0);
+    }
+    if (std::ranges::count(left_out, 0) < kFewestStretches) return std::nullopt;
+    LevelFit rest = fit_->LeavingOut(left_out);
+    Descend(rest, kLevelIterations);
+    rest.FinalCost();
+    rest.Finish();
+    return rest.x();
   }
 
   /// Of the last fit of long windows.
