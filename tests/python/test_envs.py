@@ -1,22 +1,17 @@
 """Environments of the Python package, beside Gymnasium's: test_envs.py FOLDER, which holds the package oted, "" where it is
 installed."""
 
-import pathlib
-import sys
 import unittest
 import warnings
 
-if len(sys.argv) < 2:
-    sys.exit(__doc__)
-FOLDER = sys.argv.pop(1)
-if FOLDER:
-    sys.path.insert(0, str(pathlib.Path(FOLDER).resolve()))
+from support import PENDULUM, InFolder, take_package
+
+take_package(__doc__)
 
 import gymnasium  # noqa: E402
 import numpy as np  # noqa: E402
 
 import oted  # noqa: E402
-from support import PENDULUM, InFolder  # noqa: E402
 
 
 class Environments(InFolder):

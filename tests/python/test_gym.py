@@ -10,11 +10,9 @@ import sys
 import time
 import unittest
 
-if len(sys.argv) < 2:
-    sys.exit(__doc__)
-FOLDER = sys.argv.pop(1)
-if FOLDER:
-    sys.path.insert(0, str(pathlib.Path(FOLDER).resolve()))
+from support import HOPPER, InFolder, take_package
+
+FOLDER = take_package(__doc__)
 
 import gymnasium  # noqa: E402
 import mujoco  # noqa: E402
@@ -23,7 +21,6 @@ import numpy as np  # noqa: E402
 import oted  # noqa: E402
 from oted import _engine  # noqa: E402
 from oted.task import study  # noqa: E402
-from support import HOPPER, InFolder  # noqa: E402
 
 # A design of seconds.
 TINY = {

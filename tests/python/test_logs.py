@@ -4,24 +4,19 @@
 """
 
 import hashlib
-import pathlib
 import subprocess
-import sys
 import unittest
 
-if len(sys.argv) < 3:
-    sys.exit(__doc__)
-OTED = str(pathlib.Path(sys.argv.pop(2)).resolve())
-FOLDER = sys.argv.pop(1)
-if FOLDER:
-    sys.path.insert(0, str(pathlib.Path(FOLDER).resolve()))
+from support import HOPPER, PENDULUM, InFolder, take_package, take_program
+
+OTED = take_program(__doc__)
+take_package(__doc__)
 
 import h5py  # noqa: E402
 import numpy as np  # noqa: E402
 
 import oted  # noqa: E402
 from oted.streams import Channel, to_logs  # noqa: E402
-from support import HOPPER, PENDULUM, InFolder  # noqa: E402
 
 
 class LogsTest(InFolder):

@@ -13,12 +13,10 @@ import sys
 import tempfile
 import unittest
 
-if len(sys.argv) < 3:
-    sys.exit(__doc__)
-OTED = str(pathlib.Path(sys.argv.pop(2)).resolve())
-FOLDER = sys.argv.pop(1)
-if FOLDER:
-    sys.path.insert(0, str(pathlib.Path(FOLDER).resolve()))
+from support import HOPPER, ROOT, InFolder, take_package, take_program
+
+OTED = take_program(__doc__)
+FOLDER = take_package(__doc__)
 
 import gymnasium  # noqa: E402
 import h5py  # noqa: E402
@@ -26,7 +24,6 @@ import numpy as np  # noqa: E402
 
 import oted  # noqa: E402
 from oted.streams import Channel, to_logs  # noqa: E402
-from support import HOPPER, ROOT, InFolder  # noqa: E402
 
 POLICY = ROOT / "examples/policies/hopper/medium.npz"
 FRICTION = {"friction": oted.Param("geom/*/friction[0]", 0.2, 2.0)}
