@@ -28,9 +28,8 @@ class FirstLog {
   const std::optional<Dataset>& arrays() const { return arrays_; }
 
   /// @param model_path  for messages
-  /// @throws DataError where nothing is an observation or nothing a command, where an array is something else than
-  /// these,
-  ///   and where a column that is of the model holds words
+  /// @throws DataError  nothing is an observation, or nothing a command; an array is neither; a column of the model
+  ///   holds words
   ColumnMap Map(const ModelOutline& model, const std::string& model_path) const;
 
   /// The largest absolute command; 0 where there is none.
