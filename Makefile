@@ -15,7 +15,7 @@ BENCH_ARGS ?= --benchmark_enable_random_interleaving=true --benchmark_repetition
 export CMAKE CTEST JOBS
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build build-cuda wheel release site test test-python test-long test-slurm quickstart report-picture bench bench-peers fuzz crash corrupt lint format clean
+.PHONY: help setup build build-cuda wheel release site test test-python test-long test-sanitized test-slurm quickstart report-picture bench bench-peers fuzz crash corrupt lint format clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -42,7 +42,7 @@ release:  ## dist: the source archive and the wheel built from it alone, checked
 site:  ## the documentation as pages to read offline: build/site/README.html
 	@scripts/site.sh
 
-test:  ## set-up, build, all tests but the long ones, sanitizers, lint; ends with "N passed, N failed"
+test:  ## set-up, build, all tests but the long ones, lint; ends with "N passed, N failed"
 	@scripts/test.sh
 
 test-python:  ## the Python wheel as a stranger meets it: built, installed into fresh environments, tested; PYTHONS="python3.11 python3.12"
@@ -50,6 +50,9 @@ test-python:  ## the Python wheel as a stranger meets it: built, installed into 
 
 test-long:  ## the tests that take minutes: known parameters recovered, agents trained
 	@scripts/test.sh long
+
+test-sanitized:  ## the tests of what reads files and steps simulators, under the address and undefined-behaviour sanitizers
+	@scripts/test.sh sanitized
 
 test-slurm:  ## plans on a real Slurm of two nodes on this machine, as root; installs Slurm from Debian's packages
 	@scripts/test.sh slurm

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# test.sh [long|slurm]: set-up, a build with warnings as errors, the tests, those that can bear it again under the address and
-# undefined-behaviour sanitizers, and the lint checks. With "long" or "slurm": the tests of that label
-# and nothing else; for "slurm" Slurm is installed where it is missing.
-# With CI=true the test on Slurm comes too. It is skipped, and says so, where Slurm cannot be installed or run.
+# test.sh [long|slurm|sanitized]: set-up, a build with warnings as errors, the tests and the lint checks. With "long" or
+# "slurm": the tests of that label and nothing else; for "slurm" Slurm is installed where it is missing. With "sanitized":
+# the tests that can bear it under the address and undefined-behaviour sanitizers, in a build of their own.
+# With CI=true all but the long ones come. The test on Slurm is skipped, and says so, where Slurm cannot be installed or run.
 # Ends with one line, "N passed, N failed", and fails when anything failed. A step that could not run counts as failed. What a
 # test skips itself is named, and counts as neither.
 set -uo pipefail
@@ -61,7 +61,18 @@ run_tests() {
   [ "$bad" -eq 0 ] || failures+=("$bad of $total in: $name")
 }
 
+run_sanitized() {
+  check 'build with sanitizers' scripts/build.sh asan || return
+  # libmujoco and the interpreter that some tests start are not instrumented: what they keep until exit is not ours.
+  UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_leaks=1 \
+    run_tests 'tests under sanitizers' asan -L sanitize -LE long --timeout 900
+}
+
 check 'set-up' scripts/setup.sh || close
+if [ "${1:-}" = sanitized ]; then
+  run_sanitized
+  close
+fi
 check 'build, warnings are errors' scripts/build.sh dev || close
 
 if [ "${1:-}" = slurm ]; then
@@ -79,10 +90,6 @@ run_tests 'tests' release -LE 'long|slurm' --timeout 900
 if [ "${CI:-}" = true ]; then
   scripts/setup.sh slurm || true  # the test says what it lacks
   run_tests 'tests on Slurm' release -L slurm --timeout 600
-fi
-if check 'build with sanitizers' scripts/build.sh asan; then
-  # libmujoco and the interpreter that some tests start are not instrumented: what they keep until exit is not ours.
-  UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS=detect_leaks=1 \
-    run_tests 'tests under sanitizers' asan -L sanitize -LE long --timeout 900
+  run_sanitized
 fi
 close
