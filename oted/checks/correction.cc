@@ -109,4 +109,15 @@ void Correction::ApplyTo(Dataset& dataset) const {
   Change(dataset.next_observations, *this);
 }
 
+void Correction::ApplyToStates(Array2<double>& states, const SimulatorSpec& spec) const {
+  if (IsOfActions()) return;
+  Correction of_state = *this;
+  for (const int column : columns) {
+    for (size_t k = 0; k < spec.hidden.size(); ++k) {
+      if (spec.hidden[k].rate_of == column) of_state.columns.push_back(spec.obs_dim() + static_cast<int>(k));
+    }
+  }
+  Change(states, of_state);
+}
+
 }  // namespace oted

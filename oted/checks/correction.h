@@ -26,6 +26,8 @@ struct Correction {
   Words InWords(const SimulatorSpec& spec) const;
   std::vector<std::string> Names(const SimulatorSpec& spec) const;
   void ApplyTo(Dataset& dataset) const;
+  /// The same change of states, (n, state_dim): a rate that no observation shows goes with its position.
+  void ApplyToStates(Array2<double>& states, const SimulatorSpec& spec) const;
   bool IsOfActions() const { return kind == CorrectionKind::kActionSign || kind == CorrectionKind::kActionSwap; }
 };
 

@@ -10,20 +10,14 @@
 #include <optional>
 
 #include "oted/checks/correction.h"
+#include "oted/checks/short_replays.h"
 #include "oted/data/checks_rates.h"
-#include "oted/sim/log_window.h"
 
 namespace oted {
 namespace {
 
-constexpr int kWindows = 300;
-constexpr int kFewestWindows = 20;
-constexpr size_t kScreening = 5;  // a correction is tried on every so many windows first
-constexpr double kNoHope = 0.7;   // and on all only where it leaves less than this of the squared error there
-constexpr int kLanes = 50;
-constexpr double kWindow_s = 0.05;
-constexpr int kLongestWindow = 10;    // rows
-constexpr double kCap = 2;            // an error counts as so many times the usual change at most
+constexpr size_t kScreening = 5;      // a correction is tried on every so many windows first
+constexpr double kNoHope = 0.7;       // and on all only where it leaves less than this of the squared error there
 constexpr double kGood = 0.03;        // error of a channel, of its change: below it nothing is to be mended
 constexpr double kHelps = 0.35;       // what a correction must leave of the squared error of its channels
 constexpr double kZeroHelps = 0.2;    // the same for a zero, which wrong parameters can look like
@@ -45,14 +39,18 @@ constexpr double kCorrelated = 0.6;  // of a velocity with its position
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kThousandth = 1e-3, kHundredth = 1e-2;
 
-/// A position and its rate.
+/// A position and its rate, where that is logged.
 struct Joint {
-  int position = 0, velocity = 0;
+  int position = 0;
+  int velocity = -1;
   bool agree = true;
   bool correlated = true;  // one goes with the other, whatever the factor
+  std::vector<int> Channels() const {
+    return velocity < 0 ? std::vector<int>{position} : std::vector<int>{position, velocity};
+  }
 };
 
-using Errors = std::vector<double>;  // per channel: mean of the squared error over the squared change
+using Errors = ChannelErrors;
 
 double Mean(const Errors& errors, const std::vector<int>& channels) {
   double sum = 0;
@@ -63,12 +61,7 @@ double Mean(const Errors& errors, const std::vector<int>& channels) {
 class Search {
  public:
   Search(const SimulatorFactory& factory, int n_threads, std::vector<Finding>& findings)
-      : spec_(factory.spec()), findings_(findings), simulator_(factory.Make(kLanes, n_threads)) {
-    for (int lane = 0; lane < kLanes; ++lane) simulator_->SetParameters(lane, factory.parameters().Nominal());
-    n_steps_ = spec_.control_period_s > 0
-                   ? std::clamp(static_cast<int>(std::lround(kWindow_s / spec_.control_period_s)), 1, kLongestWindow)
-                   : 1;
-  }
+      : spec_(factory.spec()), findings_(findings), replays_(factory, n_threads) {}
 
   /// What all recordings have in common. @return whether there is something
   bool OfAll(const Dataset& dataset) {
@@ -78,7 +71,7 @@ class Search {
       const std::vector<Trial> trials = Try(*now);
       if (trials.empty()) break;
       Report(trials, *now, "");
-      trials.front().correction.ApplyTo(log_);
+      Apply(trials.front().correction, windows_);
       now = trials.front().errors;
     }
     return findings_.size() > before;
@@ -119,18 +112,27 @@ class Search {
     double total = 0, own = 0;
   };
 
-  /// Copies windows, each with what a simulator with delays reaches back to, into a log of their own, and measures it.
+  /// Chooses windows and measures them.
   std::optional<Errors> Take(const Dataset& dataset) {
-    starts_.clear();
-    Choose(dataset);
+    windows_ = replays_.Choose(dataset);
     joints_.clear();
     for (const RateAgreement& rate : CompareRates(dataset, spec_.rate_of, spec_.control_period_s)) {
       const double factor = spec_.control_period_s > 0 ? rate.slope / spec_.control_period_s : 1;
       const bool agree = rate.correlation > kCorrelated && std::abs(factor - 1) < 0.3;
       joints_.push_back({rate.position, rate.velocity, agree, std::abs(rate.correlation) > kCorrelated});
     }
-    if (static_cast<int>(starts_.size()) < kFewestWindows) return std::nullopt;
-    return Measure(log_, 1);
+    if (!windows_.states.empty()) {
+      for (const HiddenCoordinate& hidden : spec_.hidden) {
+        if (hidden.rate_of >= 0) joints_.push_back({.position = hidden.rate_of});
+      }
+    }
+    if (static_cast<int>(windows_.windows.size()) < kFewestShortWindows) return std::nullopt;
+    return replays_.Errors(windows_);
+  }
+
+  void Apply(const Correction& correction, ShortWindows& windows) const {
+    correction.ApplyTo(windows.log);
+    if (!windows.states.empty()) correction.ApplyToStates(windows.states, spec_);
   }
 
   /// Of each channel the error in the better recordings: that a quarter of them stay below.
@@ -156,77 +158,6 @@ class Search {
     return false;
   }
 
-  void Choose(const Dataset& dataset) {
-    int before = spec_.n_past_actions;
-    for (const int age : spec_.reading_ages) before = std::max(before, age);
-    std::vector<int> rows;
-    for (const Episode& e : dataset.Episodes()) {
-      for (int i = e.begin; i + n_steps_ <= e.end; ++i) rows.push_back(i);
-    }
-    const size_t every = std::max<size_t>(1, rows.size() / kWindows);
-    std::vector<Episode> windows;
-    int at = 0;
-    for (size_t k = every / 2; k < rows.size(); k += every) {
-      const int history = std::min(before, rows[k] - WindowAt(dataset, rows[k], n_steps_).episode_begin);
-      windows.push_back({rows[k] - history, rows[k] + n_steps_, false});
-      starts_.push_back({at + history, n_steps_, at});
-      at += history + n_steps_;
-    }
-    if (!windows.empty()) log_ = dataset.Select(windows);
-  }
-
-  /// Of every `stride`-th window. Nothing where too few can be replayed.
-  std::optional<Errors> Measure(const Dataset& log, size_t stride) {
-    const size_t d = static_cast<size_t>(spec_.obs_dim()), a = static_cast<size_t>(spec_.act_dim);
-    Errors change(d, 0.0), sum(d, 0.0);
-    std::vector<LogWindow> starts;
-    for (size_t k = 0; k < starts_.size(); k += stride) starts.push_back(starts_[k]);
-    for (const LogWindow& w : starts) {
-      for (size_t j = 0; j < d; ++j) {
-        const int c = static_cast<int>(j);
-        change[j] += std::pow(log.next_observations(w.begin + n_steps_ - 1, c) - log.observations(w.begin, c), 2);
-      }
-    }
-    int n = 0;
-    std::vector<double> actions(static_cast<size_t>(kLanes) * a);
-    for (size_t first = 0; first < starts.size(); first += kLanes) {
-      std::vector<int> lanes;
-      std::vector<LogWindow> windows;
-      for (size_t k = first; k < std::min(starts.size(), first + kLanes); ++k) {
-        const int lane = static_cast<int>(lanes.size());
-        if (!simulator_->SetStateFromLog(lane, log.observations.row(starts[k].begin), HistoryBefore(log, starts[k])))
-          continue;
-        lanes.push_back(lane);
-        windows.push_back(starts[k]);
-      }
-      std::vector<int> running = lanes;
-      for (int t = 0; t < n_steps_; ++t) {
-        for (const int lane : running) {
-          const auto action = log.actions.row(windows[static_cast<size_t>(lane)].begin + t);
-          std::copy(action.begin(), action.end(),
-                    actions.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(lane) * a));
-        }
-        simulator_->Step(running, actions);
-        std::erase_if(running, [&](int lane) { return simulator_->status(lane) == LaneStatus::kDiverged; });
-      }
-      for (const int lane : lanes) {
-        const bool diverged = simulator_->status(lane) == LaneStatus::kDiverged;
-        for (size_t j = 0; j < d; ++j) {
-          if (change[j] <= 0) continue;
-          const double logged =
-              log.next_observations(windows[static_cast<size_t>(lane)].begin + n_steps_ - 1, static_cast<int>(j));
-          const double squared =
-              std::pow(simulator_->observation(lane)[j] - logged, 2) * static_cast<double>(starts.size()) / change[j];
-          sum[j] += diverged ? kCap * kCap : std::min(squared, kCap * kCap);
-        }
-        ++n;
-      }
-    }
-    if (n < kFewestWindows / static_cast<int>(stride)) return std::nullopt;
-    for (double& s : sum) s /= n;
-    return sum;
-  }
-
   double Total(const Errors& errors) const {
     double total = 0;
     for (const double e : errors) total += e;
@@ -238,11 +169,10 @@ class Search {
   std::vector<Correction> Candidates(const Errors& now) const {
     std::vector<Joint> bad;
     for (const Joint& joint : joints_) {
-      if (Mean(now, {joint.position, joint.velocity}) > kGood * kGood) bad.push_back(joint);
+      if (Mean(now, joint.Channels()) > kGood * kGood) bad.push_back(joint);
     }
-    std::ranges::sort(bad, [&](const Joint& x, const Joint& y) {
-      return Mean(now, {x.position, x.velocity}) > Mean(now, {y.position, y.velocity});
-    });
+    std::ranges::sort(
+        bad, [&](const Joint& x, const Joint& y) { return Mean(now, x.Channels()) > Mean(now, y.Channels()); });
     if (bad.size() > kMostJoints) bad.resize(kMostJoints);
     std::vector<Correction> all;
     for (const Joint& joint : bad) AddOfJoint(joint, all);
@@ -253,7 +183,7 @@ class Search {
       }
     }
     for (const TurningBody& body : spec_.bodies) {
-      if (std::ranges::any_of(body.orientation, [](int j) { return j < 0; })) continue;
+      if (!windows_.states.empty() || std::ranges::any_of(body.orientation, [](int j) { return j < 0; })) continue;
       const std::vector<int> columns(body.orientation.begin(), body.orientation.end());
       all.push_back({CorrectionKind::kQuaternionOrder, columns, 0, columns});
     }
@@ -266,7 +196,7 @@ class Search {
   }
 
   void AddOfJoint(const Joint& joint, std::vector<Correction>& all) const {
-    const std::vector<int> both = {joint.position, joint.velocity};
+    const std::vector<int> both = joint.Channels();
     std::vector<std::vector<int>> sets;
     if (joint.agree) {
       sets = {both};
@@ -287,7 +217,7 @@ class Search {
     }
     for (const double size : {1.0, 2.5, 5.0, 10.0, 20.0}) {
       for (const double sign : {-1.0, 1.0}) {
-        all.push_back({CorrectionKind::kZero, {joint.position}, sign * size * SmallestZero(joint), {joint.velocity}});
+        all.push_back({CorrectionKind::kZero, {joint.position}, sign * size * SmallestZero(joint), {both.back()}});
       }
     }
   }
@@ -299,6 +229,11 @@ class Search {
   double SmallestZero(const Joint& joint) const { return InMetres(joint) ? kSmallestZero / 10 : kSmallestZero; }
 
   static void AddSwaps(const Joint& x, const Joint& y, std::vector<Correction>& all) {
+    if (x.velocity < 0 || y.velocity < 0) {
+      if (x.velocity != y.velocity) return;
+      all.push_back({CorrectionKind::kSwap, {x.position, y.position}, 0, {x.position, y.position}});
+      return;
+    }
     const std::vector<int> judged = {x.position, x.velocity, y.position, y.velocity};
     all.push_back({CorrectionKind::kSwap, {x.position, y.position, x.velocity, y.velocity}, 0, judged});
     if (x.agree || y.agree) return;
@@ -308,16 +243,16 @@ class Search {
 
   /// Nothing where it cannot be replayed or does not look as if it helped.
   std::optional<Trial> TryOne(const Correction& correction, const Errors& now, const Errors& screened) {
-    Dataset log = log_;
-    correction.ApplyTo(log);
-    const std::optional<Errors> some = Measure(log, kScreening);
+    ShortWindows windows = windows_;
+    Apply(correction, windows);
+    const std::optional<Errors> some = replays_.Errors(windows, kScreening);
     if (!some) return std::nullopt;
     // What an action moves is not known before.
     if (correction.IsOfActions() ? Total(*some) > Total(screened)
                                  : Mean(*some, correction.judged) > kNoHope * Mean(screened, correction.judged)) {
       return std::nullopt;
     }
-    const std::optional<Errors> errors = Measure(log, 1);
+    const std::optional<Errors> errors = replays_.Errors(windows);
     if (!errors) return std::nullopt;
     Correction judged = correction;
     if (correction.IsOfActions()) judged.judged = MostImproved(*errors, now);
@@ -347,7 +282,7 @@ class Search {
   /// Corrections that help, the best first; those that help as much behind it.
   std::vector<Trial> Try(const Errors& now) {
     std::vector<Trial> trials;
-    const std::optional<Errors> screened = Measure(log_, kScreening);
+    const std::optional<Errors> screened = replays_.Errors(windows_, kScreening);
     if (!screened) return trials;
     for (const Correction& correction : Candidates(now)) {
       std::optional<Trial> trial = TryOne(correction, now, *screened);
@@ -402,8 +337,8 @@ class Search {
          .what = fmt::format(
              "{}with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})", where,
              change, spec_.task, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
-             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), starts_.size(),
-             period > 0 ? fmt::format(" of {:.3g} s", n_steps_ * period) : ""),
+             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), windows_.windows.size(),
+             period > 0 ? fmt::format(" of {:.3g} s", replays_.n_steps() * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
          .meaning = "the columns are not what the model means by them; a design would bend parameters to fit that",
@@ -412,10 +347,8 @@ class Search {
 
   const SimulatorSpec& spec_;
   std::vector<Finding>& findings_;
-  std::unique_ptr<Simulator> simulator_;
-  int n_steps_ = 1;
-  Dataset log_;
-  std::vector<LogWindow> starts_;
+  ShortReplays replays_;
+  ShortWindows windows_;
   std::vector<Joint> joints_;
 };
 

@@ -10,7 +10,8 @@
 namespace oted {
 
 /// Replays short windows of the log in the nominal simulator, with one correction after another, and reports those with
-/// which it predicts the channels concerned far better. Needs spec().can_set_state and finite data that fit the task.
+/// which it predicts the channels concerned far better. Rates that nobody logged are guessed. Needs spec().can_replay()
+/// and finite data that fit the task.
 /// @param dataset  as CheckDataset found it: channels whose velocities disagree with their positions are corrected one
 /// by
 ///   one, others together

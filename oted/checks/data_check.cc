@@ -226,7 +226,7 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
 }
 
 std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads) {
-  if (!factory.spec().can_set_state || !factory.spec().image_shape.empty()) return {};
+  if (!factory.spec().can_replay() || !factory.spec().image_shape.empty()) return {};
   std::vector<Finding> findings;
   CheckCorrections(factory, dataset, n_threads, findings);
   std::vector<std::string> warnings;
@@ -279,6 +279,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
       return check;  // one half alone has no state that can be set: clipped_observations tells
     }
   } else {
+    if (spec.can_replay()) CheckCorrections(*factory, dataset, context.n_threads, check.findings);
     const CloneResult clone = CloneBehavior({dataset, spec, {}, key.Stage("clone"), "check", context});
     const EvidenceConfig evidence = CommonEvidence(spec, kGapSteps);
     check.gap = JudgeSimulator(*factory, {halves, clone.policy.get(), evidence, kJudgeSteps},

@@ -36,7 +36,7 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
 
 /// Which changes of the columns (a joint's or an action's sign, two joints swapped, a zero) would make the nominal
 /// simulator predict the logs far better, a sentence each with the remedy: the findings of CheckCorrections. None where
-/// the task's states cannot be set from an observation.
+/// logs of the task cannot be replayed.
 std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads);
 
 /// @param factory  may be null: then the checks that need a simulator are left out. Its parameters, if any, are checked

@@ -53,6 +53,7 @@ class Robot:
     action: float = 1.0  # share of the range that is used
     hold: tuple | None = None
     hidden: tuple = ()  # coordinates that are not logged
+    positions_alone: bool = False  # no velocity is logged
     episodes: int = 6
     rows: int = 200
 
@@ -155,7 +156,8 @@ def drive(robot, seed=0, change=None, noise=0.0, substeps_seen=None):
 def write(robot, log, folder):
     """task.toml and log.csv."""
     folder = pathlib.Path(folder)
-    seen = [i for i, name in enumerate(log.names) if name not in robot.hidden]
+    seen = [i for i, name in enumerate(log.names)
+            if name not in robot.hidden and not (robot.positions_alone and "/qvel" in name)]
     if robot.model.startswith("<"):
         (folder / "model.xml").write_text(robot.model)
     model = "model.xml" if robot.model.startswith("<") else f"package:{robot.model}"

@@ -10,6 +10,7 @@ import unittest
 import h5py
 import numpy as np
 
+import log_robots
 import program
 from program import DATA_OR_MODEL, GRAVITY, ROOT, USAGE, ProgramTest, oted, write_hdf5
 
@@ -179,6 +180,14 @@ class TestCheck(DataTest):
         _, findings = self.check(self.planted(shift, "shifted.hdf5"), "--task", "Hopper-v5")
         self.assertEqual((findings["states_disagree"]["row"], findings["states_disagree"]["channels"]),
                          (200, ["rootz_pos"]))
+
+    def test_an_action_of_the_other_sign_is_named_where_positions_alone_were_logged(self):
+        robot = log_robots.dataclasses.replace(log_robots.ROBOTS["finger"], episodes=3, rows=150, positions_alone=True)
+        clean = log_robots.drive(robot, noise=1e-3)
+        turned, _ = log_robots.plant("action sign", robot, clean, log_robots.hinges_of(robot))
+        for log, expected in ((clean, []), (turned, [("action_sign", "turn round the sign of actuator/proximal")])):
+            record = json.loads(self.succeed("data", "check", log_robots.write(robot, log, self.folder), "--json").stdout)
+            self.assertEqual([(f["check"], f["remedy"]) for f in record["findings"] if f["severity"] != "note"], expected)
 
     def test_another_tasks_data_are_an_error(self):
         record, findings = self.check(self.hopper, "--task", "HalfCheetah-v5", code=DATA_OR_MODEL)

@@ -8,6 +8,7 @@ import program
 from program import ProgramTest
 
 ROBOTS = {name: log_robots.dataclasses.replace(log_robots.ROBOTS[name], episodes=4, rows=150) for name in ("ant", "arm")}
+POSITIONS_TELL = ("sign", "swapped joints", "encoder offset", "degrees", "action sign", "swapped actions")
 
 
 class LogFaults(ProgramTest):
@@ -46,6 +47,19 @@ class LogFaults(ProgramTest):
                 remedies = [f["remedy"] for f in self.warnings(robot, log) if f["check"] == check]
                 self.assertEqual(len(remedies), 1)
                 self.assertTrue(remedies[0].startswith(remedy), remedies)
+
+    def test_a_fault_is_found_in_positions_alone(self):
+        for name in ("arm", "finger", "cheetah"):
+            robot = log_robots.dataclasses.replace(log_robots.ROBOTS[name], episodes=4)
+            clean = log_robots.drive(robot, noise=1e-3)
+            robot = log_robots.dataclasses.replace(robot, positions_alone=True)
+            self.assertEqual(self.warnings(robot, clean), [])
+            for fault in POSITIONS_TELL:
+                with self.subTest(robot=name, fault=fault):
+                    log, (check, channels) = log_robots.plant(fault, robot, clean, log_robots.hinges_of(robot))
+                    found = self.warnings(robot, log)
+                    self.assertEqual([f["check"] for f in found], [check])
+                    self.assertEqual(set(found[0]["channels"]), {c for c in channels if "/qvel" not in c})
 
     def test_a_fault_of_one_recording_is_named_with_it(self):
         """The three others are clean, so nothing is said of all."""
