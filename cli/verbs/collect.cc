@@ -60,7 +60,7 @@ void AddTargetOptions(CLI::App& verb, Options& options) {
 
 void Collect(const CollectOptions& options) {
   const RunConfig config = TargetOf(options, options.noise);
-  const auto factory = MakeSimulatorFactory(config.task, config.parameters);
+  const auto factory = MakeSimulatorFactory(config.task, config.parameters, LoggedStarts(config));
   NullSink log;
   const CollectJob job{.factory = *factory,
                        .z = TargetParameters(factory->parameters(), config.truth),
@@ -126,7 +126,7 @@ void AddBehaviorVerb(Program& program) {
     for (const std::string& assignment : options->assignments) config.Set(assignment);
     const RunConfig target = TargetOf(*options);
     const TaskConfig& task = target.task;
-    const auto factory = MakeSimulatorFactory(task, target.parameters);
+    const auto factory = MakeSimulatorFactory(task, target.parameters, LoggedStarts(target));
     if (factory->has_expert()) {
       throw UsageError(
           fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert", task.name));

@@ -72,7 +72,9 @@ void EvaluateFile(const EvaluateOptions& options) {
   RunConfig config = ResolveConfig(options);
   config.task.Resolve();
   const TaskConfig task = TaskOf(config, options.policy);
-  const auto factory = MakeSimulatorFactory(task, config.parameters);
+  config.task = task;
+  if (config.data.empty() && options.task.ends_with(".toml")) config.data = RunConfig::FromTomlFile(options.task).data;
+  const auto factory = MakeSimulatorFactory(task, config.parameters, LoggedStarts(config));
   const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
   factory->parameters().CheckInside(z);
   const int n_episodes = Episodes(options.episodes);
@@ -131,7 +133,7 @@ void AddEvaluateVerb(Program& program) {
   verb->add_option("--policy", options->policy,
                    "policy.npz, or policy.onnx of this or another program: runs its deterministic action, or as "
                    "ppo.evaluate says where actions are discrete, at nominal parameters, or at those of --param and "
-                   "--truth; needs neither --data nor --out");
+                   "--truth; needs no --out, and --data only where task.start is \"logs\"");
   verb->footer(SettingsHelp({"agents", "ppo", "baselines"}));
   verb->callback([&program, options] {
     if (options->policy.empty()) {

@@ -28,13 +28,23 @@ json TaskIdentity(const RunSetup& run) {
   return identity;
 }
 
+/// The task as a design sees it: a reward that is added when agents are to be trained makes no other simulator.
+json DesignedTaskIdentity(const RunSetup& run) {
+  json identity = TaskIdentity(run);
+  if (!run.config.task.has_model()) return identity;
+  identity.erase("reward");
+  // Quantities are for the two expressions.
+  if (run.config.task.model.terminate.empty()) identity.erase("quantities");
+  return identity;
+}
+
 /// What every stage begins with: logs, task and seed.
 json DataIdentity(const RunSetup& run) {
   DataConfig data = run.config.data;
   // The file counts by its content, not by its place.
   json settings = data.Fields().ToJson();
   settings.erase("path");
-  return {TaskIdentity(run), run.model_sha256, run.dataset.sha256, settings, run.config.run.seed};
+  return {DesignedTaskIdentity(run), run.model_sha256, run.dataset.sha256, settings, run.config.run.seed};
 }
 
 std::string DesignFingerprint(const RunSetup& run, const std::string& setting) {
@@ -215,7 +225,8 @@ Artifact OfflineArtifact(const RunSetup& run, OfflineBaseline baseline) {
   OfflineSettings settings = run.config.baselines.offline;
   return {.file = run.directory.baseline(entry.name) / "offline.json",
           .schema = OfflineRecord::kSchema,
-          .fingerprint = Fingerprint({"offline", entry.name, entry.fields(settings).ToJson(), DataIdentity(run)}),
+          .fingerprint = Fingerprint(
+              {"offline", entry.name, entry.fields(settings).ToJson(), DataIdentity(run), TaskIdentity(run)}),
           .files = {"policy.npz"},
           .derived = {"policy.onnx"}};
 }

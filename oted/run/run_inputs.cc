@@ -131,6 +131,13 @@ RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
   return config;
 }
 
+Array2<double> LoggedStarts(const RunConfig& config) {
+  if (!config.task.has_model() || !config.task.model.starts_in_logs() || config.data.empty()) return {};
+  DataConfig data = config.data;
+  data.episodes = "all";
+  return ReadEpisodes(data, SpecOf(config.task)).EpisodeStarts();
+}
+
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,
                                                        const std::vector<ParameterSpec>& parameters,
                                                        const Array2<double>& logged_starts) {

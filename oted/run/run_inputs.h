@@ -30,6 +30,10 @@ Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options);
 /// gets a line for each entry that the model does not have. @throws UsageError, DataError
 RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes = nullptr);
 
+/// (n, obs_dim): where all logged episodes begin that a configuration names, for a task that starts there and a factory
+/// that has no other use for logs. None for other tasks, and where no logs are named. @throws UsageError, DataError
+Array2<double> LoggedStarts(const RunConfig& config);
+
 /// The simulator of a task: a built-in one, one that a program registered (task_registry.h), or that of a model.
 /// @param logged_starts (n, obs_dim): where logged episodes begin, for a task that starts there; otherwise not read
 /// @throws UsageError, DataError

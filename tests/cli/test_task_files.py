@@ -8,6 +8,7 @@ The models of examples/*.toml come from the dm_control wheel (requirements-model
 import hashlib
 import json
 import pathlib
+import re
 import tomllib
 import unittest
 
@@ -164,6 +165,14 @@ class TaskFiles(ProgramTest):
         self.assertFalse((self.out / "agents").exists())
         self.assertOneLine(oted("train", "--out", self.out), USAGE, "task.reward")
         self.assertOneLine(oted("behavior", "--task", task, "--out", self.folder / "b"), USAGE, "task.reward")
+        # With a reward the run goes on: the simulator that was designed is the same.
+        designed = {path: path.stat().st_mtime_ns for path in self.out.glob("design/**/q.json")}
+        self.assertTrue(designed)
+        task = self.cart('reward = "-abs(x)"\n[task.quantities]\nx = "joint/slide/qpos"')
+        result = oted("run", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK)
+        self.assertIn(result.returncode, (0, 4), result.stderr)
+        self.assertTrue((self.out / "agents").exists())
+        self.assertEqual({path: path.stat().st_mtime_ns for path in designed}, designed)
 
     def test_velocities_that_nobody_logged_are_inferred_by_the_default_method(self):
         task = self.cart('observations = ["joint/slide/qpos"]')
@@ -181,8 +190,16 @@ class TaskFiles(ProgramTest):
         task = self.cart('start = "logs"')
         result = oted("design", task, "--data", data, "--out", self.out, "--threads", 1, *QUICK)
         self.assertIn(result.returncode, (0, 4), result.stderr)
-        self.assertOneLine(oted("collect", "--task", task, "--policy", "sine", "--out", self.folder / "x.npz"), USAGE,
-                           "task.start")
+        collect = "collect", "--task", task, "--policy", "sine", "--episodes", 3, "--out", self.folder / "x.npz"
+        self.assertOneLine(oted(*collect), USAGE, "task.start", "data.path")
+        # A task file that names its logs is enough, as it is for a design.
+        exact = re.sub("start_noise = .*", "start_noise = 0", task.read_text())
+        task.write_text(exact + f'[data]\npath = "{data}"\n')
+        self.assertEqual(oted(*collect).returncode, 0)
+        starts, logged = (np.load(path)["observations"] for path in (self.folder / "x.npz", data))
+        ends = np.flatnonzero(np.load(data)["timeouts"] | np.load(data)["terminals"])
+        begins = logged[[0, *(ends[:-1] + 1)]]
+        self.assertLess(np.abs(begins - starts[0]).max(axis=1).min(), 1e-12)
 
     # --- logging
 

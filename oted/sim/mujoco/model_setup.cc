@@ -158,9 +158,8 @@ class Builder {
     } else if (task_.starts_in_logs()) {
       if (logged_starts.rows() == 0) {
         throw UsageError(
-            "task.start = \"logs\" takes start states from logged data, and there are none here; set task.start to "
-            "default "
-            "or keyframe/NAME");
+            "task.start = \"logs\" takes start states from logged data, and there are none here; name them as "
+            "data.path, or set task.start to default or keyframe/NAME");
       }
       plan_.logged_starts = logged_starts;
     } else if (task_.start != "default") {
