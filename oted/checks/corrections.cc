@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <numbers>
 #include <optional>
 
@@ -176,6 +177,7 @@ class Search {
     if (bad.size() > kMostJoints) bad.resize(kMostJoints);
     std::vector<Correction> all;
     for (const Joint& joint : bad) AddOfJoint(joint, all);
+    AddDegrees(all);
     for (size_t i = 0; i < bad.size(); ++i) {
       for (size_t k = 0; k < i; ++k) {
         const bool in_order = bad[k].position < bad[i].position;  // as the task names them
@@ -220,6 +222,18 @@ class Search {
         all.push_back({CorrectionKind::kZero, {joint.position}, sign * size * SmallestZero(joint), {both.back()}});
       }
     }
+  }
+
+  /// All turning joints in degrees: one alone that is put right still moves among others that are not.
+  void AddDegrees(std::vector<Correction>& all) const {
+    std::vector<int> turning;
+    int n = 0;
+    for (const Joint& joint : joints_) {
+      if (InMetres(joint) || !joint.correlated) continue;
+      std::ranges::copy(joint.Channels(), std::back_inserter(turning));
+      ++n;
+    }
+    if (n > 1) all.push_back({CorrectionKind::kUnit, turning, kDegree, turning});
   }
 
   bool InMetres(const Joint& joint) const {

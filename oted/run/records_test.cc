@@ -173,6 +173,19 @@ TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
   EXPECT_THAT(sentence(), EndsWith("judged by the logs that it learned from"));
 }
 
+TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
+  DesignRecord record;
+  record.verdict = DesignVerdict::kGapNarrowed;
+  record.predicts_better = true;
+  record.validation.emplace();
+  record.validation->horizons.push_back({0.1, 10, 9, false, 0.7, true, {{"hip", "rad", 0.2, 0.1, 0.01, 0.4}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("constant")));
+  record.validation->horizons.push_back({0.5, 50, 9, false, 0.3, true, {{"hip", "rad", 0.7, 0.5, 0.01, 0.4}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("; over 0.5 s it predicts hip no better than a constant would"));
+  record.validation->horizons.push_back({1, 100, 9, false, 0.1, true, {{"hip", "rad", 0.9, 0.8, 0.01, 0.4}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("; over 0.5 s and longer it predicts hip no better than"));
+}
+
 TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNominalSimulator) {
   DesignRecord record;
   record.verdict = DesignVerdict::kGapNarrowed;

@@ -75,6 +75,22 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
+/// The channels that the design predicts no better than a constant would, at the briefest horizon where there are any,
+/// to be appended to a sentence that it predicts better than the nominal simulator.
+std::string ButAGuess(const DesignRecord::Validation& validation) {
+  for (const auto& horizon : validation.horizons) {
+    std::string names;
+    for (const auto& c : horizon.channels) {
+      if (c.judged && IsNoBetterThanGuess(c.designed, c.spread)) names += (names.empty() ? "" : ", ") + c.name;
+    }
+    if (names.empty()) continue;
+    const bool is_last = &horizon == &validation.horizons.back();
+    return fmt::format("; over {}{} it predicts {} no better than a constant would", InWords(horizon),
+                       is_last ? "" : " and longer", names);
+  }
+  return "";
+}
+
 std::string WithoutPrediction(const DesignRecord& record) {
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
@@ -168,16 +184,17 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
     case DesignVerdict::kGapNarrowed:
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
                          WhatRemains(horizon, off)) +
-             ButElsewhere(*record.validation) + judged_by + ButLeftOut(record);
+             ButElsewhere(*record.validation) + ButAGuess(*record.validation) + judged_by + ButLeftOut(record);
     case DesignVerdict::kOutsideFamily:
       break;
   }
   if (off.empty()) return std::string("outside the family: ") + kNothingShown;
   if (record.predicts_better) {
     return fmt::format(
-        "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less than "
-        "the nominal simulator's, and more than the sensors explain: {}",
-        at_bounds.empty() ? "some parameter" : at_bounds, over, share, WhatRemains(horizon, off));
+               "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less "
+               "than the nominal simulator's, and more than the sensors explain: {}",
+               at_bounds.empty() ? "some parameter" : at_bounds, over, share, WhatRemains(horizon, off)) +
+           ButAGuess(*record.validation);
   }
   return fmt::format(
       "outside the family: {} the designed simulator does not surely predict better than the nominal one; what "

@@ -104,6 +104,16 @@ class LogFaults(ProgramTest):
                 self.assertEqual(found.get("joint_unit"), f"in episode 2 alone: multiply joint/{a}/qpos and joint/{a}/qvel "
                                  "by 0.0174533", found)
 
+    def test_a_recording_whose_joints_are_all_in_degrees_is_named(self):
+        robot = ROBOTS["arm"]
+        clean = log_robots.drive(robot)
+        rows = clean.rows.copy()
+        rows[1] *= 180 / log_robots.np.pi
+        found = self.warnings(robot, log_robots.dataclasses.replace(clean, rows=rows))
+        of_unit = [f for f in found if f["check"] == "joint_unit"]
+        self.assertEqual([set(f["channels"]) for f in of_unit], [set(clean.names)])
+        self.assertRegex(of_unit[0]["remedy"], "^in episode 2 alone: multiply .* by 0.0174533$")
+
     def test_thousandths_are_named_by_their_column(self):
         for name, robot in ROBOTS.items():
             log = log_robots.drive(robot)
