@@ -14,6 +14,7 @@
 #include "cli/options.h"
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
+#include "oted/base/words.h"
 #include "oted/run/design_record.h"
 #include "oted/run/export.h"
 #include "oted/run/policy_records.h"
@@ -27,7 +28,9 @@ namespace {
 using nlohmann::json;
 
 void PrintParameters(const DesignRecord& design, const std::optional<EvaluationRecord>& evaluation) {
-  Print("\n{:<14} {:>8} {}{:>18} {:>17}  {:<14}{}\n", "parameter", "nominal",
+  size_t width = 14;
+  for (const DesignRecord::Parameter& p : design.parameters) width = std::max(width, p.name.size());
+  Print("\n{:<{}} {:>8} {}{:>18} {:>17}  {:<14}{}\n", "parameter", width, "nominal",
         evaluation ? fmt::format("{:>8} ", "truth") : "", "designed", "90 % interval", "verdict",
         evaluation ? "  error" : "");
   for (size_t i = 0; i < design.parameters.size(); ++i) {
@@ -37,7 +40,7 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
       truth = fmt::format("{:>8.3f} ", evaluation->parameters.at(i).truth);
       error = fmt::format("  {:.3f}", evaluation->parameters.at(i).absolute_error);
     }
-    Print("{:<14} {:>8.3f} {}{:>18} {:>17}  {:<14}{}\n", p.name, p.nominal, truth,
+    Print("{:<{}} {:>8.3f} {}{:>18} {:>17}  {:<14}{}\n", p.name, width, p.nominal, truth,
           fmt::format("{:.3f} +- {:.3f}", p.mode, p.std),
           fmt::format("[{:.3f}, {:.3f}]", p.interval90_low, p.interval90_high), ToString(p.verdict), error);
   }
@@ -54,6 +57,20 @@ void PrintPolicies(const EvaluationRecord& evaluation) {
           fmt::format("{:.{}f} +- {:.{}f}", p.mean_return, decimals, p.std_return, decimals),
           p.score ? fmt::format("{:.1f}", *p.score) : "-");
   }
+}
+
+/// The agent that was picked, and what its return does not tell.
+void PrintPick(const PolicySelectionRecord& picked, const DesignRecord& design, const std::filesystem::path& folder) {
+  const PolicySelectionRecord::Agent& agent = picked.agents.at(static_cast<size_t>(picked.selected - 1));
+  Print("\npolicy: {}, agent {} of {}: return {:.{}f} in the designed simulator{}\n", (folder / "policy.onnx").string(),
+        picked.selected, picked.agents.size(), agent.mean_return, ReturnDecimals({agent.mean_return}, 0),
+        picked.simulators.size() == 1 ? "" : "s");
+  if (!design.validation || design.validation->horizons.empty()) return;
+  std::vector<std::string> starred;
+  for (const auto& channel : design.validation->horizons.front().channels) {
+    if (!channel.judged) starred.push_back(channel.name);
+  }
+  if (!starred.empty()) Print("  {}\n", StarredForPolicies(starred));
 }
 
 /// How the design predicts logs that it did not see.
@@ -131,21 +148,27 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
   const json design_json = read("design.json"), evaluation_json = read("evaluation.json");
   const auto design = Read<DesignRecord>(design_json, "design.json");
   const auto evaluation = Read<EvaluationRecord>(evaluation_json, "evaluation.json");
+  const json picked_json = read("policy_selection.json");
   if (options.json) {
-    const json all = {
-        {"design", design_json}, {"policy_selection", read("policy_selection.json")}, {"evaluation", evaluation_json}};
+    const json all = {{"design", design_json}, {"policy_selection", picked_json}, {"evaluation", evaluation_json}};
     Print("{}\n", all.dump(2));
   } else {
     if (evaluation) {
       PrintParameters(*design, evaluation);
       PrintPolicies(*evaluation);
     }
+    const auto picked = Read<PolicySelectionRecord>(picked_json, "policy_selection.json");
+    if (picked && design) PrintPick(*picked, *design, run_directory);
     const std::filesystem::path designed = run_directory / "export" / "designed.xml";
     if (std::filesystem::exists(designed)) {
       const std::string left_out = NotInFile(designed);
       Print("\ndesigned model: {}", designed.string());
       if (!left_out.empty())
-        Print("\n  without {}: no fields of a MuJoCo model (docs/file_formats.md, Exports)", left_out);
+        Print(
+            "\n  without {}: MJCF cannot hold this, and the errors that are printed are with it; alone the file "
+            "predicts "
+            "worse\n  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports)",
+            left_out);
     }
     Print("\nreport: {}\n", (report / "report.html").string());
   }

@@ -1,9 +1,24 @@
 #pragma once
 /// What the terminal and the report say in the same words.
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <string>
+#include <vector>
+
 namespace oted {
 
 /// Under a table some of whose channels have a star.
 inline constexpr const char* kStarredChannels = "* computed from positions, or late: no verdict rests on it";
+
+/// What a star means to whoever uses a policy.
+inline std::string StarredForPolicies(const std::vector<std::string>& channels) {
+  return fmt::format(
+      "simulators show {} exactly and at once, the robot computed or late: a policy that reads them meets other "
+      "numbers "
+      "there; make their delay a parameter (obs/NAME/delay), or leave them out of the observations",
+      fmt::join(channels, ", "));
+}
 
 }  // namespace oted

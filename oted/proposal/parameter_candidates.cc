@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <iterator>
+#include <set>
 
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
@@ -181,12 +183,12 @@ class Chooser {
   }
 
   void Drives() {
-    std::vector<std::string> motors;
-    bool all_motors = true, servos = false, speed_servos = false;
+    std::vector<std::string> motors, servos, speed_servos;
+    bool all_motors = true;
     for (const ModelOutline::Actuator& actuator : model_.actuators) {
       all_motors = all_motors && actuator.drive == DriveKind::kMotor;
-      servos = servos || actuator.drive == DriveKind::kPositionServo;
-      speed_servos = speed_servos || actuator.drive == DriveKind::kVelocityServo;
+      if (actuator.drive == DriveKind::kPositionServo) servos.push_back(actuator.name);
+      if (actuator.drive == DriveKind::kVelocityServo) speed_servos.push_back(actuator.name);
       const bool logged =
           std::ranges::find(spec_.action_names, "actuator/" + actuator.name) != spec_.action_names.end();
       if (actuator.drive == DriveKind::kMotor && logged) motors.push_back(actuator.name);
@@ -198,15 +200,20 @@ class Chooser {
     if (model_.actuators.empty()) {
       for (const std::string& name : spec_.action_names) motors.push_back(name.substr(name.find('/') + 1));
     }
-    if (servos) Add({"servo_stiffness", "actuator/*/kp", 0.5, 2, ParameterScale::kNominal, true});
-    if (speed_servos) Add({"servo_gain", "actuator/*/kv", 0.5, 2, ParameterScale::kNominal, true});
-    if (motors.size() > kFewJoints && all_motors) {
-      Add({"gain", "actuator/*/gainprm[0]", 0.5, 2, ParameterScale::kNominal, true});
-    } else if (motors.size() <= kFewJoints) {
-      for (const std::string& motor : motors) {
-        Add({motors.size() == 1 ? "gain" : "gain_" + motor, fmt::format("actuator/{}/gainprm[0]", motor), 0.5, 2,
-             ParameterScale::kNominal, true});
-      }
+    PerDrive("servo_stiffness", servos, "kp");
+    PerDrive("servo_gain", speed_servos, "kv");
+    if (all_motors || motors.size() <= kFewJoints) PerDrive("gain", motors, "gainprm[0]");
+  }
+
+  /// One for each of few drives, one for all of many.
+  void PerDrive(const std::string& name, const std::vector<std::string>& drives, const std::string& field) {
+    if (drives.size() > kFewJoints) {
+      Add({name, "actuator/*/" + field, 0.5, 2, ParameterScale::kNominal, true});
+      return;
+    }
+    for (const std::string& drive : drives) {
+      Add({drives.size() == 1 ? name : name + "_" + drive, fmt::format("actuator/{}/{}", drive, field), 0.5, 2,
+           ParameterScale::kNominal, true});
     }
   }
 
@@ -217,13 +224,19 @@ class Chooser {
       return;
     }
     std::vector<std::string> bodies;
+    std::set<std::string> fastened;
     for (const Moving& m : moving_) {
-      if (std::ranges::find(bodies, m.joint->body) == bodies.end()) bodies.push_back(m.joint->body);
+      if (std::ranges::find(bodies, m.joint->body) != bodies.end()) continue;
+      bodies.push_back(m.joint->body);
+      std::ranges::copy(m.joint->fastened, std::back_inserter(bodies));
+      fastened.insert(m.joint->fastened.begin(), m.joint->fastened.end());
     }
     // The last first: what it carries is known least.
     std::ranges::reverse(bodies);
     for (const std::string& body : bodies) {
-      Add({bodies.size() == 1 ? "mass" : "mass_" + body, path(body), 0.5, 2, ParameterScale::kNominal, true});
+      // A light hand may carry several times its own mass.
+      Add({bodies.size() == 1 ? "mass" : "mass_" + body, path(body), 0.5, fastened.contains(body) ? 5.0 : 2.0,
+           ParameterScale::kNominal, true});
     }
   }
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/base/words.h"
 #include "oted/report/html_text.h"
 #include "oted/report/json_values.h"
 
@@ -234,13 +235,27 @@ void AddFit(const json& report, json* found, json* trust) {
   }
 }
 
+/// Channels that no verdict rests on.
+std::vector<std::string> Starred(const json& report) {
+  std::vector<std::string> names;
+  if (!report.contains("design") || !report["design"].contains("validation")) return names;
+  const json& horizons = ListAt(report["design"]["validation"], "horizons");
+  if (horizons.empty()) return names;
+  for (const json& channel : ListAt(horizons.front(), "channels")) {
+    if (!channel.value("judged", true)) names.push_back(TextAt(channel, "name"));
+  }
+  return names;
+}
+
 json Unknown(const json& report, const std::string& verdict) {
   json unknown = json::array();
   const json& parameters = ListAt(report, "parameters");
   const std::vector<std::string> open = NamesOf(parameters, "not_identified");
   if (!open.empty()) {
     unknown.push_back(
-        fmt::format("The logs do not show {}: any value in the range fits about as well.", Enumerate(open)));
+        fmt::format("The logs do not tell {}: other values fit about as well, where the other parameters go with them. "
+                    "To set one to a value of your own, take it out of the parameters and design again.",
+                    Enumerate(open)));
   }
   const std::vector<std::string> edge = NamesOf(parameters, "at_bound");
   if (!edge.empty()) {
@@ -268,6 +283,11 @@ json Unknown(const json& report, const std::string& verdict) {
     unknown.push_back(
         "More error is left than the sensors explain. Something beside these parameters may differ, or the method has "
         "not found them exactly. Take the values below for the best that it found, not for measurements.");
+  }
+  if (const std::vector<std::string> starred = Starred(report); !starred.empty()) {
+    std::string sentence = StarredForPolicies(starred);
+    sentence.front() = 'S';
+    unknown.push_back(sentence + ".");
   }
   if (report.contains("design") && !report.contains("evaluation")) {
     unknown.push_back("No policy was evaluated in the target.");

@@ -116,6 +116,28 @@ class InitTest(ProgramTest):
         self.assertNotIn("mass_upper", found)
         self.assertAlmostEqual(found["gain_elbow"], 1.0, delta=0.05)
 
+    def test_each_of_few_servos_gets_a_stiffness_and_a_hand_its_load(self):
+        servos = ARM.replace('<motor name="shoulder" joint="shoulder_joint" ctrlrange="-20 20"/>',
+                             '<position name="shoulder" joint="shoulder_joint" kp="40" kv="2" ctrlrange="-3 3"/>')
+        servos = servos.replace('<motor name="elbow" joint="elbow_joint" ctrlrange="-20 20"/>',
+                                '<position name="elbow" joint="elbow_joint" kp="20" kv="1" ctrlrange="-3 3"/>')
+        hand = '<body name="hand" pos="0 0 -0.3"><geom size="0.03" mass="0.1" contype="0" conaffinity="0"/></body>'
+        servos = servos.replace('mass="0.6" contype="0" conaffinity="0"/>', 'mass="0.6" contype="0" conaffinity="0"/>' + hand)
+        self.model.write_text(servos)
+        model = mujoco.MjModel.from_xml_string(servos)
+        data, rows = mujoco.MjData(model), []
+        for k in range(300):
+            u = [math.sin(0.1 * k) + 0.3 * math.sin(0.31 * k), 0.8 * math.sin(0.17 * k + 1) + 0.3 * math.sin(0.4 * k)]
+            rows.append([0.02 * k, *data.qpos, *data.qvel, *u])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 4)
+        _, task = self.init(self.csv(np.array(rows)))
+        fields = {name: parameter["field"] for name, parameter in task["parameters"].items()}
+        self.assertEqual(fields["servo_stiffness_shoulder"], "actuator/shoulder/kp")
+        self.assertEqual(fields["servo_stiffness_elbow"], "actuator/elbow/kp")
+        self.assertEqual(fields["mass_hand"], ["body/hand/mass", "body/hand/inertia"])
+        self.assertEqual(task["parameters"]["mass_hand"]["range"], [0.5, 5])
+
     def test_any_number_of_threads_writes_the_same_bytes(self):
         log = self.csv(swing(1))
         written = set()

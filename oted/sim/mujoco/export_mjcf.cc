@@ -55,7 +55,6 @@ void FixInertias(mjSpec& spec, const mjModel& model) {
     body.fullinertia[0] = std::numeric_limits<double>::quiet_NaN();  // undefined
     body.ialt.type = mjORIENTATION_QUAT;
   }
-  spec.stat.meaninertia = model.stat.meaninertia;
 }
 
 // Relative folders of assets would be looked for beside the new file.

@@ -69,6 +69,11 @@ ModelOutline OutlineOf(const std::string& model_file) {
     ModelOutline::Joint joint;
     joint.name = ObjectName(model, mjOBJ_JOINT, i);
     joint.body = ObjectName(model, mjOBJ_BODY, model.jnt_bodyid[i]);
+    for (int body = model.jnt_bodyid[i] + 1; body < model.nbody; ++body) {
+      if (model.body_weldid[body] == model.jnt_bodyid[i] && model.body_mass[body] > 0) {
+        joint.fastened.push_back(ObjectName(model, mjOBJ_BODY, body));
+      }
+    }
     joint.kind = KindOfJoint(model.jnt_type[i]);
     joint.limited = model.jnt_limited[i] != 0;
     joint.low = model.jnt_range[2 * i];
