@@ -128,9 +128,10 @@ class Finder {
   }
 
   [[noreturn]] void FailMissing(const char* what, const char* prefix, const char* setting) const {
-    throw DataError(
-        fmt::format("'{}' has no column of {}: none begins with '{}'; name them in data.{} = [...]. Its columns are {}",
-                    file_, what, prefix, setting, Shown()));
+    throw DataError(fmt::format(
+        "'{}' has no column of {}: none begins with '{}'; name them in data.{} = [...] of a task file, which "
+        "'oted init MODEL.xml {}' writes. Its columns are {}",
+        file_, what, prefix, setting, file_, Shown()));
   }
 
  private:

@@ -1,6 +1,7 @@
 #include "oted/proposal/column_map.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -8,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "oted/base/fields.h"
 #include "oted/proposal/column_words.h"
 
 namespace oted {
@@ -271,7 +273,7 @@ class Mapper {
   /// A column whose name has no object in it: a place among its kind.
   void Place(size_t column, const Words& words) {
     const ColumnMeaning meaning = MeaningOf(words);
-    if (meaning.n_foreign > 0) return Unused(column, "nothing in the model has such a name");
+    if (meaning.n_foreign > 0) return NotInModel(column, words);
     switch (meaning.role) {
       case ColumnRole::kPosition:
         return position_places_.push_back({meaning.index, column});
@@ -281,11 +283,22 @@ class Mapper {
       case ColumnRole::kEffort:
         return command_places_.push_back({meaning.index, column});
       case ColumnRole::kUnknown:
-        return meaning.index < 0 ? Unused(column, "nothing in the model has such a name")
-                                 : state_places_.push_back({meaning.index, column});
+        return meaning.index < 0 ? NotInModel(column, words) : state_places_.push_back({meaning.index, column});
       case ColumnRole::kMeasured:
         return Unused(column, "measured, no command");
     }
+  }
+
+  void NotInModel(size_t column, const Words& words) {
+    const auto joined = [](const Words& some) { return fmt::format("{}", fmt::join(some, "_")); };
+    Words names;
+    const auto add = [&](const std::string& name) {
+      if (const Words bare = BareWords(WordsOf(name)); !bare.empty()) names.push_back(joined(bare));
+    };
+    for (const auto& joint : model_.joints) add(joint.name);
+    for (const auto& actuator : model_.actuators) add(actuator.name);
+    for (const auto& sensor : model_.sensors) add(sensor.name);
+    Unused(column, "nothing in the model has such a name" + DidYouMean(joined(BareWords(words)), names));
   }
 
   using Places = std::vector<std::pair<int, size_t>>;  // index, column

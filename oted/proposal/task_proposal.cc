@@ -218,11 +218,16 @@ class Proposer {
                                      log_->path(), path));
       }
       const Dataset one = ReadDataset(path, data_.Options());
-      if (joined.size() > 0 && (one.obs_dim() != joined.obs_dim() || one.act_dim() != joined.act_dim() ||
-                                one.rewards.empty() != joined.rewards.empty() ||
-                                one.has_states() != joined.has_states() || PeriodsDiffer(one, joined))) {
-        throw DataError(fmt::format("'{}' has other columns or another rate than '{}'; make a task file for each", path,
-                                    log_->path()));
+      if (joined.size() > 0 &&
+          (one.obs_dim() != joined.obs_dim() || one.act_dim() != joined.act_dim() ||
+           one.rewards.empty() != joined.rewards.empty() || one.has_states() != joined.has_states())) {
+        throw DataError(fmt::format("'{}' has other columns than '{}'; make a task file for each", path, log_->path()));
+      }
+      if (joined.size() > 0 && PeriodsDiffer(one, joined)) {
+        throw DataError(fmt::format(
+            "rows of '{}' lie {:.3g} s apart, and those of '{}' {:.3g} s: no control period is that of both; "
+            "make a task file for each",
+            path, one.period_s, log_->path(), joined.period_s));
       }
       Tell(path, one);
       joined.Append(one);
