@@ -115,6 +115,19 @@ TEST(Checks, RowsThatStandStillAreFound) {
   EXPECT_EQ(found.severity, Severity::kWarning);
 }
 
+TEST(Checks, ARobotThatWaitsBeforeItBeginsIsAtRest) {
+  Dataset d = CleanLog();
+  for (const Episode& episode : d.Episodes()) {
+    for (int i = episode.begin; i < episode.begin + 8; ++i) {
+      std::ranges::copy(d.observations.row(episode.begin + 8), d.observations.row(i).begin());
+      std::ranges::copy(d.observations.row(episode.begin + 8), d.next_observations.row(i).begin());
+    }
+  }
+  const Finding found = FindingOf(Check(d), "standing_rows");
+  EXPECT_EQ(found.count, 8 * static_cast<int>(d.Episodes().size()));
+  EXPECT_EQ(found.severity, Severity::kNote) << found.what;
+}
+
 /// The clean log as encoders read it every `every` rows, in these steps.
 Dataset Encoded(double step, int every) {
   Dataset d = CleanLog();

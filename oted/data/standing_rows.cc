@@ -54,9 +54,12 @@ StandingRows CountStandingRows(const Dataset& dataset, const std::vector<Episode
   if (standing.empty()) return rows;
   rows.first = standing.front();
   const std::vector<double> steps = Steps(dataset, standing);
-  if (std::ranges::all_of(steps, [](double step) { return step == 0; })) return rows;
-  for (const Episode& episode : episodes) {
-    for (int i = episode.begin; i < episode.end; ++i) {
+  const bool has_steps = !std::ranges::all_of(steps, [](double step) { return step == 0; });
+  for (Episode episode : episodes) {
+    // A robot waits before it begins, and when it is done.
+    for (; episode.begin < episode.end && Stands(dataset, episode.begin); ++episode.begin) ++rows.n_at_rest;
+    for (; episode.begin < episode.end && Stands(dataset, episode.end - 1); --episode.end) ++rows.n_at_rest;
+    for (int i = episode.begin; has_steps && i < episode.end; ++i) {
       if (!Stands(dataset, i)) continue;
       rows.n_at_rest += !(Moves(dataset, episode, steps, i, -1) && Moves(dataset, episode, steps, i, 1));
     }

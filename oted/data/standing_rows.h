@@ -10,7 +10,9 @@ namespace oted {
 struct StandingRows {
   int n = 0;
   int first = -1;
-  int n_at_rest = 0;  ///< of a robot that rests or moves less than a step of its sensors; where nothing has steps: none
+  /// Of a robot that rests or moves less than a step of its sensors. Where nothing has steps: those with which an
+  /// episode begins or ends.
+  int n_at_rest = 0;
 };
 
 bool Stands(const Dataset& dataset, int row);
