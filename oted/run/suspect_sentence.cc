@@ -10,7 +10,9 @@ namespace {
 /// "about 1.9 control steps", "0.70 times the model's value".
 std::string ValueInWords(const ParameterSpec& spec, double value) {
   if (spec.scale == ParameterScale::kNominal) return fmt::format("{:.2g} times the model's value", value);
-  return spec.unit.empty() ? fmt::format("{:.2g}", value) : fmt::format("{:.2g} {}", value, spec.unit);
+  const bool is_tilt = spec.field == "opt/gravity[0]" || spec.field == "opt/gravity[1]";
+  return fmt::format("{:.2g}{}{}", value, spec.unit.empty() ? "" : " " + spec.unit,
+                     is_tilt ? ": a base or floor that is not level" : "");
 }
 
 /// ": elbow 0.041 to 0.012 rad over 0.5 s, with 64 % less error in all".

@@ -18,12 +18,13 @@ namespace {
 constexpr int kMostBodies = 12;  // whose masses are suspected one by one
 constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
+constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
 constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
 
 struct SuspectedField {
   std::string name, path;
   std::string if_zero = "";  ///< the joints' field whose value is suspected where the model has zeros alone
-  double most = 0;           ///< of it
+  double most = 0;           ///< of it; without such a field: `path` itself, from minus that to that
 };
 
 std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
@@ -42,6 +43,12 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"contact_damping", "geom/*/solref[1]"},
       {"inertia", "body/*/inertia"},
       {"gravity", "opt/gravity[2]"}};
+  if (const double down = std::abs(model.opt.gravity[2]);
+      down > 0 && model.opt.gravity[0] == 0 && model.opt.gravity[1] == 0) {
+    // A base that does not stand level, and a floor that is none.
+    places.push_back({"tilt_x", "opt/gravity[0]", "", RoundBound(kMostTilt * down)});
+    places.push_back({"tilt_y", "opt/gravity[1]", "", RoundBound(kMostTilt * down)});
+  }
   if (model.nbody - 1 > kMostBodies) {
     places.push_back({"mass", "body/*/mass"});
     return places;
@@ -67,6 +74,14 @@ std::optional<std::vector<ModelField>> Resolved(const mjModel& model, ParameterS
 /// Completes `spec` at the first of the place's meanings that the model has.
 std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const SuspectedField& place,
                                                 ParameterSpec& spec) {
+  if (place.if_zero.empty() && place.most > 0) {
+    spec = {.name = place.name,
+            .field = place.path,
+            .low = -place.most,
+            .high = place.most,
+            .scale = ParameterScale::kAbsolute};
+    return Resolved(model, spec);
+  }
   spec = {.name = place.name, .field = place.path, .low = kLow, .high = kHigh, .logarithmic = true};
   std::optional<std::vector<ModelField>> fields = Resolved(model, spec);
   if (fields || place.if_zero.empty()) return fields;

@@ -23,6 +23,7 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   EXPECT_THAT(fields, Contains("joint/*/damping"));
   EXPECT_THAT(fields, Contains("body/torso/mass"));
   EXPECT_THAT(fields, Contains("geom/*/solref[0]"));
+  EXPECT_THAT(fields, Contains("opt/gravity[0]"));  // a base or floor that is not level
   EXPECT_THAT(fields, Contains("action/delay"));
   EXPECT_THAT(fields, Contains("obs/thigh_joint_pos/bias"));
   EXPECT_THAT(fields, Contains("joint/@actuated/frictionloss"));  // all of them 0: a value, not a multiple
