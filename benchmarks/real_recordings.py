@@ -10,6 +10,9 @@ joints. What MJCF cannot carry is taken from the design's q.json: a delay of the
 added to what the model shows. A column `gain` multiplies the stiffness of every servo. A cell that is in
 results/real_recordings.jsonl is not made again. Needs mujoco and numpy (requirements-test.txt).
 
+The method init is auto with the task file that `oted init` writes from the model and the fit recordings alone, as it is: its
+parameters in place of those of the folder's task.toml. It knows nothing of a column `gain`.
+
 The method mujoco.sysid is MuJoCo's own identification, judged alike (rival_sysid_real.py):
 
     .venv-bench/bin/python benchmarks/real_recordings.py --methods mujoco.sysid      # requirements-sysid.txt
@@ -35,6 +38,7 @@ from study_data import ROOT, add_record, records
 STUDY = ROOT / "benchmarks/results/real_recordings.jsonl"
 MARKS = (0.1, 0.5, 1.0)  # [s]
 RIVAL = "mujoco.sysid"
+INIT = "init"
 SETS = {  # control period [s], held-out recordings by name
     "double_pendulum": (0.002, {"sine": ("143524", "143704", "144003"), "swing-up": ("154548",)}),
     "simple_pendulum": (0.005, {"all": None}),
@@ -128,7 +132,12 @@ def errors(judged, logs, period):
 
 def design(folder, method, oted, out):
     """The designed model, and the program's exit code."""
-    command = [str(oted), "design", str(folder / "task.toml"), "--out", str(out), "--quiet", "--set", f"design.method={method}"]
+    task = folder / "task.toml"
+    if method == INIT:
+        task, method = out.parent / f"{out.name}.toml", "auto"
+        subprocess.run([str(oted), "init", str(folder / "model.xml"), str(folder / "fit.csv.gz"), "--out", str(task)], check=True,
+                       capture_output=True)
+    command = [str(oted), "design", str(task), "--out", str(out), "--quiet", "--set", f"design.method={method}"]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode not in (0, 4):
         raise RuntimeError(done.stderr.strip())
@@ -143,6 +152,7 @@ def design(folder, method, oted, out):
 
 
 def rival(folder, period, out):
+    out.mkdir()
     import rival_sysid_real  # in an environment of its own: requirements-sysid.txt
 
     rival_sysid_real.fit(folder, list(episodes(folder / "fit.csv.gz").values()), period, start_state, out / "designed.xml")
@@ -159,7 +169,7 @@ def make(name, method, oted):
     folder = ROOT / "examples/real" / name
     with tempfile.TemporaryDirectory() as out:
         begin, cpu = time.monotonic(), processor_time()
-        place = pathlib.Path(out)
+        place = pathlib.Path(out) / "run"
         model, code = rival(folder, period, place) if method == RIVAL else design(folder, method, oted, place)
         seconds, cpu = time.monotonic() - begin, processor_time() - cpu
         logs = episodes(folder / "held_out.csv.gz")

@@ -12,6 +12,7 @@
 #include "oted/checks/engine_check.h"
 #include "oted/checks/late_recordings.h"
 #include "oted/data/checks_dynamics.h"
+#include "oted/data/checks_rows.h"
 #include "oted/stages/behavior/clone.h"
 #include "oted/stages/design/effects.h"
 
@@ -117,8 +118,12 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vec
 
 void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, std::vector<Finding>& findings) {
   const GapVerdict verdict = VerdictOf(s);
+  const bool is_little = n_transitions < kFewTransitions;
   const std::string meaning =
-      verdict == GapVerdict::kNone
+      verdict == GapVerdict::kNone && is_little ? "so few transitions cannot tell: a classifier learns little from "
+                                                  "them; look at the one-step errors, and make "
+                                                  "a design"
+      : verdict == GapVerdict::kNone
           ? "no gap was seen: train agents in the nominal simulator; a gap smaller than what so many "
             "transitions show may remain"
       : verdict == GapVerdict::kSmall ? "a small gap: a design may close it, and it may not change what agents learn"
@@ -132,8 +137,9 @@ void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, s
                            spec.task, s.auc, s.accuracy, s.common, std::numbers::ln2, n_transitions),
        .count = n_transitions,
        .meaning = meaning,
-       .remedy =
-           verdict == GapVerdict::kNone ? "none needed; more episodes make the statement stronger" : "oted design"});
+       .remedy = verdict == GapVerdict::kNone
+                     ? is_little ? "log more" : "none needed; more episodes make the statement stronger"
+                     : "oted design"});
 }
 
 void CheckEffects(const SimulatorFactory& factory, const Dataset& dataset, RngKey key, int n_threads,

@@ -16,7 +16,6 @@ constexpr double kDuplicateShare = 0.01;    // of rows: above it a warning
 constexpr double kStandingShare = 0.01;     // the same
 constexpr double kInconsistentShare = 0.2;  // of rows: more is no missed boundary but another origin of s'
 constexpr double kJump = 3;                 // times the 95 % quantile of a channel's change, in half of the channels
-constexpr int kFewTransitions = 200;
 constexpr int kRowsForJumps = 100;
 
 std::string_view Bytes(std::span<const double> values) {

@@ -7,6 +7,9 @@
 
 namespace oted {
 
+/// Fewer transitions tell little: scores are measured on held-out halves.
+inline constexpr int kFewTransitions = 200;
+
 /// Rows and episodes: duplicates, rows that stand still, missed boundaries, jumps, lengths, amount.
 void CheckRows(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
 

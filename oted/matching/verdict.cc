@@ -24,7 +24,8 @@ constexpr double kAtBound = 0.01;        // of the range
 constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
 constexpr double kLeastChannelExcess = 0.4, kChannelExcessErrors = 4.0;
 constexpr double kLeastGain = 0.05, kGainErrors = 2.0;
-constexpr double kGuess = 0.9;  // of a channel's spread
+constexpr double kGuess = 0.9;   // of a channel's spread
+constexpr double kFarOff = 1.4;  // an excess of which no more windows make a small one: twice the floor's error
 
 bool IsExcess(const Estimated& e) { return e.value > std::max(kLeastExcess, kExcessErrors * e.error); }
 bool IsChannelExcess(const Estimated& e) {
@@ -123,6 +124,12 @@ bool ExceedsFloor(const HeldOutPrediction& prediction) {
 }
 
 /// Surely or not: few windows leave large gains unsure.
+/// Whether the nominal simulator is grossly off, be it sure or not: few windows tell no standard error.
+bool NominalIsFarOff(const HeldOutPrediction& prediction) {
+  return std::ranges::any_of(
+      prediction.horizons, [](const HeldOutPrediction::Horizon& h) { return h.excess.value + h.gain.value > kFarOff; });
+}
+
 bool GainsNoticeably(const HeldOutPrediction& prediction) {
   return std::ranges::any_of(prediction.horizons,
                              [](const HeldOutPrediction::Horizon& h) { return h.gain.value > kLeastExcess; });
@@ -269,7 +276,8 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
     const bool as_well = !better && !GainsNoticeably(prediction);
-    return as_well || ContainsNominal(q) ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
+    const bool is_nominal = ContainsNominal(q) && !NominalIsFarOff(prediction);
+    return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   return better && ParametersAtBounds(q).empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;

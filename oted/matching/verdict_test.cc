@@ -164,6 +164,13 @@ TEST(ReachesFloor, OneChannelOrOneHorizonIsEnough) {
   EXPECT_TRUE(ChannelsOff(Predicted(kNothing, kMuch)).empty());
 }
 
+TEST(JudgePrediction, ANominalSimulatorThatIsFarOffIsNoneWithoutAGapHoweverWideTheIntervals) {
+  const Designer wide = MakeDesigner({0.5, 0.5}, {2, 2});
+  const Estimated unsure = {11, 20};  // of two windows
+  EXPECT_EQ(JudgePrediction(wide, Predicted(kNothing, unsure)), DesignVerdict::kGapClosed);
+  EXPECT_EQ(JudgePrediction(wide, Predicted(kNothing, {0.3, 0.1})), DesignVerdict::kNoGap) << "within its reach";
+}
+
 TEST(PredictsBetter, AGainCountsWhereItIsSureAndNoHorizonLoses) {
   EXPECT_TRUE(PredictsBetter(Predicted(kNothing, kMuch)));
   EXPECT_FALSE(PredictsBetter(Predicted(kNothing, {0.1, 0.1})));

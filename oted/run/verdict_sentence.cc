@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kShown = 0.5;  // [s]
 constexpr double kWorse = 1.1;  // times the nominal simulator's error
+constexpr double kMuchNarrowed = 0.5;
 
 /// "[rad/s]" behind a number.
 std::string WithUnit(double value, const std::string& unit) {
@@ -168,11 +169,13 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
              judged_by;
     case DesignVerdict::kGapClosed:
       if (!record.predicts_better) {
+        const std::string unsure =
+            horizon.narrowed > kMuchNarrowed
+                ? fmt::format("with {} less error than the nominal one, in too few windows for that to be sure", share)
+                : "its parameters are not the nominal ones, but that it predicts better is not sure";
         return fmt::format(
-                   "gap closed: {} the designed simulator predicts the logs as well as the sensors let it; its "
-                   "parameters are "
-                   "not the nominal ones, but that it predicts better is not sure{}",
-                   over, ButUntold(horizon)) +
+                   "gap closed: {} the designed simulator predicts the logs as well as the sensors let it; {}{}", over,
+                   unsure, ButUntold(horizon)) +
                judged_by;
       }
       return fmt::format(

@@ -14,8 +14,8 @@ enum class DriveKind { kMotor, kPositionServo, kVelocityServo, kOther };
 struct ModelOutline {
   struct Joint {
     std::string name;
-    std::string body;                   ///< that it moves
-    std::vector<std::string> fastened;  ///< bodies with a mass that are fastened to it: a hand, a load
+    std::string body;                        ///< that it moves
+    std::vector<std::string> fastened = {};  ///< bodies with a mass that are fastened to it: a hand, a load
     JointKind kind = JointKind::kHinge;
     bool limited = false;
     double low = 0, high = 0;  ///< [rad, m] where limited

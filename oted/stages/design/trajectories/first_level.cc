@@ -36,6 +36,20 @@ Level Leading(const Level& level, size_t n) {
   return part;
 }
 
+std::unique_ptr<LevelFit> FitGrowing(Level level, VectorXd x, int n_steps, size_t n_fewest,
+                                     const std::function<std::unique_ptr<LevelFit>(Level, VectorXd)>& make,
+                                     const std::function<void(LevelFit&, bool)>& descend) {
+  std::unique_ptr<LevelFit> fit;
+  while (level.windows.size() >= n_fewest) {
+    const bool is_last = 2 * level.windows.front().n_steps > n_steps, is_first = fit == nullptr;
+    fit = make(std::move(level), x);
+    descend(*fit, is_first);
+    x = fit->x();
+    level = is_last ? Level{} : Joined(fit->level());
+  }
+  return fit;
+}
+
 double CoarseCost(WindowReplayer& replayer, const Level& level, const VectorXd& scale, const std::vector<double>& z) {
   const std::vector<VectorXd> residuals = replayer.Residuals(level.windows, level.starts, z);
   const int n_steps = level.windows.front().n_steps;

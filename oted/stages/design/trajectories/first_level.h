@@ -2,6 +2,8 @@
 /// The shortest windows of trajectory matching, and how well parameters explain them before anything is fitted.
 
 #include <Eigen/Dense>
+#include <functional>
+#include <memory>
 #include <vector>
 
 #include "oted/base/rng.h"
@@ -20,6 +22,15 @@ Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, i
 
 /// The first `n` windows of a level.
 Level Leading(const Level& level, size_t n);
+
+/// The fit of windows that grew: those of `level`, then windows of twice the length from the starts that these found,
+/// and so on up to `n_steps`, as long as `n_fewest` are left. Noisy readings are no starts of long windows.
+/// @param make     a fit of windows, from x
+/// @param descend  told whether it is the first
+/// @return null where `level` has too few windows
+std::unique_ptr<LevelFit> FitGrowing(Level level, Eigen::VectorXd x, int n_steps, size_t n_fewest,
+                                     const std::function<std::unique_ptr<LevelFit>(Level, Eigen::VectorXd)>& make,
+                                     const std::function<void(LevelFit&, bool)>& descend);
 
 /// How well z explains replays from the guessed states: the log of each channel's error, the worst fifth of the windows
 /// left out.

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "oted/matching/designer.h"
@@ -26,7 +29,7 @@ using Eigen::VectorXd;
 
 constexpr int kFreedRows = 1600;         // of the windows that are fitted
 constexpr double kFreedPhysics = 1.5e5;  // steps of a linearization of them
-constexpr int kFreedIterations = 12;
+constexpr int kFreedIterations = 12, kJoinedIterations = 5;
 constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
 constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
 constexpr double kShownSeconds = 0.5;
@@ -84,9 +87,13 @@ class FreedTrials {
     const Prior prior = WithUniform(problem_.prior);
     const ReadingModel readings = ReadingsOf(*wider);
     std::optional<Fitted> best;
-    for (const double value : {suspect.value, before.back()}) {
+    std::vector<VectorXd> starts = {StartOf(*wider, x, suspect.value), StartOf(*wider, x, before.back())};
+    // The other parameters have moved with it there.
+    const auto screened = screened_.find(suspect.spec.name);
+    if (screened != screened_.end()) starts.front() = screened->second;
+    for (const VectorXd& start : starts) {
       if (best && !IsCaught(*best)) break;
-      std::optional<Fitted> fitted = Fit(*wider, prior, readings, StartOf(*wider, x, value));
+      std::optional<Fitted> fitted = Fit(*wider, prior, readings, start);
       if (fitted && (!best || fitted->cost < best->cost)) best = std::move(fitted);
     }
     if (!best) return std::nullopt;
@@ -174,6 +181,7 @@ class FreedTrials {
       LevelFit with(replayer, wider->parameters(), prior, scale, fit.level(), StartOf(*wider, fit.x(), suspect.value));
       suspect.explains = cost - cost_of(with);
       suspect.value = ToZ(wider->parameters(), with.x()).back();
+      screened_[suspect.spec.name] = with.x();
     }
     std::erase_if(suspects,
                   [](const Suspect& s) { return !(s.explains > kFewestNats) || !IsNoticeable(s.spec, s.value); });
@@ -232,17 +240,26 @@ class FreedTrials {
     const int n_steps =
         std::max({std::min(problem_.fit.window, told), static_cast<int>(std::lround(kShortestLongWindow / period_)),
                   readings.longest_age() + kFewestFreedSteps});
-    const Level level = LongWindows(replayer, parts_.learn, n_steps, FreedRows(n_steps), period_);
-    if (level.windows.size() < kFewestFreedWindows) return std::nullopt;
     const VectorXd scale = ChannelScales(parts_.learn);
-    LevelFit fit(replayer, space, prior, scale, level, from);
-    fit.LetErrorsGrow(noise_.cwiseAbs2());
-    Descend(fit, kFreedIterations);
-    const double cost = fit.FinalCost();
+    // As the design itself: where long windows were taken, x stays where the descent came to; elsewhere windows grow
+    // from short ones.
+    const bool is_long = problem_.fit.errors_grow;
+    const Level level =
+        LongWindows(replayer, parts_.learn, is_long ? n_steps : ShortScreening().n_steps, FreedRows(n_steps), period_);
+    const auto make = [&](Level windows, VectorXd x) {
+      auto fit = std::make_unique<LevelFit>(replayer, space, prior, scale, std::move(windows), std::move(x));
+      if (is_long) fit->LetErrorsGrow(noise_.cwiseAbs2());
+      return fit;
+    };
+    const auto descend = [&](LevelFit& fit, bool is_first) {
+      Descend(fit, is_first ? kFreedIterations : kJoinedIterations);
+    };
+    const std::unique_ptr<LevelFit> fit = FitGrowing(level, from, n_steps, kFewestFreedWindows, make, descend);
+    if (fit == nullptr) return std::nullopt;
+    const double cost = fit->FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
-    // As of the design itself: where long windows were taken, x stays where the descent came to.
-    const MatrixXd covariance = problem_.fit.errors_grow ? fit.CovarianceOfParts() : fit.Finish();
-    return Fitted{n_steps, fit.x(), cost, covariance};
+    const MatrixXd covariance = is_long ? fit->CovarianceOfParts() : fit->Finish();
+    return Fitted{fit->level().windows.front().n_steps, fit->x(), cost, covariance};
   }
 
   /// Of what the design found in the part of the logs that learns, and what that part gives in the windows that freed
@@ -277,7 +294,8 @@ class FreedTrials {
   double period_;
   VectorXd noise_;
   HeldOutParts parts_;
-  VectorXd x_;  ///< what the design found without the part that judges
+  VectorXd x_;                                ///< what the design found without the part that judges
+  std::map<std::string, VectorXd> screened_;  ///< what short windows gave with each suspect
   std::optional<VectorXd> without_;
   std::optional<Fitted> fitted_without_;  ///< in the windows that freed suspects are fitted to
 };

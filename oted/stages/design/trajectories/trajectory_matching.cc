@@ -311,15 +311,19 @@ class TrajectoryMatch {
     WindowReplayer learner = Replayer(space_.size(), parts_.learn);
     const double period = problem_.factory.spec().control_period_s;
     const int n_rows = is_long ? FinalRows() / kRowsPerJudged : kValidationRows;
-    const Level level = LongWindows(learner, parts_.learn, evidence_.window, n_rows, period);
+    const int begins = is_long || is_exact_ ? evidence_.window : shortest_;
     const VectorXd from = is_long ? choice_.x : fit_->x();
-    if (level.windows.empty()) return from;
     const VectorXd scale = ChannelScales(parts_.learn);
-    LevelFit fit(learner, space_, problem_.prior, scale, level, from);
-    if (is_long) fit.LetErrorsGrow(SensorNoise().cwiseAbs2());
-    fit.HoldStarts(is_exact_);
-    Descend(fit, is_long ? kLongIterations : kLevelIterations);
-    return fit.x();
+    const auto make = [&](Level level, VectorXd x) {
+      auto fit = std::make_unique<LevelFit>(learner, space_, problem_.prior, scale, std::move(level), std::move(x));
+      if (is_long) fit->LetErrorsGrow(SensorNoise().cwiseAbs2());
+      fit->HoldStarts(is_exact_);
+      return fit;
+    };
+    const auto descend = [&](LevelFit& fit, bool) { Descend(fit, is_long ? kLongIterations : kLevelIterations); };
+    const std::unique_ptr<LevelFit> fit = FitGrowing(LongWindows(learner, parts_.learn, begins, n_rows, period), from,
+                                                     evidence_.window, 1, make, descend);
+    return fit == nullptr ? from : fit->x();
   }
 
   /// The fit of short windows, going on without those that hold a row that judges: their starts were found from windows
