@@ -13,6 +13,7 @@
 #include "oted/run/export.h"
 #include "oted/run/records.h"
 #include "oted/run/run_inputs.h"
+#include "oted/run/validation.h"
 #include "oted/sim/mujoco/task.h"
 #include "python/study.h"
 
@@ -125,6 +126,23 @@ void AddDesigns(nb::module_& m) {
       },
       nb::arg("run_directory"), nb::arg("mjcf"), nb::arg("sysid"), nb::arg("member"));
   m.def("task_names", &TaskNames);
+  m.def(
+      "validate",
+      [](const std::string& run_directory, const std::string& data, const std::string& model, int threads) {
+        const nb::gil_scoped_release release;
+        ValidationRequest request;
+        request.run = run_directory;
+        request.data = data;
+        request.model = model;
+        NullSink log;
+        RunConfig config;
+        config.run.threads = threads;
+        RunContext context;
+        context.log = &log;
+        context.n_threads = config.Threads();
+        return Validate(request, context).ToJson(request).dump();
+      },
+      nb::arg("run_directory"), nb::arg("data"), nb::arg("model"), nb::arg("threads"));
 }
 
 }  // namespace oted::python

@@ -29,6 +29,8 @@ namespace {
 
 using Maybe = std::optional<InArray>;
 
+constexpr double kPeriodSlack = 0.02;  // by which a period that was measured may be off
+
 Array2<double> Matrix(const InArray& array, const char* name) {
   if (array.ndim() != 2) {
     throw UsageError(fmt::format("{} has {} dimensions, wanted 2: (rows, columns)", name, array.ndim()));
@@ -64,6 +66,8 @@ void SetConstant(Dataset& dataset, const std::string& name, double value) {
   for (int i = 0; i < dataset.size(); ++i) dataset.constants(i, column) = value;
 }
 
+bool PeriodsDiffer(double a, double b) { return std::abs(a - b) > kPeriodSlack * std::max(a, b); }
+
 /// Appends logs that may say other constants: where one says nothing it is as in the model.
 void Append(Dataset& dataset, Dataset other) {
   const auto add_missing = [](Dataset& to, const Dataset& from) {
@@ -78,6 +82,22 @@ void Append(Dataset& dataset, Dataset other) {
   };
   wanted("observations", other.obs_dim(), dataset.obs_dim());
   wanted("actions", other.act_dim(), dataset.act_dim());
+  const auto same_names = [](const char* what, std::vector<std::string> got, std::vector<std::string> here) {
+    if (got.empty() || here.empty()) return;
+    const std::string names = fmt::format("{}, the first {}", fmt::join(got, ", "), fmt::join(here, ", "));
+    std::ranges::sort(got);
+    std::ranges::sort(here);
+    if (got != here) throw UsageError(fmt::format("+: the second logs have the {} {}; rename them", what, names));
+  };
+  same_names("observations", other.observation_names, dataset.observation_names);
+  same_names("actions", other.action_names, dataset.action_names);
+  MatchNames(other, dataset.observation_names, dataset.action_names);
+  if (dataset.period_s > 0 && other.period_s > 0 && PeriodsDiffer(dataset.period_s, other.period_s)) {
+    throw UsageError(
+        fmt::format("+: rows of the second logs lie {:.6g} s apart, and those of the first {:.6g} s; make "
+                    "both with one period",
+                    other.period_s, dataset.period_s));
+  }
   if (other.rewards.empty() != dataset.rewards.empty()) other.rewards.clear(), dataset.rewards.clear();
   if (other.qpos.cols() != dataset.qpos.cols() || other.qvel.cols() != dataset.qvel.cols()) {
     other.qpos = other.qvel = dataset.qpos = dataset.qvel = {};
@@ -114,6 +134,19 @@ void MatchConstants(Dataset& dataset, const SimulatorSpec& spec) {
     for (int i = 0; i < dataset.size(); ++i) ordered.constants(i, to) = dataset.constants(i, static_cast<int>(k));
   }
   dataset = std::move(ordered);
+}
+
+/// Brings channels and constants into the task's order. @throws UsageError where it has others, or another period
+void MatchTask(Dataset& dataset, const SimulatorSpec& spec) {
+  MatchNames(dataset, spec.observation_names, spec.action_names);
+  MatchConstants(dataset, spec);
+  if (!(dataset.period_s > 0) || !(spec.control_period_s > 0) ||
+      !PeriodsDiffer(dataset.period_s, spec.control_period_s))
+    return;
+  throw UsageError(
+      fmt::format("rows of the logs lie {:.6g} s apart, and the control period of task {} is {:.6g} s; give "
+                  "the logs their times and this period, or correct the task",
+                  dataset.period_s, spec.task, spec.control_period_s));
 }
 
 OutArray Copy(const Array2<double>& m) {
@@ -240,8 +273,7 @@ void Write(Dataset dataset, const std::string& path, const Study& study) {
   const RunConfig config = study.Config();
   if (!config.task.name.empty()) {
     const SimulatorSpec spec = SpecOf(config.task);
-    MatchNames(dataset, spec.observation_names, spec.action_names);
-    MatchConstants(dataset, spec);
+    MatchTask(dataset, spec);
     dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   }
   WriteDataset(dataset, path);
@@ -256,9 +288,7 @@ std::string Check(const std::optional<Dataset>& given, const Study& study, uint6
   if (given) {
     dataset = *given;
     if (has_task) {
-      const SimulatorSpec spec = SpecOf(config.task);
-      MatchNames(dataset, spec.observation_names, spec.action_names);
-      MatchConstants(dataset, spec);
+      MatchTask(dataset, SpecOf(config.task));
     }
   } else {
     DataOptions how = has_task ? DataOptionsFor(config.data, SpecOf(config.task)) : config.data.Options();

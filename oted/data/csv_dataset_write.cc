@@ -17,9 +17,12 @@ namespace {
 std::vector<std::string> ColumnNames(const std::string& prefix, const std::vector<std::string>& names, int n) {
   std::vector<std::string> columns;
   for (int j = 0; j < n; ++j) {
-    // Names that are still whole columns ("obs_0") need no second prefix.
+    // Names that are still whole columns ("obs_0") need no second prefix; "actuator/hip" is none.
     const std::string name = names.empty() ? std::to_string(j) : names[static_cast<size_t>(j)];
-    columns.push_back(CsvField(name.starts_with(prefix) ? name : prefix + "." + name));
+    const bool is_whole = name.starts_with(prefix) &&
+                          (name.size() == prefix.size() ||
+                           std::string_view("._/: [0123456789").find(name[prefix.size()]) != std::string_view::npos);
+    columns.push_back(CsvField(is_whole ? name : prefix + "." + name));
   }
   return columns;
 }

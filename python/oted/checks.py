@@ -38,7 +38,9 @@ class Check:
         return iter(self.findings)
 
     def __repr__(self) -> str:
-        lines = [f"{f['severity']}: {f['check']}: {f['what']}" for f in self.findings] or ["no findings"]
+        lines = [f"{f['severity']}: {f['check']}: {f['what']}"
+                 + (f"\n    do: {f['remedy']}" if f["severity"] != "note" and f.get("remedy") else "")
+                 for f in self.findings] or ["no findings"]
         return "\n".join([*lines, f"gap: {self.gap}"] if self.gap else lines)
 
     def _repr_html_(self) -> str:

@@ -17,6 +17,7 @@ from oted import _given, _toml
 from oted._engine import core
 from oted._needs import need
 from oted.errors import DataError, UsageError
+from oted.logs import Logs, file_of
 
 
 class Verdict(enum.StrEnum):
@@ -47,8 +48,31 @@ class Validation:
         """The same as a pandas DataFrame."""
         return need("pandas", "a table").DataFrame(self.rows())
 
+    def __repr__(self) -> str:
+        lines = [f"{'channel':<34} {'horizon':>8} {'nominal':>10} {'designed':>10} {'sensors':>10}"]
+        for row in self.rows():
+            name = row["name"] + (f" [{row['unit']}]" if row["unit"] else "")
+            lines.append(f"{name:<34} {row['horizon']:>6.3g} s {_number(row['nominal']):>10} {_number(row['designed']):>10} "
+                         f"{_number(row['floor']):>10}")
+        return "\n".join(lines)
+
     def _repr_html_(self) -> str:
         return _html_table(self.rows())
+
+
+class LaterValidation(Validation):
+    """The same of recordings that came later: Design.validate."""
+
+    def __init__(self, record: dict[str, Any]) -> None:
+        super().__init__(record["validation"])
+        self.sentence: str = record["sentence"]
+        self.warnings: list[str] = record["warnings"]
+        self.predicts_better: bool = record["predicts_better"]  # than the nominal simulator, beyond chance
+        self.reaches_floor: bool = record["reaches_floor"]  # what it leaves, the sensors explain
+        self.model: Validation | None = Validation(record["model"]["validation"]) if "model" in record else None
+
+    def __repr__(self) -> str:
+        return "\n".join([super().__repr__(), *(f"warning: {warning}" for warning in self.warnings), self.sentence])
 
 
 class Design:
@@ -121,7 +145,8 @@ class Design:
         return self.path / "report.html"
 
     def rows(self) -> list[dict[str, Any]]:
-        """One dict per parameter: name, unit, nominal, mode, std, the 90 % interval's ends q05 and q95, verdict."""
+        """One dict per parameter: parameter (its name), unit, nominal, mode, std, the 90 % interval's ends q05 and q95, verdict,
+        field."""
         return [{"parameter": p["name"], "unit": p["unit"], "nominal": p["nominal"], "mode": p["mode"], "std": p["std"],
                  "q05": p["interval90"][0], "q95": p["interval90"][1], "verdict": p["verdict"], "field": p["field"]}
                 for p in self.parameters]
@@ -204,6 +229,26 @@ class Design:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=2, frameon=False, fontsize="small")
         return axes
 
+    def validate(
+        self,
+        logs: Logs | str | os.PathLike[str],
+        *,
+        model: str | os.PathLike[str] | None = None,
+        threads: int | None = None,
+    ) -> LaterValidation:
+        """Predicts recordings of the same task that the design did not see, beside the nominal simulator and what the sensors'
+        noise leaves: `oted validate`. model: an MJCF or URDF to compare with in the place of the task's own, as it is."""
+        with tempfile.TemporaryDirectory(prefix="oted-") as folder:
+            if isinstance(logs, Logs):
+                data = os.path.join(folder, "logs.csv.gz" if logs.constants else "logs.npz")
+                toml = (self.path / "run.toml").read_text(encoding="utf-8")
+                core.write_logs(logs._data, data, core.Study(toml, str(self.path.resolve() / "run.toml"), ""))
+            else:
+                data = file_of(logs)
+            return LaterValidation(json.loads(core.validate(
+                str(self.path), data, "" if model is None else os.fspath(model),
+                0 if threads is None else _given.whole("threads", threads, 0))))
+
     def save(self, path: str | os.PathLike[str]) -> "Design":
         """Copies the run directory. @return the design there"""
         target = pathlib.Path(path)
@@ -227,13 +272,18 @@ class Design:
     def __repr__(self) -> str:
         lines = [f"{p['name']}: {p['mode']:.4g} [{p['interval90'][0]:.4g}, {p['interval90'][1]:.4g}] "
                  f"(nominal {p['nominal']:.4g}), {p['verdict']}" for p in self.parameters]
-        return "\n".join([f"Design of {self.task} in '{self.path}'", *lines, self.sentence])
+        suspects = [f"suspect, not among the parameters: {suspect['sentence']}" for suspect in self.suspects]
+        return "\n".join([f"Design of {self.task} in '{self.path}'", *lines, self.sentence, *suspects])
 
     def _repr_html_(self) -> str:
         text = f"<p><b>{html.escape(self.sentence)}</b></p>" + _html_table(self.rows())
         for suspect in self.suspects:
             text += f"<p>suspect, not among the parameters: {html.escape(str(suspect['sentence']))}</p>"
         return text
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2g}"
 
 
 def _html_table(rows: list[dict[str, Any]]) -> str:

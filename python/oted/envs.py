@@ -30,8 +30,9 @@ class _Simulators:
         what = study_of(task, parameters)
         self.facts: dict[str, Any] = json.loads(core.describe(what))
         if not self.facts["has_reward"]:
+            again = (" and call oted.fit again with the same out: the design stays" if isinstance(task, Design) else "")
             warnings.warn(f"task '{self.facts['task']}' has no reward: every step gives 0; name one, "
-                          "oted.Task(..., reward='...')", stacklevel=4)
+                          f"oted.Task(..., reward='...'){again}", stacklevel=4)
         self.lanes = core.Lanes(what, n_lanes, threads)
         self._design = task if isinstance(task, Design) else None
         self._sample = sample if isinstance(sample, str) and sample in SAMPLES else None

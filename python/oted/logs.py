@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -147,14 +148,21 @@ class Logs:
         unwrap: Sequence[str] = (),
     ) -> "Logs":
         """From a DataFrame of pandas, Polars or pyarrow, or any mapping of columns, one row as in Logs. The columns keep
-        their names, by which a task finds them; give others where the task has others. A column of times is numbers [s]
-        or time stamps. `terminated` names a column of flags, read in each episode's last row."""
-        def column(name: str) -> NDArray[Any]:
+        their names, by which a task finds them; give others where the task has others. `episode` groups the rows, wherever
+        they stand, as groupby does. A column of times is numbers [s] or time stamps; with `period` rows come at one per
+        period, and missing ones are filled in or end the episode. `terminated` names a column of flags, read in each
+        episode's last row."""
+        def found(name: str) -> NDArray[Any]:
             try:
                 values = frame[name]
             except Exception as e:
                 raise UsageError(f"the frame has no column '{name}'") from e
             return np.asarray(values.to_numpy() if hasattr(values, "to_numpy") else values)
+
+        order = None if episode is None else _together(found(episode))
+
+        def column(name: str) -> NDArray[Any]:
+            return found(name) if order is None else found(name)[order]
 
         def matrix(names: Sequence[str]) -> Array:
             columns = []
@@ -257,7 +265,7 @@ class Logs:
         return Logs._of(data)
 
     def __add__(self, other: "Logs") -> "Logs":
-        """Both, one after the other; no episode goes on across the seam."""
+        """Both, one after the other; no episode goes on across the seam. Where both have names, channels go by them."""
         if not isinstance(other, Logs):
             return NotImplemented
         data = self._data.copy()
@@ -265,7 +273,11 @@ class Logs:
         return Logs._of(data)
 
     def save(self, path: str | os.PathLike[str], task: TaskLike = None) -> None:
-        """Writes .npz, .hdf5 or .csv; with a task, in the order of its channels."""
+        """Writes .npz, .hdf5, .csv or .csv.gz; with a task, in the order of its channels. A table alone keeps names and
+        times."""
+        if task is None and self.observation_names and not os.fspath(path).endswith((".csv", ".csv.gz")):
+            warnings.warn(f"'{os.fspath(path)}' keeps no names of channels: whoever reads it takes them in the order of the "
+                          "task; save with task=..., or as .csv", stacklevel=2)
         core.write_logs(self._data, os.fspath(path), study(task))
 
     def __repr__(self) -> str:
@@ -274,23 +286,36 @@ class Logs:
                 + (f", {self._path!r}" if self._path else "") + ")")
 
 
-def _episode_ends(n_rows: int, ends: Sequence[int] | None, labels: ArrayLike | None) -> list[int]:
-    if ends is not None and labels is not None:
+def _episode_ends(n_rows: int, given: Sequence[int] | None, labels: ArrayLike | None) -> list[int]:
+    if given is not None and labels is not None:
         raise UsageError("got episode_ends and episode, which say the same; give one")
     if labels is not None:
         column = np.asarray(labels)
         if column.shape != (n_rows,):
             raise UsageError(f"episode: got shape {column.shape}, wanted a label for each of {n_rows} rows")
-        return [*(int(i) + 1 for i in np.flatnonzero(column[1:] != column[:-1])), n_rows]
-    if ends is None:
+        ends = [*(int(i) + 1 for i in np.flatnonzero(column[1:] != column[:-1])), n_rows]
+        begun: set[Any] = set()
+        for begin in [0, *ends[:-1]]:
+            label = column[begin].item() if hasattr(column[begin], "item") else column[begin]
+            if label in begun:
+                raise UsageError(f"episode: label {label!r} comes again at row {begin}, after another; sort the rows by it")
+            begun.add(label)
+        return ends
+    if given is None:
         return [n_rows]
     try:
-        found = [int(end) for end in ends]
+        found = [int(end) for end in given]
     except (TypeError, ValueError) as e:
         raise UsageError(f"episode_ends: wanted whole numbers, one past the last row of each episode ({e})") from e
     if not found or found[-1] != n_rows or any(b <= a for a, b in zip([0, *found], found)):
         raise UsageError(f"episode_ends: got {found[:5]}..., wanted rising numbers up to the {n_rows} rows")
     return found
+
+
+def _together(labels: NDArray[Any]) -> NDArray[np.int64]:
+    """The order in which the rows of a label stand together, labels in the order in which they come first."""
+    first: dict[Any, int] = {}
+    return np.argsort([first.setdefault(label, len(first)) for label in labels.tolist()], kind="stable")
 
 
 def _patterns(given: Sequence[str]) -> list[str]:

@@ -64,6 +64,10 @@ class OtedVecEnv(_base.VecEnv):  # type: ignore[misc]
         return chosen
 
 
-def make_vec_env(task: Any, num_envs: int = 1, **keywords: Any) -> OtedVecEnv:
-    """num_envs environments of a task or a design; keywords as oted.make_vec_env's."""
-    return OtedVecEnv(task, num_envs, **keywords)
+def make_vec_env(task: Any, num_envs: int = 1, *, seed: int | None = None, **keywords: Any) -> Any:
+    """num_envs environments of a task or a design, behind a VecMonitor, so that Stable-Baselines3 logs returns and lengths of
+    episodes. seed: of the first reset. Other keywords as oted.make_vec_env's."""
+    environments = need("stable_baselines3.common.vec_env.vec_monitor", "oted.sb3", "stable-baselines3").VecMonitor(
+        OtedVecEnv(task, num_envs, **keywords))
+    environments.seed(seed)
+    return environments

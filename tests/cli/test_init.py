@@ -267,7 +267,7 @@ class InitTest(ProgramTest):
             with self.subTest(needles):
                 self.assertNothingLeft(oted("init", self.model, log, "--out", self.task), code, *needles)
         good, other = self.csv(rows, file="a.csv"), self.csv(rows[::2], file="b.csv")
-        self.assertNothingLeft(oted("init", self.model, good, other, "--out", self.task), DATA_OR_MODEL, "another rate")
+        self.assertNothingLeft(oted("init", self.model, good, other, "--out", self.task), DATA_OR_MODEL, "0.04 s apart", "0.02 s")
         self.assertNothingLeft(oted("init", self.folder / "no.xml", good, "--out", self.task), DATA_OR_MODEL, "no.xml")
         self.assertNothingLeft(oted("init", self.model, good, "--out", self.folder / "task.txt"), USAGE, ".toml")
 

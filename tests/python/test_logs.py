@@ -116,6 +116,55 @@ class LogsTest(InFolder):
         np.testing.assert_array_equal(again.observations[:end - begin], logs.observations[begin:end])
         self.assertIsNone(again.path)
 
+    def test_joined_logs_go_by_the_names_of_their_channels(self):
+        rows = np.arange(20.0)[:, None] + [0.0, 100.0]
+        one = oted.Logs(rows, rows[:, :1], observation_names=["a", "b"], action_names=["u"], period=0.02)
+        turned = oted.Logs(rows[:, ::-1], rows[:, :1], observation_names=["b", "a"], action_names=["u"], period=0.02)
+        both = one + turned
+        self.assertEqual((both.observation_names, both.period), (["a", "b"], 0.02))
+        np.testing.assert_array_equal(both.observations[len(one):], one.observations)
+        other = oted.Logs(rows, rows[:, :1], observation_names=["a", "c"], action_names=["u"])
+        with self.assertRaisesRegex(oted.UsageError, "a, c, the first a, b"):
+            one + other
+        with self.assertRaisesRegex(oted.UsageError, "0.01 s apart"):
+            one + oted.Logs(rows, rows[:, :1], period=0.01)
+
+    def test_the_rows_of_an_episode_are_grouped_wherever_they_stand(self):
+        t = np.concatenate([0.02 * np.arange(30), 0.02 * np.arange(12)])
+        label = np.repeat([7, 3], [30, 12])
+        order = np.argsort(t, kind="stable")
+        frame = {"t": t[order], "e": label[order], "q": np.sin(t + label)[order], "u": t[order]}
+        logs = oted.Logs.from_pandas(frame, observations=["q"], actions=["u"], episode="e", time="t", period=0.02)
+        self.assertEqual([end - begin for begin, end, _ in logs.episodes], [29, 11])
+        np.testing.assert_allclose(logs.observations[:29, 0], np.sin(t + label)[:29], atol=1e-12)
+        with self.assertRaisesRegex(oted.UsageError, "label 7 comes again"):
+            oted.Logs(frame["q"], frame["u"], episode=frame["e"])
+
+    def test_another_period_than_the_tasks_is_refused(self):
+        (self.folder / "pendulum.xml").write_text(PENDULUM)
+        task = oted.Task(model=self.folder / "pendulum.xml", control_period=0.02)
+        t = np.arange(0, 4, 0.01)
+        logs = oted.Logs(np.column_stack([np.sin(t), np.cos(t)]), np.sin(3 * t)[:, None], period=0.01)
+        with self.assertRaisesRegex(oted.UsageError, "lie 0.01 s apart, and the control period"):
+            oted.check(logs, task)
+        with self.assertRaisesRegex(oted.UsageError, "lie 0.01 s apart, and the control period"):
+            oted.fit(task, logs, {"mass": oted.Param("body/*/mass", 0.5, 2)}, progress=False)
+
+    def test_a_table_keeps_names_and_period_without_a_task(self):
+        rows = np.arange(12.0)[:, None] + [0.0, 100.0]
+        logs = oted.Logs(rows, rows[:, :1], observation_names=["joint/hip/qpos", "observer"], action_names=["actuator/hip"],
+                         period=0.02)
+        logs.save(self.folder / "log.csv")
+        back = oted.read_logs(self.folder / "log.csv")
+        self.assertEqual((back.observation_names, back.action_names), (logs.observation_names, logs.action_names))
+        self.assertAlmostEqual(back.period, 0.02)
+        np.testing.assert_array_equal(back.observations, logs.observations)
+
+    def test_a_file_that_keeps_no_names_is_told(self):
+        logs = oted.Logs(np.zeros((5, 1)), np.zeros((5, 1)), observation_names=["q"], action_names=["u"])
+        with self.assertWarnsRegex(UserWarning, "keeps no names"):
+            logs.save(self.folder / "log.npz")
+
     def test_constants_go_with_their_recordings_and_only_with_a_task_that_has_them(self):
         (self.folder / "pendulum.xml").write_text(PENDULUM)
         constants = {"load": {"field": "body/*/mass"}}

@@ -133,6 +133,16 @@ class Designs(InFolder):
         self.assertIn("friction", self.design._repr_html_())
         self.assertTrue(self.design.report.is_file())
 
+    def test_later_recordings_are_predicted_as_the_program_does(self):
+        given = next((self.ours / "given").glob("logs.*"), HOPPER)
+        told = json.loads(subprocess.run([OTED, "validate", self.ours, "--data", given, "--json"], capture_output=True, text=True,
+                                         check=False).stdout)
+        for logs in (given, oted.read_logs(given, "Hopper-v5")):
+            later = self.design.validate(logs)
+            self.assertEqual(later.record, told["validation"])
+            self.assertIn(told["sentence"], repr(later))
+        self.assertIn(later.rows()[0]["name"], repr(self.design.validation))
+
     @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "Matplotlib is not installed")
     def test_a_plot_goes_into_one_axes(self):
         from matplotlib.figure import Figure
