@@ -75,7 +75,11 @@ class FreedTrials {
   }
 
   /// The likeliest first. Where long windows took the place of short ones, those tell of little but noise.
-  std::vector<Suspect> Find() { return FindBy(problem_.fit.errors_grow ? LongScreening() : ShortScreening()); }
+  std::vector<Suspect> Find() {
+    if (problem_.fit.errors_grow) return FindBy(LongScreening());
+    std::vector<Suspect> found = FindBy(ShortScreening());
+    return found.empty() ? FindBy(GrownScreening()) : found;
+  }
 
   std::optional<FreedTrial> Try(const Suspect& suspect) {
     const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
@@ -133,21 +137,33 @@ class FreedTrials {
   /// The windows that suspects are screened by.
   struct Screening {
     int n_steps, n_rows, n_iterations;
-    bool errors_grow;  ///< no score is sure then: suspects without one are fitted as well
+    bool errors_grow;
+    bool asks_all;   ///< no score is sure: suspects without one are fitted as well
+    int begins = 0;  ///< the windows grow from so many steps; 0: they do not
   };
 
   Screening ShortScreening() const {
     const int n_steps = std::max(ShortestWindow(ReadingsOf(problem_.factory)),
                                  std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
                                             kFewestScreenedSteps, kMostScreenedSteps));
-    return {n_steps, kScreenedRows, kScreenedIterations, false};
+    return {n_steps, kScreenedRows, kScreenedIterations, false, false};
+  }
+
+  /// Windows as long as the design's, up to a quarter second: where noise hides in short ones what adds up.
+  Screening GrownScreening() const {
+    Screening grown = ShortScreening();
+    grown.begins = grown.n_steps;
+    grown.n_steps = std::min(problem_.fit.window, static_cast<int>(std::lround(kLongScreenedSeconds / period_)));
+    grown.n_rows = kFreedRows;
+    grown.asks_all = true;
+    return grown;
   }
 
   Screening LongScreening() const {
     const int longest = static_cast<int>(std::lround(kLongScreenedSeconds / period_));
     const int n_steps = std::max(std::min(problem_.fit.window, longest),
                                  ReadingsOf(problem_.factory).longest_age() + kFewestFreedSteps);
-    return {n_steps, std::max(kScreenedRows, kFewestLongWindows * n_steps), kLongScreenedIterations, true};
+    return {n_steps, std::max(kScreenedRows, kFewestLongWindows * n_steps), kLongScreenedIterations, true, true};
   }
 
   std::vector<Suspect> FindBy(const Screening& by) {
@@ -158,19 +174,24 @@ class FreedTrials {
     const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
     if (wide == nullptr) return {};
     WindowReplayer every = Replayer(*wide, readings), alone = Replayer(problem_.factory, readings);
-    const Level level = LongWindows(every, parts_.learn, by.n_steps, by.n_rows, period_);
-    if (level.windows.size() < kFewestFreedWindows) return {};
     const VectorXd scale = ChannelScales(parts_.learn);
-    const auto cost_of = [&](LevelFit& fit) {
+    const auto make = [&](Level windows, VectorXd x) {
+      return std::make_unique<LevelFit>(alone, problem_.factory.parameters(), problem_.prior, scale, std::move(windows),
+                                        std::move(x));
+    };
+    const auto descend = [&](LevelFit& fit, bool) {
       if (by.errors_grow) fit.LetErrorsGrow(noise_.cwiseAbs2());
       Descend(fit, by.n_iterations);
-      return fit.FinalCost();
     };
-    LevelFit fit(alone, problem_.factory.parameters(), problem_.prior, scale, level, x_);
-    const double cost = cost_of(fit);
+    const int begins = by.begins > 0 ? by.begins : by.n_steps;
+    const std::unique_ptr<LevelFit> grown = FitGrowing(LongWindows(every, parts_.learn, begins, by.n_rows, period_), x_,
+                                                       by.n_steps, kFewestFreedWindows, make, descend);
+    if (grown == nullptr) return {};
+    LevelFit& fit = *grown;
+    const double cost = fit.FinalCost();
     std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
-    if (by.errors_grow) AddUnscored(specs, suspects);
-    suspects.resize(std::min(suspects.size(), by.errors_grow ? kMostLongScreened : kMostScreened));
+    if (by.asks_all) AddUnscored(specs, suspects);
+    suspects.resize(std::min(suspects.size(), by.asks_all ? kMostLongScreened : kMostScreened));
     for (size_t k = 0; k < suspects.size(); ++k) {
       Suspect& suspect = suspects[k];
       problem_.context.log->Progress("suspects", "asked", static_cast<int64_t>(k),
@@ -179,7 +200,8 @@ class FreedTrials {
       WindowReplayer replayer = Replayer(*wider, readings);
       const Prior prior = WithUniform(problem_.prior);
       LevelFit with(replayer, wider->parameters(), prior, scale, fit.level(), StartOf(*wider, fit.x(), suspect.value));
-      suspect.explains = cost - cost_of(with);
+      descend(with, true);
+      suspect.explains = cost - with.FinalCost();
       suspect.value = ToZ(wider->parameters(), with.x()).back();
       screened_[suspect.spec.name] = with.x();
     }
