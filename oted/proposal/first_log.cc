@@ -17,12 +17,23 @@ namespace {
 
 constexpr double kSlowest_s = 0.5;  // a time column with longer rows is not in seconds
 constexpr size_t kShown = 12;
+constexpr size_t kRowsOfRecording = 100;  // on average at least, between two changes of what is known of recordings
 
 template <class T>
 std::vector<std::string> NamesOf(const std::vector<T>& owners) {
   std::vector<std::string> names;
   for (const T& owner : owners) names.push_back(owner.name);
   return names;
+}
+
+/// Whether a column keeps a value for many rows and takes others later, as what is known of a recording does.
+bool IsOfRecordings(const std::vector<double>& values) {
+  size_t changes = 0;
+  for (size_t i = 1; i < values.size(); ++i) {
+    if (std::isnan(values[i])) return false;
+    changes += values[i] != values[i - 1];
+  }
+  return changes > 0 && changes * kRowsOfRecording <= values.size();
 }
 
 }  // namespace
@@ -73,6 +84,14 @@ ColumnMap FirstLog::Map(const ModelOutline& model, const std::string& model_path
   if (map.actions.empty())
     fail("a command", model.actuators.empty() ? NamesOf(model.joints) : NamesOf(model.actuators));
   if (!is_csv()) InFileOrder(map, model, model_path);
+  for (std::string& unused : map.unused) {
+    const auto column = std::ranges::find_if(
+        columns_, [&](const LogColumn& c) { return unused.starts_with(fmt::format("'{}': ", c.name)); });
+    if (column == columns_.end() || !IsOfRecordings(column->values)) continue;
+    unused +=
+        "; it differs between recordings: where it is known of them, as a load or a gain is, make it a constant "
+        "([task.constants], docs/task_files.md)";
+  }
   return map;
 }
 

@@ -138,6 +138,15 @@ class InitTest(ProgramTest):
         self.assertEqual(fields["mass_hand"], ["body/hand/mass", "body/hand/inertia"])
         self.assertEqual(task["parameters"]["mass_hand"]["range"], [0.5, 5])
 
+    def test_what_is_known_of_each_recording_may_be_a_constant(self):
+        rows = np.vstack([np.column_stack([swing(seed), np.full(300, seed), np.full(300, load)])
+                          for seed, load in ((1, 0.25), (2, 0.5))])
+        said, _ = self.init(self.csv(rows, [*NAMES, "episode", "firmware_gain"]))
+        self.assertIn("'firmware_gain': nothing in the model has such a name; it differs between recordings", said)
+        rows[:, -1] = np.sin(np.arange(600))
+        self.task.unlink()
+        self.assertNotIn("differs between", self.init(self.csv(rows, [*NAMES, "episode", "firmware_gain"]))[0])
+
     def test_any_number_of_threads_writes_the_same_bytes(self):
         log = self.csv(swing(1))
         written = set()
