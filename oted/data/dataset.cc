@@ -154,18 +154,26 @@ void Dataset::Check() const {
     check_rows("infos/qpos", qpos.rows());
     check_rows("infos/qvel", qvel.rows());
   }
-  const auto check_finite = [&](const char* name, std::span<const double> values, int cols) {  // cols 0: a vector
+  // cols 0: a vector
+  const auto check_finite = [&](const char* name, std::span<const double> values, int cols,
+                                const std::vector<std::string>& names = {}) {
     for (size_t i = 0; i < values.size(); ++i) {
       if (IsLoggable(values[i])) continue;
       const size_t width = static_cast<size_t>(cols);
       const std::string index = cols == 0 ? fmt::format("{}", i) : fmt::format("{}, {}", i / width, i % width);
-      throw DataError(fmt::format("{}: {}[{}] is {}, wanted numbers up to {}; remove or repair that transition", where,
-                                  name, index, values[i], kLargestLogged));
+      const int row = static_cast<int>(cols == 0 ? i : i / width);
+      const bool is_named = cols > 0 && names.size() == width;
+      const std::vector<Episode> episodes = Episodes();
+      const auto in = std::ranges::find_if(episodes, [&](const Episode& e) { return row < e.end; });
+      throw DataError(
+          fmt::format("{}: {}[{}] ({}episode {}) is {}, wanted numbers up to {}; remove or repair that transition",
+                      where, name, index, is_named ? fmt::format("'{}', ", names[i % width]) : "",
+                      in - episodes.begin() + 1, values[i], kLargestLogged));
     }
   };
-  check_finite("observations", observations.values(), obs_dim());
-  check_finite("actions", actions.values(), act_dim());
-  check_finite("next_observations", next_observations.values(), obs_dim());
+  check_finite("observations", observations.values(), obs_dim(), observation_names);
+  check_finite("actions", actions.values(), act_dim(), action_names);
+  check_finite("next_observations", next_observations.values(), obs_dim(), observation_names);
   check_finite("rewards", rewards, 0);
   if (has_states()) {
     check_finite("infos/qpos", qpos.values(), qpos.cols());

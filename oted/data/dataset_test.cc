@@ -77,9 +77,10 @@ TEST(Dataset, CheckNamesTheFirstDefect) {
   EXPECT_NO_THROW(MakeTestDataset(10, 4).Check());
   EXPECT_THAT(message_after([](Dataset& d) { d = Dataset(); }), HasSubstr("no transition"));
   EXPECT_THAT(message_after([&](Dataset& d) { d.actions(3, 1) = nan; }),
-              HasSubstr("'demos.hdf5': actions[3, 1] is nan"));
-  EXPECT_THAT(message_after([&](Dataset& d) { d.rewards[7] = nan; }), HasSubstr("rewards[7] is nan"));
-  EXPECT_THAT(message_after([&](Dataset& d) { d.qvel(2, 0) = 1 / 0.0; }), HasSubstr("infos/qvel[2, 0] is inf"));
+              HasSubstr("'demos.hdf5': actions[3, 1] (episode 1) is nan"));
+  EXPECT_THAT(message_after([&](Dataset& d) { d.rewards[7] = nan; }), HasSubstr("rewards[7] (episode 2) is nan"));
+  EXPECT_THAT(message_after([&](Dataset& d) { d.qvel(2, 0) = 1 / 0.0; }),
+              HasSubstr("infos/qvel[2, 0] (episode 1) is inf"));
   EXPECT_THAT(message_after([](Dataset& d) { d.terminals.pop_back(); }), HasSubstr("terminals has 9 rows"));
   EXPECT_THAT(message_after([](Dataset& d) { d.qpos = {}; }), HasSubstr("only one of infos/qpos"));
   EXPECT_THAT(message_after([](Dataset& d) { d.next_observations = Array2<double>(10, 2); }),
