@@ -43,9 +43,17 @@ TEST(SummariseTest, NamesWhatTheLogsPinDownAndWhatTheyDoNot) {
   EXPECT_THAT(Text(summary["found"]), HasSubstr("determine gain (1.297\u00a0±\u00a00.050)."));
   EXPECT_THAT(Text(summary["found"]), HasSubstr("roughly what friction is"));
   EXPECT_THAT(Text(summary["found"]), Not(HasSubstr("damping")));
-  EXPECT_THAT(Text(summary["unknown"]), HasSubstr("do not show damping"));
+  EXPECT_THAT(Text(summary["unknown"]), HasSubstr("do not tell damping"));
+  EXPECT_THAT(Text(summary["unknown"]), HasSubstr("where the other parameters go with them"));
   EXPECT_THAT(Text(summary["unknown"]), HasSubstr("true values are not known"));
   EXPECT_THAT(Text(summary["unknown"]), HasSubstr("No policy was evaluated"));
+}
+
+TEST(SummariseTest, ChannelsThatTheRobotShowsLateAreToldToWhoUsesAPolicy) {
+  const json channel = {{"name", "hip_vel"}, {"judged", false}};
+  const json design = {{"verdict", "gap_closed"}, {"validation", {{"horizons", {{{"channels", {channel}}}}}}}};
+  EXPECT_THAT(Text(Summarise({{"design", design}})["unknown"]),
+              HasSubstr("Simulators show hip_vel exactly and at once"));
 }
 
 TEST(SummariseTest, WithATruthItStatesTheMeanAbsoluteErrorInPlaceOfTheCaveat) {
