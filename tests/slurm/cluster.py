@@ -2,6 +2,7 @@
 slurm-wlm and munge, whose slurmd may run twice on a host.
 """
 
+import glob
 import os
 import pathlib
 import shutil
@@ -21,6 +22,14 @@ def why_not():
     if missing:
         return f"{', '.join(missing)} not found: 'make test-slurm' installs Slurm"
     return "" if os.getuid() == 0 else "a test cluster needs root"
+
+
+def read(path):
+    """What a file of /proc says; nothing of a process that has ended meanwhile."""
+    try:
+        return pathlib.Path(path).read_bytes()
+    except OSError:
+        return b""
 
 
 class Cluster:
@@ -98,11 +107,7 @@ class Cluster:
         for entry in pathlib.Path("/proc").iterdir():
             if not entry.name.isdigit():
                 continue
-            try:
-                words = (entry / "cmdline").read_bytes().split(b"\0")
-                environment = (entry / "environ").read_bytes().split(b"\0")
-            except OSError:
-                continue
+            words, environment = (read(entry / name).split(b"\0") for name in ("cmdline", "environ"))
             ours = f"SLURM_CONF={self.conf}".encode() in environment
             of_job = ours and f"SLURMD_NODENAME={node}".encode() in environment
             is_daemon = words[0].endswith(b"slurmd") and str(self.conf).encode() in words and node.encode() in words
@@ -113,12 +118,9 @@ class Cluster:
 
     def node_of(self, step):
         """A step's daemon carries no name of its node: its children do."""
-        for children in pathlib.Path(f"/proc/{step}/task").glob("*/children"):
-            for child in children.read_text().split():
-                try:
-                    environment = pathlib.Path(f"/proc/{child}/environ").read_bytes().split(b"\0")
-                except OSError:
-                    continue
+        for children in glob.glob(f"/proc/{step}/task/*/children"):
+            for child in read(children).split():
+                environment = read(pathlib.Path("/proc") / child.decode() / "environ").split(b"\0")
                 if f"SLURM_CONF={self.conf}".encode() not in environment:
                     continue
                 for node in NODES:
