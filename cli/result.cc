@@ -166,8 +166,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
       if (!left_out.empty())
         Print(
             "\n  without {}: MJCF cannot hold this, and the errors that are printed are with it; alone the file "
-            "predicts "
-            "worse\n  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports)",
+            "predicts worse\n  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports)",
             left_out);
     }
     Print("\nreport: {}\n", (report / "report.html").string());

@@ -71,10 +71,9 @@ const char* EpisodeEnd(const EpisodeResult& episode) {
 void EvaluateFile(const EvaluateOptions& options) {
   RunConfig config = ResolveConfig(options);
   config.task.Resolve();
-  const TaskConfig task = TaskOf(config, options.policy);
-  config.task = task;
+  config.task = TaskOf(config, options.policy);
   if (config.data.empty() && options.task.ends_with(".toml")) config.data = RunConfig::FromTomlFile(options.task).data;
-  const auto factory = MakeSimulatorFactory(task, config.parameters, LoggedStarts(config));
+  const auto factory = MakeSimulatorFactory(config.task, config.parameters, LoggedStarts(config));
   const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
   factory->parameters().CheckInside(z);
   const int n_episodes = Episodes(options.episodes);
@@ -97,7 +96,7 @@ void EvaluateFile(const EvaluateOptions& options) {
     Print("{}\n", json{{"schema", "oted.policy_evaluation/1"},
                        {"policy", options.policy},
                        {"policy_sha256", Sha256OfFile(options.policy)},
-                       {"task", task.name},
+                       {"task", config.task.name},
                        {"parameters", parameters},
                        {"seed", config.run.seed},
                        {"mean_return", result.mean_return},
@@ -111,7 +110,7 @@ void EvaluateFile(const EvaluateOptions& options) {
                       .dump(2));
     return;
   }
-  Print("{} in {}, {} episodes\n", options.policy, task.name, n_episodes);
+  Print("{} in {}, {} episodes\n", options.policy, config.task.name, n_episodes);
   const int decimals = ReturnDecimals({result.min_return, result.max_return}, 1);
   Print("return   {:.{}f} +- {:.{}f}, from {:.{}f} to {:.{}f}\n", result.mean_return, decimals, result.std_return,
         decimals, result.min_return, decimals, result.max_return, decimals);

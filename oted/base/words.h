@@ -16,8 +16,7 @@ inline constexpr const char* kStarredChannels = "* computed from positions, or l
 inline std::string StarredForPolicies(const std::vector<std::string>& channels) {
   return fmt::format(
       "simulators show {} exactly and at once, the robot computed or late: a policy that reads them meets other "
-      "numbers "
-      "there; make their delay a parameter (obs/NAME/delay), or leave them out of the observations",
+      "numbers there; make their delay a parameter (obs/NAME/delay), or leave them out of the observations",
       fmt::join(channels, ", "));
 }
 

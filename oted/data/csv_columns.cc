@@ -39,13 +39,12 @@ std::string Lower(std::string_view text) {
 bool StripPrefix(const std::string& name, Words words, std::string& rest) {
   const std::string lower = Lower(name);
   for (const std::string_view word : words) {
-    if (!lower.starts_with(word)) continue;
+    if (!BeginsWithPrefix(lower, word)) continue;
     rest = name.substr(word.size());
     if (rest.empty() || rest[0] == '[' || std::isdigit(static_cast<unsigned char>(rest[0])) != 0) {
       rest = name;  // "obs0", "obs[3]", "action": no name of its own
       return true;
     }
-    if (std::string_view("._/: ").find(rest[0]) == std::string_view::npos) continue;
     rest.erase(0, 1);
     if (rest.empty() || std::ranges::all_of(rest, [](unsigned char c) { return std::isdigit(c) != 0; })) rest = name;
     return true;
@@ -168,6 +167,12 @@ std::vector<std::string> StripNames(const std::vector<std::string>& names, Words
 }
 
 }  // namespace
+
+bool BeginsWithPrefix(std::string_view name, std::string_view word) {
+  return name.starts_with(word) &&
+         (name.size() == word.size() ||
+          std::string_view("._/: [0123456789").find(name[word.size()]) != std::string_view::npos);
+}
 
 CsvColumns FindColumns(const std::vector<std::string>& header, const DataOptions& options, const std::string& file) {
   CheckSeparator(header, file);

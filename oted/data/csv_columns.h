@@ -2,6 +2,7 @@
 /// Which columns of a CSV hold what: by the user's lists, the task's names, or convention.
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "oted/data/data_options.h"
@@ -24,6 +25,9 @@ struct CsvColumns {
   std::vector<std::string> action_names;
   std::vector<std::string> unused;  ///< names of columns that hold none of it
 };
+
+/// Whether `name` begins with the word of a prefix ("obs_0", "act.hip"), and not with a longer one ("actuator/hip").
+bool BeginsWithPrefix(std::string_view name, std::string_view word);
 
 /// Finds the columns of `header`. Observations and actions are, in this order: the listed ones; those that the task
 /// names, when all are there; those with a prefix. @throws DataError naming `file`, what is missing and what is there.

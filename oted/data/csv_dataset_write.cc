@@ -9,6 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/data/csv.h"
+#include "oted/data/csv_columns.h"
 #include "oted/data/gzip.h"
 
 namespace oted {
@@ -19,10 +20,7 @@ std::vector<std::string> ColumnNames(const std::string& prefix, const std::vecto
   for (int j = 0; j < n; ++j) {
     // Names that are still whole columns ("obs_0") need no second prefix; "actuator/hip" is none.
     const std::string name = names.empty() ? std::to_string(j) : names[static_cast<size_t>(j)];
-    const bool is_whole = name.starts_with(prefix) &&
-                          (name.size() == prefix.size() ||
-                           std::string_view("._/: [0123456789").find(name[prefix.size()]) != std::string_view::npos);
-    columns.push_back(CsvField(is_whole ? name : prefix + "." + name));
+    columns.push_back(CsvField(BeginsWithPrefix(name, prefix) ? name : prefix + "." + name));
   }
   return columns;
 }

@@ -123,13 +123,13 @@ bool ExceedsFloor(const HeldOutPrediction& prediction) {
   });
 }
 
-/// Surely or not: few windows leave large gains unsure.
 /// Whether the nominal simulator is grossly off, be it sure or not: few windows tell no standard error.
 bool NominalIsFarOff(const HeldOutPrediction& prediction) {
   return std::ranges::any_of(
       prediction.horizons, [](const HeldOutPrediction::Horizon& h) { return h.excess.value + h.gain.value > kFarOff; });
 }
 
+/// Surely or not: few windows leave large gains unsure.
 bool GainsNoticeably(const HeldOutPrediction& prediction) {
   return std::ranges::any_of(prediction.horizons,
                              [](const HeldOutPrediction::Horizon& h) { return h.gain.value > kLeastExcess; });

@@ -55,16 +55,21 @@ Match MatchOf(const json& report) {
   return match;
 }
 
-// The verdict's sentence, as the design wrote it, with a capital and a full stop.
+/// With a capital and a full stop.
+std::string AsSentence(std::string text) {
+  text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text + ".";
+}
+
+// The verdict's sentence, as the design wrote it.
 std::string Headline(const json& report) {
   if (!report.contains("design")) {
     return report.contains("design_seeds") ? "The design is not complete yet."
                                            : "No simulator has been designed in this run yet.";
   }
-  std::string sentence = TextAt(report["design"], "sentence");
+  const std::string sentence = TextAt(report["design"], "sentence");
   if (sentence.empty()) return "A simulator has been designed; no verdict was recorded.";
-  sentence[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(sentence[0])));
-  return sentence + ".";
+  return AsSentence(sentence);
 }
 
 std::string Asked(const json& report) {
@@ -285,9 +290,7 @@ json Unknown(const json& report, const std::string& verdict) {
         "not found them exactly. Take the values below for the best that it found, not for measurements.");
   }
   if (const std::vector<std::string> starred = Starred(report); !starred.empty()) {
-    std::string sentence = StarredForPolicies(starred);
-    sentence.front() = 'S';
-    unknown.push_back(sentence + ".");
+    unknown.push_back(AsSentence(StarredForPolicies(starred)));
   }
   if (report.contains("design") && !report.contains("evaluation")) {
     unknown.push_back("No policy was evaluated in the target.");

@@ -148,10 +148,17 @@ TEST(ShownHorizon, IsOneOverWhichTheGainIsSure) {
   EXPECT_EQ(ShownHorizon(validation).seconds, 0.5) << "what was learned from tells least";
 }
 
-TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
+/// Horizons are to be added.
+DesignRecord Narrowed() {
   DesignRecord record;
   record.verdict = DesignVerdict::kGapNarrowed;
   record.predicts_better = true;
+  record.validation.emplace();
+  return record;
+}
+
+TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
+  DesignRecord record = Narrowed();
   DesignRecord::Validation validation;
   validation.horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.04, 0.01, 1}}, {}});
   const auto sentence = [&] {
@@ -174,10 +181,7 @@ TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
 }
 
 TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
-  DesignRecord record;
-  record.verdict = DesignVerdict::kGapNarrowed;
-  record.predicts_better = true;
-  record.validation.emplace();
+  DesignRecord record = Narrowed();
   record.validation->horizons.push_back({0.1, 10, 9, false, 0.7, true, {{"hip", "rad", 0.2, 0.1, 0.01, 0.4}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("constant")));
   record.validation->horizons.push_back({0.5, 50, 9, false, 0.3, true, {{"hip", "rad", 0.7, 0.5, 0.01, 0.4}}, {}});
@@ -187,10 +191,7 @@ TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
 }
 
 TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNominalSimulator) {
-  DesignRecord record;
-  record.verdict = DesignVerdict::kGapNarrowed;
-  record.predicts_better = true;
-  record.validation.emplace();
+  DesignRecord record = Narrowed();
   record.validation->horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.04, 0.01, 1}}, {}});
   record.validation->n_recordings = 1;
   record.fit.emplace();

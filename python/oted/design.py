@@ -17,7 +17,8 @@ from oted import _given, _toml
 from oted._engine import core
 from oted._needs import need
 from oted.errors import DataError, UsageError
-from oted.logs import Logs, file_of
+from oted.logs import Logs, file_of, write_logs
+from oted.task import study
 
 
 class Verdict(enum.StrEnum):
@@ -239,12 +240,8 @@ class Design:
         """Predicts recordings of the same task that the design did not see, beside the nominal simulator and what the sensors'
         noise leaves: `oted validate`. model: an MJCF or URDF to compare with in the place of the task's own, as it is."""
         with tempfile.TemporaryDirectory(prefix="oted-") as folder:
-            if isinstance(logs, Logs):
-                data = os.path.join(folder, "logs.csv.gz" if logs.constants else "logs.npz")
-                toml = (self.path / "run.toml").read_text(encoding="utf-8")
-                core.write_logs(logs._data, data, core.Study(toml, str(self.path.resolve() / "run.toml"), ""))
-            else:
-                data = file_of(logs)
+            data = (write_logs(logs, folder, study(str(self.path / "run.toml"))) if isinstance(logs, Logs)
+                    else file_of(logs))
             return LaterValidation(json.loads(core.validate(
                 str(self.path), data, "" if model is None else os.fspath(model),
                 0 if threads is None else _given.whole("threads", threads, 0))))

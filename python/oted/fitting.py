@@ -10,7 +10,7 @@ from oted import _toml
 from oted._engine import core
 from oted.design import Design
 from oted.errors import UsageError
-from oted.logs import Logs, file_of
+from oted.logs import Logs, file_of, write_logs
 from oted.progress import Callback, handler
 from oted.task import ParametersLike, TaskLike, study
 
@@ -77,8 +77,6 @@ def _logs_path(logs: Logs | PathLike | None, task: TaskLike, folder: pathlib.Pat
         return file_of(logs)
     if logs.path is not None:
         return logs.path
-    # A table is the only format that holds constants.
-    written = folder / "given" / ("logs.csv.gz" if logs.constants else "logs.npz")
-    written.parent.mkdir(parents=True, exist_ok=True)
-    core.write_logs(logs._data, str(written), study(task, folder=folder / "given"))
-    return str(written.resolve())
+    given = folder / "given"
+    given.mkdir(parents=True, exist_ok=True)
+    return write_logs(logs, given.resolve(), study(task, folder=given))

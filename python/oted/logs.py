@@ -374,6 +374,13 @@ def file_of(logs: Any) -> str:
     raise UsageError(f"logs: got {kind}, wanted oted.Logs or a file" + (f"; {remedy[kind]}" if kind in remedy else ""))
 
 
+def write_logs(logs: Logs, folder: str | os.PathLike[str], what: "core.Study") -> str:
+    """The path of a file of the logs in `folder`, in the order of the task's channels. A table alone holds constants."""
+    path = os.path.join(folder, "logs.csv.gz" if logs.constants else "logs.npz")
+    core.write_logs(logs._data, path, what)
+    return path
+
+
 def read_logs(
     path: str | os.PathLike[str],
     task: TaskLike = None,
