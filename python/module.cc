@@ -25,8 +25,8 @@ namespace {
 void AddErrors(nb::module_&) {
   nb::register_exception_translator([](const std::exception_ptr& error, void*) {
     const auto raise = [](const char* name, const char* message) {
-      const nb::object kind = nb::module_::import_("oted.errors").attr(name);
-      PyErr_SetString(kind.ptr(), message);
+      const nb::module_ errors = nb::module_::import_("oted.errors");
+      PyErr_SetObject(nb::object(errors.attr(name)).ptr(), nb::object(errors.attr("_in_python")(message)).ptr());
     };
     try {
       std::rethrow_exception(error);

@@ -20,6 +20,9 @@ from oted.task import ParametersLike, TaskLike, study
 Array = NDArray[np.float64]
 Policy = Callable[[Array], ArrayLike]
 
+# What a run directory holds of agents.
+OF_AGENTS = ("agents", "nominal", "policy.onnx", "policy_selection.json", "evaluation.json", "report.html", "report.json")
+
 
 class Agent:
     """A policy file, ours (.npz) or any feed-forward ONNX, that acts in a task."""
@@ -94,14 +97,19 @@ def train(
     train_in: str | None = None,
     threads: int | None = None,
     settings: Mapping[str, Any] | None = None,
+    out: str | os.PathLike[str] | None = None,
     progress: bool = True,
     callback: Callback | None = None,
 ) -> Agent:
     """Trains agents in the designed simulators and selects one in them: `oted select-policy` in the design's run
     directory. steps: control steps of each agent. algorithm: "crossq", "sac" or "ppo". train_in: "modes", "samples" or
-    "best". Like fit, it goes on where it was stopped. For other libraries' agents see oted.make_env."""
+    "best". out: a run directory for it, in which the design is copied: one holds the agents of one call. Like fit, it
+    goes on where it was stopped. For other libraries' agents see oted.make_env."""
     if not isinstance(design, Design):
         raise UsageError(f"design: got {type(design).__name__}, wanted what oted.fit or oted.load('runs/arm') gives")
+    if out is not None and pathlib.Path(out).resolve() != design.path.resolve():
+        folder = pathlib.Path(out)
+        design = Design(folder) if (folder / "design.json").is_file() else design._copied(folder, without=OF_AGENTS)
     chosen = algorithm
     given: dict[str, Any] = {"agents.algorithm": algorithm, "agents.n_agents": agents, "agents.train_in": train_in,
                              "run.threads": threads}

@@ -8,6 +8,7 @@ import pathlib
 import shutil
 import tempfile
 import weakref
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -248,10 +249,14 @@ class Design:
 
     def save(self, path: str | os.PathLike[str]) -> "Design":
         """Copies the run directory. @return the design there"""
+        return self._copied(path)
+
+    def _copied(self, path: str | os.PathLike[str], without: Collection[str] = ()) -> "Design":
+        """A copy of the run directory, without some of its files and folders."""
         target = pathlib.Path(path)
         if target.exists():
             raise UsageError(f"'{target}' exists already; remove it or name another")
-        shutil.copytree(self.path, target)
+        shutil.copytree(self.path, target, ignore=lambda folder, names: without if folder == str(self.path) else ())
         # run.toml names logs and models from its own folder: the finished run is called again from the new one.
         given = next((target / "given").glob("logs.*"), None)
         data = _toml.section("data", {"path": given.resolve()}) if given else ""

@@ -279,9 +279,20 @@ class Designs(InFolder):
         np.testing.assert_array_equal(env.reset(seed=1)[0], oted.make_env(design).reset(seed=1)[0])
         evaluation = oted.evaluate(lambda seen: np.zeros((len(seen), 1)), loaded, episodes=2)
         self.assertEqual(evaluation.lengths, [200, 200])
-        agent = oted.train(loaded, steps=300, agents=1, progress=False, settings={
-            "sac.hidden": "16", "sac.learning_starts": 100, "sac.eval_interval": 150, "sac.eval_episodes": 1, "report.motion": "false"})
+        small = {"sac.hidden": "16", "sac.learning_starts": 100, "sac.eval_interval": 150, "sac.eval_episodes": 1,
+                 "report.motion": "false"}
+        agent = oted.train(loaded, steps=300, agents=1, progress=False, settings=small)
         self.assertEqual(agent.predict(np.zeros(3))[0].shape, (1,))
+        # One run directory holds the agents of one call; another call has its own.
+        with self.assertRaisesRegex(oted.UsageError, "other data, settings .* choose another out,"):
+            oted.train(loaded, steps=450, agents=1, progress=False, settings=small)
+        there = self.folder / "longer"
+        longer = oted.train(loaded, steps=450, agents=1, progress=False, settings=small, out=there)
+        self.assertEqual(longer.path, there / "policy.onnx")
+        self.assertEqual(oted.load(there).record["parameters"], loaded.record["parameters"])
+        before = longer.path.stat().st_mtime_ns
+        again = oted.train(loaded, steps=450, agents=1, progress=False, settings=small, out=there)
+        self.assertEqual(again.path.stat().st_mtime_ns, before)
 
         other = subprocess.run([sys.executable, "-c", f"import oted; oted.make_env(oted.load({str(run)!r}))"],
                                env={**os.environ, "PYTHONPATH": FOLDER}, capture_output=True, text=True)

@@ -346,6 +346,17 @@ class Refusals(InFolder):
                 call()
             self.assertEqual(len(str(raised.exception).splitlines()), 1)
 
+    def test_errors_name_arguments_and_not_the_programs_options(self):
+        for said, wanted in (
+                ("no data are named; add --data demos.hdf5", "no data are named; add data demos.hdf5"),
+                ("use --set design.method=paper", 'use settings={"design.method": "paper"}'),
+                ("--set a.b_c=0.5: wanted a number", 'settings={"a.b_c": 0.5}: wanted a number'),
+                ("choose another --out, or remove 'x--y'", "choose another out, or remove 'x--y'"),
+                ("edited; name it: oted run a --out b", "edited; name it: oted run a --out b")):
+            self.assertEqual(oted.errors._in_python(said), wanted)
+        with self.assertRaisesRegex(oted.UsageError, 'settings={"design.trajectories.window": "x"}'):
+            oted.fit("Hopper-v5", HOPPER, FRICTION, settings={"design.trajectories.window": "x"})
+
     def test_ctrl_c_stops_and_the_same_call_goes_on(self):
         code = """
 import oted, signal, sys
