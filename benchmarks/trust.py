@@ -17,8 +17,10 @@ seed and leaves one line of JSON; a case that is there is not run again. The cla
   inertia         all inertias are
   delay           actions act one or two control steps late
   friction_loss   joints have dry friction, the model none
+  actuator_noise  what acted differs from the logged action by noise: 5 to 10 % of its range, anew in every step
+  wrong_rate      rows are twice as far apart as the task says
 
-In the last six classes the right verdict is gap_narrowed or outside_family, and no parameter is identified.
+In the last eight classes the right verdict is gap_narrowed or outside_family, and no parameter is identified.
 
 The arm is that of grow.py: two links with position servos, whose stiffness and a mass are searched, under sine commands.
 It has no class no_effect, product or contact; noise is in rad and rad/s.
@@ -35,19 +37,23 @@ import subprocess
 import tempfile
 import time
 
+import numpy
+
 import grow
 from study_data import HIGH, LOW, MATCHING_ALONE, PARAMETERS, ROOT, TASKS, add_record, collect, commit, records
 
 FIELDS = PARAMETERS | {"gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
                        "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]",
                        "contact": "geom/*/solref[0]", "inertia": "body/*/inertia", "delay": "action/delay",
-                       "friction_loss": "joint/*/frictionloss"}
+                       "friction_loss": "joint/@actuated/frictionloss"}
 ABSOLUTE = {"delay": (0, 4), "friction_loss": (0, 9)}
 THREE = tuple(PARAMETERS)
 SEARCHED = dict.fromkeys(TASKS, THREE) | {"arm": ("stiffness", "payload")}
 FIELDS |= grow.SEARCHED["arm"]
 IN_FAMILY = ("identified", "no_gap", "no_effect", "product")
-REJECTED = ("out_of_bounds", "out_of_family", "contact", "inertia", "delay", "friction_loss")
+OF_LOGS = ("actuator_noise", "wrong_rate")  # the logs are not what they say: spoil() makes them so
+REJECTED = ("out_of_bounds", "out_of_family", "contact", "inertia", "delay", "friction_loss", *OF_LOGS)
+NAMED = ("out_of_family", "contact", "inertia", "delay", "friction_loss")  # one thing is off that suspects know
 CLASSES = IN_FAMILY + REJECTED
 NOT_OF_ARM = ("no_effect", "product", "contact")
 VERDICTS = ("outside_family", "gap_narrowed", "gap_closed", "no_gap")
@@ -82,6 +88,27 @@ def draw_case(task, kind, rng):
     return truth, searched
 
 
+def spoil(kind, path, rng):
+    """Makes the logs of a class of OF_LOGS from right ones."""
+    logs = dict(numpy.load(path))
+    if kind == "actuator_noise":
+        actions, share = logs["actions"], rng.uniform(0.05, 0.1)
+        span = actions.max(axis=0) - actions.min(axis=0)
+        noise = numpy.random.default_rng(rng.getrandbits(32)).normal(size=actions.shape)
+        logs["actions"] = actions + share * span * noise
+    elif kind == "wrong_rate":
+        # Every second row of an episode, its last among them; a transition leads over two.
+        ends = numpy.flatnonzero(logs["terminals"] | logs["timeouts"])
+        rows, begin = [], 0
+        for end in ends:
+            rows += list(range(end, begin, -2))[::-1]
+            begin = end + 1
+        rows = numpy.array(rows)
+        logs = {name: values[rows - 1] if name in ("observations", "actions") else values[rows]
+                for name, values in logs.items()}
+    numpy.savez(path, **logs)
+
+
 def run_case(task, noise, kind, case, oted, extra, episodes):
     rng = random.Random(f"{task}-{kind}-{case}")
     truth, searched = draw_case(task, kind, rng)
@@ -90,6 +117,8 @@ def run_case(task, noise, kind, case, oted, extra, episodes):
         words = grow.task_words(task, pathlib.Path(folder))[1]
         collect(oted, words, {name: FIELDS[name] for name in truth}, truth, 1000 + case, data, noise, episodes, ABSOLUTE,
                 grow.policy_of(task))
+        if kind in OF_LOGS:
+            spoil(kind, data, rng)
         design = [str(oted), "design", "--task", words, "--data", data, "--seed", str(case), "--seeds", "1",
                   "--threads", "1", "--out", out, "--quiet", "--json"] + extra
         for name, (low, high, scale) in searched.items():
@@ -133,7 +162,7 @@ def is_right(record):
 
 
 def culprit(record):
-    """The path of what is off in a target of the class out_of_family."""
+    """The path of what is off in a target of NAMED."""
     return FIELDS[next(name for name in record["truth"] if name not in SEARCHED[record["task"]])]
 
 
@@ -156,12 +185,10 @@ def print_tables(found):
             count = [sum(r["verdict"] == v for r in of) for v in VERDICTS]
             print(f"| {task}, {noise:g} | {kind} | {len(of)} | {binomial_interval(sum(map(is_right, of)), len(of))} | "
                   f"{' | '.join(map(str, count))} |")
-    of = [r for r in judged if r["class"] == "out_of_family"]
-    if of:
-        suspects = [[s["field"] for s in r.get("suspects", r["fit"].get("suspects", []))] for r in of]
-        first = sum(fields[:1] == [culprit(r)] for fields, r in zip(suspects, of))
-        named = sum(culprit(r) in fields for fields, r in zip(suspects, of))
-        print(f"\nOut of family: what is off is named in {named} of {len(of)} cases, before all other suspects in {first}.")
+    print("\n| what is off | cases | named | first | kept | value within 10 % |\n|---|---|---|---|---|---|")
+    for task in sorted({r["task"] for r in judged}):
+        for kind in NAMED:
+            print_named(task, kind, [r for r in judged if (r["task"], r["class"]) == (task, kind)])
     print_alarms(judged)
     print("\n| task, noise | parameter | targets | 90 % interval holds the truth | median error | median half-width | ratio |")
     print("|---|---|---|---|---|---|---|")
@@ -181,6 +208,20 @@ def print_tables(found):
             print_row(task, noise, name, pairs)
             every += pairs
         print_row(task, noise, "all", every)
+
+
+def print_named(task, kind, of):
+    """Whether the culprit is among the suspects, before all others, kept when it is freed, and by how much it is off."""
+    count = [0] * 4
+    for r in of:
+        name = next(name for name in r["truth"] if name not in SEARCHED[r["task"]])
+        fields = [suspect["field"] for suspect in r["suspects"]]
+        freed = next((s.get("freed") for s in r["suspects"] if s["field"] == culprit(r)), None) or {}
+        for i, holds in enumerate((culprit(r) in fields, fields[:1] == [culprit(r)], freed.get("kept", False),
+                                   abs(freed.get("value", math.inf) / r["truth"][name] - 1) < 0.1)):
+            count[i] += holds
+    if of:
+        print(f"| {task}, {kind} | {len(of)} | {' | '.join(map(str, count))} |")
 
 
 def print_alarms(judged):

@@ -19,24 +19,29 @@ std::vector<double> NumbersFrom(const json& list) {
 }
 
 json ToJson(const FreedTrial& trial) {
-  return {{"value", trial.value},     {"std", trial.std},
-          {"kept", trial.kept},       {"seconds", trial.seconds},
-          {"n_steps", trial.n_steps}, {"n_windows", trial.n_windows},
-          {"learned", trial.learned}, {"gain", {{"value", trial.gain.value}, {"error", trial.gain.error}}},
-          {"before", trial.before},   {"after", trial.after}};
+  json record = {{"value", trial.value},         {"std", trial.std},
+                 {"kept", trial.kept},           {"seconds", trial.seconds},
+                 {"n_steps", trial.n_steps},     {"n_windows", trial.n_windows},
+                 {"learned", trial.learned},     {"gain", ToJson(trial.gain)},
+                 {"before", trial.before},       {"after", trial.after}};
+  if (trial.nats) record["nats"] = ToJson(*trial.nats);
+  return record;
 }
 
 FreedTrial TrialFromJson(const json& record) {
-  return {.value = record.at("value"),
-          .std = record.at("std"),
-          .kept = record.at("kept"),
-          .seconds = record.at("seconds"),
-          .n_steps = record.at("n_steps"),
-          .n_windows = record.at("n_windows"),
-          .learned = record.at("learned"),
-          .gain = {record.at("gain").at("value"), record.at("gain").at("error")},
-          .before = NumbersFrom(record.at("before")),
-          .after = NumbersFrom(record.at("after"))};
+  FreedTrial trial{.value = record.at("value"),
+                   .std = record.at("std"),
+                   .kept = record.at("kept"),
+                   .seconds = record.at("seconds"),
+                   .n_steps = record.at("n_steps"),
+                   .n_windows = record.at("n_windows"),
+                   .learned = record.at("learned"),
+                   .gain = EstimatedFromJson(record.at("gain")),
+                   .nats = std::nullopt,
+                   .before = NumbersFrom(record.at("before")),
+                   .after = NumbersFrom(record.at("after"))};
+  if (record.contains("nats")) trial.nats = EstimatedFromJson(record.at("nats"));
+  return trial;
 }
 
 }  // namespace

@@ -15,11 +15,16 @@ namespace oted {
 /// judged on the same windows of the rest, over one horizon.
 struct FreedTrial {
   double value = 0, std = 0;  ///< z of what was freed
-  bool kept = false;          ///< it predicts better: by two standard errors, and at no other horizon surely worse
+  /// It predicts better, by two standard errors, and at no other horizon surely worse. Or it predicts no worse, and makes
+  /// the windows likelier by two standard errors.
+  bool kept = false;
   double seconds = 0;         ///< the horizon; 0 where time has no unit
   int n_steps = 0, n_windows = 0;
   bool learned = false;  ///< the windows are of the logs that the designs learned from: no others are long enough
   Estimated gain;        ///< as HeldOutPrediction's, over the design without it
+  /// By which windows of the logs that were kept aside become likelier, their starts fitted. None where the design's
+  /// windows are long ones or nothing was kept aside.
+  std::optional<Estimated> nats;
   /// (obs_dim): root mean square errors without it and with it, in the channel's unit. NaN where the physics broke
   /// down.
   std::vector<double> before, after;
@@ -41,7 +46,6 @@ struct UnseenFit {
   std::vector<double> mean, std;
 };
 
-/// Residuals of replayed windows at the fitted parameters and start states, per observation channel in its own unit.
 /// A part of the logs, predicted open loop over half a second by a fit that left it out.
 struct LeftOutPart {
   double error = 1;  ///< geometric mean over channels of the root mean squares, in multiples of the nominal simulator's
@@ -58,6 +62,7 @@ nlohmann::json ToJson(const LeftOutInTurn& left_out);
 /// @throws nlohmann::json::exception when a member is missing
 LeftOutInTurn LeftOutFromJson(const nlohmann::json& record);
 
+/// Residuals of replayed windows at the fitted parameters and start states, per observation channel in its own unit.
 struct FitEvidence {
   int window = 0;                 ///< control steps of the longest windows that the estimate rests on
   double explained = 0;           ///< share of those windows that the simulator explains; the others count less

@@ -14,11 +14,13 @@ double NumberFrom(const json& value) {
   return value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>();
 }
 
+}  // namespace
+
 json ToJson(const Estimated& estimated) { return {{"value", estimated.value}, {"error", estimated.error}}; }
 
-Estimated EstimatedFrom(const json& record) { return {NumberFrom(record.at("value")), NumberFrom(record.at("error"))}; }
-
-}  // namespace
+Estimated EstimatedFromJson(const json& record) {
+  return {NumberFrom(record.at("value")), NumberFrom(record.at("error"))};
+}
 
 json ToJson(const HeldOutPrediction& prediction) {
   json horizons = json::array();
@@ -61,18 +63,18 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
                                        .n_windows = h.at("n_windows"),
                                        .learned = h.at("learned"),
                                        .channels = {},
-                                       .excess = EstimatedFrom(h.at("excess")),
-                                       .gain = EstimatedFrom(h.at("gain")),
+                                       .excess = EstimatedFromJson(h.at("excess")),
+                                       .gain = EstimatedFromJson(h.at("gain")),
                                        .n_of_recordings = h.at("n_of_recordings"),
-                                       .gain_of_recordings = EstimatedFrom(h.at("gain_of_recordings"))};
+                                       .gain_of_recordings = EstimatedFromJson(h.at("gain_of_recordings"))};
     for (const json& c : h.at("channels")) {
       horizon.channels.push_back({.nominal = NumberFrom(c.at("nominal")),
                                   .designed = NumberFrom(c.at("designed")),
                                   .floor = NumberFrom(c.at("floor")),
                                   .spread = NumberFrom(c.at("spread")),
                                   .judged = c.at("judged"),
-                                  .excess = EstimatedFrom(c.at("excess")),
-                                  .gain = EstimatedFrom(c.at("gain"))});
+                                  .excess = EstimatedFromJson(c.at("excess")),
+                                  .gain = EstimatedFromJson(c.at("gain"))});
     }
     prediction.horizons.push_back(std::move(horizon));
   }

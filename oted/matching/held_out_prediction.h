@@ -55,6 +55,9 @@ struct HeldOutPrediction {
 };
 inline constexpr double kVisibleError = 1e-3;
 
+nlohmann::json ToJson(const Estimated& estimated);
+/// @throws nlohmann::json::exception when a member is missing
+Estimated EstimatedFromJson(const nlohmann::json& record);
 nlohmann::json ToJson(const HeldOutPrediction& prediction);
 /// @throws nlohmann::json::exception when a member is missing
 HeldOutPrediction HeldOutPredictionFromJson(const nlohmann::json& json);

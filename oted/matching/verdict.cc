@@ -261,14 +261,16 @@ bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
 
 bool PredictsBetter(const HeldOutPrediction& prediction) {
   const bool all_learned = std::ranges::all_of(prediction.horizons, &HeldOutPrediction::Horizon::learned);
-  bool better = false;
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    for (const Estimated& gain : {h.gain, h.gain_of_recordings}) {
-      if (IsSure({-gain.value, gain.error})) return false;
-    }
-    better = better || ((all_learned || !h.learned) && IsSure(h.gain));
-  }
-  return better;
+  const bool better = std::ranges::any_of(prediction.horizons, [&](const HeldOutPrediction::Horizon& h) {
+    return (all_learned || !h.learned) && IsSure(h.gain);
+  });
+  return better && !PredictsWorse(prediction);
+}
+
+bool PredictsWorse(const HeldOutPrediction& prediction) {
+  return std::ranges::any_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
+    return IsSure({-h.gain.value, h.gain.error}) || IsSure({-h.gain_of_recordings.value, h.gain_of_recordings.error});
+  });
 }
 
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction) {

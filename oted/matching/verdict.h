@@ -91,6 +91,8 @@ bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared);
 /// neither in all windows nor in the recordings that were kept aside whole. Logs that it learned from count for it only
 /// where no others can judge.
 bool PredictsBetter(const HeldOutPrediction& prediction);
+/// Whether it surely predicts worse at some horizon, in all windows or in whole recordings.
+bool PredictsWorse(const HeldOutPrediction& prediction);
 
 /// From the common score (held-out cross-entropy of a judge; log 2 where logs and simulator cannot be told apart),
 /// where nothing can be predicted. No gap: the nominal simulator is within 0.1 nats of log 2 and the design wins less

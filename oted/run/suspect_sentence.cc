@@ -41,10 +41,14 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
                             const std::vector<int>& off) {
   const ParameterSpec& spec = suspect.spec;
   if (!suspect.trial) return fmt::format("{}: by the logs about {}", spec.field, ValueInWords(spec, suspect.value));
-  const std::string freed = fmt::format("with {} freed ({})", spec.field, ValueInWords(spec, suspect.trial->value));
-  if (!(suspect.trial->gain.value > 0)) return freed + ": no better prediction";
-  return fmt::format("{}: {}{}", freed, Bought(*suspect.trial, channels, off),
-                     suspect.trial->kept ? "" : "; that is not sure");
+  const FreedTrial& trial = *suspect.trial;
+  const std::string freed = fmt::format("with {} freed ({})", spec.field, ValueInWords(spec, trial.value));
+  std::string likelier;
+  if (trial.kept && trial.nats && trial.nats->value > 0) {
+    likelier = fmt::format("; what was kept aside is surely likelier with it (by {:.0f} nats)", trial.nats->value);
+  }
+  if (!(trial.gain.value > 0)) return freed + ": no better prediction" + likelier;
+  return fmt::format("{}: {}{}", freed, Bought(trial, channels, off), trial.kept ? likelier : "; that is not sure");
 }
 
 }  // namespace oted

@@ -59,19 +59,23 @@ PredictionRatios::PredictionRatios(VectorXd value, Eigen::Index n_blocks,
   if (n_blocks < 2) error_.setConstant(kUnknownError);
 }
 
+PredictionRatios MeansOf(const MatrixXd& of_windows, const VectorXd& weight) {
+  const MatrixXd all = WithMean(of_windows, weight);
+  const MatrixXd sums = BlockSums(all), counts = BlockSums(MatrixXd::Ones(1, all.cols()));
+  const VectorXd sum = sums.rowwise().sum();
+  const double windows = static_cast<double>(all.cols());
+  return {sum / windows, sums.cols(),
+          [&](Eigen::Index k) -> VectorXd { return (sum - sums.col(k)) / (windows - counts(0, k)); }};
+}
+
 PredictionRatios TypicalRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Index n, const JudgedChannels& channels) {
-  const auto mean_logs = [&](const MatrixXd& squares) {
+  const auto mean_logs = [&](const MatrixXd& squares) -> MatrixXd {
     const MatrixXd counted = Counted(squares, channels.spread);
     MatrixXd logs = MatrixXd::Zero(squares.rows(), n);
     for (Eigen::Index i = 0; i < squares.cols(); ++i) logs.col(i % n) += counted.col(i).array().log().matrix();
-    logs *= static_cast<double>(n) / static_cast<double>(squares.cols());
-    return WithMean(logs, channels.weight);
+    return logs * (static_cast<double>(n) / static_cast<double>(squares.cols()));
   };
-  const MatrixXd sums = BlockSums(mean_logs(a) - mean_logs(b)), counts = BlockSums(MatrixXd::Ones(1, n));
-  const VectorXd sum = sums.rowwise().sum();
-  const double windows = static_cast<double>(n);
-  return {sum / windows, sums.cols(),
-          [&](Eigen::Index k) -> VectorXd { return (sum - sums.col(k)) / (windows - counts(0, k)); }};
+  return MeansOf(mean_logs(a) - mean_logs(b), channels.weight);
 }
 
 PredictionRatios RatiosOfSums(const MatrixXd& a, const MatrixXd& b, const JudgedChannels& channels) {

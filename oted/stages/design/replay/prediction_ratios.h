@@ -31,6 +31,9 @@ class PredictionRatios {
   Eigen::VectorXd value_, error_;
 };
 
+/// Means over windows. @param of_windows  (channels, windows)  @param weight  (channels): as JudgedChannels
+PredictionRatios MeansOf(const Eigen::MatrixXd& of_windows, const Eigen::VectorXd& weight);
+
 /// How much larger the errors `a` are than `b` in a typical one of the same `n` windows: means of logarithms. Either
 /// may hold several draws of each window, one behind the other.
 /// @param a, b  (channels, windows): mean squared errors, NaN where the physics broke down

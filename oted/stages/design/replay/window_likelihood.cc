@@ -25,8 +25,12 @@ VectorXd Precision(const ReadingModel& readings, const VectorXd& of_readings, in
 
 WindowLikelihood::WindowLikelihood(const ReadingModel& readings, VectorXd precision, double heaviness)
     : precision_(std::move(precision)), heaviness_(heaviness) {
-  const auto n_held = (precision_.head(precision_.size() - readings.n_unread()).array() > 0).count();
+  const Eigen::Index n_readings = precision_.size() - readings.n_unread();
+  const auto n_held = (precision_.head(n_readings).array() > 0).count();
   freedom_ = std::max(1.0, static_cast<double>(n_held) - readings.state_dim());
+  for (Eigen::Index i = readings.obs_dim(); i < n_readings; ++i) {
+    if (precision_[i] > 0) log_scale_ -= 0.5 * std::log(precision_[i]);
+  }
 }
 
 WindowLikelihood::WindowLikelihood(const ReadingModel& readings, const VectorXd& variance, int n_steps)

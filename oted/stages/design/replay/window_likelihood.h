@@ -29,6 +29,9 @@ class WindowLikelihood {
   bool Explains(const Eigen::VectorXd& residual) const;
   /// rho. A window that broke down counts as a very bad one.
   double Cost(const Eigen::VectorXd& residual) const;
+  /// The logarithm of the noise's scale over the readings that are held behind the start, which Cost leaves out: a fit
+  /// with less noise is the likelier one.
+  double LogScale() const { return log_scale_; }
   /// rho of the worst window that is explained.
   double CostOfWorstExplained() const { return CostOf(LargestExplained()); }
   /// What the window counts beside one without any error, which counts 3; 0 where it broke down. rho's derivative by
@@ -47,6 +50,7 @@ class WindowLikelihood {
   Eigen::VectorXd precision_;
   double freedom_;    // numbers that a window has beyond its start
   double heaviness_;  // degrees of freedom of rho, per number of a window
+  double log_scale_ = 0;
 };
 
 }  // namespace oted

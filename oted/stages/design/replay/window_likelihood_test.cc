@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "oted/base/rng.h"
 
 namespace oted::window_likelihood_test {
@@ -42,6 +44,13 @@ TEST(WindowLikelihood, WeightIsTheSlopeOfTheCost) {
         (likelihood.Cost(residual * std::sqrt(1 + step)) - likelihood.Cost(residual)) / (step * error / 2);
     EXPECT_NEAR(slope, likelihood.Weight(residual), 1e-3 * slope);
   }
+}
+
+TEST(WindowLikelihood, ScaleIsThatOfTheReadingsThatAreHeldBehindTheStart) {
+  ReadingModel readings = ReadingModel::Plain(3);
+  EXPECT_NEAR(WindowLikelihood(readings, kVariance, kSteps).LogScale(), kSteps * 0.5 * std::log(0.01 * 1 * 25), 1e-12);
+  readings.computed[2] = 1;  // left out: whatever its noise is, it makes nothing likelier
+  EXPECT_NEAR(WindowLikelihood(readings, kVariance, kSteps).LogScale(), kSteps * 0.5 * std::log(0.01), 1e-12);
 }
 
 TEST(WindowLikelihood, AWindowThatBrokeDownIsWorseThanAnyOtherAndCountsNothing) {

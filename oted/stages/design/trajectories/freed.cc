@@ -20,6 +20,7 @@
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/long_windows.h"
 #include "oted/stages/design/trajectories/suspects.h"
+#include "oted/stages/design/trajectories/unseen_likelihood.h"
 
 namespace oted {
 namespace {
@@ -49,6 +50,7 @@ struct Fitted {
   VectorXd x;
   double cost = 0;
   MatrixXd covariance;
+  VectorXd variance;  // of the sensors' noise
 };
 
 /// The horizon that is told: the longest up to half a second, of logs kept aside if there is one.
@@ -105,14 +107,19 @@ class FreedTrials {
     const auto prediction = Beside(*wider, readings, q.Mode(), before);
     if (!prediction) return std::nullopt;
     const HeldOutPrediction::Horizon& told = Told(*prediction);
+    const std::optional<Estimated> nats = NatsOfUnseen(*wider, readings, *best);
+    const bool is_likelier = nats && nats->value > std::max(kFewestNats, kSurelyGained * nats->error);
+    const bool predicts_better =
+        PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error;
     FreedTrial trial{.value = q.Mode().back(),
                      .std = q.Std().back(),
-                     .kept = PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error,
+                     .kept = predicts_better || (is_likelier && !PredictsWorse(*prediction)),
                      .seconds = told.seconds,
                      .n_steps = told.n_steps,
                      .n_windows = told.n_windows,
                      .learned = told.learned || LearnsFromAll(),
                      .gain = told.gain,
+                     .nats = nats,
                      .before = {},
                      .after = {}};
     for (const HeldOutPrediction::Channel& channel : told.channels) {
@@ -281,7 +288,25 @@ class FreedTrials {
     const double cost = fit->FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
     const MatrixXd covariance = is_long ? fit->CovarianceOfParts() : fit->Finish();
-    return Fitted{fit->level().windows.front().n_steps, fit->x(), cost, covariance};
+    return Fitted{fit->level().windows.front().n_steps, fit->x(), cost, covariance, fit->noise_variance()};
+  }
+
+  /// Nats by which the logs that were kept aside become likelier. None where nothing was, where windows are noise's no
+  /// longer (what adds up in long ones is told by prediction), and where the fit without it is of other windows.
+  std::optional<Estimated> NatsOfUnseen(const SimulatorFactory& wider, const ReadingModel& readings,
+                                        const Fitted& with) const {
+    if (problem_.fit.errors_grow || LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) {
+      return std::nullopt;
+    }
+    const ParameterSpace& space = wider.parameters();
+    std::vector<double> without = ToZ(problem_.factory.parameters(), fitted_without_->x);
+    without.push_back(space[space.size() - 1].nominal);
+    WindowReplayer replayer = MakeReplayer(wider, 0, parts_.judge, readings, problem_.context.n_threads);
+    const Level brief =
+        LongWindows(replayer, parts_.judge, ShortScreening().n_steps, FreedRows(with.n_steps), period_);
+    const Estimated nats = NatsGained(replayer, brief, with.n_steps, {ToZ(space, with.x), with.variance},
+                                      {std::move(without), fitted_without_->variance});
+    return std::isfinite(nats.error) ? std::optional(nats) : std::nullopt;
   }
 
   /// Of what the design found in the part of the logs that learns, and what that part gives in the windows that freed
@@ -340,10 +365,13 @@ std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
 }
 
 const Suspect* BestFreed(const std::vector<Suspect>& suspects) {
+  const auto is_better = [](const FreedTrial& a, const FreedTrial& b) {
+    return a.nats && b.nats ? a.nats->value > b.nats->value : a.gain.value > b.gain.value;
+  };
   const Suspect* best = nullptr;
   for (const Suspect& suspect : suspects) {
     if (!suspect.trial || !suspect.trial->kept) continue;
-    if (best == nullptr || suspect.trial->gain.value > best->trial->gain.value) best = &suspect;
+    if (best == nullptr || is_better(*suspect.trial, *best->trial)) best = &suspect;
   }
   return best;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/base/picked.h"
 #include "oted/data/checks_dynamics.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/trajectories/box_step.h"
@@ -141,13 +142,8 @@ std::vector<char> LevelFit::TakeBetterStarts(std::vector<VectorXd>& moved, const
                 likelihood.Cost(moved[w]) < likelihood.Cost(residuals_[w] - linear.d_parameters * (x - x_));
     if (!better[w]) unsure.push_back(w);
   }
-  std::vector<LogWindow> windows;
-  std::vector<VectorXd> starts;
-  for (const size_t w : unsure) {
-    windows.push_back(level_.windows[w]);
-    starts.push_back(level_.starts[w]);
-  }
-  std::vector<VectorXd> stayed = replayer_.Residuals(windows, starts, ToZ(space_, x));
+  std::vector<VectorXd> stayed =
+      replayer_.Residuals(Picked(level_.windows, unsure), Picked(level_.starts, unsure), ToZ(space_, x));
   for (size_t k = 0; k < unsure.size(); ++k) {
     const size_t w = unsure[k];
     better[w] = likelihood.Cost(moved[w]) < likelihood.Cost(stayed[k]);
@@ -165,13 +161,8 @@ void LevelFit::Descend(int n_iterations, const std::function<void(const VectorXd
 }
 
 LevelFit LevelFit::LeavingOut(const std::vector<char>& flags) const {
-  Level rest;
   const std::vector<size_t> which = Without(flags);
-  for (const size_t w : which) {
-    rest.windows.push_back(level_.windows[w]);
-    rest.starts.push_back(level_.starts[w]);
-    rest.stretch.push_back(level_.stretch[w]);
-  }
+  Level rest{Picked(level_.windows, which), Picked(level_.starts, which), Picked(level_.stretch, which)};
   LevelFit fit(replayer_, space_, prior_, scale_, std::move(rest), x_);
   fit.starts_are_held_ = starts_are_held_;
   fit.explained_alone_ = explained_alone_;
@@ -241,10 +232,7 @@ void LevelFit::CountExplainedAlone() { explained_alone_ = ShareExplained() > kFe
 
 double LevelFit::FinalCost() {
   EstimateNoise();
-  double of_window = 0;  // the logarithm of the noise's density at its centre
-  for (int t = 1; t <= n_steps(); ++t) {
-    of_window += 0.5 * WindowLikelihood::VarianceAt(t, n_steps(), sensor_variance_, variance_).array().log().sum();
-  }
+  const double of_window = Likelihood().LogScale();
   double cost = Cost(residuals_, x_);
   for (const VectorXd& r : residuals_) cost += r.size() > 0 ? of_window : 0;
   return cost;
@@ -302,15 +290,9 @@ void LevelFit::Linearize(const Differences& steps) {
 }
 
 void LevelFit::Linearize(const std::vector<size_t>& which, const Differences& steps) {
-  std::vector<LogWindow> windows;
-  std::vector<VectorXd> starts, start_steps;
-  for (const size_t w : which) {
-    windows.push_back(level_.windows[w]);
-    starts.push_back(level_.starts[w]);
-    if (!steps.starts.empty()) start_steps.push_back(steps.starts[w]);
-  }
-  std::vector<WindowReplayer::Linearization> linear =
-      replayer_.Linearize(windows, starts, ToZ(space_, x_), Perturbed(steps.x), steps.x, start_steps);
+  std::vector<WindowReplayer::Linearization> linear = replayer_.Linearize(
+      Picked(level_.windows, which), Picked(level_.starts, which), ToZ(space_, x_), Perturbed(steps.x), steps.x,
+      steps.starts.empty() ? std::vector<VectorXd>{} : Picked(steps.starts, which));
   for (size_t k = 0; k < which.size(); ++k) {
     const size_t w = which[k];
     linear_[w] = std::move(linear[k]);

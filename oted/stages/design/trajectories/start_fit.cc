@@ -5,6 +5,7 @@
 #include <numeric>
 #include <utility>
 
+#include "oted/base/picked.h"
 #include "oted/stages/design/trajectories/kept_derivatives.h"
 
 namespace oted {
@@ -15,14 +16,6 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kSettledCost = 0.01;  // of the negative log density: no start is known so well
-
-template <class T>
-std::vector<T> At(const std::vector<size_t>& which, const std::vector<T>& all) {
-  std::vector<T> some;
-  some.reserve(which.size());
-  for (const size_t w : which) some.push_back(all[w]);
-  return some;
-}
 
 }  // namespace
 
@@ -40,12 +33,12 @@ FittedStarts FitStarts(WindowReplayer& replayer, std::vector<VectorXd> starts, c
     std::vector<size_t> old;
     std::ranges::copy_if(moving, std::back_inserter(old), [&](size_t w) { return kept[w] == 0; });
     std::vector<WindowReplayer::Linearization> anew = replayer.Linearize(
-        At(old, windows), At(old, fitted.starts), z, {}, {}, std::vector<VectorXd>(old.size(), start_step));
+        Picked(windows, old), Picked(fitted.starts, old), z, {}, {}, std::vector<VectorXd>(old.size(), start_step));
     for (size_t k = 0; k < old.size(); ++k) {
       linear[old[k]] = std::move(anew[k]);
       fresh[old[k]] = 1;
     }
-    std::vector<VectorXd> moved = At(moving, fitted.starts);
+    std::vector<VectorXd> moved = Picked(fitted.starts, moving);
     for (size_t k = 0; k < moving.size(); ++k) {
       const WindowReplayer::Linearization& of_window = linear[moving[k]];
       if (!of_window.valid) continue;
@@ -54,7 +47,7 @@ FittedStarts FitStarts(WindowReplayer& replayer, std::vector<VectorXd> starts, c
       damped.diagonal() *= 1 + damping[moving[k]];
       moved[k] += damped.ldlt().solve(weighted.transpose() * of_window.residual);
     }
-    std::vector<VectorXd> residuals = replayer.Residuals(At(moving, windows), moved, z);
+    std::vector<VectorXd> residuals = replayer.Residuals(Picked(windows, moving), moved, z);
     std::vector<size_t> go_on;
     for (size_t k = 0; k < moving.size(); ++k) {
       const size_t w = moving[k];

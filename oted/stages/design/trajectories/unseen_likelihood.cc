@@ -1,0 +1,49 @@
+#include "oted/stages/design/trajectories/unseen_likelihood.h"
+
+#include <limits>
+
+#include "oted/stages/design/replay/prediction_ratios.h"
+#include "oted/stages/design/replay/window_likelihood.h"
+#include "oted/stages/design/trajectories/start_fit.h"
+
+namespace oted {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr double kUnseenStartStep = 1e-5;  // of forward differences, over how far the coordinate spreads
+constexpr int kUnseenIterations = 10;
+
+/// (windows): negative log densities of the windows that `level` grows into.
+VectorXd CostsOf(WindowReplayer& replayer, Level level, int n_steps, const Explanation& by) {
+  const VectorXd start_step = kUnseenStartStep * replayer.readings().state_scale;
+  while (!level.windows.empty()) {
+    const int n = level.windows.front().n_steps;
+    const WindowLikelihood likelihood(replayer.readings(), by.variance, n);
+    FittedStarts fitted = FitStarts(replayer, std::move(level.starts),
+                                    {level.windows, by.z, likelihood, start_step, kUnseenIterations});
+    level.starts = std::move(fitted.starts);
+    if (2 * n > n_steps) {
+      VectorXd costs(static_cast<Eigen::Index>(level.windows.size()));
+      for (Eigen::Index w = 0; w < costs.size(); ++w) {
+        costs[w] = likelihood.Cost(fitted.residuals[static_cast<size_t>(w)]) + likelihood.LogScale();
+      }
+      return costs;
+    }
+    level = Joined(level);
+  }
+  return {};
+}
+
+}  // namespace
+
+Estimated NatsGained(WindowReplayer& replayer, const Level& level, int n_steps, const Explanation& a,
+                     const Explanation& b) {
+  const VectorXd gained = CostsOf(replayer, level, n_steps, b) - CostsOf(replayer, level, n_steps, a);
+  if (gained.size() < 2) return {.value = 0, .error = std::numeric_limits<double>::infinity()};
+  const Estimated mean = MeansOf(gained.transpose(), VectorXd::Ones(1)).OfAll();
+  const double n = static_cast<double>(gained.size());
+  return {.value = n * mean.value, .error = n * mean.error};
+}
+
+}  // namespace oted
