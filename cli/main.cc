@@ -6,6 +6,7 @@
 
 #include <exception>
 #include <filesystem>
+#include <initializer_list>
 #include <new>
 #include <span>
 #include <sstream>
@@ -72,14 +73,25 @@ int Fail(oted::ExitCode code, const std::string& message) {
   return static_cast<int>(code);
 }
 
+/// Which help explains the command that was typed.
+std::string WhereHelpIs(const CLI::App& app) {
+  const std::vector<CLI::App*> typed = app.get_subcommands();
+  if (!typed.empty()) return WhereHelpIs(*typed.front());
+  if (app.get_parent() == nullptr) return "'oted --help' lists the commands, 'oted COMMAND --help' explains one";
+  std::string words = app.get_name();
+  for (const CLI::App* of = app.get_parent(); of->get_parent() != nullptr; of = of->get_parent()) {
+    words = of->get_name() + " " + words;
+  }
+  return fmt::format("'oted {} --help' explains the command", words);
+}
+
 /// The one line and the exit code of what is being thrown.
-int FailOfException() {
+int FailOfException(const CLI::App& app) {
   using oted::ExitCode;
   try {
     throw;
   } catch (const CLI::ParseError& e) {
-    return Fail(ExitCode::kUsage,
-                fmt::format("{}; 'oted --help' lists the commands, 'oted COMMAND --help' explains one", e.what()));
+    return Fail(ExitCode::kUsage, fmt::format("{}; {}", e.what(), WhereHelpIs(app)));
   } catch (const oted::Error& e) {
     return Fail(e.exit_code(), e.what());
   } catch (const std::filesystem::filesystem_error& e) {
@@ -110,26 +122,17 @@ void PrintHelp(const CLI::App& app, const CLI::Success& request) {
 
 void AddVerbs(oted::cli::Program& program) {
   using namespace oted::cli;
-  AddInitVerb(program);
-  AddRunVerb(program);
-  AddStageVerbs(program);
-  AddEvaluateVerb(program);
-  AddCollectVerb(program);
-  AddBehaviorVerb(program);
-  AddParamsVerb(program);
-  AddReportVerb(program);
-  AddVerifyVerb(program);
-  AddDataVerb(program);
-  AddExportVerb(program);
-  AddReproduceVerb(program);
-  AddPlanVerb(program);
-  AddSweepVerb(program);
-  AddSubmitVerb(program);
-  AddUnitVerb(program);
-  AddMergeVerb(program);
-  AddValidateVerb(program);
-  AddSchemaVerb(program);
-  AddCompletionVerb(program);
+  const auto group = [&](const char* title, std::initializer_list<void (*)(Program&)> verbs) {
+    for (const auto add : verbs) add(program);
+    for (CLI::App* verb : program.app.get_subcommands([](const CLI::App*) { return true; })) {
+      if (verb->get_group() == "Subcommands") verb->group(title);
+    }
+  };
+  group("Before a design", {AddInitVerb, AddDataVerb, AddParamsVerb, AddSchemaVerb, AddCompletionVerb});
+  group("The stages", {AddRunVerb, AddStageVerbs, AddEvaluateVerb, AddReportVerb});
+  group("After a design", {AddValidateVerb, AddExportVerb, AddVerifyVerb});
+  group("Studies", {AddBehaviorVerb, AddCollectVerb, AddReproduceVerb, AddPlanVerb, AddSweepVerb, AddSubmitVerb,
+                    AddUnitVerb, AddMergeVerb});
 }
 
 }  // namespace
@@ -165,6 +168,6 @@ int oted::cli::Main(int argc, char** argv) {
     FinishOutput();
     return program.exit_code;
   } catch (...) {
-    return FailOfException();
+    return FailOfException(program.app);
   }
 }

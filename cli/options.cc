@@ -14,6 +14,22 @@
 
 namespace oted::cli {
 
+namespace {
+
+void AddDesignOptions(CLI::App& app, Options& options) {
+  app.add_option(
+         "--seeds", options.n_seeds,
+         "seeded designs per setting [default: 1 of the methods trajectories and least-squares, 3 of the others]")
+      ->check(PositiveNumber());
+  app.add_flag(
+      "--grow", options.grow,
+      "where the design leaves more than the sensors explain, add the suspect that is surely better to the parameters, "
+      "up to three times (design.grow)");
+  app.add_flag("--require-identified", options.require_identified, "exit with 4 when a parameter is not identified");
+}
+
+}  // namespace
+
 void AddParameterOptions(CLI::App& app, Options& options) {
   app.add_option("--param", options.parameters,
                  "a parameter: name=path:low:high[:log][:absolute][:prior=MEAN,STD], bounds in multiples of nominal; "
@@ -37,10 +53,10 @@ void AddSeed(CLI::App& verb, long& seed) {
 uint64_t SeedOf(long seed) { return seed < 0 ? 1 : static_cast<uint64_t>(seed); }
 
 void AddThreads(CLI::App& verb, int& threads) {
-  verb.add_option("--threads", threads, "most threads [default: all processors]")->check(NonNegativeNumber());
+  verb.add_option("--threads", threads, "maximum number of threads [default: all processors]")->check(NonNegativeNumber());
 }
 
-void AddRunOptions(CLI::App& app, Options& options) {
+void AddRunOptions(CLI::App& app, Options& options, const Makes& makes) {
   app.add_option("CONFIG,--config", options.config,
                  "configuration file (TOML); default: the run directory's own run.toml");
   app.add_option("--task", options.task, kTaskHelp)->type_name(value_kind::kTask);
@@ -51,13 +67,13 @@ void AddRunOptions(CLI::App& app, Options& options) {
                  "name=value, if the truth is known; only evaluation and report read it; repeatable")
       ->allow_extra_args(false);
   AddSeed(app, options.seed);
-  app.add_option(
-         "--seeds", options.n_seeds,
-         "seeded designs per setting [default: 1 of the methods trajectories and least-squares, 3 of the others]")
-      ->check(PositiveNumber());
-  app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]")
-      ->type_name(value_kind::kDevice);
-  app.add_option("--threads", options.threads, "most threads; results do not depend on it [default: all processors]")
+  if (makes.designs) AddDesignOptions(app, options);
+  if (makes.agents) {
+    app.add_option("--device", options.device, "device of the agents' gradient steps: cpu or cuda [default: cpu]")
+        ->type_name(value_kind::kDevice);
+  }
+  app.add_option("--threads", options.threads,
+                 "maximum number of threads; results do not depend on it [default: all processors]")
       ->check(NonNegativeNumber());
   app.add_option("--out", options.out, "run directory")->required()->check([](const std::string& folder) {
     return std::string(folder.empty() ? "names no folder" : "");
@@ -67,12 +83,7 @@ void AddRunOptions(CLI::App& app, Options& options) {
       ->allow_extra_args(false);
   app.add_flag("--json", options.json, "print the result as JSON");
   app.add_flag("--quiet", options.quiet, "no progress on stderr");
-  app.add_flag(
-      "--grow", options.grow,
-      "where the design leaves more than the sensors explain, add the suspect that surely predicts better to the "
-      "parameters, up to three times (design.grow)");
   app.add_flag("--strict", options.strict, "a parameter without measured effect is an error");
-  app.add_flag("--require-identified", options.require_identified, "exit with 4 when a parameter is not identified");
 }
 
 RunConfig ResolveConfig(const Options& options) {

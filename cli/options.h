@@ -32,8 +32,12 @@ void AddSeed(CLI::App& verb, long& seed);
 uint64_t SeedOf(long seed);
 /// Adds --threads.
 void AddThreads(CLI::App& verb, int& threads);
-/// Adds the options that every stage takes.
-void AddRunOptions(CLI::App& app, Options& options);
+/// What a command makes: options of the rest are not its own.
+struct Makes {
+  bool designs = true, agents = true;
+};
+/// Adds the options of a command on a run directory.
+void AddRunOptions(CLI::App& app, Options& options, const Makes& makes = {});
 
 /// The configuration that the options describe: --config, else the run directory's own run.toml, else defaults; flags
 /// on top.

@@ -9,6 +9,8 @@
 namespace oted::cli {
 
 struct Program {
+  Program() { app.get_formatter()->label("SUBCOMMAND", "COMMAND"); }
+
   CLI::App app{"oted fits your simulator to your logs, then trains in it."};
   std::string command_line;
   int exit_code = 0;

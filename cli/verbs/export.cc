@@ -2,15 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <memory>
 
 #include "cli/console.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/base/seal.h"
-#include "oted/run/design_record.h"
 #include "oted/run/export.h"
 
 namespace oted::cli {
@@ -43,29 +40,6 @@ void AddExportVerb(Program& program) {
     }
   });
 }
-
-namespace {
-
-/// Whether some error is a tenth larger than the nominal model's.
-bool PredictsWorse(const DesignRecord& design) {
-  if (!design.validation) return false;
-  return std::ranges::any_of(design.validation->horizons,
-                             [](const DesignRecord::Validation::Horizon& h) { return h.narrowed < -0.1; });
-}
-
-/// Nothing that predicts worse than the nominal model passes for the result of a run by itself.
-void CheckIsWorthExporting(const std::filesystem::path& run_directory) {
-  const DesignRecord design = DesignRecord::FromJson(ReadSealed(run_directory / "design.json", true), "design.json");
-  const bool is_off = design.verdict == DesignVerdict::kOutsideFamily ||
-                      (design.verdict == DesignVerdict::kNoGap && PredictsWorse(design));
-  if (!is_off || design.predicts_better) return;
-  throw DataError(
-      fmt::format("the design does not surely predict better than the nominal model; 'oted export {} --mjcf FILE' "
-                  "writes it all the same",
-                  run_directory.string()));
-}
-
-}  // namespace
 
 void WriteExports(const std::filesystem::path& run_directory) {
   if (!std::filesystem::exists(run_directory / "design.json")) return;

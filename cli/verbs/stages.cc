@@ -24,7 +24,7 @@ struct StageVerb {
 void AddStageVerb(Program& program, const StageVerb& stage) {
   CLI::App* verb = program.app.add_subcommand(stage.name, stage.help);
   auto options = std::make_shared<Options>();
-  AddRunOptions(*verb, *options);
+  AddRunOptions(*verb, *options, {.designs = stage.designs, .agents = stage.trains});
   verb->footer(SettingsHelp(stage.sections));
   verb->callback([&program, options, stage] {
     {
@@ -56,7 +56,7 @@ void AddStageVerbs(Program& program) {
                          false,
                          &Pipeline::ReplayLogs});
   AddStageVerb(program, {"select-simulator",
-                         "stage 3: score the designs and select the best setting",
+                         "stage 3: score the designs and select the best setting; the same as design, which goes on to it",
                          {"selection", "report"},
                          true,
                          false,

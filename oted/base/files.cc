@@ -43,6 +43,7 @@ constexpr int kDeepestJson = 64;
   const bool full = error == ENOSPC || error == EDQUOT;
   const char* remedy = full             ? "free some space, then run the same command again"
                        : error == EFBIG ? "raise the limit (ulimit -f), then run the same command again"
+                       : error == ENOENT ? "check the path"
                        : error == EMFILE || error == ENFILE
                            ? "raise the limit (ulimit -n), then run the same command again"
                            : "choose another place or fix its permissions";

@@ -8,7 +8,7 @@
 #include "oted/data/dataset.h"
 #include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
-#include "oted/stages/behavior/clone.h"
+#include "oted/stages/clone/clone.h"
 
 namespace oted {
 

@@ -9,7 +9,7 @@
 #include "oted/rl/offline/fisher_brc_update.h"
 #include "oted/rl/offline/offline_rows.h"
 #include "oted/rl/training.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/clone/behavioral_cloning.h"
 
 namespace oted {
 

@@ -13,7 +13,7 @@
 #include "oted/checks/late_recordings.h"
 #include "oted/data/checks_dynamics.h"
 #include "oted/data/checks_rows.h"
-#include "oted/stages/behavior/clone.h"
+#include "oted/stages/clone/clone.h"
 #include "oted/stages/design/effects.h"
 
 namespace oted {

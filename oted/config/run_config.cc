@@ -125,7 +125,7 @@ DataOptions DataConfig::Options() const {
 FieldList RunSettings::Fields() {
   FieldList fields("run");
   fields.Add("seed", &seed, "seed of every random stream", AtLeast(0));
-  fields.Add("threads", &threads, "most threads; 0: one for each processor", AtLeast(0));
+  fields.Add("threads", &threads, "maximum number of threads; 0: one for each processor", AtLeast(0));
   fields.Add("strict", &strict, "a parameter without measured effect is an error");
   return fields;
 }

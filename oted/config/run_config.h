@@ -14,7 +14,7 @@
 #include "oted/data/data_options.h"
 #include "oted/sim/parameter_space.h"
 #include "oted/stages/agent/algorithm.h"
-#include "oted/stages/behavior/clone_config.h"
+#include "oted/stages/clone/clone_config.h"
 #include "oted/stages/design/design_choice.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
 

@@ -285,10 +285,12 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
   return better && ParametersAtBounds(q).empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
+bool CannotTell(double common) { return std::numbers::ln2 - common < kNoGapMargin; }
+
 DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
   const double nominal_gap = std::numbers::ln2 - nominal_common, designed_gap = std::numbers::ln2 - designed_common;
-  if (nominal_gap < kNoGapMargin && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
-  if (designed_gap < kNoGapMargin) return DesignVerdict::kGapClosed;
+  if (CannotTell(nominal_common) && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
+  if (CannotTell(designed_common)) return DesignVerdict::kGapClosed;
   if (designed_gap < (1 - kNarrowedShare) * nominal_gap) return DesignVerdict::kGapNarrowed;
   return DesignVerdict::kOutsideFamily;
 }

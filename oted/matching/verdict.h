@@ -94,8 +94,11 @@ bool PredictsBetter(const HeldOutPrediction& prediction);
 /// Whether it surely predicts worse at some horizon, in all windows or in whole recordings.
 bool PredictsWorse(const HeldOutPrediction& prediction);
 
-/// From the common score (held-out cross-entropy of a judge; log 2 where logs and simulator cannot be told apart),
-/// where nothing can be predicted. No gap: the nominal simulator is within 0.1 nats of log 2 and the design wins less
+/// Whether a judge of this common score (held-out cross-entropy; log 2 where logs and simulator cannot be told apart)
+/// hardly tells them apart: it is within 0.1 nats of log 2.
+bool CannotTell(double common);
+
+/// From the common score, where nothing can be predicted. No gap: the nominal simulator is within 0.1 nats of log 2 and the design wins less
 /// than 0.005 over it. Gap closed: the designed simulator is within 0.1 nats of log 2. Gap narrowed: it wins a tenth of
 /// the gap. Otherwise outside the family.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);

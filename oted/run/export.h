@@ -25,6 +25,11 @@ struct ExportedFile {
   std::filesystem::path path;
 };
 
+/// Nothing that predicts worse than the nominal model passes for the result of a run by itself.
+/// @throws DataError where the design does not surely predict better than the nominal model and is outside the family,
+/// or is no gap and an error of it is a tenth larger than the nominal model's
+void CheckIsWorthExporting(const std::filesystem::path& run_directory);
+
 /// Everything into `run_directory`/export: designed.xml, q.json, parameters.yaml.
 ExportRequest DefaultExports(const std::filesystem::path& run_directory);
 

@@ -10,8 +10,8 @@
 ///   pipeline.SelectPolicy();       // stage 5, Sec. 4.2:       the best pi_j
 ///   pipeline.EvaluateInTarget();   // only where a study knows the truth
 ///
-/// Each call runs the missing calls before it, reads what is complete in the run directory, and goes on from where it
-/// was stopped. What a call gave is handed on in memory. The truth is read by the last call alone.
+/// Each call runs those before it that it needs and that are missing, reads what is complete in the run directory, and
+/// goes on from where it was stopped. What a call gave is handed on in memory. Of these the last alone reads the truth.
 
 #include <filesystem>
 #include <optional>

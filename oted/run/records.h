@@ -11,7 +11,7 @@
 #include "oted/matching/designer.h"
 #include "oted/matching/fit_evidence.h"
 #include "oted/matching/held_out_prediction.h"
-#include "oted/stages/behavior/clone.h"
+#include "oted/stages/clone/clone.h"
 #include "oted/stages/design/method_choice.h"
 
 namespace oted {

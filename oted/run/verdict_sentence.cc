@@ -92,12 +92,26 @@ std::string ButAGuess(const DesignRecord::Validation& validation) {
   return "";
 }
 
+std::string GapClosedForAClassifier(const DesignRecord& record) {
+  double designed_common = record.nominal_common;
+  for (const DesignRecord::Setting& setting : record.settings) {
+    if (setting.name == record.selected) designed_common = setting.common;
+  }
+  if (JudgeDesign(record.nominal_common, designed_common) == DesignVerdict::kNoGap) {
+    return "gap closed: a classifier can tell neither simulator from the logs, but an identified parameter lies off its "
+           "nominal value";
+  }
+  const bool hardly = CannotTell(record.nominal_common);
+  return fmt::format("gap closed: a classifier cannot tell the designed simulator from the logs; it can {}tell the nominal one",
+                     hardly ? "hardly " : "");
+}
+
 std::string WithoutPrediction(const DesignRecord& record) {
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return "no gap: a classifier cannot tell the nominal simulator from the logs";
     case DesignVerdict::kGapClosed:
-      return "gap closed: a classifier cannot tell the designed simulator from the logs; it can tell the nominal one";
+      return GapClosedForAClassifier(record);
     case DesignVerdict::kGapNarrowed:
       return "gap narrowed: a classifier tells the designed simulator from the logs, but less surely than the nominal "
              "one";

@@ -20,7 +20,7 @@
 #include "oted/sim/minigrid/density_likelihood.h"
 #include "oted/sim/minigrid/minigrid_simulator.h"
 #include "oted/sim/task_policy.h"
-#include "oted/stages/behavior/clone.h"
+#include "oted/stages/clone/clone.h"
 #include "oted/stages/design/design.h"
 #include "oted/studies/cell_record.h"
 

@@ -115,8 +115,8 @@ def train(
                              "run.threads": threads}
     if steps is not None:
         if chosen is None:
-            image = json.loads(core.describe(study_of(design)))["n_discrete_actions"] > 0
-            chosen = "ppo" if image else "sac"
+            is_discrete = json.loads(core.describe(study_of(design)))["n_discrete_actions"] > 0
+            chosen = "ppo" if is_discrete else "sac"
         given[f"{chosen}.n_steps"] = steps
     words = _toml.assignments({k: v for k, v in given.items() if v is not None}) + _toml.assignments(settings)
     run_stage(None, design.path, words, "select-policy", "oted.train", progress, callback)

@@ -32,18 +32,20 @@ class Verdict(enum.StrEnum):
 
 
 class Validation:
-    """How the design predicts logs that it did not see, open loop, in each channel and over each horizon [s]."""
+    """How the design predicts logs, open loop, in each channel and over each horizon [s]: logs that it did not see, or, where
+    a horizon's `learned` is true, those that it learned from, as no others were long enough."""
 
     def __init__(self, record: dict[str, Any]) -> None:
         self.record = record
         self.horizons: list[float] = [horizon["seconds"] for horizon in record["horizons"]]
         self.n_windows: list[int] = [horizon["n_windows"] for horizon in record["horizons"]]
+        self.learned: list[bool] = [horizon["learned"] for horizon in record["horizons"]]
 
     def rows(self) -> list[dict[str, Any]]:
         """Root mean square errors in the channel's unit: of the nominal and the designed simulator, and what the sensors'
         noise alone leaves."""
         columns = ("name", "unit", "nominal", "designed", "floor")
-        return [{"horizon": horizon["seconds"], **{column: channel[column] for column in columns}}
+        return [{"horizon": horizon["seconds"], **{column: channel[column] for column in columns}, "learned": horizon["learned"]}
                 for horizon in self.record["horizons"] for channel in horizon["channels"]]
 
     def table(self) -> Any:
@@ -55,7 +57,9 @@ class Validation:
         for row in self.rows():
             name = row["name"] + (f" [{row['unit']}]" if row["unit"] else "")
             lines.append(f"{name:<34} {row['horizon']:>6.3g} s {_number(row['nominal']):>10} {_number(row['designed']):>10} "
-                         f"{_number(row['floor']):>10}")
+                         f"{_number(row['floor']):>10}{' *' if row['learned'] else ''}")
+        if any(self.learned):
+            lines.append("* on logs that the design learned from: no others are long enough")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -128,7 +132,7 @@ class Design:
 
     @property
     def validation(self) -> Validation | None:
-        """None where no logs could be kept aside."""
+        """None where no state can be set or episodes are too short."""
         record = self.record.get("validation")
         return Validation(record) if record else None
 

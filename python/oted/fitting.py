@@ -33,8 +33,8 @@ def fit(
     """Finds the distribution q(z) over the parameters with which the simulator moves as the logs do: `oted design`.
 
     task: "Hopper-v5", a task file (.toml), or an oted.Task. A file's own [data], [parameters] and settings hold unless
-    they are given here. logs: oted.Logs or a file. parameters: {"friction": oted.Param(path, low, high)}, presets
-    such as "contacts", or parameters of mujoco.sysid. out: the run directory; repeat a call to resume it. Without it
+    they are given here. logs: oted.Logs or a file. parameters: {"friction": oted.Param(path, low, high)}, a preset
+    such as "arm", or parameters of mujoco.sysid. out: the run directory; repeat a call to resume it. Without it
     the directory is temporary, until Design.save. seeds: seeded designs. seed: of every random stream; the same seed
     gives the same bytes, at any number of threads and by the program as well. settings: {"design.method": "paper"}
     and the like, as --set takes them (docs/configuration.md). callback: oted.progress.

@@ -29,7 +29,7 @@ class CompletionTest(ProgramTest):
         return [word for word in shell.stdout.split("\n") if word]
 
     def test_commands_are_those_of_the_help(self):
-        helped = self.succeed("--help").stdout.partition("Subcommands:\n")[2]
+        helped = self.succeed("--help").stdout.partition("Before a design:\n")[2]
         commands = [line.split()[0] for line in helped.splitlines() if line.startswith("  ") and line[2] != " "]
         self.assertGreater(len(commands), 20)
         self.assertEqual(sorted(self.offered("oted ")), sorted(commands))
@@ -61,7 +61,7 @@ class CompletionTest(ProgramTest):
         # bash keeps what stands before the last '='.
         self.assertEqual(self.offered("oted design --set design.method=tra"), ["trajectories", "transitions"])
         self.assertEqual(self.offered("oted design --set run.strict="), ["true", "false"])
-        self.assertEqual(self.offered("oted design --device=cu"), ["cuda"])
+        self.assertEqual(self.offered("oted run --device=cu"), ["cuda"])
 
     def test_nothing_is_offered_where_a_file_belongs_so_that_bash_offers_files(self):
         for line in ("oted design ", "oted design --data ", "oted init ", "oted report runs/", "oted no_such_command "):

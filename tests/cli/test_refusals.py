@@ -163,9 +163,14 @@ class TestRequest(HopperTest):
         self.assertRefused(self.design("--truth", "friction"), USAGE, "name=value")
 
     def test_device_that_is_not_there(self):
-        self.assertRefused(self.design("--device", "gpu"), USAGE, "device", "cuda")
+        self.assertRefused(self.design("--set", "agents.device=gpu"), USAGE, "device", "cuda")
         if not pathlib.Path("/dev/nvidia0").exists():
-            self.assertRefused(self.design("--device", "cuda"), USAGE, "device cuda", "leave agents.device at cpu")
+            self.assertRefused(self.design("--set", "agents.device=cuda"), USAGE, "device cuda", "leave agents.device at cpu")
+
+    def test_options_of_what_a_command_does_not_make(self):
+        self.assertRefused(self.design("--device", "cpu"), USAGE, "--device", "'oted design --help' explains the command")
+        for option in ("--grow", "--seeds", "--device"):
+            self.assertRefused(program.oted("clone", option, "--out", "run"), USAGE, option, "'oted clone --help'")
 
     def test_contradicting_settings(self):
         self.assertRefused(self.design("--set", "design.adversarial.starts=initial"), USAGE, "design.adversarial.actions")

@@ -1,6 +1,7 @@
 #pragma once
 /// Stage 4 (paper, Algorithm 2): the episodes of an agent that trains in the designed simulators. Lines 2 and 3, run
-/// and update, are TrainAgent's own loop (oted/rl).
+/// and update, are TrainAgent's own loop (oted/rl). Which simulators: oted/run/training_ground.h; all agents of a run:
+/// oted/run/agents_step.h.
 
 #include <vector>
 

@@ -9,9 +9,8 @@
 
 namespace oted {
 
-/// q(z) by the method of `config`, and a discriminator g trained against it (the paper's score c(h) is g's). Methods
-/// other than Algorithm 1 find q by themselves; lines 1, 2 and 4 of Algorithm 1 then train g with that q. They take
-/// seconds and begin anew after a stop; Algorithm 1 goes on from its checkpoint.
+/// q(z) by the method of `config`; by Algorithm 1 also a discriminator g trained against it (the paper's score c(h) is
+/// g's). The other methods take seconds to minutes and begin anew after a stop; Algorithm 1 goes on from its checkpoint.
 /// @throws Interrupted when a stop was requested
 DesignResult LearnDesign(const DesignProblem& problem, const DesignConfig& config);
 

@@ -109,7 +109,7 @@ class Likelihood {
 FieldList DropoConfig::Fields() {
   FieldList fields("design.dropo");
   fields.Add("horizon", &horizon, "control steps from a state to its prediction (lambda of DROPO)", AtLeast(1));
-  fields.Add("transitions", &transitions, "most logged states predicted", AtLeast(1));
+  fields.Add("transitions", &transitions, "maximum number of logged states predicted", AtLeast(1));
   fields.Add("samples", &samples, "draws of z for each prediction", AtLeast(2));
   fields.Add("budget", &budget, "distributions that CMA-ES evaluates", AtLeast(1));
   fields.Add(

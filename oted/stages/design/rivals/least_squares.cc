@@ -133,7 +133,7 @@ VectorXd ToX(const VectorXd& u) {
 FieldList LeastSquaresConfig::Fields() {
   FieldList fields("design.least_squares");
   fields.Add("horizon", &horizon, "control steps predicted from each state", AtLeast(1));
-  fields.Add("rows", &rows, "most logged transitions predicted", AtLeast(1));
+  fields.Add("rows", &rows, "maximum number of logged transitions predicted", AtLeast(1));
   fields.Add("starts", &starts, "starting points, the nominal parameters first", AtLeast(1));
   return fields;
 }

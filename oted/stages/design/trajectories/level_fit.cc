@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "oted/base/picked.h"
-#include "oted/data/checks_dynamics.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/trajectories/box_step.h"
 #include "oted/stages/design/trajectories/kept_derivatives.h"

@@ -6,7 +6,6 @@
 #include <optional>
 #include <vector>
 
-#include "oted/data/checks_dynamics.h"
 #include "oted/matching/prior.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/replay/window_likelihood.h"

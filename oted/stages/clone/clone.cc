@@ -1,8 +1,8 @@
-#include "oted/stages/behavior/clone.h"
+#include "oted/stages/clone/clone.h"
 
-#include "oted/stages/behavior/behavioral_cloning.h"
-#include "oted/stages/behavior/clone_choice.h"
-#include "oted/stages/behavior/value_dice.h"
+#include "oted/stages/clone/behavioral_cloning.h"
+#include "oted/stages/clone/clone_choice.h"
+#include "oted/stages/clone/value_dice.h"
 
 namespace oted {
 

@@ -1,4 +1,4 @@
-#include "oted/stages/behavior/value_dice.h"
+#include "oted/stages/clone/value_dice.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "oted/stages/behavior/clone_choice.h"
+#include "oted/stages/clone/clone_choice.h"
 
 #include <gtest/gtest.h>
 

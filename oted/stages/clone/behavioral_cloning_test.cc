@@ -1,4 +1,4 @@
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/clone/behavioral_cloning.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/nn/tanh_gaussian.h"
-#include "oted/stages/behavior/clone.h"
+#include "oted/stages/clone/clone.h"
 
 namespace oted::behavioral_cloning_test {
 

@@ -1,4 +1,4 @@
-#include "oted/stages/behavior/clone_choice.h"
+#include "oted/stages/clone/clone_choice.h"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 
 #include "oted/matching/held_out.h"
 #include "oted/matching/judge.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
-#include "oted/stages/behavior/value_dice.h"
+#include "oted/stages/clone/behavioral_cloning.h"
+#include "oted/stages/clone/value_dice.h"
 
 namespace oted {
 namespace {

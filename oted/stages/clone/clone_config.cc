@@ -1,4 +1,4 @@
-#include "oted/stages/behavior/clone_config.h"
+#include "oted/stages/clone/clone_config.h"
 
 #include <fmt/format.h>
 

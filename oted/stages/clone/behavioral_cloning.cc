@@ -1,4 +1,4 @@
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/clone/behavioral_cloning.h"
 
 #include <fmt/format.h>
 

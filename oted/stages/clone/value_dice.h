@@ -5,7 +5,7 @@
 
 #include "oted/base/log.h"
 #include "oted/data/dataset.h"
-#include "oted/stages/behavior/clone.h"
+#include "oted/stages/clone/clone.h"
 
 namespace oted {
 

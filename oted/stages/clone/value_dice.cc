@@ -1,4 +1,4 @@
-#include "oted/stages/behavior/value_dice.h"
+#include "oted/stages/clone/value_dice.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 
 #include "oted/rl/imitation_rows.h"
 #include "oted/rl/value_dice_update.h"
-#include "oted/stages/behavior/behavioral_cloning.h"
+#include "oted/stages/clone/behavioral_cloning.h"
 
 namespace oted {
 namespace {

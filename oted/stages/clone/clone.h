@@ -9,7 +9,7 @@
 #include "oted/data/dataset.h"
 #include "oted/nn/policy.h"
 #include "oted/sim/simulator.h"
-#include "oted/stages/behavior/clone_config.h"
+#include "oted/stages/clone/clone_config.h"
 
 namespace oted {
 
