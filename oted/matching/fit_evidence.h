@@ -22,8 +22,8 @@ struct FreedTrial {
   int n_steps = 0, n_windows = 0;
   bool learned = false;  ///< the windows are of the logs that the designs learned from: no others are long enough
   Estimated gain;        ///< as HeldOutPrediction's, over the design without it
-  /// By which windows of the logs that were kept aside become likelier, their starts fitted. None where the design's
-  /// windows are long ones or nothing was kept aside.
+  /// By which windows become likelier, their starts fitted: of the logs that were kept aside and, where the design's
+  /// windows are short ones and those agree, of the others too. None where nothing was kept aside.
   std::optional<Estimated> nats;
   /// (obs_dim): root mean square errors without it and with it, in the channel's unit. NaN where the physics broke
   /// down.

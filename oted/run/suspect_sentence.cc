@@ -45,7 +45,7 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   const std::string freed = fmt::format("with {} freed ({})", spec.field, ValueInWords(spec, trial.value));
   std::string likelier;
   if (trial.kept && trial.nats && trial.nats->value > 0) {
-    likelier = fmt::format("; what was kept aside is surely likelier with it (by {:.0f} nats)", trial.nats->value);
+    likelier = fmt::format("; the logs are surely likelier with it (by {:.0f} nats)", trial.nats->value);
   }
   if (!(trial.gain.value > 0)) return freed + ": no better prediction" + likelier;
   return fmt::format("{}: {}{}", freed, Bought(trial, channels, off), trial.kept ? likelier : "; that is not sure");

@@ -74,7 +74,7 @@ class SuspectsTest(unittest.TestCase):
         self.assertNotIn("not searched", result.stdout)
 
     def test_growing_adds_it_and_the_run_goes_on_with_it(self):
-        result, design = self.design("grown", GAIN, more=["--grow"])
+        result, design = self.design("grown", GAIN, more=["--grow", "--set", "design.trajectories.tried=1"])
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual([p["name"] for p in design["parameters"]], ["gain", "damping"])
         for parameter, truth in zip(design["parameters"], (1.2, 0.7)):

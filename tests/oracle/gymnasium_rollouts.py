@@ -1,12 +1,12 @@
 """Rollouts of a Gymnasium MuJoCo task, for a comparison with our simulators.
 
 usage: gymnasium_rollouts.py TASK OUT.npz [--scale friction=0.6 --scale gain=1.3 --scale gravity=1.2 --scale mass=1.5]
-                             [--policy policy.npz]
+                             [--policy policy.npz] [--episodes 100]
 
 Writes the integration state at every start, and after it the actions, observations, rewards and terminations:
   states (episodes, n_state), lengths (episodes,), actions (steps, nu), observations (steps, n_obs), rewards (steps,),
   terminals (steps,); of the model body_mass (nbody,), body_ipos, body_inertia (nbody, 3), body_iquat (nbody, 4)
-The first episode has 1,000 steps and ignores termination; 100 episodes that end as the task says follow. Actions are
+The first episode has 1,000 steps and ignores termination; episodes that end as the task says follow. Actions are
 random, or a trained policy's with noise: little in some episodes, which then last, and much in others, which do not.
 """
 
@@ -18,7 +18,6 @@ import gymnasium
 import mujoco
 import numpy as np
 
-N_EPISODES = 100
 N_LONG_STEPS = 1000
 NOISE = (0.02, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # standard deviations on a trained policy's actions, in turn over the episodes
 
@@ -103,6 +102,7 @@ def main():
     parser.add_argument("out")
     parser.add_argument("--scale", action="append", default=[])
     parser.add_argument("--policy")
+    parser.add_argument("--episodes", type=int, default=100)
     args = parser.parse_args()
 
     # Gymnasium has no v2: it is v4 with lighter capsules.
@@ -142,7 +142,7 @@ def main():
 
     observation, _ = base.reset(seed=1)
     rollout(base.step, observation, N_LONG_STEPS, stop=False, noise=NOISE[0])
-    for episode in range(N_EPISODES):
+    for episode in range(args.episodes):
         observation, _ = env.reset(seed=100 + episode)
         # HalfCheetah never ends: a tenth of an episode each is enough, with one whole one for the truncation.
         whole = episode == 0 or not args.task.startswith("HalfCheetah")

@@ -77,10 +77,11 @@ class FreedTrials {
   }
 
   /// The likeliest first. Where long windows took the place of short ones, those tell of little but noise.
-  std::vector<Suspect> Find() {
+  /// @param thoroughly  as TrySuspects has it
+  std::vector<Suspect> Find(bool thoroughly) {
     if (problem_.fit.errors_grow) return FindBy(LongScreening());
     std::vector<Suspect> found = FindBy(ShortScreening());
-    return found.empty() ? FindBy(GrownScreening()) : found;
+    return found.empty() && thoroughly ? FindBy(GrownScreening()) : found;
   }
 
   std::optional<FreedTrial> Try(const Suspect& suspect) {
@@ -107,7 +108,7 @@ class FreedTrials {
     const auto prediction = Beside(*wider, readings, q.Mode(), before);
     if (!prediction) return std::nullopt;
     const HeldOutPrediction::Horizon& told = Told(*prediction);
-    const std::optional<Estimated> nats = NatsOfUnseen(*wider, readings, *best);
+    const std::optional<Estimated> nats = NatsOf(*wider, readings, *best);
     const bool is_likelier = nats && nats->value > std::max(kFewestNats, kSurelyGained * nats->error);
     const bool predicts_better =
         PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error;
@@ -291,22 +292,28 @@ class FreedTrials {
     return Fitted{fit->level().windows.front().n_steps, fit->x(), cost, covariance, fit->noise_variance()};
   }
 
-  /// Nats by which the logs that were kept aside become likelier. None where nothing was, where windows are noise's no
-  /// longer (what adds up in long ones is told by prediction), and where the fit without it is of other windows.
-  std::optional<Estimated> NatsOfUnseen(const SimulatorFactory& wider, const ReadingModel& readings,
-                                        const Fitted& with) const {
-    if (problem_.fit.errors_grow || LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) {
-      return std::nullopt;
-    }
+  /// Nats by which windows of the logs become likelier: of those that were kept aside, and, where windows are noise's, of
+  /// the others too. One number more cannot follow hundreds of windows, so that these tell as honestly, and they are
+  /// four times as many; but they have no say against what was kept aside. None where nothing was, and where the fit
+  /// without it is of other windows.
+  std::optional<Estimated> NatsOf(const SimulatorFactory& wider, const ReadingModel& readings, const Fitted& with) const {
+    if (LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) return std::nullopt;
     const ParameterSpace& space = wider.parameters();
     std::vector<double> without = ToZ(problem_.factory.parameters(), fitted_without_->x);
     without.push_back(space[space.size() - 1].nominal);
-    WindowReplayer replayer = MakeReplayer(wider, 0, parts_.judge, readings, problem_.context.n_threads);
-    const Level brief =
-        LongWindows(replayer, parts_.judge, ShortScreening().n_steps, FreedRows(with.n_steps), period_);
-    const Estimated nats = NatsGained(replayer, brief, with.n_steps, {ToZ(space, with.x), with.variance},
-                                      {std::move(without), fitted_without_->variance});
-    return std::isfinite(nats.error) ? std::optional(nats) : std::nullopt;
+    const bool is_long = problem_.fit.errors_grow;
+    const VectorXd sensor = is_long ? noise_.cwiseAbs2().eval() : VectorXd();
+    const auto nats_in = [&](const Dataset& logs) {
+      WindowReplayer replayer = MakeReplayer(wider, 0, logs, readings, problem_.context.n_threads);
+      const Level level = LongWindows(replayer, logs, is_long ? with.n_steps : ShortScreening().n_steps,
+                                      FreedRows(with.n_steps), period_);
+      return NatsGained(replayer, level, with.n_steps, {with.variance, sensor}, ToZ(space, with.x), without);
+    };
+    const Estimated unseen = nats_in(parts_.judge);
+    if (!std::isfinite(unseen.error)) return std::nullopt;
+    if (is_long || !(unseen.value > 0)) return unseen;
+    const Estimated learned = nats_in(parts_.learn);
+    return Estimated{unseen.value + learned.value, std::hypot(unseen.error, learned.error)};
   }
 
   /// Of what the design found in the part of the logs that learns, and what that part gives in the windows that freed
@@ -352,7 +359,7 @@ class FreedTrials {
 std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
   if (!(problem.factory.spec().control_period_s > 0)) return {};
   FreedTrials trials(problem);
-  std::vector<Suspect> suspects = trials.Find();
+  std::vector<Suspect> suspects = trials.Find(n > 0);
   suspects.resize(std::min(suspects.size(), std::max(kFewestNamed, static_cast<size_t>(n))));
   const auto n_tried = static_cast<int64_t>(std::min(suspects.size(), static_cast<size_t>(n)));
   for (int64_t k = 0; k < n_tried; ++k) {

@@ -31,7 +31,7 @@ struct FreedProblem {
 /// the parameters alone. The eight that a score test there favours are each fitted with the parameters to the same
 /// windows; those that make them likelier beyond chance and are noticeable are ranked by how much. Where that names
 /// none, or long windows took the place of short ones, a dozen are fitted to windows of up to a quarter second; in the
-/// first case these grew from the short ones.
+/// first case these grew from the short ones, and where `n` is 0 it is left out, as it takes long.
 ///
 /// What they are worth: the first `n` are fitted with the parameters to windows as long as the design's, 0.1 to 0.5
 /// s, of that part, from where the design ended. The design without is the better of that found and of one fitted to

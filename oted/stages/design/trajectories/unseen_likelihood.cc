@@ -1,5 +1,6 @@
 #include "oted/stages/design/trajectories/unseen_likelihood.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "oted/stages/design/replay/prediction_ratios.h"
@@ -14,19 +15,26 @@ using Eigen::VectorXd;
 constexpr double kUnseenStartStep = 1e-5;  // of forward differences, over how far the coordinate spreads
 constexpr int kUnseenIterations = 10;
 
+WindowLikelihood LikelihoodOf(const ReadingModel& readings, const WindowNoise& noise, int n_steps) {
+  if (noise.sensor.size() > 0) return WindowLikelihood::Growing(readings, noise.sensor, noise.variance, n_steps);
+  return {readings, noise.variance, n_steps};
+}
+
 /// (windows): negative log densities of the windows that `level` grows into.
-VectorXd CostsOf(WindowReplayer& replayer, Level level, int n_steps, const Explanation& by) {
+VectorXd CostsOf(WindowReplayer& replayer, Level level, int n_steps, const WindowNoise& noise,
+                 const std::vector<double>& z) {
   const VectorXd start_step = kUnseenStartStep * replayer.readings().state_scale;
   while (!level.windows.empty()) {
     const int n = level.windows.front().n_steps;
-    const WindowLikelihood likelihood(replayer.readings(), by.variance, n);
-    FittedStarts fitted = FitStarts(replayer, std::move(level.starts),
-                                    {level.windows, by.z, likelihood, start_step, kUnseenIterations});
+    const WindowLikelihood likelihood = LikelihoodOf(replayer.readings(), noise, n);
+    FittedStarts fitted =
+        FitStarts(replayer, std::move(level.starts), {level.windows, z, likelihood, start_step, kUnseenIterations});
     level.starts = std::move(fitted.starts);
     if (2 * n > n_steps) {
       VectorXd costs(static_cast<Eigen::Index>(level.windows.size()));
       for (Eigen::Index w = 0; w < costs.size(); ++w) {
-        costs[w] = likelihood.Cost(fitted.residuals[static_cast<size_t>(w)]) + likelihood.LogScale();
+        const double cost = likelihood.Cost(fitted.residuals[static_cast<size_t>(w)]);
+        costs[w] = std::min(cost, likelihood.CostOfWorstExplained());
       }
       return costs;
     }
@@ -37,9 +45,10 @@ VectorXd CostsOf(WindowReplayer& replayer, Level level, int n_steps, const Expla
 
 }  // namespace
 
-Estimated NatsGained(WindowReplayer& replayer, const Level& level, int n_steps, const Explanation& a,
-                     const Explanation& b) {
-  const VectorXd gained = CostsOf(replayer, level, n_steps, b) - CostsOf(replayer, level, n_steps, a);
+Estimated NatsGained(WindowReplayer& replayer, const Level& level, int n_steps, const WindowNoise& noise,
+                     const std::vector<double>& a, const std::vector<double>& b) {
+  const VectorXd gained =
+      CostsOf(replayer, level, n_steps, noise, b) - CostsOf(replayer, level, n_steps, noise, a);
   if (gained.size() < 2) return {.value = 0, .error = std::numeric_limits<double>::infinity()};
   const Estimated mean = MeansOf(gained.transpose(), VectorXd::Ones(1)).OfAll();
   const double n = static_cast<double>(gained.size());

@@ -17,39 +17,47 @@ constexpr double kNoise = 0.05;
 constexpr int kBrief = 4, kSteps = 16;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5}, kWrong = {1.5, 0.7, 0.5};
 
-Explanation With(const std::vector<double>& z, double noise) { return {z, VectorXd::Constant(2, noise * noise)}; }
+const WindowNoise kWhite = {VectorXd::Constant(2, kNoise * kNoise)};
 
 /// The nats that noisy logs of kTruth give `a` over `b`.
-Estimated Nats(const Explanation& a, const Explanation& b, uint64_t seed) {
+Estimated Nats(const std::vector<double>& a, const std::vector<double>& b, uint64_t seed, int begins = kBrief,
+               const WindowNoise& noise = kWhite) {
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), kNoise, RngKey(seed));
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 32, 1), logs);
-  return NatsGained(replayer, LongWindows(replayer, logs, kBrief, 100000, 0.05), kSteps, a, b);
+  return NatsGained(replayer, LongWindows(replayer, logs, begins, 100000, 0.05), kSteps, noise, a, b);
 }
 
 TEST(NatsGained, TheLogsOwnSimulatorIsSurelyLikelierThanAnother) {
   for (uint64_t seed = 0; seed < 4; ++seed) {
-    const Estimated nats = Nats(With(kTruth, kNoise), With(kWrong, kNoise), seed);
+    const Estimated nats = Nats(kTruth, kWrong, seed);
     EXPECT_GT(nats.value, 4 * nats.error);
     EXPECT_GT(nats.value, 8);
-    const Estimated reverse = Nats(With(kWrong, kNoise), With(kTruth, kNoise), seed);
+    const Estimated reverse = Nats(kWrong, kTruth, seed);
     EXPECT_DOUBLE_EQ(reverse.value, -nats.value);
     EXPECT_DOUBLE_EQ(reverse.error, nats.error);
   }
-  EXPECT_EQ(Nats(With(kTruth, kNoise), With(kTruth, kNoise), 1).value, 0);
+  EXPECT_EQ(Nats(kTruth, kTruth, 1).value, 0);
 }
 
-TEST(NatsGained, TheRightNoiseIsLikelierThanTwiceAndHalf) {
-  for (const double factor : {0.5, 2.0}) {
-    const Estimated nats = Nats(With(kTruth, kNoise), With(kTruth, factor * kNoise), 1);
-    EXPECT_GT(nats.value, 4 * nats.error) << factor;
-  }
+TEST(NatsGained, LongWindowsWhoseErrorsGrowTellTheTruthToo) {
+  const WindowNoise growing = {VectorXd::Constant(2, 0.04 * 0.04), kWhite.variance};
+  const Estimated nats = Nats(kTruth, kWrong, 1, kSteps, growing);
+  EXPECT_GT(nats.value, 4 * nats.error);
+}
+
+TEST(NatsGained, NoWindowCountsForMoreThanTheWorstThatNoiseExplains) {
+  const int n_windows = PointMassLogs(kTruth, 20).size() / kSteps;
+  const double worst = WindowLikelihood(ReadingModel::Plain(2), kWhite.variance, kSteps).CostOfWorstExplained();
+  const double nats = Nats(kTruth, {0.2, 0.6, 0.5}, 1).value;
+  EXPECT_GT(nats, 0);
+  EXPECT_LE(nats, n_windows * worst);
 }
 
 TEST(NatsGained, EqualSimulatorsAreHardlyEverSurelyLikelier) {
   // z that differ by a hundredth of what the logs can tell.
   int n_sure = 0;
   for (uint64_t seed = 0; seed < 20; ++seed) {
-    const Estimated nats = Nats(With({1.5001, 0.6, 0.5}, kNoise), With(kTruth, kNoise), seed);
+    const Estimated nats = Nats({1.5001, 0.6, 0.5}, kTruth, seed);
     n_sure += nats.value > std::max(8.0, 2 * nats.error);
   }
   EXPECT_EQ(n_sure, 0);
@@ -62,7 +70,7 @@ TEST(NatsGained, OneWindowTellsNothingOfChance) {
   one.windows.resize(1);
   one.starts.resize(1);
   one.stretch.resize(1);
-  const Estimated nats = NatsGained(replayer, one, kSteps, With(kTruth, kNoise), With(kWrong, kNoise));
+  const Estimated nats = NatsGained(replayer, one, kSteps, kWhite, kTruth, kWrong);
   EXPECT_TRUE(std::isinf(nats.error));
 }
 
