@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from oted import _given
 from oted._engine import core
+from oted._needs import need
 from oted.errors import UsageError
 from oted.task import TaskLike, study
 
@@ -271,6 +272,26 @@ class Logs:
         data = self._data.copy()
         data.append(other._data)
         return Logs._of(data)
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame of rows, as from_pandas reads them: `episode` (from 0), `time` [s] within it where the period is
+        known, a column for each observation and action (observation_0, ... where they have no names), `reward` where there
+        is one, `terminated`. An episode's last row has its final observation, and NaN for action and reward."""
+        frames = need("pandas", "a table")
+        seen = self.observation_names or [f"observation_{k}" for k in range(self.observations.shape[1])]
+        done = self.action_names or [f"action_{k}" for k in range(self.actions.shape[1])]
+        episodes = []
+        for number, (begin, end, terminated) in enumerate(self.episodes):
+            rows = np.vstack([self.observations[begin:end], self.next_observations[end - 1:end]])
+            columns: dict[str, Any] = {"episode": number}
+            if self.period:
+                columns["time"] = self.period * np.arange(len(rows))
+            columns |= dict(zip(seen, rows.T))
+            columns |= dict(zip(done, np.vstack([self.actions[begin:end], np.full((1, len(done)), np.nan)]).T))
+            if self.rewards is not None:
+                columns["reward"] = np.append(self.rewards[begin:end], np.nan)
+            episodes.append(frames.DataFrame(columns | {"terminated": terminated}))
+        return frames.concat(episodes, ignore_index=True)
 
     def save(self, path: str | os.PathLike[str], task: TaskLike = None) -> None:
         """Writes .npz, .hdf5, .csv or .csv.gz; with a task, in the order of its channels. A table alone keeps names and

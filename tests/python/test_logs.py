@@ -129,6 +129,21 @@ class LogsTest(InFolder):
         with self.assertRaisesRegex(oted.UsageError, "0.01 s apart"):
             one + oted.Logs(rows, rows[:, :1], period=0.01)
 
+    def test_to_pandas_gives_what_from_pandas_reads(self):
+        draw = np.random.default_rng(3)
+        logs = oted.Logs(draw.normal(size=(9, 2)), draw.normal(size=(9, 1)), episode_ends=[4, 9], terminated=[True, False],
+                         period=0.1, rewards=draw.normal(size=9), observation_names=["q", "v"], action_names=["u"])
+        frame = logs.to_pandas()
+        self.assertEqual(list(frame.columns), ["episode", "time", "q", "v", "u", "reward", "terminated"])
+        self.assertEqual(len(frame), 9)
+        again = oted.Logs.from_pandas(frame, observations=["q", "v"], actions=["u"], episode="episode", time="time", period=0.1,
+                                      reward="reward", terminated="terminated")
+        for name in ("observations", "actions", "next_observations", "rewards"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(logs, name), name)
+        self.assertEqual((again.episodes, again.period), (logs.episodes, logs.period))
+        nameless = oted.Logs(np.zeros((3, 2)), np.zeros((3, 1))).to_pandas()
+        self.assertEqual(list(nameless.columns), ["episode", "observation_0", "observation_1", "action_0", "terminated"])
+
     def test_the_rows_of_an_episode_are_grouped_wherever_they_stand(self):
         t = np.concatenate([0.02 * np.arange(30), 0.02 * np.arange(12)])
         label = np.repeat([7, 3], [30, 12])
