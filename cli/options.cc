@@ -11,15 +11,15 @@
 #include "oted/run/provenance.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
+#include "oted/stages/design/design_method.h"
 
 namespace oted::cli {
 
 namespace {
 
 void AddDesignOptions(CLI::App& app, Options& options) {
-  app.add_option(
-         "--seeds", options.n_seeds,
-         "seeded designs per setting [default: 1 of the methods trajectories and least-squares, 3 of the others]")
+  app.add_option("--seeds", options.n_seeds,
+                 fmt::format("seeded designs per setting [default: {}]", DefaultSeedsInWords()))
       ->check(PositiveNumber());
   app.add_flag(
       "--grow", options.grow,

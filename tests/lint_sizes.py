@@ -4,6 +4,7 @@
 
   * no function above 80 lines, from its name to its closing brace
   * no function of a header above six parameters: more are a struct
+  * no source above 460 lines, but tests
   * every .cc file of oted/ has a header of its own name beside it; a few exceptions stand below with their reasons
   * no files in oted/ itself
 """
@@ -17,6 +18,7 @@ from lint_includes import NOT_CODE
 FOLDERS = ("oted", "cli", "python", "examples")
 MOST_LINES = 80
 MOST_PARAMETERS = 6
+MOST_LINES_OF_A_FILE = 460
 
 # Functions that may have more parameters, and why.
 MAY_HAVE_MORE_PARAMETERS = {
@@ -167,7 +169,11 @@ def violations(root):
             if folder == "oted" and file.suffix == ".cc" and not path.endswith("_test.cc"):
                 if not file.with_suffix(".h").exists() and path not in MAY_SHARE_A_HEADER:
                     found[path] = f"{path}:1: has no header of its own: merge it, or give it one"
-            for name, line, what in check_file(path, file.read_text(encoding="utf-8")):
+            text = file.read_text(encoding="utf-8")
+            n_lines = text.count("\n")
+            if n_lines > MOST_LINES_OF_A_FILE and not path.endswith("_test.cc"):
+                found[f"{path} lines"] = f"{path}:1: has {n_lines} lines, at most {MOST_LINES_OF_A_FILE}: split it"
+            for name, line, what in check_file(path, text):
                 found[f"{path} {name}"] = f"{path}:{line}: {what}"
     return found
 

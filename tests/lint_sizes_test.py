@@ -87,6 +87,12 @@ class LintSizesTest(unittest.TestCase):
         self.assertEqual(list(lint({"oted/base/a.cc": "int a;\n"})), ["oted/base/a.cc"])
         self.assertEqual(lint({"oted/base/a_test.cc": "int a;\n", "cli/a.cc": "int a;\n"}), {})
 
+    def test_a_source_of_461_lines_is_found_and_a_test_passes(self):
+        lines = "// a line\n" * 460
+        self.assertEqual(lint({"oted/base/a.h": lines}), {})
+        self.assertEqual(list(lint({"oted/base/a.h": lines + "//\n"})), ["oted/base/a.h lines"])
+        self.assertEqual(lint({"oted/base/a_test.cc": lines + "//\n"}), {})
+
     def test_a_loose_file_is_found(self):
         self.assertEqual(list(lint({"oted/a.h": "#pragma once\n"})), ["oted/a.h"])
 

@@ -225,4 +225,12 @@ std::string NeedsInWords(const MethodDescription& described) {
   return words.empty() ? "nothing else" : words;
 }
 
+std::string DefaultSeedsInWords() {
+  std::vector<std::string> once;
+  for (const MethodDescription& described : DesignMethods()) {
+    if (described.n_seeds == 1) once.push_back(described.name);
+  }
+  return fmt::format("1 of the methods {}, {} of the others", fmt::join(once, " and "), MethodDescription().n_seeds);
+}
+
 }  // namespace oted
