@@ -53,7 +53,8 @@ void AddSeed(CLI::App& verb, long& seed) {
 uint64_t SeedOf(long seed) { return seed < 0 ? 1 : static_cast<uint64_t>(seed); }
 
 void AddThreads(CLI::App& verb, int& threads) {
-  verb.add_option("--threads", threads, "maximum number of threads [default: all processors]")->check(NonNegativeNumber());
+  verb.add_option("--threads", threads, "maximum number of threads [default: all processors]")
+      ->check(NonNegativeNumber());
 }
 
 void AddRunOptions(CLI::App& app, Options& options, const Makes& makes) {

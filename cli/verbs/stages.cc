@@ -55,12 +55,13 @@ void AddStageVerbs(Program& program) {
                          true,
                          false,
                          &Pipeline::ReplayLogs});
-  AddStageVerb(program, {"select-simulator",
-                         "stage 3: score the designs and select the best setting; the same as design, which goes on to it",
-                         {"selection", "report"},
-                         true,
-                         false,
-                         &Pipeline::ReplayLogs});
+  AddStageVerb(program,
+               {"select-simulator",
+                "stage 3: score the designs and select the best setting; the same as design, which goes on to it",
+                {"selection", "report"},
+                true,
+                false,
+                &Pipeline::ReplayLogs});
   AddStageVerb(program, {"train",
                          "stage 4: train agents in the designed simulators",
                          {"agents", "crossq", "sac", "ppo", "baselines", "f_brc", "mbop", "td3_bc", "rebrac"},

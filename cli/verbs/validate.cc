@@ -50,7 +50,8 @@ void AddValidateVerb(Program& program) {
   verb->add_option("--episodes", words->request.episodes, "how many of them, from the first [default: all]");
   verb->add_option("--model", words->request.model,
                    "another MJCF or URDF of the robot, compared as it is in place of the task file's model");
-  verb->add_option("--threads", words->threads, "maximum number of threads; results do not depend on it [default: all processors]")
+  verb->add_option("--threads", words->threads,
+                   "maximum number of threads; results do not depend on it [default: all processors]")
       ->check(NonNegativeNumber());
   verb->add_flag("--json", words->json, "print the result as JSON");
   verb->footer(

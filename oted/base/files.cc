@@ -41,8 +41,8 @@ constexpr int kDeepestJson = 64;
         fmt::format("cannot {} '{}': {}; choose a shorter name", what, path.string(), std::strerror(error)));
   }
   const bool full = error == ENOSPC || error == EDQUOT;
-  const char* remedy = full             ? "free some space, then run the same command again"
-                       : error == EFBIG ? "raise the limit (ulimit -f), then run the same command again"
+  const char* remedy = full              ? "free some space, then run the same command again"
+                       : error == EFBIG  ? "raise the limit (ulimit -f), then run the same command again"
                        : error == ENOENT ? "check the path"
                        : error == EMFILE || error == ENFILE
                            ? "raise the limit (ulimit -n), then run the same command again"

@@ -19,11 +19,10 @@ std::vector<double> NumbersFrom(const json& list) {
 }
 
 json ToJson(const FreedTrial& trial) {
-  json record = {{"value", trial.value},         {"std", trial.std},
-                 {"kept", trial.kept},           {"seconds", trial.seconds},
-                 {"n_steps", trial.n_steps},     {"n_windows", trial.n_windows},
-                 {"learned", trial.learned},     {"gain", ToJson(trial.gain)},
-                 {"before", trial.before},       {"after", trial.after}};
+  json record = {{"value", trial.value},     {"std", trial.std},           {"kept", trial.kept},
+                 {"seconds", trial.seconds}, {"n_steps", trial.n_steps},   {"n_windows", trial.n_windows},
+                 {"learned", trial.learned}, {"gain", ToJson(trial.gain)}, {"before", trial.before},
+                 {"after", trial.after}};
   if (trial.nats) record["nats"] = ToJson(*trial.nats);
   return record;
 }

@@ -98,9 +98,9 @@ bool PredictsWorse(const HeldOutPrediction& prediction);
 /// hardly tells them apart: it is within 0.1 nats of log 2.
 bool CannotTell(double common);
 
-/// From the common score, where nothing can be predicted. No gap: the nominal simulator is within 0.1 nats of log 2 and the design wins less
-/// than 0.005 over it. Gap closed: the designed simulator is within 0.1 nats of log 2. Gap narrowed: it wins a tenth of
-/// the gap. Otherwise outside the family.
+/// From the common score, where nothing can be predicted. No gap: the nominal simulator is within 0.1 nats of log 2 and
+/// the design wins less than 0.005 over it. Gap closed: the designed simulator is within 0.1 nats of log 2. Gap
+/// narrowed: it wins a tenth of the gap. Otherwise outside the family.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common);
 
 /// The parameters whose estimate lies at one of its bounds (EndsAtBound): what the logs ask for is beyond it. One that

@@ -184,14 +184,16 @@ TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {
   DesignRecord record;
   record.verdict = DesignVerdict::kGapClosed;
   record.selected = "default";
-  record.settings = {{.name = "default", .method = "paper", .common = 0.69, .c = {}, .learning_progress = {}, .seeds = {}}};
+  record.settings = {
+      {.name = "default", .method = "paper", .common = 0.69, .c = {}, .learning_progress = {}, .seeds = {}}};
   record.nominal_common = 0.3;
   EXPECT_THAT(VerdictSentence(record, {}), EndsWith("; it can tell the nominal one"));
   record.nominal_common = 0.65;
   EXPECT_THAT(VerdictSentence(record, {}), EndsWith("; it can hardly tell the nominal one"));
   record.nominal_common = 0.688;
-  EXPECT_THAT(VerdictSentence(record, {}), EndsWith("tell neither simulator from the logs, but an identified parameter lies "
-                                                    "off its nominal value"));
+  EXPECT_THAT(VerdictSentence(record, {}),
+              EndsWith("tell neither simulator from the logs, but an identified parameter lies "
+                       "off its nominal value"));
 }
 
 TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {

@@ -98,12 +98,14 @@ std::string GapClosedForAClassifier(const DesignRecord& record) {
     if (setting.name == record.selected) designed_common = setting.common;
   }
   if (JudgeDesign(record.nominal_common, designed_common) == DesignVerdict::kNoGap) {
-    return "gap closed: a classifier can tell neither simulator from the logs, but an identified parameter lies off its "
+    return "gap closed: a classifier can tell neither simulator from the logs, but an identified parameter lies off "
+           "its "
            "nominal value";
   }
   const bool hardly = CannotTell(record.nominal_common);
-  return fmt::format("gap closed: a classifier cannot tell the designed simulator from the logs; it can {}tell the nominal one",
-                     hardly ? "hardly " : "");
+  return fmt::format(
+      "gap closed: a classifier cannot tell the designed simulator from the logs; it can {}tell the nominal one",
+      hardly ? "hardly " : "");
 }
 
 std::string WithoutPrediction(const DesignRecord& record) {

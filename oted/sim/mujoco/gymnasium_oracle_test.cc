@@ -116,8 +116,8 @@ TEST_P(GymnasiumOracle, NominalRolloutsOfRandomActionsAreGymnasiumsAndAWrongPara
 
 TEST_P(GymnasiumOracle, NominalRolloutsOfATrainedPolicyAreGymnasiums) {
   const MujocoSimulatorFactory factory(GetParam(), {});
-  const Differences d =
-      Replay(RecordGymnasium(GetParam(), fmt::format("--episodes 50 --policy '{}'", PolicyOf(GetParam()))), factory, {});
+  const Differences d = Replay(
+      RecordGymnasium(GetParam(), fmt::format("--episodes 50 --policy '{}'", PolicyOf(GetParam()))), factory, {});
   ExpectEqual(GetParam(), d);
   // The policy goes where random actions never get, and with noise it falls from there.
   if (can_fall()) {

@@ -10,7 +10,8 @@
 namespace oted {
 
 /// q(z) by the method of `config`; by Algorithm 1 also a discriminator g trained against it (the paper's score c(h) is
-/// g's). The other methods take seconds to minutes and begin anew after a stop; Algorithm 1 goes on from its checkpoint.
+/// g's). The other methods take seconds to minutes and begin anew after a stop; Algorithm 1 goes on from its
+/// checkpoint.
 /// @throws Interrupted when a stop was requested
 DesignResult LearnDesign(const DesignProblem& problem, const DesignConfig& config);
 

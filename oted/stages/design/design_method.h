@@ -55,7 +55,8 @@ DesignMethod FirstMethodOfAuto(const ParameterSpace& space, const SimulatorSpec&
 /// "states that can be set, the clone", or "nothing else": what a method needs, in words.
 std::string NeedsInWords(const MethodDescription& described);
 
-/// "1 of the methods trajectories and least-squares, 3 of the others": seeded designs of a setting that names no number.
+/// "1 of the methods trajectories and least-squares, 3 of the others": seeded designs of a setting that names no
+/// number.
 std::string DefaultSeedsInWords();
 
 }  // namespace oted

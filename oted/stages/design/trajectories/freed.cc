@@ -110,8 +110,7 @@ class FreedTrials {
     const HeldOutPrediction::Horizon& told = Told(*prediction);
     const std::optional<Estimated> nats = NatsOf(*wider, readings, *best);
     const bool is_likelier = nats && nats->value > std::max(kFewestNats, kSurelyGained * nats->error);
-    const bool predicts_better =
-        PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error;
+    const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error;
     FreedTrial trial{.value = q.Mode().back(),
                      .std = q.Std().back(),
                      .kept = predicts_better || (is_likelier && !PredictsWorse(*prediction)),
@@ -292,11 +291,12 @@ class FreedTrials {
     return Fitted{fit->level().windows.front().n_steps, fit->x(), cost, covariance, fit->noise_variance()};
   }
 
-  /// Nats by which windows of the logs become likelier: of those that were kept aside, and, where windows are noise's, of
-  /// the others too. One number more cannot follow hundreds of windows, so that these tell as honestly, and they are
+  /// Nats by which windows of the logs become likelier: of those that were kept aside, and, where windows are noise's,
+  /// of the others too. One number more cannot follow hundreds of windows, so that these tell as honestly, and they are
   /// four times as many; but they have no say against what was kept aside. None where nothing was, and where the fit
   /// without it is of other windows.
-  std::optional<Estimated> NatsOf(const SimulatorFactory& wider, const ReadingModel& readings, const Fitted& with) const {
+  std::optional<Estimated> NatsOf(const SimulatorFactory& wider, const ReadingModel& readings,
+                                  const Fitted& with) const {
     if (LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) return std::nullopt;
     const ParameterSpace& space = wider.parameters();
     std::vector<double> without = ToZ(problem_.factory.parameters(), fitted_without_->x);

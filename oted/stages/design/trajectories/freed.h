@@ -36,8 +36,8 @@ struct FreedProblem {
 /// What they are worth: the first `n` are fitted with the parameters to windows as long as the design's, 0.1 to 0.5
 /// s, of that part, from where the design ended. The design without is the better of that found and of one fitted to
 /// the same windows. Both predict the part that was kept aside, from the same windows. Where windows are explained as
-/// noise's (no long ones were taken), they are also asked how likely that part is: that tells of less than predictions do,
-/// which from noisy starts differ little between a good simulator and a better one.
+/// noise's (no long ones were taken), they are also asked how likely that part is: that tells of less than predictions
+/// do, which from noisy starts differ little between a good simulator and a better one.
 ///
 /// @return the likeliest first, `n` and at least three at most; one whose simulator cannot be fitted stays untried
 /// @throws Interrupted when a stop was requested

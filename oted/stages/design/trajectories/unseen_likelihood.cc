@@ -47,8 +47,7 @@ VectorXd CostsOf(WindowReplayer& replayer, Level level, int n_steps, const Windo
 
 Estimated NatsGained(WindowReplayer& replayer, const Level& level, int n_steps, const WindowNoise& noise,
                      const std::vector<double>& a, const std::vector<double>& b) {
-  const VectorXd gained =
-      CostsOf(replayer, level, n_steps, noise, b) - CostsOf(replayer, level, n_steps, noise, a);
+  const VectorXd gained = CostsOf(replayer, level, n_steps, noise, b) - CostsOf(replayer, level, n_steps, noise, a);
   if (gained.size() < 2) return {.value = 0, .error = std::numeric_limits<double>::infinity()};
   const Estimated mean = MeansOf(gained.transpose(), VectorXd::Ones(1)).OfAll();
   const double n = static_cast<double>(gained.size());

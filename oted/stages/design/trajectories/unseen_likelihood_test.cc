@@ -17,7 +17,7 @@ constexpr double kNoise = 0.05;
 constexpr int kBrief = 4, kSteps = 16;
 const std::vector<double> kTruth = {1.5, 0.6, 0.5}, kWrong = {1.5, 0.7, 0.5};
 
-const WindowNoise kWhite = {VectorXd::Constant(2, kNoise * kNoise)};
+const WindowNoise kWhite = {VectorXd::Constant(2, kNoise* kNoise)};
 
 /// The nats that noisy logs of kTruth give `a` over `b`.
 Estimated Nats(const std::vector<double>& a, const std::vector<double>& b, uint64_t seed, int begins = kBrief,
