@@ -1,0 +1,204 @@
+#include "oted/stages/design/trajectories/short_windows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace oted {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr double kTolerableGrowth = 1.25;  // of the noise estimate from the first level to a longer one
+constexpr int kStartIterations = 5, kLevelIterations = 4;
+constexpr double kSamePlace = 0.1;  // in x, some fortieth of the range: two starts that meet need no third
+constexpr int kRounds = 2, kRoundIterations = 3;  // of other starts where windows stay unexplained
+// The noise estimate and the starts settle at the first level: stiff contacts let them move by small steps only.
+constexpr int kFirstLevelIterations = 7;
+constexpr double kLongestUnread = 0.6;  // [s]: of short windows where rates are unread
+constexpr int kFewestStretches = 16;    // of that length
+constexpr int kManyReplays = 50000;     // control steps of a linearization: what noisy logs may take
+constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is rounding
+constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
+
+/// Windows of twice the length; the longest at once where the shorter ones told all but rounding.
+Level NextLevel(const Level& level, bool is_known) {
+  Level next = Joined(level);
+  if (!is_known) return next;
+  for (Level longer = Joined(next); !longer.windows.empty(); longer = Joined(longer)) next = longer;
+  return next;
+}
+
+}  // namespace
+
+ShortWindows::ShortWindows(const ReplayProblem& problem, const TrajectoriesConfig& config, int n_steps_behind,
+                           FitSteps& steps, FitEvidence& evidence)
+    : problem_(problem),
+      config_(config),
+      space_(problem.factory.parameters()),
+      n_steps_behind_(n_steps_behind),
+      steps_(steps),
+      evidence_(evidence),
+      scale_(ChannelScales(problem.dataset)),
+      rng_(problem.key.MakeRng()) {
+  Read({});
+  steps_.Expect((1 + config.starts) * kStartIterations + StepsOfLevels(shortest_) +
+                std::max(n_steps_behind, StepsOfLevels(shortest_)));
+}
+
+void ShortWindows::Read(const std::vector<char>& computed) {
+  const Dataset& logs = problem_.dataset;
+  const SimulatorSpec& spec = problem_.factory.spec();
+  fit_.reset();
+  replayer_ = std::make_unique<WindowReplayer>(MakeReplayer(
+      problem_.factory, space_.size(), logs, ReadingModel::Of(spec, logs, computed), problem_.context.n_threads));
+  shortest_ = longest_ = ShortestWindow(replayer_->readings());
+  // Rates that are fitted as well take longer windows.
+  const bool all_read = replayer_->readings().unread.empty() || !(spec.control_period_s > 0);
+  const int bound =
+      all_read ? config_.window : std::max(config_.window, static_cast<int>(kLongestUnread / spec.control_period_s));
+  for (const Episode& episode : logs.Episodes()) {
+    while (longest_ * 2 <= std::min(bound, episode.size())) longest_ *= 2;
+  }
+  const int n_rows = all_read ? config_.rows : std::max(config_.rows, kFewestStretches * longest_);
+  first_ = FirstLevel(*replayer_, logs, longest_, shortest_, n_rows, rng_);
+  if (first_.windows.empty()) ThrowNothingStartable(logs, spec, shortest_);
+}
+
+int ShortWindows::StepsOfLevels(int length) const {
+  int n = kFirstLevelIterations + kRounds * kRoundIterations;
+  for (; length < longest_; length *= 2) n += kLevelIterations + kRounds * kRoundIterations;
+  return n;
+}
+
+void ShortWindows::Descend(LevelFit& fit, int n_iterations) {
+  fit.Descend(n_iterations, [&](const VectorXd& x) { steps_.Tell(x); });
+}
+
+VectorXd ShortWindows::FindStart() {
+  const Level few = Leading(first_, 40), third = Leading(first_, std::max<size_t>(40, first_.windows.size() / 3));
+  std::vector<std::pair<double, VectorXd>> candidates;
+  const VectorXd nominal = NominalStart(space_);
+  for (int k = 0; k < config_.coarse; ++k) {
+    VectorXd x = nominal;
+    if (k > 0) {
+      for (double& coordinate : x) coordinate = rng_.Normal();
+      x = problem_.prior.mean + problem_.prior.factor * x;
+    }
+    candidates.emplace_back(CoarseCost(*replayer_, few, scale_, ToZ(space_, x)), x);
+    problem_.context.ThrowIfStopped();
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  VectorXd x = candidates.front().second;
+  // Exact logs need no fit of starts. Only of the nearest candidate: where there is noise, it is for nothing.
+  if (replayer_->readings().ShowsState()) {
+    LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, x);
+    fit.HoldStarts(true);
+    Descend(fit, kStartIterations);
+    is_exact_ = fit.ShareWithin(kVisibleNoise * scale_) > kNearlyAll;
+    if (is_exact_) return fit.x();
+  }
+  double best = std::numeric_limits<double>::infinity();
+  for (int s = 0; s < std::min(config_.starts, config_.coarse); ++s) {
+    LevelFit fit(*replayer_, space_, problem_.prior, scale_, third, candidates[static_cast<size_t>(s)].second);
+    Descend(fit, kStartIterations);
+    const double cost = fit.FinalCost();
+    const bool meets = s > 0 && (fit.x() - x).cwiseAbs().maxCoeff() < kSamePlace;
+    if (cost < best) x = fit.x();
+    best = std::min(best, cost);
+    if (meets || (IsRounding(fit.noise_variance().cwiseSqrt()) && fit.ShareExplained() > kNearlyAll)) break;
+  }
+  return x;
+}
+
+bool ShortWindows::FitLengths(VectorXd x, bool again) {
+  Level level = first_;
+  while (!level.windows.empty()) {
+    const bool is_first = fit_ == nullptr;
+    auto fit = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, level, x);
+    const int n_iterations = is_first && !again ? kFirstLevelIterations : kLevelIterations;
+    const bool held = is_first && is_exact_;
+    steps_.Expect(StepsOfLevels(level.windows.front().n_steps) +
+                  (is_exact_ ? 0 : std::max(n_steps_behind_, StepsOfLevels(shortest_))));
+    fit->HoldStarts(held);
+    Descend(*fit, n_iterations);
+    if (held) {
+      fit->HoldStarts(false);
+      Descend(*fit, kLevelIterations);
+    }
+    TryOtherStarts(*fit);
+    fit->FinalCost();
+    const VectorXd noise = fit->noise_variance().cwiseSqrt();
+    evidence_.long_noise_std = {noise.begin(), noise.end()};
+    if (is_first) evidence_.short_noise_std = evidence_.long_noise_std;
+    if (is_first && LeaveOutComputed()) {
+      level = first_;
+      x = fit->x();
+      continue;
+    }
+    ExpectUnguessed(*fit);
+    const double growth = std::exp((noise.array() / SensorNoise().array()).log().mean());
+    if (growth > kTolerableGrowth && !IsRounding(noise)) return false;
+    x = fit->x();
+    evidence_.window = level.windows.front().n_steps;
+    evidence_.explained = fit->ShareExplained();
+    evidence_.noise_std = evidence_.long_noise_std;
+    level = NextLevel(fit->level(), is_first && !IsNoisy() && fit->ShareExplained() > kNearlyAll);
+    fit_ = std::move(fit);
+  }
+  return true;
+}
+
+void ShortWindows::TryOtherStarts(LevelFit& fit) {
+  for (int round = 0; round < kRounds && fit.ShareExplained() < 1; ++round) {
+    const bool found = fit.TryOtherStarts(rng_);
+    if (round > 0 && !found) break;
+    fit.CountExplainedAlone();
+    bool settled = false;
+    for (int i = 0; i < kRoundIterations && !settled; ++i) {
+      settled = fit.Step();
+      steps_.Tell(fit.x());
+    }
+  }
+}
+
+bool ShortWindows::LeaveOutComputed() {
+  if (!IsNoisy() || std::ranges::any_of(replayer_->readings().computed, [](char c) { return c != 0; })) return false;
+  const std::vector<char> computed = ReadingsLeftOut(problem_.factory.spec(), problem_.dataset, SensorNoise());
+  if (std::ranges::none_of(computed, [](char c) { return c != 0; })) return false;
+  Read(computed);
+  return true;
+}
+
+void ShortWindows::ExpectUnguessed(const LevelFit& fit) {
+  const ReadingModel& readings = replayer_->readings();
+  if (readings.unread.empty()) return;
+  const LevelFit::Spread spread = fit.OfUnread();
+  for (int k = 0; k < readings.n_unread(); ++k) {
+    if (readings.guessed[static_cast<size_t>(k)] == 0) replayer_->Expect(k, spread.mean[k], spread.std[k]);
+  }
+}
+
+bool ShortWindows::IsRounding(const VectorXd& noise) const {
+  return (noise.array() <= kVisibleNoise * scale_.array()).all();
+}
+
+VectorXd ShortWindows::SensorNoise() const {
+  return Eigen::Map<const VectorXd>(evidence_.short_noise_std.data(), scale_.size());
+}
+
+void ShortWindows::FitMoreRows() {
+  const int n_lanes = 1 + space_.size() + replayer_->state_dim(), n_rows = kManyReplays / n_lanes;
+  longest_ = evidence_.window;
+  steps_.Expect(StepsOfLevels(shortest_));
+  Level more = FirstLevel(*replayer_, problem_.dataset, longest_, shortest_, n_rows, rng_);
+  if (more.windows.size() < first_.windows.size() * 5 / 4) return;
+  first_ = std::move(more);
+  const VectorXd x = fit_->x();
+  fit_.reset();
+  FitLengths(x, true);
+}
+
+}  // namespace oted
