@@ -108,8 +108,11 @@ def train(
     if not isinstance(design, Design):
         raise UsageError(f"design: got {type(design).__name__}, wanted what oted.fit or oted.load('runs/arm') gives")
     if out is not None and pathlib.Path(out).resolve() != design.path.resolve():
-        folder = pathlib.Path(out)
-        design = Design(folder) if (folder / "design.json").is_file() else design._copied(folder, without=OF_AGENTS)
+        there = pathlib.Path(out)
+        copy = Design(there) if (there / "design.json").is_file() else design._copied(there, without=OF_AGENTS)
+        if copy.record != design.record:
+            raise UsageError(f"out: '{there}' holds another design; name another folder, or train oted.load('{there}')")
+        design = copy
     chosen = algorithm
     given: dict[str, Any] = {"agents.algorithm": algorithm, "agents.n_agents": agents, "agents.train_in": train_in,
                              "run.threads": threads}

@@ -293,6 +293,9 @@ class Designs(InFolder):
         before = longer.path.stat().st_mtime_ns
         again = oted.train(loaded, steps=450, agents=1, progress=False, settings=small, out=there)
         self.assertEqual(again.path.stat().st_mtime_ns, before)
+        another = oted.fit(pendulum(), logs, GEARS, out=self.folder / "another", seed=5, settings=TINY, **QUICK)
+        with self.assertRaisesRegex(oted.UsageError, "holds another design"):
+            oted.train(another, steps=450, agents=1, progress=False, settings=small, out=there)
 
         other = subprocess.run([sys.executable, "-c", f"import oted; oted.make_env(oted.load({str(run)!r}))"],
                                env={**os.environ, "PYTHONPATH": FOLDER}, capture_output=True, text=True)
