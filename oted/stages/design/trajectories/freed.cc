@@ -111,9 +111,11 @@ class FreedTrials {
     const std::optional<Estimated> nats = NatsOf(*wider, readings, *best);
     const bool is_likelier = nats && nats->value > std::max(kFewestNats, kSurelyGained * nats->error);
     const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error;
+    // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
+    const bool is_no_worse = !PredictsWorse(*prediction) && (!problem_.fit.errors_grow || told.gain.value > 0);
     FreedTrial trial{.value = q.Mode().back(),
                      .std = q.Std().back(),
-                     .kept = predicts_better || (is_likelier && !PredictsWorse(*prediction)),
+                     .kept = predicts_better || (is_likelier && is_no_worse),
                      .seconds = told.seconds,
                      .n_steps = told.n_steps,
                      .n_windows = told.n_windows,
