@@ -100,8 +100,8 @@ class SuspectsTest(unittest.TestCase):
             columns = dict(logs)
         columns["actions"] = columns["actions"] * numpy.array([1, -1, 1], columns["actions"].dtype)
         numpy.savez(flipped, **columns)
-        result = program.oted("design", "--task", "Hopper-v5", "--data", flipped, "--out", self.folder / "flipped", "--quiet",
-                              "--param", GAIN, *QUICK, "--set", "design.method=trajectories", "--set",
+        result = program.oted("design", "--task", "Hopper-v5", "--data", flipped, "--episodes", "1", "--out",
+                              self.folder / "flipped", "--quiet", "--param", GAIN, *QUICK, "--set", "design.method=trajectories", "--set",
                               "design.trajectories.tried=0")
         design = json.loads((self.folder / "flipped/design.json").read_text())
         self.assertIn(design["verdict"], ("gap_narrowed", "outside_family"))
