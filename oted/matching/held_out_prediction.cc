@@ -31,6 +31,7 @@ json ToJson(const HeldOutPrediction& prediction) {
                           {"designed", c.designed},
                           {"floor", c.floor},
                           {"spread", c.spread},
+                          {"guess", c.guess},
                           {"judged", c.judged},
                           {"excess", ToJson(c.excess)},
                           {"gain", ToJson(c.gain)}});
@@ -74,7 +75,8 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
                                   .spread = NumberFrom(c.at("spread")),
                                   .judged = c.at("judged"),
                                   .excess = EstimatedFromJson(c.at("excess")),
-                                  .gain = EstimatedFromJson(c.at("gain"))});
+                                  .gain = EstimatedFromJson(c.at("gain")),
+                                  .guess = NumberFrom(c.at("guess"))});
     }
     prediction.horizons.push_back(std::move(horizon));
   }

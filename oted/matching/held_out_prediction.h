@@ -27,6 +27,9 @@ struct HeldOutPrediction {
     bool judged = true;
     Estimated excess;  ///< of the designed simulator over the floor, in these windows and in those that it learned from
     Estimated gain;    ///< of the designed simulator over the nominal one: of sums over the windows
+    /// The least error of three guesses that know no simulator: its mean over the logs, that it stays as it was last
+    /// read, that it goes on along a line through the readings that a start is fitted to.
+    double guess = 0;
   };
   struct Horizon {
     double seconds = 0;  ///< 0 where time has no unit

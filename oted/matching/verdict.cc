@@ -204,7 +204,7 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
   return at_low || at_high;
 }
 
-bool IsNoBetterThanGuess(double error, double spread) { return spread > 0 && !(error < kGuess * spread); }
+bool IsNoBetterThanGuess(double error, double guess) { return guess > 0 && !(error < kGuess * guess); }
 
 bool ShowsNothing(const HeldOutPrediction& prediction) {
   return std::ranges::all_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
@@ -282,6 +282,7 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
     return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
+  if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   return better && ParametersAtBounds(q).empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 /// How far a design can be trusted.
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -65,8 +66,24 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high);
 ///                   the logs show nothing (ShowsNothing), so that no other word is earned
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction);
 
-/// Whether an error is no less than that of guessing the channel's mean (but for a tenth).
-bool IsNoBetterThanGuess(double error, double spread);
+/// Whether an error is no less than that of a guess (but for a tenth).
+bool IsNoBetterThanGuess(double error, double guess);
+/// Whether at no horizon the design predicts the judged channels, in their geometric mean, better than guesses do.
+/// @param horizons  each with channels, each with `judged`, `designed` and `guess`
+template <class Horizons>
+bool GuessesAsWell(const Horizons& horizons) {
+  for (const auto& horizon : horizons) {
+    double log_ratio = 0;
+    bool asked = false;
+    for (const auto& channel : horizon.channels) {
+      if (!channel.judged || !(channel.guess > 0)) continue;
+      asked = true;
+      log_ratio += std::log(channel.designed / channel.guess);
+    }
+    if (!asked || log_ratio < 0) return false;
+  }
+  return true;
+}
 /// Whether the logs show nothing that a simulator could be judged by: at no horizon and in no channel does one predict
 /// better than a guess. A robot at rest with noisy sensors, readings at random. The floor means nothing there: noise as
 /// large as the readings explains everything.

@@ -217,6 +217,20 @@ TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
   EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kNoGap);
 }
 
+TEST(JudgePrediction, WhatGuessesSayAsWellIsOutsideTheFamilyHoweverWrongTheNominalSimulatorIs) {
+  const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  HeldOutPrediction better = Predicted(kMuch, kMuch);
+  EXPECT_EQ(JudgePrediction(q, better), DesignVerdict::kGapNarrowed);
+  for (HeldOutPrediction::Channel& c : better.horizons[0].channels) {
+    c.designed = 0.1;
+    c.guess = 0.05;
+  }
+  EXPECT_EQ(JudgePrediction(q, better), DesignVerdict::kOutsideFamily);
+  better.horizons.push_back(better.horizons[0]);  // over which it is better
+  for (HeldOutPrediction::Channel& c : better.horizons[1].channels) c.guess = 0.2;
+  EXPECT_EQ(JudgePrediction(q, better), DesignVerdict::kGapNarrowed);
+}
+
 TEST(JudgePrediction, NoGapWhereTheDesignAloneIsOff) {
   const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
   const HeldOutPrediction worse = Predicted(kMuch, {-kMuch.value, 0.1});

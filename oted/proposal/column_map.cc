@@ -232,6 +232,12 @@ class Mapper {
   void ClaimSensor(size_t column, const Owner& sensor) {
     const auto& its = model_.sensors[static_cast<size_t>(sensor.object)];
     const ColumnMeaning meaning = MeaningOf(sensor.rest);
+    if (its.joint >= 0) {  // the state itself, which parameters of joints act on
+      const std::string& joint = model_.joints[static_cast<size_t>(its.joint)].name;
+      claims_[fmt::format("joint/{}/{}", joint, its.velocity ? "qvel" : "qpos")].push_back(
+          {column, meaning.n_foreign, meaning.in_degrees});
+      return;
+    }
     if (its.size > 1 && (meaning.index < 0 || meaning.index >= its.size)) {
       return Unused(column, fmt::format("which of the {} numbers of sensor '{}' is it?", its.size, its.name));
     }

@@ -90,6 +90,14 @@ TEST(MapColumns, SensorsHaveTheirNumbers) {
   EXPECT_EQ(Matched({"wrist_imu_y", "wrist_imu_9"}), (Names{"wrist_imu_y -> sensor/wrist_imu[1]"}));
 }
 
+TEST(MapColumns, ASensorOfAJointsPositionIsThatPosition) {
+  ModelOutline model = Arm();
+  model.sensors.push_back({.name = "elbow-pos", .joint = 1});
+  model.sensors.push_back({.name = "elbow-vel", .joint = 1, .velocity = true});
+  EXPECT_EQ(Matched({"elbow_pos", "elbow_vel"}, model),
+            (Names{"elbow_pos -> joint/elbow_joint/qpos", "elbow_vel -> joint/elbow_joint/qvel"}));
+}
+
 TEST(MapColumns, WithoutActuatorsJointsGetMotors) {
   ModelOutline model = Arm();
   model.actuators.clear();

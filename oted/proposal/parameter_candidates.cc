@@ -18,6 +18,7 @@ namespace oted {
 namespace {
 
 constexpr size_t kFewJoints = 3;       // that get parameters of their own
+constexpr size_t kMostOwnJoints = 8;   // the same of values: joints of different sizes have no common friction
 constexpr double kMoves = 1e-3;        // [rad, m], standard deviation of a joint that moves
 constexpr double kLeastEffect = 0.05;  // standard deviations of an observation, between the bounds
 constexpr double kOwnEffect = 0.01;    // share of an effect's square that others together must leave unexplained
@@ -69,7 +70,9 @@ class Chooser {
     } else {
       PerJoint("frictionloss", [](const Moving& m) { return 0.5 * m.force; }, {0, 10});
       PerJoint("damping", [](const Moving& m) { return m.force / m.speed; }, {0, 10});
-      PerJoint("armature", [](const Moving& m) { return m.joint->inertia; }, {0.2, 5});
+      // In an arm of many joints a drive's rotor behind its gears weighs as much as the arm, however light its link.
+      const double inertia = moving_.size() > kFewJoints ? TypicalInertia() : 0;
+      PerJoint("armature", [&](const Moving& m) { return std::max(m.joint->inertia, inertia); }, {0.2, 5});
       Drives();
       Masses();
     }
@@ -147,17 +150,28 @@ class Chooser {
   /// A field of joints: multiples of what the model has, or up to `most` where it has next to nothing.
   template <class Most>
   void PerJoint(const std::string& field, Most most, Multiple multiple) {
-    if (moving_.size() <= kFewJoints) {
+    std::vector<double> each;
+    for (const Moving& m : moving_) each.push_back(most(m));
+    std::ranges::sort(each);
+    const double typical = each[each.size() / 2];
+    const std::string shared = fmt::format("joint/{}/{}", Shared(), field);
+    const bool are_values =
+        moving_.size() <= kMostOwnJoints && Exists(shared) && HasNextToNothing(shared, typical, multiple);
+    if (moving_.size() <= kFewJoints || are_values) {
       for (const Moving& m : moving_) {
         const std::string name = moving_.size() == 1 ? field : fmt::format("{}_{}", field, m.joint->name);
         AddField(name, fmt::format("joint/{}/{}", m.joint->name, field), most(m), multiple);
       }
       return;
     }
+    AddField(field, shared, typical, multiple);
+  }
+
+  double TypicalInertia() const {
     std::vector<double> each;
-    for (const Moving& m : moving_) each.push_back(most(m));
+    for (const Moving& m : moving_) each.push_back(m.joint->inertia);
     std::ranges::sort(each);
-    AddField(field, fmt::format("joint/{}/{}", Shared(), field), each[each.size() / 2], multiple);
+    return each[each.size() / 2];
   }
 
   std::string Shared() const {
@@ -166,8 +180,8 @@ class Chooser {
     return driven ? "@actuated" : "*";
   }
 
-  void AddField(const std::string& name, const std::string& path, double most, Multiple multiple) {
-    if (!Exists(path)) return;
+  /// Whether the model has so little of a field that multiples of it lead nowhere, beside `most` of it.
+  bool HasNextToNothing(const std::string& path, double most, Multiple multiple) const {
     double largest = 0;
     bool equal = true;
     const PathInfo info = nominal_.Describe(path);
@@ -175,7 +189,12 @@ class Chooser {
       largest = std::max(largest, place.nominal);
       equal = equal && place.nominal == info.places.front().nominal;
     }
-    if (equal && multiple.high * largest < 0.1 * most) {
+    return equal && multiple.high * largest < 0.1 * most;
+  }
+
+  void AddField(const std::string& name, const std::string& path, double most, Multiple multiple) {
+    if (!Exists(path)) return;
+    if (HasNextToNothing(path, most, multiple)) {
       Add({name, path, 0, RoundedUp(most), ParameterScale::kAbsolute});
     } else {
       Add({name, path, multiple.low, multiple.high, ParameterScale::kNominal, multiple.low > 0});
@@ -311,12 +330,15 @@ ParameterChoice ChooseParameters(
         effect == 0 ? "the logs do not show it"
                     : fmt::format("over its range it moves the logs by {:.2g} standard deviations", effect)));
   }
-  for (const TradeOff& pair : check.trade_offs) {
-    const auto first = static_cast<size_t>(pair.first), second = static_cast<size_t>(pair.second);
-    if (!kept[first] || !kept[second]) continue;
-    kept[second] = false;
-    choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from {}", candidates[second].name,
-                                          candidates[second].field, candidates[first].name));
+  // In their order: what gives way to another has no other in its turn to give way to it.
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    for (const TradeOff& pair : check.trade_offs) {
+      const auto one = static_cast<size_t>(std::min(pair.first, pair.second));
+      if (static_cast<size_t>(std::max(pair.first, pair.second)) != i || !kept[one] || !kept[i]) continue;
+      kept[i] = false;
+      choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from {}", candidates[i].name,
+                                            candidates[i].field, candidates[one].name));
+    }
   }
   // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
   Explained explained(check.cosines);

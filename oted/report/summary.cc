@@ -109,18 +109,14 @@ void AddParameters(const json& report, json* found) {
 }
 
 void AddError(const json& report, json* trust) {
-  double sum = 0;
-  int known = 0;
+  std::vector<std::string> errors;
   for (const json& parameter : ListAt(report, "parameters")) {
     const std::optional<double> error = NumberAt(parameter, "absolute_error");
     if (!error) continue;
-    sum += *error;
-    ++known;
+    errors.push_back(fmt::format("{} {}", TextAt(parameter, "name"), FormatNumber(*error)));
   }
-  if (known > 0) {
-    trust->push_back(
-        fmt::format("The mean absolute error is {}; the design did not see the truth.", FormatNumber(sum / known)));
-  }
+  if (!errors.empty())
+    trust->push_back(fmt::format("The design did not see the truth. Its errors: {}.", Enumerate(errors)));
 }
 
 // How far the replays are from the logs when they end.

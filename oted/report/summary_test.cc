@@ -56,14 +56,16 @@ TEST(SummariseTest, ChannelsThatTheRobotShowsLateAreToldToWhoUsesAPolicy) {
               HasSubstr("Simulators show hip_vel exactly and at once"));
 }
 
-TEST(SummariseTest, WithATruthItStatesTheMeanAbsoluteErrorInPlaceOfTheCaveat) {
+TEST(SummariseTest, WithATruthItStatesTheErrorsInPlaceOfTheCaveat) {
   json parameter = Parameter("gain", 1.2, "identified");
   parameter["truth"] = 1.3;
   parameter["absolute_error"] = 0.1;
   json other = parameter;
+  other["name"] = "friction";
   other["absolute_error"] = 0.3;
   const json summary = Summarise({{"design", json::object()}, {"parameters", {parameter, other}}});
-  EXPECT_THAT(Text(summary["trust"]), HasSubstr("mean absolute error is 0.200"));
+  EXPECT_THAT(Text(summary["trust"]),
+              HasSubstr("The design did not see the truth. Its errors: gain 0.100 and friction 0.300."));
   EXPECT_THAT(Text(summary["unknown"]), Not(HasSubstr("true values are not known")));
 }
 

@@ -79,10 +79,16 @@ void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effec
     if (!has_effect[static_cast<size_t>(i)]) {
       record.warnings.push_back(fmt::format("parameter '{}' has no measured effect on the logged episodes", spec.name));
     }
-    if (record.parameters[static_cast<size_t>(i)].verdict == ParameterVerdict::kAtBound) {
+    const DesignRecord::Parameter& p = record.parameters[static_cast<size_t>(i)];
+    if (p.verdict == ParameterVerdict::kAtBound) {
       record.warnings.push_back(
           fmt::format("parameter '{}' ended at a bound of its range [{:g}, {:g}]: the true value may lie beyond",
                       spec.name, spec.low, spec.high));
+    } else if (EndsAtBound(spec, p.mode, p.mode)) {
+      record.warnings.push_back(fmt::format(
+          "parameter '{}' has its value at the end of its range [{:g}, {:g}], though the logs hardly tell it; "
+          "widen the range, or fix the parameter where you trust it",
+          spec.name, spec.low, spec.high));
     }
   }
 }
@@ -147,7 +153,7 @@ DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const Sim
     for (size_t c = 0; c < h.channels.size(); ++c) {
       horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
                                   h.channels[c].designed, h.channels[c].floor, h.channels[c].spread,
-                                  h.channels[c].judged});
+                                  h.channels[c].judged, h.channels[c].guess});
     }
     if (h.n_of_recordings > 0) {
       horizon.in_recordings = {h.n_of_recordings, 1 - std::exp(-0.5 * h.gain_of_recordings.value),

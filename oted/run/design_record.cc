@@ -90,7 +90,8 @@ DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
                                               {}};
     for (const RecordReader& c : h.List("channels")) {
       horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
-                                  c.Number("designed"), c.Number("floor"), c.Number("spread"), c.Get<bool>("judged")});
+                                  c.Number("designed"), c.Number("floor"), c.Number("spread"), c.Get<bool>("judged"),
+                                  c.Number("guess")});
     }
     if (h.Has("in_recordings")) {
       const RecordReader of = h.At("in_recordings");
@@ -189,6 +190,7 @@ json ValidationToJson(const DesignRecord::Validation& validation) {
                           {"designed", c.designed},
                           {"floor", c.floor},
                           {"spread", c.spread},
+                          {"guess", c.guess},
                           {"judged", c.judged}});
     }
     record["horizons"].push_back({{"seconds", h.seconds},

@@ -65,8 +65,9 @@ struct DesignRecord {
       std::string name, unit;
       double nominal = 0, designed = 0;  ///< root mean square error over the horizon [unit]; NaN: broke down
       double floor = 0;                  ///< what the sensors' noise alone would leave [unit]
-      double spread = 0;                 ///< standard deviation over the logs: the error of a guess [unit]
+      double spread = 0;                 ///< standard deviation over the logs [unit]
       bool judged = true;                ///< HeldOutPrediction::Channel::judged
+      double guess = 0;                  ///< HeldOutPrediction::Channel::guess [unit]
     };
     /// In whole recordings alone, where parts of others judge as well.
     struct InRecordings {

@@ -198,12 +198,30 @@ TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {
 
 TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
   DesignRecord record = Narrowed();
-  record.validation->horizons.push_back({0.1, 10, 9, false, 0.7, true, {{"hip", "rad", 0.2, 0.1, 0.01, 0.4}}, {}});
-  EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("constant")));
-  record.validation->horizons.push_back({0.5, 50, 9, false, 0.3, true, {{"hip", "rad", 0.7, 0.5, 0.01, 0.4}}, {}});
-  EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("; over 0.5 s it predicts hip no better than a constant would"));
-  record.validation->horizons.push_back({1, 100, 9, false, 0.1, true, {{"hip", "rad", 0.9, 0.8, 0.01, 0.4}}, {}});
+  record.validation->horizons.push_back(
+      {0.1, 10, 9, false, 0.7, true, {{"hip", "rad", 0.2, 0.1, 0.01, 0.4, true, 0.4}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("guess")));
+  record.validation->horizons.push_back(
+      {0.5, 50, 9, false, 0.3, true, {{"hip", "rad", 0.7, 0.5, 0.01, 0.9, true, 0.4}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}),
+              HasSubstr("; over 0.5 s it predicts hip no better than a guess (its mean, "));
+  record.validation->horizons.push_back(
+      {1, 100, 9, false, 0.1, true, {{"hip", "rad", 0.9, 0.8, 0.01, 0.9, true, 0.4}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("; over 0.5 s and longer it predicts hip no better than"));
+}
+
+TEST(VerdictSentence, OfADesignThatGuessesSayAsMuchAsClaimsNothing) {
+  DesignRecord record = Narrowed();
+  record.verdict = DesignVerdict::kOutsideFamily;
+  record.validation->horizons.push_back(
+      {0.1, 10, 9, false, 0.94, true, {{"elbow", "rad", 2, 0.1, 0.01, 1, true, 0.05}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}),
+              HasSubstr("at no horizon does the designed simulator predict better than guesses"));
+  EXPECT_THAT(VerdictSentence(record, {0}),
+              HasSubstr("over 0.1 s its error is 94 % less than the nominal simulator's: elbow"));
+  record.validation->horizons.push_back(
+      {0.5, 50, 9, false, 0.9, true, {{"elbow", "rad", 2, 0.1, 0.01, 1, true, 0.5}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("at no horizon")));
 }
 
 TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNominalSimulator) {

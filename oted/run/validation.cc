@@ -57,7 +57,7 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
   return fmt::format(
              "over {} the designed simulator predicts these recordings with {:.0f} % less error than the nominal one{}",
              InWords(shown), 100 * shown.narrowed, rest) +
-         ButElsewhere(result.validation);
+         ButElsewhere(result.validation) + ButAGuess(result.validation);
 }
 
 /// Why these recordings may say less, or something else, than they seem to.

@@ -1,9 +1,11 @@
 #include "oted/run/verdict_sentence.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <ranges>
+#include <vector>
 
 #include "oted/base/words.h"
 #include "oted/matching/verdict.h"
@@ -14,6 +16,7 @@ namespace {
 constexpr double kShown = 0.5;  // [s]
 constexpr double kWorse = 1.1;  // times the nominal simulator's error
 constexpr double kMuchNarrowed = 0.5;
+constexpr const char* kGuesses = "its mean, that it stays, that it goes on as it began";
 
 /// "[rad/s]" behind a number.
 std::string WithUnit(double value, const std::string& unit) {
@@ -76,22 +79,6 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
-/// The channels that the design predicts no better than a constant would, at the briefest horizon where there are any,
-/// to be appended to a sentence that it predicts better than the nominal simulator.
-std::string ButAGuess(const DesignRecord::Validation& validation) {
-  for (const auto& horizon : validation.horizons) {
-    std::string names;
-    for (const auto& c : horizon.channels) {
-      if (c.judged && IsNoBetterThanGuess(c.designed, c.spread)) names += (names.empty() ? "" : ", ") + c.name;
-    }
-    if (names.empty()) continue;
-    const bool is_last = &horizon == &validation.horizons.back();
-    return fmt::format("; over {}{} it predicts {} no better than a constant would", InWords(horizon),
-                       is_last ? "" : " and longer", names);
-  }
-  return "";
-}
-
 std::string GapClosedForAClassifier(const DesignRecord& record) {
   double designed_common = record.nominal_common;
   for (const DesignRecord::Setting& setting : record.settings) {
@@ -147,6 +134,21 @@ std::string InWords(const DesignRecord::Validation::Channel& channel) {
 std::string NotJudged(const DesignRecord::Validation::Horizon& horizon) {
   const bool all = std::ranges::all_of(horizon.channels, &DesignRecord::Validation::Channel::judged);
   return all ? "" : fmt::format("{}\n", kStarredChannels);
+}
+
+std::string ButAGuess(const DesignRecord::Validation& validation) {
+  for (const auto& horizon : validation.horizons) {
+    std::vector<std::string> names;
+    for (const auto& c : horizon.channels) {
+      if (c.judged && IsNoBetterThanGuess(c.designed, c.guess)) names.push_back(c.name);
+    }
+    if (names.empty()) continue;
+    if (names.size() > 3) names = {names[0], names[1], fmt::format("{} other channels", names.size() - 2)};
+    const bool is_last = &horizon == &validation.horizons.back();
+    return fmt::format("; over {}{} it predicts {} no better than a guess ({})", InWords(horizon),
+                       is_last ? "" : " and longer", fmt::join(names, ", "), kGuesses);
+  }
+  return "";
 }
 
 std::string ButElsewhere(const DesignRecord::Validation& validation) {
@@ -208,6 +210,14 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
       break;
   }
   if (off.empty()) return std::string("outside the family: ") + kNothingShown;
+  if (GuessesAsWell(record.validation->horizons)) {
+    return fmt::format(
+        "outside the family: at no horizon does the designed simulator predict better than guesses do (of each "
+        "channel, {}); "
+        "{} its error is {} {} than the nominal simulator's: {}",
+        kGuesses, over, horizon.narrowed < 0 ? fmt::format("{:.0f} %", -100 * horizon.narrowed) : share,
+        horizon.narrowed < 0 ? "more" : "less", WhatRemains(horizon, off));
+  }
   if (record.predicts_better) {
     return fmt::format(
                "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less "

@@ -1,12 +1,15 @@
 """Environments of the Python package, beside Gymnasium's: test_envs.py FOLDER, which holds the package oted, "" where it is
 installed."""
 
+import os
+import subprocess
+import sys
 import unittest
 import warnings
 
 from support import PENDULUM, InFolder, take_package
 
-take_package(__doc__)
+FOLDER = take_package(__doc__)
 
 import gymnasium  # noqa: E402
 import numpy as np  # noqa: E402
@@ -46,6 +49,30 @@ class Environments(InFolder):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             check_env(oted.make_env("Walker2d-v5"), skip_render_check=True)
+
+    def test_in_a_forked_process_threads_are_an_error_and_no_hang(self):
+        code = """
+import os, signal
+import numpy as np, oted
+one, two = (oted.make_vec_env("Hopper-v5", 4, threads=threads) for threads in (1, 2))
+for env in (one, two): env.reset(seed=1)
+child = os.fork()
+if child == 0:
+    signal.alarm(60)
+    one.step(np.zeros((4, 3)))
+    for call in (lambda: two.step(np.zeros((4, 3))), lambda: two.reset(seed=1)):
+        try: call()
+        except oted.UsageError as e: print(e, flush=True)
+else:
+    assert os.waitpid(child, 0)[1] == 0
+    two.step(np.zeros((4, 3)))
+    print("the parent goes on")
+"""
+        done = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": FOLDER}, capture_output=True,
+                              text=True, timeout=120, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        said = "a simulator with several threads does not survive a fork; make it in the child process, or with one thread"
+        self.assertEqual(done.stdout.splitlines(), [said, said, "the parent goes on"])
 
     def test_a_vector_environment_is_its_single_ones_at_any_number_of_threads(self):
         n, seen = 3, []

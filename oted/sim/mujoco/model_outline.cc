@@ -87,7 +87,11 @@ ModelOutline OutlineOf(const std::string& model_file) {
     if (joint >= 0) outline.joints[static_cast<size_t>(joint)].actuated = true;
   }
   for (int i = 0; i < model.nsensor; ++i) {
-    outline.sensors.push_back({ObjectName(model, mjOBJ_SENSOR, i), model.sensor_dim[i]});
+    ModelOutline::Sensor sensor{ObjectName(model, mjOBJ_SENSOR, i), model.sensor_dim[i]};
+    const int type = model.sensor_type[i];
+    sensor.velocity = type == mjSENS_JOINTVEL;
+    if (type == mjSENS_JOINTPOS || sensor.velocity) sensor.joint = model.sensor_objid[i];
+    outline.sensors.push_back(std::move(sensor));
   }
   for (int i = 0; i < model.nkey; ++i) outline.keyframes.push_back(ObjectName(model, mjOBJ_KEY, i));
   if (model.njnt > 0) {

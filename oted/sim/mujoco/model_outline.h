@@ -35,6 +35,8 @@ struct ModelOutline {
   struct Sensor {
     std::string name;
     int size = 1;
+    int joint = -1;         ///< whose one position or velocity it shows; -1: it shows something else
+    bool velocity = false;  ///< of that joint
   };
   std::vector<Joint> joints;
   std::vector<Actuator> actuators;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <mujoco/mjbatch.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -28,7 +29,12 @@ bool AllFinite(std::span<const double> values) {
 
 }  // namespace
 
-void MujocoSimulator::BatchDeleter::operator()(mjBatch_* batch) const { mjb_deleteBatch(batch); }
+bool MujocoSimulator::BatchDeleter::HasLostThreads() const { return threads_of != 0 && threads_of != ::getpid(); }
+
+void MujocoSimulator::BatchDeleter::operator()(mjBatch_* batch) const {
+  // MuJoCo would wait for them.
+  if (!HasLostThreads()) mjb_deleteBatch(batch);
+}
 
 MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n_lanes, int n_threads)
     : setup_(std::move(setup)) {
@@ -39,8 +45,8 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
   mjb_defaultConfig(&config);
   config.nthread = std::min(n_threads, n_lanes);
   std::array<char, 1000> reason{};
-  batch_.reset(
-      mjb_makeBatch(setup_->loaded.model.get(), n_lanes, &config, reason.data(), static_cast<int>(reason.size())));
+  batch_ = {mjb_makeBatch(setup_->loaded.model.get(), n_lanes, &config, reason.data(), static_cast<int>(reason.size())),
+            BatchDeleter{config.nthread > 1 ? ::getpid() : 0}};
   if (batch_ == nullptr) {
     throw DataError(fmt::format("MuJoCo cannot make {} simulations of '{}': {}", n_lanes, setup_->model_path.string(),
                                 reason.data()));
@@ -175,6 +181,7 @@ void MujocoSimulator::UpdateBoundingRadii(int lane, const double* sizes) {
 }
 
 void MujocoSimulator::StartEpisode(int lane) {
+  CheckThreads();
   lanes_[static_cast<size_t>(lane)] = Lane{};
   mjWarningStat* warnings = mjb_warning(batch_.get()) + static_cast<ptrdiff_t>(lane) * mjNWARNING;
   std::fill_n(warnings, static_cast<int>(mjNWARNING), mjWarningStat{});
@@ -338,7 +345,14 @@ void MujocoSimulator::CheckPhysics(int n_failed) const {
   }
 }
 
+void MujocoSimulator::CheckThreads() const {
+  if (!batch_.get_deleter().HasLostThreads()) return;
+  throw UsageError(
+      "a simulator with several threads does not survive a fork; make it in the child process, or with one thread");
+}
+
 int MujocoSimulator::StepPhysics(int n_steps, bool is_last) {
+  CheckThreads();
   const int n = static_cast<int>(active_.size()), last_stage = is_last ? rules_->stage() : mjSTAGE_NONE;
   if (friction_ == nullptr && residual_ == nullptr) {
     return mjb_step(batch_.get(), active_.data(), n, n_steps, last_stage);

@@ -87,6 +87,11 @@ class MujocoSimulator : public Simulator {
     int episode_steps = 0;
   };
   struct BatchDeleter {
+    BatchDeleter() : threads_of(0) {}
+    explicit BatchDeleter(int process) : threads_of(process) {}
+    int threads_of;  // the process that has the batch's threads; 0: it has none
+    /// Whether they stayed behind when this process was forked.
+    bool HasLostThreads() const;
     void operator()(mjBatch_* batch) const;
   };
   // One model field with values per lane.
@@ -105,6 +110,8 @@ class MujocoSimulator : public Simulator {
   /// Makes `lanes` the active ones, but for those that diverged.
   void Activate(std::span<const int> lanes, std::span<const double> actions);
   void SetControls(int lane, std::span<const double> action);
+  /// @throws UsageError in a forked process, where the batch's threads are not
+  void CheckThreads() const;
   /// `n_steps` time steps of the active lanes, the last of a control period or not. @return as mjb_step
   int StepPhysics(int n_steps, bool is_last);
   /// Throws if StepPhysics failed anywhere.

@@ -161,7 +161,28 @@ PredictionJudge::Replays PredictionJudge::FitAndReplay(const std::vector<double>
 }
 
 PredictionJudge::Squares PredictionJudge::Predict(const std::vector<double>& z) const {
-  Replays replays = FitAndReplay(z, 1, {});
+  return SquaresOf(FitAndReplay(z, 1, {}));
+}
+
+PredictionJudge::Squares PredictionJudge::PredictFromReadings(const std::vector<double>& z) const {
+  Replays replays{LoggedStarts(replayer_, windows_), std::vector<VectorXd>(windows_.size())};
+  for (const int n_steps : horizons_) {
+    std::vector<LogWindow> whole;
+    std::vector<VectorXd> starts;
+    std::vector<size_t> at;
+    for (size_t w = 0; w < windows_.size(); ++w) {
+      if (windows_[w].n_steps != n_lead_ + n_steps) continue;
+      at.push_back(w);
+      whole.push_back(windows_[w]);
+      starts.push_back(replays.starts[w]);
+    }
+    std::vector<VectorXd> replayed = replayer_.Residuals(whole, starts, z);
+    for (size_t k = 0; k < at.size(); ++k) replays.residuals[at[k]] = std::move(replayed[k]);
+  }
+  return SquaresOf(std::move(replays));
+}
+
+PredictionJudge::Squares PredictionJudge::SquaresOf(Replays replays) const {
   const std::vector<VectorXd>& residuals = replays.residuals;
   const Eigen::Index n_channels = variance_.size();
   const auto broken = [&](size_t n) {
@@ -219,6 +240,29 @@ Dataset PredictionJudge::Imitate(const std::vector<VectorXd>& followed, const Ve
   }
   made.qpos = made.qvel = {};
   return made;
+}
+
+VectorXd PredictionJudge::Guess(size_t h) const {
+  const VectorXd time = VectorXd::LinSpaced(n_lead_ + 1, -n_lead_, 0);  // 0: the last reading
+  const double mean_time = time.mean(), spread_of_time = (time.array() - mean_time).square().sum();
+  VectorXd stays = VectorXd::Zero(variance_.size()), goes_on = stays;
+  for (const int at : lasting_[h]) {
+    const LogWindow& window = windows_[static_cast<size_t>(at)];
+    MatrixXd lead(variance_.size(), n_lead_ + 1);
+    for (int t = 0; t <= n_lead_; ++t) lead.col(t) = replayer_.Logged(window, t);
+    const VectorXd mean = lead.rowwise().mean(), last = lead.col(n_lead_);
+    const VectorXd slope = lead * (time.array() - mean_time).matrix() / spread_of_time;
+    for (int t = 1; t <= horizons_[h]; ++t) {
+      const VectorXd logged = replayer_.Logged(window, n_lead_ + t);
+      stays += (logged - last).cwiseAbs2();
+      goes_on += (logged - mean - (t - mean_time) * slope).cwiseAbs2();
+    }
+  }
+  const double n = static_cast<double>(lasting_[h].size()) * horizons_[h];
+  return stays.cwiseMin(goes_on)
+      .cwiseQuotient(VectorXd::Constant(stays.size(), n))
+      .cwiseSqrt()
+      .cwiseMin(channels_.spread);
 }
 
 MatrixXd PredictionJudge::MeanSquares(const std::vector<double>& z) const {

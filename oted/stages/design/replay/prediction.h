@@ -53,6 +53,10 @@ class PredictionJudge {
     std::vector<Eigen::VectorXd> starts;     ///< of each window
   };
   Squares Predict(const std::vector<double>& z) const;
+  /// The same from where the readings alone say that windows begin, whatever the simulator is.
+  Squares PredictFromReadings(const std::vector<double>& z) const;
+  /// (channels): the error of the best guess at horizons()[h], as HeldOutPrediction::Channel::guess.
+  Eigen::VectorXd Guess(size_t h) const;
   /// (judged channels, windows): mean squared errors over the longest horizon, the noise's variance added; at most the
   /// channel's variance over the logs.
   Eigen::MatrixXd MeanSquares(const std::vector<double>& z) const;
@@ -73,6 +77,7 @@ class PredictionJudge {
   /// @param n_leads  that the starts are fitted to
   /// @param starts   where their fit begins; empty: as logged
   Replays FitAndReplay(const std::vector<double>& z, int n_leads, const std::vector<Eigen::VectorXd>& starts) const;
+  Squares SquaresOf(Replays replays) const;
   /// How many rows before a window its imitation holds.
   int RowsBefore(const LogWindow& window) const;
 

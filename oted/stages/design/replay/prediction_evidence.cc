@@ -209,6 +209,7 @@ class Evidence {
     horizon.n_windows = judge.n_windows(h);
     horizon.learned = learned_[judging];
     horizon.gain = gain.OfAll();
+    const VectorXd guess = judge.Guess(h);
     for (Eigen::Index c = 0; c < designed_rms.size(); ++c) {
       horizon.channels.push_back({.nominal = other_rms[c],
                                   .designed = designed_rms[c],
@@ -216,7 +217,8 @@ class Evidence {
                                   .spread = judge.channels().spread[c],
                                   .judged = judge.channels().weight[c] > 0,
                                   .excess = {},
-                                  .gain = IfJudged(judge, static_cast<size_t>(c), gain)});
+                                  .gain = IfJudged(judge, static_cast<size_t>(c), gain),
+                                  .guess = guess[c]});
     }
     const Eigen::Index n_of_recordings =
         learned_[judging] || NumberOfParts(problem_) == 0 ? 0 : judge.n_windows(h, problem_.n_whole);
@@ -265,7 +267,17 @@ class Evidence {
 
   const PredictionJudge::Squares& Other(size_t part) {
     auto& squares = of_other_[part];
-    if (!squares) squares = parts_[part]->judge().Predict(other_);
+    if (!squares) {
+      const PredictionJudge& judge = parts_[part]->judge();
+      squares = judge.Predict(other_);
+      // A start that is fitted by a wrong simulator can be worse than what the readings say: no gain is made of that.
+      const PredictionJudge::Squares from_readings = judge.PredictFromReadings(other_);
+      for (size_t h = 0; h < judge.horizons().size(); ++h) {
+        const bool is_nearer =
+            RatiosOfSums(from_readings.predicted[h], squares->predicted[h], judge.channels()).OfAll().value < 0;
+        if (is_nearer) squares->predicted[h] = from_readings.predicted[h];
+      }
+    }
     return *squares;
   }
 
