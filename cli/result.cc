@@ -27,6 +27,14 @@ namespace {
 
 using nlohmann::json;
 
+/// Decimals by which a small value, and how far it can be off, still show two digits; three of others.
+int DecimalsOf(const DesignRecord::Parameter& p) {
+  const double size =
+      std::max({std::abs(p.mode), std::abs(p.nominal), std::abs(p.interval90_high - p.interval90_low) / 2});
+  if (!(size > 0) || size >= 0.05) return 3;
+  return std::min(9, 2 + static_cast<int>(std::ceil(-std::log10(size))));
+}
+
 void PrintParameters(const DesignRecord& design, const std::optional<EvaluationRecord>& evaluation) {
   size_t width = 14;
   for (const DesignRecord::Parameter& p : design.parameters) width = std::max(width, p.name.size());
@@ -35,14 +43,16 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
         evaluation ? "  error" : "");
   for (size_t i = 0; i < design.parameters.size(); ++i) {
     const DesignRecord::Parameter& p = design.parameters[i];
+    const int decimals = DecimalsOf(p);
     std::string truth, error;
     if (evaluation) {
-      truth = fmt::format("{:>8.3f} ", evaluation->parameters.at(i).truth);
-      error = fmt::format("  {:.3f}", evaluation->parameters.at(i).absolute_error);
+      truth = fmt::format("{:>8.{}f} ", evaluation->parameters.at(i).truth, decimals);
+      error = fmt::format("  {:.{}f}", evaluation->parameters.at(i).absolute_error, decimals);
     }
-    Print("{:<{}} {:>8.3f} {}{:>18} {:>17}  {:<14}{}\n", p.name, width, p.nominal, truth,
-          fmt::format("{:.3f} +- {:.3f}", p.mode, p.std),
-          fmt::format("[{:.3f}, {:.3f}]", p.interval90_low, p.interval90_high), ToString(p.verdict), error);
+    Print("{:<{}} {:>8.{}f} {}{:>18} {:>17}  {:<14}{}\n", p.name, width, p.nominal, decimals, truth,
+          fmt::format("{:.{}f} +- {:.{}f}", p.mode, decimals, p.std, decimals),
+          fmt::format("[{:.{}f}, {:.{}f}]", p.interval90_low, decimals, p.interval90_high, decimals),
+          ToString(p.verdict), error);
   }
 }
 

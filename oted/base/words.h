@@ -9,6 +9,16 @@
 
 namespace oted {
 
+/// "a", "a and b", "a, b and c".
+inline std::string Enumerate(const std::vector<std::string>& items) {
+  std::string text;
+  for (size_t i = 0; i < items.size(); ++i) {
+    if (i > 0) text += i + 1 == items.size() ? " and " : ", ";
+    text += items[i];
+  }
+  return text;
+}
+
 /// Under a table some of whose channels have a star.
 inline constexpr const char* kStarredChannels = "* computed from positions, or late: no verdict rests on it";
 

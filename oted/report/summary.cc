@@ -18,16 +18,6 @@ namespace {
 
 using nlohmann::json;
 
-// "a", "a and b", "a, b and c".
-std::string Enumerate(const std::vector<std::string>& items) {
-  std::string text;
-  for (size_t i = 0; i < items.size(); ++i) {
-    if (i > 0) text += i + 1 == items.size() ? " and " : ", ";
-    text += items[i];
-  }
-  return text;
-}
-
 std::vector<std::string> NamesOf(const json& parameters, const std::string& verdict = "") {
   std::vector<std::string> names;
   for (const json& parameter : parameters) {

@@ -1,10 +1,10 @@
 #include "oted/run/verdict_sentence.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <ranges>
+#include <utility>
 #include <vector>
 
 #include "oted/base/words.h"
@@ -137,6 +137,7 @@ std::string NotJudged(const DesignRecord::Validation::Horizon& horizon) {
 }
 
 std::string ButAGuess(const DesignRecord::Validation& validation) {
+  std::vector<std::pair<std::string, std::string>> told;  // channels, horizons
   for (const auto& horizon : validation.horizons) {
     std::vector<std::string> names;
     for (const auto& c : horizon.channels) {
@@ -144,11 +145,19 @@ std::string ButAGuess(const DesignRecord::Validation& validation) {
     }
     if (names.empty()) continue;
     if (names.size() > 3) names = {names[0], names[1], fmt::format("{} other channels", names.size() - 2)};
-    const bool is_last = &horizon == &validation.horizons.back();
-    return fmt::format("; over {}{} it predicts {} no better than a guess ({})", InWords(horizon),
-                       is_last ? "" : " and longer", fmt::join(names, ", "), kGuesses);
+    const std::string channels = Enumerate(names);
+    if (told.empty() || told.back().first != channels) {
+      told.emplace_back(channels, InWords(horizon));
+    } else {
+      told.back().second += " and " + InWords(horizon);
+    }
   }
-  return "";
+  std::string text;
+  for (const auto& [channels, horizons] : told) {
+    text += fmt::format("; over {} it predicts {} no better than a guess{}", horizons, channels,
+                        text.empty() ? fmt::format(" ({})", kGuesses) : "");
+  }
+  return text;
 }
 
 std::string ButElsewhere(const DesignRecord::Validation& validation) {

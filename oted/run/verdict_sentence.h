@@ -16,8 +16,8 @@ const DesignRecord::Validation::Horizon& ShownHorizon(const DesignRecord::Valida
 /// surely better, and the channel that it predicts worst beside the nominal simulator, where it does so by a tenth.
 std::string ButElsewhere(const DesignRecord::Validation& validation);
 
-/// The channels that the design predicts no better than a guess, at the briefest horizon where there are any, to be
-/// appended to a sentence that it predicts better than the nominal simulator.
+/// The channels that the design predicts no better than a guess, and over which horizons, to be appended to a sentence
+/// that it predicts better than the nominal simulator.
 std::string ButAGuess(const DesignRecord::Validation& validation);
 /// Of logs that no simulator can be judged by (ShowsNothing).
 inline constexpr const char* kNothingShown =

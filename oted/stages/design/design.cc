@@ -1,5 +1,8 @@
 #include "oted/stages/design/design.h"
 
+#include <algorithm>
+#include <vector>
+
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/replay/kept_aside.h"
@@ -30,8 +33,13 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   }
   if (!fit || !fit->unseen) {
     // A few parameters fit no noise of many rows: little is lost, and it is said.
-    const ReadingModel readings = ReadingModel::Of(spec, logs);
-    const VectorXd noise = SensorNoise(problem.factory, logs, readings, q.Mode(), n_threads);
+    ReadingModel readings = ReadingModel::Of(spec, logs);
+    VectorXd noise = SensorNoise(problem.factory, logs, readings, q.Mode(), n_threads);
+    const std::vector<char> left_out = ReadingsLeftOut(spec, logs, noise);
+    if (std::ranges::any_of(left_out, [](char c) { return c != 0; })) {
+      readings = ReadingModel::Of(spec, logs, left_out);
+      noise = SensorNoise(problem.factory, logs, readings, q.Mode(), n_threads);
+    }
     return PredictLogs({.factory = problem.factory,
                         .kept_aside = logs,
                         .learned = nullptr,

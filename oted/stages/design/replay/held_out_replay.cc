@@ -36,14 +36,16 @@ std::vector<LogWindow> OverlappingWindows(const Dataset& logs, int n_steps, Wind
 HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held_out,
                             const std::vector<std::vector<double>>& z, const FitEvidence& fit, int n_threads) {
   const SimulatorSpec& spec = factory.spec();
-  WindowReplayer replayer = MakeReplayer(factory, 0, held_out, ReadingModel::Of(spec, held_out), n_threads);
+  const Eigen::Map<const VectorXd> noise(fit.short_noise_std.data(), spec.obs_dim());
+  // What one method leaves out tells of none: late or computed velocities.
+  const ReadingModel model = ReadingModel::Of(spec, held_out, ReadingsLeftOut(spec, held_out, noise));
+  WindowReplayer replayer = MakeReplayer(factory, 0, held_out, model, n_threads);
   HeldOutErrors errors;
   for (const Episode& episode : held_out.Episodes()) {
     errors.n_steps = std::max(errors.n_steps, std::min(kSteps, episode.size()));
   }
   const std::vector<LogWindow> windows = OverlappingWindows(held_out, errors.n_steps, replayer);
   const std::vector<VectorXd> readings = LoggedStarts(replayer, windows);
-  const Eigen::Map<const VectorXd> noise(fit.short_noise_std.data(), spec.obs_dim());
   const Eigen::Map<const VectorXd> spread(fit.scale.data(), spec.obs_dim());
   const VectorXd unit = noise.cwiseMax(kNoticeableError * spread).replicate(errors.n_steps + 1, 1);
   const WindowLikelihood likelihood(replayer.readings(), noise.cwiseAbs2(), errors.n_steps);
