@@ -211,13 +211,15 @@ class Proposer {
       data_.columns.time = proposal_.columns.time;
     }
     if (request_.logs.size() == 1) return;
+    DataOptions options = data_.Options();
+    if (request_.control_period > 0) options.control_period_s = task_.control_period;
     Dataset joined;
     for (const std::string& path : request_.logs) {
       if (IsCsv(path) != log_->is_csv()) {
         throw UsageError(fmt::format("'{}' and '{}' are of different formats; convert one ('oted data convert')",
                                      log_->path(), path));
       }
-      const Dataset one = ReadDataset(path, data_.Options());
+      const Dataset one = ReadDataset(path, options);
       if (joined.size() > 0 &&
           (one.obs_dim() != joined.obs_dim() || one.act_dim() != joined.act_dim() ||
            one.rewards.empty() != joined.rewards.empty() || one.has_states() != joined.has_states())) {
@@ -226,8 +228,8 @@ class Proposer {
       if (joined.size() > 0 && PeriodsDiffer(one, joined)) {
         throw DataError(fmt::format(
             "rows of '{}' lie {:.3g} s apart, and those of '{}' {:.3g} s: no control period is that of both; "
-            "make a task file for each",
-            path, one.period_s, log_->path(), joined.period_s));
+            "give --period {:.3g} to read all at that, or make a task file for each",
+            path, one.period_s, log_->path(), joined.period_s, std::max(one.period_s, joined.period_s)));
       }
       Tell(path, one);
       joined.Append(one);

@@ -276,9 +276,16 @@ class InitTest(ProgramTest):
             with self.subTest(needles):
                 self.assertNothingLeft(oted("init", self.model, log, "--out", self.task), code, *needles)
         good, other = self.csv(rows, file="a.csv"), self.csv(rows[::2], file="b.csv")
-        self.assertNothingLeft(oted("init", self.model, good, other, "--out", self.task), DATA_OR_MODEL, "0.04 s apart", "0.02 s")
+        self.assertNothingLeft(oted("init", self.model, good, other, "--out", self.task), DATA_OR_MODEL, "0.04 s apart", "0.02 s",
+                               "--period 0.04")
         self.assertNothingLeft(oted("init", self.folder / "no.xml", good, "--out", self.task), DATA_OR_MODEL, "no.xml")
         self.assertNothingLeft(oted("init", self.model, good, "--out", self.folder / "task.txt"), USAGE, ".toml")
+
+    def test_logs_of_different_rates_are_read_at_the_period_that_is_asked_for(self):
+        good, other = self.csv(swing(1), file="a.csv"), self.csv(swing(2)[::2], file="b.csv")
+        _, task = self.init(good, other, more=["--period", "0.04"])
+        self.assertEqual(task["task"]["control_period"], 0.04)
+        self.succeed("data", "info", self.task)
 
     def test_a_table_in_another_form_is_refused_by_file_and_line(self):
         text = self.csv(swing(1), file="good.csv").read_text()
