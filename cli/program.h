@@ -3,13 +3,29 @@
 /// stores the exit code.
 
 #include <CLI/CLI.hpp>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace oted::cli {
 
+class HelpFormatter : public CLI::Formatter {
+ public:
+  HelpFormatter() { label("SUBCOMMAND", "COMMAND"); }
+  /// What may stand in its place as well need not be named.
+  std::string make_option(const CLI::Option* option, bool is_positional) const override {
+    std::string text = CLI::Formatter::make_option(option, is_positional);
+    const std::string required = " " + get_label("REQUIRED");
+    const size_t at = text.find(required);
+    if (at != std::string::npos && !is_positional && option->get_positional()) {
+      text.replace(at, required.size(), std::string(required.size(), ' '));
+    }
+    return text;
+  }
+};
+
 struct Program {
-  Program() { app.get_formatter()->label("SUBCOMMAND", "COMMAND"); }
+  Program() { app.formatter(std::make_shared<HelpFormatter>()); }
 
   CLI::App app{"oted fits your simulator to your logs, then trains in it."};
   std::string command_line;
