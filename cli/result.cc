@@ -99,7 +99,7 @@ void PrintValidation(const DesignRecord& design) {
     Print("... {} more channels and other horizons in the report\n", shown.channels.size() - kMostChannels);
   }
   Print("{}", NotJudged(shown));
-  if (shown.learned) Print("(on logs that the design learned from: too few to keep a part aside)\n");
+  if (shown.learned) Print("(on logs that the design learned from: none were kept aside)\n");
 }
 
 /// Which method of the design was taken where that was left open, and why.

@@ -133,8 +133,7 @@ Section ValidationSection(const json& report) {
       "<p>{}, with the logged actions and nothing else: {} windows of {} s. The error is the root mean square over the "
       "window, in the channel's unit. <em>Sensors</em> is what their noise alone would leave: the designed simulator "
       "predicts logs of its own, with the same noise on them.</p>\n",
-      learned ? "The logs are too few to keep a part aside: the design predicts those that it learned from"
-              : WhatJudged(validation),
+      learned ? "No logs were kept aside: the design predicts those that it learned from" : WhatJudged(validation),
       FormatCount(NumberAt(horizons[0], "n_windows")), FormatGiven(NumberAt(horizons[0], "seconds")));
   HtmlTable table;
   table.Column("Channel", HtmlTable::Align::kText);

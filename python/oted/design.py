@@ -59,7 +59,7 @@ class Validation:
             lines.append(f"{name:<34} {row['horizon']:>6.3g} s {_number(row['nominal']):>10} {_number(row['designed']):>10} "
                          f"{_number(row['floor']):>10}{' *' if row['learned'] else ''}")
         if any(self.learned):
-            lines.append("* on logs that the design learned from: no others are long enough")
+            lines.append("* on logs that the design learned from: none that were kept aside are long enough")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
