@@ -133,14 +133,27 @@ def run_case(task, noise, kind, case, oted, extra, episodes):
                          for name in ("q", "prediction"))
     return {
         "task": task, "noise": noise, "class": kind, "case": case, "episodes": episodes, "truth": truth,
-        "seconds": round(seconds, 1), "sentence": answer["sentence"], "prediction": prediction.get("prediction"),
+        "seconds": round(seconds, 1), "sentence": answer["sentence"], "horizons": slim_horizons(prediction.get("prediction")),
         "parameters": [{key: p[key] for key in ("name", "mode", "std", "interval90", "verdict")}
                        for p in answer["parameters"]],
         "correlation": answer["correlation"], "verdict": answer["verdict"], "nominal_common": answer["nominal_common"],
-        "common": answer["settings"][0]["common"], "fit": q.get("fit"),
-        "suspects": answer.get("fit", {}).get("suspects", []),
+        "common": answer["settings"][0]["common"],
+        "fit": {key: q["fit"][key] for key in ("window", "explained", "noise_std")} if q.get("fit") else None,
+        "suspects": [slim_suspect(suspect) for suspect in answer.get("fit", {}).get("suspects", [])],
         "n_transitions": answer["dataset"]["n_transitions"], "settings": extra[1::2],
         "commit": commit()}
+
+
+def slim_horizons(prediction):
+    """Of each horizon, by how much errors exceed the floor and what the design gains."""
+    return [{key: horizon[key] for key in ("seconds", "n_windows", "excess", "gain")} for horizon in (prediction or {}).get("horizons", [])]
+
+
+def slim_suspect(suspect):
+    slim = {key: suspect[key] for key in ("field", "value", "explains")}
+    if "freed" in suspect:
+        slim["freed"] = {key: suspect["freed"].get(key) for key in ("value", "std", "kept", "gain", "nats")}
+    return slim
 
 
 def is_right(record):

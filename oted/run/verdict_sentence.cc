@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <ranges>
-#include <utility>
 #include <vector>
 
 #include "oted/base/words.h"
@@ -137,25 +136,24 @@ std::string NotJudged(const DesignRecord::Validation::Horizon& horizon) {
 }
 
 std::string ButAGuess(const DesignRecord::Validation& validation) {
-  std::vector<std::pair<std::string, std::string>> told;  // channels, horizons
+  std::string text;
+  std::vector<std::string> first;
   for (const auto& horizon : validation.horizons) {
     std::vector<std::string> names;
     for (const auto& c : horizon.channels) {
       if (c.judged && IsNoBetterThanGuess(c.designed, c.guess)) names.push_back(c.name);
     }
     if (names.empty()) continue;
-    if (names.size() > 3) names = {names[0], names[1], fmt::format("{} other channels", names.size() - 2)};
-    const std::string channels = Enumerate(names);
-    if (told.empty() || told.back().first != channels) {
-      told.emplace_back(channels, InWords(horizon));
+    if (text.empty()) {
+      first = names;
+      if (names.size() > 3) names = {names[0], names[1], fmt::format("{} other channels", names.size() - 2)};
+      text = fmt::format("; over {} it predicts {} no better than a guess ({})", InWords(horizon), Enumerate(names),
+                         kGuesses);
     } else {
-      told.back().second += " and " + InWords(horizon);
+      text += fmt::format(
+          ", over {} {}", InWords(horizon),
+          names == first ? "likewise" : fmt::format("{} channel{}", names.size(), names.size() == 1 ? "" : "s"));
     }
-  }
-  std::string text;
-  for (const auto& [channels, horizons] : told) {
-    text += fmt::format("; over {} it predicts {} no better than a guess{}", horizons, channels,
-                        text.empty() ? fmt::format(" ({})", kGuesses) : "");
   }
   return text;
 }
