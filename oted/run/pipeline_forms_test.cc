@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
@@ -11,6 +12,7 @@
 #include "oted/config/task_registry.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/sensor_noise.h"
+#include "oted/matching/designer.h"
 #include "oted/matching/testing.h"
 #include "oted/run/pipeline_testing.h"
 
@@ -156,12 +158,19 @@ TEST_F(FormsTest, WhereItIsWrongTheOthersAreTriedOnHeldOutLogsAndTheNearestIsTak
 
 TEST_F(FormsTest, AFormThatIsNearerTakesThePlaceOfTheFirstAndTellsTheVerdict) {
   Select(Config(true), "auto");
-  // The first form's trial, made worse than any.
-  const fs::path forms = Out("auto") / "design/default/methods", file = forms / "trajectories/q.json";
-  json trial = ReadJson(file);
-  trial["mean"] = {-5, -5, 0};
-  Seal(trial);
-  WriteJson(file, trial);
+  // The first form's trial, made worse than any; another's, made the nominal simulator. Farther off than that is none
+  // taken.
+  const fs::path forms = Out("auto") / "design/default/methods";
+  const ParameterSpace space = PointMass::MakeParameters();
+  const std::map<std::string, std::vector<double>> planted = {{"trajectories", {-5, -5, 0}},
+                                                              {"least-squares", ZToLogit(space, space.Nominal())}};
+  for (const auto& [method, mean] : planted) {
+    const fs::path file = forms / method / "q.json";
+    json trial = ReadJson(file);
+    trial["mean"] = mean;
+    Seal(trial);
+    WriteJson(file, trial);
+  }
   fs::remove(forms / "choice.json");
   fs::remove(Out("auto") / "design.json");
   const json design = Select(Config(true), "auto");

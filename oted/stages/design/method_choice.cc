@@ -96,8 +96,8 @@ MethodChoice ChooseByHeldOut(const std::vector<DesignMethod>& methods, const std
     tried.gain = Mean(log_ratios);
     tried.gain_std = StandardDeviation(log_ratios) * std::sqrt(static_cast<double>(errors.overlap) / errors.n_windows);
     choice.tried.push_back(tried);
-    const bool surely =
-        tried.gain > std::max(kLeastGain, kStandardErrors * tried.gain_std) && tried.error < choice.nominal_error;
+    const bool surely = tried.gain > std::max(kLeastGain, kStandardErrors * tried.gain_std) &&
+                        tried.error < (1 + kLeastGain) * choice.nominal_error;
     if (surely && tried.gain > choice.tried[taken].gain) taken = k;
   }
   const TriedMethod &first = choice.tried.front(), &best = choice.tried[taken];
