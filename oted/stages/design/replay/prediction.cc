@@ -143,14 +143,16 @@ PredictionJudge::Replays PredictionJudge::FitAndReplay(const std::vector<double>
       whole.push_back(windows_[w]);
       fitted.push_back({windows_[w].begin, n_fitted, windows_[w].episode_begin});
     }
-    const WindowLikelihood likelihood(replayer_.readings(), variance_, n_fitted);
-    FittedStarts to =
-        FitStarts(replayer_, std::move(from),
-                  {.windows = fitted,
-                   .z = z,
-                   .likelihood = likelihood,
-                   .start_step = start_step_,
-                   .n_iterations = replayer_.readings().unread.empty() ? kLeadIterations : kUnreadLeadIterations});
+    FittedStarts to{std::move(from), {}};
+    if (n_fitted > 0) {
+      const WindowLikelihood likelihood(replayer_.readings(), variance_, n_fitted);
+      to = FitStarts(replayer_, std::move(to.starts),
+                     {.windows = fitted,
+                      .z = z,
+                      .likelihood = likelihood,
+                      .start_step = start_step_,
+                      .n_iterations = replayer_.readings().unread.empty() ? kLeadIterations : kUnreadLeadIterations});
+    }
     std::vector<VectorXd> replayed = replayer_.Residuals(whole, to.starts, z);
     for (size_t k = 0; k < at.size(); ++k) {
       replays.starts[at[k]] = std::move(to.starts[k]);
@@ -165,21 +167,7 @@ PredictionJudge::Squares PredictionJudge::Predict(const std::vector<double>& z) 
 }
 
 PredictionJudge::Squares PredictionJudge::PredictFromReadings(const std::vector<double>& z) const {
-  Replays replays{LoggedStarts(replayer_, windows_), std::vector<VectorXd>(windows_.size())};
-  for (const int n_steps : horizons_) {
-    std::vector<LogWindow> whole;
-    std::vector<VectorXd> starts;
-    std::vector<size_t> at;
-    for (size_t w = 0; w < windows_.size(); ++w) {
-      if (windows_[w].n_steps != n_lead_ + n_steps) continue;
-      at.push_back(w);
-      whole.push_back(windows_[w]);
-      starts.push_back(replays.starts[w]);
-    }
-    std::vector<VectorXd> replayed = replayer_.Residuals(whole, starts, z);
-    for (size_t k = 0; k < at.size(); ++k) replays.residuals[at[k]] = std::move(replayed[k]);
-  }
-  return SquaresOf(std::move(replays));
+  return SquaresOf(FitAndReplay(z, 0, {}));
 }
 
 PredictionJudge::Squares PredictionJudge::SquaresOf(Replays replays) const {

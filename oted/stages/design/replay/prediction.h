@@ -74,7 +74,7 @@ class PredictionJudge {
   struct Replays {
     std::vector<Eigen::VectorXd> starts, residuals;  ///< residuals: of the lead and all predicted steps
   };
-  /// @param n_leads  that the starts are fitted to
+  /// @param n_leads  that the starts are fitted to; 0: they stay where they begin
   /// @param starts   where their fit begins; empty: as logged
   Replays FitAndReplay(const std::vector<double>& z, int n_leads, const std::vector<Eigen::VectorXd>& starts) const;
   Squares SquaresOf(Replays replays) const;
