@@ -174,9 +174,13 @@ def is_right(record):
     return whole == "gap_closed" and set(verdicts.values()) == {"identified"}
 
 
+def name_of_culprit(record):
+    return next(name for name in record["truth"] if name not in SEARCHED[record["task"]])
+
+
 def culprit(record):
     """The path of what is off in a target of NAMED."""
-    return FIELDS[next(name for name in record["truth"] if name not in SEARCHED[record["task"]])]
+    return FIELDS[name_of_culprit(record)]
 
 
 def binomial_interval(k, n):
@@ -227,11 +231,10 @@ def print_named(task, kind, of):
     """Whether the culprit is among the suspects, before all others, kept when it is freed, and by how much it is off."""
     count = [0] * 4
     for r in of:
-        name = next(name for name in r["truth"] if name not in SEARCHED[r["task"]])
         fields = [suspect["field"] for suspect in r["suspects"]]
         freed = next((s.get("freed") for s in r["suspects"] if s["field"] == culprit(r)), None) or {}
         for i, holds in enumerate((culprit(r) in fields, fields[:1] == [culprit(r)], freed.get("kept", False),
-                                   abs(freed.get("value", math.inf) / r["truth"][name] - 1) < 0.1)):
+                                   abs(freed.get("value", math.inf) / r["truth"][name_of_culprit(r)] - 1) < 0.1)):
             count[i] += holds
     if of:
         print(f"| {task}, {kind} | {len(of)} | {' | '.join(map(str, count))} |")

@@ -71,7 +71,8 @@ class Chooser {
       PerJoint("frictionloss", [](const Moving& m) { return 0.5 * m.force; }, {0, 10});
       PerJoint("damping", [](const Moving& m) { return m.force / m.speed; }, {0, 10});
       // In an arm of many joints a drive's rotor behind its gears weighs as much as the arm, however light its link.
-      const double inertia = moving_.size() > kFewJoints ? TypicalInertia() : 0;
+      const double inertia =
+          moving_.size() > kFewJoints ? Typical([](const Moving& m) { return m.joint->inertia; }) : 0;
       PerJoint("armature", [&](const Moving& m) { return std::max(m.joint->inertia, inertia); }, {0.2, 5});
       Drives();
       Masses();
@@ -150,10 +151,7 @@ class Chooser {
   /// A field of joints: multiples of what the model has, or up to `most` where it has next to nothing.
   template <class Most>
   void PerJoint(const std::string& field, Most most, Multiple multiple) {
-    std::vector<double> each;
-    for (const Moving& m : moving_) each.push_back(most(m));
-    std::ranges::sort(each);
-    const double typical = each[each.size() / 2];
+    const double typical = Typical(most);
     const std::string shared = fmt::format("joint/{}/{}", Shared(), field);
     const bool are_values =
         moving_.size() <= kMostOwnJoints && Exists(shared) && HasNextToNothing(shared, typical, multiple);
@@ -167,9 +165,11 @@ class Chooser {
     AddField(field, shared, typical, multiple);
   }
 
-  double TypicalInertia() const {
+  /// The middle one of what `of` says of the joints that move.
+  template <class Of>
+  double Typical(Of of) const {
     std::vector<double> each;
-    for (const Moving& m : moving_) each.push_back(m.joint->inertia);
+    for (const Moving& m : moving_) each.push_back(of(m));
     std::ranges::sort(each);
     return each[each.size() / 2];
   }

@@ -15,7 +15,6 @@ constexpr int kSteps = 10;         // long enough for small differences to add u
 constexpr int kOverlap = 5;        // where a window begins is chance, and decides which contacts it holds
 constexpr int kMostWindows = 480;  // spread evenly over the logs
 constexpr int kReplayedStartIterations = 6;  // from the reading itself
-constexpr double kReplayedStartStep = 1e-5;  // of forward differences, in standard deviations of the channel
 constexpr double kNoticeableError = 0.01;    // of a channel's spread
 
 std::vector<LogWindow> OverlappingWindows(const Dataset& logs, int n_steps, WindowReplayer& replayer) {
@@ -49,7 +48,7 @@ HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held
   const Eigen::Map<const VectorXd> spread(fit.scale.data(), spec.obs_dim());
   const VectorXd unit = noise.cwiseMax(kNoticeableError * spread).replicate(errors.n_steps + 1, 1);
   const WindowLikelihood likelihood(replayer.readings(), noise.cwiseAbs2(), errors.n_steps);
-  const VectorXd start_step = kReplayedStartStep * replayer.readings().state_scale;
+  const VectorXd start_step = replayer.readings().StartStep();
   const VectorXd held = replayer.readings().Held(errors.n_steps).head(unit.size());
   errors.n_windows = static_cast<int>(windows.size());
   errors.overlap = kOverlap;

@@ -17,8 +17,7 @@ constexpr double kLead = 0.05;       // [s] of readings that tell a start state
 constexpr double kUnreadLead = 0.1;  // the same where they do not show all of it
 constexpr int kFewestLead = 4;       // control steps
 constexpr int kLeadIterations = 4, kUnreadLeadIterations = 15;
-constexpr double kLeadStep = 1e-5;  // of forward differences, in standard deviations of the channel
-constexpr int kFollowed = 3;        // leads that the start of an imitated window is fitted to
+constexpr int kFollowed = 3;  // leads that the start of an imitated window is fitted to
 constexpr int kMostRowsBefore = 16;
 
 JudgedChannels ChannelsOf(const Dataset& logs, const ReadingModel& readings) {
@@ -40,7 +39,7 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, 
     : replayer_(replayer),
       logs_(logs),
       variance_(noise.cwiseAbs2()),
-      start_step_(kLeadStep * replayer.readings().state_scale),
+      start_step_(replayer.readings().StartStep()),
       channels_(ChannelsOf(logs, replayer.readings())),
       horizons_(std::move(horizons)) {
   n_lead_ = LeadSteps(replayer.readings(), period_s);
@@ -88,7 +87,7 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, 
     : replayer_(replayer),
       logs_(logs),
       variance_(noise.cwiseAbs2()),
-      start_step_(kLeadStep * replayer.readings().state_scale),
+      start_step_(replayer.readings().StartStep()),
       channels_(ChannelsOf(logs, replayer.readings())),
       n_lead_(LeadSteps(replayer.readings(), period_s)),
       horizons_({n_steps}),

@@ -10,6 +10,8 @@
 
 namespace oted {
 
+inline constexpr double kStartStep = 1e-5;  ///< of forward differences, over how far a coordinate spreads
+
 /// How readings are held to a replay whose start is fitted. A start has the coordinates of a state
 /// (SimulatorSpec::state_dim). Those that its first reading does not show are *unread*: velocities that nobody
 /// measured, what a lagging sensor shows, readings that were computed from others. They have a wide prior about a
@@ -22,6 +24,8 @@ struct ReadingModel {
 
   int obs_dim() const { return static_cast<int>(ages.size()); }
   int state_dim() const { return static_cast<int>(state_scale.size()); }
+  /// (state_dim): by which starts are moved for their derivatives.
+  Eigen::VectorXd StartStep() const { return kStartStep * state_scale; }
   int n_unread() const { return static_cast<int>(unread.size()); }
   /// Whether the reading of a channel, t steps behind the start, is held to the replay.
   bool IsHeld(int channel, int t) const {

@@ -17,7 +17,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kParameterStep = 1e-4;  // of forward differences, in x
-constexpr double kStartStep = 1e-5;      // of forward differences, in standard deviations of the channel
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
 constexpr double kLongestStep = 1.0;     // of each coordinate of x
 constexpr int kAttempts = 5;
@@ -269,7 +268,7 @@ LevelFit::Differences LevelFit::Tangents() const {
 }
 
 VectorXd LevelFit::StartSteps() const {
-  VectorXd steps = kStartStep * replayer_.readings().state_scale;
+  VectorXd steps = replayer_.readings().StartStep();
   steps.head(scale_.size()) = kStartStep * scale_;
   return steps;
 }

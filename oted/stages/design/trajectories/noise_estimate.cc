@@ -18,7 +18,7 @@ constexpr double kMedianOfSquaredNormal = 0.4549;
 constexpr double kLeastFreedom = 1e-3;  // below it a residual is that of the fit and not of the reading
 constexpr int kLeverageRounds = 3;
 constexpr int kNoiseWindows = 240, kNoiseRounds = 3, kNoiseStartIterations = 3;
-constexpr double kFirstNoiseGuess = 0.01, kNoiseStartStep = 1e-5;  // of a channel's standard deviation
+constexpr double kFirstNoiseGuess = 0.01;  // of a channel's standard deviation
 
 /// 1 - h_i of every number of a window. @param precision  of every number
 VectorXd Freedom(const FittedWindow& window, const VectorXd& precision) {
@@ -91,7 +91,7 @@ VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const
     if (replayer.CanStart(window)) windows.push_back(window);
   }
   const VectorXd scale = ChannelScales(logs), smallest = (kSmallestNoise * scale.cwiseMax(1.0)).cwiseAbs2();
-  const VectorXd step = kNoiseStartStep * readings.state_scale;
+  const VectorXd step = readings.StartStep();
   VectorXd variance = (kFirstNoiseGuess * scale).cwiseAbs2();
   std::vector<VectorXd> starts = LoggedStarts(replayer, windows);
   for (int round = 0; round < kNoiseRounds; ++round) {

@@ -12,7 +12,6 @@ namespace {
 
 using Eigen::VectorXd;
 
-constexpr double kUnseenStartStep = 1e-5;  // of forward differences, over how far the coordinate spreads
 constexpr int kUnseenIterations = 10;
 
 WindowLikelihood LikelihoodOf(const ReadingModel& readings, const WindowNoise& noise, int n_steps) {
@@ -23,7 +22,7 @@ WindowLikelihood LikelihoodOf(const ReadingModel& readings, const WindowNoise& n
 /// (windows): negative log densities of the windows that `level` grows into.
 VectorXd CostsOf(WindowReplayer& replayer, Level level, int n_steps, const WindowNoise& noise,
                  const std::vector<double>& z) {
-  const VectorXd start_step = kUnseenStartStep * replayer.readings().state_scale;
+  const VectorXd start_step = replayer.readings().StartStep();
   while (!level.windows.empty()) {
     const int n = level.windows.front().n_steps;
     const WindowLikelihood likelihood = LikelihoodOf(replayer.readings(), noise, n);
