@@ -92,7 +92,7 @@ def main():
         for name, record in run_missing(cells(), arguments.out, arguments.only,
                                         lambda cell: run(cell, oted, arguments.seeds)):
             print(f"{name}: {record['mean_error']:.3f}", flush=True)
-    print("| task | target | data | transitions | form | friction | gain | gravity | mean error | worst seed "
+    print("| task | target | data | transitions | method | friction | gain | gravity | mean error | worst seed "
           "| s per design | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     for r in records_of(cells(), arguments.out):

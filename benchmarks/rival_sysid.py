@@ -188,7 +188,7 @@ def main():
         oted = arguments.oted.resolve()
         for name, record in run_missing(cells(), arguments.out, arguments.only, lambda cell: run(cell, oted)):
             print(f"{name}: {record.get('mean_error')}", flush=True)
-    print("| task | target | data | form | friction | gain | gravity | mean error | 90 % half-widths | CPU s |")
+    print("| task | target | data | method | friction | gain | gravity | mean error | 90 % half-widths | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for r in records_of(cells(), arguments.out):
         found = "mean_error" in r

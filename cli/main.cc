@@ -28,7 +28,6 @@
 #include "cli/verbs/plan.h"
 #include "cli/verbs/report.h"
 #include "cli/verbs/reproduce.h"
-#include "cli/verbs/run.h"
 #include "cli/verbs/schema.h"
 #include "cli/verbs/stages.h"
 #include "cli/verbs/submit.h"
@@ -129,7 +128,7 @@ void AddVerbs(oted::cli::Program& program) {
     }
   };
   group("Before a design", {AddInitVerb, AddDataVerb, AddParamsVerb, AddSchemaVerb, AddCompletionVerb});
-  group("The stages", {AddRunVerb, AddStageVerbs, AddEvaluateVerb, AddReportVerb});
+  group("The stages", {AddStageVerbs, AddEvaluateVerb, AddReportVerb});
   group("After a design", {AddValidateVerb, AddExportVerb, AddVerifyVerb});
   group("Studies", {AddBehaviorVerb, AddCollectVerb, AddReproduceVerb, AddPlanVerb, AddSweepVerb, AddSubmitVerb,
                     AddUnitVerb, AddMergeVerb});

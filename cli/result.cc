@@ -15,8 +15,8 @@
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
 #include "oted/base/words.h"
+#include "oted/exports/export.h"
 #include "oted/run/design_record.h"
-#include "oted/run/export.h"
 #include "oted/run/policy_records.h"
 #include "oted/run/suspect_sentence.h"
 #include "oted/run/verdict_sentence.h"
@@ -135,9 +135,8 @@ int ReturnDecimals(const std::vector<double>& returns, int otherwise) {
   return std::ranges::all_of(returns, [](double r) { return std::abs(r) < 10; }) ? 3 : otherwise;
 }
 
-void PrintDesign(const std::filesystem::path& run_directory, const Options& options) {
+void PrintDesign(const DesignRecord& design, const Options& options) {
   if (options.json) return;
-  const DesignRecord design = DesignRecord::FromJson(ReadSealed(run_directory / "design.json", true), "design.json");
   PrintParameters(design, std::nullopt);
   PrintValidation(design);
   Print("\nverdict: {}\n", design.sentence);

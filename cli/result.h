@@ -5,14 +5,15 @@
 #include <vector>
 
 #include "cli/options.h"
+#include "oted/run/design_record.h"
 
 namespace oted::cli {
 
 /// Decimals with which returns are printed: three where all of them are small, as a grid world's are.
 int ReturnDecimals(const std::vector<double>& returns, int otherwise);
 
-/// Prints what the design found, which a run directory holds; nothing where JSON is wanted, which comes in one piece.
-void PrintDesign(const std::filesystem::path& run_directory, const Options& options);
+/// Prints what the design found; nothing where JSON is wanted, which comes in one piece.
+void PrintDesign(const DesignRecord& design, const Options& options);
 /// Prints the final tables of a run directory (or its JSON) and where its files lie, and returns the exit code that its
 /// verdict stands for.
 /// @param report  the folder of report.html

@@ -16,7 +16,7 @@ copyright = "the OTED authors, Apache-2.0"  # noqa: A001  (Sphinx's name)
 
 # Pages stay where they are in the repository, so links between them are those that a reader of the repository follows.
 root_doc = "README"
-include_patterns = ["*.md", "docs/*.md", "docs/*.rst", "benchmarks/README.md", "examples/real/README.md"]
+include_patterns = ["*.md", "docs/*.md", "docs/*.rst", "benchmarks/README.md", "examples/README.md", "examples/real/README.md"]
 exclude_patterns = [".*", "build", "dist", "runs"]
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 myst_heading_anchors = 4

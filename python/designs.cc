@@ -8,9 +8,9 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/exports/export.h"
 #include "oted/report/report.h"
 #include "oted/run/design_record.h"
-#include "oted/run/export.h"
 #include "oted/run/records.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/validation.h"

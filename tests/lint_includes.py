@@ -1,4 +1,4 @@
-"""Checks the rules on who may include whom (CONTRIBUTING.md), and what the library may not do.
+"""Checks the rules on who may include whom (docs/architecture.md), and what the library may not do (CONTRIBUTING.md).
 
     lint_includes.py [ROOT]     prints one line per violation, exits 1 when there is any
 
@@ -141,11 +141,32 @@ def violations(root):
     return found
 
 
+def unused_rights(root, rules):
+    """Rights of the table that no file below `root` uses, as printable lines."""
+    used = set()
+    for file in sorted((pathlib.Path(root) / "oted").rglob("*")):
+        if file.suffix not in (".h", ".cc") or not file.is_file():
+            continue
+        layer = layer_of(file.relative_to(root).as_posix())
+        for _, included in INCLUDE.findall(without_comments(file.read_text(encoding="utf-8"))):
+            if included.startswith("oted/"):
+                used.add((layer, layer_of(included)))
+
+    def fits(layer, row):
+        return layer == row or (row.endswith("/*") and layer.startswith(row[:-1]))
+
+    return [f"{TABLE.name}: oted/{folder} includes nothing of {name}: take it out of the row"
+            for folder, names in rules.items() for name in sorted(names)
+            if not any(fits(layer, folder) and fits(wanted, name) for layer, wanted in used)]
+
+
 def main():
     root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent)
     if not (root / "oted").is_dir():
         sys.exit(f"lint_includes.py: no folder oted/ in '{root}': give the repository's root")
     found = violations(root)
+    if root.samefile(TABLE.parent.parent):  # the repository that the table is of
+        found += unused_rights(root, MAY_INCLUDE)
     print("\n".join(found), end="\n" if found else "")
     sys.exit(bool(found))
 

@@ -102,7 +102,7 @@ ALLOWED = [
     ("oted/nn/a_test.cc", "#include <torch/torch.h>\n"),
     ("oted/stages/design/a.cc", '#include "oted/rl/sac.h"\n#include "oted/stages/design/prior.h"\n'),
     ("oted/stages/design/a_test.cc", '#include "oted/sim/mujoco/tasks.h"\n'),
-    ("oted/report/a.cc", '#include "oted/sim/simulator.h"\n#include <protozero/pbf_writer.hpp>\n'),
+    ("oted/report/a.cc", '#include "oted/data/dataset.h"\n#include <protozero/pbf_writer.hpp>\n'),
     ("oted/stages/design/rivals/a.cc", '#include "oted/stages/design/replay/windows.h"\n'),
     ("oted/run/pipeline.cc", '#include "oted/run/pipeline.h"\n#include "oted/stages/agent/train.h"\n#include "oted/sim/mujoco/a.h"\n'),
     ("examples/a/main.cc", '#include "cli/main.h"\n#include "examples/a/task.h"\n'),
@@ -144,6 +144,15 @@ class LintIncludesTest(unittest.TestCase):
         with tree("oted/data/a.cc", '#include "oted/base/error.h"\n') as root:
             done = run_lint(root)
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
+
+    def test_a_right_that_nothing_uses_is_told(self):
+        rules = {"data": {"base", "sim"}, "stages/*": {"base"}, "run": {"stages/*"}}
+        with tree("oted/data/a.cc", '#include "oted/base/error.h"\n// #include "oted/sim/simulator.h"\n') as root:
+            (pathlib.Path(root) / "oted/run").mkdir()
+            (pathlib.Path(root) / "oted/run/a.h").write_text('#include "oted/stages/clone/clone.h"\n')
+            found = lint_includes.unused_rights(root, rules)
+        self.assertEqual([line.split(": ")[1] for line in found],
+                         ["oted/data includes nothing of sim", "oted/stages/* includes nothing of base"])
 
     def test_a_folder_without_sources_is_refused_rather_than_passed(self):
         with tempfile.TemporaryDirectory() as empty:

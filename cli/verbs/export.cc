@@ -8,7 +8,7 @@
 #include "cli/console.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/run/export.h"
+#include "oted/exports/export.h"
 
 namespace oted::cli {
 

@@ -41,9 +41,7 @@ void PrintProposal(const Proposal& proposal, const std::string& out) {
   PrintLines("not freed", proposal.left_out);
   PrintLines("guessed, so check it", proposal.guessed);
   PrintLines("look at this before a design", proposal.suspicious);
-  if (!proposal.joined.empty()) Print("\n{}: the logs, joined\n", proposal.joined.string());
-  Print("{}{}: read it, correct it, then\n  oted data check {}\n  oted design {} --out RUN\n",
-        proposal.joined.empty() ? "\n" : "", out, out, out);
+  Print("\n{}: read it, correct it, then\n  oted data check {}\n  oted design {} --out RUN\n", out, out, out);
 }
 
 }  // namespace
@@ -59,8 +57,9 @@ void AddInitVerb(Program& program) {
   };
   auto words = std::make_shared<Words>();
   verb->add_option("MODEL", words->request.model, "MJCF or URDF file, or package:NAME/...")->required();
-  verb->add_option("LOGS", words->request.logs,
-                   "logged trajectories: .csv, .csv.gz, .npz, .hdf5 or a Minari folder; several are joined")
+  verb->add_option(
+          "LOGS", words->request.logs,
+          "logged trajectories: .csv, .csv.gz, .npz, .hdf5 or a Minari folder; columns of several are named alike")
       ->required();
   verb->add_option("--out", words->out, "task file to write [default: task.toml]");
   verb->add_option("--period", words->request.control_period, "time between two rows [s], where the logs do not say")

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "cli/options.h"
 #include "cli/result.h"
+#include "oted/base/seal.h"
 #include "oted/report/report.h"
 
 namespace oted::cli {
@@ -21,8 +23,10 @@ void AddReportVerb(Program& program) {
   verb->callback([&program, options, folder] {
     const std::string& to = folder->empty() ? options->out : *folder;
     WriteReport(options->out, to);
-    if (std::filesystem::exists(std::filesystem::path(options->out) / "design.json"))
-      PrintDesign(options->out, *options);
+    const std::filesystem::path design = std::filesystem::path(options->out) / "design.json";
+    if (std::filesystem::exists(design)) {
+      PrintDesign(DesignRecord::FromJson(ReadSealed(design, true), design.string()), *options);
+    }
     program.exit_code = PrintResult(options->out, *options, to);
   });
 }

@@ -1,7 +1,8 @@
 #include "cli/verbs/stages.h"
 
-#include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "cli/options.h"
 #include "cli/result.h"
@@ -16,24 +17,23 @@ namespace {
 struct StageVerb {
   const char* name;
   const char* help;
-  std::vector<std::string> sections;
-  bool designs, trains;  ///< what the stage needs or does
-  std::function<void(Pipeline&)> call;
+  std::vector<std::string> sections;  ///< whose settings its help shows; all where none is named
+  Makes makes;
+  bool needs_reward;
+  void (*call)(Pipeline&);
 };
 
 void AddStageVerb(Program& program, const StageVerb& stage) {
   CLI::App* verb = program.app.add_subcommand(stage.name, stage.help);
   auto options = std::make_shared<Options>();
-  AddRunOptions(*verb, *options, {.designs = stage.designs, .agents = stage.trains});
+  AddRunOptions(*verb, *options, stage.makes);
   verb->footer(SettingsHelp(stage.sections));
   verb->callback([&program, options, stage] {
     {
       Session session(*options, program.command_line);
-      if (stage.trains) session.pipeline().CheckCanTrain();
-      if (stage.designs) {
-        session.pipeline().SelectSimulator();
-        PrintDesign(options->out, *options);
-      }
+      if (stage.needs_reward) session.pipeline().CheckCanTrain();
+      // The answer does not wait for films and agents.
+      if (stage.makes.designs) PrintDesign(session.pipeline().SelectSimulator().record, *options);
       stage.call(session.pipeline());
       WriteExports(options->out);
       WriteReport(options->out);
@@ -45,35 +45,46 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
 }  // namespace
 
 void AddStageVerbs(Program& program) {
-  AddStageVerb(
-      program,
-      {"clone", "stage 1: clone the behaviour in the logs", {"clone"}, false, false, &Pipeline::CloneBehavior});
-  // A design is of use once it is known which seed to trust: the verb goes on to the selection.
-  AddStageVerb(program, {"design",
-                         "stages 2 and 3: fit q(z) for every setting and seed, and select one",
-                         {"design", "selection", "report"},
-                         true,
-                         false,
-                         &Pipeline::ReplayLogs});
-  AddStageVerb(program,
-               {"select-simulator",
-                "stage 3: score the designs and select the best setting; the same as design, which goes on to it",
-                {"selection", "report"},
-                true,
-                false,
-                &Pipeline::ReplayLogs});
-  AddStageVerb(program, {"train",
-                         "stage 4: train agents in the designed simulators",
-                         {"agents", "crossq", "sac", "ppo", "baselines", "f_brc", "mbop", "td3_bc", "rebrac"},
-                         true,
-                         true,
-                         &Pipeline::TrainAgents});
-  AddStageVerb(program, {"select-policy",
-                         "stage 5: rank the agents in every designed simulator",
-                         {"agents"},
-                         true,
-                         true,
-                         &Pipeline::SelectPolicy});
+  constexpr Makes kNoDesign{.designs = false, .agents = false}, kDesign{.designs = true, .agents = false}, kAgents{};
+  const std::vector<StageVerb> stages = {
+      {"run",
+       "run all stages: clone, design, select, train, select, evaluate, report",
+       {},
+       kAgents,
+       false,
+       [](Pipeline& pipeline) { pipeline.Run(); }},
+      {"clone",
+       "stage 1: clone the behaviour in the logs",
+       {"clone"},
+       kNoDesign,
+       false,
+       [](Pipeline& pipeline) { pipeline.CloneBehavior(); }},
+      // A design is of use once it is known which seed to trust: the verb goes on to the selection.
+      {"design",
+       "stages 2 and 3: fit q(z) for every setting and seed, and select one",
+       {"design", "selection", "report"},
+       kDesign,
+       false,
+       [](Pipeline& pipeline) { pipeline.ReplayLogs(); }},
+      {"select-simulator",
+       "stage 3: score the designs and select the best setting; the same as design, which goes on to it",
+       {"design", "selection", "report"},
+       kDesign,
+       false,
+       [](Pipeline& pipeline) { pipeline.ReplayLogs(); }},
+      {"train",
+       "stage 4: train agents in the designed simulators",
+       {"agents", "crossq", "sac", "ppo", "baselines", "f_brc", "mbop", "td3_bc", "rebrac"},
+       kAgents,
+       true,
+       [](Pipeline& pipeline) { pipeline.TrainAgents(); }},
+      {"select-policy",
+       "stage 5: rank the agents in every designed simulator",
+       {"agents"},
+       kAgents,
+       true,
+       [](Pipeline& pipeline) { pipeline.SelectPolicy(); }}};
+  for (const StageVerb& stage : stages) AddStageVerb(program, stage);
 }
 
 }  // namespace oted::cli

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cstdlib>
 #include <filesystem>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -22,6 +23,7 @@
 #include "oted/config/toml_writer.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
+#include "oted/stages/design/design_method.h"
 #include "oted/stages/design/prior_source.h"
 
 namespace oted {
@@ -264,6 +266,21 @@ void RunConfig::Check() const {
     throw UsageError(
         fmt::format("parameter '{}' has a prior, but no design uses it; set design.prior to gaussian", spec.name));
   }
+}
+
+std::optional<std::string> RunConfig::UnreadSetting() const {
+  std::vector<DesignMethod> methods;
+  std::vector<std::string> names;
+  for (const auto& [unused, choice] : DesignSettings()) {
+    std::ranges::copy(choice.Possible(), std::back_inserter(methods));
+    names.push_back(NameOf(MethodNames(), choice.method));
+  }
+  for (const auto& [unused, choice] : DesignSettings()) {
+    const std::string key = choice.UnreadBy(methods);
+    if (key.empty()) continue;
+    return fmt::format("design.{} is set, but no design reads it: design.method is {}", key, fmt::join(names, ", "));
+  }
+  return std::nullopt;
 }
 
 std::vector<double> RunConfig::TruthVector() const {

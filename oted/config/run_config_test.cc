@@ -287,6 +287,21 @@ TEST(RunConfig, BrokenTomlIsRefusedWithItsLine) {
   EXPECT_THROW(RunConfig::FromTomlFile("/no/such/file.toml"), DataError);
 }
 
+TEST(RunConfig, ASettingThatNoMethodReadsIsTold) {
+  RunConfig config = Parse(kMinimal);
+  config.Set("design.method=trajectories");
+  config.Set("design.discriminator.steps=3");  // the judge's, whatever the method
+  config.Set("design.trajectories.window=8");
+  config.Set("design.dropo.budget=" + config.design.Assumed().ToJson()["dropo"]["budget"].dump());  // as by default
+  EXPECT_EQ(config.UnreadSetting(), std::nullopt);
+  config.Set("design.dropo.budget=7");
+  EXPECT_THAT(config.UnreadSetting().value_or(""), AllOf(HasSubstr("design.dropo.budget"), HasSubstr("trajectories")));
+  config.Set("design.method=dropo");
+  EXPECT_THAT(config.UnreadSetting().value_or(""), HasSubstr("design.trajectories.window"));
+  config.Set("design.method=auto");
+  EXPECT_THAT(config.UnreadSetting().value_or(""), HasSubstr("design.dropo.budget")) << "auto never takes dropo";
+}
+
 TEST(RunConfig, SetTakesAnySetting) {
   RunConfig config = Parse(kMinimal);
   config.Set("design.adversarial.n_iterations=5");

@@ -174,17 +174,4 @@ void ConvPass::Backward(const ConvNet& net, const float* dy, int batch, float* p
   }
 }
 
-void OneHotChannels(std::span<const double> values, std::span<const int> sizes, std::span<float> out) {
-  size_t total = 0;
-  for (const int size : sizes) total += static_cast<size_t>(size);
-  OTED_CHECK(values.size() % sizes.size() == 0 && out.size() == values.size() / sizes.size() * total);
-  std::fill(out.begin(), out.end(), 0.0f);
-  float* to = out.data();
-  for (size_t i = 0; i < values.size(); ++i) {
-    const int size = sizes[i % sizes.size()];
-    if (values[i] >= 0 && values[i] < size) to[static_cast<size_t>(values[i])] = 1.0f;
-    to += size;
-  }
-}
-
 }  // namespace oted

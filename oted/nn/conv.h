@@ -68,9 +68,4 @@ class ConvPass {
   AlignedVector<float> gradient_, input_gradient_;
 };
 
-/// Channels of whole numbers as one-hot channels, side by side: kinds, colours and states of a grid world's cells.
-/// A number outside 0, ..., sizes[c] - 1 gives zeros.
-/// @param values (n, sizes.size()). @param out (n, sum of sizes), overwritten
-void OneHotChannels(std::span<const double> values, std::span<const int> sizes, std::span<float> out);
-
 }  // namespace oted

@@ -78,12 +78,6 @@ TEST(ConvNet, TooManyConvolutionsAreAnError) {
   EXPECT_THROW(ConvNet{shape}, UsageError);
 }
 
-TEST(OneHotChannels, SetsOneOfEachChannelsNumbers) {
-  std::vector<float> out(10, 9.0f);
-  OneHotChannels(std::vector{2.0, 0.0, 0.0, 7.0}, std::vector{3, 2}, out);
-  EXPECT_EQ(out, (std::vector<float>{0, 0, 1, 1, 0, 1, 0, 0, 0, 0}));
-}
-
 TEST(CategoricalAgainstAutograd, LossAndGradientAgree) {
   const int rows = 17, n = 5;
   const auto logits = Normals(rows * n, 5);

@@ -1,5 +1,5 @@
 // Ten thousand units on machines that die: none is lost, none counts twice. Prints what a unit and a look at the plan
-// cost; a figure is no claim here (docs/scaleout.md has them).
+// cost; a figure is no claim here (docs/speed.md has them).
 
 #include <gtest/gtest.h>
 

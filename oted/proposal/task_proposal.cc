@@ -13,7 +13,6 @@
 #include "oted/config/parameters_toml.h"
 #include "oted/config/task_file_schema.h"
 #include "oted/data/checks_rates.h"
-#include "oted/data/csv_dataset_write.h"
 #include "oted/data/dataset_files.h"
 #include "oted/proposal/first_log.h"
 #include "oted/proposal/log_facts.h"
@@ -29,20 +28,6 @@ constexpr double kPeriodSlack = 0.01;  // of the reader (docs/file_formats.md)
 constexpr double kRangeSlack = 1.1;    // of actions beyond the logged ones
 constexpr uint64_t kSeed = 1;
 
-/// Removes a file that is of no use without another where that did not come to be.
-class Companion {
- public:
-  explicit Companion(std::filesystem::path other) : other_(std::move(other)) {}
-  ~Companion() {
-    std::error_code ignored;
-    if (!path_.empty() && !std::filesystem::exists(other_, ignored)) std::filesystem::remove(path_, ignored);
-  }
-  void Made(std::filesystem::path path) { path_ = std::move(path); }
-
- private:
-  std::filesystem::path other_, path_;
-};
-
 class Proposer {
  public:
   Proposer(const ProposalRequest& request, const RunContext& context)
@@ -56,7 +41,7 @@ class Proposer {
     Observe();
     Act();
     task_.control_period = ControlPeriod();
-    JoinLogs();
+    NameLogs();
     Simulate();
     Look();
     ChooseWhatToDoubt();
@@ -72,16 +57,10 @@ class Proposer {
       throw UsageError(fmt::format("--out is '{}', wanted a file that ends in .toml", request_.out.string()));
     }
     std::error_code error;
-    if (std::filesystem::exists(request_.out, error)) FailThere(request_.out);
-  }
-
-  [[noreturn]] static void FailThere(const std::filesystem::path& path) {
-    throw UsageError(fmt::format("'{}' is there already; remove it, or name another file with --out", path.string()));
-  }
-
-  std::filesystem::path JoinedPath() const {
-    std::filesystem::path path = request_.out;
-    return path.replace_extension(".logs.csv.gz");
+    if (std::filesystem::exists(request_.out, error)) {
+      throw UsageError(
+          fmt::format("'{}' is there already; remove it, or name another file with --out", request_.out.string()));
+    }
   }
 
   void MapColumnsOfLog() {
@@ -197,7 +176,7 @@ class Proposer {
 
   // ------------------------------------------------------------ [data]
 
-  void JoinLogs() {
+  void NameLogs() {
     data_.path = log_->path();
     if (log_->is_csv()) {
       const auto names = [](const std::vector<ColumnMap::Entry>& entries) {
@@ -211,49 +190,34 @@ class Proposer {
       data_.columns.time = proposal_.columns.time;
     }
     if (request_.logs.size() == 1) return;
+    data_.path.clear();
+    for (const std::string& path : request_.logs) data_.recordings.push_back({path, {}});
+    CompareLogs();
+  }
+
+  /// What the first log told must hold for the others.
+  void CompareLogs() {
     DataOptions options = data_.Options();
     if (request_.control_period > 0) options.control_period_s = task_.control_period;
-    Dataset joined;
+    double largest = 0;
+    std::optional<double> period;
     for (const std::string& path : request_.logs) {
       if (IsCsv(path) != log_->is_csv()) {
         throw UsageError(fmt::format("'{}' and '{}' are of different formats; convert one ('oted data convert')",
                                      log_->path(), path));
       }
       const Dataset one = ReadDataset(path, options);
-      if (joined.size() > 0 &&
-          (one.obs_dim() != joined.obs_dim() || one.act_dim() != joined.act_dim() ||
-           one.rewards.empty() != joined.rewards.empty() || one.has_states() != joined.has_states())) {
-        throw DataError(fmt::format("'{}' has other columns than '{}'; make a task file for each", path, log_->path()));
-      }
-      if (joined.size() > 0 && PeriodsDiffer(one, joined)) {
+      if (period && PeriodsDiffer(one.period_s, *period)) {
         throw DataError(fmt::format(
             "rows of '{}' lie {:.3g} s apart, and those of '{}' {:.3g} s: no control period is that of both; "
             "give --period {:.3g} to read all at that, or make a task file for each",
-            path, one.period_s, log_->path(), joined.period_s, std::max(one.period_s, joined.period_s)));
+            path, one.period_s, log_->path(), *period, std::max(one.period_s, *period)));
       }
+      period = one.period_s;
       Tell(path, one);
-      joined.Append(one);
-      joined.period_s = one.period_s;
+      for (const double action : one.actions.values()) largest = std::max(largest, std::abs(action));
     }
-    joined.observation_names = Paths(proposal_.columns.observations);
-    joined.action_names = Paths(proposal_.columns.actions);
-    if (joined.period_s == 0) joined.period_s = task_.control_period;
-    if (!task_.action_range.empty()) {  // of the first log alone until now
-      double largest = 0;
-      for (const double action : joined.actions.values()) largest = std::max(largest, std::abs(action));
-      HoldActionsUpTo(largest);
-    }
-    proposal_.joined = JoinedPath();
-    const std::string bytes = CsvBytes(joined, proposal_.joined.string());
-    std::error_code error;
-    // What a stopped command left is told by its bytes.
-    if (std::filesystem::exists(proposal_.joined, error) && ReadFile(proposal_.joined) != bytes) {
-      FailThere(proposal_.joined);
-    }
-    WriteFileAtomically(proposal_.joined, bytes);
-    companion_.Made(proposal_.joined);
-    data_.path = proposal_.joined.string();
-    data_.columns = {};
+    if (!task_.action_range.empty()) HoldActionsUpTo(largest);  // of the first log alone until now
   }
 
   /// What the reader changed.
@@ -267,9 +231,7 @@ class Proposer {
     }
   }
 
-  static bool PeriodsDiffer(const Dataset& a, const Dataset& b) {
-    return std::abs(a.period_s - b.period_s) > kPeriodSlack * std::max(a.period_s, b.period_s);
-  }
+  static bool PeriodsDiffer(double a, double b) { return std::abs(a - b) > kPeriodSlack * std::max(a, b); }
 
   // ------------------------------------------------------------ trying it
 
@@ -279,8 +241,8 @@ class Proposer {
     Unobserve();
     dataset_ = ReadEpisodes(data_, SpecOf(config));
     UnwrapAngles(SpecOf(config));
-    if (proposal_.joined.empty()) Tell(data_.path, dataset_);
-    if (IsCsv(data_.path)) {
+    if (data_.recordings.empty()) Tell(data_.path, dataset_);
+    if (log_->is_csv()) {
       int longest = 1;
       for (const Episode& episode : dataset_.Episodes()) longest = std::max(longest, episode.size());
       task_.max_episode_steps = longest;
@@ -398,7 +360,6 @@ class Proposer {
   std::optional<FirstLog> log_;
   Dataset dataset_;
   std::unique_ptr<SimulatorFactory> factory_;
-  Companion companion_{request_.out};
 };
 
 }  // namespace
@@ -406,7 +367,6 @@ class Proposer {
 nlohmann::json Proposal::ToJson(const std::filesystem::path& out) const {
   nlohmann::json record = {{"schema", "oted.init/1"},
                            {"task_file", out.string()},
-                           {"joined_logs", joined.string()},
                            {"columns", nlohmann::json::array()},
                            {"parameters", nlohmann::json::object()},
                            {"unused", columns.unused},

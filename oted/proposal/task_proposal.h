@@ -14,7 +14,7 @@ namespace oted {
 
 struct ProposalRequest {
   std::string model;                        ///< MJCF or URDF, or package:...
-  std::vector<std::string> logs;            ///< at least one; several are joined
+  std::vector<std::string> logs;            ///< at least one; several become data.recordings
   std::filesystem::path out = "task.toml";  ///< must not exist
   double control_period = 0;                ///< [s]; 0: that of the logs
   bool with_schema = false;                 ///< the schema beside `out`, named in its first line, for editors
@@ -26,16 +26,14 @@ struct Proposal {
   std::vector<std::string> guessed;     ///< what the user should confirm
   std::vector<std::string> suspicious;  ///< what does not fit, and what to do
   std::vector<std::string> left_out;    ///< parameters that were not freed, and why
-  std::filesystem::path joined;         ///< what several logs were written to; empty for one
   std::string text;                     ///< of the task file
 
   /// Schema oted.init/1. @param out  where the task file stands
   nlohmann::json ToJson(const std::filesystem::path& out) const;
 };
 
-/// Writes request.out and, of several logs, the joined one beside it: FILE.logs.csv.gz. A schema that lies there is
-/// written anew. What it writes has been tried:
-/// the model, the logs and the parameters go together.
+/// Writes request.out. A schema that lies there is written anew. What it writes has been tried: the model, the logs and
+/// the parameters go together.
 /// @throws UsageError where `out` is there already or something has to be said (the control period); DataError where
 /// no column is an observation, or none an action
 Proposal ProposeTask(const ProposalRequest& request, const RunContext& context);

@@ -95,7 +95,15 @@ void WriteTask(std::ostream& out, const Proposal& proposal, const std::filesyste
 void WriteData(std::ostream& out, const Proposal& proposal, const std::filesystem::path& file) {
   const DataConfig& data = proposal.config.data;
   out << "\n[data]\n";
-  out << "path = " << Toml(PathFrom(file, data.path)) << "\n";
+  if (data.recordings.empty()) {
+    out << "path = " << Toml(PathFrom(file, data.path)) << "\n";
+  } else {
+    out << "recordings = [\n";
+    for (const DataConfig::Recording& recording : data.recordings) {
+      out << "  { path = " << Toml(PathFrom(file, recording.path)) << " },\n";
+    }
+    out << "]\n";
+  }
   // What has the model's names the reader finds by itself.
   const auto has_names = [](const std::vector<ColumnMap::Entry>& entries, const std::string& prefix) {
     return std::ranges::all_of(entries, [&](const ColumnMap::Entry& entry) {

@@ -7,8 +7,8 @@
 
 namespace oted {
 
-FieldList SacConfig::Fields(const std::string& section) {
-  FieldList fields(section);
+FieldList SacConfig::Fields() {
+  FieldList fields("sac");
   AddFields(fields);
   fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", AtLeast(1));
   fields.Add("normalize_observations", &normalize_observations,

@@ -25,7 +25,7 @@ struct SacConfig : ReplayConfig {
     n_starts = 3;
     normalize_observations = true;
   }
-  FieldList Fields(const std::string& section = "sac");
+  FieldList Fields();
 };
 
 /// Trains one agent by TrainByReplay; `hidden` is of actor and critics.

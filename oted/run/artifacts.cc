@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
 #include "oted/run/design_record.h"
 #include "oted/run/fingerprint.h"
 #include "oted/run/policy_records.h"
 #include "oted/run/records.h"
+#include "oted/run/replay_record.h"
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/method_choice.h"
 
@@ -186,9 +188,22 @@ Artifact SelectionArtifact(const RunSetup& run) {
 
 Artifact ReplayArtifact(const RunSetup& run) {
   return {.file = run.directory.root() / "motion" / "replay.json",
-          .schema = "oted.replay/1",
+          .schema = kReplaySchema,
           .fingerprint = Fingerprint({"replay", SelectionArtifact(run).fingerprint, run.config.report.replay_steps}),
-          .made_from = {SelectionFile(run)}};
+          .made_from = {SelectionFile(run)},
+          .is_for_show = true};
+}
+
+Artifact FilmArtifact(const RunSetup& run) {
+  const Artifact replay = ReplayArtifact(run);
+  std::vector<std::string> films;
+  for (const char* panel : kFilmPanels) films.push_back(FilmOf(panel));
+  return {.file = run.directory.root() / "motion" / "motion.json",
+          .schema = kMotionSchema,
+          .fingerprint = replay.fingerprint,
+          .files = std::move(films),
+          .made_from = {replay.file},
+          .is_for_show = true};
 }
 
 Artifact AgentArtifact(const RunSetup& run, Ground ground, int index) {
@@ -281,9 +296,14 @@ std::vector<Artifact> AllArtifacts(const RunSetup& run) {
       }
     }
   }
+  std::set<std::string> left_to_auto;
   for (const auto& [unused, other] : run.other_methods) {
     all.push_back(TrialArtifact(run, other.drawn_as, other.config));
-    all.push_back(MethodChoiceArtifact(run, other.drawn_as));
+    left_to_auto.insert(other.drawn_as);
+  }
+  for (const std::string& setting : left_to_auto) {
+    all.push_back(TrialArtifact(run, setting, run.settings.at(setting).config));
+    all.push_back(MethodChoiceArtifact(run, setting));
   }
   all.push_back(SelectionArtifact(run));
   for (int j = 1; j <= config.agents.n_agents; ++j) {

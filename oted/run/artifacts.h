@@ -23,8 +23,10 @@ Artifact TrialArtifact(const RunSetup& run, const std::string& setting, const De
 Artifact MethodChoiceArtifact(const RunSetup& run, const std::string& setting);
 /// design.json
 Artifact SelectionArtifact(const RunSetup& run);
-/// motion/replay.json. Nothing else depends on it: where it was made from others it is simply made again.
+/// motion/replay.json, for the report
 Artifact ReplayArtifact(const RunSetup& run);
+/// motion/motion.json, likewise
+Artifact FilmArtifact(const RunSetup& run);
 /// agents/1/agent.json, or that of an agent to compare with
 Artifact AgentArtifact(const RunSetup& run, Ground ground, int index);
 /// baselines/bc_dr/clone.json
@@ -36,7 +38,8 @@ Artifact PolicySelectionArtifact(const RunSetup& run);
 /// evaluation.json
 Artifact EvaluationArtifact(const RunSetup& run);
 
-/// Everything that a run of these settings may leave and that must not be of others.
+/// Everything that a run of these settings may leave and that must not be of others. Rounds of growth are not among
+/// them: what they find changes the settings (growth_step.h).
 std::vector<Artifact> AllArtifacts(const RunSetup& run);
 
 }  // namespace oted

@@ -14,18 +14,18 @@ struct DesignFindings {
   std::vector<Candidate> candidates;
   SelectionResult result;
   std::vector<MethodChoice> choices;     ///< of the settings whose method was left to auto
-  std::vector<Suspect> suspects;         ///< of the design that tells of the whole
+  std::vector<Suspect> suspects;         ///< of the design that ToldBy names
   std::vector<std::string> corrections;  ///< of the logs' columns, where more is left than the sensors explain
   std::vector<bool> has_effect;          ///< per parameter, whether it changes anything that the logs show
 };
 
-/// The candidate whose fit tells of the whole: the selected setting's best, or that of the first method which it stands
-/// for.
+/// Index of the candidate whose fit and suspects the record shows: the best seed of the selected setting. Where auto
+/// put another method in the place of its first, it is the best seed of the first.
 size_t ToldBy(const DesignFindings& findings);
 
 /// Parameters with modes, spreads, intervals and verdicts over the selected setting's seeds; the mixture that agents
-/// train in; every setting's scores; the verdict on the whole. Where another method took the place of trajectories, the
-/// verdict, the channels and the suspects are still those of the fit, which tells them.
+/// train in; every setting's scores; the verdict on the whole, by the best candidate's predictions. The fit and the
+/// suspects are those of ToldBy.
 DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& findings);
 
 /// A prediction with the names and units of the observations.

@@ -62,12 +62,13 @@ FinishedDesign ReadDesign(const fs::path& folder) {
   return design;
 }
 
-void CheckSameModel(const FinishedDesign& design, const std::string& model, const std::string& sha256) {
-  if (design.record.model_sha256 == sha256) return;
+void CheckSameModel(const FinishedDesign& design, const SimulatorFactory& factory) {
+  if (design.record.model_sha256 == factory.model_sha256()) return;
+  const TaskConfig& task = design.config.task;
   throw DataError(
-      fmt::format("'{}' is no longer the model that the design was made with (its SHA-256 differs); restore "
-                  "it, or make the design again",
-                  model));
+      fmt::format("the model of {} is no longer the one that the design was made with (its SHA-256 differs); "
+                  "restore it, or make the design again",
+                  task.has_model() ? "'" + task.model.model + "'" : "task '" + task.name + "'"));
 }
 
 }  // namespace oted

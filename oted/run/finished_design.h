@@ -6,6 +6,7 @@
 
 #include "oted/config/run_config.h"
 #include "oted/run/design_record.h"
+#include "oted/sim/simulator.h"
 
 namespace oted {
 
@@ -19,7 +20,7 @@ struct FinishedDesign {
 /// @throws UsageError where the folder holds no design; DataError for one that is damaged or not that of its run.toml
 FinishedDesign ReadDesign(const std::filesystem::path& folder);
 
-/// @throws DataError where `model`, whose hash is `sha256`, is no longer the one that the design was made with
-void CheckSameModel(const FinishedDesign& design, const std::string& model, const std::string& sha256);
+/// @throws DataError where the model that `factory` simulates is no longer the one that the design was made with
+void CheckSameModel(const FinishedDesign& design, const SimulatorFactory& factory);
 
 }  // namespace oted

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "oted/run/record_reader.h"
 #include "oted/sim/replay.h"
 
 namespace oted {
@@ -143,11 +144,13 @@ json Channels(const ReplayRequest& request, const Windows& logged, const Side& n
 
 }  // namespace
 
+std::string FilmOf(const std::string& panel) { return panel + ".webp"; }
+
 json MakeReplayRecord(const ReplayRequest& request) {
   const auto& [factory, dataset, n_predicted, nominal, designed, finder, n_threads] = request;
   const SimulatorSpec& spec = factory.spec();
   const int n_lead = finder == nullptr ? 0 : finder->n_lead(), n_steps = n_lead + n_predicted;
-  json record = {{"schema", "oted.replay/1"},
+  json record = {{"schema", kReplaySchema},
                  {"task", spec.task},
                  {"n_steps", n_steps},
                  {"n_lead", n_lead},
@@ -181,18 +184,33 @@ json MakeReplayRecord(const ReplayRequest& request) {
     }
     return side;
   };
-  const Side un_designed = replay(nominal), fitted = replay(designed);
-  const size_t shown = MedianWindow(fitted);
+  const Side at_nominal = replay(nominal), at_designed = replay(designed);
+  const size_t shown = MedianWindow(at_designed);
 
   record["n_windows"] = rows.size();
   record["window"] = Window(dataset, rows[shown]);
   if (finder != nullptr) {
-    record["window"]["starts"] = {{"nominal", un_designed.starts[shown].state},
-                                  {"designed", fitted.starts[shown].state}};
+    record["window"]["starts"] = {{"nominal", at_nominal.starts[shown].state},
+                                  {"designed", at_designed.starts[shown].state}};
   }
-  record["error"] = {{"nominal", Growth(un_designed)}, {"designed", Growth(fitted)}};
-  record["channels"] = Channels(request, logged, un_designed, fitted, shown);
+  record["error"] = {{"nominal", Growth(at_nominal)}, {"designed", Growth(at_designed)}};
+  record["channels"] = Channels(request, logged, at_nominal, at_designed, shown);
   return record;
+}
+
+std::optional<ShownWindow> ShownIn(const json& replay, const std::string& where) {
+  const RecordReader reader(replay, kReplaySchema, where);
+  if (!reader.Has("window")) return std::nullopt;
+  const RecordReader window = reader.At("window");
+  ShownWindow shown{.begin = window.Get<int>("row"),
+                    .n_steps = reader.Get<int>("n_steps"),
+                    .nominal = reader.Numbers("nominal"),
+                    .designed = reader.Numbers("designed")};
+  if (window.Has("starts")) {
+    shown.nominal_start = window.At("starts").Numbers("nominal");
+    shown.designed_start = window.At("starts").Numbers("designed");
+  }
+  return shown;
 }
 
 }  // namespace oted

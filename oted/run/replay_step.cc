@@ -10,9 +10,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
-#include "oted/base/seal.h"
 #include "oted/run/artifacts.h"
-#include "oted/run/record_reader.h"
 #include "oted/run/replay_record.h"
 #include "oted/run/sensor_noise_of.h"
 #include "oted/sim/film.h"
@@ -30,46 +28,6 @@ constexpr int kWidth = 256, kHeight = 256;  // [pixels]
 constexpr int kMostFrames = 64;
 constexpr double kReplaySeconds = 0.5;
 constexpr int kFewestSteps = 50;
-constexpr std::array<const char*, 3> kPanels = {"logged", "nominal", "designed"};
-
-/// The stretch of the logs that the report shows, and the two simulators that repeat it.
-struct ShownWindow {
-  int begin = 0;    ///< row of the logs
-  int n_steps = 0;  ///< control steps
-  std::vector<double> nominal, designed;
-  std::vector<double> nominal_start, designed_start;  ///< as ReplayStart::state
-};
-
-/// The seals of what it is made from.
-json Sources(const Artifact& artifact) {
-  json seals = json::object();
-  for (const fs::path& source : artifact.made_from) {
-    seals[source.lexically_relative(artifact.file.parent_path()).generic_string()] = SealOf(ReadSealed(source));
-  }
-  return seals;
-}
-
-/// What an earlier call left, if it is whole and was made from the same; null otherwise. Unlike a stage's result it is
-/// simply made again.
-json ReadIfCurrent(const RunSetup& run, const Artifact& artifact) {
-  if (!fs::exists(artifact.file)) return nullptr;
-  try {
-    json record = ReadSealed(artifact.file);
-    if (record.value("fingerprint", "") != artifact.fingerprint || record["made_from"] != Sources(artifact)) return {};
-    if (DamagedFiles(record, artifact.file).empty()) return record;
-  } catch (const DataError&) {
-  }
-  run.context.log->Warning(
-      fmt::format("'{}' or a file beside it is damaged, and is made again", artifact.file.string()));
-  return nullptr;
-}
-
-void WriteComplete(const Artifact& artifact, json& record, const std::vector<std::string>& files) {
-  record["fingerprint"] = artifact.fingerprint;
-  record["made_from"] = Sources(artifact);
-  Seal(record, artifact.file.parent_path(), files);
-  WriteJson(artifact.file, record);
-}
 
 /// Every `stride`-th pose.
 Array2<double> Thinned(const Array2<double>& poses, int stride) {
@@ -85,7 +43,7 @@ Array2<double> ReplayedPoses(Simulator& simulator, const Dataset& dataset, const
   return poses;
 }
 
-/// How the robot moves in each panel, in the order of kPanels.
+/// How the robot moves in each panel, in the order of kFilmPanels.
 std::array<PoseTrack, 3> Tracks(const RunSetup& run, const ShownWindow& window) {
   const auto simulator = run.factory->Make(1, 1);
   // The logged poses are drawn in the designed model's shape: the target's own is not known.
@@ -100,9 +58,8 @@ std::array<PoseTrack, 3> Tracks(const RunSetup& run, const ShownWindow& window) 
 }
 
 /// Draws `window` into `folder`. @return motion.json, with a note in place of pictures where none can be drawn
-json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& folder,
-                std::vector<std::string>& files) {
-  json motion = {{"schema", "oted.motion/1"}};
+json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& folder) {
+  json motion = {{"schema", kMotionSchema}};
   std::string why_not;
   const auto renderer = run.factory->MakeRenderer(kWidth, kHeight, &why_not);
   if (renderer == nullptr) {
@@ -113,10 +70,9 @@ json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& 
   const int stride = (window.n_steps + kMostFrames) / kMostFrames;
   for (size_t i = 0; i < tracks.size(); ++i) {
     const FilmStrip strip = DrawFilm(*renderer, {tracks[i].z, Thinned(tracks[i].poses, stride)});
-    const std::string file = fmt::format("{}.webp", kPanels[i]);
+    const std::string file = FilmOf(kFilmPanels[i]);
     WriteFileAtomically(folder / file, strip.webp);
-    files.push_back(file);
-    motion["panels"].push_back({{"name", kPanels[i]}, {"file", file}});
+    motion["panels"].push_back({{"name", kFilmPanels[i]}, {"file", file}});
     motion["columns"] = strip.columns;
     motion["n_frames"] = strip.n_frames;
   }
@@ -125,24 +81,6 @@ json DrawMotion(const RunSetup& run, const ShownWindow& window, const fs::path& 
   motion["frame_period_s"] = stride * run.spec().control_period_s;
   motion["renderer"] = renderer->description();
   return motion;
-}
-
-/// None where nothing could be replayed.
-std::optional<ShownWindow> ShownIn(const json& replay, const std::string& where) {
-  const RecordReader reader(replay, "oted.replay/1", where);
-  if (!reader.Has("window")) return std::nullopt;
-  const RecordReader window = reader.At("window");
-  ShownWindow shown{window.Get<int>("row"),
-                    reader.Get<int>("n_steps"),
-                    reader.Numbers("nominal"),
-                    reader.Numbers("designed"),
-                    {},
-                    {}};
-  if (window.Has("starts")) {
-    shown.nominal_start = window.At("starts").Numbers("nominal");
-    shown.designed_start = window.At("starts").Numbers("designed");
-  }
-  return shown;
 }
 
 /// As many control steps as the configuration says; by default half a second, and at least kFewestSteps.
@@ -167,9 +105,16 @@ json Replayed(const RunSetup& run, const DesignRecord& design) {
                            .n_threads = run.context.n_threads});
 }
 
-void RemoveMotion(const fs::path& folder) {
-  fs::remove(folder / "motion.json");
-  for (const char* name : kPanels) fs::remove(folder / fmt::format("{}.webp", name));
+void RemoveFilms(const Artifact& film) {
+  RemoveFile(film.file);
+  for (const std::string& name : film.files) RemoveFile(film.file.parent_path() / name);
+}
+
+/// Where OpenGL was missing the record holds a note alone; it may be there now.
+void RemoveNote(const fs::path& file) {
+  if (!fs::exists(file)) return;
+  const json motion = json::parse(ReadFile(file), nullptr, false);
+  if (motion.is_object() && !motion.contains("panels")) RemoveFile(file);
 }
 
 }  // namespace
@@ -182,23 +127,16 @@ void CheckCanDraw(const RunConfig& config, const SimulatorFactory& factory) {
 }
 
 void ReplayLogs(const RunSetup& run, const DesignRecord& design) {
-  const Artifact artifact = ReplayArtifact(run);
-  const fs::path folder = artifact.file.parent_path();
-  json replay = ReadIfCurrent(run, artifact);
-  if (replay.is_null()) {
-    replay = Replayed(run, design);
-    WriteComplete(artifact, replay, {});
-  }
-  if (run.config.report.motion == Motion::kFalse) return RemoveMotion(folder);
+  const Artifact artifact = ReplayArtifact(run), film = FilmArtifact(run);
+  const json replay = run.directory.Once(artifact, [&] { return Replayed(run, design); });
+  if (run.config.report.motion == Motion::kFalse) return RemoveFilms(film);
   const std::optional<ShownWindow> window = ShownIn(replay, artifact.file.string());
-  const Artifact film{.file = folder / "motion.json",
-                      .schema = "oted.motion/1",
-                      .fingerprint = artifact.fingerprint,
-                      .made_from = {artifact.file}};
-  if (!window || ReadIfCurrent(run, film).contains("panels")) return;
-  std::vector<std::string> files;
-  json motion = DrawMotion(run, *window, folder, files);
-  WriteComplete(film, motion, files);
+  if (!window) return;
+  RemoveNote(film.file);
+  run.directory.Once(film, [&] {
+    RemoveFilms(film);
+    return DrawMotion(run, *window, film.file.parent_path());
+  });
 }
 
 }  // namespace oted

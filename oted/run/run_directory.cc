@@ -154,6 +154,25 @@ RunDirectory::Found RunDirectory::Look(const Artifact& artifact) const {
   return found;
 }
 
+RunDirectory::Found RunDirectory::LookLeniently(const Artifact& artifact) const {
+  Found found;
+  try {
+    found = Look(artifact);
+  } catch (const UsageError&) {
+    return {};
+  } catch (const DataError&) {
+    return {Found::State::kDamaged, nullptr, fmt::format("'{}' is damaged", artifact.file.string())};
+  }
+  if (found.state == Found::State::kDamaged) found.record = nullptr;  // another machine may draw it otherwise
+  if (found.state != Found::State::kWhole) return found;
+  try {
+    CheckMadeFrom(found.record, artifact.file);
+    return found;
+  } catch (const DataError&) {
+    return {};
+  }
+}
+
 bool RunDirectory::IsComplete(const Artifact& artifact) const { return Look(artifact).state == Found::State::kWhole; }
 
 void RunDirectory::Check(const Artifact& artifact) const {
@@ -170,7 +189,7 @@ std::optional<fs::path> RunDirectory::LostSource(const Artifact& artifact, const
 }
 
 json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& make) const {
-  Found found = Look(artifact);
+  Found found = artifact.is_for_show ? LookLeniently(artifact) : Look(artifact);
   if (found.state == Found::State::kWhole) {
     // Stages of their own have repaired theirs by now. What is left is made within this one.
     if (const auto lost = LostSource(artifact, found.record)) {

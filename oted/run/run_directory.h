@@ -23,7 +23,8 @@ struct Artifact {
   std::vector<std::string> derived = {};
   /// The records that it is made from, where they are there.
   std::vector<std::filesystem::path> made_from = {};
-  bool is_guest = false;  ///< checkpoints and curves beside it are another stage's
+  bool is_guest = false;     ///< checkpoints and curves beside it are another stage's
+  bool is_for_show = false;  ///< nothing is made from it: where it is of other settings it is simply made again
 };
 
 class RunDirectory {
@@ -83,8 +84,12 @@ class RunDirectory {
   struct Held;
 
   /// An artefact on top of the run has no folder of its own, and so no checkpoint.
-  bool HasFolder(const Artifact& artifact) const { return !artifact.is_guest && artifact.file.parent_path() != root_; }
+  bool HasFolder(const Artifact& artifact) const {
+    return !artifact.is_guest && !artifact.is_for_show && artifact.file.parent_path() != root_;
+  }
   Found Look(const Artifact& artifact) const;
+  /// Of one that is for show: other settings and sources are no error.
+  Found LookLeniently(const Artifact& artifact) const;
   nlohmann::json ReadRecord(const Artifact& artifact, const std::string& text) const;
   /// Sets aside what the stage is not needed for. @return what it is needed for
   std::vector<std::string> TidyDamaged(const Artifact& artifact, const nlohmann::json& record) const;

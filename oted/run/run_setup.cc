@@ -153,6 +153,7 @@ RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext 
   run.directory = RunDirectory(out, run.context.log);
   TakeFinishedGrowth(run);
   for (const Artifact& artifact : AllArtifacts(run)) run.directory.Check(artifact);
+  if (const auto unread = run.config.UnreadSetting()) context.log->Warning(*unread);
   return run;
 }
 

@@ -95,7 +95,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
     throw UsageError(
         fmt::format("task '{}' cannot be set to a logged state: its recordings cannot be predicted", config.task.name));
   }
-  CheckSameModel(design, config.task.name, factory->model_sha256());
+  CheckSameModel(design, *factory);
   const VectorXd noise = SensorNoiseOf(design.record, logs);
   const HeldOutPrediction prediction = Predict(*factory, logs, design.record.BestMode(), noise, context.n_threads);
   ValidationResult result{.validation = InRecord(prediction, spec),

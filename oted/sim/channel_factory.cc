@@ -122,6 +122,25 @@ std::unique_ptr<Renderer> ChannelSimulatorFactory::MakeRenderer(int width, int h
   return std::make_unique<PlantRenderer>(setup_, std::move(plant));
 }
 
+std::optional<std::vector<std::string>> ChannelSimulatorFactory::NotInMjcf() const {
+  std::optional<std::vector<std::string>> names = plant_->NotInMjcf();
+  if (!names) return std::nullopt;
+  for (const auto& [index, field] : setup_->channels) {
+    const bool is_in = field.quantity == ChannelQuantity::kActionDelay && mjcf_delays_actions();
+    if (!is_in) names->push_back(setup_->space[index].name);
+  }
+  return names;
+}
+
+std::string ChannelSimulatorFactory::Mjcf(std::span<const double> z, const std::string& comment,
+                                          double action_delay_s) const {
+  for (const auto& [index, field] : setup_->channels) {
+    if (field.quantity != ChannelQuantity::kActionDelay || !mjcf_delays_actions()) continue;
+    action_delay_s += z[static_cast<size_t>(index)] * spec().control_period_s;
+  }
+  return plant_->Mjcf(setup_->PlantParameters(z), comment, action_delay_s);
+}
+
 std::unique_ptr<SimulatorFactory> WithChannels(const std::vector<ParameterSpec>& specs,
                                                const ChannelSimulatorFactory::PlantMaker& make_plant) {
   const bool any = std::any_of(specs.begin(), specs.end(), [](const auto& s) { return IsChannelPath(s.field); });

@@ -32,6 +32,9 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
   std::vector<ParameterSpec> Suspects() const override;
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
+  std::optional<std::vector<std::string>> NotInMjcf() const override;
+  bool mjcf_delays_actions() const override { return plant_->mjcf_delays_actions(); }
+  std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const override;
 
  protected:
   const std::shared_ptr<const ChannelSetup>& setup() const { return setup_; }

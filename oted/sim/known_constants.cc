@@ -175,6 +175,20 @@ std::unique_ptr<Renderer> ConstantsSimulatorFactory::MakeRenderer(int width, int
   return std::make_unique<ConstantsRenderer>(setup_, std::move(inside));
 }
 
+std::optional<std::vector<std::string>> ConstantsSimulatorFactory::NotInMjcf() const {
+  std::optional<std::vector<std::string>> names = inside_->NotInMjcf();
+  const auto is_constant = [this](const std::string& name) {
+    return std::ranges::find(constants_, name, &ParameterSpec::name) != constants_.end();
+  };
+  if (names) std::erase_if(*names, is_constant);
+  return names;
+}
+
+std::string ConstantsSimulatorFactory::Mjcf(std::span<const double> z, const std::string& comment,
+                                            double action_delay_s) const {
+  return inside_->Mjcf(setup_->Join(z, {}), comment, action_delay_s);
+}
+
 std::unique_ptr<SimulatorFactory> WithConstants(const std::vector<ParameterSpec>& parameters,
                                                 const std::vector<ParameterSpec>& constants,
                                                 const ConstantsSimulatorFactory::Maker& make) {

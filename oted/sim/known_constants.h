@@ -72,6 +72,10 @@ class ConstantsSimulatorFactory : public SimulatorFactory {
   std::string why_not_settable() const override { return inside_->why_not_settable(); }
   bool has_expert() const override { return inside_->has_expert(); }
   std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
+  std::optional<std::vector<std::string>> NotInMjcf() const override;
+  bool mjcf_delays_actions() const override { return inside_->mjcf_delays_actions(); }
+  /// With the constants' nominal values.
+  std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const override;
 
  private:
   std::vector<ParameterSpec> constants_;

@@ -59,4 +59,8 @@ std::unique_ptr<Renderer> SimulatorFactory::MakeRenderer(int, int, std::string* 
   return nullptr;
 }
 
+std::string SimulatorFactory::Mjcf(std::span<const double>, const std::string&, double) const {
+  throw UsageError(fmt::format("task '{}' is no MuJoCo model and has no MJCF; write its q(z) with --q", spec().task));
+}
+
 }  // namespace oted

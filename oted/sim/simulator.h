@@ -203,6 +203,18 @@ class SimulatorFactory {
   /// @param width, height  of the pictures [pixels], multiples of 4
   /// @return null where nothing can be drawn; `why_not` says why in one line
   virtual std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const;
+
+  /// Names of the parameters that an MJCF file of the simulated model cannot hold, such as a sensor's delay. None where
+  /// no model is simulated that MJCF could hold.
+  virtual std::optional<std::vector<std::string>> NotInMjcf() const { return std::nullopt; }
+  /// Whether such a file can make every action act later without another change: MuJoCo fills the past of a late
+  /// actuator with the command 0, at which motors rest, but a servo runs to its zero.
+  virtual bool mjcf_delays_actions() const { return false; }
+  /// The model simulated at z as MJCF text, with `comment` at its top; without what NotInMjcf names.
+  /// @param action_delay_s  [s] how much later every action acts, if mjcf_delays_actions()
+  /// @throws UsageError where there is none, or z is outside its bounds; DataError where MuJoCo cannot write the values
+  /// exactly
+  virtual std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const;
 };
 
 }  // namespace oted

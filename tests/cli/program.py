@@ -57,6 +57,11 @@ def take_paths(documentation, n_more=0):
     return others
 
 
+def by_transitions(settings):
+    """The settings with the method transitions, and without those that it does not read."""
+    return ["design.method=transitions"] + [s for s in settings if not s.startswith("design.trajectories.")]
+
+
 def sets(assignments):
     return [word for assignment in assignments for word in ("--set", assignment)]
 

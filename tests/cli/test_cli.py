@@ -223,9 +223,7 @@ class TestResult(HopperTest):
 
 
 class TestStopping(HopperTest):
-    LONG = ["design.method=transitions"] + [
-        s for s in TINY if not s.startswith(("design.adversarial.n_iterations", "design.adversarial.n_sims"))] + [
-        "design.adversarial.n_iterations=120", "design.adversarial.n_sims=16"]
+    LONG = program.by_transitions(TINY) + ["design.adversarial.n_iterations=120", "design.adversarial.n_sims=16"]
 
     def test_ctrl_c_and_the_same_command_again(self):
         command = [program.OTED, "design", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--param", GRAVITY,

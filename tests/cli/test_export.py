@@ -117,7 +117,9 @@ class TestModel(ExportTest):
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_neither_the_run_nor_what_it_was_made_from_is_overwritten(self):
-        files = [self.designed / "design.json", self.designed / "design/default/1/q.json", self.demos]
+        (self.designed / "report.html").touch()
+        files = [self.designed / "design.json", self.designed / "design/default/1/q.json", self.designed / "report.html",
+                 self.demos]
         before = [path.read_bytes() for path in files]
         link = self.folder / "link.json"
         link.symlink_to(self.designed / "design.json")
@@ -134,7 +136,7 @@ class TestModel(ExportTest):
         result = subprocess.run([program.OTED, "export", self.designed, "--mjcf", self.folder / "m.xml"],
                                 capture_output=True, text=True, env={**os.environ,
                                                                      "OTED_ASSETS": str(self.folder / "assets")})
-        self.assertOneLine(result, program.DATA_OR_MODEL, "hopper.xml", "SHA-256")
+        self.assertOneLine(result, program.DATA_OR_MODEL, "Hopper-v5", "SHA-256")
         self.assertFalse((self.folder / "m.xml").exists())
 
     def test_a_design_of_other_parameters_is_refused(self):

@@ -59,7 +59,7 @@ class RunTest(ProgramTest):
 
     @classmethod
     def words(cls, out, *more, verb="run"):
-        settings = TINY + ["design.method=transitions", "selection.n_seeds=1"]
+        settings = program.by_transitions(TINY) + ["selection.n_seeds=1"]
         return [verb, "--task", "Hopper-v5", "--data", str(cls.demos), "--param", FRICTION, "--param", GRAVITY, "--truth",
                 "friction=0.6", "--truth", "gravity=1.2", "--threads", "1", "--out", str(out), *sets(settings), *more]
 

@@ -156,12 +156,19 @@ class InitTest(ProgramTest):
             self.task.unlink()
         self.assertEqual(len(written), 1)
 
-    def test_several_logs_become_one(self):
+    def test_several_logs_are_the_recordings_of_one_task(self):
         first, second = self.csv(swing(1), file="a.csv"), self.csv(swing(2), file="b.csv")
         _, task = self.init(first, second)
-        self.assertEqual(task["data"]["path"], "arm.logs.csv.gz")
+        self.assertEqual(task["data"]["recordings"], [{"path": "a.csv"}, {"path": "b.csv"}])
         info = json.loads(self.succeed("data", "info", self.task, "--json").stdout)
         self.assertEqual(info["dataset"]["n_episodes"], 2)
+
+    def test_a_later_recording_is_read_as_the_first_ones_were(self):
+        self.init(self.csv(swing(1), file="a.csv"), self.csv(swing(2), file="b.csv"))
+        run = self.folder / "run"
+        self.succeed("design", self.task, "--out", run, "--quiet", *program.sets(program.TINY + ["selection.n_seeds=1"]))
+        later = self.csv(swing(3), file="later.csv")
+        self.assertIn("these recordings", self.succeed("validate", run, "--data", later).stdout)
 
     def test_the_range_of_actions_holds_those_of_all_logs(self):
         self.model.write_text(ARM.replace(' ctrlrange="-20 20"', ""))

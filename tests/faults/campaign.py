@@ -212,7 +212,7 @@ class Submit(Unit):
 
 
 class Init(Campaign):
-    """A task file from two logs, which are joined beside it."""
+    """A task file from two logs."""
 
     name = "init"
     ends_again = (DONE, USAGE)  # the task file is there already

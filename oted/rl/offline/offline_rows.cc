@@ -14,12 +14,6 @@ double ToUnitAction(const SimulatorSpec& spec, double action, int dimension) {
   return std::clamp((2 * action - low - high) / (high - low), -1.0, 1.0);
 }
 
-double FromUnitAction(const SimulatorSpec& spec, double action, int dimension) {
-  const double low = spec.action_low[static_cast<size_t>(dimension)],
-               high = spec.action_high[static_cast<size_t>(dimension)];
-  return 0.5 * (low + high) + 0.5 * (high - low) * action;
-}
-
 void CheckHasRewards(const Dataset& dataset) {
   if (!dataset.rewards.empty()) return;
   throw DataError(

@@ -50,6 +50,5 @@ void CheckHasRewards(const Dataset& dataset);
 
 /// An action of the spec's range on [-1, 1]; one from outside is clipped.
 double ToUnitAction(const SimulatorSpec& spec, double action, int dimension);
-double FromUnitAction(const SimulatorSpec& spec, double action, int dimension);
 
 }  // namespace oted

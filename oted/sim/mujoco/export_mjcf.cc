@@ -12,6 +12,8 @@
 #include <string_view>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/joint_friction.h"
+#include "oted/sim/mujoco/joint_residual.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/model_compare.h"
 
@@ -171,11 +173,6 @@ std::string Write(const mjSpec& original, const mjModel& pristine, mjModel& desi
 
 }  // namespace
 
-bool HasMotorsAlone(const mjModel& model) {
-  return std::all_of(model.actuator_biastype, model.actuator_biastype + model.nu,
-                     [](int bias) { return bias == mjBIAS_NONE; });
-}
-
 std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const double> z, const std::string& comment,
                          double action_delay_s) {
   ModelPtr designed(mj_copyModel(nullptr, &factory.model()));
@@ -198,6 +195,24 @@ std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const 
       "MuJoCo {} cannot write the designed values of '{}' into an MJCF file that gives them back: {}; write "
       "the parameters with --sysid or --q instead",
       mj_versionString(), factory.model_path(), problem));
+}
+
+std::optional<std::vector<std::string>> MujocoSimulatorFactory::NotInMjcf() const {
+  std::vector<std::string> names;
+  for (const ParameterSpec& parameter : parameters().specs()) {
+    if (IsFrictionPath(parameter.field) || IsResidualPath(parameter.field)) names.push_back(parameter.name);
+  }
+  return names;
+}
+
+bool MujocoSimulatorFactory::mjcf_delays_actions() const {
+  return std::all_of(model().actuator_biastype, model().actuator_biastype + model().nu,
+                     [](int bias) { return bias == mjBIAS_NONE; });
+}
+
+std::string MujocoSimulatorFactory::Mjcf(std::span<const double> z, const std::string& comment,
+                                         double action_delay_s) const {
+  return DesignedMjcf(*this, z, comment, action_delay_s);
 }
 
 }  // namespace oted

@@ -9,9 +9,6 @@
 
 namespace oted {
 
-/// Whether every actuator rests at the command 0, as motors do.
-bool HasMotorsAlone(const mjModel_& model);
-
 /// The model of a lane that simulates z, as MJCF text with `comment` at its top.
 ///
 /// The values that z changes are copied into what the factory's model was compiled from, and MuJoCo writes that:

@@ -169,6 +169,10 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   PathInfo Describe(const std::string& path) const override;
   std::vector<ParameterSpec> Suspects() const override;
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
+  std::optional<std::vector<std::string>> NotInMjcf() const override;
+  bool mjcf_delays_actions() const override;
+  /// See export_mjcf.h.
+  std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const override;
 
  private:
   using Maker = std::function<std::unique_ptr<SimulatorFactory>(std::vector<ParameterSpec>)>;

@@ -6,8 +6,8 @@
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/replay/kept_aside.h"
+#include "oted/stages/design/replay/noise_estimate.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
-#include "oted/stages/design/trajectories/noise_estimate.h"
 
 namespace oted {
 

@@ -1,5 +1,6 @@
 #pragma once
-/// Stage 2 (paper, Sec. 4.1, Algorithm 1): learn q(z) and g by distribution matching.
+/// Stage 2 (paper, Sec. 4.1): learn q(z) by one of the methods that design_method.h lists. Two of them are Algorithm 1,
+/// which learns g as well.
 
 #include <optional>
 

@@ -136,6 +136,30 @@ void DesignChoice::SetText(const std::string& key, std::string_view text, std::s
   given_[key] = field.ToJson();
 }
 
+std::vector<DesignMethod> DesignChoice::Possible() const {
+  if (method) return {*method};
+  std::vector<DesignMethod> possible;
+  for (const MethodDescription& described : DesignMethods()) {
+    if (described.first_of_auto != nullptr || described.tried_by_auto) possible.push_back(described.method);
+  }
+  return possible;
+}
+
+std::string DesignChoice::UnreadBy(const std::vector<DesignMethod>& methods) const {
+  const auto reads = [](DesignMethod one, const std::string& section) {
+    return std::ranges::find(Describe(one).sections, section) != Describe(one).sections.end();
+  };
+  for (const auto& [key, value] : given_) {
+    const std::string section = key.substr(0, key.find('.'));
+    const auto owner =
+        std::ranges::find_if(DesignMethods(), [&](const auto& d) { return d.sections.front() == section; });
+    if (owner == DesignMethods().end() || owner->is_algorithm1) continue;
+    if (std::ranges::any_of(methods, [&](DesignMethod one) { return reads(one, section); })) continue;
+    if (value != DefaultOf(owner->method, "design." + section, key.substr(section.size() + 1))) return key;
+  }
+  return "";
+}
+
 DesignConfig DesignChoice::For(DesignMethod wanted) const {
   const auto starts = given_.find("adversarial.starts");
   const bool from_resets = wanted == DesignMethod::kPaper && starts != given_.end() && starts->second == "initial";

@@ -87,7 +87,8 @@ bool DesignConfig::UsesClone() const {
 }
 
 int DesignConfig::n_iterations() const {
-  return method == DesignMethod::kImages ? images.n_iterations : adversarial.n_iterations;
+  const auto of_method = Describe(method).n_iterations;
+  return of_method == nullptr ? 1 : of_method(*this);
 }
 
 Designer DesignConfig::Start(const ParameterSpace& space) const {

@@ -49,7 +49,7 @@ struct DesignConfig {
   void Check() const;
   /// Whether the clone acts in the design: otherwise nothing waits for it.
   bool UsesClone() const;
-  /// How often q is improved, as far as the method repeats itself; shown as progress.
+  /// How often q is improved; 1 where the method tells that as it goes. Shown as progress.
   int n_iterations() const;
 
   /// What `prior` stands for. @throws UsageError, DataError (oted/stages/design/prior_source.h)

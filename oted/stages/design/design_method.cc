@@ -93,26 +93,7 @@ DesignResult LearnByRatios(const DesignProblem& problem, const DesignConfig& con
   return {.q = MatchRatios(to_match, config.images, config.discriminator)};
 }
 
-/// A small g: a larger one remembers short logs, and takes most of the time.
-void SetPaperDefaults(DesignConfig& config) {
-  config.adversarial.SetPaperDefaults();
-  config.discriminator.hidden = {100, 100};
-  config.discriminator.steps = 40;
-}
-
-/// The first steps of each episode as one sample, and a small network: few images have little to say.
-void SetImagesDefaults(DesignConfig& config) {
-  config.adversarial.StartAtResets();
-  config.adversarial.evidence = SeenByG::kStateAction;
-  config.adversarial.horizon = 8;
-  config.adversarial.stack = 8;
-  config.adversarial.n_steps = 24;
-  config.adversarial.n_sims = 128;
-  config.discriminator.hidden = {64};
-  config.discriminator.learning_rate = 2e-3;
-  config.discriminator.steps = 30;
-  config.discriminator.batch = 128;
-}
+int IterationsOfAlgorithm1(const DesignConfig& config) { return config.adversarial.n_iterations; }
 
 bool HasImages(const SimulatorSpec& spec) { return !spec.image_shape.empty(); }
 
@@ -138,6 +119,7 @@ const std::vector<MethodDescription>& DesignMethods() {
        .tried_by_auto = true,
        .first_of_auto = [](const SimulatorSpec& spec,
                            bool of_noise) { return !HasImages(spec) && spec.can_set_state && of_noise; },
+       .n_iterations = IterationsOfAlgorithm1,
        .learn = LearnByAlgorithm1},
       {.method = DesignMethod::kPaper,
        .name = "paper",
@@ -151,7 +133,8 @@ const std::vector<MethodDescription>& DesignMethods() {
            [](const SimulatorSpec& spec, bool of_noise) {
              return !HasImages(spec) && !spec.can_set_state && (of_noise || !spec.can_replay());
            },
-       .set_defaults = SetPaperDefaults,
+       .n_iterations = IterationsOfAlgorithm1,
+       .set_defaults = [](DesignConfig& config) { config.adversarial.SetPaperDefaults(config.discriminator); },
        .learn = LearnByAlgorithm1},
       {.method = DesignMethod::kLeastSquares,
        .name = "least-squares",
@@ -174,7 +157,8 @@ const std::vector<MethodDescription>& DesignMethods() {
        .needs = {.clone = true},
        .sections = {"images", "adversarial", "discriminator"},
        .first_of_auto = [](const SimulatorSpec& spec, bool) { return HasImages(spec); },
-       .set_defaults = SetImagesDefaults,
+       .n_iterations = [](const DesignConfig& config) { return config.images.n_iterations; },
+       .set_defaults = [](DesignConfig& config) { SetImagesDefaults(config.adversarial, config.discriminator); },
        .learn = LearnByRatios}};
   return methods;
 }

@@ -35,6 +35,8 @@ struct MethodDescription {
   /// Whether it is what auto begins with. Exactly one method of the table is, for every simulator.
   /// @param of_noise  some parameter is the noise of a sensor, which a replay does not show
   bool (*first_of_auto)(const SimulatorSpec& spec, bool of_noise) = nullptr;
+  /// How often q is improved; null where the method tells that as it goes.
+  int (*n_iterations)(const DesignConfig& config) = nullptr;
   /// Where its defaults differ from the members' values; null where they do not.
   void (*set_defaults)(DesignConfig& config) = nullptr;
   DesignResult (*learn)(const DesignProblem& problem, const DesignConfig& config) = nullptr;

@@ -49,7 +49,7 @@ struct Candidate {
   std::shared_ptr<const Policy>
       clone;                       ///< of the design itself, where clone and design were trained jointly; else null
   std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of methods that replay windows
-  std::optional<HeldOutPrediction> prediction;  ///< as DesignResult's
+  std::optional<HeldOutPrediction> prediction;  ///< how q predicts logs; only of designs that a verdict is asked of
   bool superseded = false;  ///< scored, but its setting is not selected: another method was preferred
 };
 

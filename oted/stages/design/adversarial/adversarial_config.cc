@@ -89,7 +89,9 @@ void AdversarialConfig::Check() const {
   }
 }
 
-void AdversarialConfig::SetPaperDefaults() {
+void AdversarialConfig::SetPaperDefaults(DiscriminatorConfig& g) {
+  g.hidden = {100, 100};
+  g.steps = 40;
   actions = RolloutActions::kClone;
   evidence = SeenByG::kStateAction;
   horizon = 30;

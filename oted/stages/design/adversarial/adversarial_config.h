@@ -2,6 +2,7 @@
 /// Settings of Algorithm 1: [design.adversarial].
 
 #include "oted/base/fields.h"
+#include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
 #include "oted/sim/simulator.h"
 
@@ -15,7 +16,8 @@ enum class LoggedRows { kAll, kFirst };
 enum class DesignReward { kPaper, kLogRatio };
 
 /// Algorithm 1: from which evidence, how much of it, and how q(z) moves. The members' values are the defaults of the
-/// method `transitions` and of the discriminator behind methods that replay the log; SetPaperDefaults has the other's.
+/// method `transitions`. SetPaperDefaults has those of `paper`, StartAtResets those where rollouts begin at the
+/// simulator's own starts.
 struct AdversarialConfig {
   RolloutStarts starts = RolloutStarts::kDataset;
   RolloutActions actions = RolloutActions::kReplayed;
@@ -42,8 +44,9 @@ struct AdversarialConfig {
   FieldList Fields();
   /// @throws UsageError when settings contradict each other.
   void Check() const;
-  /// The clone acts, g sees (s, a); rollouts begin at logged states (docs/deviations.md#logged-starts).
-  void SetPaperDefaults();
+  /// Those of the method `paper`: the clone acts, g sees (s, a); rollouts begin at logged states
+  /// (docs/deviations.md#logged-starts). A small g: a larger one remembers short logs, and takes most of the time.
+  void SetPaperDefaults(DiscriminatorConfig& g);
   /// To the letter: the clone rolled out from the simulator's own starts. All there is where no state can be set.
   void StartAtResets();
   /// Complete with what the simulator adds: past actions and the image's shape.

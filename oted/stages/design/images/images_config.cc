@@ -2,6 +2,18 @@
 
 namespace oted {
 
+void SetImagesDefaults(AdversarialConfig& evidence, DiscriminatorConfig& g) {
+  evidence.StartAtResets();
+  evidence.evidence = SeenByG::kStateAction;
+  evidence.horizon = 8;
+  evidence.stack = 8;
+  evidence.n_steps = 24;
+  g.hidden = {64};
+  g.learning_rate = 2e-3;
+  g.steps = 30;
+  g.batch = 128;
+}
+
 FieldList ImagesConfig::Fields() {
   FieldList fields("design.images");
   fields.Add("n_iterations", &n_iterations, "times that simulators are sampled and g is trained", AtLeast(1));

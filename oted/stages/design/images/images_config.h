@@ -2,6 +2,8 @@
 /// Settings of the design by a discriminator that is told z: [design.images].
 
 #include "oted/base/fields.h"
+#include "oted/matching/discriminator.h"
+#include "oted/stages/design/adversarial/adversarial_config.h"
 
 namespace oted {
 
@@ -14,5 +16,9 @@ struct ImagesConfig {
 
   FieldList Fields();
 };
+
+/// The defaults of the method `images`: the first steps of each episode as one sample, and a small network, as few
+/// images have little to say.
+void SetImagesDefaults(AdversarialConfig& evidence, DiscriminatorConfig& g);
 
 }  // namespace oted

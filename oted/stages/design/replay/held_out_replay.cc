@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "oted/stages/design/replay/replay_fit.h"
-#include "oted/stages/design/trajectories/start_fit.h"
+#include "oted/stages/design/replay/start_fit.h"
 
 namespace oted {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "oted/stages/design/replay/replay_fit.h"
-#include "oted/stages/design/trajectories/start_fit.h"
+#include "oted/stages/design/replay/start_fit.h"
 
 namespace oted {
 namespace {

@@ -9,8 +9,8 @@
 #include "oted/matching/testing.h"
 #include "oted/matching/verdict.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/replay/noise_estimate.h"
 #include "oted/stages/design/testing.h"
-#include "oted/stages/design/trajectories/noise_estimate.h"
 
 namespace oted::prediction_evidence_test {
 

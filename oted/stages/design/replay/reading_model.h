@@ -34,6 +34,9 @@ struct ReadingModel {
   /// (n_steps + 1, obs_dim) row by row, then the unread coordinates: 1 where a residual counts, else 0.
   Eigen::VectorXd Held(int n_steps) const;
   int longest_age() const;
+  /// Control steps of the shortest windows that tell anything: two where a reading shows the state, four where rates
+  /// are unread, and as many more as a reading may be late.
+  int ShortestWindow() const { return (unread.empty() ? 2 : 4) + longest_age(); }
   /// Whether every coordinate of a state is read when it is so.
   bool ShowsState() const { return unread.empty() && longest_age() == 0; }
   /// The state at a logged row, as far as the logs suggest it.

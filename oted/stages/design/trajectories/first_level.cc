@@ -10,8 +10,6 @@ namespace oted {
 
 using Eigen::VectorXd;
 
-int ShortestWindow(const ReadingModel& readings) { return (readings.unread.empty() ? 2 : 4) + readings.longest_age(); }
-
 Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_steps, int n_rows, Rng& rng) {
   Level level;
   int n_stretches = 0;

@@ -13,10 +13,6 @@
 
 namespace oted {
 
-/// Control steps of the shortest windows that tell anything: two where a reading shows the state, four where rates are
-/// unread, and as many more as a reading may be late.
-int ShortestWindow(const ReadingModel& readings);
-
 /// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into windows of `n_steps`.
 Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_steps, int n_rows, Rng& rng);
 

@@ -152,7 +152,7 @@ class FreedTrials {
   };
 
   Screening ShortScreening() const {
-    const int n_steps = std::max(ShortestWindow(ReadingsOf(problem_.factory)),
+    const int n_steps = std::max(ReadingsOf(problem_.factory).ShortestWindow(),
                                  std::clamp(static_cast<int>(std::lround(kScreenedSeconds / period_)),
                                             kFewestScreenedSteps, kMostScreenedSteps));
     return {n_steps, kScreenedRows, kScreenedIterations, false, false};

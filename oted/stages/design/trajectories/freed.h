@@ -24,20 +24,21 @@ struct FreedProblem {
   const RunContext& context;
 };
 
-/// What is not searched and that the logs ask to be other than it is, of the factory's Suspects; each stands for
-/// itself, and what one explains another often explains nearly as well.
+/// Of the factory's Suspects, those that nobody searches and that the logs ask to be other than they are. Each is taken
+/// alone: what one explains, another often explains nearly as well.
 ///
-/// Which are likely: short windows (some 0.06 s, four to eight steps) of the part of the logs that learns are fitted by
-/// the parameters alone. The eight that a score test there favours are each fitted with the parameters to the same
-/// windows; those that make them likelier beyond chance and are noticeable are ranked by how much. Where that names
-/// none, or long windows took the place of short ones, a dozen are fitted to windows of up to a quarter second; in the
-/// first case these grew from the short ones, and where `n` is 0 it is left out, as it takes long.
+/// Which are likely. The parameters are fitted to short windows (some 0.06 s, four to eight steps) of the logs that
+/// were not kept aside. A score test there favours eight suspects. Each is fitted with the parameters to the same
+/// windows. Those that make the windows likelier beyond chance, and whose value is noticeable, are ranked by how much.
+/// If there are none, windows that grow from the short ones to a quarter second are fitted with each of a dozen; not if
+/// `n` is 0, as it takes long. Where the design took long windows, windows of up to a quarter second are fitted with
+/// each of a dozen, and short ones are not asked.
 ///
-/// What they are worth: the first `n` are fitted with the parameters to windows as long as the design's, 0.1 to 0.5
-/// s, of that part, from where the design ended. The design without is the better of that found and of one fitted to
-/// the same windows. Both predict the part that was kept aside, from the same windows. Where windows are explained as
-/// noise's (no long ones were taken), they are also asked how likely that part is: that tells of less than predictions
-/// do, which from noisy starts differ little between a good simulator and a better one.
+/// What they are worth. The first `n` are fitted with the parameters, from where the design ended, to windows of 0.1 to
+/// 0.5 s, as long as the design's. Each such fit and the design without the suspect predict the part that was kept
+/// aside; that design is the found one, or one fitted to the same windows if it predicts better. Predictions from noisy
+/// starts differ little between a good simulator and a better one. So it also counts how much likelier a suspect makes
+/// windows whose starts are fitted: FreedTrial::kept says how.
 ///
 /// @return the likeliest first, `n` and at least three at most; one whose simulator cannot be fitted stays untried
 /// @throws Interrupted when a stop was requested

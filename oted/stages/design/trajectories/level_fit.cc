@@ -5,10 +5,10 @@
 
 #include "oted/base/picked.h"
 #include "oted/matching/designer.h"
+#include "oted/stages/design/replay/kept_derivatives.h"
+#include "oted/stages/design/replay/noise_estimate.h"
+#include "oted/stages/design/replay/start_fit.h"
 #include "oted/stages/design/trajectories/box_step.h"
-#include "oted/stages/design/trajectories/kept_derivatives.h"
-#include "oted/stages/design/trajectories/noise_estimate.h"
-#include "oted/stages/design/trajectories/start_fit.h"
 
 namespace oted {
 namespace {

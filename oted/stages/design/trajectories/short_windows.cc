@@ -53,7 +53,7 @@ void ShortWindows::Read(const std::vector<char>& computed) {
   fit_.reset();
   replayer_ = std::make_unique<WindowReplayer>(MakeReplayer(
       problem_.factory, space_.size(), logs, ReadingModel::Of(spec, logs, computed), problem_.context.n_threads));
-  shortest_ = longest_ = ShortestWindow(replayer_->readings());
+  shortest_ = longest_ = replayer_->readings().ShortestWindow();
   // Rates that are fitted as well take longer windows.
   const bool all_read = replayer_->readings().unread.empty() || !(spec.control_period_s > 0);
   const int bound =

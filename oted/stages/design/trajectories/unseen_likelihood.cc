@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "oted/stages/design/replay/prediction_ratios.h"
+#include "oted/stages/design/replay/start_fit.h"
 #include "oted/stages/design/replay/window_likelihood.h"
-#include "oted/stages/design/trajectories/start_fit.h"
 
 namespace oted {
 namespace {

@@ -1,10 +1,11 @@
-#include "oted/run/export.h"
+#include "oted/exports/export.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
@@ -16,12 +17,7 @@
 #include "oted/run/finished_design.h"
 #include "oted/run/provenance.h"
 #include "oted/run/run_directory.h"
-#include "oted/sim/channel_path.h"
-#include "oted/sim/mujoco/export_mjcf.h"
-#include "oted/sim/mujoco/joint_friction.h"
-#include "oted/sim/mujoco/joint_residual.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
-#include "oted/sim/mujoco/task.h"
+#include "oted/run/run_inputs.h"
 #include "oted/sim/sysid_file.h"
 
 namespace oted {
@@ -81,34 +77,6 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
 }
 
 constexpr const char* kNotInThisFile = "Not in this file, as they are no fields of the model: ";
-constexpr const char* kActionDelay = "action/delay";  // MuJoCo's actuators have a delay, too
-
-// Whether a parameter is one of the model; others act on what the agent sees and does.
-bool IsFieldOfModel(const std::string& field) { return !field.starts_with("env/") && !IsChannelPath(field); }
-
-bool IsInModel(const ParameterSpec& spec) { return IsFieldOfModel(spec.field); }
-
-std::string NotInTheModel(const FinishedDesign& design, bool delay_is_in) {
-  std::string names;
-  for (const ParameterSpec& spec : design.config.parameters) {
-    const bool of_model = IsFieldOfModel(spec.field) && !IsFrictionPath(spec.field) && !IsResidualPath(spec.field);
-    if (of_model || (delay_is_in && spec.field == kActionDelay)) continue;
-    names += (names.empty() ? "" : ", ") + spec.name;
-  }
-  return names.empty() ? "" : fmt::format("{}{}.\n", kNotInThisFile, names);
-}
-
-/// A file that is there and that the run consists of.
-bool IsOfRun(const fs::path& target, const fs::path& run_directory) {
-  constexpr std::array<const char*, 8> kNames = {"run.toml",    "versions.json",        "dataset.json",
-                                                 "design.json", "evaluation.json",      "policy.onnx",
-                                                 "report.json", "policy_selection.json"};
-  std::error_code error;
-  const fs::path folder = fs::weakly_canonical(run_directory, error);
-  const fs::path inside = fs::weakly_canonical(target, error).lexically_relative(folder);
-  if (inside.empty() || *inside.begin() == ".." || *inside.begin() == kExportFolder) return false;
-  return inside.has_parent_path() || std::ranges::find(kNames, inside) != kNames.end();
-}
 
 /// Nothing that the design was made from, or that the run consists of, becomes an export.
 void CheckTarget(const FinishedDesign& design, const fs::path& target) {
@@ -117,67 +85,47 @@ void CheckTarget(const FinishedDesign& design, const fs::path& target) {
   const auto refuse = [&](const char* what) {
     throw UsageError(fmt::format("'{}' is {}; name another file to write", target.string(), what));
   };
-  if (IsOfRun(target, design.folder)) refuse("a file of the run itself");
-  for (const std::string& source : {design.config.task.model.model, design.config.data.path}) {
+  const fs::path inside = fs::weakly_canonical(target, error).lexically_relative(fs::weakly_canonical(design.folder));
+  const bool is_in_run = !inside.empty() && *inside.begin() != "..";
+  if (is_in_run && *inside.begin() != kExportFolder) refuse("a file of the run itself");
+  std::vector<std::string> sources = design.config.data.AllFiles();
+  sources.push_back(design.config.task.model.model);
+  for (const std::string& source : sources) {
     if (!source.empty() && fs::equivalent(source, target, error)) refuse("what the design was made from");
   }
 }
 
-// The task's model with those of the design's parameters that are its fields.
-MujocoSimulatorFactory ModelFactory(const RunConfig& config) {
-  std::vector<ParameterSpec> in_model;
-  std::ranges::copy_if(config.parameters, std::back_inserter(in_model), IsInModel);
-  if (!config.task.has_model()) return {config.task.name, in_model};
-  // Where episodes begin is no part of the model.
-  ModelTask task = config.task.model;
-  task.start = "default";
-  return {task, in_model};
+/// The simulator whose model is written. Where episodes begin is no part of it: no logs are needed.
+std::unique_ptr<SimulatorFactory> FactoryOf(RunConfig config) {
+  config.task.Resolve();
+  config.task.model.start = "default";
+  return MakeSimulatorFactory(config.task, config.parameters);
 }
 
-std::vector<double> ModelPart(const RunConfig& config, const std::vector<double>& z) {
-  std::vector<double> in_model;
-  for (size_t i = 0; i < z.size(); ++i) {
-    if (IsInModel(config.parameters[i])) in_model.push_back(z[i]);
+/// A grid world has none, and a task that another program registered cannot be made here.
+bool HasMjcf(const RunConfig& config) {
+  try {
+    return FactoryOf(config)->NotInMjcf().has_value();
+  } catch (const UsageError&) {
+    return false;
   }
-  return in_model;
-}
-
-// [s], as the design has it
-double ActionDelay(const RunConfig& config, const std::vector<double>& z, double period_s) {
-  double delay = 0;
-  for (size_t i = 0; i < z.size(); ++i) {
-    if (config.parameters[i].field == kActionDelay) delay += z[i] * period_s;
-  }
-  return delay;
-}
-
-/// A grid world, a task that a program registered: no other tool could load them.
-bool HasMjcf(const TaskConfig& task) {
-  const std::vector<std::string> built_in = TaskNames();
-  return task.has_model() || std::ranges::find(built_in, task.name) != built_in.end();
 }
 
 std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const ExportRequest& request) {
   const Members members = SelectMembers(design, request.member);
-  if (!HasMjcf(design.config.task)) {
-    throw UsageError(
-        fmt::format("task '{}' is no MuJoCo model and has no MJCF; write its q(z) with --q", design.config.task.name));
+  const auto factory = FactoryOf(design.config);
+  CheckSameModel(design, *factory);
+  std::string remarks = "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
+  if (const auto left_out = factory->NotInMjcf(); left_out && !left_out->empty()) {
+    remarks = fmt::format("{}{}.\n{}", kNotInThisFile, fmt::join(*left_out, ", "), remarks);
   }
-  const MujocoSimulatorFactory factory = ModelFactory(design.config);
-  CheckSameModel(design, factory.model_path(), factory.model_sha256());
-  // MuJoCo fills the past of a late actuator with the command 0, at which motors rest; a servo would run to its zero.
-  const bool delay_is_in = HasMotorsAlone(factory.model());
-  const std::string remarks =
-      NotInTheModel(design, delay_is_in) + "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
   std::vector<ExportedFile> written;
   for (const Member& member : members.chosen) {
     fs::path path = request.mjcf;
     if (members.all) {
       path.replace_filename(fmt::format("{}-{}{}", path.stem().string(), member.seed, path.extension().string()));
     }
-    const double delay = delay_is_in ? ActionDelay(design.config, member.mode, factory.spec().control_period_s) : 0;
-    WriteFileAtomically(
-        path, DesignedMjcf(factory, ModelPart(design.config, member.mode), Origin(design, member) + remarks, delay));
+    WriteFileAtomically(path, factory->Mjcf(member.mode, Origin(design, member) + remarks));
     written.push_back({fmt::format("designed model, seed {}", member.seed), path});
   }
   return written;
@@ -259,7 +207,7 @@ void CheckIsWorthExporting(const fs::path& run_directory) {
 ExportRequest DefaultExports(const fs::path& run_directory) {
   const fs::path folder = run_directory / kExportFolder;
   const fs::path config = run_directory / "run.toml";
-  if (fs::exists(config) && !HasMjcf(ReadKeptConfig(run_directory).task)) {
+  if (fs::exists(config) && !HasMjcf(ReadKeptConfig(run_directory))) {
     return {.mjcf = {}, .q = folder / "q.json", .sysid = {}};
   }
   return {.mjcf = folder / "designed.xml", .q = folder / "q.json", .sysid = folder / "parameters.yaml"};

@@ -1,12 +1,12 @@
-#include "oted/stages/design/trajectories/noise_estimate.h"
+#include "oted/stages/design/replay/noise_estimate.h"
 
 #include <algorithm>
 #include <utility>
 
 #include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/replay/start_fit.h"
 #include "oted/stages/design/replay/window_likelihood.h"
-#include "oted/stages/design/trajectories/first_level.h"
-#include "oted/stages/design/trajectories/start_fit.h"
+#include "oted/stages/design/replay/windows.h"
 
 namespace oted {
 namespace {
@@ -78,7 +78,7 @@ VectorXd NoiseVariance(const ReadingModel& readings, const std::vector<FittedWin
 VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const ReadingModel& readings,
                      const std::vector<double>& z, int n_threads) {
   WindowReplayer replayer = MakeReplayer(factory, 0, logs, readings, n_threads);
-  const int n_steps = ShortestWindow(readings);
+  const int n_steps = readings.ShortestWindow();
   std::vector<LogWindow> all, windows;
   for (const Episode& episode : logs.Episodes()) {
     for (int i = episode.begin + replayer.n_past_actions(); i + n_steps <= episode.end; i += n_steps) {

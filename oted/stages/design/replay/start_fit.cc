@@ -1,4 +1,4 @@
-#include "oted/stages/design/trajectories/start_fit.h"
+#include "oted/stages/design/replay/start_fit.h"
 
 #include <algorithm>
 #include <iterator>
@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "oted/base/picked.h"
-#include "oted/stages/design/trajectories/kept_derivatives.h"
+#include "oted/stages/design/replay/kept_derivatives.h"
 
 namespace oted {
 

@@ -25,9 +25,9 @@ struct ExportedFile {
   std::filesystem::path path;
 };
 
-/// Nothing that predicts worse than the nominal model passes for the result of a run by itself.
-/// @throws DataError where the design does not surely predict better than the nominal model and is outside the family,
-/// or is no gap and an error of it is a tenth larger than the nominal model's
+/// Keeps a run from exporting, without being asked, a design that predicts no better than the nominal model.
+/// @throws DataError where the design does not surely predict better, and either is outside the family, or is no gap
+/// and its error is a tenth larger than the nominal model's at some horizon
 void CheckIsWorthExporting(const std::filesystem::path& run_directory);
 
 /// Everything into `run_directory`/export: designed.xml, q.json, parameters.yaml.

@@ -1,4 +1,4 @@
-#include "oted/stages/design/trajectories/noise_estimate.h"
+#include "oted/stages/design/replay/noise_estimate.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "oted/stages/design/trajectories/kept_derivatives.h"
+#include "oted/stages/design/replay/kept_derivatives.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
 #include "oted/sim/wrapped_simulator.h"
-#include "oted/stages/design/trajectories/start_fit.h"
+#include "oted/stages/design/replay/start_fit.h"
 
 namespace oted::kept_derivatives_test {
 

@@ -1,4 +1,4 @@
-#include "oted/stages/design/trajectories/start_fit.h"
+#include "oted/stages/design/replay/start_fit.h"
 
 #include <gtest/gtest.h>
 

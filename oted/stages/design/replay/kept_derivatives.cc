@@ -1,4 +1,4 @@
-#include "oted/stages/design/trajectories/kept_derivatives.h"
+#include "oted/stages/design/replay/kept_derivatives.h"
 
 namespace oted {
 
