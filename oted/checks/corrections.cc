@@ -131,7 +131,7 @@ class Search {
     return replays_.Errors(windows_);
   }
 
-  void Apply(const Correction& correction, ShortWindows& windows) const {
+  void Apply(const Correction& correction, ReplayedWindows& windows) const {
     correction.ApplyTo(windows.log);
     if (!windows.states.empty()) correction.ApplyToStates(windows.states, spec_);
   }
@@ -257,7 +257,7 @@ class Search {
 
   /// Nothing where it cannot be replayed or does not look as if it helped.
   std::optional<Trial> TryOne(const Correction& correction, const Errors& now, const Errors& screened) {
-    ShortWindows windows = windows_;
+    ReplayedWindows windows = windows_;
     Apply(correction, windows);
     const std::optional<Errors> some = replays_.Errors(windows, kScreening);
     if (!some) return std::nullopt;
@@ -362,7 +362,7 @@ class Search {
   const SimulatorSpec& spec_;
   std::vector<Finding>& findings_;
   ShortReplays replays_;
-  ShortWindows windows_;
+  ReplayedWindows windows_;
   std::vector<Joint> joints_;
 };
 

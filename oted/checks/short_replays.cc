@@ -38,7 +38,7 @@ ShortReplays::ShortReplays(const SimulatorFactory& factory, int n_threads)
                         spec_.can_set_state ? kLongestWindow : 5 * kLongestWindow);
 }
 
-ShortWindows ShortReplays::Choose(const Dataset& dataset) const {
+ReplayedWindows ShortReplays::Choose(const Dataset& dataset) const {
   int before = spec_.n_past_actions;
   for (const int age : spec_.reading_ages) before = std::max(before, age);
   std::vector<int> all;
@@ -48,7 +48,7 @@ ShortWindows ShortReplays::Choose(const Dataset& dataset) const {
   const size_t every = std::max<size_t>(1, all.size() / kWindows);
   std::vector<Episode> pieces;
   std::vector<int> rows;
-  ShortWindows chosen;
+  ReplayedWindows chosen;
   int at = 0;
   for (size_t k = every / 2; k < all.size(); k += every) {
     const int history = std::min(before, all[k] - WindowAt(dataset, all[k], n_steps_).episode_begin);
@@ -63,14 +63,14 @@ ShortWindows ShortReplays::Choose(const Dataset& dataset) const {
   return chosen;
 }
 
-bool ShortReplays::SetLane(int lane, const ShortWindows& windows, size_t window) {
+bool ShortReplays::SetLane(int lane, const ReplayedWindows& windows, size_t window) {
   const LogWindow& at = windows.windows[window];
   const LoggedHistory before = HistoryBefore(windows.log, at);
   return windows.states.empty() ? simulator_->SetStateFromLog(lane, windows.log.observations.row(at.begin), before)
                                 : simulator_->SetState(lane, windows.states.row(static_cast<int>(window)), before);
 }
 
-std::optional<ChannelErrors> ShortReplays::Errors(const ShortWindows& windows, size_t stride) {
+std::optional<ChannelErrors> ShortReplays::Errors(const ReplayedWindows& windows, size_t stride) {
   const size_t d = static_cast<size_t>(spec_.obs_dim()), a = static_cast<size_t>(spec_.act_dim);
   const Dataset& log = windows.log;
   const auto last = [&](const LogWindow& w, size_t j) {

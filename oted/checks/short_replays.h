@@ -16,7 +16,7 @@ namespace oted {
 using ChannelErrors = std::vector<double>;
 
 /// Windows of a log, each behind what a simulator with delays reaches back to.
-struct ShortWindows {
+struct ReplayedWindows {
   Dataset log;  ///< of them alone
   std::vector<LogWindow> windows;
   /// (windows, state_dim): the states in which they begin, rates by LocalRates. Empty where readings show a state.
@@ -32,14 +32,14 @@ class ShortReplays {
   ShortReplays(const SimulatorFactory& factory, int n_threads);
 
   /// Windows that are spread evenly over the dataset.
-  ShortWindows Choose(const Dataset& dataset) const;
+  ReplayedWindows Choose(const Dataset& dataset) const;
   /// Of every `stride`-th window. Nothing where too few can be replayed.
-  std::optional<ChannelErrors> Errors(const ShortWindows& windows, size_t stride = 1);
+  std::optional<ChannelErrors> Errors(const ReplayedWindows& windows, size_t stride = 1);
   /// Control steps of a window.
   int n_steps() const { return n_steps_; }
 
  private:
-  bool SetLane(int lane, const ShortWindows& windows, size_t window);
+  bool SetLane(int lane, const ReplayedWindows& windows, size_t window);
 
   const SimulatorSpec& spec_;
   std::unique_ptr<Simulator> simulator_;

@@ -6,11 +6,13 @@
 #include <cctype>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <set>
 
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
 #include "oted/checks/parameter_check.h"
+#include "oted/checks/trial_fit.h"
 #include "oted/proposal/log_facts.h"
 #include "oted/sim/channel_path.h"
 
@@ -24,6 +26,9 @@ constexpr double kLeastEffect = 0.05;  // standard deviations of an observation,
 constexpr double kOwnEffect = 0.01;    // share of an effect's square that others together must leave unexplained
 constexpr int kEpisodes = 3, kEpisodeRows = 2000;  // that effects are measured on
 constexpr double kLongestDelay_s = 0.03;
+constexpr double kAtEnd = 0.9;  // of a range, from where on it is too narrow
+constexpr double kWider = 4;
+constexpr int kWidenings = 2;
 
 /// The value below which 95 % of the sizes lie.
 double MostOf(std::vector<double> values) {
@@ -309,17 +314,46 @@ class Explained {
   std::vector<std::vector<double>> rows_;
 };
 
+/// The brief fit. A range from nothing to a rough guess, at whose end the fit ends, is widened, and the fit made again.
+std::optional<TrialFit> FitWidened(
+    std::vector<ParameterSpec>& candidates, const Dataset& dataset, RngKey key, const RunContext& context,
+    const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake) {
+  for (int round = 0;; ++round) {
+    const auto factory = remake(candidates);
+    std::optional<TrialFit> trial = FitBriefly(*factory, dataset, key, context);
+    if (!trial || round == kWidenings) return trial;
+    const std::vector<double> unit = factory->parameters().ToUnit(trial->z);
+    bool widened = false;
+    for (size_t i = 0; i < candidates.size(); ++i) {
+      if (candidates[i].scale != ParameterScale::kAbsolute || IsChannelPath(candidates[i].field)) continue;
+      if (unit[i] < kAtEnd) continue;
+      candidates[i].high *= kWider;
+      widened = true;
+    }
+    if (!widened) return trial;
+  }
+}
+
 }  // namespace
 
 ParameterChoice ChooseParameters(
-    const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model, RngKey key, int n_threads,
+    const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model, RngKey key,
+    const RunContext& context,
     const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake) {
   Chooser chooser(nominal, dataset, model);
-  const std::vector<ParameterSpec> candidates = chooser.Candidates();
+  std::vector<ParameterSpec> candidates = chooser.Candidates();
   ParameterChoice choice;
   choice.left_out = std::move(chooser.left_out());
   const Dataset logs = Beginnings(dataset);
-  const ParameterCheck check = CheckParameters(*remake(candidates), &logs, key, n_threads);
+  const std::optional<TrialFit> trial = FitWidened(candidates, dataset, key.Stage("trial"), context, remake);
+  const ParameterCheck check = CheckParameters(*remake(candidates), &logs, key, context.n_threads);
+  // What the robot is like the fit knows better. But it sees short windows: what longer replays at the nominal values
+  // tell apart is told apart, too.
+  const Array2<double>& cosines = trial ? trial->cosines : check.cosines;
+  const auto trade_off = [&](size_t one, size_t other) {
+    const int i = static_cast<int>(one), k = static_cast<int>(other);
+    return std::min(std::abs(cosines(i, k)), std::abs(check.cosines(i, k))) >= kTradeOffCosine;
+  };
   std::vector<bool> kept(candidates.size(), true);
   for (size_t i = 0; i < candidates.size(); ++i) {
     const double effect = check.parameters[i].effect.largest_change;
@@ -332,16 +366,15 @@ ParameterChoice ChooseParameters(
   }
   // In their order: what gives way to another has no other in its turn to give way to it.
   for (size_t i = 0; i < candidates.size(); ++i) {
-    for (const TradeOff& pair : check.trade_offs) {
-      const auto one = static_cast<size_t>(std::min(pair.first, pair.second));
-      if (static_cast<size_t>(std::max(pair.first, pair.second)) != i || !kept[one] || !kept[i]) continue;
+    for (size_t one = 0; one < i; ++one) {
+      if (!kept[one] || !kept[i] || !trade_off(one, i)) continue;
       kept[i] = false;
       choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from {}", candidates[i].name,
                                             candidates[i].field, candidates[one].name));
     }
   }
   // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
-  Explained explained(check.cosines);
+  Explained explained(cosines);
   for (size_t i = 0; i < candidates.size(); ++i) {
     if (!kept[i]) continue;
     if (explained.Take(static_cast<int>(i), kOwnEffect) >= kOwnEffect) {

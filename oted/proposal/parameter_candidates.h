@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/base/log.h"
 #include "oted/data/dataset.h"
 #include "oted/sim/mujoco/model_outline.h"
 #include "oted/sim/simulator.h"
@@ -23,7 +24,8 @@ struct ParameterChoice {
 /// the logged episodes, or changes them just as another one does, is left out.
 /// @param remake  the task's simulators with these parameters
 ParameterChoice ChooseParameters(
-    const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model, RngKey key, int n_threads,
+    const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model, RngKey key,
+    const RunContext& context,
     const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake);
 
 }  // namespace oted

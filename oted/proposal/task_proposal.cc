@@ -329,7 +329,7 @@ class Proposer {
       return MakeSimulatorFactory(config, specs, logs.EpisodeStarts());
     };
     const RngKey key = RngKey(kSeed).Stage("proposal");
-    ParameterChoice choice = ChooseParameters(*make({}), logs, model_, key, context_.n_threads, make);
+    ParameterChoice choice = ChooseParameters(*make({}), logs, model_, key, context_, make);
     proposal_.config.parameters = std::move(choice.chosen);
     proposal_.left_out = std::move(choice.left_out);
     if (proposal_.config.parameters.empty()) {

@@ -18,6 +18,7 @@ using nlohmann::json;
 using testing::AllOf;
 using testing::EndsWith;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 json Clone() {
   CloneRecord clone;
@@ -208,6 +209,16 @@ TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
   record.validation->horizons.push_back(
       {1, 100, 9, false, 0.1, true, {{"hip", "rad", 0.9, 0.8, 0.01, 0.9, true, 0.4}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("goes on as it began), over 1 s likewise"));
+}
+
+TEST(VerdictSentence, SaysOverWhichHorizonMoreIsLeftThanSensorsExplain) {
+  DesignRecord record = Narrowed();
+  record.validation->horizons.push_back({0.1, 10, 9, false, 0.7, true, {{"hip", "rad", 0.2, 0.023, 0.024, 1}}, {}});
+  record.validation->horizons.push_back({1, 100, 9, false, 0.1, false, {{"hip", "rad", 0.9, 0.17, 0.11, 1}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {0}), AllOf(StartsWith("gap narrowed by 70 % over 0.1 s"),
+                                                  HasSubstr("hip 0.17 rad over 1 s (sensors alone: 0.11)")));
+  record.validation->horizons[0].channels[0].floor = 0.01;
+  EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr(": hip 0.023 rad (sensors alone: 0.01)"));
 }
 
 TEST(VerdictSentence, OfADesignThatGuessesSayAsMuchAsClaimsNothing) {

@@ -12,8 +12,9 @@
 namespace oted {
 namespace {
 
-constexpr double kShown = 0.5;  // [s]
-constexpr double kWorse = 1.1;  // times the nominal simulator's error
+constexpr double kShown = 0.5;        // [s]
+constexpr double kWorse = 1.1;        // times the nominal simulator's error
+constexpr double kVisiblyMore = 1.1;  // times the floor
 constexpr double kMuchNarrowed = 0.5;
 constexpr const char* kGuesses = "its mean, that it stays, that it goes on as it began";
 
@@ -22,11 +23,17 @@ std::string WithUnit(double value, const std::string& unit) {
   return unit.empty() ? fmt::format("{:.2g}", value) : fmt::format("{:.2g} {}", value, unit);
 }
 
-/// "elbow 0.021 rad (sensors alone: 0.003) and 2 other channels"
-std::string WhatRemains(const DesignRecord::Validation::Horizon& horizon, const std::vector<int>& off) {
-  const auto& c = horizon.channels[static_cast<size_t>(off.front())];
-  std::string text = fmt::format("{} {} (sensors alone: {:.2g})", c.name, WithUnit(c.designed, c.unit), c.floor);
-  if (off.size() == 2) text += " and " + horizon.channels[static_cast<size_t>(off[1])].name;
+/// "elbow 0.021 rad (sensors alone: 0.003) and 2 other channels"; of another horizon than the shown one, named, where
+/// it is there that the channel is off.
+std::string WhatRemains(const DesignRecord::Validation& validation, const DesignRecord::Validation::Horizon& shown,
+                        const std::vector<int>& off) {
+  const auto first_of = [&](const auto& horizon) { return horizon.channels[static_cast<size_t>(off.front())]; };
+  const auto more = [&](const auto& horizon) { return first_of(horizon).designed / first_of(horizon).floor; };
+  const auto& at = more(shown) > kVisiblyMore ? shown : *std::ranges::max_element(validation.horizons, {}, more);
+  const auto& c = first_of(at);
+  std::string text = fmt::format("{} {}{} (sensors alone: {:.2g})", c.name, WithUnit(c.designed, c.unit),
+                                 &at == &shown ? "" : " over " + InWords(at), c.floor);
+  if (off.size() == 2) text += " and " + shown.channels[static_cast<size_t>(off[1])].name;
   if (off.size() > 2) text += fmt::format(" and {} other channels", off.size() - 1);
   return text;
 }
@@ -211,7 +218,7 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
              judged_by + ButLeftOut(record);
     case DesignVerdict::kGapNarrowed:
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
-                         WhatRemains(horizon, off)) +
+                         WhatRemains(*record.validation, horizon, off)) +
              ButElsewhere(*record.validation) + ButAGuess(*record.validation) + judged_by + ButLeftOut(record);
     case DesignVerdict::kOutsideFamily:
       break;
@@ -223,19 +230,20 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
         "channel, {}); "
         "{} its error is {} {} than the nominal simulator's: {}",
         kGuesses, over, horizon.narrowed < 0 ? fmt::format("{:.0f} %", -100 * horizon.narrowed) : share,
-        horizon.narrowed < 0 ? "more" : "less", WhatRemains(horizon, off));
+        horizon.narrowed < 0 ? "more" : "less", WhatRemains(*record.validation, horizon, off));
   }
   if (record.predicts_better) {
     return fmt::format(
                "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less "
                "than the nominal simulator's, and more than the sensors explain: {}",
-               at_bounds.empty() ? "some parameter" : at_bounds, over, share, WhatRemains(horizon, off)) +
+               at_bounds.empty() ? "some parameter" : at_bounds, over, share,
+               WhatRemains(*record.validation, horizon, off)) +
            ButAGuess(*record.validation);
   }
   return fmt::format(
       "outside the family: {} the designed simulator does not surely predict better than the nominal one; what "
       "remains is more than the sensors explain: {}",
-      over, WhatRemains(horizon, off));
+      over, WhatRemains(*record.validation, horizon, off));
 }
 
 }  // namespace oted

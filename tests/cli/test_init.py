@@ -116,6 +116,27 @@ class InitTest(ProgramTest):
         self.assertNotIn("mass_upper", found)
         self.assertAlmostEqual(found["gain_elbow"], 1.0, delta=0.05)
 
+    def test_a_rotor_behind_gears_weighs_more_than_its_link_and_lies_within_the_range(self):
+        bare = ARM.replace('damping="0.05" armature="0.01"', "")
+        self.model.write_text(bare)
+        model = mujoco.MjModel.from_xml_string(bare)
+        model.dof_armature[:], model.dof_frictionloss[:], model.dof_damping[:] = (0.4, 0.2), 0.3, 0.2
+        data, rows = mujoco.MjData(model), []
+        for k in range(400):
+            t = 0.02 * k
+            u = [4 * math.sin(3 * t) + 3 * math.sin(8 * t + 1), 3 * math.sin(4 * t + 2) + 3 * math.sin(11 * t)]
+            rows.append([t, *data.qpos, *data.qvel, *u])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 4)
+        _, task = self.init(self.csv(np.array(rows)))
+        for joint, rotor in (("shoulder", 0.4), ("elbow", 0.2)):  # the forearm's own inertia is 0.02
+            self.assertGreater(task["parameters"][f"armature_{joint}_joint"]["range"][1], rotor)
+            self.assertGreater(task["parameters"][f"frictionloss_{joint}_joint"]["range"][1], 0.3)
+        self.succeed("design", self.task, "--out", self.out, "--quiet", *program.sets(["report.motion=false", "selection.n_seeds=1"]))
+        found = {p["name"]: p["mode"] for p in json.loads((self.out / "design.json").read_text())["parameters"]}
+        self.assertAlmostEqual(found["armature_elbow_joint"], 0.2, delta=0.01)
+        self.assertAlmostEqual(found["frictionloss_shoulder_joint"], 0.3, delta=0.03)
+
     def test_each_of_few_servos_gets_a_stiffness_and_a_hand_its_load(self):
         servos = ARM.replace('<motor name="shoulder" joint="shoulder_joint" ctrlrange="-20 20"/>',
                              '<position name="shoulder" joint="shoulder_joint" kp="40" kv="2" ctrlrange="-3 3"/>')
