@@ -223,9 +223,10 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
   return facts;
 }
 
-std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec) {
+std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated) {
   std::vector<std::string> warnings;
   for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
+    if (f.only_discriminated && !discriminated) continue;
     if (f.severity != Severity::kNote) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.meaning));
   }
   return warnings;

@@ -32,7 +32,8 @@ struct DataCheck {
 TaskFacts FactsOf(const SimulatorSpec& spec);
 
 /// What the checks that need no simulator warn of, a sentence each.
-std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec);
+/// @param discriminated  whether the design learns to tell these logs from a simulator
+std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated);
 
 /// Which changes of the columns (a joint's or an action's sign, two joints swapped, a zero) would make the nominal
 /// simulator predict the logs far better, a sentence each with the remedy: the findings of CheckCorrections. None where

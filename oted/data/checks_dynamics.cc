@@ -151,7 +151,8 @@ void CheckDynamics(const Dataset& dataset, const TaskFacts& facts, std::vector<F
                         .meaning = "the simulator's readings are exact: a discriminator tells the logs by their noise, "
                                    "whatever the parameters are; the default method estimates the noise beside them",
                         .remedy = "none needed for the default method; for the others give the simulator the same "
-                                  "noise (obs/NAME/noise_std)"});
+                                  "noise (obs/NAME/noise_std)",
+                        .only_discriminated = true});
   };
   add(Severity::kWarning, strong);
   add(Severity::kNote, weak);

@@ -25,6 +25,7 @@ struct Finding {
   std::vector<std::string> channels = {};  ///< those concerned; empty: none in particular
   std::string meaning;                     ///< for the design
   std::string remedy;
+  bool only_discriminated = false;  ///< it concerns designs alone that learn to tell logs from a simulator
 };
 
 /// How many findings have this severity.

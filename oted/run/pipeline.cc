@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "oted/checks/data_check.h"
@@ -11,6 +12,7 @@
 #include "oted/run/policy_selection_step.h"
 #include "oted/run/provenance.h"
 #include "oted/run/replay_step.h"
+#include "oted/stages/design/design_method.h"
 
 namespace oted {
 
@@ -24,7 +26,9 @@ Pipeline::Pipeline(RunConfig config, const std::filesystem::path& out, RunContex
 
 void Pipeline::WarnAboutData() {
   if (std::exchange(told_of_data_, true)) return;
-  for (const std::string& warning : DataWarnings(run_.dataset, run_.spec())) {
+  const bool discriminated = std::ranges::any_of(
+      run_.settings, [](const auto& named) { return Describe(named.second.config.method).learns_discriminator(); });
+  for (const std::string& warning : DataWarnings(run_.dataset, run_.spec(), discriminated)) {
     run_.context.log->Warning(warning + "; 'oted data check' has more");
   }
 }

@@ -66,7 +66,7 @@ std::vector<std::string> Doubts(const DesignRecord& design, const Dataset& logs,
   if (logs.sha256 == design.dataset.sha256) {
     doubts.emplace_back("the design learned from this very file: what it predicts of others stands in design.json");
   }
-  std::ranges::move(DataWarnings(logs, spec), std::back_inserter(doubts));
+  std::ranges::move(DataWarnings(logs, spec, false), std::back_inserter(doubts));
   return doubts;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 /// The methods of the design, one row each: configuration, help, documentation, `auto` and LearnDesign read this table.
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,6 +41,9 @@ struct MethodDescription {
   /// Where its defaults differ from the members' values; null where they do not.
   void (*set_defaults)(DesignConfig& config) = nullptr;
   DesignResult (*learn)(const DesignProblem& problem, const DesignConfig& config) = nullptr;
+
+  /// Whether it learns to tell logs from a simulator.
+  bool learns_discriminator() const { return std::ranges::find(sections, "discriminator") != sections.end(); }
 };
 
 /// In the order in which they are documented.
