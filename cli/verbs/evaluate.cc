@@ -32,12 +32,12 @@ void EvaluateRun(Program& program, const Options& options) {
   if (options.out.empty()) {
     throw UsageError("evaluate needs --out RUN_DIR for a study, or --policy FILE for one policy");
   }
+  if (ResolveConfig(options).truth.empty()) {
+    throw UsageError(
+        "evaluate needs the truth of a study: add --truth name=value for every parameter, or a [truth] section");
+  }
   {
     Session session(options, program.command_line);
-    if (session.pipeline().config().truth.empty()) {
-      throw UsageError(
-          "evaluate needs the truth of a study: add --truth name=value for every parameter, or a [truth] section");
-    }
     session.pipeline().EvaluateInTarget();
     WriteReport(options.out);
   }

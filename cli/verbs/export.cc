@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "cli/console.h"
 #include "oted/base/error.h"
@@ -28,7 +29,12 @@ void AddExportVerb(Program& program) {
   verb->add_option("--q", words->q, "write the selected setting's mixture q(z) (docs/schemas/oted.q.1.schema.json)");
   verb->add_option("--sysid", words->sysid, "write a parameter file of mujoco.sysid (YAML)");
   verb->footer("Without --mjcf, --q and --sysid all three are written into RUN_DIR/export/.");
-  verb->callback([words] {
+  verb->callback([words, verb] {
+    for (const auto& [option, value] :
+         {std::pair("--mjcf", &words->mjcf), {"--q", &words->q}, {"--sysid", &words->sysid}}) {
+      if (verb->count(option) > 0 && value->empty())
+        throw UsageError(fmt::format("{} names no file; give one", option));
+    }
     ExportRequest request{.mjcf = words->mjcf, .q = words->q, .sysid = words->sysid};
     if (request.mjcf.empty() && request.q.empty() && request.sysid.empty()) request = DefaultExports(words->run);
     request.member = words->member;

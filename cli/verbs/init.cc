@@ -10,6 +10,7 @@
 #include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/session.h"
+#include "oted/plan/child_program.h"
 #include "oted/proposal/task_proposal.h"
 
 namespace oted::cli {
@@ -41,7 +42,8 @@ void PrintProposal(const Proposal& proposal, const std::string& out) {
   PrintLines("not freed", proposal.left_out);
   PrintLines("guessed, so check it", proposal.guessed);
   PrintLines("look at this before a design", proposal.suspicious);
-  Print("\n{}: read it, correct it, then\n  oted data check {}\n  oted design {} --out RUN\n", out, out, out);
+  const std::string word = ShellLine({out});
+  Print("\n{}: read it, correct it, then\n  oted data check {}\n  oted design {} --out RUN\n", out, word, word);
 }
 
 }  // namespace

@@ -10,6 +10,8 @@
 #include "cli/settings_help.h"
 #include "cli/verbs/export.h"
 #include "oted/report/report.h"
+#include "oted/run/agents_step.h"
+#include "oted/run/run_inputs.h"
 
 namespace oted::cli {
 namespace {
@@ -29,9 +31,13 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
   AddRunOptions(*verb, *options, stage.makes);
   verb->footer(SettingsHelp(stage.sections));
   verb->callback([&program, options, stage] {
+    if (stage.needs_reward) {  // before a run is begun
+      RunConfig config = ResolveConfig(*options);
+      config.task.Resolve();
+      CheckHasReward(SpecOf(config.task));
+    }
     {
       Session session(*options, program.command_line);
-      if (stage.needs_reward) session.pipeline().CheckCanTrain();
       // The answer does not wait for films and agents.
       if (stage.makes.designs) PrintDesign(session.pipeline().SelectSimulator().record, *options);
       stage.call(session.pipeline());

@@ -209,14 +209,40 @@ std::string OpenFile::Read(uint64_t most) {
   return bytes;
 }
 
-AtomicFile::AtomicFile(fs::path path) : path_(std::move(path)) {
+namespace {
+
+constexpr int kMostLinks = 40;  // as Linux follows
+
+/// What a link leads to, as a shell's > has it.
+fs::path BehindLinks(fs::path path) {
+  std::error_code error;
+  for (int hop = 0; hop < kMostLinks && fs::is_symlink(path, error); ++hop) {
+    path = path.parent_path() / fs::read_symlink(path, error);
+  }
+  return path;
+}
+
+/// /dev/stdout leads to a file where one is behind it, but no name of that file is to get another content.
+bool IsStream(const fs::path& path) {
+  std::error_code error;
+  const auto in = [&](const fs::path& place, const char* folder) {
+    return fs::absolute(place, error).lexically_normal().string().starts_with(folder);
+  };
+  if (!fs::is_symlink(path, error)) return false;
+  const fs::path next = path.parent_path() / fs::read_symlink(path, error);
+  return in(path, "/dev/") || in(next, "/dev/") || in(next, "/proc/");
+}
+
+}  // namespace
+
+AtomicFile::AtomicFile(fs::path path) : path_(BehindLinks(path)) {
   static std::atomic<int> counter{0};
   std::error_code error;
   const fs::file_status found = fs::status(path_, error);
-  if (fs::exists(found) && !fs::is_regular_file(found) && !fs::is_directory(found)) {
+  if (IsStream(path) || (fs::exists(found) && !fs::is_regular_file(found) && !fs::is_directory(found))) {
     // A rename would put a file in its place.
     throw UsageError(
-        fmt::format("'{}' is no regular file but a device, pipe or socket; name a file to write", path_.string()));
+        fmt::format("'{}' is no regular file but a device, pipe or socket; name a file to write", path.string()));
   }
   if (path_.has_parent_path()) MakeFolders(path_.parent_path());
   RemoveDeadTemporaries(path_);

@@ -27,7 +27,8 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
 /// that want to write a file or a folder themselves (HDF5, Minari).
 class AtomicFile {
  public:
-  /// Creates missing parent folders, and removes what writers of `path` that have died left beside it.
+  /// Creates missing parent folders, and removes what writers of `path` that have died left beside it. Follows links.
+  /// @throws UsageError where `path` is a device, a pipe or a stream (/dev/stdout)
   explicit AtomicFile(std::filesystem::path path);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;

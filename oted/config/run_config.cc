@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "oted/base/error.h"
@@ -275,12 +276,13 @@ std::optional<std::string> RunConfig::UnreadSetting() const {
     std::ranges::copy(choice.Possible(), std::back_inserter(methods));
     names.push_back(NameOf(MethodNames(), choice.method));
   }
+  std::set<std::string> unread;
   for (const auto& [unused, choice] : DesignSettings()) {
-    const std::string key = choice.UnreadBy(methods);
-    if (key.empty()) continue;
-    return fmt::format("design.{} is set, but no design reads it: design.method is {}", key, fmt::join(names, ", "));
+    for (const std::string& key : choice.UnreadBy(methods)) unread.insert("design." + key);
   }
-  return std::nullopt;
+  if (unread.empty()) return std::nullopt;
+  return fmt::format("{} {} set, but no design reads {}: design.method is {}", fmt::join(unread, ", "),
+                     unread.size() == 1 ? "is" : "are", unread.size() == 1 ? "it" : "them", fmt::join(names, ", "));
 }
 
 std::vector<double> RunConfig::TruthVector() const {

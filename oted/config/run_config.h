@@ -117,7 +117,8 @@ struct RunConfig {
   int Threads() const;
   /// The hyperparameter settings of the design; "default" where none is named.
   std::map<std::string, DesignChoice> DesignSettings() const;
-  /// Says of a setting of the design that it is set and that no method which may run reads it; none where all are read.
+  /// Says of settings of the design that they are set and that no method which may run reads them; none where all are
+  /// read.
   std::optional<std::string> UnreadSetting() const;
 };
 

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string_view>
 
 #include "oted/base/error.h"
@@ -78,20 +79,55 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
 
 constexpr const char* kNotInThisFile = "Not in this file, as they are no fields of the model: ";
 
-/// Nothing that the design was made from, or that the run consists of, becomes an export.
+/// Whether a file is there and is the record of a stage, of this run or another.
+bool IsSealedRecord(const fs::path& file) {
+  if (file.extension() != ".json" || !fs::is_regular_file(file)) return false;
+  const json record = json::parse(ReadFile(file), nullptr, false);
+  return !record.is_discarded() && !SealOf(record).empty();
+}
+
+/// Nothing that the design was made from, or that a run consists of, becomes an export.
 void CheckTarget(const FinishedDesign& design, const fs::path& target) {
   std::error_code error;
-  if (target.empty() || !fs::exists(target, error)) return;
   const auto refuse = [&](const char* what) {
-    throw UsageError(fmt::format("'{}' is {}; name another file to write", target.string(), what));
+    throw UsageError(fmt::format("'{}' {}; name another file to write", target.string(), what));
   };
   const fs::path inside = fs::weakly_canonical(target, error).lexically_relative(fs::weakly_canonical(design.folder));
   const bool is_in_run = !inside.empty() && *inside.begin() != "..";
-  if (is_in_run && *inside.begin() != kExportFolder) refuse("a file of the run itself");
+  if (is_in_run && *inside.begin() != kExportFolder) refuse("lies among the files of the run, outside of export/");
+  if (!fs::exists(target, error)) return;
+  if (!is_in_run && IsSealedRecord(target)) refuse("is the record of a run");
   std::vector<std::string> sources = design.config.data.AllFiles();
   sources.push_back(design.config.task.model.model);
   for (const std::string& source : sources) {
-    if (!source.empty() && fs::equivalent(source, target, error)) refuse("what the design was made from");
+    if (!source.empty() && fs::equivalent(source, target, error)) refuse("is what the design was made from");
+  }
+}
+
+/// "designed-2.xml" where each seed has a file of its own.
+fs::path MjcfPath(const fs::path& mjcf, const Member& member, bool all) {
+  if (!all) return mjcf;
+  fs::path path = mjcf;
+  return path.replace_filename(fmt::format("{}-{}{}", mjcf.stem().string(), member.seed, mjcf.extension().string()));
+}
+
+/// All that is to be written.
+void CheckTargets(const FinishedDesign& design, const ExportRequest& request) {
+  std::vector<fs::path> targets;
+  if (!request.mjcf.empty()) {
+    const Members members = SelectMembers(design, request.member);
+    for (const Member& member : members.chosen) targets.push_back(MjcfPath(request.mjcf, member, members.all));
+  }
+  for (const fs::path& target : {request.q, request.sysid}) {
+    if (!target.empty()) targets.push_back(target);
+  }
+  std::set<fs::path> places;
+  for (const fs::path& target : targets) {
+    CheckTarget(design, target);
+    std::error_code error;
+    if (!places.insert(fs::weakly_canonical(target, error)).second) {
+      throw UsageError(fmt::format("'{}' is named for two exports; name a file for each", target.string()));
+    }
   }
 }
 
@@ -121,10 +157,7 @@ std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const Expor
   }
   std::vector<ExportedFile> written;
   for (const Member& member : members.chosen) {
-    fs::path path = request.mjcf;
-    if (members.all) {
-      path.replace_filename(fmt::format("{}-{}{}", path.stem().string(), member.seed, path.extension().string()));
-    }
+    const fs::path path = MjcfPath(request.mjcf, member, members.all);
     WriteFileAtomically(path, factory->Mjcf(member.mode, Origin(design, member) + remarks));
     written.push_back({fmt::format("designed model, seed {}", member.seed), path});
   }
@@ -230,7 +263,7 @@ void RemoveExports(const fs::path& run_directory) {
 
 std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequest& request) {
   const FinishedDesign design = ReadDesign(run_directory);
-  for (const fs::path& target : {request.mjcf, request.q, request.sysid}) CheckTarget(design, target);
+  CheckTargets(design, request);
   std::vector<ExportedFile> written;
   try {
     if (!request.mjcf.empty()) written = ExportModels(design, request);

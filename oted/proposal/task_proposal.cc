@@ -201,20 +201,29 @@ class Proposer {
     if (request_.control_period > 0) options.control_period_s = task_.control_period;
     double largest = 0;
     std::optional<double> period;
+    std::vector<std::string> unused;  // what the first log's reader says, of columns among others
     for (const std::string& path : request_.logs) {
       if (IsCsv(path) != log_->is_csv()) {
         throw UsageError(fmt::format("'{}' and '{}' are of different formats; convert one ('oted data convert')",
                                      log_->path(), path));
       }
       const Dataset one = ReadDataset(path, options);
-      if (period && PeriodsDiffer(one.period_s, *period)) {
+      if (one.period_s == 0) {
+        proposal_.guessed.push_back(
+            fmt::format("'{}' has no times: its rows count as {:.6g} s apart", path, task_.control_period));
+      } else if (period && PeriodsDiffer(one.period_s, *period)) {
         throw DataError(fmt::format(
             "rows of '{}' lie {:.3g} s apart, and those of '{}' {:.3g} s: no control period is that of both; "
             "give --period {:.3g} to read all at that, or make a task file for each",
             path, one.period_s, log_->path(), *period, std::max(one.period_s, *period)));
       }
-      period = one.period_s;
+      if (one.period_s > 0) period = one.period_s;
+      if (unused.empty() && path == log_->path()) unused = one.remarks;
       Tell(path, one);
+      for (const std::string& remark : one.remarks) {
+        const bool is_new = remark.starts_with("columns not used") && std::ranges::find(unused, remark) == unused.end();
+        if (is_new) proposal_.guessed.push_back(fmt::format("'{}': {}", path, remark));
+      }
       for (const double action : one.actions.values()) largest = std::max(largest, std::abs(action));
     }
     if (!task_.action_range.empty()) HoldActionsUpTo(largest);  // of the first log alone until now

@@ -27,6 +27,10 @@ nlohmann::json WithPictures(nlohmann::json report, const std::filesystem::path& 
                       "command again",
                       record.string(), name));
     }
+    if (!std::filesystem::exists(record.parent_path() / name)) {
+      report["motion"] = {{"note", fmt::format("'{}' is missing; 'oted design' draws the films again", name)}};
+      return report;
+    }
     CheckSealedFile(report["motion"], record, name);
     panel["data"] = "data:image/webp;base64," + Base64(ReadFile(record.parent_path() / name));
   }

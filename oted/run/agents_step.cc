@@ -140,14 +140,13 @@ LearnedRecord LearnOneBaseline(const OfflineTraining& training) {
   return learned;
 }
 
-void CheckHasReward(const RunSetup& run) {
-  if (run.spec().has_reward) return;
-  throw UsageError(
-      fmt::format("task '{}' has no reward to train agents with; add task.reward = \"...\"", run.config.task.name));
+void CheckHasReward(const SimulatorSpec& spec) {
+  if (spec.has_reward) return;
+  throw UsageError(fmt::format("task '{}' has no reward to train agents with; add task.reward = \"...\"", spec.task));
 }
 
 Agents TrainAgents(const RunSetup& run, const SelectedDesign& design, const Policy& clone) {
-  CheckHasReward(run);
+  CheckHasReward(run.spec());
   std::vector<std::pair<Ground, int>> jobs;
   for (int j = 1; j <= run.config.agents.n_agents; ++j) {
     for (const Ground ground : run.Grounds()) jobs.emplace_back(ground, j);

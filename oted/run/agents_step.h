@@ -36,7 +36,7 @@ struct Agents {
 };
 
 /// @throws UsageError for a task without a reward
-void CheckHasReward(const RunSetup& run);
+void CheckHasReward(const SimulatorSpec& spec);
 
 /// policy.npz, policy.onnx (but of a planner) and agent.json of every agent, each in a folder of its own; those of the
 /// baselines beside them.

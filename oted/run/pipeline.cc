@@ -57,11 +57,9 @@ const SelectedDesign& Pipeline::SelectSimulator() {
 
 void Pipeline::ReplayLogs() { ::oted::ReplayLogs(run_, SelectSimulator().record); }
 
-void Pipeline::CheckCanTrain() const { CheckHasReward(run_); }
-
 const Agents& Pipeline::TrainAgents() {
   if (agents_) return *agents_;
-  CheckCanTrain();
+  CheckHasReward(run_.spec());  // before an hour of design
   ReplayLogs();
   agents_ = ::oted::TrainAgents(run_, SelectSimulator(), *CloneBehavior().policy);
   return *agents_;

@@ -39,8 +39,6 @@ class Pipeline {
   const std::vector<oted::Design>& Design();
   const SelectedDesign& SelectSimulator();
   void ReplayLogs();
-  /// Before an hour of design. @throws UsageError for a task without a reward
-  void CheckCanTrain() const;
   const Agents& TrainAgents();
   const PolicySelectionRecord& SelectPolicy();
   /// @return none where the truth is not known

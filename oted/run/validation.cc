@@ -1,11 +1,16 @@
 #include "oted/run/validation.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "oted/base/error.h"
+#include "oted/base/seal.h"
 #include "oted/checks/data_check.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/design_findings.h"
@@ -60,11 +65,28 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
          ButElsewhere(result.validation) + ButAGuess(result.validation);
 }
 
+/// The files of `asked` whose content the design learned from.
+std::vector<std::string> Learned(const DataConfig& design, const DataConfig& asked) {
+  const auto hash = [](const std::string& file) {
+    const std::filesystem::path of_minari = std::filesystem::path(file) / "data" / "main_data.hdf5";
+    if (std::filesystem::exists(of_minari)) return Sha256OfFile(of_minari);
+    return std::filesystem::is_regular_file(file) ? Sha256OfFile(file) : file;
+  };
+  std::set<std::string> known;
+  for (const std::string& file : design.AllFiles()) known.insert(hash(file));
+  std::vector<std::string> learned;
+  std::ranges::copy_if(asked.AllFiles(), std::back_inserter(learned),
+                       [&](const std::string& file) { return known.contains(hash(file)); });
+  return learned;
+}
+
 /// Why these recordings may say less, or something else, than they seem to.
-std::vector<std::string> Doubts(const DesignRecord& design, const Dataset& logs, const SimulatorSpec& spec) {
+std::vector<std::string> Doubts(const Dataset& logs, const SimulatorSpec& spec,
+                                const std::vector<std::string>& learned) {
   std::vector<std::string> doubts = logs.warnings;
-  if (logs.sha256 == design.dataset.sha256) {
-    doubts.emplace_back("the design learned from this very file: what it predicts of others stands in design.json");
+  if (!learned.empty()) {
+    doubts.push_back(fmt::format("the design learned from {}: what it predicts of others stands in design.json",
+                                 fmt::format("'{}'", fmt::join(learned, "', '"))));
   }
   std::ranges::move(DataWarnings(logs, spec, false), std::back_inserter(doubts));
   return doubts;
@@ -82,11 +104,13 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
                     "file to compare models of it",
                     config.task.name));
   }
+  const DataConfig of_design = config.data;
   if (request.data.ends_with(".toml"))
     config.data = RunConfig::FromTomlFile(request.data).data;
   else
     config.data.Take(request.data);
   config.data.episodes = request.episodes;
+  const std::vector<std::string> learned = Learned(of_design, config.data);
   const Dataset logs = ReadEpisodes(config.data, SpecOf(config.task));
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());
   const SimulatorSpec& spec = factory->spec();
@@ -103,7 +127,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
                           .predicts_better = PredictsBetter(prediction),
                           .reaches_floor = ReachesFloor(prediction),
                           .sentence = {},
-                          .warnings = Doubts(design.record, logs, spec),
+                          .warnings = Doubts(logs, spec, learned),
                           .data_sha256 = logs.sha256,
                           .n_transitions = logs.size()};
   result.sentence = SentenceOf(result, prediction);

@@ -28,7 +28,7 @@ CONFIG = f"""
 name = "Hopper-v5"
 [data]
 path = "{DATA}"
-episodes = 3
+episodes = 2
 [parameters]
 friction = {{ field = "geom/*/friction[0]", range = [0.2, 2.0] }}
 gain = {{ field = "actuator/*/gainprm[0]", range = [0.2, 2.0] }}
@@ -64,7 +64,8 @@ eval_episodes = 1
 replay_steps = 15
 """
 TINY = ["adversarial.n_iterations=6", "adversarial.n_sims=4", "adversarial.n_steps=20", "discriminator.hidden=16",
-        "discriminator.steps=5", "discriminator.batch=32", "trajectories.tried=1"]
+        "discriminator.steps=5", "discriminator.batch=32", "trajectories.tried=1", "trajectories.rows=96",
+        "trajectories.window=16", "trajectories.coarse=8", "trajectories.starts=1"]
 
 VIEWS = {"desktop": dict(width=1280, height=800), "phone": dict(width=390, height=844, mobile=True)}
 MODES = {"light": False, "dark": True}

@@ -128,6 +128,28 @@ class TestModel(ExportTest):
                 self.assertOneLine(program.oted("export", self.designed, flag, path), program.USAGE, path.name, "name another file")
         self.assertEqual([path.read_bytes() for path in files], before)
 
+    def test_two_products_need_two_files_and_streams_are_none(self):
+        one = self.folder / "one"
+        for more in (["--q", f"{self.folder}/./one"], ["--sysid", one]):
+            self.assertOneLine(program.oted("export", self.designed, "--mjcf", one, *more), program.USAGE, "two exports")
+        self.assertOneLine(program.oted("export", self.designed, "--mjcf", self.folder / "m.xml", "--member", "all", "--q",
+                                        self.folder / "m-2.xml"), program.USAGE, "two exports")
+        stream = self.folder / "stream"
+        stream.symlink_to("/proc/self/fd/1")
+        with open(self.folder / "said", "w") as said:
+            done = subprocess.run([program.OTED, "export", self.designed, "--q", stream], stdout=said, stderr=subprocess.PIPE, text=True)
+        self.assertEqual(done.returncode, program.USAGE, done.stderr)
+        self.assertTrue(stream.is_symlink())
+        self.assertOneLine(program.oted("export", self.designed, "--q", self.designed / "q.json"), program.USAGE, "files of the run")
+        self.assertOneLine(program.oted("export", self.designed, "--mjcf", ""), program.USAGE, "--mjcf names no file")
+
+    def test_a_link_leads_to_the_file_that_is_written(self):
+        target, link = self.folder / "target.json", self.folder / "link"
+        link.symlink_to(target)
+        self.export("--q", link)
+        self.assertTrue(link.is_symlink())
+        self.assertEqual(json.loads(target.read_text())["kind"], "mixture")
+
     def test_a_model_that_changed_since_the_design_is_refused(self):
         (self.folder / "assets").mkdir()
         text = (ASSETS / "hopper.xml").read_text()
@@ -276,7 +298,7 @@ class TestRun(ExportTest):
         for horizon in record["validation"]["horizons"]:
             for channel in horizon["channels"]:
                 self.assertLess(channel["designed"], 1e-3, channel)
-        self.assertIn("learned from this very file", " ".join(record["warnings"]))
+        self.assertIn(f"the design learned from '{self.demos}'", " ".join(record["warnings"]))
         task = self.folder / "later.toml"  # whose [data] says which columns are what
         task.write_text(f'[task]\nname = "Hopper-v5"\n[data]\npath = "{self.demos}"\n')
         by_task_file = json.loads(program.oted("validate", self.designed, "--data", task, "--json").stdout)

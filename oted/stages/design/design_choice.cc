@@ -145,19 +145,23 @@ std::vector<DesignMethod> DesignChoice::Possible() const {
   return possible;
 }
 
-std::string DesignChoice::UnreadBy(const std::vector<DesignMethod>& methods) const {
-  const auto reads = [](DesignMethod one, const std::string& section) {
-    return std::ranges::find(Describe(one).sections, section) != Describe(one).sections.end();
+std::vector<std::string> DesignChoice::UnreadBy(const std::vector<DesignMethod>& methods) const {
+  const auto has = [](const std::vector<std::string>& names, const std::string& name) {
+    return std::ranges::find(names, name) != names.end();
   };
+  const std::vector<std::string> shown_to_g = AdversarialConfig::EvidenceNames();
+  std::vector<std::string> unread;
   for (const auto& [key, value] : given_) {
-    const std::string section = key.substr(0, key.find('.'));
-    const auto owner =
-        std::ranges::find_if(DesignMethods(), [&](const auto& d) { return d.sections.front() == section; });
-    if (owner == DesignMethods().end() || owner->is_algorithm1) continue;
-    if (std::ranges::any_of(methods, [&](DesignMethod one) { return reads(one, section); })) continue;
-    if (value != DefaultOf(owner->method, "design." + section, key.substr(section.size() + 1))) return key;
+    const size_t dot = key.find('.');
+    const std::string section = key.substr(0, dot), name = dot == std::string::npos ? "" : key.substr(dot + 1);
+    const auto owner = std::ranges::find_if(DesignMethods(), [&](const auto& d) { return has(d.sections, section); });
+    if (owner == DesignMethods().end() || section == "discriminator") continue;
+    if (section == "adversarial" && has(shown_to_g, name)) continue;
+    const bool is_read =
+        std::ranges::any_of(methods, [&](DesignMethod one) { return has(Describe(one).sections, section); });
+    if (!is_read && value != DefaultOf(owner->method, "design." + section, name)) unread.push_back(key);
   }
-  return "";
+  return unread;
 }
 
 DesignConfig DesignChoice::For(DesignMethod wanted) const {

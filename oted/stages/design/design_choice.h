@@ -29,9 +29,9 @@ class DesignChoice {
   bool Has(const std::string& key) const { return given_.contains(key); }
   /// The methods that may run: the one that is named, or all that auto chooses from.
   std::vector<DesignMethod> Possible() const;
-  /// The first key whose value is not its default and which none of `methods` reads; "" where there is none. Evidence
-  /// and discriminator are the judge's too, whatever the method.
-  std::string UnreadBy(const std::vector<DesignMethod>& methods) const;
+  /// The keys whose value is not their default and which none of `methods` reads. Evidence and discriminator are the
+  /// judge's too, whatever the method.
+  std::vector<std::string> UnreadBy(const std::vector<DesignMethod>& methods) const;
 
   /// The settings of that method: what was given, and its defaults.
   DesignConfig For(DesignMethod wanted) const;

@@ -70,6 +70,15 @@ FieldList AdversarialConfig::Fields() {
   return fields;
 }
 
+std::vector<std::string> AdversarialConfig::EvidenceNames() {
+  AdversarialConfig config;
+  FieldList fields("design.adversarial");
+  AddEvidence(config, fields);
+  std::vector<std::string> names = {"clone_noise"};
+  for (const Field& field : fields.fields()) names.push_back(field.name);
+  return names;
+}
+
 void AdversarialConfig::Check() const {
   if (actions == RolloutActions::kReplayed && starts == RolloutStarts::kInitial) {
     throw UsageError(

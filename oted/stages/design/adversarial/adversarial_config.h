@@ -1,6 +1,9 @@
 #pragma once
 /// Settings of Algorithm 1: [design.adversarial].
 
+#include <string>
+#include <vector>
+
 #include "oted/base/fields.h"
 #include "oted/matching/discriminator.h"
 #include "oted/matching/experience.h"
@@ -42,6 +45,8 @@ struct AdversarialConfig {
   int replay_iterations = 10;
 
   FieldList Fields();
+  /// Names of those that say what g is shown: the common judge shows the same, whatever the method.
+  static std::vector<std::string> EvidenceNames();
   /// @throws UsageError when settings contradict each other.
   void Check() const;
   /// Those of the method `paper`: the clone acts, g sees (s, a); rollouts begin at logged states
