@@ -182,6 +182,9 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
       summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
     }
     const bool at_bound = EndsAtBound(space[p], summary.interval90_low, summary.interval90_high);
+    // Logits never reach a bound: an end that is as near is there.
+    if (UnitOf(space[p], summary.interval90_low) < kAtBound) summary.interval90_low = space[p].low;
+    if (UnitOf(space[p], summary.interval90_high) > 1 - kAtBound) summary.interval90_high = space[p].high;
     for (const HeldOutPrediction::OpenEnd& end : open_ends) {
       if (end.parameter != p) continue;
       (end.above ? summary.interval90_high : summary.interval90_low) = end.above ? space[p].high : space[p].low;

@@ -33,6 +33,14 @@ TEST(SummarizeParameters, OneDesignIsItsOwnSummary) {
   EXPECT_NEAR(summary[0].interval90_high, ZOf(0.4 + 1.644854 * 0.1), 1e-6);
 }
 
+TEST(SummarizeParameters, AnIntervalThatEndsByABoundHoldsIt) {
+  const auto summary = SummarizeParameters({MakeDesigner({-7, 7}, {0.5, 0.5})}, 0, {true, true}, true);
+  EXPECT_EQ(summary[0].interval90_low, 0) << "no logit is that of nothing";
+  EXPECT_LT(summary[0].interval90_high, 0.01);
+  EXPECT_EQ(summary[1].interval90_high, 2);
+  EXPECT_GT(summary[1].interval90_low, 1.99);
+}
+
 TEST(SummarizeParameters, SpreadIsThatOfTheMixture) {
   // Two narrow designs that disagree: within each the variance is near 0, between them (m1 - m2)^2 / 4.
   const Designer one = MakeDesigner({-1, 0}, {1e-3, 1e-3}), two = MakeDesigner({1, 0}, {1e-3, 1e-3});

@@ -17,7 +17,7 @@ constexpr double kLead = 0.05;       // [s] of readings that tell a start state
 constexpr double kUnreadLead = 0.1;  // the same where they do not show all of it
 constexpr int kFewestLead = 4;       // control steps
 constexpr int kLeadIterations = 4, kUnreadLeadIterations = 15;
-constexpr int kFollowed = 3;  // leads that the start of an imitated window is fitted to
+constexpr int kFollowed = 3;  // leads that the start of an imitated window is fitted to at first
 constexpr int kMostRowsBefore = 16;
 
 JudgedChannels ChannelsOf(const Dataset& logs, const ReadingModel& readings) {
@@ -199,7 +199,12 @@ PredictionJudge::Squares PredictionJudge::SquaresOf(Replays replays) const {
 }
 
 std::vector<VectorXd> PredictionJudge::Follow(const std::vector<double>& z, const std::vector<VectorXd>& starts) const {
-  return FitAndReplay(z, kFollowed, starts).residuals;
+  Replays replays{starts, {}};
+  const int longest = n_lead_ + (horizons_.empty() ? 0 : horizons_.back());
+  for (int n_leads = kFollowed, n_before = 0; n_before * n_lead_ < longest; n_before = n_leads, n_leads *= 2) {
+    replays = FitAndReplay(z, n_leads, replays.starts);
+  }
+  return replays.residuals;
 }
 
 Dataset PredictionJudge::Imitate(const std::vector<VectorXd>& followed, const VectorXd& noise, Rng& rng) const {

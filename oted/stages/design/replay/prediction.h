@@ -61,7 +61,9 @@ class PredictionJudge {
   /// channel's variance over the logs.
   Eigen::MatrixXd MeanSquares(const std::vector<double>& z) const;
   /// Logged minus simulated, of the lead and all predicted steps (as WindowReplayer::Residuals), where the simulator at
-  /// z begins so that it follows three leads best.
+  /// z begins so that it follows the window best: three leads, then stretches twice as long, to its end. Where small
+  /// errors grow, a start that was fitted to a lead alone soon leads elsewhere: a hopper that has fallen is predicted
+  /// with ease, and the floor would be that of another motion than the logs'.
   /// @param starts  Predict's
   std::vector<Eigen::VectorXd> Follow(const std::vector<double>& z, const std::vector<Eigen::VectorXd>& starts) const;
   /// What a simulator would have logged in place of the windows, each an episode behind up to 16 rows of what was

@@ -38,7 +38,7 @@ struct ReplayProblem {
   RngKey kept_aside = RngKey(0);  ///< of KeepAside
 };
 
-inline constexpr double kMaxX = 6.0;            ///< |x| at most this, as the designer's
+inline constexpr double kMaxX = 6.0;            ///< |x| at most this, as the designer's: a 400th of the range
 inline constexpr double kSmallestNoise = 3e-8;  ///< of a channel, over its scale: the rounding of logs in float32
 
 /// z at x.

@@ -79,8 +79,8 @@ bool LevelFit::Step() {
     hessian.diagonal() *= 1 + damping_;
     VectorXd change = VectorXd::Zero(x_.size());
     if (!starts_alone) {
-      change = StepWithin(hessian, gradient, (-kMaxX - x_.array()).cwiseMax(-kLongestStep),
-                          (kMaxX - x_.array()).cwiseMin(kLongestStep));
+      change = StepWithin(hessian, gradient, (-kFarthestX - x_.array()).cwiseMax(-kLongestStep),
+                          (kFarthestX - x_.array()).cwiseMin(kLongestStep));
     }
     const VectorXd x = x_ + change;
     const bool is_small = !starts_alone && (change.cwiseAbs().array() < kSettled * uncertainty.array()).all();

@@ -14,6 +14,10 @@
 
 namespace oted {
 
+/// |x| at most this: a millionth of the range from its end. Friction of which there is none is not to be held at a
+/// value that a sensor could tell from nothing: it would move the others.
+inline constexpr double kFarthestX = 14.0;
+
 /// Windows of one length with their start states, as far as they are known.
 struct Level {
   std::vector<LogWindow> windows;

@@ -49,6 +49,13 @@ TEST(MatchTrajectories, IsExactOnCleanLogs) {
   EXPECT_NEAR(z[kDamping], 0.6, 1e-6);
 }
 
+TEST(MatchTrajectories, AValueAtItsBoundIsFoundAndMovesNoOther) {
+  const double low = PointMass::MakeParameters()[kDamping].low;
+  const std::vector<double> z = Z(Match(WithSensorNoise(PointMassLogs({1.5, low, 0.5}, 20), 1e-4, RngKey(3))));
+  EXPECT_NEAR(z[kDamping], low, 2e-4) << "a 400th of the range is 0.002";
+  EXPECT_NEAR(z[kGain], 1.5, 2e-4);
+}
+
 TEST(MatchTrajectories, FindsParametersAndNoiseWhereTheNoiseIsUnknown) {
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), 0.05, RngKey(3));
   const ReplayFit fit = Match(logs);
