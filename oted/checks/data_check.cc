@@ -19,6 +19,7 @@
 namespace oted {
 namespace {
 
+constexpr double kWorseThanBlind = 0.47;  // area under the curve
 constexpr int kOneStepRows = 2000;
 constexpr double kExact = 1e-3;     // median ratio below which the simulator is the logs' own
 constexpr double kUseless = 0.5;    // above which it predicts a step hardly better than "nothing changes"
@@ -119,10 +120,13 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vec
 void AddGap(const JudgeScore& s, const SimulatorSpec& spec, int n_transitions, std::vector<Finding>& findings) {
   const GapVerdict verdict = VerdictOf(s);
   const bool is_little = n_transitions < kFewTransitions;
+  const bool is_unsure = s.auc < kWorseThanBlind;
   const std::string meaning =
-      verdict == GapVerdict::kNone && is_little ? "so few transitions cannot tell: a classifier learns little from "
-                                                  "them; look at the one-step errors, and make "
-                                                  "a design"
+      verdict == GapVerdict::kNone && is_unsure   ? "a classifier that guesses worse than a blind one has learned what "
+                                                    "does not last: it cannot tell; make a design"
+      : verdict == GapVerdict::kNone && is_little ? "so few transitions cannot tell: a classifier learns little from "
+                                                    "them; look at the one-step errors, and make "
+                                                    "a design"
       : verdict == GapVerdict::kNone
           ? "no gap was seen: train agents in the nominal simulator; a gap smaller than what so many "
             "transitions show may remain"

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -77,6 +78,7 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
       ParameterLines(record, member.mode));
 }
 
+constexpr double kNearNominal = 0.005;  // of the range
 constexpr const char* kNotInThisFile = "Not in this file, as they are no fields of the model: ";
 
 /// Whether a file is there and is the record of a stage, of this run or another.
@@ -147,13 +149,25 @@ bool HasMjcf(const RunConfig& config) {
   }
 }
 
+/// Whether a parameter is where it makes no difference, in every member.
+bool IsAtNominal(const DesignRecord& record, const std::vector<Member>& members, const std::string& name) {
+  const auto found = std::ranges::find(record.parameters, name, &DesignRecord::Parameter::name);
+  if (found == record.parameters.end()) return false;
+  const auto at = static_cast<size_t>(found - record.parameters.begin());
+  const double near = kNearNominal * (found->high - found->low);
+  return std::ranges::all_of(members,
+                             [&](const Member& member) { return std::abs(member.mode[at] - found->nominal) < near; });
+}
+
 std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const ExportRequest& request) {
   const Members members = SelectMembers(design, request.member);
   const auto factory = FactoryOf(design.config);
   CheckSameModel(design, *factory);
   std::string remarks = "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
-  if (const auto left_out = factory->NotInMjcf(); left_out && !left_out->empty()) {
-    remarks = fmt::format("{}{}.\n{}", kNotInThisFile, fmt::join(*left_out, ", "), remarks);
+  std::vector<std::string> left_out = factory->NotInMjcf().value_or(std::vector<std::string>{});
+  std::erase_if(left_out, [&](const std::string& name) { return IsAtNominal(design.record, members.chosen, name); });
+  if (!left_out.empty()) {
+    remarks = fmt::format("{}{}.\n{}", kNotInThisFile, fmt::join(left_out, ", "), remarks);
   }
   std::vector<ExportedFile> written;
   for (const Member& member : members.chosen) {

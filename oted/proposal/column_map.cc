@@ -190,9 +190,12 @@ class Mapper {
     const auto& its = model_.joints[static_cast<size_t>(joint)];
     const std::string path = fmt::format("joint/{}/{}", its.name, velocity ? "qvel" : "qpos");
     if (its.has_one_number()) return path;
-    const int n = its.kind == JointKind::kBall ? (velocity ? 3 : 4) : (velocity ? 6 : 7);
-    if (meaning.index < 0 || meaning.index >= n) return std::nullopt;
-    return fmt::format("{}[{}]", path, meaning.index);
+    const bool is_free = its.kind != JointKind::kBall;
+    const int n = is_free ? (velocity ? 6 : 7) : (velocity ? 3 : 4);
+    const bool turns = velocity ? meaning.of_turning : meaning.of_orientation;
+    const int index = meaning.index + (is_free && turns ? 3 : 0);  // behind the place, or its velocity
+    if (meaning.index < 0 || index >= n) return std::nullopt;
+    return fmt::format("{}[{}]", path, index);
   }
 
   void Classify(size_t column) {
@@ -225,7 +228,11 @@ class Mapper {
     // An actuator's own name may stand for its joint: "motor1_pos".
     const int moved = joint.length == longest ? joint.object : JointOf(actuator.object);
     const auto path = moved < 0 ? std::nullopt : StatePath(moved, meaning, meaning.role == ColumnRole::kVelocity);
-    if (!path) return Unused(column, "it does not say which number of its joint it is");
+    if (!path) {
+      return Unused(column,
+                    "it does not say which number of its joint it is: x, quat_w, vel_x, omega_x and the like do, or "
+                    "the number itself");
+    }
     claims_[*path].push_back(claim);
   }
 

@@ -86,6 +86,21 @@ TEST(MapColumns, AnAmbiguousEndingMatchesNothing) {
   EXPECT_EQ(Matched({"left_elbow_pos"}, model), (Names{"left_elbow_pos -> joint/left_elbow/qpos"}));
 }
 
+TEST(MapColumns, AFreeJointHasAPlaceAnOrientationAndTheirVelocities) {
+  ModelOutline model;
+  model.joints = {{.name = "root", .body = "torso", .kind = JointKind::kFree}};
+  for (int k = 0; k < 7; ++k) model.qpos.push_back("joint/root/qpos[" + std::to_string(k) + "]");
+  for (int k = 0; k < 6; ++k) model.qvel.push_back("joint/root/qvel[" + std::to_string(k) + "]");
+  model.actuators = {{.name = "fan", .joint = 0}};
+  EXPECT_EQ(Matched({"root_z", "root_quat_w", "root_qy", "root_vel_z", "root_omega_x", "root_angular_velocity_z",
+                     "root_roll", "fan_cmd"},
+                    model),
+            (Names{"root_z -> joint/root/qpos[2]", "root_quat_w -> joint/root/qpos[3]", "root_qy -> joint/root/qpos[5]",
+                   "root_vel_z -> joint/root/qvel[2]", "root_omega_x -> joint/root/qvel[3]",
+                   "root_angular_velocity_z -> joint/root/qvel[5]", "fan_cmd -> actuator/fan"}))
+      << "a roll is no number of it";
+}
+
 TEST(MapColumns, SensorsHaveTheirNumbers) {
   EXPECT_EQ(Matched({"wrist_imu_y", "wrist_imu_9"}), (Names{"wrist_imu_y -> sensor/wrist_imu[1]"}));
 }

@@ -13,6 +13,8 @@ const WordSet kPositionWords = {"q",      "qpos",  "pos", "position", "positions
                                 "angles", "theta", "enc", "encoder",  "jointpos"};
 const WordSet kVelocityWords = {"qd",    "dq",    "qvel",     "qdot",   "vel",      "velocity", "velocities",
                                 "speed", "omega", "thetadot", "dtheta", "jointvel", "dot"};
+const WordSet kOrientationWords = {"quat", "quaternion", "orientation", "qw", "qx", "qy", "qz"};
+const WordSet kTurningWords = {"omega", "angvel", "angular", "gyro", "wx", "wy", "wz"};
 const WordSet kCommandWords = {"act",      "action",    "actions", "actuator",  "cmd",      "command",
                                "commands", "commanded", "ctrl",    "control",   "u",        "target",
                                "desired",  "des",       "ref",     "reference", "setpoint", "goal"};
@@ -29,8 +31,9 @@ bool IsNumber(const std::string& word) {
 }
 
 bool SaysNothingOfOwner(const std::string& word) {
-  for (const WordSet* set : {&kPositionWords, &kVelocityWords, &kCommandWords, &kEffortWords, &kMeasuredWords,
-                             &kAccelerationWords, &kKindWords, &kDegreeWords, &kUnitWords}) {
+  for (const WordSet* set :
+       {&kPositionWords, &kVelocityWords, &kOrientationWords, &kTurningWords, &kCommandWords, &kEffortWords,
+        &kMeasuredWords, &kAccelerationWords, &kKindWords, &kDegreeWords, &kUnitWords}) {
     if (set->contains(word)) return true;
   }
   return false;
@@ -57,11 +60,18 @@ ColumnMeaning MeaningOf(const std::vector<std::string>& words) {
   const auto any = [&](const WordSet& set) {
     return std::ranges::any_of(words, [&](const std::string& word) { return set.contains(word); });
   };
+  meaning.of_orientation = any(kOrientationWords);
+  meaning.of_turning = any(kTurningWords);
   for (const std::string& word : words) {
+    // "x", and of "qx" and "wx" the second letter.
+    const bool is_two = word.size() == 2 && (kOrientationWords.contains(word) || kTurningWords.contains(word));
+    const char axis = word.size() == 1 || is_two ? word.back() : ' ';
     if (IsNumber(word) && word.size() < 4) {
       meaning.index = std::stoi(word);
-    } else if (word.size() == 1 && word[0] >= 'x' && word[0] <= 'z') {
-      meaning.index = word[0] - 'x';
+    } else if (axis >= 'x' && axis <= 'z') {
+      meaning.index = axis - 'x' + (meaning.of_orientation ? 1 : 0);
+    } else if (axis == 'w' && meaning.of_orientation) {
+      meaning.index = 0;
     } else if (!SaysNothingOfOwner(word)) {
       ++meaning.n_foreign;
     }
@@ -73,11 +83,11 @@ ColumnMeaning MeaningOf(const std::vector<std::string>& words) {
     meaning.role = ColumnRole::kMeasured;
   } else if (any(kCommandWords) && !measured) {
     meaning.role = ColumnRole::kCommand;
-  } else if (any(kVelocityWords)) {
+  } else if (any(kVelocityWords) || (meaning.of_turning && !meaning.of_position)) {
     meaning.role = ColumnRole::kVelocity;
   } else if (effort) {
     meaning.role = ColumnRole::kEffort;
-  } else if (meaning.of_position) {
+  } else if (meaning.of_position || meaning.of_orientation) {
     meaning.role = ColumnRole::kPosition;
   }
   return meaning;

@@ -22,10 +22,12 @@ enum class ColumnRole {
 
 struct ColumnMeaning {
   ColumnRole role = ColumnRole::kUnknown;
-  bool of_position = false;  ///< of a command: it is called a position
-  bool in_degrees = false;   ///< by its name
-  int index = -1;            ///< the number among the words; x, y, z are 0, 1, 2; -1: none
-  int n_foreign = 0;         ///< words that say nothing known
+  bool of_position = false;     ///< of a command: it is called a position
+  bool in_degrees = false;      ///< by its name
+  int index = -1;               ///< the number among the words; x, y, z are 0, 1, 2; -1: none
+  bool of_orientation = false;  ///< of a quaternion: w, x, y, z are 0, 1, 2, 3
+  bool of_turning = false;      ///< an angular velocity by its name
+  int n_foreign = 0;            ///< words that say nothing known
 };
 
 /// @param words  of the name without the owner's

@@ -19,7 +19,8 @@ constexpr double kExact = 1e-3;     // one-step error of the logs' own simulator
 constexpr double kUseless = 0.5;    // share of the squared change that a model should not miss
 constexpr double kWindow_s = 0.1;
 constexpr size_t kWindows = 200;
-constexpr double kBeyondLimit = 0.1;  // of a joint's range
+constexpr double kBeyondLimit = 0.25;  // of a joint's range: limits give way
+constexpr double kAsDegrees = 3;       // times a joint's range that angles in degrees go through
 constexpr int kRows = 400;
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -39,7 +40,7 @@ void AddLimitFacts(const Dataset& dataset, const SimulatorSpec& spec, const Mode
     if (low >= joint.low - slack && high <= joint.high + slack) continue;
     std::string why = "another zero, sign or unit than the model's";
     if (low * kDegree >= joint.low - slack && high * kDegree <= joint.high + slack &&
-        high - low > joint.high - joint.low)
+        high - low > kAsDegrees * (joint.high - joint.low))
       why = fmt::format("it looks like degrees; multiply its column by {:.6g}", kDegree);
     facts.push_back(fmt::format("{} goes from {:.4g} to {:.4g}, and the model's joint from {:.4g} to {:.4g}: {}", *at,
                                 low, high, joint.low, joint.high, why));

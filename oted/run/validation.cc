@@ -26,9 +26,22 @@ namespace {
 
 using Eigen::VectorXd;
 
+/// As the logs say, and as the design found in its own.
+std::vector<char> LeftOut(const DesignRecord& design, const SimulatorSpec& spec, const Dataset& logs,
+                          const VectorXd& noise) {
+  std::vector<char> left_out = ReadingsLeftOut(spec, logs, noise);
+  if (!design.validation || design.validation->horizons.empty()) return left_out;
+  for (const auto& channel : design.validation->horizons.front().channels) {
+    const auto found = std::ranges::find(spec.observation_names, channel.name);
+    if (channel.judged || found == spec.observation_names.end()) continue;
+    left_out[static_cast<size_t>(found - spec.observation_names.begin())] = 1;
+  }
+  return left_out;
+}
+
 HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, const std::vector<double>& z,
-                          const VectorXd& noise, int n_threads) {
-  const ReadingModel readings = ReadingModel::Of(factory.spec(), logs, ReadingsLeftOut(factory.spec(), logs, noise));
+                          const VectorXd& noise, const std::vector<char>& left_out, int n_threads) {
+  const ReadingModel readings = ReadingModel::Of(factory.spec(), logs, left_out);
   const std::optional<HeldOutPrediction> prediction =
       PredictLogs({.factory = factory,
                    .kept_aside = logs,
@@ -88,7 +101,9 @@ std::vector<std::string> Doubts(const Dataset& logs, const SimulatorSpec& spec,
     doubts.push_back(fmt::format("the design learned from {}: what it predicts of others stands in design.json",
                                  fmt::format("'{}'", fmt::join(learned, "', '"))));
   }
-  std::ranges::move(DataWarnings(logs, spec, false), std::back_inserter(doubts));
+  SimulatorSpec unlimited = spec;
+  unlimited.max_episode_steps = 0;  // that of the design's own logs
+  std::ranges::move(DataWarnings(logs, unlimited, false), std::back_inserter(doubts));
   return doubts;
 }
 
@@ -121,7 +136,9 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   }
   CheckSameModel(design, *factory);
   const VectorXd noise = SensorNoiseOf(design.record, logs);
-  const HeldOutPrediction prediction = Predict(*factory, logs, design.record.BestMode(), noise, context.n_threads);
+  const std::vector<char> left_out = LeftOut(design.record, spec, logs, noise);
+  const HeldOutPrediction prediction =
+      Predict(*factory, logs, design.record.BestMode(), noise, left_out, context.n_threads);
   ValidationResult result{.validation = InRecord(prediction, spec),
                           .model = std::nullopt,
                           .predicts_better = PredictsBetter(prediction),
@@ -136,7 +153,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   TaskConfig other = config.task;
   other.model.model = request.model;
   const auto other_factory = MakeSimulatorFactory(other, {}, logs.EpisodeStarts());
-  result.model = InRecord(Predict(*other_factory, logs, {}, noise, context.n_threads), spec);
+  result.model = InRecord(Predict(*other_factory, logs, {}, noise, left_out, context.n_threads), spec);
   return result;
 }
 
