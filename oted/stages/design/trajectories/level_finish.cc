@@ -90,7 +90,7 @@ LevelFit::LastStep LevelFit::TakeLastStep() {
     if (std > kHardlyTold) along[i] = 0;
     length = std::max(length, std::abs(along[i]) / (kLongestLastStep * std));
   }
-  x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(-kFarthestX).cwiseMin(kFarthestX);
+  x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(LowestX(space_)).cwiseMin(kMaxX);
   return {.covariance = estimate.covariance, .arrived = length == 1};
 }
 

@@ -19,6 +19,7 @@ using Eigen::VectorXd;
 constexpr double kParameterStep = 1e-4;  // of forward differences, in x
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
 constexpr double kLongestStep = 1.0;     // of each coordinate of x
+constexpr double kFarthestX = 14.0;      // a millionth of the range
 constexpr int kAttempts = 5;
 constexpr int kFewestIterations = 3;                    // the starts need them where x does not
 constexpr double kSettled = 0.25;                       // of the uncertainty of x
@@ -26,6 +27,14 @@ constexpr int kRedraws = 1, kOtherStartIterations = 4;  // of other starts
 constexpr double kFewestExplained = 0.3;                // of the windows, to do without the others
 
 }  // namespace
+
+VectorXd LowestX(const ParameterSpace& space) {
+  VectorXd lowest = VectorXd::Constant(space.size(), -kMaxX);
+  for (int i = 0; i < space.size(); ++i) {
+    if (space[i].low == 0 && !space[i].logarithmic) lowest[i] = -kFarthestX;
+  }
+  return lowest;
+}
 
 Level Joined(const Level& level) {
   Level joined;
@@ -79,11 +88,14 @@ bool LevelFit::Step() {
     hessian.diagonal() *= 1 + damping_;
     VectorXd change = VectorXd::Zero(x_.size());
     if (!starts_alone) {
-      change = StepWithin(hessian, gradient, (-kFarthestX - x_.array()).cwiseMax(-kLongestStep),
-                          (kFarthestX - x_.array()).cwiseMin(kLongestStep));
+      change = StepWithin(hessian, gradient, (LowestX(space_).array() - x_.array()).cwiseMax(-kLongestStep),
+                          (kMaxX - x_.array()).cwiseMin(kLongestStep));
     }
     const VectorXd x = x_ + change;
-    const bool is_small = !starts_alone && (change.cwiseAbs().array() < kSettled * uncertainty.array()).all();
+    // What nears nothing may go on doing so: it moves no replay any more.
+    const auto is_nothing = x_.array().max(x.array()) < -kMaxX;
+    const bool is_small =
+        !starts_alone && (is_nothing || change.cwiseAbs().array() < kSettled * uncertainty.array()).all();
     if (attempt == 0) was_near = is_small;
     std::vector<VectorXd> starts = level_.starts;
     for (size_t w = 0; w < equations.size(); ++w) {

@@ -14,9 +14,9 @@
 
 namespace oted {
 
-/// |x| at most this: a millionth of the range from its end. Friction of which there is none is not to be held at a
-/// value that a sensor could tell from nothing: it would move the others.
-inline constexpr double kFarthestX = 14.0;
+/// How low each x may go: |x| is at most kMaxX, but what may be nothing, such as friction, may come as near to 0 as a
+/// millionth of its range. Held where a sensor can tell it from nothing it would move the others.
+Eigen::VectorXd LowestX(const ParameterSpace& space);
 
 /// Windows of one length with their start states, as far as they are known.
 struct Level {

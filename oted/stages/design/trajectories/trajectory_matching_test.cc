@@ -49,11 +49,27 @@ TEST(MatchTrajectories, IsExactOnCleanLogs) {
   EXPECT_NEAR(z[kDamping], 0.6, 1e-6);
 }
 
-TEST(MatchTrajectories, AValueAtItsBoundIsFoundAndMovesNoOther) {
-  const double low = PointMass::MakeParameters()[kDamping].low;
-  const std::vector<double> z = Z(Match(WithSensorNoise(PointMassLogs({1.5, low, 0.5}, 20), 1e-4, RngKey(3))));
-  EXPECT_NEAR(z[kDamping], low, 2e-4) << "a 400th of the range is 0.002";
-  EXPECT_NEAR(z[kGain], 1.5, 2e-4);
+/// A point mass whose idle parameter is friction: it takes from the velocity, and may be none.
+class Rubbing : public PointMass {
+ public:
+  using PointMass::PointMass;
+  void SetParameters(int lane, std::span<const double> z) override {
+    PointMass::SetParameters(lane, std::vector<double>{std::max(0.2, z[0] * (1 - z[2])), z[1], z[2]});
+  }
+};
+class RubbingFactory : public PointMassFactory {
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<Rubbing>(PointMassOptions{}, n_lanes, n_threads);
+  }
+};
+
+TEST(MatchTrajectories, WhatIsNothingIsFoundAndMovesNoOther) {
+  // Gain times (1 - friction) is at the top of the gain's range: only no friction explains it.
+  const Dataset logs = WithSensorNoise(PointMassLogs({1.999, 0.6, 0.5}, 20), 1e-4, RngKey(3));
+  const std::vector<double> z = Z(Match(logs, RubbingFactory(), 1));
+  EXPECT_LT(z[kIdle], 1e-3) << "a 400th of the range is 0.0025";
+  EXPECT_NEAR(z[kDamping], 0.6, 1e-3);
 }
 
 TEST(MatchTrajectories, FindsParametersAndNoiseWhereTheNoiseIsUnknown) {
