@@ -6,29 +6,15 @@
 
 #include "oted/base/error.h"
 #include "oted/matching/prior.h"
+#include "oted/stages/design/effects.h"
 #include "oted/stages/design/trajectories/short_windows.h"
 
 namespace oted {
 namespace {
 
-using Eigen::MatrixXd;
-
 constexpr double kTrialWindow_s = 0.1;
 constexpr int kFewestSteps = 8, kMostSteps = 64;  // of a window
 constexpr int kRows = 320;
-
-/// Of any two columns of J, given J^T J.
-Array2<double> CosinesOf(const MatrixXd& information) {
-  const auto n = static_cast<int>(information.rows());
-  Array2<double> cosines(n, n, 0.0);
-  for (int i = 0; i < n; ++i) {
-    for (int k = 0; k < n; ++k) {
-      const double length = std::sqrt(information(i, i) * information(k, k));
-      cosines(i, k) = i == k ? 1.0 : length > 0 ? information(i, k) / length : 0.0;
-    }
-  }
-  return cosines;
-}
 
 }  // namespace
 
@@ -55,9 +41,11 @@ std::optional<TrialFit> FitBriefly(const SimulatorFactory& factory, const Datase
   try {
     ShortWindows windows(problem, config, 0, steps, evidence);
     windows.Fit();
-    MatrixXd information = MatrixXd::Zero(prior.size(), prior.size());
+    Array2<double> information(prior.size(), prior.size(), 0.0);
     for (const StretchEvidence& stretch : windows.fit().EvidenceIn(windows.replayer(), {}, {}, 1)) {
-      information += stretch.information;
+      for (int i = 0; i < prior.size(); ++i) {
+        for (int k = 0; k < prior.size(); ++k) information(i, k) += stretch.information(i, k);
+      }
     }
     return TrialFit{ToZ(factory.parameters(), windows.fit().x()), CosinesOf(information)};
   } catch (const DataError&) {

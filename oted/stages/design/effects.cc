@@ -149,7 +149,10 @@ Array2<double> EffectCosines(const SimulatorFactory& factory, const Dataset& dat
       lanes.Replay({episode.begin, std::min(episode.begin + kTradeOffSteps, episode.end), false});
     }
   }
-  const Array2<double>& products = lanes.products();
+  return CosinesOf(lanes.products());
+}
+
+Array2<double> CosinesOf(const Array2<double>& products) {
   Array2<double> cosines(products.rows(), products.cols(), 0.0);
   for (int i = 0; i < cosines.rows(); ++i) {
     for (int k = 0; k < cosines.cols(); ++k) {

@@ -32,5 +32,7 @@ std::vector<ParameterEffect> MeasureEffects(const SimulatorFactory& factory, con
 Array2<double> EffectCosines(const SimulatorFactory& factory, const Dataset& dataset, int n_starts, RngKey key,
                              int n_threads);
 inline constexpr int kTradeOffSteps = 10;
+/// The cosines of any two of d vectors, from their inner products (d, d): 1 on the diagonal, 0 where one has no length.
+Array2<double> CosinesOf(const Array2<double>& products);
 
 }  // namespace oted
