@@ -164,14 +164,14 @@ class ProgramTest(unittest.TestCase):
 
 
 class HopperTest(ProgramTest):
-    """With ten short episodes of random actions in Hopper."""
+    """With five short episodes of random actions in Hopper."""
 
     @classmethod
     def setUpClass(cls):
         cls.shared = pathlib.Path(tempfile.mkdtemp(prefix="oted-hopper-"))
         cls.addClassCleanup(shutil.rmtree, cls.shared)
         cls.demos = cls.shared / "demos.hdf5"
-        log_hopper(cls.demos)
+        log_hopper(cls.demos, 5)
 
     def design(self, *more, task="Hopper-v5", data=None, parameters=(FRICTION, GRAVITY), settings=TINY, out=None):
         words = ["--task", task, "--data", data or self.demos, "--out", out or self.out, "--threads", "1"]

@@ -160,7 +160,7 @@ class TestResult(HopperTest):
 
     def test_the_whole_run(self):
         config = self.folder / "tiny.toml"
-        config.write_text(f'[task]\nname = "Hopper-v5"\n[data]\npath = "{self.demos}"\nepisodes = 8\n[parameters]\n'
+        config.write_text(f'[task]\nname = "Hopper-v5"\n[data]\npath = "{self.demos}"\nepisodes = 4\n[parameters]\n'
                           'friction = { field = "geom/*/friction[0]", range = [0.2, 2.0] }\n[truth]\nfriction = 0.6\n')
         result = oted("run", config, "--out", self.out, *sets(TINY))
         self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
@@ -176,7 +176,7 @@ class TestResult(HopperTest):
         self.assertEqual(leftovers, [])
         for word in ("random actions", "clone of the logs", "nominal simulator", "OTED-SAC"):
             self.assertIn(word, result.stdout)
-        self.assertEqual(json.loads((self.out / "dataset.json").read_text())["n_episodes"], 8)
+        self.assertEqual(json.loads((self.out / "dataset.json").read_text())["n_episodes"], 4)
         versions = json.loads((self.out / "versions.json").read_text())
         self.assertEqual(set(versions), {"oted", "mujoco", "cpu", "command", "started", "seal"})
 

@@ -52,7 +52,7 @@ class RunTest(ProgramTest):
         cls.shared = pathlib.Path(tempfile.mkdtemp(prefix="oted-faults-"))
         cls.addClassCleanup(shutil.rmtree, cls.shared)
         cls.demos = cls.shared / "demos.hdf5"
-        program.log_hopper(cls.demos)
+        program.log_hopper(cls.demos, 4)
         cls.finished = cls.shared / "finished"
         result = oted(*cls.words(cls.finished))
         assert result.returncode in (0, NO_SIMULATOR), result.stderr

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "oted/base/picked.h"
 #include "oted/stages/design/replay/replay_fit.h"
-#include "oted/stages/design/replay/start_fit.h"
 
 namespace oted {
 namespace {
@@ -126,50 +126,52 @@ int PredictionJudge::RowsBefore(const LogWindow& window) const {
   return std::min(std::max(kMostRowsBefore, replayer_.n_past_actions()), window.begin - window.episode_begin);
 }
 
-PredictionJudge::Replays PredictionJudge::FitAndReplay(const std::vector<double>& z, int n_leads,
-                                                       const std::vector<VectorXd>& starts) const {
-  Replays replays{starts.empty() ? LoggedStarts(replayer_, windows_) : starts, {}};
+std::vector<size_t> PredictionJudge::WindowsOf(int n_steps) const {
+  std::vector<size_t> of_this_length;
+  for (size_t w = 0; w < windows_.size(); ++w) {
+    if (windows_[w].n_steps == n_steps) of_this_length.push_back(w);
+  }
+  return of_this_length;
+}
+
+FittedStarts PredictionJudge::Fit(const std::vector<double>& z, std::vector<LogWindow> windows, int n_steps,
+                                  std::vector<VectorXd> starts) const {
+  for (LogWindow& window : windows) window.n_steps = n_steps;
+  const WindowLikelihood likelihood(replayer_.readings(), variance_, n_steps);
+  return FitStarts(replayer_, std::move(starts),
+                   {.windows = windows,
+                    .z = z,
+                    .likelihood = likelihood,
+                    .start_step = start_step_,
+                    .n_iterations = replayer_.readings().unread.empty() ? kLeadIterations : kUnreadLeadIterations});
+}
+
+FittedStarts PredictionJudge::Replay(const std::vector<double>& z, bool fits_leads) const {
+  FittedStarts replays{LoggedStarts(replayer_, windows_), {}};
   replays.residuals.resize(windows_.size());
   for (const int n_steps : horizons_) {  // windows of one length at a time
-    std::vector<LogWindow> whole, fitted;
-    std::vector<size_t> at;
-    std::vector<VectorXd> from;
-    const int n_fitted = std::min(n_leads * n_lead_, n_lead_ + n_steps);
-    for (size_t w = 0; w < windows_.size(); ++w) {
-      if (windows_[w].n_steps != n_lead_ + n_steps) continue;
-      at.push_back(w);
-      from.push_back(replays.starts[w]);
-      whole.push_back(windows_[w]);
-      fitted.push_back({windows_[w].begin, n_fitted, windows_[w].episode_begin});
-    }
-    FittedStarts to{std::move(from), {}};
-    if (n_fitted > 0) {
-      const WindowLikelihood likelihood(replayer_.readings(), variance_, n_fitted);
-      to = FitStarts(replayer_, std::move(to.starts),
-                     {.windows = fitted,
-                      .z = z,
-                      .likelihood = likelihood,
-                      .start_step = start_step_,
-                      .n_iterations = replayer_.readings().unread.empty() ? kLeadIterations : kUnreadLeadIterations});
-    }
-    std::vector<VectorXd> replayed = replayer_.Residuals(whole, to.starts, z);
+    const std::vector<size_t> at = WindowsOf(n_lead_ + n_steps);
+    const std::vector<LogWindow> windows = Picked(windows_, at);
+    std::vector<VectorXd> starts = Picked(replays.starts, at);
+    if (fits_leads) starts = Fit(z, windows, n_lead_, std::move(starts)).starts;
+    std::vector<VectorXd> residuals = replayer_.Residuals(windows, starts, z);
     for (size_t k = 0; k < at.size(); ++k) {
-      replays.starts[at[k]] = std::move(to.starts[k]);
-      replays.residuals[at[k]] = std::move(replayed[k]);
+      replays.starts[at[k]] = std::move(starts[k]);
+      replays.residuals[at[k]] = std::move(residuals[k]);
     }
   }
   return replays;
 }
 
 PredictionJudge::Squares PredictionJudge::Predict(const std::vector<double>& z) const {
-  return SquaresOf(FitAndReplay(z, 1, {}));
+  return SquaresOf(Replay(z, true));
 }
 
 PredictionJudge::Squares PredictionJudge::PredictFromReadings(const std::vector<double>& z) const {
-  return SquaresOf(FitAndReplay(z, 0, {}));
+  return SquaresOf(Replay(z, false));
 }
 
-PredictionJudge::Squares PredictionJudge::SquaresOf(Replays replays) const {
+PredictionJudge::Squares PredictionJudge::SquaresOf(FittedStarts replays) const {
   const std::vector<VectorXd>& residuals = replays.residuals;
   const Eigen::Index n_channels = variance_.size();
   const auto broken = [&](size_t n) {
@@ -199,12 +201,18 @@ PredictionJudge::Squares PredictionJudge::SquaresOf(Replays replays) const {
 }
 
 std::vector<VectorXd> PredictionJudge::Follow(const std::vector<double>& z, const std::vector<VectorXd>& starts) const {
-  Replays replays{starts, {}};
-  const int longest = n_lead_ + (horizons_.empty() ? 0 : horizons_.back());
-  for (int n_leads = kFollowed, n_before = 0; n_before * n_lead_ < longest; n_before = n_leads, n_leads *= 2) {
-    replays = FitAndReplay(z, n_leads, replays.starts);
+  std::vector<VectorXd> residuals(windows_.size());
+  for (const int n_steps : horizons_) {
+    const int whole = n_lead_ + n_steps;
+    const std::vector<size_t> at = WindowsOf(whole);
+    FittedStarts fitted{Picked(starts, at), {}};
+    for (int n_fitted = 0; n_fitted < whole;) {
+      n_fitted = std::min(whole, n_fitted == 0 ? kFollowed * n_lead_ : 2 * n_fitted);
+      fitted = Fit(z, Picked(windows_, at), n_fitted, std::move(fitted.starts));
+    }
+    for (size_t k = 0; k < at.size(); ++k) residuals[at[k]] = std::move(fitted.residuals[k]);
   }
-  return replays.residuals;
+  return residuals;
 }
 
 Dataset PredictionJudge::Imitate(const std::vector<VectorXd>& followed, const VectorXd& noise, Rng& rng) const {

@@ -7,6 +7,7 @@
 #include "oted/base/rng.h"
 #include "oted/data/dataset.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
+#include "oted/stages/design/replay/start_fit.h"
 #include "oted/stages/design/replay/windows.h"
 
 namespace oted {
@@ -73,13 +74,14 @@ class PredictionJudge {
   Dataset Imitate(const std::vector<Eigen::VectorXd>& followed, const Eigen::VectorXd& noise, Rng& rng) const;
 
  private:
-  struct Replays {
-    std::vector<Eigen::VectorXd> starts, residuals;  ///< residuals: of the lead and all predicted steps
-  };
-  /// @param n_leads  that the starts are fitted to; 0: they stay where they begin
-  /// @param starts   where their fit begins; empty: as logged
-  Replays FitAndReplay(const std::vector<double>& z, int n_leads, const std::vector<Eigen::VectorXd>& starts) const;
-  Squares SquaresOf(Replays replays) const;
+  /// Into windows_: those of so many steps.
+  std::vector<size_t> WindowsOf(int n_steps) const;
+  /// The starts of windows, fitted to their first steps.
+  FittedStarts Fit(const std::vector<double>& z, std::vector<LogWindow> windows, int n_steps,
+                   std::vector<Eigen::VectorXd> starts) const;
+  /// All windows to their ends, from where they were logged or where their leads say.
+  FittedStarts Replay(const std::vector<double>& z, bool fits_leads) const;
+  Squares SquaresOf(FittedStarts replays) const;
   /// How many rows before a window its imitation holds.
   int RowsBefore(const LogWindow& window) const;
 
