@@ -17,6 +17,10 @@ constexpr double kLongerThan = 2;  // times the longest such stretch that chance
 // Usual changes by which a reading jumps when it moves again, or which its velocity or position says it missed: of one
 // that now and then repeats itself, such as a coarse encoder's, and of one that never does.
 constexpr double kMissed = 5, kMissedByNoOther = 2;
+// Of a joint at rest that was hit: how far it goes at most in the first period, by the rate at its end, and the least
+// share of that rate in the period after. What a hung reading missed comes in one row.
+constexpr double kFirstWay = 2, kGoesOn = 1 / 3.0;
+constexpr double kRests = 0.1;      // of that rate: what a noisy or filtered one may show of a joint at rest
 constexpr double kMoves = 0.2;      // of the usual speed: the least mean speed that is no rest
 constexpr size_t kFlagValues = 10;  // a flag or a mode
 
@@ -98,7 +102,8 @@ class Frozen {
       const double value = own[s.series][s.begin];
       // On an extreme a reading is clipped.
       if (s.Length() < kShortest || s.Length() < kLongerThan * chance || value == low || value == high) continue;
-      if (Jumps(own[s.series], s, missed) || PartnerMoves(channel, s, missed, chance < 1)) frozen.push_back(s);
+      const bool is_contradicted = Jumps(own[s.series], s, missed) || PartnerMoves(channel, s, missed, chance < 1);
+      if (is_contradicted && !IsAtRest(channel, s)) frozen.push_back(s);
     }
     return frozen;
   }
@@ -119,6 +124,29 @@ class Frozen {
  private:
   static bool Jumps(const std::vector<double>& values, const Stretch& s, double missed) {
     return s.end + 1 < values.size() && std::abs(values[s.end + 1] - values[s.end]) > missed;
+  }
+
+  /// Whether position and rate agree that the joint stands, and that a hit moves it from there.
+  bool IsAtRest(int channel, const Stretch& s) const {
+    if (period_ <= 0) return false;
+    for (int v = 0; v < static_cast<int>(facts_.rate_of.size()); ++v) {
+      const int p = facts_.rate_of[static_cast<size_t>(v)];
+      if (p < 0 || (v != channel && p != channel)) continue;
+      const auto& position = series_[static_cast<size_t>(p)][s.series];
+      const auto& rate = series_[static_cast<size_t>(v)][s.series];
+      if (s.end + 2 >= position.size()) continue;
+      const auto from = static_cast<std::ptrdiff_t>(s.begin), to = static_cast<std::ptrdiff_t>(s.end) + 1;
+      const auto stays_within = [&](const std::vector<double>& values, double value, double tolerance) {
+        return std::all_of(values.begin() + from, values.begin() + to,
+                           [&](double x) { return std::abs(x - value) <= tolerance; });
+      };
+      const double moved = std::abs(position[s.end + 1] - position[s.end]);
+      const double first = std::abs(rate[s.end + 1]), next = std::abs(rate[s.end + 2]);
+      const bool was_hit = moved <= kFirstWay * period_ * first && next >= kGoesOn * first;
+      const bool stands = stays_within(rate, 0, kRests * first) && stays_within(position, position[s.begin], 0);
+      if (was_hit && stands) return true;
+    }
+    return false;
   }
 
   /// Whether the channel that it is the rate of, or that is its rate, contradicts it.

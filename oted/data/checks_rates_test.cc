@@ -179,6 +179,27 @@ TEST(Frozen, ARobotAtRestAndACoarseEncoderAreNotFrozen) {
   for (const Finding& f : Check(LogOf(still))) EXPECT_NE(f.check, "frozen_channels") << f.what;
 }
 
+TEST(Frozen, AJointAtRestThatIsHitIsNotFrozen) {
+  const double at = 0.7;
+  const auto hit = [&](double t) {
+    const double since = std::max(0.0, std::fmod(t, 7.0) - at);
+    const double rate = since > 0 ? 6 * std::exp(-5 * since) : 0, angle = 1.2 * (1 - std::exp(-5 * since));
+    return std::vector<double>{Hip(t), angle, HipRate(t), rate};
+  };
+  EXPECT_TRUE(Check(LogOf(hit)).empty());
+  // Positions alone, with rates that are differences of theirs: what a hung reading missed comes in one row.
+  Dataset d = LogOf([&](double t) {
+    return std::vector<double>{Hip(t), Knee(t), HipRate(t), (Knee(t) - Knee(t - kPeriod)) / kPeriod};
+  });
+  for (int i = 200; i < 209; ++i) d.next_observations(i, 1) = d.observations(i + 1, 1) = d.observations(200, 1);
+  for (int i = 200; i < 210; ++i) {
+    const double rate = (d.next_observations(i, 1) - d.observations(i, 1)) / kPeriod;
+    d.next_observations(i, 3) = d.observations(i + 1, 3) = rate;
+  }
+  const auto f = Only(Check(d), "frozen_channels");
+  EXPECT_EQ(f.channels.front(), "knee/qpos");
+}
+
 using Eigen::AngleAxisd, Eigen::Quaterniond, Eigen::Vector3d;
 
 /// A body that tumbles: yaw, then pitch, with angular velocity and path known in closed form.

@@ -16,6 +16,7 @@ constexpr double kDuplicateShare = 0.01;    // of rows: above it a warning
 constexpr double kStandingShare = 0.01;     // the same
 constexpr double kInconsistentShare = 0.2;  // of rows: more is no missed boundary but another origin of s'
 constexpr double kJump = 3;                 // times the 95 % quantile of a channel's change, in half of the channels
+constexpr double kFarthest = 2;  // of a period at a joint's fastest rate about a row: how far it goes in that row
 constexpr int kRowsForJumps = 100;
 
 std::string_view Bytes(std::span<const double> values) {
@@ -186,9 +187,36 @@ void CheckNextObservations(const Dataset& d, const Changes& changes, std::vector
        .remedy = "set timeouts to 1 in the last row of every episode that did not end in a terminal state"});
 }
 
+/// Whether a position moves by no more than its rate allows: a hit moves a joint that was at rest, and no reset did.
+class ToldByRate {
+ public:
+  ToldByRate(const Dataset& d, const TaskFacts& facts)
+      : d_(d),
+        period_(facts.control_period_s > 0 ? facts.control_period_s : d.period_s),
+        rate_of_position_(static_cast<size_t>(d.obs_dim()), -1) {
+    for (size_t v = 0; v < facts.rate_of.size(); ++v) {
+      if (facts.rate_of[v] >= 0) rate_of_position_[static_cast<size_t>(facts.rate_of[v])] = static_cast<int>(v);
+    }
+  }
+
+  bool operator()(int row, int channel) const {
+    const int v = rate_of_position_[static_cast<size_t>(channel)];
+    if (v < 0) return false;
+    const double fastest = std::max(std::abs(d_.observations(row, v)), std::abs(d_.next_observations(row, v)));
+    return std::abs(d_.next_observations(row, channel) - d_.observations(row, channel)) <=
+           kFarthest * period_ * fastest;
+  }
+
+ private:
+  const Dataset& d_;
+  double period_;
+  std::vector<int> rate_of_position_;
+};
+
 /// Rows that lead far away at once in most channels: what a missed boundary looks like when s' is the next row.
-void CheckJumps(const Dataset& d, const Changes& changes, std::vector<Finding>& findings) {
+void CheckJumps(const Dataset& d, const TaskFacts& facts, const Changes& changes, std::vector<Finding>& findings) {
   if (d.size() < kRowsForJumps) return;
+  const ToldByRate told_by_rate(d, facts);
   int n = 0, first = -1;
   bool any_timeout = false;
   for (int i = 0; i < d.size(); ++i) {
@@ -197,7 +225,8 @@ void CheckJumps(const Dataset& d, const Changes& changes, std::vector<Finding>& 
       const double q95 = changes.q95[static_cast<size_t>(j)];
       if (q95 <= 0) continue;
       ++n_moving;
-      n_large += std::abs(d.next_observations(i, j) - d.observations(i, j)) > kJump * q95;
+      const double change = std::abs(d.next_observations(i, j) - d.observations(i, j));
+      n_large += change > kJump * q95 && !told_by_rate(i, j);
     }
     any_timeout = any_timeout || d.timeouts[static_cast<size_t>(i)];
     if (2 * n_large > n_moving && n++ == 0) first = i;
@@ -278,7 +307,7 @@ void CheckRows(const Dataset& dataset, const TaskFacts& facts, std::vector<Findi
     const Changes changes = MeasureChanges(dataset);
     CheckStanding(dataset, episodes, findings);
     CheckNextObservations(dataset, changes, findings);
-    CheckJumps(dataset, changes, findings);
+    CheckJumps(dataset, facts, changes, findings);
   }
   CheckEpisodes(dataset, episodes, facts, findings);
 }
