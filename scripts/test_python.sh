@@ -48,7 +48,7 @@ EOF
 }
 
 rm -rf dist
-scripts/setup.sh build
+scripts/setup.sh
 scripts/build.sh release
 scripts/wheel.sh "${PYTHONS[@]}"
 for python in "${PYTHONS[@]}"; do

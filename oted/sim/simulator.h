@@ -42,9 +42,10 @@ struct SimulatorSpec {
   std::vector<double> action_low;
   std::vector<double> action_high;
   double control_period_s = 0;  ///< time between two actions [s]; 0 where time has no unit
-  int physics_steps = 1;        ///< of the simulator between two actions: what a control step costs
-  int max_episode_steps = 0;    ///< truncation by the clock; 0: none
-  bool can_set_state = false;   ///< SetStateFromObservation works
+  int physics_steps = 1;        ///< of the simulator between two actions
+  double step_weight = 1;      ///< what one of them costs beside those of small robots: what takes long uses fewer rows
+  int max_episode_steps = 0;   ///< truncation by the clock; 0: none
+  bool can_set_state = false;  ///< SetStateFromObservation works
   /// What a state is beside an observation: with these numbers SetState works where can_set_state is false. Empty where
   /// an observation is enough, and where too much is missing.
   std::vector<HiddenCoordinate> hidden;

@@ -276,6 +276,16 @@ class BreakingFactory : public PointMassFactory {
   bool above_, below_;
 };
 
+TEST(LearnDesign, ByTrajectoriesWhatTheLogsDoNotShowStaysByItsNominalValue) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 10), 0.02, RngKey(4));
+  const TestFolder folder;
+  const DesignResult result =
+      Learn(DesignConfig::For(DesignMethod::kTrajectories), folder / "d", 1, PointMassFactory(), logs);
+  EXPECT_GT(result.q.Mode()[kIdle], 0.8) << "nominal: 1, the upper bound";
+  EXPECT_GT(result.q.Std()[kIdle], 0.5 / std::sqrt(12.0)) << "and nothing was learned of it";
+  EXPECT_NEAR(result.q.Mode()[kGain], kTruth[kGain], 0.1);
+}
+
 TEST(LearnDesign, LeavesTheRegionWhereThePhysicsBreaks) {
   DesignConfig config = SmallConfig();
   config.adversarial.n_iterations = 30;

@@ -12,7 +12,8 @@ using Eigen::VectorXd;
 
 namespace {
 constexpr double kEdge = 3.0;
-}
+constexpr double kFarthestMean = 2.0;  // in x: the 90 % interval about it reaches over two thirds of the range
+}  // namespace
 
 std::vector<double> ToZ(const ParameterSpace& space, const VectorXd& x) {
   return LogitToZ(space, {x.data(), static_cast<size_t>(x.size())});
@@ -21,6 +22,11 @@ std::vector<double> ToZ(const ParameterSpace& space, const VectorXd& x) {
 VectorXd NominalStart(const ParameterSpace& space) {
   const std::vector<double> x = ZToLogit(space, space.Nominal());
   return Eigen::Map<const VectorXd>(x.data(), space.size()).cwiseMax(-kEdge).cwiseMin(kEdge);
+}
+
+Prior AboutNominal(const ParameterSpace& space) {
+  return Prior::Gaussian(NominalStart(space).cwiseMax(-kFarthestMean).cwiseMin(kFarthestMean),
+                         Prior::Uniform(space.size()).Covariance());
 }
 
 VectorXd ChannelScales(const Dataset& dataset) {

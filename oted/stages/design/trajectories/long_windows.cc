@@ -82,7 +82,9 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
 }
 
 int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings) {
-  const double per_row = (1.0 + factory.parameters().size() + readings.state_dim()) * factory.spec().physics_steps;
+  const SimulatorSpec& spec = factory.spec();
+  const double n_lanes = 1.0 + factory.parameters().size() + readings.state_dim();
+  const double per_row = n_lanes * spec.physics_steps * spec.step_weight;
   return std::min(wanted, std::max(kFewestLongRows, static_cast<int>(n_steps / per_row)));
 }
 

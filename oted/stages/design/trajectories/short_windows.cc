@@ -19,6 +19,7 @@ constexpr int kFirstLevelIterations = 7;
 constexpr double kLongestUnread = 0.6;  // [s]: of short windows where rates are unread
 constexpr int kFewestStretches = 16;    // of that length
 constexpr int kManyReplays = 50000;     // control steps of a linearization: what noisy logs may take
+constexpr int kFewestRows = 256;        // however much they cost
 constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is rounding
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 
@@ -61,7 +62,8 @@ void ShortWindows::Read(const std::vector<char>& computed) {
   for (const Episode& episode : logs.Episodes()) {
     while (longest_ * 2 <= std::min(bound, episode.size())) longest_ *= 2;
   }
-  const int n_rows = all_read ? config_.rows : std::max(config_.rows, kFewestStretches * longest_);
+  const int wanted = all_read ? config_.rows : std::max(config_.rows, kFewestStretches * longest_);
+  const int n_rows = std::max(std::min(wanted, kFewestRows), static_cast<int>(wanted / spec.step_weight));
   first_ = FirstLevel(*replayer_, logs, longest_, shortest_, n_rows, rng_);
   if (first_.windows.empty()) ThrowNothingStartable(logs, spec, shortest_);
 }
@@ -190,7 +192,8 @@ VectorXd ShortWindows::SensorNoise() const {
 }
 
 void ShortWindows::FitMoreRows() {
-  const int n_lanes = 1 + space_.size() + replayer_->state_dim(), n_rows = kManyReplays / n_lanes;
+  const int n_lanes = 1 + space_.size() + replayer_->state_dim();
+  const int n_rows = static_cast<int>(kManyReplays / n_lanes / problem_.factory.spec().step_weight);
   longest_ = evidence_.window;
   steps_.Expect(StepsOfLevels(shortest_));
   Level more = FirstLevel(*replayer_, problem_.dataset, longest_, shortest_, n_rows, rng_);
