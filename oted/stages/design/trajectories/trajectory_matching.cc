@@ -45,8 +45,10 @@ class TrajectoryMatch {
 
   ReplayFit Run() {
     const bool explains_all = short_.Fit();
+    // Before they are compared with long ones: on more rows a fit of brief windows may end far from where it was.
+    if (explains_all && short_.IsNoisy()) short_.FitMoreRows();
     if (!explains_all || AreBriefAndNoisy()) FitLongWindows(explains_all);
-    if (!IsLong() && short_.IsNoisy()) short_.FitMoreRows();
+    if (!explains_all && !IsLong() && short_.IsNoisy()) short_.FitMoreRows();
     CountRows();
     if (problem_.judged && !AllLearn() && !of_part_) of_part_ = FitToPart();
     const bool explained = explains_all && !IsLong();
