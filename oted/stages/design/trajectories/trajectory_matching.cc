@@ -25,7 +25,8 @@ using Eigen::VectorXd;
 constexpr int kPartIterations = 4;      // of the fit of short windows that goes on without what judges
 constexpr int kFewestPartWindows = 16;  // where fewer are left it is made anew
 constexpr int kValidationRows = 960;
-constexpr int kRowsPerJudged = 3;  // of the last fit: what judges a fit needs it less exactly than who uses it
+constexpr double kElsewhere = 0.5;  // in x: an eighth of the range
+constexpr int kRowsPerJudged = 3;   // of the last fit: what judges a fit needs it less exactly than who uses it
 constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + 2 * kLongIterations;
@@ -45,10 +46,15 @@ class TrajectoryMatch {
 
   ReplayFit Run() {
     const bool explains_all = short_.Fit();
-    // Before they are compared with long ones: on more rows a fit of brief windows may end far from where it was.
-    if (explains_all && short_.IsNoisy()) short_.FitMoreRows();
-    if (!explains_all || AreBriefAndNoisy()) FitLongWindows(explains_all);
-    if (!explains_all && !IsLong() && short_.IsNoisy()) short_.FitMoreRows();
+    const bool may_be_long = !explains_all || AreBriefAndNoisy();
+    if (may_be_long) FitLongWindows(explains_all);
+    if (!IsLong() && short_.IsNoisy()) {
+      const VectorXd compared = short_.fit().x();
+      short_.FitMoreRows();
+      // On more rows a fit of brief windows may end far from what was compared.
+      const bool is_elsewhere = (short_.fit().x() - compared).cwiseAbs().maxCoeff() > kElsewhere;
+      if (may_be_long && explains_all && is_elsewhere) FitLongWindows(explains_all);
+    }
     CountRows();
     if (problem_.judged && !AllLearn() && !of_part_) of_part_ = FitToPart();
     const bool explained = explains_all && !IsLong();
