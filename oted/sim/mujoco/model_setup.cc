@@ -12,6 +12,7 @@
 #include "oted/base/fields.h"
 #include "oted/sim/mujoco/model_probe.h"
 #include "oted/sim/mujoco/model_rules.h"
+#include "oted/sim/mujoco/mujoco_setup.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/object_path.h"
 #include "oted/sim/mujoco/observable_unit.h"
@@ -22,13 +23,6 @@ namespace oted {
 namespace {
 
 constexpr int kMostSteps = 100'000;  // of the physics in a control period
-
-/// SimulatorSpec::step_weight: a step takes about the square of its degrees of freedom, and RK4 evaluates four. A
-/// walker of nine by RK4, and what takes less, weighs 1.
-double StepWeight(const mjModel& model) {
-  const double evaluations = model.opt.integrator == mjINT_RK4 ? 4 : 1;
-  return std::max(1.0, evaluations * model.nv * model.nv / (4.0 * 9 * 9));
-}
 
 bool IsActionRange(double low, double high) { return std::isfinite(low) && std::isfinite(high) && low < high; }
 

@@ -55,6 +55,7 @@ SimulatorSpec MakeSpec(const MujocoTask& task, const mjModel& model) {
   }
   spec.control_period_s = model.opt.timestep * task.frame_skip;
   spec.physics_steps = task.frame_skip;
+  spec.step_weight = StepWeight(model);
   spec.max_episode_steps = task.max_episode_steps;
   spec.can_set_state = true;
   // These models have one velocity per position, and do not show the first position.
@@ -93,6 +94,11 @@ std::vector<double> FixedState(const mjModel& model, int key) {
   std::vector<double> state(static_cast<size_t>(mj_stateSize(&model, mjSTATE_INTEGRATION)));
   mj_getState(&model, data.get(), state.data(), mjSTATE_INTEGRATION);
   return state;
+}
+
+double StepWeight(const mjModel& model) {
+  const double walker = 4.0 * 9 * 9, evaluations = model.opt.integrator == mjINT_RK4 ? 4 : 1;
+  return std::max(1.0, evaluations * model.nv * model.nv / walker);
 }
 
 void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup) {

@@ -36,4 +36,7 @@ void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup);
 /// The state after mj_resetData, or of keyframe `key` from 0 on.
 std::vector<double> FixedState(const mjModel& model, int key = -1);
 
+/// SimulatorSpec::step_weight, by what a step does: a walker of nine degrees of freedom by RK4, and less, weighs 1.
+double StepWeight(const mjModel& model);
+
 }  // namespace oted
