@@ -78,6 +78,8 @@ class Frozen {
  public:
   Frozen(const Dataset& dataset, const TaskFacts& facts) : dataset_(dataset), facts_(facts) {
     for (int j = 0; j < dataset.obs_dim(); ++j) series_.push_back(SeriesOf(dataset, j));
+    // Logs of another task may have fewer channels.
+    n_rates_ = std::min(dataset.obs_dim(), static_cast<int>(facts.rate_of.size()));
     period_ = facts.control_period_s > 0 ? facts.control_period_s : dataset.period_s;
   }
 
@@ -129,7 +131,7 @@ class Frozen {
   /// Whether position and rate agree that the joint stands, and that a hit moves it from there.
   bool IsAtRest(int channel, const Stretch& s) const {
     if (period_ <= 0) return false;
-    for (int v = 0; v < static_cast<int>(facts_.rate_of.size()); ++v) {
+    for (int v = 0; v < n_rates_; ++v) {
       const int p = facts_.rate_of[static_cast<size_t>(v)];
       if (p < 0 || (v != channel && p != channel)) continue;
       const auto& position = series_[static_cast<size_t>(p)][s.series];
@@ -153,7 +155,7 @@ class Frozen {
   /// @param alone  the channel never repeats itself elsewhere: the way to and fro counts, and not how far it went
   bool PartnerMoves(int channel, const Stretch& s, double missed, bool alone) const {
     if (period_ <= 0) return false;
-    for (int v = 0; v < static_cast<int>(facts_.rate_of.size()); ++v) {
+    for (int v = 0; v < n_rates_; ++v) {
       const int p = facts_.rate_of[static_cast<size_t>(v)];
       if (p < 0 || (v != channel && p != channel)) continue;
       const auto& partner = series_[static_cast<size_t>(v == channel ? p : v)][s.series];
@@ -186,6 +188,7 @@ class Frozen {
   const TaskFacts& facts_;
   std::vector<Series> series_;
   double period_ = 0;
+  int n_rates_ = 0;
 };
 
 }  // namespace

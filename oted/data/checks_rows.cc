@@ -194,8 +194,9 @@ class ToldByRate {
       : d_(d),
         period_(facts.control_period_s > 0 ? facts.control_period_s : d.period_s),
         rate_of_position_(static_cast<size_t>(d.obs_dim()), -1) {
-    for (size_t v = 0; v < facts.rate_of.size(); ++v) {
-      if (facts.rate_of[v] >= 0) rate_of_position_[static_cast<size_t>(facts.rate_of[v])] = static_cast<int>(v);
+    for (int v = 0; v < std::min(d.obs_dim(), static_cast<int>(facts.rate_of.size())); ++v) {
+      const int position = facts.rate_of[static_cast<size_t>(v)];
+      if (position >= 0) rate_of_position_[static_cast<size_t>(position)] = v;
     }
   }
 
