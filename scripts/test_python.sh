@@ -76,7 +76,6 @@ done
 # What needs torch uses that of .venv, so its interpreter.
 wheel=$(wheel_for .venv/bin/python)
 [ -f "$wheel" ] || { echo "== notebooks, training, recordings: not run, as no wheel is for $(.venv/bin/python --version)"; exit 0; }
-[ -d .venv/lib/python3.*/site-packages/torch ] || { echo "== notebooks, training, recordings: not run without torch in .venv (scripts/setup.sh)"; exit 0; }
 
 # with_torch ENVIRONMENT: a fresh one that sees .venv's packages behind its own.
 with_torch() {
