@@ -99,7 +99,11 @@ json ToJson(const FitEvidence& evidence) {
                  {"logged_rows", evidence.logged_rows},
                  {"errors_grow", evidence.errors_grow}};
   if (const auto& unseen = evidence.unseen) {
-    record["unseen"] = {{"z", unseen->z}, {"computed", unseen->computed}, {"mean", unseen->mean}, {"std", unseen->std}};
+    record["unseen"] = {{"z", unseen->z},
+                        {"computed", unseen->computed},
+                        {"mean", unseen->mean},
+                        {"std", unseen->std},
+                        {"covariance", unseen->covariance}};
   }
   if (evidence.left_out) record["left_out"] = ToJson(*evidence.left_out);
   return record;
@@ -118,7 +122,11 @@ FitEvidence FitEvidenceFromJson(const json& record) {
                        .errors_grow = record.value("errors_grow", false)};
   if (record.contains("unseen")) {
     const json& unseen = record.at("unseen");
-    evidence.unseen = {unseen.at("z"), unseen.at("computed"), unseen.at("mean"), unseen.at("std")};
+    evidence.unseen = {.z = unseen.at("z"),
+                       .computed = unseen.at("computed"),
+                       .mean = unseen.at("mean"),
+                       .std = unseen.at("std"),
+                       .covariance = unseen.at("covariance")};
   }
   if (record.contains("left_out")) evidence.left_out = LeftOutFromJson(record.at("left_out"));
   return evidence;

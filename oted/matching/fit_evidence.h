@@ -44,6 +44,8 @@ struct UnseenFit {
   /// As ReadingModel's: readings that were left out, and what is expected of coordinates that no reading shows.
   std::vector<char> computed;
   std::vector<double> mean, std;
+  /// (d * d), row by row, over the search coordinates at z: how far the noise alone may have put z off. Empty with z.
+  std::vector<double> covariance;
 };
 
 /// A part of the logs, predicted open loop over half a second by a fit that left it out.

@@ -10,8 +10,30 @@
 #include "oted/stages/design/replay/prediction_evidence.h"
 
 namespace oted {
+namespace {
 
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+constexpr int kAsLikely = 6;
+constexpr double kLongest = 0.3;  // in x: farther off effects bend, and the covariance says little
+
+/// Draws of z about what was fitted to the logs that were not kept aside. None where all were.
+std::vector<std::vector<double>> AsLikely(const ParameterSpace& space, const UnseenFit& unseen, RngKey key) {
+  if (unseen.z.empty()) return {};
+  const std::vector<double> x = ZToLogit(space, unseen.z);
+  const Eigen::Index n = space.size();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(Eigen::Map<const MatrixXd>(unseen.covariance.data(), n, n));
+  const VectorXd variances = axes.eigenvalues().cwiseMin(kLongest * kLongest);
+  const Designer about(space, Eigen::Map<const VectorXd>(x.data(), n),
+                       axes.eigenvectors() * variances.asDiagonal() * axes.eigenvectors().transpose());
+  Rng rng = key.Stage("as_likely").MakeRng();
+  std::vector<std::vector<double>> draws;
+  for (const Designer::Sample& sample : about.DrawBatch(kAsLikely, rng)) draws.push_back(sample.z);
+  return draws;
+}
+
+}  // namespace
 
 DesignResult LearnDesign(const DesignProblem& problem, const DesignConfig& config) {
   config.Check();
@@ -65,6 +87,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                       .narrow = narrow,
                       .key = key,
                       .n_threads = n_threads,
+                      .as_likely = AsLikely(problem.factory.parameters(), unseen, key),
                       .n_whole = all_learned ? 0 : parts.n_whole});
 }
 

@@ -20,7 +20,7 @@ using Eigen::VectorXd;
 
 constexpr std::array<double, 3> kHorizons = {0.1, 0.5, 1.0};  // [s]
 constexpr double kStepWithoutUnit = 0.05;                     // [s]
-constexpr int kImitations = 2;
+constexpr size_t kFewestImitations = 2;
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2;
@@ -80,7 +80,7 @@ class Evidence {
       return;
     }
     imitated_ = Imitate(
-        problem_.z, [&](size_t p) -> const auto& { return designed_[p]; });
+        problem_.z, [&](size_t p) -> const auto& { return designed_[p]; }, problem_.as_likely);
     starts_are_found_ = true;
   }
 
@@ -88,8 +88,7 @@ class Evidence {
   /// the state there is nothing to find.
   void FindFloorOfOther() {
     if (!starts_are_found_) return;
-    imitated_by_other_ = Imitate(
-        other_, [&](size_t p) -> const auto& { return Other(p); });
+    imitated_by_other_ = Imitate(other_, [&](size_t p) -> const auto& { return Other(p); }, {});
   }
 
   /// How errors compare over this many control steps. @param is_first  shorter episodes are then predicted to their end
@@ -144,18 +143,20 @@ class Evidence {
 
   /// What the simulator at z makes of the logs, with noise by which its own leads leave as much as the logs' do.
   /// @param of_part  its prediction of a part
+  /// @param as_likely  as PredictionProblem::as_likely, of this simulator
   template <class Predicted>
-  Imitations Imitate(const std::vector<double>& z, const Predicted& of_part) {
+  Imitations Imitate(const std::vector<double>& z, const Predicted& of_part,
+                     const std::vector<std::vector<double>>& as_likely) {
     std::vector<std::vector<VectorXd>> followed;
     MatrixXd logged(problem_.noise.size(), 0);
     for (size_t p = 0; p < parts_.size(); ++p) {
       followed.push_back(parts_[p]->judge().Follow(z, of_part(p).starts));
       logged = Beside(logged, of_part(p).lead);
     }
-    const auto imitate = [&](const VectorXd& noise, Rng& rng) {
+    const auto imitate = [&](const std::vector<double>& by, const VectorXd& noise, Rng& rng) {
       std::vector<PredictionJudge::Squares> of_parts;
       for (size_t p = 0; p < parts_.size(); ++p) {
-        of_parts.push_back(parts_[p]->PredictItself(z, followed[p], noise, rng));
+        of_parts.push_back(parts_[p]->PredictItself(by, followed[p], noise, rng));
       }
       return of_parts;
     };
@@ -163,14 +164,15 @@ class Evidence {
     for (int round = 0; round < kNoiseCorrections; ++round) {
       Rng rng = problem_.key.Stage("noise").Index(static_cast<uint64_t>(round)).MakeRng();
       MatrixXd made(noise.size(), 0);
-      for (const PredictionJudge::Squares& squares : imitate(noise, rng)) made = Beside(made, squares.lead);
+      for (const PredictionJudge::Squares& squares : imitate(z, noise, rng)) made = Beside(made, squares.lead);
       const VectorXd corrected = Corrected(noise, logged, made);
       if (corrected == noise) break;
       noise = corrected;
     }
     Rng rng = problem_.key.Stage("imitations").MakeRng();
     Imitations imitations;
-    for (int k = 0; k < kImitations; ++k) imitations.push_back(imitate(noise, rng));
+    for (const std::vector<double>& off : as_likely) imitations.push_back(imitate(off, noise, rng));
+    while (imitations.size() < kFewestImitations) imitations.push_back(imitate(z, noise, rng));
     return imitations;
   }
 
@@ -236,7 +238,10 @@ class Evidence {
       return floor;
     };
     const MatrixXd floor = floor_of(imitated_);
-    const PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
+    PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
+    std::vector<MatrixXd> draws;
+    for (const auto& squares : imitated_) draws.push_back(all_of(squares));
+    excess.Widen(ScatterOfDraws(draws, judge.channels()));
     // The design may be so wrong that it does not predict even its own logs. Where the other one predicts these logs no
     // worse, and logs of its own surely better, sensors leave no more than that.
     std::optional<PredictionRatios> lower, excess_over_lower;
@@ -333,8 +338,18 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
                                          bool with_floor) {
   const ParameterSpace& space = asked.factory.parameters();
   const std::vector<double> quiet = WithoutNoise(space, asked.z);
-  const PredictionProblem problem{asked.factory,  asked.kept_aside, asked.learned, quiet,           asked.noise,
-                                  asked.readings, asked.narrow,     asked.key,     asked.n_threads, asked.n_whole};
+  PredictionProblem problem{.factory = asked.factory,
+                            .kept_aside = asked.kept_aside,
+                            .learned = asked.learned,
+                            .z = quiet,
+                            .noise = asked.noise,
+                            .readings = asked.readings,
+                            .narrow = asked.narrow,
+                            .key = asked.key,
+                            .n_threads = asked.n_threads,
+                            .as_likely = asked.as_likely,
+                            .n_whole = asked.n_whole};
+  for (std::vector<double>& z : problem.as_likely) z = WithoutNoise(space, z);
   const double period = problem.factory.spec().control_period_s, step = period > 0 ? period : kStepWithoutUnit;
   std::vector<int> horizons;
   for (const double seconds : kHorizons) {

@@ -25,6 +25,8 @@ struct PredictionProblem {
   std::vector<int> narrow;          ///< parameters whose intervals have to be borne out (HeldOutPrediction::OpenEnd)
   RngKey key;
   int n_threads = 1;
+  /// Other z that are as likely as `z`: the noise alone may have put it there. None, and z is taken for certain.
+  std::vector<std::vector<double>> as_likely = {};
   int n_whole = 0;  ///< of the episodes kept aside, the first ones: recordings of which nothing was learned
 };
 
@@ -44,7 +46,11 @@ struct PredictionProblem {
 /// Readings that show the whole state without noise have the floor 0. Where starts have to be found (positions alone),
 /// finding them in the design's own logs is part of the floor, however exact the sensors are.
 ///
-/// Standard errors: delete-one jackknife over ten blocks of neighbouring windows.
+/// Noisy logs leave the parameters uncertain as well. Logs that the designed simulator made are predicted by one that
+/// is off by as much: at one of `as_likely`.
+///
+/// Standard errors: delete-one jackknife over ten blocks of neighbouring windows; that of the excess is at least how
+/// far predictions of the logs that were made scatter among each other.
 std::optional<HeldOutPrediction> PredictLogs(const PredictionProblem& problem);
 
 /// How the simulator predicts at problem.z beside the same one at `other`, which takes the nominal one's place. No

@@ -10,6 +10,7 @@
 #include "oted/matching/verdict.h"
 #include "oted/sim/testing.h"
 #include "oted/stages/design/replay/noise_estimate.h"
+#include "oted/stages/design/replay/prediction_ratios.h"
 #include "oted/stages/design/testing.h"
 
 namespace oted::prediction_evidence_test {
@@ -20,7 +21,8 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
 /// Of these logs, judged at z, whose guess of the noise is `guess`. Every interval has to be borne out.
 HeldOutPrediction Evidence(const Dataset& logs, const std::vector<double>& z, double guess, uint64_t seed,
-                           const SimulatorFactory& factory = PointMassFactory()) {
+                           const SimulatorFactory& factory = PointMassFactory(),
+                           const std::vector<std::vector<double>>& as_likely = {}) {
   const VectorXd guessed = VectorXd::Constant(2, guess);
   const ReadingModel readings = ReadingModel::Of(factory.spec(), logs);
   const auto prediction = PredictLogs({.factory = factory,
@@ -31,7 +33,8 @@ HeldOutPrediction Evidence(const Dataset& logs, const std::vector<double>& z, do
                                        .readings = readings,
                                        .narrow = {0, 1, 2},
                                        .key = RngKey(seed + 100),
-                                       .n_threads = 1});
+                                       .n_threads = 1,
+                                       .as_likely = as_likely});
   OTED_CHECK(prediction.has_value());
   return *prediction;
 }
@@ -77,6 +80,41 @@ TEST(PredictLogs, AParameterThatIsOffByATenthIsMoreThanTheSensorsExplain) {
     EXPECT_FALSE(ReachesFloor(prediction)) << seed;
     EXPECT_TRUE(PredictsBetter(prediction)) << "than the nominal simulator, which is off by a third";
   }
+}
+
+TEST(PredictLogs, WhatIsUnknownOfTheParametersIsPartOfTheFloor) {
+  const std::vector<double> off = {1.35, 0.6, 0.5};
+  const std::vector<std::vector<double>> as_likely = {{1.2, 0.6, 0.5}, {1.25, 0.6, 0.5}, {1.3, 0.6, 0.5},
+                                                      {1.4, 0.6, 0.5}, {1.45, 0.6, 0.5}, {1.5, 0.6, 0.5}};
+  const PointMassFactory factory;
+  for (uint64_t seed = 1; seed <= 4; ++seed) {
+    const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 25), 0.02, RngKey(seed));
+    EXPECT_TRUE(ReachesFloor(Evidence(logs, off, 0.02, seed, factory, as_likely))) << seed;
+    const HeldOutPrediction certain = Evidence(logs, off, 0.02, seed);
+    EXPECT_FALSE(ReachesFloor(certain)) << seed;
+    EXPECT_EQ(Evidence(logs, off, 0.02, seed, factory, {off, off}).horizons[0].excess.value,
+              certain.horizons[0].excess.value);
+    // A gain that is off by two thirds no such doubt explains.
+    EXPECT_FALSE(ReachesFloor(Evidence(logs, {0.5, 0.6, 0.5}, 0.02, seed, factory,
+                                       {{0.4, 0.6, 0.5}, {0.45, 0.6, 0.5}, {0.55, 0.6, 0.5}, {0.6, 0.6, 0.5}})))
+        << seed;
+  }
+}
+
+TEST(PredictionRatios, DrawsThatDifferByAFactorScatterByItsLogarithm) {
+  const JudgedChannels channels{.spread = VectorXd::Constant(2, 1e6), .weight = VectorXd::Constant(2, 0.5)};
+  std::vector<Eigen::MatrixXd> draws;
+  for (const double log_ratio : {-1.0, 0.0, 1.0}) {
+    draws.push_back(Eigen::MatrixXd::Constant(2, 20, 1e9 * std::exp(log_ratio)));
+    draws.back().row(1).setConstant(1e9);
+  }
+  // Standard deviations 1 and 0, of one more draw about the mean of three.
+  const VectorXd scatter = ScatterOfDraws(draws, channels);
+  EXPECT_NEAR(scatter[0], std::sqrt(4.0 / 3), 2e-3);
+  EXPECT_NEAR(scatter[1], 0, 1e-12);
+  EXPECT_NEAR(scatter[2], 0.5 * scatter[0], 1e-12) << "both channels together";
+  draws.pop_back();
+  EXPECT_EQ(ScatterOfDraws(draws, channels), VectorXd::Zero(3)) << "two draws do not tell";
 }
 
 /// Of the truth, under slow actions.

@@ -40,6 +40,14 @@ MatrixXd Counted(const MatrixXd& squares, const VectorXd& spread) {
   return counted;
 }
 
+/// (channels, n): logarithms of squares, the mean over several draws of each window.
+MatrixXd MeanLogs(const MatrixXd& squares, Eigen::Index n, const VectorXd& spread) {
+  const MatrixXd counted = Counted(squares, spread);
+  MatrixXd logs = MatrixXd::Zero(squares.rows(), n);
+  for (Eigen::Index i = 0; i < squares.cols(); ++i) logs.col(i % n) += counted.col(i).array().log().matrix();
+  return logs * (static_cast<double>(n) / static_cast<double>(squares.cols()));
+}
+
 /// Behind the channels' numbers, their weighted mean.
 MatrixXd WithMean(const MatrixXd& of_channels, const VectorXd& weight) {
   MatrixXd all(of_channels.rows() + 1, of_channels.cols());
@@ -69,13 +77,20 @@ PredictionRatios MeansOf(const MatrixXd& of_windows, const VectorXd& weight) {
 }
 
 PredictionRatios TypicalRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Index n, const JudgedChannels& channels) {
-  const auto mean_logs = [&](const MatrixXd& squares) -> MatrixXd {
-    const MatrixXd counted = Counted(squares, channels.spread);
-    MatrixXd logs = MatrixXd::Zero(squares.rows(), n);
-    for (Eigen::Index i = 0; i < squares.cols(); ++i) logs.col(i % n) += counted.col(i).array().log().matrix();
-    return logs * (static_cast<double>(n) / static_cast<double>(squares.cols()));
-  };
-  return MeansOf(mean_logs(a) - mean_logs(b), channels.weight);
+  return MeansOf(MeanLogs(a, n, channels.spread) - MeanLogs(b, n, channels.spread), channels.weight);
+}
+
+VectorXd ScatterOfDraws(const std::vector<MatrixXd>& draws, const JudgedChannels& channels) {
+  const auto n = static_cast<Eigen::Index>(draws.size());
+  if (n < 3) return VectorXd::Zero(channels.weight.size() + 1);
+  MatrixXd values(channels.weight.size() + 1, n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const MatrixXd& draw = draws[static_cast<size_t>(k)];
+    values.col(k) = WithMean(MeanLogs(draw, draw.cols(), channels.spread), channels.weight).rowwise().mean();
+  }
+  const double draws_more = static_cast<double>(n + 1) / static_cast<double>(n), freedom = static_cast<double>(n - 1);
+  const VectorXd square = (values.colwise() - values.rowwise().mean()).cwiseAbs2().rowwise().sum() / freedom;
+  return (draws_more * square).cwiseSqrt();
 }
 
 PredictionRatios RatiosOfSums(const MatrixXd& a, const MatrixXd& b, const JudgedChannels& channels) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <functional>
+#include <vector>
 
 #include "oted/matching/held_out_prediction.h"
 
@@ -24,6 +25,9 @@ class PredictionRatios {
   PredictionRatios(Eigen::VectorXd value, Eigen::Index n_blocks,
                    const std::function<Eigen::VectorXd(Eigen::Index)>& without);
 
+  /// (channels + 1): errors that are at least these.
+  void Widen(const Eigen::VectorXd& errors) { error_ = error_.cwiseMax(errors); }
+  const Eigen::VectorXd& values() const { return value_; }
   Estimated OfChannel(Eigen::Index c) const { return {value_[c], error_[c]}; }
   Estimated OfAll() const { return OfChannel(value_.size() - 1); }
 
@@ -39,6 +43,11 @@ PredictionRatios MeansOf(const Eigen::MatrixXd& of_windows, const Eigen::VectorX
 /// @param a, b  (channels, windows): mean squared errors, NaN where the physics broke down
 PredictionRatios TypicalRatios(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::Index n,
                                const JudgedChannels& channels);
+
+/// (channels + 1): how far one more draw of all windows may lie from the mean of these, as a standard error of
+/// TypicalRatios; 0 of fewer than three draws, which do not tell.
+/// @param draws  (channels, windows) each
+Eigen::VectorXd ScatterOfDraws(const std::vector<Eigen::MatrixXd>& draws, const JudgedChannels& channels);
 
 /// The same by sums over the windows: what users feel is the error of the windows that are far off.
 PredictionRatios RatiosOfSums(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const JudgedChannels& channels);

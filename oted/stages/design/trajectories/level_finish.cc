@@ -77,6 +77,10 @@ MatrixXd LevelFit::CovarianceOfParts() {
   return estimate.covariance + estimate.step * estimate.step.transpose();  // about x, not about the estimate
 }
 
+MatrixXd LevelFit::CovarianceOfNoise() const {
+  return EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_).inverse_information;
+}
+
 LevelFit::LastStep LevelFit::TakeLastStep() {
   Linearize(Secants());
   const StretchEstimate estimate = EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_);

@@ -107,8 +107,14 @@ class WeightedStretches {
   }
 
   size_t size() const { return stretches_.size(); }
-  const VectorXd& step() const { return step_; }
 
+  /// @param scatter  as Jackknife's
+  StretchEstimate Estimate(const MatrixXd& scatter) const {
+    const MatrixXd none = MatrixXd::Zero(step_.size(), step_.size());
+    return {.step = step_, .covariance = Covariance(scatter), .inverse_information = Covariance(none)};
+  }
+
+ private:
   /// H^-1, wider in every direction in which `scatter` is.
   MatrixXd Covariance(const MatrixXd& scatter) const {
     const SelfAdjointEigenSolver<MatrixXd> wider(scatter);
@@ -119,7 +125,6 @@ class WeightedStretches {
     return 0.5 * (covariance + covariance.transpose());
   }
 
- private:
   std::vector<StretchEvidence> stretches_;  // weighted
   MatrixXd hessian_;
   LLT<MatrixXd> factor_;
@@ -131,7 +136,7 @@ class WeightedStretches {
 StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const VectorXd& x,
                                       const Prior& prior) {
   const WeightedStretches weighted(stretches, x, prior);
-  return {weighted.step(), weighted.Covariance(weighted.Jackknife())};
+  return weighted.Estimate(weighted.Jackknife());
 }
 
 StretchEstimate EstimateFromParts(const std::vector<StretchEvidence>& stretches, const VectorXd& x,
@@ -139,7 +144,7 @@ StretchEstimate EstimateFromParts(const std::vector<StretchEvidence>& stretches,
   WeightedStretches weighted(stretches, x, prior);
   weighted.JoinTo(kParts);
   // A jackknife over n parts scatters as their mean does; one of them scatters n times as much.
-  return {weighted.step(), weighted.Covariance(static_cast<double>(weighted.size()) * weighted.Jackknife())};
+  return weighted.Estimate(static_cast<double>(weighted.size()) * weighted.Jackknife());
 }
 
 }  // namespace oted

@@ -18,6 +18,7 @@ struct StretchEvidence {
 struct StretchEstimate {
   Eigen::VectorXd step;  ///< from the present x to the estimate
   Eigen::MatrixXd covariance;
+  Eigen::MatrixXd inverse_information;  ///< H^-1: the covariance, were noise the only thing that the simulator lacks
 };
 
 /// One undamped Newton step over all stretches and the prior, and its covariance. Two things are not

@@ -31,6 +31,11 @@ constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + 2 * kLongIterations;
 
+int RowsOf(const std::vector<LogWindow>& windows) {
+  return std::accumulate(windows.begin(), windows.end(), 0,
+                         [](int sum, const LogWindow& window) { return sum + window.n_steps; });
+}
+
 /// One run of the method, step by step.
 class TrajectoryMatch {
  public:
@@ -82,7 +87,7 @@ class TrajectoryMatch {
 
   void CountRows() {
     evidence_.logged_rows = problem_.dataset.size();
-    for (const LogWindow& window : fit().level().windows) evidence_.rows += window.n_steps;
+    evidence_.rows = RowsOf(fit().level().windows);
   }
 
   /// Windows of tenths of a second, where they predict better.
@@ -121,10 +126,18 @@ class TrajectoryMatch {
 
   /// What has not seen the logs that were kept aside.
   UnseenFit FitUnseen() {
-    return {.z = AllLearn() ? std::vector<double>{} : ToZ(space_, *of_part_),
-            .computed = readings().computed,
-            .mean = {readings().mean.begin(), readings().mean.end()},
-            .std = {readings().std.begin(), readings().std.end()}};
+    UnseenFit unseen{.z = {},
+                     .computed = readings().computed,
+                     .mean = {readings().mean.begin(), readings().mean.end()},
+                     .std = {readings().std.begin(), readings().std.end()},
+                     .covariance = {}};
+    if (AllLearn()) return unseen;
+    unseen.z = ToZ(space_, *of_part_);
+    // The part has fewer rows than what the covariance is of.
+    const double times_fewer = std::max(1.0, evidence_.rows / static_cast<double>(rows_of_part_));
+    const MatrixXd covariance = times_fewer * fit().CovarianceOfNoise();
+    unseen.covariance.assign(covariance.data(), covariance.data() + covariance.size());
+    return unseen;
   }
 
   /// Whether nothing could be kept aside.
@@ -133,6 +146,7 @@ class TrajectoryMatch {
   /// x by the part of the logs that learns alone, settled as that by all of them.
   VectorXd FitToPart() {
     const bool is_long = choice_.n_steps > 0;
+    rows_of_part_ = parts_.learn.size();
     if (!is_long && !short_.is_exact()) {
       if (std::optional<VectorXd> x = WithoutWhatJudges()) return *std::move(x);
     }
@@ -152,7 +166,9 @@ class TrajectoryMatch {
     const auto descend = [&](LevelFit& fit, bool) { Descend(fit, is_long ? kLongIterations : kPartIterations); };
     const std::unique_ptr<LevelFit> fit = FitGrowing(LongWindows(learner, parts_.learn, begins, n_rows, period), from,
                                                      evidence_.window, 1, make, descend);
-    return fit == nullptr ? from : fit->x();
+    if (fit == nullptr) return from;
+    rows_of_part_ = RowsOf(fit->level().windows);
+    return fit->x();
   }
 
   /// The fit of short windows, going on without those that hold a row that judges: their starts were found from windows
@@ -170,6 +186,7 @@ class TrajectoryMatch {
     Descend(rest, kPartIterations);
     rest.FinalCost();
     rest.Finish();
+    rows_of_part_ = RowsOf(rest.level().windows);
     return rest.x();
   }
 
@@ -188,6 +205,7 @@ class TrajectoryMatch {
   LongFitChoice choice_;
   std::unique_ptr<LevelFit> long_;   // null where the short windows stay
   std::optional<VectorXd> of_part_;  // x by the part that learns
+  int rows_of_part_ = 1;             // that it rests on
 };
 
 }  // namespace
