@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <exception>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -78,7 +79,8 @@ void CrossQBesideSac(benchmark::State& state, int obs_dim, int act_dim) {
   Beside(state, {kCrossQ, obs_dim, act_dim}, {kSac, obs_dim, act_dim});
 }
 
-// The hand-written step beside the same one on libtorch's autograd: what --device cuda runs, here or there.
+// The hand-written step on one core beside the same one on libtorch's autograd: what --device cuda runs, here or there.
+// The argument is the batch.
 void Autograd(benchmark::State& state, ReplayWorkload::Algorithm algorithm, TrainingDevice device) {
   try {
     CheckDevice(device);
@@ -86,17 +88,24 @@ void Autograd(benchmark::State& state, ReplayWorkload::Algorithm algorithm, Trai
     state.SkipWithError(error.what());
     return;
   }
-  Beside(state, {algorithm, 11, 3, device}, {algorithm, 11, 3});
+  const auto batch = static_cast<int>(state.range(0));
+  Beside(state, {algorithm, 11, 3, device, batch}, {algorithm, 11, 3, std::nullopt, batch});
+}
+
+constexpr int kFewSteps = 15;  // of large batches
+
+void OfManySizes(benchmark::internal::Benchmark* benchmark) {
+  for (const int batch : {256, 1024, 4096, 16384, 32768}) benchmark->Arg(batch);
 }
 
 BENCHMARK_CAPTURE(Update, Hopper, 11, 3)->Iterations(100);
 BENCHMARK_CAPTURE(Update, HalfCheetah, 17, 6)->Iterations(100);
 BENCHMARK_CAPTURE(CrossQBesideSac, Hopper, 11, 3)->Iterations(100);
 BENCHMARK_CAPTURE(CrossQBesideSac, HalfCheetah, 17, 6)->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, SacOnCpu, kSac, TrainingDevice::kCpu)->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, SacOnCuda, kSac, TrainingDevice::kCuda)->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, CrossQOnCpu, kCrossQ, TrainingDevice::kCpu)->Iterations(100);
-BENCHMARK_CAPTURE(Autograd, CrossQOnCuda, kCrossQ, TrainingDevice::kCuda)->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, SacOnCpu, kSac, TrainingDevice::kCpu)->Arg(256)->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, SacOnCuda, kSac, TrainingDevice::kCuda)->Apply(OfManySizes)->Iterations(kFewSteps);
+BENCHMARK_CAPTURE(Autograd, CrossQOnCpu, kCrossQ, TrainingDevice::kCpu)->Arg(256)->Iterations(100);
+BENCHMARK_CAPTURE(Autograd, CrossQOnCuda, kCrossQ, TrainingDevice::kCuda)->Apply(OfManySizes)->Iterations(kFewSteps);
 
 }  // namespace
 }  // namespace oted

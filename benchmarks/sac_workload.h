@@ -39,8 +39,8 @@ class ReplayWorkload {
 
   /// @param autograd_on  none for the hand-written update, or the device that OnDevice takes
   ReplayWorkload(Algorithm algorithm, int obs_dim, int act_dim,
-                 std::optional<TrainingDevice> autograd_on = std::nullopt)
-      : buffer_(obs_dim, act_dim, kRows) {
+                 std::optional<TrainingDevice> autograd_on = std::nullopt, int batch_size = kBatch)
+      : batch_size_(batch_size), buffer_(obs_dim, act_dim, kRows) {
     const TanhGaussianPolicy actor = Actor(obs_dim, act_dim, rng_);
     const double entropy = -static_cast<double>(act_dim);
     const auto set_update = [&](auto update, const auto& options) {
@@ -69,7 +69,7 @@ class ReplayWorkload {
   }
 
   void Step() {
-    buffer_.Sample(kBatch, rng_, batch_);
+    buffer_.Sample(batch_size_, rng_, batch_);
     losses_ = update_->Step(batch_);
     benchmark::DoNotOptimize(losses_);
   }
@@ -89,6 +89,7 @@ class ReplayWorkload {
   }
 
   Rng rng_{1};
+  int batch_size_;
   ReplayBuffer buffer_;
   std::unique_ptr<ReplayUpdate> update_;
   TransitionBatch batch_;
