@@ -113,14 +113,22 @@ class Evidence {
     return Compare(n_steps, parts, at);
   }
 
-  /// Whether the simulator at z surely predicts worse than the design, over some horizon.
+  /// Whether the simulator at z surely predicts worse than the design, over some horizon: the logs kept aside, or those
+  /// that were learned from, which are more.
   bool IsWorse(const std::vector<double>& z) const {
-    const auto can_judge = [](const auto& part) { return part->judge().n_windows(0) >= kFewestPredicted; };
-    const size_t p = can_judge(parts_.front()) ? 0 : parts_.size() - 1;
-    const PredictionJudge& judge = parts_[p]->judge();
+    for (size_t p = 0; p < parts_.size(); ++p) {
+      if (parts_[p]->judge().n_windows(0) >= kFewestPredicted && IsWorse(z, p)) return true;
+    }
+    return false;
+  }
+
+ private:
+  /// In one part.
+  bool IsWorse(const std::vector<double>& z, size_t part) const {
+    const PredictionJudge& judge = parts_[part]->judge();
     const PredictionJudge::Squares moved = judge.Predict(z);
     for (size_t h = 0; h < judge.horizons().size(); ++h) {
-      const PredictionRatios gain = RatiosOfSums(moved.predicted[h], designed_[p].predicted[h], judge.channels());
+      const PredictionRatios gain = RatiosOfSums(moved.predicted[h], designed_[part].predicted[h], judge.channels());
       HeldOutPrediction::Horizon compared;
       compared.gain = gain.OfAll();
       compared.channels.resize(static_cast<size_t>(judge.channels().spread.size()));
@@ -132,7 +140,6 @@ class Evidence {
     return false;
   }
 
- private:
   /// Logs in which some window can be predicted.
   void AddPart(const Dataset& logs, bool learned, const std::vector<int>& horizons, double period_s) {
     auto part = std::make_unique<JudgedPart>(problem_, logs, horizons, period_s);

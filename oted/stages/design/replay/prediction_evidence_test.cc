@@ -186,6 +186,30 @@ TEST(PredictLogs, AtRestEveryEndIsOpen) {
   EXPECT_EQ(OpenEnds(Evidence(logs, middle, 0.02, 1)), all);
 }
 
+TEST(PredictLogs, WhatTheLogsKeptAsideDoNotShowTheOthersMay) {
+  Dataset still = PointMassLogs(kTruth, 5);
+  for (Array2<double>* of : {&still.observations, &still.next_observations, &still.actions}) {
+    std::ranges::fill(of->values(), 0.0);
+  }
+  still.qpos = still.qvel = {};
+  const Dataset kept_aside = WithSensorNoise(still, 0.02, RngKey(1));
+  const Dataset moving = WithSensorNoise(PointMassLogs(kTruth, 20), 0.02, RngKey(2));
+  const PointMassFactory factory;
+  const ReadingModel readings = ReadingModel::Of(factory.spec(), moving);
+  const VectorXd noise = VectorXd::Constant(2, 0.02);
+  const auto prediction = PredictLogs({.factory = factory,
+                                       .kept_aside = kept_aside,
+                                       .learned = &moving,
+                                       .z = kTruth,
+                                       .noise = noise,
+                                       .readings = readings,
+                                       .narrow = {0, 1, 2},
+                                       .key = RngKey(1),
+                                       .n_threads = 1});
+  const std::vector<std::pair<int, bool>> third = {{2, false}, {2, true}};
+  EXPECT_EQ(OpenEnds(prediction.value()), third);
+}
+
 TEST(PredictLogs, EpisodesThatAreTooShortGiveNone) {
   PointMassOptions brief;
   brief.max_episode_steps = 4;

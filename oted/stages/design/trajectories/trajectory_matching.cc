@@ -36,6 +36,14 @@ int RowsOf(const std::vector<LogWindow>& windows) {
                          [](int sum, const LogWindow& window) { return sum + window.n_steps; });
 }
 
+/// With each x at most as uncertain as the prior has it. At a bound the logs tell of x what they tell of z over next to
+/// nothing, dz/dx: how estimates scatter there may be any number, and a Gaussian that wide would lie at both bounds.
+MatrixXd NoWiderThan(const Prior& prior, const MatrixXd& covariance) {
+  const VectorXd most = prior.Covariance().diagonal();
+  const VectorXd shrink = (most.array() / covariance.diagonal().array()).cwiseMin(1.0).sqrt();
+  return shrink.asDiagonal() * covariance * shrink.asDiagonal();
+}
+
 /// One run of the method, step by step.
 class TrajectoryMatch {
  public:
@@ -66,7 +74,7 @@ class TrajectoryMatch {
     const MatrixXd covariance = explained ? fit().Finish() : fit().CovarianceOfParts() + SpreadOfAsGood();
     if (problem_.judged) evidence_.unseen = FitUnseen();
     steps_.Finish(fit().x());
-    return {.mean = fit().x(), .covariance = covariance, .evidence = evidence_};
+    return {.mean = fit().x(), .covariance = NoWiderThan(problem_.prior, covariance), .evidence = evidence_};
   }
 
  private:

@@ -72,6 +72,18 @@ TEST(MatchTrajectories, WhatIsNothingIsFoundAndMovesNoOther) {
   EXPECT_NEAR(z[kDamping], 0.6, 1e-3);
 }
 
+TEST(MatchTrajectories, WhatLiesBeyondABoundIsThatBoundAndNotBoth) {
+  // Actions logged at a half ask for twice the gain: 3.6, where the range ends at 2.
+  Dataset logs = WithSensorNoise(PointMassLogs({1.8, 0.6, 0.5}, 20), 0.01, RngKey(3));
+  for (double& action : logs.actions.values()) action *= 0.5;
+  const ReplayFit fit = Match(logs);
+  const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
+  const Designer::Interval interval = q.CentralInterval(0.9)[kGain];
+  EXPECT_GT(interval.low, 1.8);
+  EXPECT_TRUE(EndsAtBound(q.space()[kGain], interval.low, interval.high));
+  EXPECT_EQ(ParametersAtBounds(q), std::vector<int>{kGain});
+}
+
 TEST(MatchTrajectories, FindsParametersAndNoiseWhereTheNoiseIsUnknown) {
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), 0.05, RngKey(3));
   const ReplayFit fit = Match(logs);
