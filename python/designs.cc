@@ -11,6 +11,7 @@
 #include "oted/exports/export.h"
 #include "oted/report/report.h"
 #include "oted/run/design_record.h"
+#include "oted/run/finished_design.h"
 #include "oted/run/records.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/validation.h"
@@ -27,17 +28,12 @@ using nlohmann::json;
 class Sampler {
  public:
   explicit Sampler(const std::string& run_directory) {
-    const fs::path folder = run_directory;
-    RunConfig config = RunConfig::FromTomlFile((folder / "run.toml").string());
-    const fs::path file = folder / "design.json";
-    const DesignRecord design = DesignRecord::FromJson(ReadJson(file), file.string());
-    for (const Suspect& grown : design.grown) config.parameters.push_back(grown.spec);
-    const ParameterSpace space(config.parameters);
-    for (const DesignRecord::Member& member : design.mixture) {
-      const fs::path path = folder / "design" / design.selected / std::to_string(member.seed) / "q.json";
+    const FinishedDesign design = ReadDesign(run_directory);
+    const ParameterSpace space(design.config.parameters);
+    for (const DesignRecord::Member& member : design.record.mixture) {
+      const fs::path path = design.folder / "design" / design.record.selected / std::to_string(member.seed) / "q.json";
       q_.push_back(QRecord::FromJson(ReadJson(path), space, path.string()).q);
     }
-    if (q_.empty()) throw DataError("'" + file.string() + "' has no seeds; make the design again");
   }
 
   /// (n, parameters): draw i is from seed i modulo the number of seeds.
@@ -73,7 +69,7 @@ std::string Describe(const Study& study) {
   const nb::gil_scoped_release release;
   RunConfig config = ExpandPresets(study.Config());
   config.task.model.start = "default";
-  const auto factory = MakeSimulatorFactory(config.task, config.parameters);
+  const auto factory = study.Factory(config);
   const SimulatorSpec& spec = factory->spec();
   json parameters = json::array(), offers = json::array();
   for (const ParameterSpec& p : factory->parameters().specs()) parameters.push_back(ToJson(p));

@@ -71,7 +71,7 @@ std::string Evaluate(const nb::object& policy, const Study& study, const std::op
   if (config.task.has_model() && config.task.model.starts_in_logs()) {
     starts = ReadEpisodes(config.data, SpecOf(config.task)).EpisodeStarts();
   }
-  const auto factory = MakeSimulatorFactory(config.task, config.parameters, starts);
+  const auto factory = study.Factory(config, starts);
   const SimulatorSpec& spec = factory->spec();
   const std::vector<double> at = z ? *z : factory->parameters().Nominal();
   factory->parameters().CheckInside(at);

@@ -30,7 +30,7 @@ class Lanes {
     if (task_.has_model() && task_.model.starts_in_logs()) {
       starts = ReadEpisodes(config.data, SpecOf(task_)).EpisodeStarts();
     }
-    factory_ = MakeSimulatorFactory(task_, config.parameters, starts);
+    factory_ = study.Factory(config, starts);
     lanes_ = factory_->Make(n_lanes, n_threads);
     observations_ = Array2<double>(n_lanes, factory_->spec().obs_dim());
     rewards_.resize(static_cast<size_t>(n_lanes));

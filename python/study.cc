@@ -7,11 +7,14 @@
 
 #include "oted/base/parallel.h"
 #include "oted/proposal/task_proposal.h"
+#include "oted/run/finished_design.h"
+#include "oted/run/run_inputs.h"
 
 namespace oted::python {
 
 RunConfig Study::Config() const {
-  RunConfig config = RunConfig::FromToml(toml, file_name.empty() ? "task" : file_name);
+  RunConfig config =
+      run.empty() ? RunConfig::FromToml(toml, file_name.empty() ? "task" : file_name) : ReadDesign(run).config;
   const RunConfig more = RunConfig::FromToml(given, "arguments");
   if (!more.parameters.empty() || !more.presets.empty()) {
     config.parameters = more.parameters;
@@ -27,6 +30,12 @@ RunConfig Study::Config() const {
   return config;
 }
 
+std::unique_ptr<SimulatorFactory> Study::Factory(const RunConfig& config, const Array2<double>& starts) const {
+  auto factory = MakeSimulatorFactory(config.task, config.parameters, starts);
+  if (!run.empty()) CheckSameModel(ReadDesign(run), *factory);
+  return factory;
+}
+
 namespace {
 
 /// What `oted init --json` prints.
@@ -39,14 +48,21 @@ std::string Propose(const std::string& model, const std::vector<std::string>& lo
 }
 
 }  // namespace
+
 void AddStudies(nb::module_& m) {
   nb::class_<Study>(m, "Study")
       .def(
           "__init__",
           [](Study* self, const std::string& toml, const std::string& file_name, const std::string& given) {
-            new (self) Study{toml, file_name, given};
+            new (self) Study{.toml = toml, .file_name = file_name, .given = given};
           },
           nb::arg("toml"), nb::arg("file_name"), nb::arg("given"))
+      .def_static(
+          "of_run",
+          [](const std::string& run, const std::string& given) {
+            return Study{.toml = "", .file_name = "", .given = given, .run = run};
+          },
+          nb::arg("run"), nb::arg("given"))
       .def_prop_ro("toml", [](const Study& study) { return study.Config().ToToml(); })
       .def_prop_ro("task_name", [](const Study& study) { return study.Config().task.name; });
   m.def("init", &Propose, nb::arg("model"), nb::arg("logs"), nb::arg("out"), nb::arg("period"), nb::arg("threads"));

@@ -1,9 +1,11 @@
 #pragma once
 /// What a call from Python says of a run, and the task file that one may begin with.
 
+#include <memory>
 #include <string>
 
 #include "oted/config/run_config.h"
+#include "oted/sim/simulator.h"
 #include "python/binding.h"
 
 namespace oted::python {
@@ -13,9 +15,12 @@ namespace oted::python {
 /// from the working folder.
 struct Study {
   std::string toml, file_name, given;
+  std::string run = {};  ///< a run directory with a finished design, whose task and parameters these are; toml is empty
 
   /// @throws UsageError, DataError
   RunConfig Config() const;
+  /// The simulator of ExpandPresets(Config()). @throws DataError where a design's model has changed since
+  std::unique_ptr<SimulatorFactory> Factory(const RunConfig& config, const Array2<double>& starts = {}) const;
 };
 
 void AddStudies(nb::module_& m);

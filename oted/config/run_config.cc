@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <iterator>
@@ -91,6 +92,12 @@ json DataConfig::RecordingsToJson() const {
 void DataConfig::CheckConstants(const std::vector<std::string>& names) const {
   for (const Recording& recording : recordings) {
     for (const auto& [name, value] : recording.constants) {
+      if (!std::isfinite(value)) {
+        throw UsageError(
+            fmt::format("data.recordings: constant '{}' of '{}' is {}, wanted a finite number; leave it out "
+                        "where it is as in the model",
+                        name, recording.path, value));
+      }
       if (std::ranges::find(names, name) != names.end()) continue;
       throw UsageError(
           fmt::format("data.recordings: '{}' has constant '{}', which [task.constants] does not name{}; add {} = {{ "

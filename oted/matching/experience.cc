@@ -85,20 +85,29 @@ InputShape FeatureShape(const SimulatorSpec& spec, const EvidenceConfig& evidenc
   const InputShape shape = ObservationShape(spec);
   const bool has_indices = !shape.levels.empty() || !shape.image.empty() || spec.n_discrete_actions > 0;
   if (!has_indices) return {};
-  if (evidence.transitions) {
-    throw UsageError(fmt::format(
-        "design.discriminator = \"sas\" takes differences of observations, which mean nothing for the images and "
-        "indices of task '{}'; use design.discriminator = \"sa\"",
-        spec.task));
+  if (evidence.transitions && (!shape.levels.empty() || !shape.image.empty())) {
+    throw UsageError(
+        fmt::format("design.adversarial.evidence = \"sas\" takes differences of observations, which mean nothing for "
+                    "the images and "
+                    "indices of task '{}'; use design.adversarial.evidence = \"sa\"",
+                    spec.task));
   }
   InputShape step = shape;
+  int n = spec.obs_dim();  // numbers of a step, as AppendFeatures has them
   if (evidence.actions) {
-    step = shape.With(spec.obs_dim(), std::vector<int>(static_cast<size_t>(spec.act_dim), spec.n_discrete_actions));
+    const std::vector<int> action(static_cast<size_t>(spec.act_dim), spec.n_discrete_actions);
+    step = shape.With(n, action);
+    n += spec.act_dim;
+    if (evidence.transitions) {
+      n += spec.obs_dim();  // changes are quantities
+      for (int k = 0; k < evidence.n_past_actions; ++k, n += spec.act_dim) step = step.With(n, action);
+    }
+    if (!step.levels.empty()) step.levels.resize(static_cast<size_t>(n), 0);
   }
   if (evidence.stack == 1) return step;
   InputShape sample;
   const int n_image = step.image_size();
-  step.levels.resize(static_cast<size_t>(spec.obs_dim() + (evidence.actions ? spec.act_dim : 0)), 0);
+  step.levels.resize(static_cast<size_t>(n), 0);
   const auto add = [&](int begin, int end) {
     sample.levels.insert(sample.levels.end(), step.levels.begin() + begin, step.levels.begin() + end);
   };

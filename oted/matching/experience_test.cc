@@ -227,6 +227,20 @@ TEST(FeatureShape, OfAStackFollowsItsRows) {
   EXPECT_THROW(FeatureShape(spec, EvidenceConfig{}), UsageError) << "differences of kinds mean nothing";
 }
 
+TEST(FeatureShape, OfDiscreteActionsHasIndicesForThemAloneAndForThoseBefore) {
+  SimulatorSpec spec;
+  spec.observation_shape = {2};
+  spec.act_dim = 1;
+  spec.n_discrete_actions = 3;
+  const EvidenceConfig evidence{.n_past_actions = 2};
+  EXPECT_EQ(FeatureShape(spec, evidence).levels, (std::vector<int>{0, 0, 3, 0, 0, 3, 3})) << "s, a, s' - s, two before";
+  Dataset logs;
+  logs.observations = Array2<double>(1, 2), logs.next_observations = Array2<double>(1, 2);
+  logs.actions = Array2<double>(1, 1);
+  logs.terminals = {0}, logs.timeouts = {1};
+  EXPECT_EQ(DatasetFeatures(logs, evidence).cols(), 7);
+}
+
 TEST(ExperienceGatherer, ClonesNoiseIsScaled) {
   const Dataset dataset = MakeDataset();
   TanhGaussianPolicy clone(Normalizer{{0, 0}, {1, 1}}, {}, {-1}, {1});

@@ -291,7 +291,8 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
 
 bool CannotTell(double common) { return std::numbers::ln2 - common < kNoGapMargin; }
 
-DesignVerdict JudgeDesign(double nominal_common, double designed_common) {
+DesignVerdict JudgeDesign(double nominal_common, double designed_common, int n_transitions) {
+  if (n_transitions < kFewestJudged) return DesignVerdict::kOutsideFamily;
   const double nominal_gap = std::numbers::ln2 - nominal_common, designed_gap = std::numbers::ln2 - designed_common;
   if (CannotTell(nominal_common) && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
   if (CannotTell(designed_common)) return DesignVerdict::kGapClosed;

@@ -115,10 +115,14 @@ bool PredictsWorse(const HeldOutPrediction& prediction);
 /// hardly tells them apart: it is within 0.1 nats of log 2.
 bool CannotTell(double common);
 
-/// From the common score, where nothing can be predicted. No gap: the nominal simulator is within 0.1 nats of log 2 and
+/// Transitions that a classifier needs before its verdict says anything.
+inline constexpr int kFewestJudged = 50;
+
+/// From the common score, where nothing can be predicted. Fewer than kFewestJudged transitions: outside the family, as
+/// from logs that show nothing. No gap: the nominal simulator is within 0.1 nats of log 2 and
 /// the design wins less than 0.005 over it. Gap closed: the designed simulator is within 0.1 nats of log 2. Gap
 /// narrowed: it wins a tenth of the gap. Otherwise outside the family.
-DesignVerdict JudgeDesign(double nominal_common, double designed_common);
+DesignVerdict JudgeDesign(double nominal_common, double designed_common, int n_transitions);
 
 /// The parameters whose estimate lies at one of its bounds (EndsAtBound): what the logs ask for is beyond it. One that
 /// the logs hardly tell is none, wherever it ended.

@@ -121,20 +121,25 @@ TEST(SummarizeParameters, WithoutEffectAParameterIsNotIdentifiedHoweverNarrow) {
 }
 
 TEST(JudgeDesign, NoGapWhenTheUndesignedSimulatorMatchesAndTheDesignGainsNothing) {
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.02, kLog2 - 0.02), DesignVerdict::kNoGap);
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.02, kLog2 - 0.05), DesignVerdict::kNoGap) << "the design lost a little";
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.09, kLog2 - 0.01), DesignVerdict::kGapClosed) << "a small gap, but closed";
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.02, kLog2 - 0.02, 1000), DesignVerdict::kNoGap);
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.02, kLog2 - 0.05, 1000), DesignVerdict::kNoGap) << "the design lost a little";
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.09, kLog2 - 0.01, 1000), DesignVerdict::kGapClosed) << "a small gap, but closed";
 }
 
 TEST(JudgeDesign, GapClosedNearLog2AndNarrowedWhereATenthOfTheGapIsGone) {
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.09), DesignVerdict::kGapClosed);
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.34), DesignVerdict::kGapNarrowed);
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.53), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.09, 1000), DesignVerdict::kGapClosed);
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.34, 1000), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.53, 1000), DesignVerdict::kGapNarrowed);
 }
 
 TEST(JudgeDesign, OutsideTheFamilyWhereTheDesignIsNoNearerThanTheNominalSimulator) {
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.56), DesignVerdict::kOutsideFamily);
-  EXPECT_EQ(JudgeDesign(kLog2 - 0.5, kLog2 - 0.6), DesignVerdict::kOutsideFamily) << "worse than no design";
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.6, kLog2 - 0.56, 1000), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(JudgeDesign(kLog2 - 0.5, kLog2 - 0.6, 1000), DesignVerdict::kOutsideFamily) << "worse than no design";
+}
+
+TEST(JudgeDesign, AHandfulOfTransitionsSupportsNoGoodWord) {
+  EXPECT_EQ(JudgeDesign(kLog2, kLog2, kFewestJudged - 1), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(JudgeDesign(kLog2, kLog2, kFewestJudged), DesignVerdict::kNoGap);
 }
 
 /// One horizon with two channels.

@@ -125,7 +125,7 @@ struct Judgement {
   std::vector<int> off;  ///< channels in which more is left than sensors explain
 };
 
-Judgement Judge(const Candidate& best, double nominal_common, double designed_common) {
+Judgement Judge(const Candidate& best, double nominal_common, double designed_common, int n_transitions) {
   Judgement judgement;
   if (best.prediction) {
     judgement.verdict = JudgePrediction(best.q, *best.prediction);
@@ -133,7 +133,7 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
     judgement.reaches_floor = ReachesFloor(*best.prediction);
     judgement.off = ChannelsOff(*best.prediction);
   } else {
-    judgement.verdict = JudgeDesign(nominal_common, designed_common);
+    judgement.verdict = JudgeDesign(nominal_common, designed_common, n_transitions);
     judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
     judgement.reaches_floor =
         judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
@@ -179,13 +179,14 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const SettingScore& selected = findings.result.settings[static_cast<size_t>(findings.result.selected_setting)];
   const Mixture mixture = SelectedMixture(findings);
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
-  const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common);
+  const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common, run.dataset.size());
   const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
   const auto summaries =
       SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends);
 
   DesignRecord record;
   record.task = run.config.task.name;
+  record.dataset = {run.config.data.Files(), run.dataset.sha256, run.dataset.size()};
   AddParameters(space, summaries, record);
   record.warnings = findings.corrections;
   AddWarnings(space, findings.has_effect, record);
@@ -214,7 +215,6 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.nominal_common = findings.result.nominal_common;
   AddSettings(findings, record);
   record.sentence = VerdictSentence(record, judgement.off);
-  record.dataset = {run.config.data.Files(), run.dataset.sha256, run.dataset.size()};
   record.model_sha256 = run.model_sha256;
   record.oted_version = OTED_VERSION;
   record.mujoco_version = MujocoVersion();

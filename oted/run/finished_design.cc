@@ -65,10 +65,16 @@ FinishedDesign ReadDesign(const fs::path& folder) {
 void CheckSameModel(const FinishedDesign& design, const SimulatorFactory& factory) {
   if (design.record.model_sha256 == factory.model_sha256()) return;
   const TaskConfig& task = design.config.task;
-  throw DataError(
-      fmt::format("the model of {} is no longer the one that the design was made with (its SHA-256 differs); "
-                  "restore it, or make the design again",
-                  task.has_model() ? "'" + task.model.model + "'" : "task '" + task.name + "'"));
+  if (!task.has_model()) {
+    throw DataError(
+        fmt::format("the model of task '{}' is no longer the one that the design was made with (its SHA-256 differs); "
+                    "restore it, or make the design again",
+                    task.name));
+  }
+  throw DataError(fmt::format(
+      "the model '{}' is no longer the one that the design was made with (its SHA-256 differs); restore it, "
+      "which '{}' holds a copy of, or make the design again",
+      task.model.model, (design.folder / "model").string()));
 }
 
 }  // namespace oted

@@ -108,7 +108,14 @@ RunConfig ReadKeptConfig(const fs::path& run_directory) {
   const std::string path = file.string();
   const std::string remedy =
       fmt::format("if you edited it, name it as the configuration: oted run {} --out {}", path, run_directory.string());
-  return RunConfig::FromToml(ReadSealedText(file, remedy), path);
+  RunConfig config = RunConfig::FromToml(ReadSealedText(file, remedy), path);
+  // A run that was moved, or whose model was, has a copy of its own.
+  std::string& model = config.task.model.model;
+  if (!model.empty() && !model.starts_with("package:") && !fs::exists(model)) {
+    const fs::path kept = run_directory / "model" / fs::path(model).filename();
+    if (fs::exists(kept)) model = kept.string();
+  }
+  return config;
 }
 
 }  // namespace oted

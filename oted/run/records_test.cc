@@ -185,6 +185,7 @@ TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {
   DesignRecord record;
   record.verdict = DesignVerdict::kGapClosed;
   record.selected = "default";
+  record.dataset.n_transitions = 1000;
   record.settings = {
       {.name = "default", .method = "paper", .common = 0.69, .c = {}, .learning_progress = {}, .seeds = {}}};
   record.nominal_common = 0.3;
@@ -195,6 +196,9 @@ TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {
   EXPECT_THAT(VerdictSentence(record, {}),
               EndsWith("tell neither simulator from the logs, but an identified parameter lies "
                        "off its nominal value"));
+  record.verdict = DesignVerdict::kOutsideFamily;
+  record.dataset.n_transitions = 3;
+  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("3 transitions, of which none can be predicted, are too few"));
 }
 
 TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {

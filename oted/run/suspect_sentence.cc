@@ -18,11 +18,19 @@ std::string ValueInWords(const ParameterSpec& spec, double value) {
 /// ": elbow 0.041 to 0.012 rad over 0.5 s, with 64 % less error in all".
 std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Validation::Channel>& channels,
                    const std::vector<int>& off) {
-  const size_t c = off.empty() ? 0 : static_cast<size_t>(off.front());
+  // The channel, of those that were off, that it helped most.
+  const auto helped = [&](int channel) {
+    const auto c = static_cast<size_t>(channel);
+    const bool is_known = c < channels.size() && c < trial.before.size();
+    const double ratio = is_known ? trial.before[c] / trial.after[c] : 0;
+    return std::isfinite(ratio) ? ratio : 0;
+  };
+  const auto most = std::ranges::max_element(off, {}, helped);
   const std::string horizon =
       trial.seconds > 0 ? fmt::format("{:.2g} s", trial.seconds) : fmt::format("{} control steps", trial.n_steps);
   std::string text = fmt::format("{:.0f} % less error over {}", 100 * (1 - std::exp(-0.5 * trial.gain.value)), horizon);
-  if (c < channels.size() && c < trial.before.size() && std::isfinite(trial.before[c] + trial.after[c])) {
+  if (most != off.end() && helped(*most) > 1) {
+    const auto c = static_cast<size_t>(*most);
     const std::string unit = channels[c].unit.empty() ? "" : " " + channels[c].unit;
     text += fmt::format(", {} {:.2g} to {:.2g}{}", channels[c].name, trial.before[c], trial.after[c], unit);
   }

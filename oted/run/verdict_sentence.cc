@@ -50,8 +50,8 @@ std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRec
   const std::string alone = n == 1 ? "that recording" : "those recordings";
   const double narrowed = shown.in_recordings->narrowed;
   return text + fmt::format(": in {} alone it is {}", alone,
-                            narrowed < 0 ? fmt::format("{:.0f} % worse than the nominal one", -100 * narrowed)
-                                         : "not surely better than the nominal one");
+                            narrowed < -0.005 ? fmt::format("{:.0f} % worse than the nominal one", -100 * narrowed)
+                                              : "not surely better than the nominal one");
 }
 
 /// What recordings say that were left out in turn, where one of them is predicted worse than by doing nothing.
@@ -90,7 +90,7 @@ std::string GapClosedForAClassifier(const DesignRecord& record) {
   for (const DesignRecord::Setting& setting : record.settings) {
     if (setting.name == record.selected) designed_common = setting.common;
   }
-  if (JudgeDesign(record.nominal_common, designed_common) == DesignVerdict::kNoGap) {
+  if (JudgeDesign(record.nominal_common, designed_common, record.dataset.n_transitions) == DesignVerdict::kNoGap) {
     return "gap closed: a classifier can tell neither simulator from the logs, but an identified parameter lies off "
            "its "
            "nominal value";
@@ -112,6 +112,12 @@ std::string WithoutPrediction(const DesignRecord& record) {
              "one";
     case DesignVerdict::kOutsideFamily:
       break;
+  }
+  if (record.dataset.n_transitions < kFewestJudged) {
+    return fmt::format(
+        "outside the family: {} transitions, of which none can be predicted, are too few to judge a simulator by; log "
+        "longer episodes",
+        record.dataset.n_transitions);
   }
   return "outside the family: a classifier tells the designed simulator from the logs as surely as the nominal one";
 }

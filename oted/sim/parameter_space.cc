@@ -155,9 +155,9 @@ void ParameterSpace::CheckInside(std::span<const double> z) const {
   for (size_t i = 0; i < z.size(); ++i) {
     // Written so that NaN is outside.
     if (!(z[i] >= specs_[i].low && z[i] <= specs_[i].high)) {
-      throw UsageError(
-          fmt::format("parameter '{}': got {}, wanted a value in [{}, {}]; widen its range or change the value",
-                      specs_[i].name, z[i], specs_[i].low, specs_[i].high));
+      throw UsageError(fmt::format(
+          "parameter '{}': got {}{}, wanted a value in [{}, {}]; widen its range or change the value", specs_[i].name,
+          z[i], z[i] == specs_[i].nominal ? ", which is its nominal value" : "", specs_[i].low, specs_[i].high));
     }
   }
 }

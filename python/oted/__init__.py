@@ -55,7 +55,10 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
-        return importlib.import_module(f"oted.{name}")
+        try:
+            return importlib.import_module(f"oted.{name}")
+        except MissingPackage as e:  # hasattr says no, and the message the pip line
+            raise AttributeError(str(e)) from e
     if name not in _MODULES:
         raise AttributeError(f"module 'oted' has no attribute '{name}'")
     found = getattr(importlib.import_module(_MODULES[name]), name)

@@ -12,6 +12,9 @@ version: str = '0.1.0'
 class Study:
     def __init__(self, toml: str, file_name: str, given: str) -> None: ...
 
+    @staticmethod
+    def of_run(run: str, given: str) -> Study: ...
+
     @property
     def toml(self) -> str: ...
 

@@ -1,5 +1,7 @@
 """What a call was given, looked at before the compiled module sees it: one line says what is wrong with it."""
 
+import os
+import pathlib
 from collections.abc import Iterable
 from typing import Any
 
@@ -30,6 +32,16 @@ def whole(what: str, given: Any, least: int) -> int:
     if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or given < least:
         raise UsageError(f"{what}: got {_short(given)}, wanted a whole number of at least {least}")
     return int(given)
+
+
+def folder(what: str, given: Any) -> pathlib.Path:
+    """Of a run, there or not."""
+    if not isinstance(given, (str, os.PathLike)) or not os.fspath(given) or "\0" in str(os.fspath(given)):
+        raise UsageError(f"{what}: got {_short(given)}, wanted the path of a folder")
+    path = pathlib.Path(os.fspath(given))
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{what}: '{path}' is a file; name a folder")
+    return path
 
 
 def texts(what: str, given: Any, example: str) -> list[str]:

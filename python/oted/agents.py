@@ -15,7 +15,7 @@ from oted.design import Design
 from oted.errors import UsageError
 from oted.fitting import run_stage
 from oted.progress import Callback
-from oted.task import ParametersLike, TaskLike, study
+from oted.task import ParametersLike, TaskLike, study, threads_toml
 
 Array = NDArray[np.float64]
 Policy = Callable[[Array], ArrayLike]
@@ -66,7 +66,7 @@ def study_of(task: TaskLike | Design, parameters: ParametersLike = None, threads
     if isinstance(task, Design):
         if parameters is not None:
             raise UsageError("parameters: a design has its own; leave them out")
-        return study(str(task.path / "run.toml"), threads=threads)
+        return core.Study.of_run(str(task.path), threads_toml(threads))
     return study(task, parameters, threads=threads)
 
 
@@ -84,7 +84,8 @@ def place(task: Any, what: "core.Study", at: Mapping[str, float] | str | None) -
     if not isinstance(task, Design):
         raise UsageError(f"got {at!r} for parameters, which only a design has; give values by name, {{'friction': 0.7}}")
     if at not in (None, "mode"):
-        raise UsageError(f"got {at!r} for parameters, wanted 'mode', 'nominal', or values by name, {{'friction': 0.7}}")
+        raise UsageError(f"got {at!r} for parameters, wanted 'mode', 'nominal', or values by name, {{'friction': 0.7}}; "
+                         "an environment also takes sample='modes' or 'samples'")
     return list(task.mode.values())
 
 

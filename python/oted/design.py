@@ -22,6 +22,9 @@ from oted.logs import Logs, file_of, write_logs
 from oted.task import study
 
 
+MOST_SAMPLES = 100_000_000
+
+
 class Verdict(enum.StrEnum):
     """What a design says of the whole simulator. `Design.sentence` says why."""
 
@@ -169,6 +172,8 @@ class Design:
     def draw(self, n: int, seed: int = 0) -> NDArray[np.float64]:
         """The same as (n, parameters)."""
         n, seed = _given.whole("samples", n, 1), _given.whole("seed", seed, 0)
+        if n > MOST_SAMPLES:
+            raise UsageError(f"samples: got {n}, wanted at most {MOST_SAMPLES}")
         if self._sampler is None:
             self._sampler = core.Sampler(str(self.path))
         drawn: NDArray[np.float64] = self._sampler.draw(n, seed)
@@ -245,7 +250,7 @@ class Design:
         """Predicts recordings of the same task that the design did not see, beside the nominal simulator and what the sensors'
         noise leaves: `oted validate`. model: an MJCF or URDF to compare with in the place of the task's own, as it is."""
         with tempfile.TemporaryDirectory(prefix="oted-") as folder:
-            data = (write_logs(logs, folder, study(str(self.path / "run.toml"))) if isinstance(logs, Logs)
+            data = (write_logs(logs, folder, core.Study.of_run(str(self.path), "")) if isinstance(logs, Logs)
                     else file_of(logs))
             return LaterValidation(json.loads(core.validate(
                 str(self.path), data, "" if model is None else os.fspath(model),
@@ -257,10 +262,13 @@ class Design:
 
     def _copied(self, path: str | os.PathLike[str], without: Collection[str] = ()) -> "Design":
         """A copy of the run directory, without some of its files and folders."""
-        target = pathlib.Path(path)
+        target = _given.folder("path", path)
         if target.exists():
             raise UsageError(f"'{target}' exists already; remove it or name another")
-        shutil.copytree(self.path, target, ignore=lambda folder, names: without if folder == str(self.path) else ())
+        try:
+            shutil.copytree(self.path, target, ignore=lambda folder, names: without if folder == str(self.path) else ())
+        except (OSError, shutil.Error) as e:
+            raise DataError(f"'{self.path}' cannot be copied to '{target}': {e}; name another folder") from e
         # run.toml names logs and models from its own folder: the finished run is called again from the new one.
         given = next((target / "given").glob("logs.*"), None)
         data = _toml.section("data", {"path": given.resolve()}) if given else ""

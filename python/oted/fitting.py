@@ -6,10 +6,10 @@ import tempfile
 from collections.abc import Mapping
 from typing import Any
 
-from oted import _toml
+from oted import _given, _toml
 from oted._engine import core
 from oted.design import Design
-from oted.errors import UsageError
+from oted.errors import DataError, UsageError
 from oted.logs import Logs, file_of, write_logs
 from oted.progress import Callback, handler
 from oted.task import ParametersLike, TaskLike, study
@@ -41,15 +41,16 @@ def fit(
 
     Ctrl-C stops between two units of work and raises KeyboardInterrupt; the same call goes on from there.
     """
+    if task is None:
+        raise UsageError("task: got None, wanted a name such as 'Hopper-v5', a .toml file, an oted.Task or an "
+                         "oted.GymSimulator")
     if not os.fspath(task if isinstance(task, (str, os.PathLike)) else "").endswith(".toml"):  # a file says them itself
         if logs is None:
             raise UsageError("logs: wanted oted.Logs or a file")
         if parameters is None or (isinstance(parameters, Mapping) and not parameters):
             raise UsageError("parameters: wanted {'friction': oted.Param(path, low, high)} or presets; "
                              "oted.describe(task)['offers'] lists the paths")
-    folder = pathlib.Path(tempfile.mkdtemp(prefix="oted-") if out is None else out)
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"out: '{folder}' is a file; name a folder")
+    folder = _given.folder("out", tempfile.mkdtemp(prefix="oted-") if out is None else out)
     path = _logs_path(logs, task, folder)
     what = study(task, parameters, data={"path": path} if path else None, folder=folder / "given")
     given = {"run.seed": seed, "run.threads": threads, "selection.n_seeds": seeds}
@@ -78,5 +79,8 @@ def _logs_path(logs: Logs | PathLike | None, task: TaskLike, folder: pathlib.Pat
     if logs.path is not None:
         return logs.path
     given = folder / "given"
-    given.mkdir(parents=True, exist_ok=True)
+    try:
+        given.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        raise DataError(f"out: '{folder}' cannot be made: {e.strerror}; name another folder") from e
     return write_logs(logs, given.resolve(), study(task, folder=given))

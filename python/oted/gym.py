@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oted._engine import core
-from oted.errors import UsageError
+from oted.errors import DataError, Error, UsageError
 
 Array = NDArray[np.float64]
 Env = gymnasium.Env[Any, Any]
@@ -80,12 +80,20 @@ class GymSimulator:
         self.task = f"python:{name}@{version}"
         self._make_env = make_env
         self._nominal = {str(key): float(value) for key, value in (nominal or {}).items()}
+        for key, value in self._nominal.items():
+            if not np.isfinite(value):
+                raise UsageError(f"nominal: '{key}' is {value}, wanted a finite number")
         self._set_parameters = set_parameters
         self._set_state = set_state
         self._has_hidden = bool(hidden)
         self._observe = observe
         self._idle: list[Env] = []
-        env = self._take()
+        try:
+            env = self._take()
+        except Error:
+            raise
+        except Exception as e:
+            raise DataError(f"'{self.task}': make_env or set_parameters failed: {type(e).__name__}: {e}") from e
         self.observation_space: Any = env.observation_space
         self.action_space: Any = env.action_space
         names = _names("observation_names", observation_names, self._box("observation", self.observation_space), "obs")
@@ -203,7 +211,13 @@ class Lanes:
         given = (observation.copy(), hidden) if simulator._has_hidden else (observation.copy(),)
         if simulator._set_state(env, *given) is False:
             return None
-        return observation if simulator._observe is None else self._seen(simulator._observe(env))
+        if simulator._observe is None:
+            return observation
+        seen = self._seen(simulator._observe(env))
+        if not np.isfinite(seen).all():
+            raise DataError(f"after set_state the environment shows {seen}; set_state gives False where an observation "
+                            "determines no state")
+        return seen
 
     def step(self, lanes: list[int], actions: Array) -> Array:
         """(lanes, observation, reward, terminated, truncated)"""

@@ -262,6 +262,9 @@ class Logs:
         for name, value in values.items():
             if not isinstance(value, (int, float, np.number)):
                 raise UsageError(f"constant '{name}': got {value!r}, wanted a number")
+            if not np.isfinite(value):
+                raise UsageError(f"constant '{name}': got {value!r}, wanted a finite number; leave it out where it is as in "
+                                 "the model")
             data.set_constant(name, float(value))
         return Logs._of(data)
 

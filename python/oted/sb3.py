@@ -48,7 +48,7 @@ class OtedVecEnv(_base.VecEnv):  # type: ignore[misc]
         self._env.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        return [getattr(self._env, attr_name, None) for _ in self._get_indices(indices)]
+        return [getattr(self._env, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         raise AttributeError(f"'{attr_name}' cannot be set: the environments are one compiled object")

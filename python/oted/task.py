@@ -154,9 +154,12 @@ def study(
     given = parameters_toml(parameters)
     if data:
         given += _toml.section("data", data)
-    if threads is not None:
-        given += _toml.section("run", {"threads": threads})
-    return core.Study(*task_toml(task, folder), given)
+    return core.Study(*task_toml(task, folder), given + threads_toml(threads))
+
+
+def threads_toml(threads: int | None) -> str:
+    """[run]."""
+    return "" if threads is None else _toml.section("run", {"threads": threads})
 
 
 def parameters_toml(parameters: ParametersLike) -> str:

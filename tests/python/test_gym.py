@@ -202,6 +202,31 @@ class Stepping(unittest.TestCase):
 
 
 class Designs(InFolder):
+    def test_a_length_is_recovered_where_actions_are_indices(self):
+        def set_pole(env, values):
+            env.unwrapped.length = values["length"]
+            env.unwrapped.polemass_length = env.unwrapped.masspole * values["length"]
+
+        def set_state(env, observation):
+            env.unwrapped.state = observation
+
+        sim = oted.GymSimulator(lambda: gymnasium.make("CartPole-v1"), name="Pole", version="1", control_period=0.02,
+                                nominal={"length": 0.5}, set_parameters=set_pole, set_state=set_state)
+        target, rng, episodes = gymnasium.make("CartPole-v1"), np.random.default_rng(0), []
+        set_pole(target, {"length": 0.8})
+        for seed in range(8):
+            seen, actions = [target.reset(seed=seed)[0]], []
+            while len(seen) < 15:
+                actions.append([int(rng.integers(2))])
+                observation, _, ended, _, _ = target.step(actions[-1][0])
+                seen.append(observation)
+                if ended:
+                    break
+            episodes.append((np.array(seen), np.array(actions)))
+        design = oted.fit(sim, oted.Logs.from_episodes(episodes), {"length": oted.Param("env/length", 0.3, 3)},
+                          out=self.folder / "run", settings={**TINY, "data.episodes": "all"}, **QUICK)
+        self.assertAlmostEqual(design.mode["length"], 1.6, delta=1e-3)
+
     def test_a_length_is_recovered_from_logs_at_a_known_one(self):
         design = oted.fit(pendulum(), pendulum_logs(), GEARS, out=self.folder / "run", settings={"selection.n_seeds": 1}, **QUICK)
         # The logs are float32.
@@ -318,10 +343,19 @@ class Errors(InFolder):
                 (lambda: oted.GymSimulator(Image, name="Image", version="1"), "flat Box"),
                 (lambda: oted.GymSimulator(lambda: 3, name="Three", version="1"), "wanted a gymnasium.Env"),
                 (lambda: oted.describe(pendulum(), {"l": oted.Param("env/lenght", 0.5, 2)}), "did you mean 'env/length'"),
+                (made(nominal={"length": float("nan")}), "'length' is nan"),
                 (lambda: oted.describe(pendulum(nominal={"length": 0.0}, set_parameters=lambda env, values: None), GEARS),
                  "absolute")):
             with self.assertRaisesRegex(oted.UsageError, error):
                 call()
+
+    def test_an_environment_that_cannot_be_made_is_the_cause_of_ours(self):
+        def make():
+            raise RuntimeError("no such gripper")
+
+        with self.assertRaisesRegex(oted.DataError, "python:None@1.*RuntimeError: no such gripper") as caught:
+            oted.GymSimulator(make, name="None", version="1")
+        self.assertIsInstance(caught.exception.__cause__, RuntimeError)
 
     def test_an_exception_of_the_users_code_is_the_cause_of_ours(self):
         class Failing(gymnasium.Wrapper):

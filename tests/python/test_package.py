@@ -27,6 +27,9 @@ from oted.streams import Channel, to_logs  # noqa: E402
 
 POLICY = ROOT / "examples/policies/hopper/medium.npz"
 FRICTION = {"friction": oted.Param("geom/*/friction[0]", 0.2, 2.0)}
+PENDULUM = """<mujoco><option timestep="0.01"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="0.5"/>
+<geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/></body></worldbody>
+<actuator><motor joint="hinge" ctrlrange="-1 1"/></actuator></mujoco>"""
 # A design of seconds: no other method is tried beside it, no suspect.
 TINY = {
     "data.episodes": 2, "design.method": "trajectories", "design.trajectories.tried": 0,
@@ -176,6 +179,8 @@ class Designs(InFolder):
         self.assertEqual(len({env.reset()[1]["parameters"]["friction"] for _ in range(20)}), 20)
         self.assertEqual(oted.make_env(self.design).parameters, self.design.mode)
         self.assertEqual(oted.make_env(self.design, sample="nominal").parameters, {"friction": 1.0})
+        with self.assertRaisesRegex(oted.UsageError, "sample='modes' or 'samples'"):
+            oted.make_env(self.design, sample="sample")
 
     def test_registered_ids_make_them(self):
         oted.register(self.design, "OtedTest-v0")
@@ -305,6 +310,12 @@ class Refusals(InFolder):
                 ("episode 0: wanted", lambda: oted.Logs.from_episodes([array])),
                 ("episode 1: got 1 obs", lambda: oted.Logs.from_episodes([(array, array), (array[:, :1], array)])),
                 ("episode 'a'", lambda: oted.Logs(array, array).select("a")),
+                ("constant 'load': got nan", lambda: oted.Logs(array, array).with_constants(load=float("nan"))),
+                ("task: got None", lambda: oted.fit(None, HOPPER, FRICTION)),
+                ("out: got ''", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, out="")),
+                ("out: got 3", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, out=3)),
+                ("which is its nominal value", lambda: oted.fit(
+                    "Hopper-v5", HOPPER, {"f": oted.Param("geom/*/friction[0]", 2, 3)}, out=self.folder / "run")),
                 ("constant 'load'", lambda: oted.Logs(array, array).with_constants(load="x")),
                 ("run directory", lambda: oted.load(3)),
                 ("num_envs: got '8'", lambda: oted.make_vec_env("Hopper-v5", "8")),
@@ -345,6 +356,43 @@ class Refusals(InFolder):
             with self.subTest(wanted), self.assertRaisesRegex(oted.UsageError, wanted) as raised:
                 call()
             self.assertEqual(len(str(raised.exception).splitlines()), 1)
+
+    def test_a_design_knows_its_model_and_holds_a_copy(self):
+        here = self.folder / "pendulum.xml"
+        here.write_text(PENDULUM)
+        rng = np.random.default_rng(1)
+        episodes = [(0.1 * rng.normal(size=(60, 2)), 0.1 * rng.normal(size=(60, 1))) for _ in range(2)]
+        given = {"parameters": {"d": oted.Param("joint/*/damping", 0.5, 3)}, "settings": {**TINY, "design.method": "transitions"},
+                 "progress": False}
+        logs = oted.Logs.from_episodes(episodes, period=0.02)
+        design = oted.fit(oted.Task(model=here, control_period=0.02, reward="-sum2_action"), logs, out=self.folder / "run", **given)
+        stay = lambda seen: np.zeros((len(seen), 1))  # noqa: E731
+        makes = {"an environment": oted.make_env, "several": lambda d: oted.make_vec_env(d, 2),
+                 "an evaluation": lambda d: oted.evaluate(stay, d, episodes=1),
+                 "a model": lambda d: d.to_mjcf(self.folder / "designed.xml")}
+        here.write_text(PENDULUM.replace('mass="1"', 'mass="9"'))
+        for name, make in makes.items():
+            with self.subTest(name, model="changed"), self.assertRaisesRegex(oted.DataError, "no longer the one"):
+                make(design)
+        here.unlink()
+        (self.folder / "deep" / "er").mkdir(parents=True)
+        (self.folder / "run").rename(self.folder / "deep" / "er" / "run")
+        for name, make in makes.items():
+            with self.subTest(name, model="gone"):
+                make(oted.load(self.folder / "deep" / "er" / "run"))
+        # A model of Python's lies in the run directory, which is a temporary one until it is saved.
+        import mujoco
+
+        spec = mujoco.MjSpec.from_string(PENDULUM)
+        oted.fit(oted.Task(model=spec, control_period=0.02, reward="-sum2_action"), logs, **given).save(self.folder / "kept")
+        oted.make_env(oted.load(self.folder / "kept"))
+
+    def test_what_cannot_be_written_is_an_error_of_ours(self):
+        (self.folder / "file").write_text("")
+        for make in (lambda: oted.fit("Hopper-v5", oted.read_logs(HOPPER), FRICTION, out=self.folder / "file" / "run"),
+                     lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, out=self.folder / "file" / "run")):
+            with self.assertRaises(oted.Error):
+                make()
 
     def test_errors_name_arguments_and_not_the_programs_options(self):
         for said, wanted in (

@@ -13,6 +13,7 @@ namespace oted {
 namespace {
 
 constexpr int kMostGeoms = 2000;
+constexpr int kMostPixels = 16384;  // each way
 
 // Whether the model's base travels: its first body moves by itself and does not only turn.
 bool HasMovingBase(const mjModel& model) {
@@ -105,7 +106,10 @@ const std::string& MujocoRenderer::description() const { return scene_->gl->desc
 
 std::unique_ptr<MujocoRenderer> MujocoRenderer::Make(const MujocoSimulatorFactory& factory, int width, int height,
                                                      std::string* why_not) {
-  OTED_CHECK(width > 0 && height > 0 && width % 4 == 0 && height % 4 == 0);
+  if (width < 1 || height < 1 || width > kMostPixels || height > kMostPixels) {
+    throw UsageError(
+        fmt::format("got a picture of {} x {} pixels, wanted 1 to {} each way", width, height, kMostPixels));
+  }
   auto gl = RenderContext::Make(why_not);
   if (gl == nullptr) return nullptr;
   auto scene = std::make_unique<Scene>(std::move(gl), factory, width, height);
