@@ -23,6 +23,7 @@ void Change(Array2<double>& values, const Correction& c) {
         for (size_t k = 0; k < c.columns.size(); ++k) at(k) = -at(k);
         break;
       case CorrectionKind::kUnit:
+      case CorrectionKind::kActionUnit:
         for (size_t k = 0; k < c.columns.size(); ++k) at(k) *= c.value;
         break;
       case CorrectionKind::kZero:
@@ -58,6 +59,8 @@ const char* Correction::Check() const {
       return "action_sign";
     case CorrectionKind::kActionSwap:
       return "swapped_actions";
+    case CorrectionKind::kActionUnit:
+      return "action_unit";
     case CorrectionKind::kQuaternionOrder:
       return "quaternion_order";
   }
@@ -81,6 +84,7 @@ Correction::Words Correction::InWords(const SimulatorSpec& spec) const {
     case CorrectionKind::kActionSign:
       return {fmt::format("{} turned round", List(names)), fmt::format("turn round the sign of {}", List(names))};
     case CorrectionKind::kUnit:
+    case CorrectionKind::kActionUnit:
       return {fmt::format("{} times {:.6g}", List(names), value),
               fmt::format("multiply {} by {:.6g}", List(names), value)};
     case CorrectionKind::kZero:

@@ -9,7 +9,7 @@
 
 namespace oted {
 
-enum class CorrectionKind { kSign, kSwap, kZero, kUnit, kActionSign, kActionSwap, kQuaternionOrder };
+enum class CorrectionKind { kSign, kSwap, kZero, kUnit, kActionSign, kActionSwap, kActionUnit, kQuaternionOrder };
 
 struct Correction {
   CorrectionKind kind;
@@ -28,7 +28,10 @@ struct Correction {
   void ApplyTo(Dataset& dataset) const;
   /// The same change of states, (n, state_dim): a rate that no observation shows goes with its position.
   void ApplyToStates(Array2<double>& states, const SimulatorSpec& spec) const;
-  bool IsOfActions() const { return kind == CorrectionKind::kActionSign || kind == CorrectionKind::kActionSwap; }
+  bool IsOfActions() const {
+    return kind == CorrectionKind::kActionSign || kind == CorrectionKind::kActionSwap ||
+           kind == CorrectionKind::kActionUnit;
+  }
 };
 
 }  // namespace oted

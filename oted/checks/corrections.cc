@@ -37,6 +37,7 @@ constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "con
                                   "quaternion_order", "quaternion_inverse", "turn_frame",   "velocity_frame",
                                   "quaternion_sign",  "shifted_actions"};
 constexpr double kCorrelated = 0.6;  // of a velocity with its position
+constexpr double kBeyond = 3;        // an action, of the bound of its range
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kThousandth = 1e-3, kHundredth = 1e-2;
 
@@ -194,7 +195,24 @@ class Search {
       all.push_back({CorrectionKind::kActionSign, {a}});
       for (int b = 0; b < a; ++b) all.push_back({CorrectionKind::kActionSwap, {b, a}});
     }
+    AddActionUnits(all);
     return all;
+  }
+
+  /// Of actions far beyond their range: degrees, thousandths or percent.
+  void AddActionUnits(std::vector<Correction>& all) const {
+    std::vector<int> beyond;
+    for (int a = 0; a < spec_.act_dim; ++a) {
+      const auto k = static_cast<size_t>(a);
+      const double bound = std::max(std::abs(spec_.action_low[k]), std::abs(spec_.action_high[k]));
+      double largest = 0;
+      for (int i = 0; i < windows_.log.size(); ++i) largest = std::max(largest, std::abs(windows_.log.actions(i, a)));
+      if (largest > kBeyond * bound) beyond.push_back(a);
+    }
+    if (beyond.empty()) return;
+    for (const double unit : {kDegree, kThousandth, kHundredth}) {
+      all.push_back({CorrectionKind::kActionUnit, beyond, unit});
+    }
   }
 
   void AddOfJoint(const Joint& joint, std::vector<Correction>& all) const {

@@ -185,9 +185,14 @@ class TestCheck(DataTest):
         robot = log_robots.dataclasses.replace(log_robots.ROBOTS["finger"], episodes=3, rows=150, positions_alone=True)
         clean = log_robots.drive(robot, noise=1e-3)
         turned, _ = log_robots.plant("action sign", robot, clean, log_robots.hinges_of(robot))
-        for log, expected in ((clean, []), (turned, [("action_sign", "turn round the sign of actuator/proximal")])):
+        degrees = log_robots.dataclasses.replace(clean, commands=clean.commands * 180 / np.pi)
+        unit = ("action_unit", "multiply actuator/proximal and actuator/distal by 0.0174533")
+        for log, expected in ((clean, []), (turned, [("action_sign", "turn round the sign of actuator/proximal")]),
+                              (degrees, [unit])):
             record = json.loads(self.succeed("data", "check", log_robots.write(robot, log, self.folder), "--json").stdout)
-            self.assertEqual([(f["check"], f["remedy"]) for f in record["findings"] if f["severity"] != "note"], expected)
+            self.assertEqual([(f["check"], f["remedy"]) for f in record["findings"]
+                              if f["severity"] != "note" and f["check"] not in ("actions_outside_bounds", "clipped_actions")],
+                             expected)
 
     def test_another_tasks_data_are_an_error(self):
         record, findings = self.check(self.hopper, "--task", "HalfCheetah-v5", code=DATA_OR_MODEL)
