@@ -25,8 +25,10 @@ using Eigen::VectorXd;
 constexpr int kPartIterations = 4;      // of the fit of short windows that goes on without what judges
 constexpr int kFewestPartWindows = 16;  // where fewer are left it is made anew
 constexpr int kValidationRows = 960;
-constexpr double kElsewhere = 0.5;  // in x: an eighth of the range
-constexpr int kRowsPerJudged = 3;   // of the last fit: what judges a fit needs it less exactly than who uses it
+constexpr double kIntervalEnd = 1.645;  // standard deviations: of a 90 % interval
+constexpr double kFarEnd = 0.95;        // of the range: an interval that goes so far is all of it
+constexpr double kElsewhere = 0.5;      // in x: an eighth of the range
+constexpr int kRowsPerJudged = 3;       // of the last fit: what judges a fit needs it less exactly than who uses it
 constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + 2 * kLongIterations;
@@ -36,11 +38,21 @@ int RowsOf(const std::vector<LogWindow>& windows) {
                          [](int sum, const LogWindow& window) { return sum + window.n_steps; });
 }
 
-/// With each x at most as uncertain as the prior has it. At a bound the logs tell of x what they tell of z over next to
-/// nothing, dz/dx: how estimates scatter there may be any number, and a Gaussian that wide would lie at both bounds.
-MatrixXd NoWiderThan(const Prior& prior, const MatrixXd& covariance) {
-  const VectorXd most = prior.Covariance().diagonal();
-  const VectorXd shrink = (most.array() / covariance.diagonal().array()).cwiseMin(1.0).sqrt();
+/// How uncertain x is where its standard deviation `std` is a matter of derivatives, and z's range ends: u, the place
+/// in the range, is then u(x) +- std du/dx, and x as wide as reaches the inner end of that. At a bound du/dx is next to
+/// nothing, so std may be any number, and a Gaussian that wide would lie at both bounds.
+/// @param most  the prior's: as much is never too wide
+double WithinRange(double x, double std, double most) {
+  const double u = LogitToUnit(-std::abs(x)), step = kIntervalEnd * std * u * (1 - u);
+  const double end = std::min(u + step, kFarEnd);
+  const double reach = (std::log(end / (1 - end)) + std::abs(x)) / kIntervalEnd;
+  return std::min(std, std::max(reach, most));
+}
+
+MatrixXd WithinRange(const Prior& prior, const VectorXd& x, const MatrixXd& covariance) {
+  const VectorXd std = covariance.diagonal().cwiseSqrt(), most = prior.Std();
+  VectorXd shrink(x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) shrink[i] = WithinRange(x[i], std[i], most[i]) / std[i];
   return shrink.asDiagonal() * covariance * shrink.asDiagonal();
 }
 
@@ -74,7 +86,7 @@ class TrajectoryMatch {
     const MatrixXd covariance = explained ? fit().Finish() : fit().CovarianceOfParts() + SpreadOfAsGood();
     if (problem_.judged) evidence_.unseen = FitUnseen();
     steps_.Finish(fit().x());
-    return {.mean = fit().x(), .covariance = NoWiderThan(problem_.prior, covariance), .evidence = evidence_};
+    return {.mean = fit().x(), .covariance = WithinRange(problem_.prior, fit().x(), covariance), .evidence = evidence_};
   }
 
  private:
