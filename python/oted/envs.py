@@ -20,6 +20,8 @@ from oted.task import ParametersLike, TaskLike
 
 Array = NDArray[np.float64]
 SAMPLES = ("modes", "samples")
+NO_COPY = ("an environment cannot be pickled or copied: make it where it is stepped, from a design or the path of one, which can "
+           "be pickled")
 
 
 class _Simulators:
@@ -151,7 +153,7 @@ class OtedEnv(gymnasium.Env[Array, Any]):
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         if self._ended:
-            raise UsageError("step: the episode has ended or not begun; call reset() first")
+            raise UsageError("step: no episode has begun, or its physics broke down; call reset() first")
         lanes = self._sims.lanes
         lanes.step([0], _given.numbers("action", action).reshape(1, -1))
         status = int(lanes.status()[0])
@@ -160,6 +162,9 @@ class OtedEnv(gymnasium.Env[Array, Any]):
         self._ended = diverged
         return (lanes.observations()[0], float(lanes.rewards()[0]), terminated, truncated,
                 {"diverged": True} if diverged else {})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError(NO_COPY)
 
     def render(self) -> Any:
         if self.render_mode is None:
@@ -227,6 +232,9 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
                 self._sims.reset(lane, self._randoms[lane])
         self._done[mask] = False
         return self._sims.lanes.observations(), {"parameters": self._sims.z.copy()}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError(NO_COPY)
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         lanes = self._sims.lanes

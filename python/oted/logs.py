@@ -268,6 +268,9 @@ class Logs:
             data.set_constant(name, float(value))
         return Logs._of(data)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("oted.Logs cannot be pickled or deep-copied: logs.save(path), and oted.read_logs(path) there")
+
     def __add__(self, other: "Logs") -> "Logs":
         """Both, one after the other; no episode goes on across the seam. Where both have names, channels go by them."""
         if not isinstance(other, Logs):

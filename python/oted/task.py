@@ -92,6 +92,8 @@ class Param:
 def _model_file(model: Any, folder: pathlib.Path | None) -> str:
     if isinstance(model, (str, os.PathLike)):
         text = os.fspath(model)
+        if str(text).lstrip().startswith("<"):
+            raise UsageError("model: got XML, wanted its file or a mujoco.MjSpec; give mujoco.MjSpec.from_string(text)")
         return text if text.startswith("package:") else os.path.abspath(text)
     if not hasattr(model, "to_xml"):
         kind = type(model).__name__

@@ -311,6 +311,7 @@ class Refusals(InFolder):
                 ("episode 1: got 1 obs", lambda: oted.Logs.from_episodes([(array, array), (array[:, :1], array)])),
                 ("episode 'a'", lambda: oted.Logs(array, array).select("a")),
                 ("constant 'load': got nan", lambda: oted.Logs(array, array).with_constants(load=float("nan"))),
+                ("MjSpec.from_string", lambda: oted.describe(oted.Task(model=PENDULUM, control_period=0.02))),
                 ("task: got None", lambda: oted.fit(None, HOPPER, FRICTION)),
                 ("out: got ''", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, out="")),
                 ("out: got 3", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, out=3)),
@@ -386,6 +387,17 @@ class Refusals(InFolder):
         spec = mujoco.MjSpec.from_string(PENDULUM)
         oted.fit(oted.Task(model=spec, control_period=0.02, reward="-sum2_action"), logs, **given).save(self.folder / "kept")
         oted.make_env(oted.load(self.folder / "kept"))
+
+    def test_what_cannot_be_pickled_says_what_to_do(self):
+        import copy
+        import pickle
+
+        array = np.zeros((10, 2))
+        for thing, remedy in ((oted.Logs(array, array), "save"), (oted.make_env("Hopper-v5"), "design"),
+                              (oted.make_vec_env("Hopper-v5", 2), "design")):
+            for attempt in (pickle.dumps, copy.deepcopy):
+                with self.assertRaisesRegex(TypeError, remedy):
+                    attempt(thing)
 
     def test_what_cannot_be_written_is_an_error_of_ours(self):
         (self.folder / "file").write_text("")
