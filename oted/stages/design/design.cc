@@ -15,21 +15,25 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kAsLikely = 6;
+constexpr size_t kAsLikely = 6;
 constexpr double kLongest = 0.3;  // in x: farther off effects bend, and the covariance says little
 
-/// Draws of z about what was fitted to the logs that were not kept aside. None where all were.
+/// Draws of z about what was fitted to the logs that were not kept aside, in mirrored pairs. None where all were.
 std::vector<std::vector<double>> AsLikely(const ParameterSpace& space, const UnseenFit& unseen, RngKey key) {
   if (unseen.z.empty()) return {};
-  const std::vector<double> x = ZToLogit(space, unseen.z);
+  const std::vector<double> fitted = ZToLogit(space, unseen.z);
   const Eigen::Index n = space.size();
+  const Eigen::Map<const VectorXd> x(fitted.data(), n);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(Eigen::Map<const MatrixXd>(unseen.covariance.data(), n, n));
-  const VectorXd variances = axes.eigenvalues().cwiseMin(kLongest * kLongest);
-  const Designer about(space, Eigen::Map<const VectorXd>(x.data(), n),
-                       axes.eigenvectors() * variances.asDiagonal() * axes.eigenvectors().transpose());
+  const VectorXd std = axes.eigenvalues().cwiseMax(0.0).cwiseSqrt().cwiseMin(kLongest);
   Rng rng = key.Stage("as_likely").MakeRng();
   std::vector<std::vector<double>> draws;
-  for (const Designer::Sample& sample : about.DrawBatch(kAsLikely, rng)) draws.push_back(sample.z);
+  while (draws.size() < kAsLikely) {
+    const VectorXd off = axes.eigenvectors() * std.cwiseProduct(VectorXd::NullaryExpr(n, [&] { return rng.Normal(); }));
+    for (const VectorXd& moved : {VectorXd(x + off), VectorXd(x - off)}) {
+      draws.push_back(LogitToZ(space, {moved.data(), static_cast<size_t>(n)}));
+    }
+  }
   return draws;
 }
 
