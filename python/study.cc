@@ -7,14 +7,13 @@
 
 #include "oted/base/parallel.h"
 #include "oted/proposal/task_proposal.h"
-#include "oted/run/finished_design.h"
 #include "oted/run/run_inputs.h"
 
 namespace oted::python {
 
 RunConfig Study::Config() const {
   RunConfig config =
-      run.empty() ? RunConfig::FromToml(toml, file_name.empty() ? "task" : file_name) : ReadDesign(run).config;
+      design != nullptr ? design->config : RunConfig::FromToml(toml, file_name.empty() ? "task" : file_name);
   const RunConfig more = RunConfig::FromToml(given, "arguments");
   if (!more.parameters.empty() || !more.presets.empty()) {
     config.parameters = more.parameters;
@@ -32,7 +31,7 @@ RunConfig Study::Config() const {
 
 std::unique_ptr<SimulatorFactory> Study::Factory(const RunConfig& config, const Array2<double>& starts) const {
   auto factory = MakeSimulatorFactory(config.task, config.parameters, starts);
-  if (!run.empty()) CheckSameModel(ReadDesign(run), *factory);
+  if (design != nullptr) CheckSameModel(*design, *factory);
   return factory;
 }
 
@@ -60,7 +59,10 @@ void AddStudies(nb::module_& m) {
       .def_static(
           "of_run",
           [](const std::string& run, const std::string& given) {
-            return Study{.toml = "", .file_name = "", .given = given, .run = run};
+            return Study{.toml = "",
+                         .file_name = "",
+                         .given = given,
+                         .design = std::make_shared<const FinishedDesign>(ReadDesign(run))};
           },
           nb::arg("run"), nb::arg("given"))
       .def_prop_ro("toml", [](const Study& study) { return study.Config().ToToml(); })

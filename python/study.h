@@ -5,6 +5,7 @@
 #include <string>
 
 #include "oted/config/run_config.h"
+#include "oted/run/finished_design.h"
 #include "oted/sim/simulator.h"
 #include "python/binding.h"
 
@@ -15,7 +16,7 @@ namespace oted::python {
 /// from the working folder.
 struct Study {
   std::string toml, file_name, given;
-  std::string run = {};  ///< a run directory with a finished design, whose task and parameters these are; toml is empty
+  std::shared_ptr<const FinishedDesign> design = nullptr;  ///< whose task and parameters these are; toml is empty
 
   /// @throws UsageError, DataError
   RunConfig Config() const;

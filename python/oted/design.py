@@ -19,7 +19,6 @@ from oted._engine import core
 from oted._needs import need
 from oted.errors import DataError, UsageError
 from oted.logs import Logs, file_of, write_logs
-from oted.task import study
 
 
 MOST_SAMPLES = 100_000_000

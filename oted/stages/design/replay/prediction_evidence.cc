@@ -239,21 +239,25 @@ class Evidence {
     }
     if (imitated_.empty()) return horizon;
     const MatrixXd designed = all_of(designed_);
-    const auto floor_of = [&](const Imitations& imitations) {
+    const auto draws_of = [&](const Imitations& imitations) {
+      std::vector<MatrixXd> draws;
+      for (const auto& squares : imitations) draws.push_back(all_of(squares));
+      return draws;
+    };
+    const auto floor_of = [&](const std::vector<MatrixXd>& draws) {
       MatrixXd floor(designed.rows(), 0);
-      for (const auto& squares : imitations) floor = Beside(floor, all_of(squares));
+      for (const MatrixXd& draw : draws) floor = Beside(floor, draw);
       return floor;
     };
-    const MatrixXd floor = floor_of(imitated_);
+    const std::vector<MatrixXd> draws = draws_of(imitated_);
+    const MatrixXd floor = floor_of(draws);
     PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
-    std::vector<MatrixXd> draws;
-    for (const auto& squares : imitated_) draws.push_back(all_of(squares));
     excess.Widen(ScatterOfDraws(draws, judge.channels()));
     // The design may be so wrong that it does not predict even its own logs. Where the other one predicts these logs no
     // worse, and logs of its own surely better, sensors leave no more than that.
     std::optional<PredictionRatios> lower, excess_over_lower;
     if (!imitated_by_other_.empty() && horizon.gain.value <= 0) {
-      const MatrixXd floor_of_other = floor_of(imitated_by_other_);
+      const MatrixXd floor_of_other = floor_of(draws_of(imitated_by_other_));
       lower = TypicalRatios(floor, floor_of_other, designed.cols(), judge.channels());
       excess_over_lower = TypicalRatios(designed, floor_of_other, designed.cols(), judge.channels());
     }

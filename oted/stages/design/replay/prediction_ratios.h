@@ -27,7 +27,6 @@ class PredictionRatios {
 
   /// (channels + 1): errors that are at least these.
   void Widen(const Eigen::VectorXd& errors) { error_ = error_.cwiseMax(errors); }
-  const Eigen::VectorXd& values() const { return value_; }
   Estimated OfChannel(Eigen::Index c) const { return {value_[c], error_[c]}; }
   Estimated OfAll() const { return OfChannel(value_.size() - 1); }
 
