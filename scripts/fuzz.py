@@ -8,8 +8,8 @@ build/fuzz/corpus keeps. An input fails a reader where it is neither read nor re
 a sanitizer objects, where reading it takes longer than 30 s or 2 GiB. What the program reads in a child process (HDF5, models)
 is searched without one, which costs a tenth of the time, and what fails then is read once more with one: a library that
 crashes there is a refusal. Such inputs are kept in build/fuzz/failures; mend the reader and put the input into
-tests/fuzz/corpus. A line for each family goes into benchmarks/results/fuzz.jsonl. Ends with 1
-where anything failed.
+tests/fuzz/corpus. A line for each family goes into benchmarks/results/fuzz.jsonl: its minutes and inputs are those of all
+searches so far, what failed is this one's. Ends with 1 where anything failed.
 """
 
 import argparse
@@ -96,6 +96,13 @@ class Search:
                 **self.last, "failed": len(self.found), "refused_by_child": self.refused, "sanitizers": "address,undefined"}
 
 
+def with_earlier(record, earlier):
+    """`record` with the minutes and inputs of all searches before it."""
+    if not earlier or earlier["schema"] != record["schema"]:
+        return record
+    return {**record, **{name: round(record[name] + earlier.get(name, 0), 2) for name in ("minutes", "inputs", "refused_by_child")}}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
@@ -111,7 +118,7 @@ def main():
     n_failed = 0
     for family in options.families or families:
         record = Search(options.program, family).run(options.minutes, options.seed)
-        study_data.add_record(RESULTS, family, record)
+        study_data.add_record(RESULTS, family, with_earlier(record, study_data.records(RESULTS).get(family)))
         n_failed += record["failed"]
         print(f"{family:10} {record['inputs']:9} inputs, {record.get('edges', 0):6} edges, {record['failed']} failed", flush=True)
     if n_failed:

@@ -73,16 +73,18 @@ ColumnMap FirstLog::Map(const ModelOutline& model, const std::string& model_path
     if (column.is_damaged) RefuseWhereKnown(column, model);
     if (map.episode.empty()) map.episode = MapColumns({column.name}, model).episode;
   }
-  const auto fail = [&](const char* what, const std::vector<std::string>& wanted) {
+  const auto fail = [&](const char* what, const std::vector<std::string>& wanted, const char* more = "") {
     for (const LogColumn& column : text_columns_) RefuseWhereKnown(column, model);
     throw DataError(
         fmt::format("'{}': no column is {} of model '{}'. The columns are {}; the model has {}; rename columns after "
-                    "these ('hip_pos', 'hip_vel', 'hip_cmd')",
-                    path_, what, model_path, Some(names_), wanted.empty() ? "none" : Some(wanted)));
+                    "these ('hip_pos', 'hip_vel', 'hip_cmd'){}",
+                    path_, what, model_path, Some(names_), wanted.empty() ? "none" : Some(wanted), more));
   };
   if (map.observations.empty()) fail("a position, velocity or sensor", NamesOf(model.joints));
-  if (map.actions.empty())
-    fail("a command", model.actuators.empty() ? NamesOf(model.joints) : NamesOf(model.actuators));
+  if (map.actions.empty()) {
+    fail("a command", model.actuators.empty() ? NamesOf(model.joints) : NamesOf(model.actuators),
+         "; where nothing drove the robot, add a command of zeros");
+  }
   if (!is_csv()) InFileOrder(map, model, model_path);
   for (std::string& unused : map.unused) {
     const auto column = std::ranges::find_if(

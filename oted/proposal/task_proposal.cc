@@ -100,7 +100,9 @@ class Proposer {
   void Act() {
     task_.motors = proposal_.columns.motors;
     std::vector<std::string> paths;
-    bool lacks_range = !task_.motors.empty();
+    bool lacks_range = std::ranges::any_of(model_.joints, [&](const ModelOutline::Joint& joint) {
+      return !joint.force_limited && std::ranges::find(task_.motors, "joint/" + joint.name) != task_.motors.end();
+    });
     for (const ColumnMap::Entry& entry : proposal_.columns.actions) {
       const std::string path = entry.path.substr(0, entry.path.find('['));
       if (paths.empty() || paths.back() != path) paths.push_back(path);

@@ -244,12 +244,18 @@ class InitTest(ProgramTest):
     def test_a_urdf_gets_motors(self):
         self.model = self.folder / "arm.urdf"
         link = "<link name='{}'><inertial><mass value='1'/><origin xyz='0 0 -0.2'/><inertia ixx='.02' iyy='.02' izz='.01' ixy='0' ixz='0' iyz='0'/></inertial></link>"
-        self.model.write_text("<robot name='arm'>" + "".join(map(link.format, ("base", "upper"))) +
-                              "<joint name='hinge' type='continuous'><parent link='base'/><child link='upper'/><axis xyz='0 1 0'/></joint></robot>")
+        joint = "<joint name='hinge' type='continuous'><parent link='base'/><child link='upper'/><axis xyz='0 1 0'/>{}</joint>"
+        robot = "<robot name='arm'>" + "".join(map(link.format, ("base", "upper"))) + joint + "</robot>"
         rows = swing(1)[:, [0, 1, 3, 5]]
-        _, task = self.init(self.csv(rows, ["time", "hinge_pos", "hinge_vel", "hinge_effort"]))
+        log = self.csv(rows, ["time", "hinge_pos", "hinge_vel", "hinge_effort"])
+        self.model.write_text(robot.format(""))
+        _, task = self.init(log)
         self.assertEqual(task["task"]["motors"], ["joint/hinge"])
         self.assertGreaterEqual(task["task"]["action_range"][1], abs(rows[:, 3]).max())
+        self.model.write_text(robot.format("<limit effort='10' velocity='5'/>"))
+        self.task.unlink()
+        _, task = self.init(log)
+        self.assertNotIn("action_range", task["task"], "the joint's limit is the motor's range")
 
     # --- what does not fit is told
 

@@ -22,7 +22,6 @@ from program import FRICTION, TINY, TINY_DESIGN, sets
 # What tells of a moment or a place, and what is made from that.
 UNEQUAL = ("events.out.tfevents", "versions.json", "report.json", "report.html")
 DONE, USAGE, DATA_OR_MODEL, NO_SIMULATOR = 0, 2, 3, 4
-GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
 RESULTS = program.ROOT / "benchmarks/results/faults.jsonl"
 MARK = "OTED_CAMPAIGN"  # in the environment of everything that a campaign starts
 ARM = """<mujoco model="arm"><option timestep="0.01"/><worldbody><body><joint name="a" axis="0 1 0" damping="0.1"/>
@@ -159,16 +158,13 @@ class Grow(Campaign):
     name = "design --grow"
 
     def prepare(self):
-        demos = self.folder / "grow.npz"
-        if not demos.exists():
-            policy = program.ROOT / "examples/policies/hopper/medium.npz"
-            made = self.run(["collect", "--task", "Hopper-v5", "--policy", policy, "--episodes", "2", "--seed", "1", "--param", GAIN,
-                             "--truth", "gain=1.2", "--param", DAMPING, "--truth", "damping=0.7", "--out", demos])
-            assert made.returncode == DONE, made.stderr
+        super().prepare()
+        log_arm(self.folder / "logs.csv", n_episodes=5, n_rows=100)
+        task = self.folder / "grow.toml"
+        task.write_text("\n".join(line for line in ARM_TASK.splitlines() if not line.startswith("damping =")))
         settings = TINY + ["design.trajectories.rows=96", "design.trajectories.window=16", "design.trajectories.tried=3",
                            "selection.n_seeds=1"]
-        self.command = ["design", "--grow", "--task", "Hopper-v5", "--data", str(demos), "--param", GAIN, "--threads", "1", "--out",
-                        str(self.out), *sets(settings)]
+        self.command = ["design", str(task), "--grow", "--threads", "1", "--out", str(self.out), *sets(settings)]
 
 
 class Unit(Campaign):
@@ -178,11 +174,12 @@ class Unit(Campaign):
     counts_vary = True
 
     def prepare(self):
+        super().prepare()
         self.plan = self.folder / "plan.jsonl"
         settings = [s for s in TINY_DESIGN if "n_seeds" not in s and "n_iterations" not in s]
         settings += ["selection.n_seeds=1", "design.method=transitions", "design.adversarial.n_iterations=20", "report.motion=false"]
-        made = self.run(["sweep", "--task", "Hopper-v5", "--param", FRICTION, "--data", self.hopper_logs(), "--vary",
-                         "design.adversarial.n_steps=20", "design.adversarial.n_steps=24", "--to", self.plan, *sets(settings)])
+        made = self.run(["sweep", self.folder / "arm.toml", "--vary", "design.adversarial.n_steps=20", "design.adversarial.n_steps=24",
+                         "--to", self.plan, *sets(settings)])
         assert made.returncode == DONE, made.stderr
         self.command = self.words()
 

@@ -11,6 +11,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/sim/mujoco/legacy_inertia.h"
+#include "oted/sim/mujoco/mesh_files.h"
 #include "oted/sim/mujoco/mujoco_errors.h"
 #include "oted/sim/mujoco/object_path.h"
 
@@ -31,6 +32,7 @@ SpecPtr Parse(const std::filesystem::path& path) {
   std::array<char, 1000> reason{};
   SpecPtr spec(mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
   if (spec == nullptr) FailToLoad(path, reason.data());
+  FindMeshFiles(*spec, path);
   return spec;
 }
 

@@ -78,6 +78,7 @@ ModelOutline OutlineOf(const std::string& model_file) {
     joint.limited = model.jnt_limited[i] != 0;
     joint.low = model.jnt_range[2 * i];
     joint.high = model.jnt_range[2 * i + 1];
+    joint.force_limited = model.jnt_actfrclimited[i] != 0;
     joint.inertia = model.dof_M0[model.jnt_dofadr[i]];
     outline.joints.push_back(joint);
   }

@@ -19,7 +19,8 @@ struct ModelOutline {
     JointKind kind = JointKind::kHinge;
     bool limited = false;
     double low = 0, high = 0;  ///< [rad, m] where limited
-    double inertia = 0;        ///< about it in the start state [kg m^2, kg]
+    bool force_limited = false;
+    double inertia = 0;  ///< about it in the start state [kg m^2, kg]
     bool actuated = false;
     bool has_one_number() const { return kind == JointKind::kHinge || kind == JointKind::kSlide; }
   };
