@@ -29,7 +29,25 @@ namespace {
 
 using Maybe = std::optional<InArray>;
 
-constexpr double kPeriodSlack = 0.02;  // by which a period that was measured may be off
+constexpr double kPeriodSlack = 0.02;           // by which a period that was measured may be off
+constexpr const char* kInMemory = "in memory";  // what errors call logs that are no file
+
+/// Gives logs without a file a name for errors, as long as it lives.
+class Named {
+ public:
+  explicit Named(Dataset& dataset) : dataset_(dataset), names_(dataset.path.empty()) {
+    if (names_) dataset_.path = kInMemory;
+  }
+  Named(const Named&) = delete;
+  Named& operator=(const Named&) = delete;
+  ~Named() {
+    if (names_) dataset_.path.clear();
+  }
+
+ private:
+  Dataset& dataset_;
+  const bool names_;
+};
 
 Array2<double> Matrix(const InArray& array, const char* name) {
   if (array.ndim() != 2) {
@@ -91,7 +109,10 @@ void Append(Dataset& dataset, Dataset other) {
   };
   same_names("observations", other.observation_names, dataset.observation_names);
   same_names("actions", other.action_names, dataset.action_names);
-  MatchNames(other, dataset.observation_names, dataset.action_names);
+  {
+    const Named named(other);
+    MatchNames(other, dataset.observation_names, dataset.action_names);
+  }
   if (dataset.period_s > 0 && other.period_s > 0 && PeriodsDiffer(dataset.period_s, other.period_s)) {
     throw UsageError(
         fmt::format("+: rows of the second logs lie {:.6g} s apart, and those of the first {:.6g} s; make "
@@ -138,7 +159,9 @@ void MatchConstants(Dataset& dataset, const SimulatorSpec& spec) {
 
 /// Brings channels and constants into the task's order. @throws UsageError where it has others, or another period
 void MatchTask(Dataset& dataset, const SimulatorSpec& spec) {
+  const Named named(dataset);
   MatchNames(dataset, spec.observation_names, spec.action_names);
+  dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   MatchConstants(dataset, spec);
   if (!(dataset.period_s > 0) || !(spec.control_period_s > 0) ||
       !PeriodsDiffer(dataset.period_s, spec.control_period_s))
@@ -274,7 +297,6 @@ void Write(Dataset dataset, const std::string& path, const Study& study) {
   if (!config.task.name.empty()) {
     const SimulatorSpec spec = SpecOf(config.task);
     MatchTask(dataset, spec);
-    dataset.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   }
   WriteDataset(dataset, path);
 }

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from oted import _given
+from oted import _given, _rows
 from oted._engine import core
 from oted._needs import need
 from oted.errors import UsageError
@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 
 def _maybe(name: str, given: ArrayLike | None, ndim: int) -> Array | None:
     return None if given is None else _array(name, given, ndim)
+
+
+def _flags(name: str, given: ArrayLike | None) -> Array | None:
+    return None if given is None else _given.flags(name, given).astype(np.float64)
 
 
 def _array(name: str, given: ArrayLike, ndim: int) -> Array:
@@ -62,12 +66,12 @@ class Logs:
         unwrap: Sequence[str] = (),
     ) -> None:
         seen = _array("observations", observations, 2)
-        ends = _episode_ends(len(seen), episode_ends, episode)
-        flags = ([False] * len(ends) if terminated is None else
-                 [bool(flag) for flag in _given.listed("terminated", terminated, "a flag for each episode")])
+        ends = _rows.episode_ends(len(seen), episode_ends, episode)
+        flags = (np.zeros(len(ends), dtype=bool) if terminated is None else
+                 _given.flags("terminated", terminated, "episode"))
         if len(flags) != len(ends):
             raise UsageError(f"terminated: got {len(flags)} flags, wanted one for each of the {len(ends)} episodes")
-        runs = list(zip([0, *ends[:-1]], ends, flags))
+        runs = list(zip([0, *ends[:-1]], ends, flags.tolist()))
         self._set(core.logs_from_rows(
             seen, _array("actions", actions, 2), runs, _maybe("times", times, 1), _maybe("rewards", rewards, 1),
             _maybe("qpos", qpos, 2), _maybe("qvel", qvel, 2), _names("observation_names", observation_names),
@@ -128,8 +132,8 @@ class Logs:
         """From D4RL's arrays, one row per transition: an episode ends after each terminal and each timeout."""
         return cls._of(core.logs_from_transitions(
             _array("observations", observations, 2), _array("actions", actions, 2),
-            _array("next_observations", next_observations, 2), _maybe("terminals", terminals, 1),
-            _maybe("timeouts", timeouts, 1), _maybe("rewards", rewards, 1), _names("observation_names", observation_names),
+            _array("next_observations", next_observations, 2), _flags("terminals", terminals),
+            _flags("timeouts", timeouts), _maybe("rewards", rewards, 1), _names("observation_names", observation_names),
             _names("action_names", action_names), _period(period), _patterns(unwrap)))
 
     @classmethod
@@ -158,36 +162,32 @@ class Logs:
                 values = frame[name]
             except Exception as e:
                 raise UsageError(f"the frame has no column '{name}'") from e
-            return np.asarray(values.to_numpy() if hasattr(values, "to_numpy") else values)
-
-        order = None if episode is None else _together(found(episode))
-
-        def column(name: str) -> NDArray[Any]:
-            return found(name) if order is None else found(name)[order]
-
-        def matrix(names: Sequence[str]) -> Array:
-            columns = []
-            for name in names:
-                values = column(name)
-                try:
-                    columns.append(values.astype(np.float64))
-                except (TypeError, ValueError) as e:
-                    raise UsageError(f"column '{name}' holds no numbers ({e})") from e
-            return np.column_stack(columns)
+            return _rows.column(f"column '{name}'", values)
 
         for what, names in (("observations", observations), ("actions", actions)):
             if not _given.texts(what, names, "['hip', 'knee']"):
                 raise UsageError(f"{what}: wanted a list of columns")
-        labels = None if episode is None else column(episode)
-        times = None if time is None else _seconds(time, column(time))
+        if not len(found(observations[0])):
+            raise UsageError(f"column '{observations[0]}' has no rows, wanted a frame with at least one")
+        labels = None if episode is None else _rows.labels(f"column '{episode}'", found(episode))
+        order = slice(None) if labels is None else _rows.together(labels)
+
+        def column(name: str) -> NDArray[Any]:
+            return found(name)[order]
+
+        def matrix(names: Sequence[str]) -> Array:
+            return np.column_stack([_array(f"column '{name}'", column(name), 1) for name in names])
+
+        labels = None if labels is None else labels[order]
         flags = None
         if terminated is not None:
-            ends = _episode_ends(len(column(observations[0])), None, labels)
-            flags = [bool(column(terminated)[end - 1]) for end in ends]
-        return cls(matrix(observations), matrix(actions), episode=labels, times=times, period=period,
-                   rewards=None if reward is None else _given.numbers(f"column '{reward}'", column(reward)), terminated=flags,
-                   observation_names=list(observation_names or observations),
-                   action_names=list(action_names or actions), unwrap=unwrap)
+            ends = _rows.episode_ends(len(found(observations[0])), None, labels)
+            flags = _given.flags(f"column '{terminated}'", found(terminated))[order][np.array(ends) - 1]
+        return cls(matrix(observations), matrix(actions), episode=labels,
+                   times=None if time is None else _rows.seconds(f"column '{time}'", found(time))[order], period=period,
+                   rewards=None if reward is None else _array(f"column '{reward}'", column(reward), 1), terminated=flags,
+                   observation_names=observations if observation_names is None else observation_names,
+                   action_names=actions if action_names is None else action_names, unwrap=unwrap)
 
     def __len__(self) -> int:
         return len(self._data)
@@ -245,7 +245,7 @@ class Logs:
         n = len(self.episodes)
         chosen = _given.listed("episodes", episodes, "a list of numbers from 0")
         for i in chosen:
-            if not isinstance(i, (int, np.integer)) or not 0 <= i < n:
+            if isinstance(i, bool) or not isinstance(i, (int, np.integer)) or not 0 <= i < n:
                 raise UsageError(f"episode {i!r} does not exist; there are {n}, from 0")
         return Logs._of(self._data.select(chosen))
 
@@ -260,12 +260,8 @@ class Logs:
         oted.Task(constants=...)). Join recordings by +; what one of them does not say is there as in the model."""
         data = self._data.copy()
         for name, value in values.items():
-            if not isinstance(value, (int, float, np.number)):
-                raise UsageError(f"constant '{name}': got {value!r}, wanted a number")
-            if not np.isfinite(value):
-                raise UsageError(f"constant '{name}': got {value!r}, wanted a finite number; leave it out where it is as in "
-                                 "the model")
-            data.set_constant(name, float(value))
+            data.set_constant(_given.text("constant", name), _given.finite(
+                f"constant '{name}'", value, "leave it out where it is as in the model"))
         return Logs._of(data)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -302,47 +298,16 @@ class Logs:
     def save(self, path: str | os.PathLike[str], task: TaskLike = None) -> None:
         """Writes .npz, .hdf5, .csv or .csv.gz; with a task, in the order of its channels. A table alone keeps names and
         times."""
-        if task is None and self.observation_names and not os.fspath(path).endswith((".csv", ".csv.gz")):
-            warnings.warn(f"'{os.fspath(path)}' keeps no names of channels: whoever reads it takes them in the order of the "
+        file = _given.path("path", path)
+        if task is None and self.observation_names and not file.endswith((".csv", ".csv.gz")):
+            warnings.warn(f"'{file}' keeps no names of channels: whoever reads it takes them in the order of the "
                           "task; save with task=..., or as .csv", stacklevel=2)
-        core.write_logs(self._data, os.fspath(path), study(task))
+        core.write_logs(self._data, file, study(task))
 
     def __repr__(self) -> str:
         seen, done = self.observations.shape[1], self.actions.shape[1]
         return (f"Logs({len(self)} transitions, {len(self.episodes)} episodes, {seen} observations, {done} actions"
                 + (f", {self._path!r}" if self._path else "") + ")")
-
-
-def _episode_ends(n_rows: int, given: Sequence[int] | None, labels: ArrayLike | None) -> list[int]:
-    if given is not None and labels is not None:
-        raise UsageError("got episode_ends and episode, which say the same; give one")
-    if labels is not None:
-        column = np.asarray(labels)
-        if column.shape != (n_rows,):
-            raise UsageError(f"episode: got shape {column.shape}, wanted a label for each of {n_rows} rows")
-        ends = [*(int(i) + 1 for i in np.flatnonzero(column[1:] != column[:-1])), n_rows]
-        begun: set[Any] = set()
-        for begin in [0, *ends[:-1]]:
-            label = column[begin].item() if hasattr(column[begin], "item") else column[begin]
-            if label in begun:
-                raise UsageError(f"episode: label {label!r} comes again at row {begin}, after another; sort the rows by it")
-            begun.add(label)
-        return ends
-    if given is None:
-        return [n_rows]
-    try:
-        found = [int(end) for end in given]
-    except (TypeError, ValueError) as e:
-        raise UsageError(f"episode_ends: wanted whole numbers, one past the last row of each episode ({e})") from e
-    if not found or found[-1] != n_rows or any(b <= a for a, b in zip([0, *found], found)):
-        raise UsageError(f"episode_ends: got {found[:5]}..., wanted rising numbers up to the {n_rows} rows")
-    return found
-
-
-def _together(labels: NDArray[Any]) -> NDArray[np.int64]:
-    """The order in which the rows of a label stand together, labels in the order in which they come first."""
-    first: dict[Any, int] = {}
-    return np.argsort([first.setdefault(label, len(first)) for label in labels.tolist()], kind="stable")
 
 
 def _patterns(given: Sequence[str]) -> list[str]:
@@ -355,26 +320,7 @@ def _names(what: str, given: Sequence[str]) -> list[str]:
 
 def _period(given: float | None) -> float:
     """0 where it is not known."""
-    if given is None:
-        return 0.0
-    try:
-        period = float(given)
-    except (TypeError, ValueError):
-        period = 0.0
-    if not 0 < period < np.inf:
-        raise UsageError(f"period: got {given!r}, wanted seconds between two rows, above 0")
-    return period
-
-
-def _seconds(name: str, values: NDArray[Any]) -> Array:
-    if np.issubdtype(values.dtype, np.datetime64) or np.issubdtype(values.dtype, np.timedelta64):
-        nanoseconds = values.astype(values.dtype.kind + "8[ns]").astype(np.int64)
-        seconds: Array = (nanoseconds - nanoseconds[0]) * 1e-9
-        return seconds
-    try:
-        return values.astype(np.float64)
-    except (TypeError, ValueError) as e:
-        raise UsageError(f"column '{name}' holds neither seconds nor time stamps ({e})") from e
+    return 0.0 if given is None else _given.seconds("period", given)
 
 
 _BAG = "oted.bags.read_bag, which is told the topics (oted.bags.bag_topics lists them)"
@@ -386,7 +332,7 @@ _FOLDERS = {"metadata.yaml": _BAG, "meta/info.json": "oted.lerobot.read_lerobot"
 def file_of(logs: Any) -> str:
     """The path of what should be a file of logs."""
     if isinstance(logs, (str, os.PathLike)):
-        path = pathlib.Path(logs)
+        path = pathlib.Path(_given.path("logs", logs, "oted.Logs or a file"))
         reader = _READERS.get(path.suffix)
         if path.is_dir():
             reader = next((its for mark, its in _FOLDERS.items() if (path / mark).exists()), reader)
@@ -419,9 +365,7 @@ def read_logs(
 ) -> Logs:
     """Reads .hdf5 (D4RL or Minari), .npz, .csv, .csv.gz, or a Minari folder, by the program's own readers; with a task,
     in its channels' order and at its control period. `episodes`: the first so many. unwrap: as Logs has it."""
-    if episodes is not None and not (isinstance(episodes, int) and episodes > 0):
-        raise UsageError(f"episodes: got {episodes!r}, wanted how many, from the first")
-    chosen = {"episodes": None if episodes is None else str(episodes), "format": format,
+    chosen = {"episodes": None if episodes is None else str(_given.whole("episodes", episodes, 1)), "format": format,
               "action_delay": action_delay or None, "unwrap": _patterns(unwrap) or None}
     data = core.read_logs(study(task, data={"path": file_of(path), **chosen}))
     plain = all(v is None for v in chosen.values())

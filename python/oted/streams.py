@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from oted import _given
 from oted._engine import core
 from oted.errors import UsageError
 from oted.logs import Logs, _array, _patterns
@@ -25,6 +26,8 @@ class Channel:
     source: str = ""  # for errors: topic and field
 
     def arrays(self) -> tuple[str, str, Array, Array]:
+        _given.text("channel: name", self.name, "a text, such as 'joint/elbow/qpos'")
+        _given.text(f"channel '{self.name}': source", self.source)
         times, values = (_array(f"channel '{self.name}'", given, 1) for given in (self.times, self.values))
         if times.shape != values.shape or times.ndim != 1:
             raise UsageError(f"channel '{self.name}'" + (f" ({self.source})" if self.source else "") + f": got {times.shape} "
@@ -43,11 +46,13 @@ def to_logs(
     """The rows of one recording; several recordings are joined by +. period [s] is the task's control period. A gap of more
     than most_gap typical steps of a state ends an episode. unwrap: states [rad] that are kept within one turn, by name or
     pattern."""
-    for channel in (*states, *actions):
-        if not isinstance(channel, Channel):
-            raise UsageError(f"got {type(channel).__name__}, wanted oted.streams.Channel(name, times, values)")
-    if not isinstance(period, (int, float, np.number)):
-        raise UsageError(f"period: got {period!r}, wanted seconds")
-    return Logs._of(core.logs_from_streams([channel.arrays() for channel in states],
-                                           [channel.arrays() for channel in actions], float(period), float(most_gap),
-                                           _patterns(unwrap)))
+    given = [[_arrays(channel) for channel in _given.listed(what, channels, "a list of channels")]
+             for what, channels in (("states", states), ("actions", actions))]
+    return Logs._of(core.logs_from_streams(given[0], given[1], _given.seconds("period", period),
+                                           _given.number("most_gap", most_gap), _patterns(unwrap)))
+
+
+def _arrays(channel: Channel) -> tuple[str, str, Array, Array]:
+    if not isinstance(channel, Channel):
+        raise UsageError(f"got {type(channel).__name__}, wanted oted.streams.Channel(name, times, values)")
+    return channel.arrays()

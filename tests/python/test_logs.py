@@ -3,6 +3,7 @@
     test_logs.py FOLDER OTED     FOLDER holds the package oted, "" where it is installed; OTED is the program
 """
 
+import datetime
 import hashlib
 import subprocess
 import unittest
@@ -204,11 +205,102 @@ class LogsTest(InFolder):
                      lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), period="x"),
                      lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))) + oted.Logs(np.zeros((4, 3)), np.zeros((4, 1))),
                      lambda: oted.Logs([["x"]], [[0.0]]),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), episode_ends=[2.7, 4]),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), episode_ends=[float("inf"), 4]),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1)), period=True),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))).with_constants(load=True),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))).with_constants(load=10**400),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))).select([True]),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))).save(b"x.npz"),
+                     lambda: oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))).save("\udc80.npz"),
+                     lambda: oted.Logs(np.zeros((4, 1)), np.zeros((4, 1)), observation_names=["\udc80"]),
+                     lambda: oted.Logs([[10**400]] * 4, np.zeros((4, 1))),
+                     lambda: to_logs([Channel(None, [0, 1], [0, 1])], [Channel("u", [0, 1], [0, 1])], 0.1),
+                     lambda: to_logs(None, [Channel("u", [0, 1], [0, 1])], 0.1),
+                     lambda: oted.Logs.from_pandas({"q": [], "u": []}, observations=["q"], actions=["u"], terminated="u"),
                      lambda: oted.Logs.from_pandas({"q": np.zeros(3)}, observations=["p"], actions=["q"])):
-            with self.assertRaises(oted.UsageError):
+            with self.assertRaises(oted.UsageError) as raised:
                 call()
+            self.assertEqual(len(str(raised.exception).splitlines()), 1)
         with self.assertRaises(oted.DataError):
             oted.Logs(np.full((4, 2), np.nan), np.zeros((4, 1)))
+
+    def test_what_a_mask_hides_is_no_number(self):
+        rows, done = np.arange(20.0).reshape(10, 2), np.zeros((10, 1))
+        whole, hidden = np.ma.array(rows, mask=False), np.ma.array(rows, mask=False)
+        hidden[3, 1] = np.ma.masked
+        np.testing.assert_array_equal(oted.Logs(whole, done).observations, rows[:-1])
+        column = {"q": rows[:, 0], "u": done[:, 0]}
+        for call in (lambda: oted.Logs(hidden, done), lambda: oted.Logs(list(hidden), done),
+                     lambda: oted.Logs.from_episodes([(hidden, done)]),
+                     lambda: oted.Logs.from_transitions(rows, done, hidden),
+                     lambda: oted.Logs.from_transitions(rows, done, rows, terminals=hidden[:, 1] > 99),
+                     lambda: oted.Logs.from_pandas({**column, "q": hidden[:, 1]}, observations=["q"], actions=["u"]),
+                     lambda: oted.Logs(rows, done, episode=hidden[:, 1]),
+                     lambda: to_logs([Channel("q", rows[:, 0], hidden[:, 1])], [Channel("u", rows[:, 0], done[:, 0])], 2.0)):
+            with self.assertRaisesRegex(oted.UsageError, "row 3 is masked.*leave them out"):
+                call()
+
+    def test_rows_without_a_label_are_refused_and_not_dropped(self):
+        rows = np.arange(6.0)
+        for missing in (float("nan"), None, np.datetime64("NaT")):
+            column = np.array([1, 1, missing, 2, 2, 2], dtype=object)
+            with self.assertRaisesRegex(oted.UsageError, "column 'ep': row 2 has no label"):
+                oted.Logs.from_pandas({"q": rows, "u": rows, "ep": column}, observations=["q"], actions=["u"], episode="ep")
+            with self.assertRaisesRegex(oted.UsageError, "episode: row 2 has no label"):
+                oted.Logs(rows, rows, episode=column)
+        with self.assertRaisesRegex(oted.UsageError, "row 2 has no label"):
+            oted.Logs(rows, rows, episode=[1.0, 1.0, np.nan, 2.0, 2.0, 2.0])
+        with self.assertRaisesRegex(oted.DataError, "episode: row 0 has the label {}"):
+            oted.Logs(rows, rows, episode=[{}] * 6)
+
+    def test_a_flag_is_true_or_false_or_1_or_0(self):
+        rows = np.arange(4.0)
+        last = [(0, 4, True)]
+        for kind in (bool, np.int8, np.float32, object):
+            flags = np.array([0, 0, 0, 1], dtype=kind)
+            self.assertEqual(oted.Logs.from_transitions(rows, rows, rows, terminals=flags).episodes, last)
+            self.assertEqual(oted.Logs.from_transitions(rows, rows, rows, terminals=list(flags)).episodes, last)
+        column = {"q": rows, "u": rows}
+        for bad in ("False", float("nan"), 0.5, 2, None):
+            flags = [0, 0, bad, 1]
+            for call in (lambda: oted.Logs.from_transitions(rows, rows, rows, terminals=flags),
+                         lambda: oted.Logs.from_transitions(rows, rows, rows, timeouts=np.array(flags, dtype=object)),
+                         lambda: oted.Logs(rows, rows, episode_ends=[1, 2, 3, 4], terminated=flags),
+                         lambda: oted.Logs.from_pandas({**column, "end": np.array(flags, dtype=object)}, observations=["q"],
+                                                       actions=["u"], terminated="end")):
+                with self.assertRaisesRegex(oted.UsageError, "got .* in (row|episode) 2, wanted True or False"):
+                    call()
+
+    def test_times_and_complex_numbers_are_no_observations(self):
+        stamps = np.datetime64("2024-01-01", "ms") + 20 * np.arange(6)
+        rows = np.arange(6.0)
+        for bad in (stamps, stamps - stamps[0], stamps.astype(object), rows + 1j, (rows + 1j).astype(object)):
+            with self.assertRaisesRegex(oted.UsageError, "column 'q': .*(times|complex)"):
+                oted.Logs.from_pandas({"q": bad, "u": rows}, observations=["q"], actions=["u"])
+
+    def test_time_stamps_may_have_a_zone_and_none_may_be_missing(self):
+        zone = datetime.timezone(datetime.timedelta(hours=2))
+        rows = np.arange(6.0)
+        stamps = [datetime.datetime(2024, 1, 1, tzinfo=zone) + datetime.timedelta(milliseconds=20 * k) for k in range(6)]
+        how = {"observations": ["q"], "actions": ["u"], "time": "t"}
+        self.assertAlmostEqual(oted.Logs.from_pandas({"q": rows, "u": rows, "t": stamps}, **how).period, 0.02)
+        utc = np.array([stamp.astimezone(datetime.UTC).replace(tzinfo=None) for stamp in stamps], dtype="M8[us]")
+        utc[4] = np.datetime64("NaT")
+        for t, said in ((utc, "row 4 has no time"), ([*stamps[:5], 3], "got 3 in row 5, wanted a time stamp"),
+                        (["noon"] * 6, "wanted seconds or time stamps")):
+            with self.assertRaisesRegex(oted.UsageError, f"column 't'.*{said}"):
+                oted.Logs.from_pandas({"q": rows, "u": rows, "t": t}, **how)
+
+    def test_logs_in_memory_are_called_so(self):
+        with self.assertRaisesRegex(oted.DataError, "'in memory'"):
+            oted.check(oted.Logs(np.zeros((4, 2)), np.zeros((4, 1))), "Hopper-v5")
+        names = oted.describe("Hopper-v5")["observation_names"]
+        some = oted.Logs(np.zeros((4, 2)), np.zeros((4, 3)), observation_names=names[:2])
+        for call in (lambda: oted.check(some, "Hopper-v5"), lambda: some.save(self.folder / "log.csv", "Hopper-v5")):
+            with self.assertRaisesRegex(oted.DataError, "'in memory': of the task's observations"):
+                call()
+        self.assertIsNone(some.path)
 
 
 class Starting(InFolder):
