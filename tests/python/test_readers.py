@@ -3,6 +3,7 @@ oted where it is not installed. What is read was written by those projects' own 
 
 import json
 import pathlib
+import shutil
 import sys
 import unittest
 
@@ -64,6 +65,62 @@ class LeRobot(InFolder):
 
     def test_version_3(self):
         self.check("v3.0")
+
+    def rewrite(self, frames, states=None, episode=None):
+        """One episode; the state is the frame's number unless it is given."""
+        shutil.rmtree(self.folder / "data", ignore_errors=True)
+        (self.folder / "data/chunk-000").mkdir(parents=True)
+        states = [[float(k), 0.0] for k in frames] if states is None else states
+        pyarrow.parquet.write_table(pyarrow.table({
+            "observation.state": states, "action": [[float(k)] for k in frames], "frame_index": list(frames),
+            "episode_index": [0] * len(frames) if episode is None else episode}), self.folder / "data/chunk-000/file-000.parquet")
+
+    def test_rows_lie_where_their_frames_say(self):
+        self.write("v3.0")
+        self.rewrite([4, 3, 2, 1, 0])
+        logs = read_lerobot(self.folder)
+        np.testing.assert_array_equal(logs.observations[:, 0], [0, 1, 2, 3])
+        np.testing.assert_array_equal(logs.actions[:, 0], [0, 1, 2, 3])
+        self.rewrite([0, 1, 2, 50, 51, 52])
+        logs = read_lerobot(self.folder)
+        self.assertEqual(logs.episodes, [(0, 2, False), (2, 4, False)])
+        np.testing.assert_array_equal(logs.observations[:, 0], [0, 1, 50, 51])
+        self.assertTrue(any("gaps" in remark for remark in logs.remarks), logs.remarks)
+        self.rewrite([*range(10), *range(11, 20)])  # a frame that was lost is filled in, as in a table
+        np.testing.assert_allclose(read_lerobot(self.folder).observations[:, 0], np.arange(19), atol=1e-9)
+        self.rewrite([0, 1, 1, 2])
+        with self.assertRaisesRegex(oted.DataError, "episode 0 has frame_index 1 twice"):
+            read_lerobot(self.folder)
+
+    def test_a_set_that_is_damaged_says_where(self):
+        self.write("v3.0")
+        file = self.folder / "meta/info.json"
+        whole = json.loads(file.read_text())
+        for info, said in (({**whole, "fps": 0}, "got fps 0"), ({**whole, "fps": "x"}, "got fps 'x'"), ([whole], "object of JSON"),
+                           ({k: v for k, v in whole.items() if k != "fps"}, "got fps None"),
+                           ({**whole, "features": [1]}, "its features should be")):
+            file.write_text(json.dumps(info))
+            with self.subTest(said), self.assertRaisesRegex(oted.DataError, f"info.json.*{said}"):
+                read_lerobot(self.folder)
+        file.write_text(json.dumps(whole))
+        for rows, said in ((([],), "hold no rows"), (([0, 1], [[0.0, 1.0], [0.0]]), "'observation.state' should hold as many"),
+                           (([0, 1], [[0.0, 1.0], None]), "'observation.state'"),
+                           (([0, 1], [[0.0, 1.0], [0.0, None]]), "'observation.state'.* in row 1"),
+                           (([0, 1], None, [0, None]), "'episode_index' should hold a whole number")):
+            self.rewrite(*rows)
+            with self.subTest(said), self.assertRaisesRegex(oted.DataError, said) as raised:
+                read_lerobot(self.folder)
+            self.assertEqual(len(str(raised.exception).splitlines()), 1)
+        self.rewrite([0, 1, 2])
+        for given, said in (({"episodes": []}, r"episodes: got \[\]"), ({"episodes": 1}, "episodes: got 1"),
+                            ({"episodes": [0.5]}, "episodes: got 0.5"), ({"scale": [1, 2, 3]}, r"scale: got \[1, 2, 3\]"),
+                            ({"scale": "x"}, "scale: got 'x'"), ({"observation_names": "ab"}, "observation_names: got 'ab'"),
+                            ({"state": 3}, "state: got 3")):
+            with self.subTest(said), self.assertRaisesRegex(oted.UsageError, said):
+                read_lerobot(self.folder, **given)
+        for path in (3, None):
+            with self.assertRaisesRegex(oted.UsageError, f"path: got {path}, wanted the path of a folder"):
+                read_lerobot(path)
 
     def test_a_folder_that_is_none_is_a_data_error(self):
         with self.assertRaises(oted.DataError):
