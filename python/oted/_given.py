@@ -124,6 +124,13 @@ def path(what: str, given: Any, wanted: str = "the path of a file") -> str:
     return text(what, found)
 
 
+def paths(what: str, given: Any) -> list[str]:
+    """A list of files or folders; a path by itself is none."""
+    if isinstance(given, (str, os.PathLike)):
+        raise UsageError(f"{what}: got {short(given)}, wanted a list of paths")
+    return [path(what, one) for one in listed(what, given, "a list of paths")]
+
+
 def folder(what: str, given: Any) -> pathlib.Path:
     """Of a run, there or not."""
     found = pathlib.Path(path(what, given, "the path of a folder"))

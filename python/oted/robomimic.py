@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from oted import _given
 from oted._needs import need
 from oted.errors import DataError, UsageError
 from oted.logs import Logs
@@ -36,8 +37,14 @@ def read_robomimic(
     period [s] between two rows: where it is not given, it is 1 / control_freq of the file's env_args. episodes: names of
     demos; mask: those of a filter key, such as "train". Without next_obs a demo's last action is not used."""
     h5py: Any = need("h5py", "a robomimic file")
-    if not observations or isinstance(observations, str):
-        raise UsageError("observations: wanted a list of arrays, such as ['robot0_joint_pos']")
+    path = _given.path("path", path)
+    for what, arrays, example in (("observations", observations, "robot0_joint_pos"), ("actions", actions, "actions")):
+        if not _given.texts(what, arrays, f"['{example}']"):
+            raise UsageError(f"{what}: got none, wanted a list of arrays, such as ['{example}']")
+    episodes = None if episodes is None else _given.texts("episodes", episodes, "['demo_0']")
+    called_so = _given.texts_by_name("names", names, "{'robot0_joint_pos[0]': 'joint/shoulder/qpos'}")
+    factors, zeros = (_given.numbers_by_name(what, given, "{'joint/shoulder/qpos': -1}")
+                      for what, given in (("scale", scale), ("offset", offset)))
     try:
         file = h5py.File(path, "r")
     except OSError as e:
@@ -59,15 +66,12 @@ def read_robomimic(
             parts.append((rows, _matrix(done, f"'{path}', {demo}")))
             channels, commands = _called(seen), _called(done)
         seconds = period if period is not None else _period(data, path)
-    renamed = [(names or {}).get(name, name) for name in channels]
-    for what, given in (("names", names), ("scale", scale), ("offset", offset)):
-        unknown = [key for key in given or {} if key not in (channels if what == "names" else renamed)
-                   and key not in (commands if what == "names" else [(names or {}).get(c, c) for c in commands])]
-        if unknown:
-            raise UsageError(f"{what}: no channel '{unknown[0]}'; there are {', '.join([*renamed, *commands])}")
-    called = [(names or {}).get(name, name) for name in commands]
-    factor, zero = ([np.array([(given or {}).get(name, rest) for name in names_]) for names_ in (renamed, called)]
-                    for given, rest in ((scale, 1.0), (offset, 0.0)))
+    renamed, called = ([called_so.get(name, name) for name in names_] for names_ in (channels, commands))
+    _given.known("names", called_so, [*channels, *commands])
+    _given.known("scale", factors, [*renamed, *called])
+    _given.known("offset", zeros, [*renamed, *called])
+    factor, zero = ([np.array([given.get(name, rest) for name in names_]) for names_ in (renamed, called)]
+                    for given, rest in ((factors, 1.0), (zeros, 0.0)))
     return Logs.from_episodes([(seen * factor[0] + zero[0], done * factor[1] + zero[1]) for seen, done in parts],
                               period=seconds, observation_names=renamed, action_names=called, unwrap=unwrap)
 
@@ -79,7 +83,7 @@ def _chosen(file: Any, data: Any, path: Any, episodes: Sequence[str] | None, mas
 
     demos = sorted(data.keys(), key=number)
     if mask is not None:
-        keys = file.get("mask")
+        mask, keys = _given.text("mask", mask), file.get("mask")
         if keys is None or mask not in keys:
             raise UsageError(f"mask: '{path}' has no filter key '{mask}'; it has {', '.join(keys or []) or 'none'}")
         episodes = [name.decode() if isinstance(name, bytes) else str(name) for name in keys[mask][()]]

@@ -117,6 +117,29 @@ class Bags(InFolder):
         with self.assertRaises(oted.DataError):
             read_bag(self.folder / "none", states=["/a:b"], actions=["/c:d"], period=0.02)
 
+    def test_corrections_of_what_is_not_there_are_refused_and_not_left_out(self):
+        write_bag(self.folder / "bag", StoragePlugin.MCAP)
+        how = {"states": ["/joint_states:position"], "actions": ["/commands:data"], "period": 0.02}
+        renamed = {"names": {"panda_1": "shoulder"}}
+        for given, said in (
+                ({"names": {"panda_2": "shoulder"}}, "names: no channel 'panda_2'; there are .*joint/panda_1/qpos"),
+                ({"scale": {"joint/ellbow/qpos": 2}}, "scale: no channel 'joint/ellbow/qpos'; there are .*joint/elbow/qpos"),
+                ({**renamed, "scale": {"joint/panda_1/qpos": 2}}, "scale: no channel .*joint/shoulder/qpos"),
+                ({"offset": {"elbow": 2}}, "offset: no channel 'elbow'"),
+                ({"shift": {"/joint_state": 2}}, "shift: no topic '/joint_state'; there are /joint_states, /commands"),
+                ({"time": {"/joint_state": "log"}}, "time: no topic"), ({"time": {"/joint_states": 3}}, "time: '/joint_states': got 3"),
+                ({"time": None}, "time: got None"), ({"time": 3}, "time: got 3"), ({"scale": [1]}, r"scale: got \[1\], wanted a dict"),
+                ({"scale": {"joint/elbow/qpos": "x"}}, "scale: 'joint/elbow/qpos': got 'x', wanted a number"),
+                ({"names": ["y"]}, "names: got .*wanted a dict"), ({"states": [3]}, r"states: got \[3\]"),
+                ({"states": None}, "states: got None"), ({"actions": "/commands:data"}, "actions: got '/commands:data'"),
+                ({"messages": "x.msg"}, "messages: got 'x.msg'"), ({"period": True}, "period: got True")):
+            with self.subTest(said), self.assertRaisesRegex(oted.UsageError, said) as raised:
+                read_bag(self.folder / "bag", **{**how, **given})
+            self.assertEqual(len(str(raised.exception).splitlines()), 1)
+        for call in (lambda: read_bag(3, **how), lambda: bag_topics(3), lambda: bag_topics("\udc80")):
+            with self.assertRaisesRegex(oted.UsageError, "path: got"):
+                call()
+
     def test_a_damaged_bag_is_a_data_error(self):
         write_bag(self.folder / "bag", StoragePlugin.MCAP)
         file = next((self.folder / "bag").glob("*.mcap"))

@@ -272,6 +272,22 @@ class LogsTest(InFolder):
                 with self.assertRaisesRegex(oted.UsageError, "got .* in (row|episode) 2, wanted True or False"):
                     call()
 
+    def test_demonstrations_are_read_as_asked_or_not_at_all(self):
+        file = self.folder / "demos.hdf5"
+        with h5py.File(file, "w") as demos:
+            demos["data/demo_0/obs/q"], demos["data/demo_0/actions"] = np.arange(4.0), np.zeros((4, 1))
+        how = {"observations": ["q"], "period": 0.02}
+        logs = oted.robomimic.read_robomimic(file, names={"q": "hip"}, scale={"hip": 2}, **how)
+        np.testing.assert_array_equal(logs.observations[:, 0], [0, 2, 4])
+        for given, said in (({"names": ["q"]}, "names: got"), ({"names": {"p": "hip"}}, "names: no channel 'p'; there are q, actions"),
+                            ({"names": {"q": "hip"}, "scale": {"q": 2}}, "scale: no channel 'q'; there are hip, actions"),
+                            ({"offset": {"q": "x"}}, "offset: 'q': got 'x'"), ({"actions": []}, "actions: got none"),
+                            ({"episodes": 3}, "episodes: got 3"), ({"mask": 3}, "mask: got 3")):
+            with self.subTest(said), self.assertRaisesRegex(oted.UsageError, said):
+                oted.robomimic.read_robomimic(file, **{**how, **given})
+        with self.assertRaisesRegex(oted.UsageError, "path: got 3"):
+            oted.robomimic.read_robomimic(3, **how)
+
     def test_times_and_complex_numbers_are_no_observations(self):
         stamps = np.datetime64("2024-01-01", "ms") + 20 * np.arange(6)
         rows = np.arange(6.0)
