@@ -24,6 +24,13 @@ NO_COPY = ("an environment cannot be pickled or copied: make it where it is step
            "be pickled")
 
 
+class ClosedEnvironment(UsageError, gymnasium.error.ClosedEnvironmentError):
+    """What Gymnasium's own vector environments raise, too."""
+
+    def __init__(self, call: str) -> None:
+        super().__init__(f"{call}: the environment is closed; make another one")
+
+
 class _Simulators:
     """Lanes and what their episodes begin with, shared by the single and the vector environment."""
 
@@ -125,6 +132,7 @@ class OtedEnv(gymnasium.Env[Array, Any]):
         self.render_mode = render_mode
         self._size = (_given.whole("width", width, 1), _given.whole("height", height, 1))
         self._ended = True
+        self._closed = False
         period = self._sims.facts["control_period"]
         self.metadata = {**self.metadata, "render_fps": round(1 / period) if period else 10}
 
@@ -143,6 +151,8 @@ class OtedEnv(gymnasium.Env[Array, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
+        if self._closed:
+            raise ClosedEnvironment("reset")
         super().reset(seed=seed)
         if seed is not None:
             self._sims.seed(0, seed)
@@ -152,6 +162,8 @@ class OtedEnv(gymnasium.Env[Array, Any]):
         return observation, self._sims.info(0)
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        if self._closed:
+            raise ClosedEnvironment("step")
         if self._ended:
             raise UsageError("step: no episode has begun, or its physics broke down; call reset() first")
         lanes = self._sims.lanes
@@ -166,7 +178,12 @@ class OtedEnv(gymnasium.Env[Array, Any]):
     def __reduce__(self) -> tuple[Any, ...]:
         raise TypeError(NO_COPY)
 
+    def close(self) -> None:
+        self._closed = True
+
     def render(self) -> Any:
+        if self._closed:
+            raise ClosedEnvironment("render")
         if self.render_mode is None:
             return None
         return self._sims.lanes.draw(0, self._sims.z[0], *self._size)
@@ -208,6 +225,8 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         """options={"reset_mask": (num_envs,) bool} resets those alone."""
+        if self.closed:
+            raise ClosedEnvironment("reset")
         seeds: list[int | None]
         if seed is None:
             seeds = [None] * self.num_envs
@@ -237,6 +256,8 @@ class OtedVectorEnv(gymnasium.vector.VectorEnv[Array, Any, Any]):
         raise TypeError(NO_COPY)
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        if self.closed:
+            raise ClosedEnvironment("step")
         lanes = self._sims.lanes
         begin = self._done
         running = self._all if not begin.any() else [int(i) for i in np.flatnonzero(~begin)]
@@ -277,6 +298,7 @@ def make_env(task: TaskLike | Design, **keywords: Any) -> OtedEnv:
     """A Gymnasium environment of a task or a design. sample says where the parameters are:
 
     None            a design's mode, a task's nominal values
+    "mode"          a design's mode
     "modes"         a mode of the seeds' q, drawn for each episode (Algorithm 2)
     "samples"       a sample of q for each episode
     "nominal"       the model as it was given

@@ -117,6 +117,27 @@ else:
             seen = late.step(actions[t])[0]
             np.testing.assert_array_equal(seen, prompt.step(actions[t - 1] if t else np.zeros(3))[0])
 
+    def test_a_closed_environment_says_so(self):
+        single, vector = oted.make_env("Hopper-v5", render_mode="rgb_array"), oted.make_vec_env("Hopper-v5", 2)
+        for env, actions in ((single, np.zeros(3)), (vector, np.zeros((2, 3)))):
+            env.reset(seed=1)
+            env.step(actions)
+            for _ in range(2):
+                env.close()
+            for kind in (oted.UsageError, gymnasium.error.ClosedEnvironmentError):
+                for call in (lambda: env.step(actions), env.reset):
+                    with self.assertRaisesRegex(kind, "the environment is closed"):
+                        call()
+        with self.assertRaisesRegex(oted.UsageError, "the environment is closed"):
+            single.render()
+
+    def test_a_masked_action_is_refused(self):
+        single, vector = oted.make_env("Hopper-v5"), oted.make_vec_env("Hopper-v5", 2)
+        for env, hidden in ((single, [0, 1, 0]), (vector, [[0, 0, 0], [1, 0, 0]])):
+            env.reset(seed=1)
+            with self.assertRaisesRegex(oted.UsageError, "row 1 is masked"):
+                env.step(np.ma.array(np.zeros(np.shape(hidden)), mask=hidden))
+
     def test_an_episode_begins_where_options_say(self):
         env = oted.make_env("Hopper-v5")
         observation, _ = env.reset(options={"qpos": [0, 1.3, 0.01, 0, 0, 0], "qvel": [0.5, 0, 0, 0, 0, 0]})
