@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/base/seal.h"
 #include "oted/exports/export.h"
 #include "oted/report/report.h"
 #include "oted/run/design_record.h"
@@ -52,6 +53,13 @@ class Sampler {
  private:
   std::vector<Designer> q_;
 };
+
+/// @throws DataError unless design.json is whole and as it was written. It may be there alone: run.toml is not read.
+void CheckRecord(const std::string& run_directory) {
+  const nb::gil_scoped_release release;
+  const fs::path file = fs::path(run_directory) / "design.json";
+  DesignRecord::FromJson(ReadSealed(file, true), file.string());
+}
 
 json ToJson(const ParameterSpec& spec) {
   return {{"name", spec.name},
@@ -106,6 +114,7 @@ void AddDesigns(nb::module_& m) {
   nb::class_<Sampler>(m, "Sampler")
       .def(nb::init<const std::string&>(), nb::arg("run_directory"))
       .def("draw", &Sampler::Draw, nb::arg("n"), nb::arg("seed"));
+  m.def("check_record", &CheckRecord, nb::arg("run_directory"));
   m.def("describe", &Describe, nb::arg("study"));
   m.def(
       "export_design",

@@ -15,7 +15,7 @@ from oted.design import Design
 from oted.errors import UsageError
 from oted.fitting import run_stage
 from oted.progress import Callback
-from oted.task import ParametersLike, TaskLike, study, threads_toml
+from oted.task import ParametersLike, TaskLike, needed, study, threads_toml
 
 Array = NDArray[np.float64]
 Policy = Callable[[Array], ArrayLike]
@@ -28,7 +28,7 @@ class Agent:
     """A policy file, ours (.npz) or any feed-forward ONNX, that acts in a task."""
 
     def __init__(self, path: str | os.PathLike[str], task: TaskLike) -> None:
-        self.path = pathlib.Path(path)
+        self.path = pathlib.Path(_given.path("path", path))
         self._policy = core.Policy(str(self.path), study_of(task))
 
     def predict(self, observation: ArrayLike, deterministic: bool = True) -> tuple[Array, None]:
@@ -62,12 +62,12 @@ class Evaluation:
 
 
 def study_of(task: TaskLike | Design, parameters: ParametersLike = None, threads: int | None = None) -> "core.Study":
-    """Of a task, or of a design's run directory: its task, parameters and logs."""
+    """Of a task, which may not be None, or of a design's run directory: its task, parameters and logs."""
     if isinstance(task, Design):
         if parameters is not None:
             raise UsageError("parameters: a design has its own; leave them out")
         return core.Study.of_run(str(task.path), threads_toml(threads))
-    return study(task, parameters, threads=threads)
+    return study(needed(task), parameters, threads=threads)
 
 
 def place(task: Any, what: "core.Study", at: Mapping[str, float] | str | None) -> list[float]:
@@ -108,8 +108,8 @@ def train(
     goes on where it was stopped. For other libraries' agents see oted.make_env."""
     if not isinstance(design, Design):
         raise UsageError(f"design: got {type(design).__name__}, wanted what oted.fit or oted.load('runs/arm') gives")
-    if out is not None and pathlib.Path(out).resolve() != design.path.resolve():
-        there = pathlib.Path(out)
+    there = design.path if out is None else _given.folder("out", out)
+    if there.resolve() != design.path.resolve():
         copy = Design(there) if (there / "design.json").is_file() else design._copied(there, without=OF_AGENTS)
         if copy.record != design.record:
             raise UsageError(f"out: '{there}' holds another design; name another folder, or train oted.load('{there}')")
@@ -142,12 +142,12 @@ def evaluate(
     "mode" (the default) or "nominal"."""
     if isinstance(policy, Agent):
         policy = policy.path
-    acts: Any = os.fspath(policy) if isinstance(policy, (str, os.PathLike)) else policy
+    acts: Any = _given.path("policy", policy) if isinstance(policy, (str, os.PathLike)) else policy
     predict: Any = getattr(policy, "predict", None)
     if callable(predict):
         acts = lambda observations: predict(observations, deterministic=True)[0]  # noqa: E731
     if not isinstance(acts, str) and not callable(acts):
         raise UsageError(f"policy: got {type(policy).__name__}, wanted an Agent, a file, or a function of observations")
-    episodes, seed = _given.whole("episodes", episodes, 1), _given.whole("seed", seed, 0)
+    episodes, seed = _given.whole("episodes", episodes, 1), _given.seed(seed)
     what = study_of(task, parameters, threads)
     return Evaluation(json.loads(core.evaluate(acts, what, place(task, what, at), episodes, seed)))

@@ -63,7 +63,7 @@ def check(
 ) -> Check:
     """The checks of `oted data check`: defects of the logs, what they mean, what to do. With a task also the one-step
     error and whether there is a gap; with parameters their effect on the logged episodes."""
-    seed = _given.whole("seed", seed, 0)
+    seed = _given.seed(seed)
     in_memory = isinstance(logs, Logs)
     what = study(task, parameters, data=None if in_memory else {"path": file_of(logs)}, threads=threads)
     return Check(json.loads(core.check_logs(logs._data if isinstance(logs, Logs) else None, what, seed)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from oted import _given, _toml
 from oted._engine import core
 from oted._needs import need
-from oted.errors import DataError, UsageError
+from oted.errors import DataError, Error, UsageError
 from oted.logs import Logs, file_of, write_logs
 
 
@@ -87,16 +87,18 @@ class Design:
     """What a design found and how far to trust it. `path` is its run directory, which the program `oted` goes on with."""
 
     def __init__(self, path: str | os.PathLike[str], *, temporary: bool = False) -> None:
-        if not isinstance(path, (str, os.PathLike)):
-            raise UsageError(f"got {type(path).__name__}, wanted the path of a run directory")
-        self.path = pathlib.Path(path)
+        self.path = pathlib.Path(_given.path("path", path, "the path of a run directory"))
         if temporary:  # nothing of it outlives the object
             weakref.finalize(self, shutil.rmtree, self.path, True)
         file = self.path / "design.json"
         try:
-            self.record: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+            text = file.read_text(encoding="utf-8")
+            core.check_record(str(self.path))  # whole, and as it was written
+            self.record: dict[str, Any] = json.loads(text)
             self.parameters: list[dict[str, Any]] = self.record["parameters"]
             self._verdict = Verdict(self.record["verdict"])
+        except Error:
+            raise
         except OSError as e:
             raise UsageError(f"'{self.path}' holds no design.json ({e.strerror}); name a run directory with a finished "
                              "design") from e
@@ -170,9 +172,7 @@ class Design:
 
     def draw(self, n: int, seed: int = 0) -> NDArray[np.float64]:
         """The same as (n, parameters)."""
-        n, seed = _given.whole("samples", n, 1), _given.whole("seed", seed, 0)
-        if n > MOST_SAMPLES:
-            raise UsageError(f"samples: got {n}, wanted at most {MOST_SAMPLES}")
+        n, seed = _given.whole("samples", n, 1, MOST_SAMPLES), _given.seed(seed)
         if self._sampler is None:
             self._sampler = core.Sampler(str(self.path))
         drawn: NDArray[np.float64] = self._sampler.draw(n, seed)
@@ -185,7 +185,7 @@ class Design:
 
     def to_mjcf(self, path: str | os.PathLike[str], member: str | int = "best") -> pathlib.Path:
         """Writes the designed model. member: "best", or a seed's number."""
-        return pathlib.Path(core.export_design(str(self.path), os.fspath(path), "", str(member))[0])
+        return pathlib.Path(core.export_design(str(self.path), _given.path("path", path), "", str(member))[0])
 
     def to_spec(self, member: str | int = "best") -> Any:
         """The designed model as a mujoco.MjSpec."""
@@ -195,7 +195,7 @@ class Design:
 
     def to_sysid(self, path: str | os.PathLike[str]) -> pathlib.Path:
         """Writes the parameters as a file that mujoco.sysid's ParameterDict.load_from_disk reads."""
-        return pathlib.Path(core.export_design(str(self.path), "", os.fspath(path), "best")[0])
+        return pathlib.Path(core.export_design(str(self.path), "", _given.path("path", path), "best")[0])
 
     def to_arviz(self, n: int = 1000, seed: int = 0) -> Any:
         """q as ArviZ has a posterior: a chain per seed, n draws each; and the constants nominal, low, high."""
@@ -248,12 +248,12 @@ class Design:
     ) -> LaterValidation:
         """Predicts recordings of the same task that the design did not see, beside the nominal simulator and what the sensors'
         noise leaves: `oted validate`. model: an MJCF or URDF to compare with in the place of the task's own, as it is."""
+        compared = "" if model is None else _given.path("model", model)
         with tempfile.TemporaryDirectory(prefix="oted-") as folder:
             data = (write_logs(logs, folder, core.Study.of_run(str(self.path), "")) if isinstance(logs, Logs)
                     else file_of(logs))
             return LaterValidation(json.loads(core.validate(
-                str(self.path), data, "" if model is None else os.fspath(model),
-                0 if threads is None else _given.whole("threads", threads, 0))))
+                str(self.path), data, compared, 0 if threads is None else _given.whole("threads", threads, 0))))
 
     def save(self, path: str | os.PathLike[str]) -> "Design":
         """Copies the run directory. @return the design there"""

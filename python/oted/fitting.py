@@ -12,7 +12,7 @@ from oted.design import Design
 from oted.errors import DataError, UsageError
 from oted.logs import Logs, file_of, write_logs
 from oted.progress import Callback, handler
-from oted.task import ParametersLike, TaskLike, study
+from oted.task import ParametersLike, TaskLike, needed, study
 
 PathLike = str | os.PathLike[str]
 
@@ -41,9 +41,7 @@ def fit(
 
     Ctrl-C stops between two units of work and raises KeyboardInterrupt; the same call goes on from there.
     """
-    if task is None:
-        raise UsageError("task: got None, wanted a name such as 'Hopper-v5', a .toml file, an oted.Task or an "
-                         "oted.GymSimulator")
+    needed(task)
     if not os.fspath(task if isinstance(task, (str, os.PathLike)) else "").endswith(".toml"):  # a file says them itself
         if logs is None:
             raise UsageError("logs: wanted oted.Logs or a file")

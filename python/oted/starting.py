@@ -7,7 +7,6 @@ from typing import Any
 
 from oted import _given
 from oted._engine import core
-from oted.errors import UsageError
 
 Path = str | os.PathLike[str]
 
@@ -31,10 +30,8 @@ def init(model: Path, logs: Path | Sequence[Path], out: Path = "task.toml", *, p
          threads: int | None = None) -> Proposal:
     """`oted init`: a first task file from a model and logs. It matches columns with joints, actuators and sensors by
     name, and picks parameters that the logs can show. period: [s] between two rows, where the logs do not say."""
-    paths: list[Any] = list(logs) if isinstance(logs, (list, tuple)) else [logs]
-    if not all(isinstance(path, (str, os.PathLike)) for path in paths):
-        raise UsageError("logs: wanted files; write what is in memory with Logs.save('log.csv')")
-    seconds = 0.0 if period is None else _given.number("period", period)
+    files = [_given.path("logs", one, "files; write what is in memory with Logs.save('log.csv')")
+             for one in (logs if isinstance(logs, (list, tuple)) else [logs])]
+    seconds = 0.0 if period is None else _given.seconds("period", period)
     n_threads = 0 if threads is None else _given.whole("threads", threads, 0)
-    return Proposal(json.loads(core.init(os.fspath(model), [os.fspath(path) for path in paths], os.fspath(out),
-                                         seconds, n_threads)))
+    return Proposal(json.loads(core.init(_given.path("model", model), files, _given.path("out", out), seconds, n_threads)))

@@ -9,13 +9,17 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from oted import _toml
+import numpy as np
+
+from oted import _given, _toml
 from oted._engine import core
 from oted.errors import UsageError
 
 # A name, a file, a Task, MuJoCo's own mujoco.MjSpec, or a GymSimulator.
 TaskLike = Any
 ParametersLike = Any
+
+_TASKS = "a name such as 'Hopper-v5', a .toml file, an oted.Task or an oted.GymSimulator"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,7 +51,8 @@ class Task:
     def to_toml(self, folder: pathlib.Path | None = None) -> str:
         """[task] as a task file has it. A MjSpec is written into `folder` as model.xml first."""
         entries = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        quantities, constants = entries.pop("quantities"), entries.pop("constants")
+        quantities = _given.by_name("quantities", entries.pop("quantities"), "{'height': 'body/torso/z'}")
+        constants = _given.by_name("constants", entries.pop("constants"), "{'payload': {'field': 'body/hand/mass'}}")
         entries["model"] = _model_file(self.model, folder)
         text = _toml.section("task", entries)
         for name, table in (("task.quantities", quantities), ("task.constants", constants)):
@@ -74,18 +79,20 @@ class Param:
     prior: tuple[float, float] | None = None
 
     def to_toml(self) -> dict[str, Any]:
-        try:
-            entry: dict[str, Any] = {"field": self.path, "range": [float(self.low), float(self.high)]}
-        except (TypeError, ValueError) as e:
-            raise UsageError(f"parameter of '{self.path}': got range [{self.low!r}, {self.high!r}], wanted numbers") from e
+        what = f"parameter of '{_given.text('path of a parameter', self.path)}'"
+        entry: dict[str, Any] = {"field": self.path, "range": [_given.number(f"{what}: {end}", value) for end, value in
+                                                               (("low", self.low), ("high", self.high))]}
+        if not isinstance(self.log, (bool, np.bool_)):
+            raise UsageError(f"{what}: log: got {_given.short(self.log)}, wanted True or False")
         if self.scale != "nominal":
             entry["scale"] = self.scale
         if self.log:
             entry["log"] = True
         if self.prior is not None:
             if not isinstance(self.prior, Sequence) or len(self.prior) != 2:
-                raise UsageError(f"parameter of '{self.path}': got prior {self.prior!r}, wanted (mean, standard deviation)")
-            entry["prior"] = {"mean": float(self.prior[0]), "std": float(self.prior[1])}
+                raise UsageError(f"{what}: got prior {_given.short(self.prior)}, wanted (mean, standard deviation)")
+            mean, deviation = (_given.number(f"{what}: prior", value) for value in self.prior)
+            entry["prior"] = {"mean": mean, "std": deviation}
         return entry
 
 
@@ -122,7 +129,7 @@ def task_toml(task: TaskLike, folder: pathlib.Path | None = None) -> tuple[str, 
     if isinstance(task, Task):
         return task.to_toml(folder), ""
     if isinstance(task, (str, os.PathLike)):
-        text = os.fspath(task)
+        text = _given.path("task", task, _TASKS)
         if text.endswith(".toml"):
             try:
                 return pathlib.Path(text).read_text(encoding="utf-8"), text
@@ -140,8 +147,14 @@ def task_toml(task: TaskLike, folder: pathlib.Path | None = None) -> tuple[str, 
         return _toml.section("task", {"name": task.task}), ""
     if hasattr(task, "to_xml"):
         raise UsageError("task: a mujoco.MjSpec alone lacks the control period: oted.Task(model=spec, control_period=...)")
-    raise UsageError(f"task: got {type(task).__name__}, wanted a name such as 'Hopper-v5', a .toml file, an oted.Task "
-                     "or an oted.GymSimulator")
+    raise UsageError(f"task: got {type(task).__name__}, wanted {_TASKS}")
+
+
+def needed(task: TaskLike) -> TaskLike:
+    """The same, of a call that does nothing without one."""
+    if task is None:
+        raise UsageError(f"task: got None, wanted {_TASKS}")
+    return task
 
 
 def study(
@@ -219,5 +232,5 @@ def _one(name: str, numbers: Any) -> float:
 def describe(task: TaskLike, parameters: ParametersLike = None) -> dict[str, Any]:
     """What a task's simulator is: names, units, bounds and period, its parameters, and under "offers" every field that
     can be one."""
-    record: dict[str, Any] = json.loads(core.describe(study(task, parameters)))
+    record: dict[str, Any] = json.loads(core.describe(study(needed(task), parameters)))
     return record

@@ -146,6 +146,31 @@ class Designs(InFolder):
             self.assertIn(told["sentence"], repr(later))
         self.assertIn(later.rows()[0]["name"], repr(self.design.validation))
 
+    def test_a_record_that_was_edited_or_damaged_is_not_loaded(self):
+        for name in ("design.json", "run.toml"):
+            (self.folder / name).write_bytes((self.ours / name).read_bytes())
+        file = self.folder / "design.json"
+        self.assertEqual(oted.load(self.folder).record, self.design.record)
+        edited = json.loads(file.read_text())
+        edited["parameters"][0]["mode"] *= 1.1
+        for text, said in ((json.dumps(edited), "is not as oted wrote it"), ("null", "no JSON object"), ("[]", "no JSON object"),
+                           ('{"parameters": [], "verdict": "no_gap"}', "cannot be read")):
+            file.write_text(text)
+            with self.assertRaisesRegex(oted.DataError, f"design.json'.*{said}"):
+                oted.load(self.folder)
+
+    def test_what_a_designs_calls_cannot_take_is_told_by_argument(self):
+        (self.folder / "file").write_text("")
+        for wanted, call in (
+                ("seed: got 1180591620717411303424", lambda: self.design.samples(2, 2**70)),
+                ("samples: got 1099511627776", lambda: self.design.samples(2**40)),
+                ("path: got None", lambda: self.design.to_mjcf(None)), ("path: got 3", lambda: self.design.to_sysid(3)),
+                ("path: got None", lambda: self.design.save(None)), ("out: got 3", lambda: oted.train(self.design, out=3)),
+                ("file' is a file; name a folder", lambda: oted.train(self.design, out=self.folder / "file")),
+                ("model: got 3", lambda: self.design.validate(HOPPER, model=3))):
+            with self.subTest(wanted), self.assertRaisesRegex(oted.UsageError, wanted):
+                call()
+
     @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "Matplotlib is not installed")
     def test_a_plot_goes_into_one_axes(self):
         from matplotlib.figure import Figure
@@ -303,7 +328,18 @@ class Refusals(InFolder):
                 ("from_pandas", lambda: oted.fit("Hopper-v5", "run.parquet", FRICTION)),
                 ("read_lerobot", lambda: oted.read_logs(self.folder)),
                 ("episodes: got 0", lambda: oted.read_logs(HOPPER, episodes=0)),
-                ("wanted numbers", lambda: oted.fit("Hopper-v5", HOPPER, {"f": oted.Param("geom/*/friction[0]", "a", 2)})),
+                ("low: got 'a', wanted a number",
+                 lambda: oted.fit("Hopper-v5", HOPPER, {"f": oted.Param("geom/*/friction[0]", "a", 2)})),
+                ("prior: got 'a', wanted a number",
+                 lambda: oted.describe("Hopper-v5", {"f": oted.Param("geom/*/size", 1, 2, prior=("a", "b"))})),
+                ("log: got 'no', wanted True or False",
+                 lambda: oted.describe("Hopper-v5", {"f": oted.Param("geom/*/size", 1, 2, log="no")})),
+                ("quantities: got \\['x'\\]",
+                 lambda: oted.describe(oted.Task(model="arm.xml", control_period=0.02, quantities=["x"]))),
+                ("model: got '/.*udc80'", lambda: oted.describe(oted.Task(model="\udc80", control_period=0.02))),
+                ("task: got None", lambda: oted.make_env(None)),
+                ("task: got None", lambda: oted.describe(None)),
+                ("task: got None", lambda: oted.evaluate(POLICY, None)),
                 ("mean, standard", lambda: oted.fit("Hopper-v5", HOPPER, {"f": oted.Param("geom/*/size", 1, 2, prior=1.0)})),
                 ("settings: got", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, settings="design.method=paper")),
                 ("callback: got int", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, callback=3)),
@@ -349,6 +385,16 @@ class Refusals(InFolder):
                 ("column 't'", lambda: oted.Logs.from_pandas({"q": [1, 2], "t": ["x", "y"]}, observations=["q"], actions=["q"],
                                                              reward="t")),
                 ("design: got str", lambda: oted.train("Hopper-v5")),
+                ("seed: got 1180591620717411303424", lambda: oted.check(HOPPER, "Hopper-v5", seed=2**70)),
+                ("seed: got 1180591620717411303424", lambda: oted.evaluate(POLICY, "Hopper-v5", seed=2**70)),
+                ("threads: got 1099511627776", lambda: oted.make_vec_env("Hopper-v5", 2, threads=2**40)),
+                ("out: got '.udc80'", lambda: oted.fit("Hopper-v5", HOPPER, FRICTION, out="\udc80")),
+                ("f: got '.udc80'", lambda: oted.describe("Hopper-v5", {"f": oted.Param("geom/*/size", 1, 2, scale="\udc80")})),
+                ("parameters: got '.udc80'", lambda: oted.describe("Hopper-v5", {"\udc80": oted.Param("geom/*/size", 1, 2)})),
+                ("model: got 3", lambda: oted.init(3, "log.csv")),
+                ("out: got None", lambda: oted.init("arm.xml", "log.csv", None)),
+                ("period: got nan", lambda: oted.init("arm.xml", "log.csv", period=float("nan"))),
+                ("path: got None, wanted the path of a run directory", lambda: oted.load(None)),
                 ("Logs.save", lambda: oted.init("arm.xml", oted.Logs(array, array))),
                 ("period: got 'x'", lambda: to_logs([channel], [channel], "x")),
                 ("wanted oted.streams.Channel", lambda: to_logs([("q", [0, 1], [0, 1])], [channel], 0.1)),
