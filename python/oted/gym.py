@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from oted import _given
 from oted._engine import core
 from oted.errors import DataError, Error, UsageError
 
@@ -75,14 +76,15 @@ class GymSimulator:
         if (nominal is None) != (set_parameters is None):
             raise UsageError("got one of nominal and set_parameters, wanted both, or neither for an environment without "
                              "parameters of its own")
+        for what, given, example in (("set_parameters", set_parameters, "set_parameters(env, values)"),
+                                     ("set_state", set_state, "set_state(env, observation)"), ("observe", observe, "observe(env)")):
+            _given.function(what, given, example)
+        hidden = _given.by_name("hidden", hidden, "{'hinge rate': 'hinge angle'}")
         if hidden and set_state is None:
             raise UsageError("hidden: got numbers of the state that nothing sets; give set_state(env, observation, hidden)")
         self.task = f"python:{name}@{version}"
         self._make_env = make_env
-        self._nominal = {str(key): float(value) for key, value in (nominal or {}).items()}
-        for key, value in self._nominal.items():
-            if not np.isfinite(value):
-                raise UsageError(f"nominal: '{key}' is {value}, wanted a finite number")
+        self._nominal = _given.numbers_by_name("nominal", nominal, "{'length': 1.0}")
         self._set_parameters = set_parameters
         self._set_state = set_state
         self._has_hidden = bool(hidden)
@@ -97,13 +99,13 @@ class GymSimulator:
         self.observation_space: Any = env.observation_space
         self.action_space: Any = env.action_space
         names = _names("observation_names", observation_names, self._box("observation", self.observation_space), "obs")
-        units = list(observation_units or [])
+        units = [] if observation_units is None else _given.texts("observation_units", observation_units, "['rad', 'rad/s']")
         if units and len(units) != len(names):
             raise UsageError(f"observation_units: got {len(units)}, wanted one for each of {len(names)} observations")
         self._facts: dict[str, Any] = {
             "observation_names": names, "observation_units": units, "rate_of": _rate_of(names, rates),
             "hidden": [{"name": key, "rate_of": -1 if of is None else _place("hidden", names, of)}
-                       for key, of in (hidden or {}).items()],
+                       for key, of in hidden.items()],
             "has_state": set_state is not None,
             "numbers": [{"name": key, "nominal": value} for key, value in self._nominal.items()],
             "control_period": _period(env, control_period), "max_episode_steps": _most_steps(env, max_episode_steps),
@@ -246,35 +248,34 @@ def release(number: int) -> None:
 
 
 def _names(what: str, given: Sequence[str] | None, n: int, prefix: str) -> list[str]:
-    names = list(given) if given is not None else [f"{prefix}_{i}" for i in range(n)]
+    names = [f"{prefix}_{i}" for i in range(n)] if given is None else _given.texts(what, given, "['hip', 'knee']")
     if len(names) != n or len(set(names)) != n:
         raise UsageError(f"{what}: got {len(set(names))} different names, wanted {n}")
-    return [str(name) for name in names]
+    return names
 
 
-def _place(what: str, names: list[str], name: str) -> int:
+def _place(what: str, names: list[str], name: Any) -> int:
     if name not in names:
-        raise UsageError(f"{what}: '{name}' is no observation; there are {', '.join(names)}")
+        raise UsageError(f"{what}: {_given.short(name)} is no observation; there are {', '.join(names)}")
     return names.index(name)
 
 
 def _rate_of(names: list[str], rates: Mapping[str, str] | None) -> list[int]:
     found = [-1] * len(names)
-    for rate, of in (rates or {}).items():
+    for rate, of in _given.by_name("rates", rates, "{'hinge velocity': 'hinge angle'}").items():
         found[_place("rates", names, rate)] = _place("rates", names, of)
     return found
 
 
 def _period(env: Env, given: float | None) -> float:
-    period = getattr(env.unwrapped, "dt", 0.0) if given is None else given
-    if not isinstance(period, (int, float)) or not np.isfinite(period) or period < 0 or (given is not None and not given > 0):
-        raise UsageError(f"control_period: got {period!r}, wanted a positive number of seconds")
-    return float(period)
+    """[s]; 0 where neither the user nor the environment knows it."""
+    if given is not None:
+        return _given.seconds("control_period", given)
+    period = getattr(env.unwrapped, "dt", 0.0)
+    return 0.0 if isinstance(period, (int, float)) and period == 0 else _given.seconds("control_period: the environment's dt", period)
 
 
 def _most_steps(env: Env, given: int | None) -> int:
-    spec = getattr(env, "spec", None)
-    most = given if given is not None else getattr(spec, "max_episode_steps", None)
-    if most is not None and (int(most) != most or most < 1):
-        raise UsageError(f"max_episode_steps: got {most!r}, wanted a whole number of at least 1")
-    return int(most or 0)
+    """0 without a limit."""
+    most = given if given is not None else getattr(getattr(env, "spec", None), "max_episode_steps", None)
+    return 0 if most is None else _given.whole("max_episode_steps", most, 1)

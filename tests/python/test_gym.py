@@ -343,7 +343,11 @@ class Errors(InFolder):
                 (lambda: oted.GymSimulator(Image, name="Image", version="1"), "flat Box"),
                 (lambda: oted.GymSimulator(lambda: 3, name="Three", version="1"), "wanted a gymnasium.Env"),
                 (lambda: oted.describe(pendulum(), {"l": oted.Param("env/lenght", 0.5, 2)}), "did you mean 'env/length'"),
-                (made(nominal={"length": float("nan")}), "'length' is nan"),
+                (made(nominal={"length": float("nan")}), "nominal: 'length': got nan"), (made(nominal=[1]), "nominal: got"),
+                (made(nominal={"length": "a"}), "nominal: 'length': got 'a'"), (made(rates=["x"]), "rates: got"),
+                (made(hidden=["a"]), "hidden: got"), (made(set_state=3), "set_state: got 3, wanted a function"),
+                (made(max_episode_steps="a"), "max_episode_steps: got 'a'"), (made(control_period=True), "control_period: got True"),
+                (made(observation_names="abc"), "observation_names: got 'abc'"),
                 (lambda: oted.describe(pendulum(nominal={"length": 0.0}, set_parameters=lambda env, values: None), GEARS),
                  "absolute")):
             with self.assertRaisesRegex(oted.UsageError, error):
