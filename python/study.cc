@@ -23,6 +23,7 @@ RunConfig Study::Config() const {
   if (more.data.episodes != DataConfig().episodes) config.data.episodes = more.data.episodes;
   if (more.data.format != DataConfig().format) config.data.format = more.data.format;
   if (more.data.action_delay != 0) config.data.action_delay = more.data.action_delay;
+  if (!more.data.rescaling.empty()) config.data.rescaling = more.data.rescaling;
   if (!more.data.unwrap.empty()) config.data.unwrap = more.data.unwrap;
   if (more.run.threads != 0) config.run.threads = more.run.threads;
   config.task.Resolve();

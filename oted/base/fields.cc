@@ -19,6 +19,11 @@ struct IsVector : std::false_type {};
 template <class T>
 struct IsVector<std::vector<T>> : std::true_type {};
 
+template <class T>
+struct IsTable : std::false_type {};
+template <class T>
+struct IsTable<std::map<std::string, T>> : std::true_type {};
+
 /// Reads one scalar of type T; false when the JSON value is of another kind.
 template <class T>
 bool ReadScalar(const json& value, T& out) {
@@ -83,8 +88,9 @@ std::string Range::ToString() const {
 }
 
 std::string Field::TypeName() const {
-  static constexpr const char* kNames[] = {"true|false",      "int",          "int", "number", "text", "list of ints",
-                                           "list of numbers", "list of texts"};
+  static constexpr const char* kNames[] = {"true|false",      "int",           "int",
+                                           "number",          "text",          "list of ints",
+                                           "list of numbers", "list of texts", "table of numbers"};
   if (!choices.empty()) return fmt::format("{}", fmt::join(choices, "|"));
   return kNames[target.index()];
 }
@@ -126,6 +132,11 @@ void Field::FromJson(const json& value, std::string_view where) const {
               typename T::value_type scalar{};
               if (!ReadScalar(element, scalar) || !InRange(range, scalar)) fail(wanted);
               parsed.push_back(scalar);
+            }
+          } else if constexpr (IsTable<T>::value) {
+            if (!value.is_object()) fail(wanted);
+            for (const auto& [key, element] : value.items()) {
+              if (!ReadScalar(element, parsed[key]) || !InRange(range, parsed[key])) fail(wanted);
             }
           } else {
             if (!ReadScalar(value, parsed) || !InRange(range, parsed)) fail(wanted);

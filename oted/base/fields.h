@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
@@ -58,7 +59,7 @@ struct NamedTarget {
 /// One setting, bound to the struct it was listed from.
 struct Field {
   using Target = std::variant<bool*, int*, int64_t*, double*, std::string*, std::vector<int>*, std::vector<double>*,
-                              std::vector<std::string>*, NamedTarget>;
+                              std::vector<std::string>*, std::map<std::string, double>*, NamedTarget>;
   std::string name;
   Target target;
   std::string help;  ///< what it is, with its unit
@@ -71,7 +72,7 @@ struct Field {
   void FromJson(const nlohmann::json& value, std::string_view where) const;
   /// Takes the value from text as typed on a command line ("3", "0.1", "true", "1,2,3").
   void FromText(std::string_view text, std::string_view where) const;
-  /// "int", "number", "text", "true|false", "list of numbers", "list of texts".
+  /// "int", "number", "text", "true|false", "list of numbers", "list of texts", "table of numbers".
   std::string TypeName() const;
 };
 

@@ -19,6 +19,7 @@ void Change(Array2<double>& values, const Correction& c) {
     const auto at = [&](size_t k) -> double& { return values(i, c.columns[k]); };
     switch (c.kind) {
       case CorrectionKind::kSign:
+      case CorrectionKind::kMirror:
       case CorrectionKind::kActionSign:
         for (size_t k = 0; k < c.columns.size(); ++k) at(k) = -at(k);
         break;
@@ -63,6 +64,8 @@ const char* Correction::Check() const {
       return "action_unit";
     case CorrectionKind::kQuaternionOrder:
       return "quaternion_order";
+    case CorrectionKind::kMirror:
+      return "mirrored_joint";
   }
   return "";
 }
@@ -74,6 +77,7 @@ std::vector<std::string> Correction::Names(const SimulatorSpec& spec) const {
     const size_t k = static_cast<size_t>(j);
     names.push_back(k < all.size() ? all[k] : fmt::format("{}[{}]", IsOfActions() ? "actions" : "observations", j));
   }
+  if (command >= 0) names.push_back(spec.action_names[static_cast<size_t>(command)]);
   return names;
 }
 
@@ -81,15 +85,18 @@ Correction::Words Correction::InWords(const SimulatorSpec& spec) const {
   const std::vector<std::string> names = Names(spec);
   switch (kind) {
     case CorrectionKind::kSign:
+    case CorrectionKind::kMirror:
     case CorrectionKind::kActionSign:
-      return {fmt::format("{} turned round", List(names)), fmt::format("turn round the sign of {}", List(names))};
+      return {fmt::format("{} turned round", List(names)),
+              fmt::format("turn round the sign of {} (data.scale)", List(names))};
     case CorrectionKind::kUnit:
     case CorrectionKind::kActionUnit:
       return {fmt::format("{} times {:.6g}", List(names), value),
-              fmt::format("multiply {} by {:.6g}", List(names), value)};
+              fmt::format("multiply {} by {:.6g} (data.scale)", List(names), value)};
     case CorrectionKind::kZero:
       return {fmt::format("{} {} {:.3g}", names[0], value < 0 ? "-" : "+", std::abs(value)),
-              fmt::format("add {:.3g} to {}, or make its zero a parameter: obs/{}/bias", value, names[0], names[0])};
+              fmt::format("add {:.3g} to {} (data.offset), or make its zero a parameter: obs/{}/bias", value, names[0],
+                          names[0])};
     case CorrectionKind::kSwap:
     case CorrectionKind::kActionSwap: {
       std::vector<std::string> swaps;
@@ -109,6 +116,7 @@ void Correction::ApplyTo(Dataset& dataset) const {
     Change(dataset.actions, *this);
     return;
   }
+  for (int i = 0; command >= 0 && i < dataset.size(); ++i) dataset.actions(i, command) *= -1;
   Change(dataset.observations, *this);
   Change(dataset.next_observations, *this);
 }

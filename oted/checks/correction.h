@@ -9,13 +9,24 @@
 
 namespace oted {
 
-enum class CorrectionKind { kSign, kSwap, kZero, kUnit, kActionSign, kActionSwap, kActionUnit, kQuaternionOrder };
+enum class CorrectionKind {
+  kSign,
+  kSwap,
+  kZero,
+  kUnit,
+  kActionSign,
+  kActionSwap,
+  kActionUnit,
+  kQuaternionOrder,
+  kMirror
+};
 
 struct Correction {
   CorrectionKind kind;
   std::vector<int> columns = {};  ///< observations or actions; of a swap two, or two pairs one after the other
   double value = 0;               ///< what is added (a zero), or the factor (a unit)
   std::vector<int> judged = {};   ///< the observations whose prediction must get better
+  int command = -1;               ///< the action that is turned round with a mirrored joint
 
   /// The name of its finding: "joint_sign".
   const char* Check() const;

@@ -22,11 +22,12 @@ constexpr double kNoHope = 0.7;       // and on all only where it leaves less th
 constexpr double kGood = 0.03;        // error of a channel, of its change: below it nothing is to be mended
 constexpr double kHelps = 0.35;       // what a correction must leave of the squared error of its channels
 constexpr double kZeroHelps = 0.2;    // the same for a zero, which wrong parameters can look like
-constexpr double kFasterHelps = 0.1;  // and for a motion made twice as fast, which hides half of what moves it
 constexpr double kActionHelps = 0.6;  // the same for an action, in the two channels that it helps most
+constexpr double kTwoForOne = 0.7;    // what two changes must leave of what one does
 constexpr double kAlike = 1.1;        // corrections that leave within so much of the best are named beside it
 constexpr double kOwnAlike = 1.5;
 constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
+constexpr size_t kMoved = 2;            // joints that an action may be the command of: those that it moves most
 constexpr size_t kMostJoints = 12;      // those that fit worst
 constexpr int kMostCorrections = 3;
 constexpr size_t kMostRecordings = 50;  // with more of them, too few windows lie in each
@@ -58,6 +59,20 @@ double Mean(const Errors& errors, const std::vector<int>& channels) {
   double sum = 0;
   for (const int j : channels) sum += errors[static_cast<size_t>(j)];
   return channels.empty() ? 0 : sum / static_cast<double>(channels.size());
+}
+
+/// Whether a finding says that a body's numbers contradict each other.
+bool IsOf(const TurningBody& body, const Finding& finding, const SimulatorSpec& spec) {
+  constexpr const char* kContradictions[] = {"quaternion_order", "quaternion_inverse", "turn_frame",
+                                             "velocity_frame",   "rate_sign",          "rate_unit",
+                                             "swapped_columns"};
+  if (std::ranges::find(kContradictions, finding.check) == std::end(kContradictions)) return false;
+  const auto is_named = [&](int column) {
+    return column >= 0 && std::ranges::find(finding.channels, spec.observation_names[static_cast<size_t>(column)]) !=
+                              finding.channels.end();
+  };
+  return std::ranges::any_of(body.orientation, is_named) || std::ranges::any_of(body.turn, is_named) ||
+         std::ranges::any_of(body.velocity, is_named);
 }
 
 class Search {
@@ -231,8 +246,7 @@ class Search {
       if (joint.correlated) all.push_back({CorrectionKind::kUnit, columns, unit, both});
     }
     if (joint.agree) {
-      // A gear or a belt between encoder and joint; the width of a gripper in place of a finger's way.
-      for (const double gear : {0.5, 2.0}) all.push_back({CorrectionKind::kUnit, both, gear, both});
+      // No factors of a gear, such as 2: a motion twice as fast looks like half of the mass, or twice the gain.
       if (InMetres(joint)) all.push_back({CorrectionKind::kUnit, both, kHundredth, both});
     }
     for (const double size : {1.0, 2.5, 5.0, 10.0, 20.0}) {
@@ -304,10 +318,7 @@ class Search {
 
   bool Helps(const Trial& trial, const Errors& now) const {
     const Correction& c = trial.correction;
-    const double most = c.IsOfActions()                                  ? kActionHelps
-                        : c.kind == CorrectionKind::kZero                ? kZeroHelps
-                        : c.kind == CorrectionKind::kUnit && c.value > 1 ? kFasterHelps
-                                                                         : kHelps;
+    const double most = c.IsOfActions() ? kActionHelps : c.kind == CorrectionKind::kZero ? kZeroHelps : kHelps;
     return trial.own < most && trial.total < Total(now);
   }
 
@@ -316,13 +327,19 @@ class Search {
     std::vector<Trial> trials;
     const std::optional<Errors> screened = replays_.Errors(windows_, kScreening);
     if (!screened) return trials;
-    for (const Correction& correction : Candidates(now)) {
+    std::vector<Correction> candidates = Candidates(now);
+    AddMirrored(*screened, candidates);
+    for (const Correction& correction : candidates) {
       std::optional<Trial> trial = TryOne(correction, now, *screened);
       if (!trial) continue;
       if (correction.kind == CorrectionKind::kZero) *trial = Refined(*trial, now, *screened);
       if (Helps(*trial, now)) trials.push_back(*std::move(trial));
     }
-    std::ranges::stable_sort(trials, {}, &Trial::total);
+    // One change before two.
+    const auto cost = [](const Trial& t) {
+      return t.correction.kind == CorrectionKind::kMirror ? t.total / kTwoForOne : t.total;
+    };
+    std::ranges::stable_sort(trials, {}, cost);
     if (trials.empty()) return trials;
     const Trial best = trials.front();
     std::erase_if(trials, [&](const Trial& t) {
@@ -331,6 +348,31 @@ class Search {
               t.correction.kind == CorrectionKind::kZero);
     });
     return trials;
+  }
+
+  /// Joints that are turned round together with their commands. Whose command an action is shows where turning it round
+  /// makes most difference.
+  void AddMirrored(const Errors& screened, std::vector<Correction>& all) {
+    if (spec_.n_discrete_actions > 0 || joints_.empty()) return;
+    for (int a = 0; a < std::min(spec_.act_dim, static_cast<int>(kMostJoints)); ++a) {
+      ReplayedWindows windows = windows_;
+      Apply({CorrectionKind::kActionSign, {a}}, windows);
+      const std::optional<Errors> turned = replays_.Errors(windows, kScreening);
+      if (!turned) continue;
+      const auto difference = [&](const Joint& joint) {
+        double sum = 0;
+        for (const int j : joint.Channels()) {
+          sum += std::abs((*turned)[static_cast<size_t>(j)] - screened[static_cast<size_t>(j)]);
+        }
+        return sum;
+      };
+      std::vector<Joint> moved = joints_;
+      std::ranges::stable_sort(moved, std::greater<>(), difference);
+      moved.resize(std::min(moved.size(), kMoved));
+      for (const Joint& joint : moved) {
+        if (difference(joint) > 0) all.push_back({CorrectionKind::kMirror, joint.Channels(), 0, joint.Channels(), a});
+      }
+    }
   }
 
   /// Halves the distance to the best zero a few times.
@@ -388,6 +430,12 @@ class Search {
 
 void CheckCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads,
                       std::vector<Finding>& findings) {
+  // States of a body whose orientation and rates contradict each other are none: a replay from them blames the rest.
+  const auto is_of_body = [&](const Finding& f) {
+    return std::ranges::any_of(factory.spec().bodies,
+                               [&](const TurningBody& body) { return IsOf(body, f, factory.spec()); });
+  };
+  if (std::ranges::any_of(findings, is_of_body)) return;
   Search search(factory, n_threads, findings);
   if (!search.OfAll(dataset)) search.OfEach(dataset);
 }

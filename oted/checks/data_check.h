@@ -16,16 +16,17 @@
 namespace oted {
 
 /// How well the logs can be told from the nominal simulator (docs/data_checks.md).
-enum class GapVerdict { kNone, kSmall, kClear };
+enum class GapVerdict { kNone, kSmall, kClear, kUnknown };
 std::string ToString(GapVerdict verdict);
-/// None below an area under the curve of 0.55, clear from 0.75 on.
-GapVerdict VerdictOf(const JudgeScore& gap);
 
 struct DataCheck {
   std::vector<Finding> findings;
   std::vector<ChannelNoise> noise;       ///< per observation channel, or empty
   std::optional<OneStepError> one_step;  ///< where the task is known and its states can be set
-  std::optional<JudgeScore> gap;         ///< where the task is known
+  std::optional<JudgeScore> gap;         ///< where the task is known, unless rates are hidden that only a fit finds
+  bool gap_by_clone = false;             ///< a clone acted, whose own errors count, too
+  /// None below an area under the curve of 0.55, clear from 0.75 on; from 0.55 on unknown where a clone acted.
+  GapVerdict Verdict() const;
 };
 
 /// What a task says about its data.

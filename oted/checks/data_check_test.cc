@@ -35,7 +35,7 @@ TEST(CheckData, LogsOfTheNominalSimulatorShowNoGapAndNoDefect) {
   const DataCheck check = Check(PointMassLogs({1, 1, 0.5}, 20), &factory);
   EXPECT_EQ(CountOf(check.findings, Severity::kError), 0);
   ASSERT_TRUE(check.gap && check.one_step);
-  EXPECT_EQ(VerdictOf(*check.gap), GapVerdict::kNone);
+  EXPECT_EQ(check.Verdict(), GapVerdict::kNone);
   EXPECT_EQ(check.one_step->median_ratio, 0);
   EXPECT_NE(Find(check, "one_step_error")->meaning.find("nothing to design"), std::string::npos);
   // The third parameter has no effect, the others have.
@@ -47,7 +47,7 @@ TEST(CheckData, LogsOfTheNominalSimulatorShowNoGapAndNoDefect) {
 TEST(CheckData, AFarTargetIsAClearGap) {
   const PointMassFactory factory;
   const DataCheck check = Check(PointMassLogs({2, 0.2, 0.5}, 20), &factory);
-  EXPECT_EQ(VerdictOf(*check.gap), GapVerdict::kClear);
+  EXPECT_EQ(check.Verdict(), GapVerdict::kClear);
   EXPECT_NE(Find(check, "gap")->meaning.find("clear gap"), std::string::npos);
   EXPECT_NE(Find(check, "gap")->what.find("400 logged transitions"), std::string::npos);
 }
@@ -137,6 +137,7 @@ TEST(CheckData, ASimulatorWithoutSettableStatesIsJudgedWithAClone) {
   EXPECT_FALSE(check.one_step);
   ASSERT_TRUE(check.gap);
   EXPECT_GT(check.gap->auc, 0.6);
+  EXPECT_EQ(check.Verdict(), GapVerdict::kUnknown) << "the clone's errors tell as well";
 }
 
 TEST(CheckData, TheRecordIsTheSameAtAnyNumberOfThreads) {

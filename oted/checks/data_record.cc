@@ -101,7 +101,7 @@ json DataCheckRecord(const Dataset& dataset, const SimulatorSpec* spec, const Da
     }
   }
   if (check.gap) {
-    record["gap"] = {{"verdict", ToString(VerdictOf(*check.gap))},
+    record["gap"] = {{"verdict", ToString(check.Verdict())},
                      {"auc", check.gap->auc},
                      {"accuracy", check.gap->accuracy},
                      {"common", check.gap->common},

@@ -58,6 +58,8 @@ FieldList DataConfig::Fields() {
   fields.Add("terminal", &columns.terminal, "CSV column that is 1 where the task ended; empty: by the usual names");
   fields.Add("timeout", &columns.timeout, "CSV column that is 1 where the episode was cut; empty: by the usual names");
   fields.Add("action_delay", &action_delay, "control steps from a logged action to its effect", Between(0, 1000));
+  fields.Add("scale", &rescaling.scale, "factors of observations and actions, by name or pattern with *: units, signs");
+  fields.Add("offset", &rescaling.offset, "what is then added to them: a sensor's zero");
   fields.Add("unwrap", &unwrap, "observations [rad] that the log keeps within one turn: names, or patterns with *");
   return fields;
 }
@@ -128,6 +130,7 @@ DataOptions DataConfig::Options() const {
   options.format = format;
   options.columns = columns;
   options.action_delay = action_delay;
+  options.rescaling = rescaling;
   options.unwrap = unwrap;
   return options;
 }

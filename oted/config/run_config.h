@@ -33,6 +33,7 @@ struct DataConfig {
   std::optional<DataFormat> format;
   CsvLayout columns;
   int action_delay = 0;
+  Rescaling rescaling;
   std::vector<std::string> unwrap;
   FieldList Fields();
   bool empty() const { return path.empty() && recordings.empty(); }

@@ -44,6 +44,12 @@ ordered_json SchemaOfBound(const std::vector<T>*, const Range& range) {
   return {{"type", "array"}, {"items", items}};
 }
 template <class T>
+ordered_json SchemaOfBound(const std::map<std::string, T>*, const Range& range) {
+  ordered_json values = {{"type", kJsonType<T>}};
+  AddRange(values, range);
+  return {{"type", "object"}, {"additionalProperties", values}};
+}
+template <class T>
 ordered_json SchemaOfBound(const T*, const Range& range) {
   ordered_json schema = {{"type", kJsonType<T>}};
   AddRange(schema, range);

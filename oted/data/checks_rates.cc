@@ -16,6 +16,8 @@ constexpr double kClear = 0.8;                         // correlation from which
 constexpr double kVague = 0.6;                         // below it is not
 constexpr double kUnitSlack = 0.2;                     // of a factor
 constexpr double kExactlyClear = 0.95, kFactor = 1.5;  // the same for a factor that no unit explains
+constexpr size_t kMostEpisodes = 50;                   // that are looked at one by one
+constexpr double kOtherRate = 1.4;                     // of the usual period
 constexpr double kAgree = 0.05;                        // among the channels of a log with another rate
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kFewestPairs = 20;
@@ -127,7 +129,7 @@ class Rates {
                   [&](const RateAgreement& r) { return std::ranges::find(elsewhere, r.velocity) != elsewhere.end(); });
     std::erase_if(rates_, [](const RateAgreement& r) { return r.support < kFewestCarry; });
     AddSwaps();
-    if (!AddControlRate()) {
+    if (!AddOtherRates() && !AddControlRate()) {
       for (const RateAgreement& rate : rates_) AddFactor(rate);
     }
     AddLags();
@@ -174,6 +176,44 @@ class Rates {
       return std::ranges::any_of(swapped,
                                  [&](const auto& s) { return s.first == r.velocity || s.second == r.velocity; });
     });
+  }
+
+  /// Episodes whose rows are further apart, or closer, than those of the rest: one rate for all is true of none.
+  bool AddOtherRates() {
+    const std::vector<Episode> episodes = dataset_.Episodes();
+    if (rates_.size() < 2 || episodes.size() < 2 || episodes.size() > kMostEpisodes) return false;
+    std::vector<double> periods;  // [s], 0 where an episode does not tell
+    for (const Episode& episode : episodes) {
+      std::vector<RateAgreement> rates = CompareRates(dataset_.Select({episode}), facts_.rate_of, period_);
+      std::erase_if(rates, [](const RateAgreement& r) { return r.support < kFewestCarry; });
+      periods.push_back(PeriodByRates(rates));
+    }
+    std::vector<double> told = periods;
+    std::erase(told, 0.0);
+    if (told.size() < 2) return false;
+    const double usual = MedianOf(told);
+    std::vector<double> others;
+    std::vector<std::string> numbers;
+    int first = -1;
+    for (size_t e = 0; e < episodes.size(); ++e) {
+      if (periods[e] <= 0 || std::max(periods[e] / usual, usual / periods[e]) < kOtherRate) continue;
+      numbers.push_back(fmt::format("{}", e + 1));
+      others.push_back(periods[e]);
+      if (first < 0) first = episodes[e].begin;
+    }
+    if (numbers.empty()) return false;
+    const auto [least, most] = std::ranges::minmax(others);
+    const std::string apart = most < kOtherRate * least ? fmt::format("{:.2g}", MedianOf(others))
+                                                        : fmt::format("{:.2g} to {:.2g}", least, most);
+    Add("control_rate",
+        fmt::format("by positions and velocities the rows of episode {} are {} s apart, those of the others {:.2g} s",
+                    fmt::join(numbers, ", "), apart, usual),
+        {}, "recordings of several rates stand as one, and a design would take their rows for equally far apart",
+        fmt::format("bring episode {} to the rate of the others: with a time column that is done for you",
+                    fmt::join(numbers, ", ")));
+    findings_.back().row = first;
+    findings_.back().count = static_cast<int64_t>(numbers.size());
+    return true;
   }
 
   /// All channels off by one factor: the rows are not as far apart as was said.

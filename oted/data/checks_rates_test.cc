@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <functional>
 
@@ -118,6 +119,19 @@ TEST(Rates, AVelocityThatLagsIsNamedWithItsLag) {
                       "velocity_lag");
   EXPECT_EQ(f.channels, std::vector<std::string>{"knee/qvel"});
   EXPECT_NE(f.what.find("knee/qvel by 2.5 rows"), std::string::npos) << f.what;
+}
+
+TEST(Rates, ARecordingOfAnotherRateIsNamedWithItsOwn) {
+  Dataset mixed = LogOf(Truth);
+  const Dataset slow = LogOf(Truth, 2 * kPeriod);
+  for (int i = 300; i < 450; ++i) {
+    std::ranges::copy(slow.observations.row(i), mixed.observations.row(i).begin());
+    std::ranges::copy(slow.next_observations.row(i), mixed.next_observations.row(i).begin());
+  }
+  const auto f = Only(Check(mixed), "control_rate");
+  EXPECT_NE(f.what.find("the rows of episode 3 are 0.02 s apart, those of the others 0.01 s"), std::string::npos)
+      << f.what;
+  EXPECT_EQ(f.row, 300);
 }
 
 TEST(Rates, AnotherControlRateIsOneFindingWithTheRate) {

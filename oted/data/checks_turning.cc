@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
+#include <utility>
 
 namespace oted {
 namespace {
@@ -14,6 +16,8 @@ namespace {
 constexpr int kFewestTurns = 20;
 constexpr double kFits = 0.4;    // share of the squared rate that a reading may miss
 constexpr double kBetter = 0.5;  // of what the log's own reading misses
+constexpr double kFine = 0.1;    // share of the squared rate below which nothing is to be mended
+constexpr double kDegreePerSecond = std::numbers::pi / 180;
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
@@ -24,6 +28,15 @@ struct Reading {
   bool inverse = false;      // it turns the world into the body
   bool world = false;        // the angular velocity is about the world's axes
   bool IsOwn() const { return !scalar_last && !inverse && !world; }
+};
+
+/// Which numbers of an angular velocity are meant: component k is `factor` k times logged number `from` k.
+struct RateColumns {
+  std::array<int, 3> from = {0, 1, 2};
+  Vector3d factor = {1, 1, 1};
+  Vector3d operator()(const Vector3d& logged) const {
+    return {factor[0] * logged[from[0]], factor[1] * logged[from[1]], factor[2] * logged[from[2]]};
+  }
 };
 
 Quaterniond OrientationOf(std::span<const double> row, const TurningBody& body, const Reading& reading) {
@@ -49,13 +62,14 @@ Vector3d Turn(const Quaterniond& from, const Quaterniond& to, bool world) {
 }
 
 /// Share of the squared logged rate that a reading misses; 2 where nothing turns.
-double Missed(const Dataset& d, const TurningBody& body, const Reading& reading, double period) {
+double Missed(const Dataset& d, const TurningBody& body, const Reading& reading, double period,
+              const RateColumns& columns = {}) {
   double missed = 0, all = 0;
   for (int i = 0; i < d.size(); ++i) {
     const auto here = d.observations.row(i), there = d.next_observations.row(i);
     const Quaterniond from = OrientationOf(here, body, reading), to = OrientationOf(there, body, reading);
     if (from.norm() < 0.5 || to.norm() < 0.5) continue;
-    const Vector3d rate = (VectorOf(here, body.turn) + VectorOf(there, body.turn)) / 2;
+    const Vector3d rate = columns((VectorOf(here, body.turn) + VectorOf(there, body.turn)) / 2);
     const Vector3d seen = Turn(from, to, reading.world) / period;
     // A single impact must not outweigh the rest.
     missed += std::min((seen - rate).squaredNorm(), 4 * rate.squaredNorm());
@@ -131,6 +145,60 @@ void AddReading(const Reading& best, double own, double left, const TurningBody&
   }
 }
 
+/// Signs, places and unit of the three numbers of an angular velocity, where one change of them makes it that of the
+/// orientation. @return whether one does
+bool AddRateColumns(const Dataset& d, const TurningBody& body, double own, double period, const TaskFacts& facts,
+                    std::vector<Finding>& findings) {
+  struct Change {
+    RateColumns columns;
+    const char* check;
+    std::vector<int> of;
+    std::string remedy;
+  };
+  const std::vector<std::string> names = Names(body.turn, facts);
+  std::vector<Change> changes;
+  for (int k = 0; k < 3; ++k) {
+    const auto at = static_cast<size_t>(k);
+    Change turned{{}, "rate_sign", {k}, fmt::format("turn round the sign of {}", names[at])};
+    turned.columns.factor[k] = -1;
+    changes.push_back(turned);
+    const size_t other = (at + 1) % 3;
+    const auto [one, two] = std::minmax(at, other);
+    Change swapped{{},
+                   "swapped_columns",
+                   {static_cast<int>(one), static_cast<int>(two)},
+                   fmt::format("swap {} and {}", names[one], names[two])};
+    std::swap(swapped.columns.from[one], swapped.columns.from[two]);
+    changes.push_back(swapped);
+  }
+  changes.push_back({{{0, 1, 2}, Vector3d::Constant(kDegreePerSecond)},
+                     "rate_unit",
+                     {0, 1, 2},
+                     fmt::format("multiply {} by {:.6g}", fmt::join(names, ", "), kDegreePerSecond)});
+  const Change* best = nullptr;
+  double left = std::min(kFits, kBetter * own);
+  for (const Change& change : changes) {
+    const double missed = Missed(d, body, {}, period, change.columns);
+    if (missed > left) continue;
+    left = missed;
+    best = &change;
+  }
+  if (best == nullptr) return false;
+  std::vector<std::string> channels;
+  for (const int k : best->of) channels.push_back(names[static_cast<size_t>(k)]);
+  findings.push_back(
+      {.check = best->check,
+       .severity = Severity::kWarning,
+       .what = fmt::format("{} miss {:.0f} % of the squared rate at which the quaternion turns, {:.0f} % "
+                           "with one change",
+                           fmt::join(names, ", "), 100 * std::min(own, 1.0), 100 * left),
+       .count = static_cast<int64_t>(channels.size()),
+       .channels = channels,
+       .meaning = "the angular velocity is not that of the orientation",
+       .remedy = best->remedy});
+  return true;
+}
+
 /// q and -q are one rotation, and drivers change from one to the other as they like.
 void AddSignChanges(const Dataset& d, const TurningBody& body, const TaskFacts& facts, std::vector<Finding>& findings) {
   int first = -1, n = 0;
@@ -175,6 +243,8 @@ std::vector<int> CheckTurning(const Dataset& dataset, const TaskFacts& facts, st
         left = missed;
         best = reading;
       }
+      const bool by_columns = left > kFine && AddRateColumns(dataset, body, left, period, facts, findings);
+      if (by_columns) best = {};
       if (!best.IsOwn()) AddReading(best, own, left, body, facts, findings);
     }
     if (!IsSeen(body.velocity, dataset) || std::ranges::all_of(body.position, [](int j) { return j < 0; })) continue;

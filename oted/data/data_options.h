@@ -2,6 +2,7 @@
 /// How a dataset's file is to be read and written, beyond what its name says.
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,11 +40,20 @@ struct ChildLimits {
 /// time and three of wall time.
 ChildLimits LimitsFor(uint64_t file_bytes, const ChildLimits& base = {});
 
+/// Units and zeros of columns, corrected: value * scale + offset. By name or pattern (MatchesGlob) of an observation or
+/// an action.
+struct Rescaling {
+  std::map<std::string, double> scale;
+  std::map<std::string, double> offset;  ///< in the unit that the scale leads to
+  bool empty() const { return scale.empty() && offset.empty(); }
+};
+
 struct DataOptions {
   std::optional<DataFormat> format;  ///< none: by path and content
   CsvLayout columns;                 ///< of a CSV
   /// The logged action acts this many control steps later: row i gets the action of row i - action_delay.
   int action_delay = 0;
+  Rescaling rescaling;              ///< units and zeros, corrected before anything else
   std::vector<std::string> unwrap;  ///< observations, by name or pattern, that are angles kept within one turn
 
   // What the task says; 0 or empty where it is not known.

@@ -16,6 +16,7 @@
 #include "oted/data/d4rl_hdf5.h"
 #include "oted/data/minari.h"
 #include "oted/data/npz.h"
+#include "oted/data/rescale.h"
 #include "oted/data/unwrap.h"
 
 namespace oted {
@@ -148,6 +149,7 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
     throw DataError(
         fmt::format("dataset '{}' is not a file; check the path (it is relative to where oted runs)", path));
   }
+  const TaskNames task{options.observation_names, options.action_names};
   Dataset dataset;
   std::string file = path;
   if (format == DataFormat::kMinari) {
@@ -159,6 +161,7 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
     dataset = ReadDatasetNpz(path, options);
   } else {
     Recording recording = ReadCsv(path, options);
+    Rescale(recording, options.rescaling, task);
     Unwrap(recording, options.unwrap, options.observation_names);
     const double period = options.control_period_s > 0 ? options.control_period_s : recording.period_s;
     if (period > 0) recording = Resample(recording, period);
@@ -167,7 +170,10 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
   dataset.path = path;
   dataset.sha256 = Sha256OfFile(file);
   if (options.check) dataset.Check();
-  if (format != DataFormat::kCsv && !options.unwrap.empty()) Unwrap(dataset, options.unwrap, options.observation_names);
+  if (format != DataFormat::kCsv) {
+    Rescale(dataset, options.rescaling, task);
+    if (!options.unwrap.empty()) Unwrap(dataset, options.unwrap, options.observation_names);
+  }
   MatchNames(dataset, options.observation_names, options.action_names);
   DelayActions(dataset, options.action_delay);
   return dataset;

@@ -1,14 +1,13 @@
 #include "oted/data/unwrap.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <cmath>
 #include <map>
 #include <numbers>
 
 #include "oted/base/error.h"
-#include "oted/base/glob.h"
+#include "oted/data/named_columns.h"
 
 namespace oted {
 namespace {
@@ -18,26 +17,12 @@ constexpr double kTurn = 2 * std::numbers::pi;
 /// By number, with the name that the pattern meant.
 using Angles = std::map<int, std::string>;
 
-Angles Matching(const std::string& pattern, const std::vector<std::string>& names) {
-  Angles found;
-  for (size_t j = 0; j < names.size(); ++j) {
-    if (MatchesGlob(pattern, names[j])) found.emplace(static_cast<int>(j), names[j]);
-  }
-  return found;
-}
-
 Angles FindAngles(const std::vector<std::string>& patterns, const std::vector<std::string>& names,
                   const std::vector<std::string>& task_names, const std::string& file) {
   Angles angles;
   for (const std::string& pattern : patterns) {
-    Angles found = Matching(pattern, names);
-    if (found.empty()) found = Matching(pattern, task_names);
-    if (found.empty()) {
-      const std::vector<std::string>& known = names.empty() ? task_names : names;
-      throw UsageError(
-          fmt::format("unwrap: '{}' has no observation '{}'; it has {}", file, pattern,
-                      known.empty() ? "no names: give them, or a task" : fmt::format("{}", fmt::join(known, ", "))));
-    }
+    Angles found = MatchingColumns(pattern, names, task_names);
+    if (found.empty()) throw UsageError("unwrap: " + NoSuchColumn(file, "observation", pattern, names, task_names));
     angles.merge(found);
   }
   return angles;

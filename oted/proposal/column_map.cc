@@ -350,6 +350,10 @@ class Mapper {
     for (const std::string& path : paths) {
       const auto found = claims_.find(path);
       if (found == claims_.end()) continue;
+      for (Claim& claim : found->second) {
+        const std::string& column = columns_[claim.column];
+        if (column == path || column.ends_with("." + path)) claim.penalty = -1;  // the path itself
+      }
       std::ranges::stable_sort(found->second, {}, &Claim::penalty);
       const Claim& best = found->second.front();
       entries.push_back({columns_[best.column], path, best.penalty >= 100, best.in_degrees});

@@ -14,7 +14,7 @@
 namespace oted {
 namespace {
 
-constexpr double kShiftGain = 0.8;  // a shift must bring the error below this share
+constexpr double kShiftGain = 0.7;  // a shift must bring the error below this share
 constexpr double kExact = 1e-3;     // one-step error of the logs' own simulator
 constexpr double kUseless = 0.5;    // share of the squared change that a model should not miss
 constexpr double kWindow_s = 0.1;
@@ -90,9 +90,6 @@ void AddReplayFacts(const SimulatorFactory& factory, const Dataset& dataset, int
     facts.emplace_back("no row could be replayed: the logged states are none of this model; compare units and columns");
     return;
   }
-  std::vector<Finding> corrections;
-  CheckCorrections(factory, dataset, n_threads, corrections);
-  for (const Finding& f : corrections) facts.push_back(fmt::format("{}: {}; {}", f.check, f.what, f.remedy));
   const auto better = BetterShift(MeasureOneStep(factory, dataset, kRows, n_threads), kShiftGain);
   if (better && better->own > kExact) {
     const bool is_before = better->shift < 0;
@@ -155,6 +152,11 @@ std::vector<std::string> SuspiciousFacts(const SimulatorFactory& factory, const 
                                          const ModelOutline& model, int n_threads) {
   std::vector<std::string> facts;
   AddLimitFacts(dataset, factory.spec(), model, facts);
+  if (factory.spec().can_replay()) {
+    std::vector<Finding> corrections;
+    CheckCorrections(factory, dataset, n_threads, corrections);
+    for (const Finding& f : corrections) facts.push_back(fmt::format("{}: {}; {}", f.check, f.what, f.remedy));
+  }
   if (factory.spec().can_set_state) AddReplayFacts(factory, dataset, n_threads, facts);
   return facts;
 }

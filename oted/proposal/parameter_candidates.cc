@@ -364,6 +364,18 @@ ParameterChoice ChooseParameters(
         effect == 0 ? "the logs do not show it"
                     : fmt::format("over its range it moves the logs by {:.2g} standard deviations", effect)));
   }
+  // An armature from nothing on can only add: a mass with the same effect goes both ways.
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const bool is_added =
+        candidates[i].field.ends_with("/armature") && candidates[i].scale == ParameterScale::kAbsolute;
+    for (size_t mass = 0; is_added && mass < candidates.size(); ++mass) {
+      const bool is_mass = candidates[mass].field.starts_with("body/") && kept[mass];
+      if (!kept[i] || !is_mass || !trade_off(i, mass)) continue;
+      kept[i] = false;
+      choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from {}", candidates[i].name,
+                                            candidates[i].field, candidates[mass].name));
+    }
+  }
   // In their order: what gives way to another has no other in its turn to give way to it.
   for (size_t i = 0; i < candidates.size(); ++i) {
     for (size_t one = 0; one < i; ++one) {
@@ -380,8 +392,9 @@ ParameterChoice ChooseParameters(
     if (explained.Take(static_cast<int>(i), kOwnEffect) >= kOwnEffect) {
       choice.chosen.push_back(candidates[i]);
     } else {
-      choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from the others together",
-                                            candidates[i].name, candidates[i].field));
+      choice.left_out.push_back(fmt::format(
+          "{} ({}): the logs can hardly tell it from the parameters above together; it stays as in the model",
+          candidates[i].name, candidates[i].field));
     }
   }
   return choice;

@@ -72,7 +72,7 @@ std::string WhatJudged(const json& validation) {
     return "Whole recordings were kept aside, and a design from the others predicts them";
   if (parts > 0 && recordings == 0) {
     return "Parts of the recordings were kept aside, and a design from the other parts predicts them: motions that no "
-           "recording has were not asked";
+           "recording has were not tested";
   }
   return "Whole recordings and parts of the others were kept aside, and a design from the rest predicts them";
 }

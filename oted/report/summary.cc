@@ -273,7 +273,7 @@ json Unknown(const json& report, const std::string& verdict) {
   if (verdict == "outside_family" || verdict == "gap_narrowed") {
     unknown.push_back(
         "More error is left than the sensors explain. Something beside these parameters may differ, or the method has "
-        "not found them exactly. Take the values below for the best that it found, not for measurements.");
+        "not found them exactly.");
   }
   if (const std::vector<std::string> starred = Starred(report); !starred.empty()) {
     unknown.push_back(AsSentence(StarredForPolicies(starred)));

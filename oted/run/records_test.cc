@@ -168,7 +168,7 @@ TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
   };
   validation.n_parts = 6;
   EXPECT_THAT(sentence(), HasSubstr("judged by other parts of the recordings that it learned from: other motions were "
-                                    "not asked"));
+                                    "not tested"));
   validation.n_recordings = 1;
   validation.horizons[0].in_recordings = {4, 0.5, true};
   EXPECT_THAT(sentence(), EndsWith("judged by 1 recording that it did not learn from, and by other parts of those that "

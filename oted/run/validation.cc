@@ -147,6 +147,9 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
                           .warnings = Doubts(logs, spec, learned),
                           .data_sha256 = logs.sha256,
                           .n_transitions = logs.size()};
+  if (!result.reaches_floor) {
+    std::ranges::move(CorrectionWarnings(*factory, logs, context.n_threads), std::back_inserter(result.warnings));
+  }
   result.sentence = SentenceOf(result, prediction);
   if (request.model.empty()) return result;
   context.ThrowIfStopped();

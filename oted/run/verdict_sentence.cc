@@ -44,7 +44,7 @@ std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRec
   const int n = validation.n_recordings;
   const std::string recordings = fmt::format("{} recording{} that it did not learn from", n, n == 1 ? "" : "s");
   if (validation.n_parts == 0) return n > 0 ? "; judged by " + recordings : "";
-  if (n == 0) return "; judged by other parts of the recordings that it learned from: other motions were not asked";
+  if (n == 0) return "; judged by other parts of the recordings that it learned from: other motions were not tested";
   std::string text = fmt::format("; judged by {}, and by other parts of those that it did", recordings);
   if (!shown.in_recordings || shown.in_recordings->surely_better) return text;
   const std::string alone = n == 1 ? "that recording" : "those recordings";

@@ -18,8 +18,10 @@ struct OneStepError {
   std::vector<double> rms_error;   ///< per channel, in its unit
   std::vector<double> rms_change;  ///< of the logged s' - s on the same rows: the error of "nothing changes"
   double median_ratio = 0;         ///< median over channels that change of rms_error / rms_change
-  /// The same median when row i is given the action of row i + k, for k = -2 .. 2, on the rows that have all of these
-  /// neighbours in their episode; empty when there are fewer than 20.
+  /// What is left of the change when row i is given the action of row i + k, for k = -2 .. 2, on the rows that have all
+  /// of these neighbours in their episode. What the simulator does under the mean action and what the row's adds to it
+  /// get a factor each, so that wrong gains and masses count for no shift. Geometric mean over the channels in which
+  /// the action matters; empty where it matters in none, and when there are fewer than 20 rows.
   std::map<int, double> ratio_by_shift;
 };
 
@@ -29,8 +31,7 @@ struct ActionShift {
   double error = 0, own = 0;  ///< of ratio_by_shift: with it, and with the row's own action
 };
 
-/// The best shift, where it leaves at most `share` of the own error. None where it leaves more than the change itself:
-/// such an error explains nothing, however much worse another one is.
+/// The best shift, where it leaves at most `share` of the own error.
 std::optional<ActionShift> BetterShift(const OneStepError& error, double share);
 
 /// At most `max_rows` rows, evenly spread over the data. Needs spec().can_set_state and finite data that fit the task.

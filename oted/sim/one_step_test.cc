@@ -50,16 +50,18 @@ TEST(OneStep, TheErrorIsThatOfTheGain) {
   EXPECT_NEAR(e.rms_error[0], 0.03 * std::sqrt(square), 1e-12);
 }
 
-TEST(OneStep, ADelayShowsAsTheBestShift) {
-  for (const int delay : {0, 1, 2}) {
-    const auto ratio = MeasureOneStep(PointMassFactory(), Log(1.0, delay), 1000, 1).ratio_by_shift;
-    ASSERT_EQ(ratio.size(), 5u);
-    EXPECT_NEAR(ratio.at(-delay), 0, 1e-12);
-    for (const auto& [shift, value] : ratio) EXPECT_TRUE(shift == -delay || value > 0.3) << delay << " " << shift;
+TEST(OneStep, ADelayShowsAsTheBestShiftWhateverTheGain) {
+  for (const double gain : {1.0, 0.4, 2.0}) {
+    for (const int delay : {0, 1, 2}) {
+      const auto ratio = MeasureOneStep(PointMassFactory(), Log(gain, delay), 1000, 1).ratio_by_shift;
+      ASSERT_EQ(ratio.size(), 5u);
+      EXPECT_LT(ratio.at(-delay), 0.05) << gain << " " << delay;
+      for (const auto& [shift, value] : ratio) EXPECT_TRUE(shift == -delay || value > 0.3) << delay << " " << shift;
+    }
   }
 }
 
-TEST(BetterShift, IsTheBestOneWhereItLeavesLittleEnoughOfTheErrorAndOfTheChange) {
+TEST(BetterShift, IsTheBestOneWhereItLeavesLittleEnoughOfTheError) {
   OneStepError e;
   EXPECT_FALSE(BetterShift(e, 0.5)) << "too few rows";
   e.ratio_by_shift = {{-1, 0.3}, {0, 0.8}, {1, 0.5}};
@@ -71,8 +73,6 @@ TEST(BetterShift, IsTheBestOneWhereItLeavesLittleEnoughOfTheErrorAndOfTheChange)
   EXPECT_FALSE(BetterShift(e, 0.3));
   e.ratio_by_shift = {{-1, 0.3}, {0, 0.2}, {1, 0.5}};
   EXPECT_FALSE(BetterShift(e, 0.9)) << "its own action is the best";
-  e.ratio_by_shift = {{-1, 1.2}, {0, 5.0}, {1, 7.0}};
-  EXPECT_FALSE(BetterShift(e, 0.5)) << "worse than predicting no change";
 }
 
 TEST(OneStep, RowsWhoseStateIsUnknownAreCountedAndLeftOut) {

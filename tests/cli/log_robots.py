@@ -245,9 +245,19 @@ def plant(fault, robot, log, joints, unit=None):
     elif fault == "command as position":
         rows[:, 1:, pa] = log.commands[:, :-1, 0]
         found = "copied_channels", [f"joint/{a}/qpos", log.actions[0]]
-    elif fault == "geared encoder":
-        rows[:, :, [pa, va]] *= 2
-        found = "joint_unit", [f"joint/{a}/qpos", f"joint/{a}/qvel"]
+    elif fault == "mirrored joint":
+        # Of the second: a mirrored first one may be the mirror image of all the others.
+        rows[:, :, [pb, vb]] *= -1
+        commands[:, :, 1] *= -1
+        found = "mirrored_joint", [f"joint/{b}/qpos", f"joint/{b}/qvel", log.actions[1]]
+    elif fault == "turn sign":
+        column, = log.at(f"joint/{root}/qvel[5]")
+        rows[:, :, column] *= -1
+        found = "rate_sign", [f"joint/{root}/qvel[5]"]
+    elif fault == "turn swapped":
+        x, y = log.at(*(f"joint/{root}/qvel[{k}]" for k in (3, 4)))
+        rows[:, :, [x, y]] = rows[:, :, [y, x]]
+        found = "swapped_columns", [f"joint/{root}/qvel[3]", f"joint/{root}/qvel[4]"]
     elif fault == "rows missing":
         # The times do not tell: they are numbered anew when the log is written.
         kept = [k for k in range(rows.shape[1]) if k % 40 != 25]
@@ -263,7 +273,8 @@ def plant(fault, robot, log, joints, unit=None):
 
 FAULTS = ["sign", "position sign", "swapped joints", "swapped columns", "quaternion xyzw", "encoder offset", "frozen rows",
           "frozen channel", "body-frame velocity", "velocities lag", "degrees", "position in degrees", "actions a row late",
-          "action sign", "swapped actions", "half the rate", "command as position", "geared encoder", "rows missing"]
+          "action sign", "swapped actions", "half the rate", "command as position", "mirrored joint", "turn sign", "turn swapped",
+          "rows missing"]
 
 
 def hinges_of(robot):
@@ -279,7 +290,7 @@ def hinges_of(robot):
 def is_there(fault, robot):
     names, _ = names_of(model_of(robot))
     free = any(n.endswith("/qpos[6]") for n in names)
-    if fault in ("quaternion xyzw", "body-frame velocity"):
+    if fault in ("quaternion xyzw", "body-frame velocity", "turn sign", "turn swapped"):
         return free
     if fault == "rows missing":
         return robot.hold is not None  # not where velocities change within a row, as the Ant's at its contacts

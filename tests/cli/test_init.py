@@ -264,6 +264,16 @@ class InitTest(ProgramTest):
         rows[:, 1] *= 180 / math.pi
         self.assertRegex(self.init(self.csv(rows))[0], r"joint/shoulder_joint/qpos changes 57\.\d times as fast as")
 
+    def test_a_unit_that_the_task_file_corrects_is_the_models(self):
+        rows = swing(1)
+        rows[:, [1, 3]] *= 180 / math.pi
+        text, _ = self.init(self.csv(rows))
+        self.assertIn("multiply joint/shoulder_joint/qpos and joint/shoulder_joint/qvel by 0.0174533", text)
+        scale = 'scale = { "joint/shoulder_joint/*" = 0.017453292519943295 }'
+        self.task.write_text(self.task.read_text().replace("[data]", f"[data]\n{scale}"))
+        record = json.loads(self.succeed("data", "check", self.task, "--json").stdout)
+        self.assertEqual([f["check"] for f in record["findings"] if f["severity"] != "note"], [])
+
     def test_a_velocity_of_the_other_sign_is_told(self):
         rows = swing(1)
         rows[:, 4] *= -1

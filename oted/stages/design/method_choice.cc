@@ -46,9 +46,8 @@ MethodChoice ChooseByCapability(DesignMethod method, const SimulatorSpec& spec) 
   MethodChoice choice;
   choice.method = method;
   choice.reason =
-      !spec.image_shape.empty() ? "the task shows images"
-      : method == DesignMethod::kTrajectories
-          ? "it finds the states that the logs show in part; other methods would have to be told them"
+      !spec.image_shape.empty()               ? "the task shows images"
+      : method == DesignMethod::kTrajectories ? "the logs show only a part of the states, and it alone finds the rest"
       : !spec.can_set_state
           ? "the task cannot be set to a logged state, which the other methods need"
           : "the noise of sensors is among the parameters, which replays do not show; other methods were not "
