@@ -226,6 +226,7 @@ std::vector<ParameterSpec> ConstantsFromToml(const toml::node& section, const st
     const toml::node& node = *section.as_table()->get(name);
     const std::string at = TomlPlace(file_name, node);
     constants.push_back(FieldFromJson("task.constants", name, TomlToJson(node, at), at, KeysOf(ConstantSchema())));
+    constants.back().is_known = true;
     constants.back().low = -kAny;
     constants.back().high = kAny;
   }

@@ -11,14 +11,14 @@ namespace {
 /// A column's numbers, by column.
 using Numbers = std::map<int, double>;
 
-struct Columns {
+struct Rescaled {
   Numbers observations, actions;
 };
 
 template <class Log>
-Columns Find(const char* setting, const std::map<std::string, double>& numbers, const Log& log, const std::string& file,
-             const TaskNames& task) {
-  Columns columns;
+Rescaled Find(const char* setting, const std::map<std::string, double>& numbers, const Log& log,
+              const std::string& file, const TaskNames& task) {
+  Rescaled columns;
   for (const auto& [pattern, number] : numbers) {
     const auto observations = MatchingColumns(pattern, log.observation_names, task.observations);
     const auto actions = MatchingColumns(pattern, log.action_names, task.actions);
@@ -55,8 +55,8 @@ void Multiply(Array2<double>& rows, const Numbers& scale, const Numbers& offset)
 template <class Log>
 void RescaleLog(Log& log, const std::string& file, const Rescaling& rescaling, const TaskNames& task) {
   if (rescaling.empty()) return;
-  const Columns scale = Find("data.scale", rescaling.scale, log, file, task);
-  const Columns offset = Find("data.offset", rescaling.offset, log, file, task);
+  const Rescaled scale = Find("data.scale", rescaling.scale, log, file, task);
+  const Rescaled offset = Find("data.offset", rescaling.offset, log, file, task);
   if (!log.qpos.empty() && !(scale.observations.empty() && offset.observations.empty())) {
     throw UsageError(fmt::format(
         "data.scale: '{}' also holds qpos, which would stay as it is; correct both in the log, or leave qpos out",

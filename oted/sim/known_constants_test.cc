@@ -17,7 +17,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 ParameterSpec Constant(const std::string& name, const std::string& path) {
-  return {.name = name, .field = path, .low = -1e9, .high = 1e9, .scale = ParameterScale::kAbsolute};
+  return {.name = name, .field = path, .low = -1e9, .high = 1e9, .scale = ParameterScale::kAbsolute, .is_known = true};
 }
 
 /// The point mass with its three parameters; the zeros of its sensors differ between recordings.

@@ -32,6 +32,7 @@ struct ParameterSpec {
     double mean = 0, std = 0;
   };
   std::optional<Belief> prior = std::nullopt;
+  bool is_known = false;  ///< a constant, whose values come with the recordings: the bounds are no range
 
   /// @throws UsageError: empty name or field, bounds not finite or not low < high, log of a non-positive bound,
   /// a prior whose mean is not between the bounds or whose std is not positive.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <set>
 #include <string_view>
@@ -311,8 +312,26 @@ double BoundingRadius(int geom_type, const double* size, double otherwise) {
   }
 }
 
+namespace {
+
+/// What no body has less than nothing of: MuJoCo computes with it all the same.
+void CheckSign(const ParameterSpec& spec, const std::vector<ModelField>& fields) {
+  constexpr const char* kNeverNegative[] = {"body_mass",    "body_inertia",   "dof_damping",         "dof_frictionloss",
+                                            "dof_armature", "tendon_damping", "tendon_frictionloss", "geom_friction",
+                                            "opt.density",  "opt.viscosity"};
+  const auto is_one = [&](const ModelField& field) {
+    return std::ranges::find(kNeverNegative, field.array) != std::end(kNeverNegative);
+  };
+  if (spec.is_known || spec.low >= 0 || !std::ranges::any_of(fields, is_one)) return;
+  throw UsageError(fmt::format("parameter '{}': got the lower bound {}, wanted 0 or more: '{}' cannot be negative",
+                               spec.name, spec.low, spec.field));
+}
+
+}  // namespace
+
 std::vector<ModelField> ResolveParameter(const mjModel& model, ParameterSpec& spec) {
   const std::vector<ModelField> fields = ResolvePath(model, spec.field);
+  CheckSign(spec, fields);
   if (spec.scale == ParameterScale::kNominal) {
     for (const ModelField& field : fields) {
       if (std::ranges::any_of(field.nominal, [](double value) { return value != 0; })) continue;

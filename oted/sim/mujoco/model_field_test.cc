@@ -122,6 +122,14 @@ TEST_F(ModelFieldTest, OneAbsoluteValueForPlacesThatDifferIsAnError) {
   EXPECT_THAT([&] { ResolveParameter(*loaded_.model, spec); }, ThrowsMessage<UsageError>(HasSubstr("from 0.9 to 2")));
 }
 
+TEST_F(ModelFieldTest, WhatNoBodyHasLessThanNothingOfHasNoNegativeRange) {
+  ParameterSpec spec{.name = "mass", .field = "body/torso/mass", .low = -1, .scale = ParameterScale::kAbsolute};
+  EXPECT_THAT([&] { ResolveParameter(*loaded_.model, spec); },
+              ThrowsMessage<UsageError>(testing::AllOf(HasSubstr("'mass'"), HasSubstr("-1"), HasSubstr("negative"))));
+  spec.is_known = true;
+  ResolveParameter(*loaded_.model, spec);
+}
+
 TEST_F(ModelFieldTest, AParameterFileOfAnotherModelIsRefused) {
   ParameterSpec spec{.name = "gravity", .field = "opt/gravity[2]", .low = -20, .high = -1};
   spec.scale = ParameterScale::kAbsolute;
