@@ -41,6 +41,7 @@ for task in given.tasks:
     envs = {"oted": oted.sb3.make_vec_env(task, given.lanes), "Gymnasium": make_vec_env(task, given.lanes)}
     for what, run in (("steps alone", step), ("PPO", train)):
         rates = {name: [] for name in envs}
+        run(envs["Gymnasium"])  # torch's own first steps are nobody's
         for _ in range(given.rounds):
             for name, env in envs.items():
                 begun = time.process_time()

@@ -70,6 +70,24 @@ const char* Correction::Check() const {
   return "";
 }
 
+const char* Correction::Setting() const {
+  switch (kind) {
+    case CorrectionKind::kSign:
+    case CorrectionKind::kActionSign:
+    case CorrectionKind::kMirror:
+    case CorrectionKind::kUnit:
+    case CorrectionKind::kActionUnit:
+      return "data.scale";
+    case CorrectionKind::kZero:
+      return "data.offset";
+    case CorrectionKind::kSwap:
+    case CorrectionKind::kActionSwap:
+    case CorrectionKind::kQuaternionOrder:
+      return nullptr;
+  }
+  return nullptr;
+}
+
 std::vector<std::string> Correction::Names(const SimulatorSpec& spec) const {
   std::vector<std::string> names;
   const auto& all = IsOfActions() ? spec.action_names : spec.observation_names;
@@ -87,16 +105,14 @@ Correction::Words Correction::InWords(const SimulatorSpec& spec) const {
     case CorrectionKind::kSign:
     case CorrectionKind::kMirror:
     case CorrectionKind::kActionSign:
-      return {fmt::format("{} turned round", List(names)),
-              fmt::format("turn round the sign of {} (data.scale)", List(names))};
+      return {fmt::format("{} turned round", List(names)), fmt::format("turn round the sign of {}", List(names))};
     case CorrectionKind::kUnit:
     case CorrectionKind::kActionUnit:
       return {fmt::format("{} times {:.6g}", List(names), value),
-              fmt::format("multiply {} by {:.6g} (data.scale)", List(names), value)};
+              fmt::format("multiply {} by {:.6g}", List(names), value)};
     case CorrectionKind::kZero:
       return {fmt::format("{} {} {:.3g}", names[0], value < 0 ? "-" : "+", std::abs(value)),
-              fmt::format("add {:.3g} to {} (data.offset), or make its zero a parameter: obs/{}/bias", value, names[0],
-                          names[0])};
+              fmt::format("add {:.3g} to {}, or make its zero a parameter: obs/{}/bias", value, names[0], names[0])};
     case CorrectionKind::kSwap:
     case CorrectionKind::kActionSwap: {
       std::vector<std::string> swaps;

@@ -401,7 +401,10 @@ class Search {
   void Report(const std::vector<Trial>& trials, const Errors& now, const std::string& where) {
     const Trial& best = trials.front();
     const std::vector<int>& judged = best.correction.judged;
-    const auto [change, remedy] = best.correction.InWords(spec_);
+    auto [change, remedy] = best.correction.InWords(spec_);
+    if (const char* setting = best.correction.Setting(); setting != nullptr && where.empty()) {
+      remedy += fmt::format(" ({})", setting);
+    }
     std::vector<std::string> others;
     for (size_t i = 1; i < trials.size(); ++i) others.push_back(trials[i].correction.InWords(spec_).remedy);
     const double period = spec_.control_period_s;

@@ -188,6 +188,7 @@ def plant(fault, robot, log, joints, unit=None):
     a, b = joints
     pa, va, pb, vb = log.at(*(f"joint/{j}/{field}" for j in (a, b) for field in ("qpos", "qvel")))
     root = next((n.split("/")[1] for n in log.names if n.endswith("/qpos[6]")), None)
+    free = root is not None
     if fault == "sign":
         rows[:, :, [pa, va]] *= -1
         found = "joint_sign", [f"joint/{a}/qpos"]
@@ -248,8 +249,12 @@ def plant(fault, robot, log, joints, unit=None):
     elif fault == "mirrored joint":
         # Of the second: a mirrored first one may be the mirror image of all the others.
         rows[:, :, [pb, vb]] *= -1
-        commands[:, :, 1] *= -1
-        found = "mirrored_joint", [f"joint/{b}/qpos", f"joint/{b}/qvel", log.actions[1]]
+        model = model_of(robot)
+        own = model.actuator_trnid[:, 0].tolist().index(model.joint(b).id)
+        commands[:, :, own] *= -1
+        found = "mirrored_joint", [f"joint/{b}/qpos", f"joint/{b}/qvel", log.actions[own]]
+        if free:  # the Ant's leg is thrown so far that the action makes no difference before the sign is right
+            found = "joint_sign", found[1][:2]
     elif fault == "turn sign":
         column, = log.at(f"joint/{root}/qvel[5]")
         rows[:, :, column] *= -1

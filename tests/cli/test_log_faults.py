@@ -112,7 +112,7 @@ class LogFaults(ProgramTest):
         found = self.warnings(robot, log_robots.dataclasses.replace(clean, rows=rows))
         of_unit = [f for f in found if f["check"] == "joint_unit"]
         self.assertEqual([set(f["channels"]) for f in of_unit], [set(clean.names)])
-        self.assertRegex(of_unit[0]["remedy"], r"^in episode 2 alone: multiply .* by 0.0174533 \(data.scale\)$")
+        self.assertRegex(of_unit[0]["remedy"], "^in episode 2 alone: multiply .* by 0.0174533$")
 
     def test_thousandths_are_named_by_their_column(self):
         for name, robot in ROBOTS.items():
