@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 #include <set>
 
@@ -249,12 +250,19 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
   return warnings;
 }
 
-std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads) {
+std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads) {
   if (!factory.spec().can_replay() || !factory.spec().image_shape.empty()) return {};
-  std::vector<Finding> findings;
+  std::vector<Finding> findings = CheckDataset(dataset, FactsOf(factory.spec()));
+  const auto n_before = static_cast<std::ptrdiff_t>(findings.size());
   CheckCorrections(factory, dataset, n_threads, findings);
+  findings.erase(findings.begin(), findings.begin() + n_before);
+  return findings;
+}
+
+std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads) {
   std::vector<std::string> warnings;
-  for (const Finding& f : findings) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.remedy));
+  for (const Finding& f : FindCorrections(factory, dataset, n_threads))
+    warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.remedy));
   return warnings;
 }
 

@@ -36,9 +36,11 @@ TaskFacts FactsOf(const SimulatorSpec& spec);
 /// @param discriminated  whether the design learns to tell these logs from a simulator
 std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated);
 
-/// Which changes of the columns (a joint's or an action's sign, two joints swapped, a zero) would make the nominal
-/// simulator predict the logs far better, a sentence each with the remedy: the findings of CheckCorrections. None where
-/// logs of the task cannot be replayed.
+/// What CheckCorrections finds of checked data: which changes of the columns (a joint's or an action's sign, two joints
+/// swapped, a zero) would make the nominal simulator predict the logs far better. None where logs of the task cannot be
+/// replayed.
+std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads);
+/// The same, a sentence each with the remedy.
 std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads);
 
 /// @param factory  may be null: then the checks that need a simulator are left out. Its parameters, if any, are checked

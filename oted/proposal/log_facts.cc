@@ -8,7 +8,7 @@
 #include <numbers>
 #include <optional>
 
-#include "oted/checks/corrections.h"
+#include "oted/checks/data_check.h"
 #include "oted/sim/one_step.h"
 
 namespace oted {
@@ -152,10 +152,8 @@ std::vector<std::string> SuspiciousFacts(const SimulatorFactory& factory, const 
                                          const ModelOutline& model, int n_threads) {
   std::vector<std::string> facts;
   AddLimitFacts(dataset, factory.spec(), model, facts);
-  if (factory.spec().can_replay()) {
-    std::vector<Finding> corrections;
-    CheckCorrections(factory, dataset, n_threads, corrections);
-    for (const Finding& f : corrections) facts.push_back(fmt::format("{}: {}; {}", f.check, f.what, f.remedy));
+  for (const Finding& f : FindCorrections(factory, dataset, n_threads)) {
+    facts.push_back(fmt::format("{}: {}; {}", f.check, f.what, f.remedy));
   }
   if (factory.spec().can_set_state) AddReplayFacts(factory, dataset, n_threads, facts);
   return facts;
