@@ -22,11 +22,10 @@ namespace {
 
 constexpr double kWorseThanBlind = 0.47;  // area under the curve
 constexpr int kOneStepRows = 2000;
-constexpr double kExact = 1e-3;     // median ratio below which the simulator is the logs' own
-constexpr double kUseless = 0.5;    // above which it predicts a step hardly better than "nothing changes"
-constexpr double kShiftGain = 0.7;  // another row's action must bring the ratio below this share to be a finding
-constexpr int kGapSteps = 3000;     // control steps of each half
-constexpr int kJudgeSteps = 400;    // as selection.judge_steps
+constexpr double kExact = 1e-3;   // median ratio below which the simulator is the logs' own
+constexpr double kUseless = 0.5;  // above which it predicts a step hardly better than "nothing changes"
+constexpr int kGapSteps = 3000;   // control steps of each half
+constexpr int kJudgeSteps = 400;  // as selection.judge_steps
 constexpr double kSmallAuc = 0.55, kClearAuc = 0.75;
 constexpr int kEffectEpisodes = 3;
 

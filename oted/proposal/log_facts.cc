@@ -14,9 +14,8 @@
 namespace oted {
 namespace {
 
-constexpr double kShiftGain = 0.7;  // a shift must bring the error below this share
-constexpr double kExact = 1e-3;     // one-step error of the logs' own simulator
-constexpr double kUseless = 0.5;    // share of the squared change that a model should not miss
+constexpr double kExact = 1e-3;   // one-step error of the logs' own simulator
+constexpr double kUseless = 0.5;  // share of the squared change that a model should not miss
 constexpr double kWindow_s = 0.1;
 constexpr size_t kWindows = 200;
 constexpr double kBeyondLimit = 0.25;  // of a joint's range: limits give way

@@ -31,6 +31,10 @@ struct ActionShift {
   double error = 0, own = 0;  ///< of ratio_by_shift: with it, and with the row's own action
 };
 
+/// What another row's action must leave of the own error to be told of a whole log: clean logs of models whose gains
+/// and masses are off reach 0.74.
+inline constexpr double kShiftGain = 0.7;
+
 /// The best shift, where it leaves at most `share` of the own error.
 std::optional<ActionShift> BetterShift(const OneStepError& error, double share);
 
