@@ -7,6 +7,7 @@
 #include "oted/base/error.h"
 #include "oted/matching/prior.h"
 #include "oted/stages/design/effects.h"
+#include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/short_windows.h"
 
 namespace oted {
@@ -27,7 +28,7 @@ std::optional<TrialFit> FitBriefly(const SimulatorFactory& factory, const Datase
     config.window =
         std::clamp(static_cast<int>(std::lround(kTrialWindow_s / spec.control_period_s)), kFewestSteps, kMostSteps);
   }
-  const Prior prior = Prior::Uniform(factory.parameters().size());
+  const Prior prior = ForTrajectories(Prior::Uniform(factory.parameters().size()), factory.parameters());
   const FitProgress silent = [](int, int, const Eigen::VectorXd&) {};
   const ReplayProblem problem{.factory = factory,
                               .dataset = logs,

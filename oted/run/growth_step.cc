@@ -12,6 +12,7 @@
 #include "oted/run/run_inputs.h"
 #include "oted/run/trial_log.h"
 #include "oted/stages/design/design.h"
+#include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/freed.h"
 
 namespace oted {
@@ -26,7 +27,8 @@ bool AsksForMore(const Designer& q, const std::optional<HeldOutPrediction>& pred
 /// @param design  what the method was given; q and fit are what it gave
 std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config, const FitEvidence& fit,
                          const Designer& q) {
-  const Prior prior = config.Start(design.factory.parameters()).prior();
+  const ParameterSpace& space = design.factory.parameters();
+  const Prior prior = ForTrajectories(config.Start(space).prior(), space);
   const FreedProblem problem{.factory = design.factory,
                              .dataset = design.dataset,
                              .prior = prior,

@@ -58,12 +58,9 @@ DesignResult LearnByReplay(const DesignProblem& problem, const DesignConfig& con
 
 DesignResult LearnByTrajectories(const DesignProblem& problem, const DesignConfig& config) {
   return LearnByReplay(problem, config, [&](const ReplayProblem& p) {
-    if (!p.prior.uniform) return MatchTrajectories(p, config.trajectories);
-    // Where nothing is believed, what the logs do not show stays at its nominal value.
-    const Prior about_nominal = AboutNominal(p.factory.parameters());
-    return MatchTrajectories(
-        {p.factory, p.dataset, about_nominal, p.key, p.progress, p.context, p.judged, p.kept_aside},
-        config.trajectories);
+    const Prior prior = ForTrajectories(p.prior, p.factory.parameters());
+    return MatchTrajectories({p.factory, p.dataset, prior, p.key, p.progress, p.context, p.judged, p.kept_aside},
+                             config.trajectories);
   });
 }
 

@@ -24,9 +24,9 @@ VectorXd NominalStart(const ParameterSpace& space) {
   return Eigen::Map<const VectorXd>(x.data(), space.size()).cwiseMax(-kEdge).cwiseMin(kEdge);
 }
 
-Prior AboutNominal(const ParameterSpace& space) {
-  return Prior::Gaussian(NominalStart(space).cwiseMax(-kFarthestMean).cwiseMin(kFarthestMean),
-                         Prior::Uniform(space.size()).Covariance());
+Prior ForTrajectories(const Prior& prior, const ParameterSpace& space) {
+  if (!prior.uniform) return prior;
+  return Prior::Gaussian(NominalStart(space).cwiseMax(-kFarthestMean).cwiseMin(kFarthestMean), prior.Covariance());
 }
 
 VectorXd ChannelScales(const Dataset& dataset) {

@@ -45,8 +45,9 @@ inline constexpr double kSmallestNoise = 3e-8;  ///< of a channel, over its scal
 std::vector<double> ToZ(const ParameterSpace& space, const Eigen::VectorXd& x);
 /// The nominal parameters as x, no nearer to a bound than |x| = 3: a start on a bound would hardly move.
 Eigen::VectorXd NominalStart(const ParameterSpace& space);
-/// As wide as the uniform prior, about the nominal parameters (|x| at most 2).
-Prior AboutNominal(const ParameterSpace& space);
+/// What fits to trajectories take for `prior`: one that is uniform they move about the nominal parameters (|x| at most
+/// 2), as wide as it is. So what the logs do not show stays at its nominal value.
+Prior ForTrajectories(const Prior& prior, const ParameterSpace& space);
 /// (obs_dim): the standard deviation of every channel over the logs, as the normaliser has it (oted/data/normalizer.h).
 Eigen::VectorXd ChannelScales(const Dataset& dataset);
 
