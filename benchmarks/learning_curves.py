@@ -25,9 +25,6 @@ import pathlib
 import shutil
 import subprocess
 import time
-import zipfile
-
-import numpy as np
 
 from learners import LEARNERS, PLACES
 from learning_plot import plot
@@ -54,12 +51,11 @@ def judged(oted, task, policy):
 
 
 def evaluations(folder):
-    """The steps and returns that a run at work has behind it; none while its checkpoint is being replaced."""
-    try:
-        with np.load(folder / "checkpoint.npz") as checkpoint:
-            return checkpoint["eval/steps"].tolist(), checkpoint["eval/returns"].tolist()
-    except (FileNotFoundError, zipfile.BadZipFile):
-        return [], []
+    """The steps and returns that a run at work has behind it."""
+    curves = folder / "behavior/curves.csv"
+    rows = curves.read_text().split("\n")[1:-1] if curves.exists() else []
+    found = [row.split(",") for row in rows if ",eval/mean_reward," in row]
+    return [int(step) for step, _, _ in found], [float(value) for _, _, value in found]
 
 
 class Stopwatch:

@@ -15,11 +15,11 @@ constexpr int64_t kStopInterval = 50;  // steps between looks at whether to stop
 void SaveCheckpoint(OfflineLearner& learner, const std::filesystem::path& path) {
   NpzArrays arrays;
   learner.Save(arrays);
-  WriteNpz(arrays, path);
+  WriteCheckpoint(arrays, path);
 }
 
 void RestoreCheckpoint(OfflineLearner& learner, const std::filesystem::path& path) {
-  const NpzArrays arrays = ReadNpz(path);
+  const NpzArrays arrays = ReadCheckpoint(path);
   try {
     learner.Restore(arrays);
   } catch (const std::exception& e) {

@@ -74,6 +74,12 @@ NpzArrays ArraysOf(std::map<std::string, std::string> members, const std::string
   return arrays;
 }
 
+std::map<std::string, std::string> MembersOf(const NpzArrays& arrays) {
+  std::map<std::string, std::string> members;
+  for (const auto& [name, array] : arrays) members[name + std::string(kEnding)] = NpyBytes(array);
+  return members;
+}
+
 }  // namespace
 
 NpzArrays ParseNpz(const std::string& bytes, const std::string& name_in_errors) {
@@ -89,16 +95,16 @@ NpzArrays ReadCheckpoint(const std::filesystem::path& path) {
   return ArraysOf(ParseZip(bytes, path.string(), CheckpointBudget(bytes.size())), path.string());
 }
 
-std::string NpzBytes(const NpzArrays& arrays) {
-  std::map<std::string, std::string> members;
-  for (const auto& [name, array] : arrays) members[name + std::string(kEnding)] = NpyBytes(array);
-  return ZipBytes(members);
-}
+std::string NpzBytes(const NpzArrays& arrays) { return ZipBytes(MembersOf(arrays)); }
 
 NpzArrays ReadNpz(const std::filesystem::path& path) { return ParseNpz(ReadFile(path), path.string()); }
 
 void WriteNpz(const NpzArrays& arrays, const std::filesystem::path& path) {
   WriteFileAtomically(path, NpzBytes(arrays));
+}
+
+void WriteCheckpoint(const NpzArrays& arrays, const std::filesystem::path& path) {
+  WriteFileAtomically(path, ZipBytes(MembersOf(arrays), ZipMethod::kStored));
 }
 
 Dataset ReadDatasetNpz(const std::string& path, const DataOptions& options) {

@@ -38,13 +38,15 @@ using NpzArrays = std::map<std::string, NpyArray>;
 /// or deflated. Sizes are checked against the file before anything is allocated.
 /// @throws DataError naming file and array.
 NpzArrays ReadNpz(const std::filesystem::path& path);
-/// The same of a checkpoint: one without the seal that WriteNpz leaves is damaged. It may unpack to more, too.
+/// The same of a checkpoint: one without the seal that WriteCheckpoint leaves is damaged. It may unpack to more, too.
 NpzArrays ReadCheckpoint(const std::filesystem::path& path);
 
 /// Writes a deflated archive, atomically and with a fixed time stamp: equal arrays give equal bytes. Each array is
 /// below 4 GiB.
 /// @throws DataError
 void WriteNpz(const NpzArrays& arrays, const std::filesystem::path& path);
+/// The same of a checkpoint, which is stored: to deflate an agent's replay takes longer than to train it meanwhile.
+void WriteCheckpoint(const NpzArrays& arrays, const std::filesystem::path& path);
 /// The same, to and from memory.
 std::string NpzBytes(const NpzArrays& arrays);
 NpzArrays ParseNpz(const std::string& bytes, const std::string& name_in_errors);

@@ -121,7 +121,7 @@ class ZipReader {
   Archive archive_;
 };
 
-void AddMember(zip_t* archive, const std::string& name, const std::string& content) {
+void AddMember(zip_t* archive, const std::string& name, const std::string& content, ZipMethod method) {
   if (content.size() >= kLargestMember) {
     throw DataError(fmt::format("'{}' has {} bytes, too many for .npz; write .hdf5", name, content.size()));
   }
@@ -133,7 +133,8 @@ void AddMember(zip_t* archive, const std::string& name, const std::string& conte
   }
   source.release();
   const zip_uint64_t index = static_cast<zip_uint64_t>(added);
-  OTED_CHECK(zip_set_file_compression(archive, index, ZIP_CM_DEFLATE, kLevel) == 0);
+  const zip_int32_t how = method == ZipMethod::kStored ? ZIP_CM_STORE : ZIP_CM_DEFLATE;
+  OTED_CHECK(zip_set_file_compression(archive, index, how, kLevel) == 0);
   OTED_CHECK(zip_file_set_dostime(archive, index, 0, kFirstDay, 0) == 0);
   OTED_CHECK(zip_file_set_external_attributes(archive, index, 0, ZIP_OPSYS_UNIX, kReadable << 16) == 0);
 }
@@ -154,7 +155,7 @@ bool HasZipSeal(const std::string& bytes) {
   return bytes.size() > size && std::string_view(bytes).substr(bytes.size() - size).starts_with(kSeal);
 }
 
-std::string ZipBytes(const std::map<std::string, std::string>& members) {
+std::string ZipBytes(const std::map<std::string, std::string>& members, ZipMethod method) {
   // libzip removes an archive without members instead of writing it.
   if (members.empty()) return kEmpty + std::string(kEmptySize - (sizeof kEmpty - 1), '\0');
   const Source buffer(zip_source_buffer_create(nullptr, 0, 0, nullptr));
@@ -162,7 +163,7 @@ std::string ZipBytes(const std::map<std::string, std::string>& members) {
   zip_source_keep(buffer.get());  // for the archive, which gives its own share back
   Archive archive(zip_open_from_source(buffer.get(), ZIP_TRUNCATE, nullptr));
   OTED_CHECK(archive != nullptr);
-  for (const auto& [name, content] : members) AddMember(archive.get(), name, content);
+  for (const auto& [name, content] : members) AddMember(archive.get(), name, content, method);
   const std::string room = std::string(kSeal) + std::string(kHashSize, '0');
   OTED_CHECK(zip_set_archive_comment(archive.get(), room.data(), static_cast<zip_uint16_t>(room.size())) == 0);
   OTED_CHECK(zip_close(archive.get()) == 0);

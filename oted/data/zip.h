@@ -18,8 +18,10 @@ std::map<std::string, std::string> ParseZip(const std::string& bytes, const std:
 /// Whether the archive ends with a seal: the SHA-256 of all bytes before, as its comment.
 bool HasZipSeal(const std::string& bytes);
 
-/// A deflated and sealed archive with a fixed time stamp: equal members give equal bytes. Each member is below 4 GiB.
+enum class ZipMethod { kDeflated, kStored };
+
+/// A sealed archive with a fixed time stamp: equal members give equal bytes. Each member is below 4 GiB.
 /// @throws DataError
-std::string ZipBytes(const std::map<std::string, std::string>& members);
+std::string ZipBytes(const std::map<std::string, std::string>& members, ZipMethod method = ZipMethod::kDeflated);
 
 }  // namespace oted

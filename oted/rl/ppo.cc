@@ -32,7 +32,7 @@ FieldList PpoConfig::Fields() {
   fields.Add("vf_coef", &vf_coef, "weight of the value loss", AtLeast(0));
   fields.Add("max_grad_norm", &max_grad_norm, "longest gradient; longer ones are scaled down", Above(0));
   fields.Add("normalize_advantage", &normalize_advantage, "advantages of a batch get mean 0 and deviation 1");
-  fields.Add("eval_interval", &eval_interval, "control steps between evaluations and checkpoints", AtLeast(1));
+  fields.Add("eval_interval", &eval_interval, "control steps between evaluations", AtLeast(1));
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
                    KeptPolicyNames());

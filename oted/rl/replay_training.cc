@@ -27,7 +27,7 @@ void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("learning_rate", &learning_rate, "Adam's step size for actor, critics and temperature", Above(0));
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
   fields.Add("multi_step", &multi_step, "control steps that a transition's rewards are summed over", AtLeast(1));
-  fields.Add("eval_interval", &eval_interval, "control steps between evaluations and checkpoints", AtLeast(1));
+  fields.Add("eval_interval", &eval_interval, "control steps between evaluations", AtLeast(1));
   fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
                    KeptPolicyNames());

@@ -221,6 +221,32 @@ TEST_P(EitherAlgorithm, SameSeedSameBytesAndLogAtAnyNumberOfThreads) {
   }
 }
 
+/// Segments behind the last checkpoint are made again.
+TEST_P(EitherAlgorithm, AKilledRunLosesATwentiethOfItsStepsAtMost) {
+  const TestFolder whole, killed;
+  constexpr auto skip = std::filesystem::copy_options::skip_existing;
+  std::vector<int64_t> saved;
+  Training run{whole.path()};
+  run.algorithm = GetParam();
+  run.config.n_steps = 1600;
+  run.config.eval_interval = 10;
+  run.observer = [&](int64_t step, const Policy&, double) {
+    const std::filesystem::path checkpoint = whole / "checkpoint.npz";
+    if (!std::filesystem::exists(checkpoint)) return;
+    saved.push_back(CheckpointValues<int64_t>(ReadNpz(checkpoint), "counters", 3)[0]);
+    EXPECT_GE(static_cast<double>(saved.back()), 0.95 * static_cast<double>(step - 10)) << step;
+    if (step > 1400 && step - saved.back() > 40)
+      std::filesystem::copy_file(checkpoint, killed / "checkpoint.npz", skip);
+  };
+  const std::string expected = Bytes(run());
+  EXPECT_LT(std::set(saved.begin(), saved.end()).size(), saved.size() / 2) << "as long as a checkpoint is small alone";
+  Training again{killed.path()};
+  again.algorithm = GetParam();
+  again.config = run.config;
+  ASSERT_TRUE(std::filesystem::exists(killed / "checkpoint.npz"));
+  EXPECT_EQ(Bytes(again()), expected);
+}
+
 /// A run that was killed and not stopped, while an evaluation ran beside it.
 TEST_P(EitherAlgorithm, ASegmentWithoutItsEvaluationGetsItLater) {
   const TestFolder folder;

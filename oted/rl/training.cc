@@ -70,6 +70,9 @@ std::vector<std::pair<std::string, double>> Figures(const Learner& learner) {
   return figures;
 }
 
+/// A checkpoint grows with the replay: the next one is due after this part of the control steps made until then.
+constexpr int64_t kCheckpointsApart = 20;
+
 void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const std::filesystem::path& folder) {
   NpzArrays arrays;
   learner.Save(arrays);
@@ -77,7 +80,7 @@ void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const std::fil
   arrays["eval/returns"] = NpyArray(curve.eval_returns);
   arrays["eval/best"] = NpyArray(std::vector<double>{curve.eval_return, static_cast<double>(curve.n_diverged)});
   arrays["best"] = NpyArray(curve.kept);
-  WriteNpz(arrays, folder / "checkpoint.npz");
+  WriteCheckpoint(arrays, folder / "checkpoint.npz");
 }
 
 void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const std::filesystem::path& folder) {
@@ -115,13 +118,20 @@ LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const Train
     context.log->Progress("train", job.run_name, std::min(learner.n_steps(), schedule.n_steps), schedule.n_steps,
                           curve.eval_returns.empty() ? "" : ReturnNote(curve.eval_returns.back()));
   };
+  int64_t saved = learner.n_steps();
   while (learner.n_steps() < schedule.n_steps) {
     learner.RunSegment(std::min(schedule.n_steps, learner.n_steps() + schedule.eval_interval), progress);
     evaluations.Finish();
     evaluations.Begin(learner, Figures(learner));
     progress();
-    SaveCheckpoint(learner, curve, job.folder);
-    if (context.StopRequested() && evaluations.Finish()) SaveCheckpoint(learner, curve, job.folder);
+    const int64_t n = learner.n_steps();
+    const bool stops = context.StopRequested();
+    if (n - saved >= n / kCheckpointsApart || n >= schedule.n_steps || stops) {
+      SaveCheckpoint(learner, curve, job.folder);
+      saved = n;
+    }
+    if (!stops) continue;
+    if (evaluations.Finish()) SaveCheckpoint(learner, curve, job.folder);
     context.ThrowIfStopped();
   }
   if (evaluations.Finish()) SaveCheckpoint(learner, curve, job.folder);

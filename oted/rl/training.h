@@ -138,10 +138,11 @@ struct AgentJob {
   EvaluationObserver observer = {};
 };
 
-/// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes, ends with
-/// an evaluation of the policy and a checkpoint, so that a stopped run that goes on gives the same bytes as one that
-/// was not stopped. With more than one thread the next segment does not wait for the evaluation. The kept policy is
-/// that of the highest mean return (or the last); an evaluation in which every episode diverged is below any other.
+/// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes and ends
+/// with an evaluation of the policy. A checkpoint follows where a twentieth of the steps was made since the last one,
+/// at the end and at a stop; a stopped run that goes on gives the same bytes as one that was not stopped. With more
+/// than one thread the next segment does not wait for the evaluation. The kept policy is that of the highest mean
+/// return (or the last); an evaluation in which every episode diverged is below any other.
 /// @throws Interrupted at a segment's end when a stop was requested; DataError for a checkpoint that does not fit.
 LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const TrainingSchedule& schedule);
 

@@ -138,7 +138,7 @@ struct DesignState {
       const auto& lanes = replay.iterations()[i];
       for (size_t k = 0; k < lanes.size(); ++k) arrays[fmt::format("replay/{:03}/{:05}", i, k)] = NpyArray(lanes[k]);
     }
-    WriteNpz(arrays, path);
+    WriteCheckpoint(arrays, path);
   }
 
   void Restore(const std::filesystem::path& path, JointClone* joint) {
