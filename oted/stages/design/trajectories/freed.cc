@@ -198,8 +198,10 @@ class FreedTrials {
     if (grown == nullptr) return {};
     LevelFit& fit = *grown;
     const double cost = fit.FinalCost();
-    std::vector<Suspect> suspects = ScoreSuspects(specs, fit, every, problem_.prior);
-    if (by.asks_all) AddUnscored(specs, suspects);
+    auto [suspects, undirected] = ScoreSuspects(specs, fit, every, problem_.prior);
+    if (by.asks_all) {
+      for (const ParameterSpec& spec : undirected) suspects.push_back(Undirected(spec));
+    }
     suspects.resize(std::min(suspects.size(), by.asks_all ? kMostLongScreened : kMostScreened));
     for (size_t k = 0; k < suspects.size(); ++k) {
       Suspect& suspect = suspects[k];
@@ -229,14 +231,10 @@ class FreedTrials {
            });
   }
 
-  /// Those of `specs` that no score favours, and where their fit begins.
-  static void AddUnscored(const std::vector<ParameterSpec>& specs, std::vector<Suspect>& suspects) {
-    for (const ParameterSpec& spec : specs) {
-      if (std::ranges::any_of(suspects, [&](const Suspect& s) { return s.spec.name == spec.name; })) continue;
-      const bool at_bound = spec.nominal == spec.low;
-      suspects.push_back(
-          {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal});
-    }
+  /// One that no score favours, and where its fit begins.
+  static Suspect Undirected(const ParameterSpec& spec) {
+    const bool at_bound = spec.nominal == spec.low;
+    return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal};
   }
 
   /// Rows of so long windows: what makes enough of them, and what the physics affords.

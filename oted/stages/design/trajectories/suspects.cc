@@ -50,8 +50,8 @@ bool IsNoticeable(const ParameterSpec& spec, double z) {
   return std::abs(z - spec.nominal) > kNoticeableShare * (spec.high - spec.low);
 }
 
-std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
-                                   const Prior& prior) {
+SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                            const Prior& prior) {
   std::vector<double> nominal, moved;
   for (const ParameterSpec& spec : specs) {
     nominal.push_back(spec.nominal);
@@ -62,19 +62,23 @@ std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, cons
   VectorXd x = VectorXd::Zero(n_x + 1);
   x.head(n_x) = fit.x();
   const Prior with_one = WithUniform(prior);
+  SuspectScores scores;
   std::vector<std::pair<double, Suspect>> scored;
   for (size_t k = 0; k < specs.size(); ++k) {
-    const StretchEstimate estimate =
-        EstimateFromStretches(WithOne(evidence, n_x, static_cast<Eigen::Index>(k)), x, with_one);
+    const auto of_one = WithOne(evidence, n_x, static_cast<Eigen::Index>(k));
+    if (std::ranges::all_of(of_one, [&](const StretchEvidence& s) { return s.information(n_x, n_x) == 0; })) continue;
+    const StretchEstimate estimate = EstimateFromStretches(of_one, x, with_one);
     const double change = estimate.step[n_x], std = std::sqrt(estimate.covariance(n_x, n_x));
     const double value = At(specs[k], change);
-    if (!(std::abs(change) > kDirected * std) || value == nominal[k]) continue;
+    if (!(std::abs(change) > kDirected * std) || value == nominal[k]) {
+      scores.undirected.push_back(specs[k]);
+      continue;
+    }
     scored.emplace_back(std::abs(change) / std, Suspect{.spec = specs[k], .value = value});
   }
   std::ranges::stable_sort(scored, [](const auto& a, const auto& b) { return a.first > b.first; });
-  std::vector<Suspect> suspects;
-  for (auto& [unused, suspect] : scored) suspects.push_back(std::move(suspect));
-  return suspects;
+  for (auto& [unused, suspect] : scored) scores.directed.push_back(std::move(suspect));
+  return scores;
 }
 
 }  // namespace oted

@@ -15,13 +15,19 @@ Prior WithUniform(const Prior& prior);
 /// Whether z is far enough from nominal to matter: a multiple by a tenth, a value by a fiftieth of its range.
 bool IsNoticeable(const ParameterSpec& spec, double z);
 
+struct SuspectScores {
+  std::vector<Suspect> directed;  ///< the most certain first, with the value that the step leads to
+  std::vector<ParameterSpec> undirected;
+};
+
 /// A score test of each of `specs` in turn: one Newton step on it and on x together, from what the windows' derivatives
-/// say (as LevelFit::Finish). The most certain first, with the value that the step leads to; those without a direction
-/// (two standard deviations) are left out. Told by a linear model from the nominal value: what is far from it is rough.
+/// say (as LevelFit::Finish). A direction is one of two standard deviations. Those that no window depends on are left
+/// out, such as a contact's stiffness where nothing touches. Told by a linear model from the nominal value: what is far
+/// from it is rough.
 /// @param fit    after FinalCost
 /// @param wider  of a simulator that has `specs` behind the parameters of x
 /// @param prior  of x
-std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
-                                   const Prior& prior);
+SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                            const Prior& prior);
 
 }  // namespace oted

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <set>
+#include <string>
+
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
@@ -52,9 +55,18 @@ class GainFactory : public PointMassFactory {
   ParameterSpace parameters_;
 };
 
+/// The names of suspects that are fitted.
+class AskedNames : public NullSink {
+ public:
+  void Progress(std::string_view, std::string_view label, int64_t, int64_t, std::string_view note) override {
+    if (label == "asked") names.emplace(note);
+  }
+  std::set<std::string> names;
+};
+
 /// What is suspected where the target's damping is `factor` times the model's, whose gain alone is searched.
-std::vector<Suspect> SuspectsOf(double factor, uint64_t seed) {
-  NullSink log;
+std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::string>* asked = nullptr) {
+  AskedNames log;
   const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, kIdle}, 20), 0.02, RngKey(seed));
   const RunContext context{.log = &log, .n_threads = 1};
   const GainFactory factory;
@@ -62,14 +74,16 @@ std::vector<Suspect> SuspectsOf(double factor, uint64_t seed) {
   const ReplayFit fit =
       MatchTrajectories({factory, logs, prior, RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
                         {.rows = 400, .starts = 2, .coarse = 16});
-  return TrySuspects({.factory = factory,
-                      .dataset = logs,
-                      .prior = prior,
-                      .fit = *fit.evidence,
-                      .z = ToZ(factory.parameters(), fit.mean),
-                      .kept_aside = RngKey(seed),
-                      .context = context},
-                     3);
+  const FreedProblem problem = {.factory = factory,
+                                .dataset = logs,
+                                .prior = prior,
+                                .fit = *fit.evidence,
+                                .z = ToZ(factory.parameters(), fit.mean),
+                                .kept_aside = RngKey(seed),
+                                .context = context};
+  const std::vector<Suspect> suspects = TrySuspects(problem, 3);
+  if (asked != nullptr) *asked = log.names;
+  return suspects;
 }
 
 TEST(TrySuspects, NamesWhatIsOffAndByHowMuchAndSaysWhatFreeingItBuys) {
@@ -87,6 +101,13 @@ TEST(TrySuspects, NamesWhatIsOffAndByHowMuchAndSaysWhatFreeingItBuys) {
 
 TEST(TrySuspects, FreesNothingWhereTheSearchedParametersExplainTheLogs) {
   for (uint64_t seed = 0; seed < 10; ++seed) EXPECT_EQ(BestFreed(SuspectsOf(1.0, seed)), nullptr) << seed;
+}
+
+/// The point mass's idle acts on nothing: its derivatives are zero, as a contact's are where nothing touches.
+TEST(TrySuspects, AsksOnlyWhatTheLogsDependOn) {
+  std::set<std::string> asked;
+  SuspectsOf(1.0, 1, &asked);
+  EXPECT_EQ(asked, std::set<std::string>{"damping"}) << "none is favoured, so that all are asked";
 }
 
 }  // namespace oted::suspects_test
