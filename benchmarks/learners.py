@@ -9,10 +9,10 @@ from study_data import TASKS
 class Learner:
     title: str
     colour: str | None = None  # of its curves; without one it is in the tables alone
-    algorithm: str | None = None  # of this program; none: Stable-Baselines3's SAC
+    algorithm: str | None = None  # of this program; none: a peer's
     settings: tuple = ()  # of this program's, besides
-    width: int = 256  # of Stable-Baselines3's two hidden layers
-    batch: int = 256  # of Stable-Baselines3's
+    package: str = ""  # a peer's, and what peers/learning_worker.py is told
+    peer: dict = dataclasses.field(default_factory=dict)
     every: int = 10_000  # control steps between evaluations
 
 
@@ -23,14 +23,21 @@ PLAIN = ("sac.n_starts=1", "sac.average_over=1", "sac.n_lanes=1", "sac.multi_ste
          "sac.batch_size=256")
 PLAIN_CROSSQ = ("crossq.n_starts=1", "crossq.average_over=1", "crossq.n_lanes=1", "crossq.updates_per_step=1", "crossq.hidden=256,256",
                 "crossq.critic_hidden=256,256", "crossq.batch_size=256")
-ONE_START = ("sac.n_starts=1", "sac.average_over=1")
+# What peers earn most with in a minute of a core, of what was tried (docs/speed.md).
+FAST_SAC = {"algorithm": "SAC", "n_envs": 16, "gradient_steps": 8, "batch_size": 64, "width": 64, "learning_rate": 1e-3, "n_steps": 3,
+            "normalize": True, "learning_starts": 1000}
+FAST_CROSSQ = {"algorithm": "CrossQ", "n_envs": 64, "gradient_steps": 16, "batch_size": 128, "width": 128, "learning_starts": 5000}
 LEARNERS = {
-    "default": Learner("the default", "#1f8a4c", "sac", ("sac.n_starts=3", "sac.average_over=1000"), every=20_000),
-    "one-start": Learner("the default from one start, weights not averaged", "#7a3fa0", "sac", ONE_START, every=20_000),
+    "default": Learner("the default", "#1f8a4c", "sac", every=20_000),
+    "half": Learner("the default with half of its gradient steps", "#7a3fa0", "sac", ("sac.updates_per_step=0.5",), every=20_000),
     "crossq-default": Learner("CrossQ", "#c23b7a", "crossq", every=50_000),
     "crossq": Learner("CrossQ, settings of its paper", "#1b6ca8", "crossq", PLAIN_CROSSQ),
     "sac": Learner("SAC, settings of Stable-Baselines3", "#c2571a", "sac", PLAIN),
-    "stable-baselines3": Learner("Stable-Baselines3's SAC", "#5b5b5b"),
+    "sbx-crossq": Learner("sbx's CrossQ, settings for minutes", "#b08d00", package="sbx", peer=FAST_CROSSQ, every=20_000),
+    "sbx-sac": Learner("sbx's SAC, our settings", package="sbx", peer=FAST_SAC, every=20_000),
+    "stable-baselines3-fast": Learner("Stable-Baselines3's SAC, our settings", package="stable-baselines3", peer=FAST_SAC, every=20_000),
+    "stable-baselines3": Learner("Stable-Baselines3's SAC", "#5b5b5b", package="stable-baselines3",
+                                 peer={"algorithm": "SAC", "learning_starts": 1000, "width": 256}),
 }
 # What is compared at equal steps.
 PAIRS = (("sac", "stable-baselines3"),)

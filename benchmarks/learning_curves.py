@@ -6,11 +6,11 @@
   benchmarks/learning_curves.py --plot          # docs/learning.svg
 
 Each agent trains on one thread, in the nominal simulator or in the quickstart's target, and leaves one line of JSON; one that is
-there is not trained again, and one of ours that was stopped goes on where it was (build/learning). Stable-Baselines3 and the agents
-with others' settings train one lane with a batch of 256, networks of 2x256 and one update per step, and are looked at every 10,000
-steps: five episodes of the mean action. With --seconds a run of ours ends there, or with a score of 100. Seconds are the process's
-CPU time until then (machines are shared), without evaluations for Stable-Baselines3 and with them for ours. On a processor that is
-not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and the seconds of a user
+there is not trained again, and one of ours that was stopped goes on where it was (build/learning). Stable-Baselines3 with its own
+settings, and the agents with others' settings, train one lane with a batch of 256, networks of 2x256 and one update per step. All
+are looked at every 10,000 or 20,000 steps: five episodes of the mean action. With --seconds a run ends there, one of ours also with
+a score of 100. Seconds are the process's CPU time until then (machines are shared), without evaluations for peers and with them for
+ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and the seconds of a user
 who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes too, or with --seconds those near a score of 100.
 
 An agent is at a score of 100 with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
@@ -124,10 +124,11 @@ def ours(oted, learner, task, seed, steps, folder, seconds):
             "best": {"step": best, "mean_return": fresh[best]}, "cpu_seconds": watch.seconds[:len(at)], "settings": settings}
 
 
-def theirs(learner, task, seed, steps, folder):
-    """Runs Stable-Baselines3's SAC; folder/points.jsonl tells meanwhile how far it is."""
+def theirs(learner, task, seed, steps, folder, seconds):
+    """Trains a peer's agent; folder/points.jsonl tells meanwhile how far it is."""
     worker = ROOT / "benchmarks/peers/learning_worker.py"
-    command = [PYTHON, worker, PLACES[task], seed, steps, learner.every, EPISODES, learner.width, learner.batch]
+    command = [PYTHON, worker, learner.package, PLACES[task], seed, steps, seconds or 10**6, learner.every, EPISODES,
+               json.dumps(learner.peer)]
     told = fast_mkl()
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "points.jsonl", "w+") as out:
@@ -135,13 +136,13 @@ def theirs(learner, task, seed, steps, folder):
         out.seek(0)
         points = [json.loads(line) for line in out]
     return {"steps": [p["step"] for p in points], "returns": [p["mean_return"] for p in points],
-            "cpu_seconds": [p["cpu_seconds"] for p in points], "mkl_told": bool(told)}
+            "cpu_seconds": [p["cpu_seconds"] for p in points], "mkl_told": bool(told), "settings": learner.peer}
 
 
 def run(oted, learner, task, seed, steps, seconds):
     folder = ROOT / f"build/learning/{task}-{learner}-{seed}"
     how = LEARNERS[learner]
-    result = ours(oted, how, task, seed, steps, folder, seconds) if how.algorithm else theirs(how, task, seed, steps, folder)
+    result = ours(oted, how, task, seed, steps, folder, seconds) if how.algorithm else theirs(how, task, seed, steps, folder, seconds)
     command = f"benchmarks/learning_curves.py --tasks {task} --learners {learner} --seeds {seed} --steps {steps}"
     command += f" --seconds {seconds}" if seconds else ""
     record = {"task": task, "learner": learner, "seed": seed, "n_steps": steps, "command": command, "commit": commit(),

@@ -1,6 +1,9 @@
-"""Stable-Baselines3's SAC for learning_curves.py: learning_worker.py TASK SEED STEPS EVERY EPISODES WIDTH BATCH
+"""An agent of Stable-Baselines3 or of sbx for learning_curves.py: learning_worker.py PACKAGE TASK SEED STEPS SECONDS EVERY EPISODES SETTINGS
 
-One JSON line per evaluation: step, mean return of EPISODES episodes of the mean action, CPU and wall seconds of learning.
+Trains for STEPS control steps or SECONDS of CPU time, whichever comes first. SETTINGS is JSON: what is not an argument of the
+algorithm is `algorithm`, `n_envs` (environments stepped one after the other), `width` (of the two hidden layers) and `normalize`
+(observations by their running mean and spread). One JSON line per evaluation: step, mean return of EPISODES episodes of the mean
+action, CPU and wall seconds of learning.
 """
 
 import json
@@ -10,40 +13,62 @@ import time
 
 os.environ["PYGAME_HIDE_SUPPORT_PROMPT"] = "1"
 
-import gymnasium
-import torch
-from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import VecNormalize
 
 
 class Evaluations(BaseCallback):
-    def __init__(self, task, every, episodes, seed):
+    def __init__(self, environment, statistics, every, episodes, seconds):
         super().__init__()
-        self.environment = gymnasium.make(task)
-        self.environment.reset(seed=1000 + seed)
-        self.every, self.episodes = every, episodes
+        self.environment, self.statistics = environment, statistics
+        self.every, self.episodes, self.seconds, self.next = every, episodes, seconds, every
         self.cpu, self.wall = time.process_time(), time.perf_counter()
 
     def _on_step(self):
-        if self.num_timesteps % self.every:
+        if self.num_timesteps < self.next:
             return True
+        self.next += self.every
         cpu, wall = time.process_time(), time.perf_counter()
+        if self.statistics is not None:
+            self.environment.obs_rms = self.statistics.obs_rms
         mean_return, _ = evaluate_policy(self.model, self.environment, self.episodes, deterministic=True)
         print(json.dumps({"step": self.num_timesteps, "mean_return": float(mean_return), "cpu_seconds": cpu - self.cpu,
                           "wall_seconds": wall - self.wall}), flush=True)
         # Looking does not count.
         self.cpu += time.process_time() - cpu
         self.wall += time.perf_counter() - wall
-        return True
+        return cpu - self.cpu < self.seconds
+
+
+def algorithms(package):
+    if package == "sbx":
+        import jax
+        import sbx
+
+        jax.config.update("jax_platforms", "cpu")
+        return sbx, {}
+    import stable_baselines3
+    import torch
+
+    torch.set_num_threads(1)
+    return stable_baselines3, {"device": "cpu"}
 
 
 def main():
-    task, (seed, steps, every, episodes, width, batch) = sys.argv[1], map(int, sys.argv[2:8])
-    torch.set_num_threads(1)
-    model = SAC("MlpPolicy", task, learning_starts=1000, batch_size=batch, seed=seed, device="cpu",
-                policy_kwargs={"net_arch": [width, width]})
-    model.learn(total_timesteps=steps, callback=Evaluations(task, every, episodes, seed))
+    package, task = sys.argv[1:3]
+    seed, steps, seconds, every, episodes = map(int, sys.argv[3:8])
+    settings = json.loads(sys.argv[8])
+    name, width = settings.pop("algorithm"), settings.pop("width")
+    normalize = settings.pop("normalize", False)
+    training, looked_at = make_vec_env(task, settings.pop("n_envs", 1), seed=seed), make_vec_env(task, 1, seed=1000 + seed)
+    if normalize:
+        training = VecNormalize(training, norm_reward=False)
+        looked_at = VecNormalize(looked_at, training=False, norm_reward=False)
+    module, device = algorithms(package)
+    model = getattr(module, name)("MlpPolicy", training, seed=seed, policy_kwargs={"net_arch": [width, width]}, **settings, **device)
+    model.learn(total_timesteps=steps, callback=Evaluations(looked_at, training if normalize else None, every, episodes, seconds))
 
 
 main()
