@@ -23,7 +23,8 @@ PLAIN = ("sac.n_starts=1", "sac.average_over=1", "sac.n_lanes=1", "sac.multi_ste
          "sac.batch_size=256")
 PLAIN_CROSSQ = ("crossq.n_starts=1", "crossq.average_over=1", "crossq.n_lanes=1", "crossq.updates_per_step=1", "crossq.hidden=256,256",
                 "crossq.critic_hidden=256,256", "crossq.batch_size=256")
-# What peers earn most with in a minute of a core, of what was tried (docs/speed.md).
+# Those of `half`, without its starts and averages; and what sbx earned most with in a minute of a core, of what was tried
+# (docs/speed.md).
 FAST_SAC = {"algorithm": "SAC", "n_envs": 16, "gradient_steps": 8, "batch_size": 64, "width": 64, "learning_rate": 1e-3, "n_steps": 3,
             "normalize": True, "learning_starts": 1000}
 FAST_CROSSQ = {"algorithm": "CrossQ", "n_envs": 64, "gradient_steps": 16, "batch_size": 128, "width": 128, "learning_starts": 5000}

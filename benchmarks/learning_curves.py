@@ -10,8 +10,8 @@ there is not trained again, and one of ours that was stopped goes on where it wa
 settings, and the agents with others' settings, train one lane with a batch of 256, networks of 2x256 and one update per step. All
 are looked at every 10,000 or 20,000 steps: five episodes of the mean action. With --seconds a run ends there, one of ours also with
 a score of 100. Seconds are the process's CPU time until then (machines are shared), without evaluations for peers and with them for
-ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same algorithm, and the seconds of a user
-who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes too, or with --seconds those near a score of 100.
+ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same
+algorithm, and the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes too, or with --seconds those near a score of 100.
 
 An agent is at a score of 100 with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
 """
