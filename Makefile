@@ -72,7 +72,7 @@ bench-peers: setup  ## the part of it beside Stable-Baselines3, sbx, RLtools, En
 	@scripts/build.sh bench
 	@.venv/bin/python benchmarks/sac_peers.py
 
-fuzz:  ## hostile files for every reader, guided by coverage, under the sanitizers: MINUTES=10 (each) SEED=1 FAMILIES="csv onnx"
+fuzz:  ## hostile files for every reader, guided by coverage, under the sanitizers: MINUTES=10 (of processor time, each) SEED=1 FAMILIES="csv onnx"
 	@scripts/setup.sh fuzz
 	@scripts/build.sh fuzz
 	@.venv/bin/python scripts/fuzz.py build/fuzz/fuzz_readers --minutes $(MINUTES) --seed $(SEED) $(FAMILIES)

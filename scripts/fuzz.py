@@ -3,7 +3,7 @@ after the other (tests/fuzz/families.h).
 
     fuzz.py PATH/TO/fuzz_readers [--minutes M] [--seed S] [FAMILY ...]
 
-Each family is searched for M minutes, from its seeds, from tests/fuzz/corpus and from what earlier searches found, which
+Each family is searched for M minutes of processor time, from its seeds, from tests/fuzz/corpus and from what earlier searches found, which
 build/fuzz/corpus keeps. An input fails a reader where it is neither read nor refused by one line that names the file, where
 a sanitizer objects, where reading it takes longer than 30 s or 2 GiB. What the program reads in a child process (HDF5, models)
 is searched without one, which costs a tenth of the time, and what fails then is read once more with one: a library that
@@ -16,9 +16,9 @@ import argparse
 import os
 import pathlib
 import re
+import resource
 import subprocess
 import sys
-import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -30,6 +30,12 @@ MOST_FAILURES = 10  # of a family: more are mostly the same one again
 LIMITS = ["-timeout=30", "-rss_limit_mb=2048", f"-malloc_limit_mb={2**31 - 1}", "-max_len=65536"]
 # No leak check: libmujoco and libhdf5 keep what they make. What libhdf5 itself does wrong is the child's end, and a refusal.
 SUPPRESSED = "interceptor_via_lib:libhdf5"
+
+
+def processor_seconds():
+    """Of the programs that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def environment(family, work):
@@ -86,13 +92,15 @@ class Search:
             self.last = dict(zip(("edges", "features", "corpus", "peak_mib"), map(int, progress[-1])))
 
     def run(self, minutes, seed):
-        begin = time.monotonic()
-        while (left := minutes * 60 - (time.monotonic() - begin)) > 1 and len(self.found) < MOST_FAILURES:
-            self.once(left, seed + len(self.found) + self.refused)
+        begin = processor_seconds()
+        n_rounds = 0
+        while (left := minutes * 60 - (processor_seconds() - begin)) > 1 and len(self.found) < MOST_FAILURES:
+            self.once(left, 1000 * seed + n_rounds)
+            n_rounds += 1
         for path in self.work.rglob("*"):
             if path.is_file():
                 path.unlink()
-        return {"schema": "oted.fuzz/2", "minutes": round((time.monotonic() - begin) / 60, 2), "seed": seed, "inputs": self.inputs,
+        return {"schema": "oted.fuzz/2", "minutes": round((processor_seconds() - begin) / 60, 2), "seed": seed, "inputs": self.inputs,
                 **self.last, "failed": len(self.found), "refused_by_child": self.refused, "sanitizers": "address,undefined"}
 
 
