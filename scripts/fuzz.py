@@ -19,6 +19,7 @@ import re
 import resource
 import subprocess
 import sys
+import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -119,7 +120,8 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_intermixed_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
-    listed = subprocess.run([options.program], env=environment("list", FOLDER / "work"), capture_output=True, text=True, check=True)
+    with tempfile.TemporaryDirectory() as work:
+        listed = subprocess.run([options.program], env=environment("list", work), capture_output=True, text=True, check=True)
     families = listed.stdout.split()
     if unknown := set(options.families) - set(families):
         parser.error(f"got {', '.join(sorted(unknown))}, wanted some of {', '.join(families)}")
