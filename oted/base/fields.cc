@@ -56,6 +56,31 @@ bool InRange(const Range& range, const T& value) {
   }
 }
 
+/// What people type for a number and JSON does not know: 200_000 as TOML has it, .5, 5. and +1.
+std::string AsJsonNumber(std::string_view text) {
+  const auto is_digit = [&](size_t i) { return i < text.size() && '0' <= text[i] && text[i] <= '9'; };
+  std::string number;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if (i == 0 && text[i] == '+') continue;
+    if (text[i] == '_' && i > 0 && is_digit(i - 1) && is_digit(i + 1)) continue;
+    if (text[i] != '.') {
+      number += text[i];
+      continue;
+    }
+    const bool before = i > 0 && is_digit(i - 1), after = is_digit(i + 1);
+    number += before ? "." : "0.";
+    if (before && !after) number += '0';
+  }
+  return number;
+}
+
+/// A value as typed: JSON, a number, or else text.
+json AsTyped(std::string_view text) {
+  if (json value = json::parse(text, nullptr, false); !value.is_discarded()) return value;
+  const json number = json::parse(AsJsonNumber(text), nullptr, false);
+  return number.is_number() ? number : json(text);
+}
+
 std::vector<std::string> Split(std::string_view text, char separator) {
   std::vector<std::string> parts;
   while (true) {
@@ -155,21 +180,16 @@ void Field::FromText(std::string_view text, std::string_view where) const {
   const bool is_text_list = std::holds_alternative<std::vector<std::string>*>(target);
   const bool is_list = is_text_list || std::holds_alternative<std::vector<int>*>(target) ||
                        std::holds_alternative<std::vector<double>*>(target);
-  const auto parse = [&](const std::string& part) {
-    json value = json::parse(part, nullptr, false);
-    return value.is_discarded() ? json(part) : value;
-  };
   json value;
   if (is_text) {
     value = std::string(text);
   } else if (is_list && !text.starts_with('[')) {
     value = json::array();
     if (!text.empty()) {
-      for (const std::string& part : Split(text, ',')) value.push_back(is_text_list ? json(part) : parse(part));
+      for (const std::string& part : Split(text, ',')) value.push_back(is_text_list ? json(part) : AsTyped(part));
     }
   } else {
-    value = json::parse(text, nullptr, false);
-    if (value.is_discarded()) value = std::string(text);
+    value = AsTyped(text);
   }
   FromJson(value, where);
 }

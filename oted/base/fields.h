@@ -70,7 +70,7 @@ struct Field {
   nlohmann::json ToJson() const;
   /// Takes the value from JSON. @throws UsageError naming `where`, the field, what it got and what it takes.
   void FromJson(const nlohmann::json& value, std::string_view where) const;
-  /// Takes the value from text as typed on a command line ("3", "0.1", "true", "1,2,3").
+  /// Takes the value from text as typed on a command line ("3", "0.1", "200_000", "true", "1,2,3").
   void FromText(std::string_view text, std::string_view where) const;
   /// "int", "number", "text", "true|false", "list of numbers", "list of texts", "table of numbers".
   std::string TypeName() const;

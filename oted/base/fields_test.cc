@@ -1,5 +1,6 @@
 #include "oted/base/fields.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -89,6 +90,8 @@ TEST(Fields, TextAsTypedIsTakenByEveryType) {
   set("batch_size", "64");
   set("steps", "1e5");
   set("learning_rate", "1e-3");
+  set("lambdas", ".5,5.,+1,1_0");
+  EXPECT_EQ(config.lambdas, (std::vector<double>{0.5, 5, 1, 10}));
   set("kind", "valuedice");
   set("label", "12");
   set("hidden", "32,16");
@@ -101,6 +104,8 @@ TEST(Fields, TextAsTypedIsTakenByEveryType) {
   EXPECT_EQ(config.label, "12") << "text stays text, also when it looks like a number";
   EXPECT_EQ(config.hidden, (std::vector<int>{32, 16}));
   EXPECT_EQ(config.lambdas, (std::vector<double>{0.5, 1.0}));
+  set("steps", "200_000");
+  EXPECT_EQ(config.steps, 200000);
   set("hidden", "");
   EXPECT_TRUE(config.hidden.empty());
 }
@@ -110,6 +115,9 @@ TEST(Fields, WrongTypesAndRangesSayWhatWasGotAndWanted) {
   EXPECT_THAT(TextMessage("batch_size", "2.5"), HasSubstr("batch_size is 2.5"));
   EXPECT_THAT(TextMessage("batch_size", "3000000000"), HasSubstr("batch_size is 3000000000"));
   EXPECT_THAT(TextMessage("batch_size", "many"), HasSubstr("\"many\""));
+  for (const char* no_number : {".", "1__0", "_1", "1_", "+", "1..2", "--1"}) {
+    EXPECT_THAT(TextMessage("batch_size", no_number), HasSubstr(fmt::format("batch_size is \"{}\"", no_number)));
+  }
   EXPECT_THAT(TextMessage("batch_size", ""), HasSubstr("batch_size is \"\""));
   EXPECT_THAT(TextMessage("noisy", "1"), HasSubstr("true|false"));
   EXPECT_THAT(TextMessage("learning_rate", "0"), HasSubstr("(0, 1]"));
