@@ -315,7 +315,8 @@ double PeriodByRates(const std::vector<RateAgreement>& rates) {
   for (const RateAgreement& rate : rates) {
     if (rate.correlation > kClear) periods.push_back(rate.slope);
   }
-  if (periods.empty()) return 0;
+  // A few clear channels among vague ones may be clear for another reason: a clip whose edge noise has smeared.
+  if (periods.empty() || 2 * periods.size() < rates.size()) return 0;
   const double median = MedianOf(periods);
   const auto agrees = [&](double period) { return Near(period, median, kUnitSlack); };
   return 2 * std::ranges::count_if(periods, agrees) > static_cast<ptrdiff_t>(periods.size()) ? median : 0;

@@ -139,6 +139,24 @@ TEST(Rates, AnotherControlRateIsOneFindingWithTheRate) {
   EXPECT_NE(f.what.find("0.02 s apart, not 0.01 s"), std::string::npos) << f.what;
 }
 
+TEST(Rates, AClipThatNoiseSmearsTellsNoRateWhereTheOtherChannelsAreVague) {
+  const TaskFacts facts = {.observation_names = {"hip", "knee", "foot", "hip'", "knee'", "foot'"},
+                           .rate_of = {-1, -1, -1, 0, 1, 2},
+                           .positions = {0, 1, 2},
+                           .control_period_s = kPeriod};
+  Rng noise(2);
+  const auto noisy = [&](double value, double std) { return value + std * noise.Normal(); };
+  const auto row = [&](double t) {
+    const double foot_rate = noisy(std::clamp(4 * HipRate(t), -4.0, 4.0), 0.02);
+    return std::vector<double>{noisy(Hip(t), 0.03), noisy(Knee(t), 0.03), noisy(4 * Hip(t), 0.001), HipRate(t),
+                               KneeRate(t), foot_rate};
+  };
+  const std::vector<RateAgreement> rates = CompareRates(LogOf(row), facts.rate_of, kPeriod);
+  ASSERT_GT(rates[2].correlation, 0.8);
+  ASSERT_GT(rates[2].slope, 1.5 * kPeriod);
+  for (const Finding& f : Check(LogOf(row), facts)) EXPECT_NE(f.check, "control_rate") << f.what;
+}
+
 TEST(Rates, AWrappedAngleIsToldToBeUnwrappedWithAndWithoutItsVelocity) {
   const auto angle = [](double t) { return std::remainder(9 * t + 0.2 * std::sin(5 * t), 2 * M_PI); };
   const auto rate = [](double t) { return 9 + std::cos(5 * t); };
