@@ -29,15 +29,32 @@ constexpr int kJudgeSteps = 400;  // as selection.judge_steps
 constexpr double kSmallAuc = 0.55, kClearAuc = 0.75;
 constexpr int kEffectEpisodes = 3;
 
-void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, std::vector<Finding>& findings) {
-  const TerminalAgreement agreement = CompareTerminals(factory, dataset, kOneStepRows);
+/// The sensors' noise, where it is seen: what the checks with a simulator allow for.
+struct SeenNoise {
+  std::vector<double> std;  ///< per channel, in its unit; 0: not seen
+  RngKey key;
+};
+
+SeenNoise SeenNoiseOf(const DataCheck& check, int obs_dim, RngKey key) {
+  SeenNoise seen{std::vector<double>(static_cast<size_t>(obs_dim), 0.0), key};
+  for (size_t j = 0; j < check.noise.size(); ++j) seen.std[j] = check.noise[j].sigma;
+  return seen;
+}
+
+void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, const SeenNoise& noise,
+                    std::vector<Finding>& findings) {
+  const TerminalAgreement agreement =
+      CompareTerminals(factory, dataset, noise.std, kOneStepRows, noise.key.Stage("terminals"));
   const std::string& task = factory.spec().task;
   if (agreement.n_unexplained > 0) {
     findings.push_back(
         {.check = "unexplained_terminals",
          .severity = Severity::kWarning,
-         .what = fmt::format("{} terminals are none by the rule of {}: s' lies within its healthy range",
-                             agreement.n_unexplained, task),
+         .what =
+             fmt::format("{} by the rule of {}: s' lies within its healthy range",
+                         agreement.n_unexplained == 1 ? "one terminal is none"
+                                                      : fmt::format("{} terminals are none", agreement.n_unexplained),
+                         task),
          .row = agreement.first_unexplained,
          .count = agreement.n_unexplained,
          .meaning = "a time limit or a stop by hand is marked as terminal (agents would learn that the state is worth "
@@ -45,15 +62,18 @@ void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, std
          .remedy = "mark what the robot did not end itself as a timeout; compare the ranges in oted data info"});
   }
   if (agreement.n_missed > 0) {
-    findings.push_back({.check = "missed_terminals",
-                        .severity = Severity::kWarning,
-                        .what = fmt::format("{} rows lead out of the healthy range of {} and are not terminal",
-                                            agreement.n_missed, task),
-                        .row = agreement.first_missed,
-                        .count = agreement.n_missed,
-                        .meaning = "the task would have ended there: the log goes on beyond, or has another frame or "
-                                   "unit",
-                        .remedy = "set terminals to 1 there and end the episode, or use a task with the log's rule"});
+    findings.push_back(
+        {.check = "missed_terminals",
+         .severity = Severity::kWarning,
+         .what = agreement.n_missed == 1
+                     ? fmt::format("one row leads out of the healthy range of {} and is not terminal", task)
+                     : fmt::format("{} rows lead out of the healthy range of {} and are not terminal",
+                                   agreement.n_missed, task),
+         .row = agreement.first_missed,
+         .count = agreement.n_missed,
+         .meaning = "the task would have ended there: the log goes on beyond, or has another frame or "
+                    "unit",
+         .remedy = "set terminals to 1 there and end the episode, or use a task with the log's rule"});
   }
 }
 
@@ -64,7 +84,8 @@ std::string DelayAmong(const ParameterSpace& parameters) {
   return found == parameters.specs().end() ? "" : found->name;
 }
 
-void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vector<Finding>& findings) {
+void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const Dataset& dataset, const SeenNoise& noise,
+                std::vector<Finding>& findings) {
   const SimulatorSpec& spec = factory.spec();
   if (e.n_rows == 0) {
     findings.push_back({.check = "one_step_error",
@@ -79,7 +100,9 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vec
   const bool exact = e.median_ratio < kExact;
   // Not where factors of what the simulator does would mend it: wrong gains, masses and dampings are that.
   const auto own = e.ratio_by_shift.find(0);
-  const bool useless = e.median_ratio > kUseless && (own == e.ratio_by_shift.end() || own->second > kUseless);
+  const bool poor = e.median_ratio > kUseless && (own == e.ratio_by_shift.end() || own->second > kUseless);
+  const bool useless =
+      poor && RatioBeyondNoise(factory, dataset, noise.std, kOneStepRows, noise.key.Stage("one step")) > kUseless;
   findings.push_back(
       {.check = "one_step_error",
        .severity = useless ? Severity::kWarning : Severity::kNote,
@@ -91,10 +114,11 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, std::vec
                   : useless
                       ? "predicting no change would hardly be worse: wrong parameters alone rarely do that; units, "
                         "order of columns, control rate or delay do"
-                      : "model or parameters differ from the target: that is what a design is for",
-       .remedy = exact     ? "none needed"
-                 : useless ? "look at the channels one by one before you design"
-                           : "none needed; channels that miss much more than others point at what differs"});
+                  : poor ? "most of it is the sensors' noise: that moves the states from which rows are repeated"
+                         : "model or parameters differ from the target: that is what a design is for",
+       .remedy = useless         ? "look at the channels one by one before you design"
+                 : exact || poor ? "none needed"
+                                 : "none needed; channels that miss much more than others point at what differs"});
   if (e.n_diverged > 0) {
     findings.push_back(
         {.check = "diverged_steps",
@@ -293,9 +317,10 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
   if (dataset.size() < 2) return check;  // nothing to compare with anything: little_data tells
   const JudgeHalves halves = SplitForJudge(dataset);
   if (spec.can_set_state) {
-    CheckTerminals(*factory, dataset, check.findings);
+    const SeenNoise noise = SeenNoiseOf(check, dataset.obs_dim(), key.Stage("noise"));
+    CheckTerminals(*factory, dataset, noise, check.findings);
     check.one_step = MeasureOneStep(*factory, dataset, kOneStepRows, context.n_threads);
-    AddOneStep(*check.one_step, *factory, check.findings);
+    AddOneStep(*check.one_step, *factory, dataset, noise, check.findings);
     const auto better = FindBetterEngine(spec.task, *check.one_step, dataset, kOneStepRows, context.n_threads);
     if (better) AddEngine(*better, *check.one_step, spec, check.findings);
     const bool all_late =

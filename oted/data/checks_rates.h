@@ -23,8 +23,8 @@ struct RateAgreement {
 /// @param period_s  between two rows; 0: unknown, lags are then looked for among few rows
 std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vector<int>& rate_of, double period_s);
 
-/// Seconds per row by positions and velocities: the median, where at least half of them tell it and most of these agree;
-/// 0 otherwise.
+/// Seconds per row by positions and velocities: the median, where at least half of them tell it and most of these
+/// agree; 0 otherwise.
 double PeriodByRates(const std::vector<RateAgreement>& rates);
 
 /// Whether a position that moves so far between two rows jumps by a whole turn. [rad]

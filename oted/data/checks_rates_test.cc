@@ -148,8 +148,8 @@ TEST(Rates, AClipThatNoiseSmearsTellsNoRateWhereTheOtherChannelsAreVague) {
   const auto noisy = [&](double value, double std) { return value + std * noise.Normal(); };
   const auto row = [&](double t) {
     const double foot_rate = noisy(std::clamp(4 * HipRate(t), -4.0, 4.0), 0.02);
-    return std::vector<double>{noisy(Hip(t), 0.03), noisy(Knee(t), 0.03), noisy(4 * Hip(t), 0.001), HipRate(t),
-                               KneeRate(t), foot_rate};
+    return std::vector<double>{noisy(Hip(t), 0.03), noisy(Knee(t), 0.03), noisy(4 * Hip(t), 0.001),
+                               HipRate(t),          KneeRate(t),          foot_rate};
   };
   const std::vector<RateAgreement> rates = CompareRates(LogOf(row), facts.rate_of, kPeriod);
   ASSERT_GT(rates[2].correlation, 0.8);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <memory>
+#include <numeric>
 #include <span>
 
 #include "oted/base/error.h"
@@ -18,6 +20,9 @@ constexpr int kFewestShifted = 20;
 constexpr double kMovedBy = 1.1;  // ratio of the worst action's error to the best one's where an action moves a channel
 constexpr double kLeastLeft = 1e-3;  // of the change: below it nothing is left
 constexpr double kRounding = 1e-9;
+constexpr double kLeastChange = 0.1;  // of a channel's squared change: what noise must leave for it to tell anything
+constexpr int kNoiseDraws = 32;
+constexpr double kNoiseAtBound = 2;  // of the sensors' noise: of many rows some lie so far off
 
 /// Every k-th row, at most `most` of them.
 std::vector<int> Spread(const std::vector<int>& rows, int most) {
@@ -32,6 +37,13 @@ double Median(std::vector<double> values) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), at, values.end());
   return *at;
+}
+
+std::unique_ptr<Simulator> NominalLanes(const SimulatorFactory& factory, int n_lanes, int n_threads) {
+  auto simulator = factory.Make(n_lanes, n_threads);
+  const std::vector<double> nominal = factory.parameters().Nominal();
+  for (int lane = 0; lane < n_lanes; ++lane) simulator->SetParameters(lane, nominal);
+  return simulator;
 }
 
 /// Where rows lead in the simulator.
@@ -171,11 +183,44 @@ std::map<int, double> RatioByShift(const Dataset& d, const std::vector<int>& row
 
 }  // namespace
 
+double RatioBeyondNoise(const SimulatorFactory& factory, const Dataset& dataset, const std::vector<double>& noise_std,
+                        int max_rows, RngKey key) {
+  OTED_CHECK(factory.spec().can_set_state && max_rows >= 1);
+  OTED_CHECK(static_cast<int>(noise_std.size()) == dataset.obs_dim());
+  const auto simulator = NominalLanes(factory, kLanes, 1);
+  std::vector<int> all(static_cast<size_t>(dataset.size()));
+  std::iota(all.begin(), all.end(), 0);
+  const std::vector<int> rows = Spread(all, max_rows);
+  Dataset moved = dataset;
+  Rng rng = key.MakeRng();
+  for (const int row : rows) {
+    for (int j = 0; j < dataset.obs_dim(); ++j) {
+      moved.observations(row, j) += noise_std[static_cast<size_t>(j)] * rng.Normal();
+    }
+  }
+  const auto action_of = [&](int row) { return dataset.actions.row(row); };
+  const Repeats here = Repeat(*simulator, dataset, rows, action_of), there = Repeat(*simulator, moved, rows, action_of);
+  std::vector<double> ratios;
+  for (int j = 0; j < dataset.obs_dim(); ++j) {
+    const double noise = noise_std[static_cast<size_t>(j)];
+    double errors = 0, changes = 0, all_changes = 0;
+    for (size_t i = 0; i < rows.size(); ++i) {
+      if (!here.is_known[i] || !there.is_known[i]) continue;
+      const int at = static_cast<int>(i);
+      const double logged = dataset.next_observations(rows[i], j), change = logged - dataset.observations(rows[i], j);
+      const double error = here.next(at, j) - logged, by_noise = there.next(at, j) - here.next(at, j);
+      errors += error * error - by_noise * by_noise - noise * noise;
+      changes += change * change - 2 * noise * noise;
+      all_changes += change * change;
+    }
+    if (changes > kLeastChange * all_changes) ratios.push_back(std::sqrt(std::max(0.0, errors) / changes));
+  }
+  return Median(ratios);
+}
+
 OneStepError MeasureOneStep(const SimulatorFactory& factory, const Dataset& dataset, int max_rows, int n_threads) {
   OTED_CHECK(factory.spec().can_set_state && max_rows >= 1);
-  const auto simulator = factory.Make(kLanes, n_threads);
-  const std::vector<double> nominal = factory.parameters().Nominal();
-  for (int lane = 0; lane < kLanes; ++lane) simulator->SetParameters(lane, nominal);
+  const auto simulator = NominalLanes(factory, kLanes, n_threads);
   std::vector<int> all, inner;
   for (const Episode& e : dataset.Episodes()) {
     for (int i = e.begin; i < e.end; ++i) {
@@ -210,29 +255,35 @@ std::optional<ActionShift> BetterShift(const OneStepError& error, double share) 
   return ActionShift{best->first, best->second, own};
 }
 
-TerminalAgreement CompareTerminals(const SimulatorFactory& factory, const Dataset& dataset, int max_rows) {
-  const auto simulator = factory.Make(1, 1);
-  simulator->SetParameters(0, factory.parameters().Nominal());
+TerminalAgreement CompareTerminals(const SimulatorFactory& factory, const Dataset& dataset,
+                                   const std::vector<double>& noise_std, int max_rows, RngKey key) {
+  OTED_CHECK(static_cast<int>(noise_std.size()) == dataset.obs_dim());
+  const auto simulator = NominalLanes(factory, 1, 1);
   std::vector<int> terminal, other;
   for (int i = 0; i < dataset.size(); ++i) {
     (dataset.terminals[static_cast<size_t>(i)] ? terminal : other).push_back(i);
   }
   TerminalAgreement agreement;
-  const auto count = [](int row, int& n, int& first) {
-    if (n++ == 0) first = row;
+  Rng rng = key.MakeRng();
+  const auto noise_flips = [&](int row, bool ends) {
+    if (std::ranges::all_of(noise_std, [](double std) { return std == 0; })) return false;
+    std::vector<double> moved(noise_std.size());
+    for (int draw = 0; draw < kNoiseDraws; ++draw) {
+      for (size_t j = 0; j < moved.size(); ++j) {
+        moved[j] = dataset.next_observations(row, static_cast<int>(j)) + kNoiseAtBound * noise_std[j] * rng.Normal();
+      }
+      if (simulator->EndsAt(0, moved) != std::optional(ends)) return true;
+    }
+    return false;
   };
-  for (const int row : terminal) {
+  const auto compare = [&](int row, bool is_terminal, int& n, int& first) {
     const auto ends = simulator->EndsAt(0, dataset.next_observations.row(row));
-    if (!ends) continue;
+    if (!ends || (*ends != is_terminal && noise_flips(row, *ends))) return;
     ++agreement.n_known;
-    if (!*ends) count(row, agreement.n_unexplained, agreement.first_unexplained);
-  }
-  for (const int row : Spread(other, max_rows)) {
-    const auto ends = simulator->EndsAt(0, dataset.next_observations.row(row));
-    if (!ends) continue;
-    ++agreement.n_known;
-    if (*ends) count(row, agreement.n_missed, agreement.first_missed);
-  }
+    if (*ends != is_terminal && n++ == 0) first = row;
+  };
+  for (const int row : terminal) compare(row, true, agreement.n_unexplained, agreement.first_unexplained);
+  for (const int row : Spread(other, max_rows)) compare(row, false, agreement.n_missed, agreement.first_missed);
   return agreement;
 }
 

@@ -75,6 +75,28 @@ TEST(BetterShift, IsTheBestOneWhereItLeavesLittleEnoughOfTheError) {
   EXPECT_FALSE(BetterShift(e, 0.9)) << "its own action is the best";
 }
 
+/// `d`, each reading with noise of its own.
+Dataset Noisy(Dataset d, const std::vector<double>& std) {
+  Rng rng(8);
+  for (Array2<double>* readings : {&d.observations, &d.next_observations}) {
+    for (int i = 0; i < d.size(); ++i) {
+      for (int j = 0; j < d.obs_dim(); ++j) (*readings)(i, j) += std[static_cast<size_t>(j)] * rng.Normal();
+    }
+  }
+  return d;
+}
+
+TEST(OneStep, TheSensorsNoiseIsTakenOffTheErrorAndTheModelsOwnStays) {
+  const PointMassFactory factory;
+  const std::vector<double> std = {0.05, 0.4};
+  const Dataset right = Noisy(Log(1.0), std), wrong = Noisy(Log(2.0), std);
+  EXPECT_GT(MeasureOneStep(factory, right, 1000, 1).median_ratio, 0.5);
+  EXPECT_LT(RatioBeyondNoise(factory, right, std, 1000, RngKey(1)), 0.3);
+  const double without = MeasureOneStep(factory, Log(2.0), 1000, 1).median_ratio;
+  EXPECT_NEAR(RatioBeyondNoise(factory, wrong, std, 1000, RngKey(1)), without, 0.15 * without);
+  EXPECT_EQ(RatioBeyondNoise(factory, Log(2.0), {0, 0}, 1000, RngKey(1)), without);
+}
+
 TEST(OneStep, RowsWhoseStateIsUnknownAreCountedAndLeftOut) {
   PointMassOptions clipped;
   clipped.velocity_clip = 0.5;
@@ -92,22 +114,30 @@ TEST(OneStep, TerminalsAreHeldAgainstTheTasksRule) {
   options.terminate_beyond = 0.9;
   Dataset d = Log(1.0, 0, options);
   const PointMassFactory factory(options);
-  const TerminalAgreement clean = CompareTerminals(factory, d, 1000);
+  const TerminalAgreement clean = CompareTerminals(factory, d, {0, 0}, 1000, RngKey(1));
   EXPECT_EQ(clean.n_known, d.size());
   EXPECT_EQ(clean.n_unexplained, 0);
   EXPECT_EQ(clean.n_missed, 0);
 
   const auto first = std::find(d.terminals.begin(), d.terminals.end(), 1) - d.terminals.begin();
   ASSERT_LT(first, d.size());
+  const Dataset clean_log = d;
   d.terminals[static_cast<size_t>(first)] = 0;
   const auto calm = std::find(d.timeouts.begin(), d.timeouts.end(), 1) - d.timeouts.begin();
   ASSERT_LT(calm, d.size());
   d.terminals[static_cast<size_t>(calm)] = 1;
-  const TerminalAgreement broken = CompareTerminals(factory, d, 1000);
+  const TerminalAgreement broken = CompareTerminals(factory, d, {0, 0}, 1000, RngKey(1));
   EXPECT_EQ(broken.n_missed, 1);
   EXPECT_EQ(broken.first_missed, first);
   EXPECT_EQ(broken.n_unexplained, 1);
   EXPECT_EQ(broken.first_unexplained, calm);
+
+  Dataset near = clean_log;
+  near.next_observations(static_cast<int>(first), 0) =
+      std::copysign(0.88, near.next_observations(static_cast<int>(first), 0));
+  EXPECT_EQ(CompareTerminals(factory, near, {0, 0}, 1000, RngKey(1)).n_unexplained, 1);
+  EXPECT_EQ(CompareTerminals(factory, near, {0.02, 0}, 1000, RngKey(1)).n_unexplained, 0) << "noise can have moved it";
+  EXPECT_EQ(CompareTerminals(factory, near, {0.001, 0}, 1000, RngKey(1)).n_unexplained, 1) << "not so little";
 }
 
 }  // namespace oted::one_step_test
