@@ -88,7 +88,37 @@ TEST(CheckData, ActionsThatAreARowLateAreFound) {
   const DataCheck check = Check(logs, &factory);
   ASSERT_NE(Find(check, "shifted_actions"), nullptr);
   EXPECT_NE(Find(check, "shifted_actions")->what.find("1 row(s) before"), std::string::npos);
-  EXPECT_EQ(Find(check, "one_step_error")->severity, Severity::kWarning);
+}
+
+TEST(CheckData, AStepThatNoiseHidesIsNoWarningAndOneOfAnotherModelIs) {
+  Dataset noisy = PointMassLogs({1, 1, 0.5}, 20);
+  Rng rng(4);
+  for (Array2<double> Dataset::*readings : {&Dataset::observations, &Dataset::next_observations}) {
+    for (int i = 0; i < noisy.size(); ++i) {
+      for (int j = 0; j < 2; ++j) (noisy.*readings)(i, j) += rng.Normal();
+    }
+  }
+  const PointMassFactory factory;
+  const DataCheck hidden = Check(noisy, &factory);
+  EXPECT_GT(hidden.one_step->median_ratio, 0.5);
+  EXPECT_EQ(Find(hidden, "one_step_error")->severity, Severity::kNote);
+
+  // A spring that the model lacks: a linear fit knows it.
+  Dataset sprung;
+  for (int e = 0; e < 20; ++e) {
+    double x = rng.Uniform(-1, 1), v = 0;
+    for (int t = 0; t < 20; ++t) {
+      const double action = 0.1 * rng.Uniform(-1, 1);
+      sprung.observations.AppendRow(std::vector<double>{x, v});
+      sprung.actions.AppendRow(std::vector<double>{action});
+      v += action - 0.5 * x;
+      x += 0.1 * v;
+      sprung.next_observations.AppendRow(std::vector<double>{x, v});
+      sprung.terminals.push_back(0);
+      sprung.timeouts.push_back(t == 19);
+    }
+  }
+  EXPECT_EQ(Find(Check(sprung, &factory), "one_step_error")->severity, Severity::kWarning);
 }
 
 TEST(CheckData, ADelayAmongTheParametersTakesActionsThatActLate) {

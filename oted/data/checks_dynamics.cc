@@ -82,6 +82,7 @@ std::vector<ChannelNoise> EstimateNoise(const Dataset& dataset) {
     }
     channel.std = std::sqrt(Variance(sample.observations, j));
     channel.rms_change = std::sqrt(change_square);
+    channel.rms_residual = std::sqrt(residual_square);
     const double next_variance = Variance(sample.next_observations, j) * n / (n - 1);
     if (next_variance <= 0) continue;
     channel.r_squared = 1 - residual_square / next_variance;

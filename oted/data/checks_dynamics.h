@@ -17,6 +17,7 @@ struct ChannelNoise {
   double correlation = 0;   ///< lag-1, of the residual; below -0.25 the noise counts as visible
   double std = 0;           ///< of the channel itself
   double rms_change = 0;    ///< root mean square of s' - s
+  double rms_residual = 0;  ///< of what the fit leaves of it, for its degrees of freedom
   double r_squared = 0;     ///< share of the variance of s' that the fit explains, adjusted for its degrees of freedom
   bool assessable = false;  ///< false: constant, or r_squared < 0.5: too coarse in time to tell noise from motion
   bool visible = false;

@@ -5,7 +5,6 @@
 #include <functional>
 #include <limits>
 #include <memory>
-#include <numeric>
 #include <span>
 
 #include "oted/base/error.h"
@@ -20,7 +19,6 @@ constexpr int kFewestShifted = 20;
 constexpr double kMovedBy = 1.1;  // ratio of the worst action's error to the best one's where an action moves a channel
 constexpr double kLeastLeft = 1e-3;  // of the change: below it nothing is left
 constexpr double kRounding = 1e-9;
-constexpr double kLeastChange = 0.1;  // of a channel's squared change: what noise must leave for it to tell anything
 constexpr int kNoiseDraws = 32;
 constexpr double kNoiseAtBound = 2;  // of the sensors' noise: of many rows some lie so far off
 
@@ -182,41 +180,6 @@ std::map<int, double> RatioByShift(const Dataset& d, const std::vector<int>& row
 }
 
 }  // namespace
-
-double RatioBeyondNoise(const SimulatorFactory& factory, const Dataset& dataset, const std::vector<double>& noise_std,
-                        int max_rows, RngKey key) {
-  OTED_CHECK(factory.spec().can_set_state && max_rows >= 1);
-  OTED_CHECK(static_cast<int>(noise_std.size()) == dataset.obs_dim());
-  const auto simulator = NominalLanes(factory, kLanes, 1);
-  std::vector<int> all(static_cast<size_t>(dataset.size()));
-  std::iota(all.begin(), all.end(), 0);
-  const std::vector<int> rows = Spread(all, max_rows);
-  Dataset moved = dataset;
-  Rng rng = key.MakeRng();
-  for (const int row : rows) {
-    for (int j = 0; j < dataset.obs_dim(); ++j) {
-      moved.observations(row, j) += noise_std[static_cast<size_t>(j)] * rng.Normal();
-    }
-  }
-  const auto action_of = [&](int row) { return dataset.actions.row(row); };
-  const Repeats here = Repeat(*simulator, dataset, rows, action_of), there = Repeat(*simulator, moved, rows, action_of);
-  std::vector<double> ratios;
-  for (int j = 0; j < dataset.obs_dim(); ++j) {
-    const double noise = noise_std[static_cast<size_t>(j)];
-    double errors = 0, changes = 0, all_changes = 0;
-    for (size_t i = 0; i < rows.size(); ++i) {
-      if (!here.is_known[i] || !there.is_known[i]) continue;
-      const int at = static_cast<int>(i);
-      const double logged = dataset.next_observations(rows[i], j), change = logged - dataset.observations(rows[i], j);
-      const double error = here.next(at, j) - logged, by_noise = there.next(at, j) - here.next(at, j);
-      errors += error * error - by_noise * by_noise - noise * noise;
-      changes += change * change - 2 * noise * noise;
-      all_changes += change * change;
-    }
-    if (changes > kLeastChange * all_changes) ratios.push_back(std::sqrt(std::max(0.0, errors) / changes));
-  }
-  return Median(ratios);
-}
 
 OneStepError MeasureOneStep(const SimulatorFactory& factory, const Dataset& dataset, int max_rows, int n_threads) {
   OTED_CHECK(factory.spec().can_set_state && max_rows >= 1);

@@ -42,12 +42,6 @@ std::optional<ActionShift> BetterShift(const OneStepError& error, double share);
 /// At most `max_rows` rows, evenly spread over the data. Needs spec().can_set_state and finite data that fit the task.
 OneStepError MeasureOneStep(const SimulatorFactory& factory, const Dataset& dataset, int max_rows, int n_threads);
 
-/// median_ratio without what the sensors' noise makes: each row is repeated from a state that noise moved once more,
-/// and the square of what this changes is taken off, as is the noise of s' itself. 0 where noise makes up every change.
-/// @param noise_std  per channel, in its unit; 0 where unknown
-double RatioBeyondNoise(const SimulatorFactory& factory, const Dataset& dataset, const std::vector<double>& noise_std,
-                        int max_rows, RngKey key);
-
 /// The logs' terminals against the task's own rule, applied to s'.
 struct TerminalAgreement {
   int n_known = 0;        ///< rows for which the rule gives an answer

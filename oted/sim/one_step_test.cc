@@ -75,28 +75,6 @@ TEST(BetterShift, IsTheBestOneWhereItLeavesLittleEnoughOfTheError) {
   EXPECT_FALSE(BetterShift(e, 0.9)) << "its own action is the best";
 }
 
-/// `d`, each reading with noise of its own.
-Dataset Noisy(Dataset d, const std::vector<double>& std) {
-  Rng rng(8);
-  for (Array2<double>* readings : {&d.observations, &d.next_observations}) {
-    for (int i = 0; i < d.size(); ++i) {
-      for (int j = 0; j < d.obs_dim(); ++j) (*readings)(i, j) += std[static_cast<size_t>(j)] * rng.Normal();
-    }
-  }
-  return d;
-}
-
-TEST(OneStep, TheSensorsNoiseIsTakenOffTheErrorAndTheModelsOwnStays) {
-  const PointMassFactory factory;
-  const std::vector<double> std = {0.05, 0.4};
-  const Dataset right = Noisy(Log(1.0), std), wrong = Noisy(Log(2.0), std);
-  EXPECT_GT(MeasureOneStep(factory, right, 1000, 1).median_ratio, 0.5);
-  EXPECT_LT(RatioBeyondNoise(factory, right, std, 1000, RngKey(1)), 0.3);
-  const double without = MeasureOneStep(factory, Log(2.0), 1000, 1).median_ratio;
-  EXPECT_NEAR(RatioBeyondNoise(factory, wrong, std, 1000, RngKey(1)), without, 0.15 * without);
-  EXPECT_EQ(RatioBeyondNoise(factory, Log(2.0), {0, 0}, 1000, RngKey(1)), without);
-}
-
 TEST(OneStep, RowsWhoseStateIsUnknownAreCountedAndLeftOut) {
   PointMassOptions clipped;
   clipped.velocity_clip = 0.5;
