@@ -17,6 +17,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <vector>
 
@@ -29,7 +30,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view kTemporary = ".tmp-";
+constexpr std::string_view kTemporary = ".oted-tmp-";
 constexpr size_t kTagLength = 8;
 constexpr size_t kBlock = size_t{1} << 20;
 constexpr uint64_t kMostJsonBytes = uint64_t{1} << 26;
@@ -86,14 +87,30 @@ const std::string& MachineTag() {
   return tag;
 }
 
-/// Whether the process that made the temporary of this name is known to have ended.
-bool IsOfDeadProcess(const std::string& name) {
-  const std::string_view rest = std::string_view(name).substr(name.rfind(kTemporary) + kTemporary.size());
-  if (!rest.starts_with(MachineTag()) || rest.size() < kTagLength + 2) return false;
+/// Whose temporary it is.
+struct Maker {
+  std::string_view machine;
   int pid = 0;
-  const std::string_view number = rest.substr(kTagLength + 1);
-  if (std::from_chars(number.data(), number.data() + number.size(), pid).ec != std::errc{} || pid <= 0) return false;
-  return pid != ::getpid() && ::kill(pid, 0) != 0 && errno == ESRCH;
+
+  bool IsHere() const { return machine == MachineTag(); }
+  bool IsDead() const { return pid != ::getpid() && ::kill(pid, 0) != 0 && errno == ESRCH; }
+};
+
+/// By the name of a temporary: FILE.oted-tmp-MACHINE-PID-NUMBER; nothing for any other name.
+std::optional<Maker> MakerOf(std::string_view name) {
+  const size_t at = name.rfind(kTemporary);
+  if (at == std::string_view::npos || at == 0) return std::nullopt;
+  const std::string_view rest = name.substr(at + kTemporary.size());
+  if (rest.size() < kTagLength + 1 || rest[kTagLength] != '-') return std::nullopt;
+  Maker maker{rest.substr(0, kTagLength)};
+  if (maker.machine.find_first_not_of("0123456789abcdef") != std::string_view::npos) return std::nullopt;
+  const char *begin = rest.data() + kTagLength + 1, *end = rest.data() + rest.size();
+  int number = 0;
+  const auto [behind, error] = std::from_chars(begin, end, maker.pid);
+  if (error != std::errc{} || maker.pid <= 0 || behind == end || *behind != '-') return std::nullopt;
+  const auto [last, error_of_number] = std::from_chars(behind + 1, end, number);
+  if (error_of_number != std::errc{} || last != end || number < 0) return std::nullopt;
+  return maker;
 }
 
 /// Once per process and file: what a dead writer left will not become more.
@@ -109,9 +126,8 @@ void RemoveDeadTemporaries(const fs::path& path) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored)) {
     const std::string name = entry.path().filename().string();
-    if (name.starts_with(begin) && IsTemporaryName(name) && IsOfDeadProcess(name)) {
-      fs::remove_all(entry.path(), ignored);
-    }
+    const auto maker = name.starts_with(begin) ? MakerOf(name) : std::nullopt;
+    if (maker && maker->IsHere() && maker->IsDead()) fs::remove_all(entry.path(), ignored);
   }
 }
 
@@ -268,19 +284,21 @@ void WriteFileAtomically(const fs::path& path, std::string_view bytes) {
   file.Commit();
 }
 
-bool IsTemporaryName(const std::string& name) {
-  const size_t at = name.rfind(kTemporary);
-  if (at == std::string::npos || at == 0) return false;
-  const std::string_view rest = std::string_view(name).substr(at + kTemporary.size());
-  return rest.size() > kTagLength && rest[kTagLength] == '-' &&
-         rest.find_first_not_of("0123456789abcdef-") == std::string_view::npos;
-}
+bool IsTemporaryName(const std::string& name) { return MakerOf(name).has_value(); }
 
-void RemoveTemporaries(const fs::path& folder) {
+void RemoveTemporaries(const fs::path& folder, std::span<const char* const> below) {
   std::error_code ignored;
   std::vector<fs::path> found;
-  for (fs::recursive_directory_iterator entry(folder, ignored), end; entry != end; entry.increment(ignored)) {
-    if (IsTemporaryName(entry->path().filename().string())) found.push_back(entry->path());
+  const auto look = [&](const fs::path& path) {
+    const std::string name = path.filename().string();
+    const auto maker = MakerOf(name);
+    // Of another machine, or of this one before it was started again, nobody can be alive who may write here.
+    if (maker && !(maker->IsHere() && !maker->IsDead())) found.push_back(path);
+  };
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) look(entry.path());
+  for (const char* name : below) {
+    fs::recursive_directory_iterator entry(folder / name, ignored);
+    for (const fs::recursive_directory_iterator end; entry != end; entry.increment(ignored)) look(entry->path());
   }
   for (const fs::path& path : found) fs::remove_all(path, ignored);
 }

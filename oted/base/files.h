@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -42,9 +43,9 @@ class AtomicFile {
   std::filesystem::path temporary_path_;
 };
 
-/// Removes every temporary file and folder below `folder`, whoever made it. For one who knows that nobody else writes
-/// there.
-void RemoveTemporaries(const std::filesystem::path& folder);
+/// Removes the temporary files and folders in `folder`, and anywhere in its folders `below`, but those of programs that
+/// are at work on this machine. For one who knows that no other machine writes there.
+void RemoveTemporaries(const std::filesystem::path& folder, std::span<const char* const> below);
 /// Whether that is the name of an AtomicFile's temporary.
 bool IsTemporaryName(const std::string& name);
 

@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <csignal>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -134,11 +135,24 @@ TEST(Files, WhatADeadWriterLeftGoesAndWhatALivingOneWritesStays) {
   WriteFileAtomically(folder.path() / "." / "file", "whole");
   EXPECT_EQ(EntriesIn(folder.path()), 2) << "what the dead one left is still there";
   EXPECT_TRUE(fs::exists(living.temporary_path()));
-  RemoveTemporaries(folder.path());
-  EXPECT_FALSE(fs::exists(living.temporary_path()));
   EXPECT_TRUE(IsTemporaryName(living.temporary_path().filename().string()));
-  for (const char* name : {"file", "a.tmp-", "notes.tmp-old", ".tmp-0123abcd-1-1"})
+  for (const char* name : {"file", "a.oted-tmp-", "notes.oted-tmp-old", ".oted-tmp-0123abcd-1-1", "a.tmp-20261126-2-1",
+                           "a.oted-tmp-0123abcd-1", "a.oted-tmp-0123abcd-1-1x", "a.oted-tmp-0123abcx-1-1"})
     EXPECT_FALSE(IsTemporaryName(name)) << name;
+}
+
+TEST(AtomicFile, TemporariesAreRemovedInOnesOwnFoldersAloneAndNotThoseOfPrograms) {
+  const TestFolder folder;
+  const AtomicFile living(folder / "own/file");
+  WriteFileAtomically(living.temporary_path(), "");
+  const std::string dead = "file.oted-tmp-0123abcd-99-1";
+  for (const char* place : {".", "own", "own/deep", "other"}) WriteFileAtomically(folder.path() / place / dead, "");
+  WriteFileAtomically(folder / "own/backup.tmp-20261126-2", "");
+  RemoveTemporaries(folder.path(), std::array{"own", "missing"});
+  for (const char* place : {".", "own", "own/deep"}) EXPECT_FALSE(fs::exists(folder.path() / place / dead)) << place;
+  EXPECT_TRUE(fs::exists(folder.path() / "other" / dead));
+  EXPECT_TRUE(fs::exists(living.temporary_path()));
+  EXPECT_TRUE(fs::exists(folder / "own/backup.tmp-20261126-2"));
 }
 
 TEST(Sha256, MatchesThePublishedVectors) {

@@ -28,6 +28,9 @@ std::string TextIn(const json& record, const char* field) {
   return has ? record.at(field).get<std::string>() : "";
 }
 
+/// What a run makes in its directory. Other folders there are not its own.
+constexpr std::array<const char*, 9> kFolders = {"agents", "baselines", "clone",  "design", "export",
+                                                 "growth", "model",     "motion", "nominal"};
 constexpr const char* kCurves = "curves.csv";
 /// What work that can be stopped keeps beside its result: the work, whose it is, and how far its curves are whole.
 constexpr std::array<const char*, 3> kCheckpoint = {"checkpoint.npz", "checkpoint.json", "checkpoint.curves"};
@@ -63,7 +66,7 @@ RunDirectory::RunDirectory(fs::path root, LogSink* log) : root_(std::move(root))
   // Found out now, not after an hour of work.
   AtomicFile probe(root_ / "writable");
   WriteFileAtomically(probe.temporary_path(), "");
-  RemoveTemporaries(root_);
+  RemoveTemporaries(root_, kFolders);
 }
 
 RunDirectory RunDirectory::At(fs::path root) {

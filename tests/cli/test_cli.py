@@ -172,7 +172,7 @@ class TestResult(HopperTest):
                      "report.html", "report.json"):
             self.assertTrue((self.out / name).is_file(), name)
         self.assertTrue(list(self.out.glob("design/default/1/events.out.tfevents.*")))
-        leftovers = [n for n in files_below(self.out) if ".tmp-" in n or "checkpoint" in n]
+        leftovers = [n for n in files_below(self.out) if ".oted-tmp-" in n or "checkpoint" in n]
         self.assertEqual(leftovers, [])
         for word in ("random actions", "clone of the logs", "nominal simulator", "OTED-SAC"):
             self.assertIn(word, result.stdout)
@@ -242,7 +242,7 @@ class TestStopping(HopperTest):
         self.assertRegex(told.splitlines()[-1], r"^oted: interrupted; .*same command")
         self.assertFalse((self.out / "design.json").exists())
         self.assertTrue(list(self.out.glob("design/*/*/checkpoint.npz")))
-        self.assertEqual([n for n in files_below(self.out) if ".tmp-" in n], [])
+        self.assertEqual([n for n in files_below(self.out) if ".oted-tmp-" in n], [])
 
         # Other settings would mix two designs.
         before = files_below(self.out)
