@@ -43,7 +43,7 @@ struct Dataset {
   std::vector<std::string> warnings;
 
   std::string path;    ///< where it was read from; empty when made in memory
-  std::string sha256;  ///< of that file; of main_data.hdf5 when it is a Minari dataset
+  std::string sha256;  ///< of that file; of a Minari dataset, of the hashes of its two, a line each
 
   int size() const { return observations.rows(); }
   int obs_dim() const { return observations.cols(); }

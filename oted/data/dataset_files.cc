@@ -56,6 +56,33 @@ DataFormat FormatToRead(const std::string& path, const DataOptions& options) {
   FailEnding(path);
 }
 
+/// All that a dataset is read from.
+std::vector<std::string> FilesOf(const std::string& path, DataFormat format) {
+  if (format != DataFormat::kMinari) return {path};
+  const MinariFiles minari = FindMinari(path);
+  if (minari.metadata.empty()) return {minari.data};
+  return {minari.data, minari.metadata};
+}
+
+std::string Sha256OfAll(const std::vector<std::string>& files) {
+  if (files.size() == 1) return Sha256OfFile(files[0]);
+  std::string hashes;
+  for (const std::string& file : files) hashes += Sha256OfFile(file) + "\n";
+  return Sha256(hashes);
+}
+
+/// What changes where somebody writes to a file, as a logger that is still at work.
+struct FileState {
+  uintmax_t size = 0;
+  std::filesystem::file_time_type written = {};
+  bool operator==(const FileState&) const = default;
+};
+
+FileState StateOf(const std::string& file) {
+  std::error_code error;  // where it is gone, too, its state is another
+  return {std::filesystem::file_size(file, error), std::filesystem::last_write_time(file, error)};
+}
+
 /// Puts columns into the order of the wanted names. @return remarks
 void Reorder(const std::string& path, const char* what, const char* setting, const std::vector<std::string>& wanted,
              std::vector<std::string>& names, std::vector<Array2<double>*> arrays, std::vector<std::string>& remarks) {
@@ -136,6 +163,10 @@ void DelayActions(Dataset& dataset, int delay) {
                   delay, n_lost > 0 ? fmt::format(", and {} shorter ones are gone", n_lost) : ""));
 }
 
+std::string Sha256OfDataset(const std::string& path, const DataOptions& options) {
+  return Sha256OfAll(FilesOf(path, FormatToRead(path, options)));
+}
+
 Dataset ReadDataset(const std::string& path) { return ReadDataset(path, DataOptions{}); }
 
 Dataset ReadDataset(const std::string& path, const DataOptions& options) {
@@ -150,11 +181,12 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
         fmt::format("dataset '{}' is not a file; check the path (it is relative to where oted runs)", path));
   }
   const TaskNames task{options.observation_names, options.action_names};
+  const std::vector<std::string> files = FilesOf(path, format);
+  std::vector<FileState> before;
+  for (const std::string& file : files) before.push_back(StateOf(file));
   Dataset dataset;
-  std::string file = path;
   if (format == DataFormat::kMinari) {
     dataset = ReadMinari(path, options);
-    file = FindMinari(path).data;
   } else if (format == DataFormat::kD4rl) {
     dataset = ReadHdf5(path, options);
   } else if (format == DataFormat::kNpz) {
@@ -168,7 +200,11 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
     dataset = ToDataset(recording);
   }
   dataset.path = path;
-  dataset.sha256 = Sha256OfFile(file);
+  dataset.sha256 = Sha256OfAll(files);
+  for (size_t i = 0; i < files.size(); ++i) {
+    if (StateOf(files[i]) == before[i]) continue;
+    throw DataError(fmt::format("'{}' changed while it was read; run the command again when it is whole", files[i]));
+  }
   if (options.check) dataset.Check();
   if (format != DataFormat::kCsv) {
     Rescale(dataset, options.rescaling, task);

@@ -13,6 +13,10 @@ namespace oted {
 /// task's order, a log with times is resampled to the task's control period, actions are delayed; `remarks` tells.
 /// @throws DataError, UsageError
 Dataset ReadDataset(const std::string& path, const DataOptions& options = {});
+
+/// Dataset::sha256 of what is there. @throws DataError
+std::string Sha256OfDataset(const std::string& path, const DataOptions& options = {});
+
 /// Writes by path, atomically: .hdf5 | .h5 (D4RL layout), .npz, .csv | .csv.gz, or, where the last part of the path is
 /// a Minari name (NAME-v0), that folder. @throws DataError
 void WriteDataset(const Dataset& dataset, const std::string& path, const WriteOptions& options = {});

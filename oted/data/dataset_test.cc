@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <limits>
+#include <thread>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -108,6 +111,23 @@ TEST(Dataset, BothLayoutsGiveBackWhatWasWrittenWithPathAndHash) {
       EXPECT_EQ(read.sha256, Sha256OfFile(path));
     }
   }
+}
+
+TEST(Dataset, ALogThatGrowsWhileItIsReadIsRefused) {
+  const TestFolder folder;
+  const std::string path = folder / "growing.csv";
+  std::string rows = "episode,observation_0,action_0\n";
+  for (int i = 0; i < 100000; ++i) rows += "0,1.25,0.5\n";
+  WriteFileAtomically(path, rows);
+  EXPECT_NO_THROW(ReadDataset(path));
+  std::atomic<bool> done = false;
+  std::thread logger([&] {
+    std::ofstream file(path, std::ios::app);
+    while (!done) file << "0,1.25,0.5\n" << std::flush;
+  });
+  EXPECT_THAT(MessageOf<DataError>([&] { ReadDataset(path); }), HasSubstr("changed while it was read"));
+  done = true;
+  logger.join();
 }
 
 TEST(Dataset, WrongPathsAndEndingsAreOneLineErrors) {

@@ -54,13 +54,23 @@ TEST(Minari, ReadsWhatMinariWrites) {
   EXPECT_TRUE(SameTransitions(read, expected));
   EXPECT_EQ(read.Episodes().size(), 4u);
   EXPECT_THAT(read.remarks, ElementsAre());
-  EXPECT_EQ(read.sha256, Sha256OfFile(folder / "test/plain-v0/data/main_data.hdf5"));
+  EXPECT_EQ(read.sha256, Sha256OfDataset(folder / "test/plain-v0"));
   // Its data folder and its file stand for the dataset as well.
   EXPECT_TRUE(SameTransitions(ReadDataset(folder / "test/plain-v0/"), expected));
   EXPECT_TRUE(SameTransitions(ReadDataset(folder / "test/plain-v0/data"), expected));
   EXPECT_TRUE(SameTransitions(ReadDataset(folder / "test/plain-v0/data/main_data.hdf5"), expected));
   std::filesystem::copy_file(folder / "test/plain-v0/data/main_data.hdf5", folder / "alone.hdf5");
   EXPECT_TRUE(SameTransitions(ReadDataset(folder / "alone.hdf5"), expected));
+}
+
+TEST(Minari, ADatasetWithOtherMetadataIsAnotherOne) {
+  const TestFolder folder;
+  ASSERT_TRUE(RunPython(Script("create('test/plain-v0', episodes(), box(3))"), folder));
+  const std::string before = ReadDataset(folder / "test/plain-v0").sha256;
+  // It says which column is which, for one.
+  const std::string metadata = folder / "test/plain-v0/data/metadata.json";
+  WriteFileAtomically(metadata, ReadFile(metadata) + " ");
+  EXPECT_NE(ReadDataset(folder / "test/plain-v0").sha256, before);
 }
 
 TEST(Minari, ElevenEpisodesComeInTheOrderOfTheirNumbers) {

@@ -80,16 +80,13 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
 
 /// The files of `asked` whose content the design learned from.
 std::vector<std::string> Learned(const DataConfig& design, const DataConfig& asked) {
-  const auto hash = [](const std::string& file) {
-    const std::filesystem::path of_minari = std::filesystem::path(file) / "data" / "main_data.hdf5";
-    if (std::filesystem::exists(of_minari)) return Sha256OfFile(of_minari);
-    return std::filesystem::is_regular_file(file) ? Sha256OfFile(file) : file;
-  };
   std::set<std::string> known;
-  for (const std::string& file : design.AllFiles()) known.insert(hash(file));
+  for (const std::string& file : design.AllFiles()) {
+    if (std::filesystem::exists(file)) known.insert(Sha256OfDataset(file, design.Options()));
+  }
   std::vector<std::string> learned;
   std::ranges::copy_if(asked.AllFiles(), std::back_inserter(learned),
-                       [&](const std::string& file) { return known.contains(hash(file)); });
+                       [&](const std::string& file) { return known.contains(Sha256OfDataset(file, asked.Options())); });
   return learned;
 }
 
