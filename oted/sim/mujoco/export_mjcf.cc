@@ -64,7 +64,8 @@ void MakeFoldersAbsolute(mjSpec& spec) {
   const auto has = [&](mjtObj type) { return mjs_firstElement(&spec, type) != nullptr; };
   const fs::path model_folder = mjs_getString(spec.modelfiledir);
   const auto make_absolute = [&](mjString* folder) {
-    const fs::path absolute = fs::absolute(model_folder / mjs_getString(folder)).lexically_normal();
+    const fs::path given = model_folder / mjs_getString(folder);
+    const fs::path absolute = fs::absolute(given.empty() ? "." : given).lexically_normal();
     mjs_setString(folder, absolute.c_str());
   };
   if (has(mjOBJ_MESH) || has(mjOBJ_HFIELD) || has(mjOBJ_SKIN)) make_absolute(spec.compiler.meshdir);

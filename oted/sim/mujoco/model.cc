@@ -12,6 +12,7 @@
 #include "oted/base/files.h"
 #include "oted/sim/mujoco/legacy_inertia.h"
 #include "oted/sim/mujoco/mesh_files.h"
+#include "oted/sim/mujoco/model_hash.h"
 #include "oted/sim/mujoco/mujoco_errors.h"
 #include "oted/sim/mujoco/object_path.h"
 
@@ -82,7 +83,7 @@ LoadedModel Finish(SpecPtr spec, ModelPtr model) {
   loaded.spec = std::move(spec);
   loaded.model = std::move(model);
   loaded.disable_flags = loaded.model->opt.disableflags;
-  loaded.sha256 = Sha256(SerializeModel(*loaded.model));
+  loaded.sha256 = ModelSha256(*loaded.model);
   loaded.model->opt.disableflags |= mjDSBL_AUTORESET;
   return loaded;
 }

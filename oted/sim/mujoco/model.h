@@ -28,7 +28,7 @@ struct LoadedModel {
   ModelPtr model;      ///< with mjDSBL_AUTORESET set: a diverged state stays as it is and is reported
   int disable_flags;   ///< as the file has them, without that flag
   SpecPtr spec;        ///< what it was compiled from; copy it before changing it
-  std::string sha256;  ///< of the compiled model as mj_saveModel writes it, before that flag was set
+  std::string sha256;  ///< ModelSha256, before that flag was set
 };
 
 /// Compiles an MJCF file (TakeOverMujocoErrors). Options that no simulation ends with, or that are no numbers, are
@@ -44,7 +44,7 @@ LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules = 
 LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::vector<std::string>& motors,
                                 const std::vector<double>& range);
 
-/// The compiled model as a .mjb file has it: what LoadedModel::sha256 is of.
+/// The compiled model as a .mjb file has it.
 std::string SerializeModel(const mjModel& model);
 
 }  // namespace oted
