@@ -104,6 +104,7 @@ RunConfig ResolveConfig(const Options& options) {
     config.parameters.clear();
     for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
     if (!options.parameter_file.empty()) {
+      config.parameter_file = options.parameter_file;
       const std::vector<bool> has_range(config.parameters.size(), true);
       config.parameters =
           MergeSysid(ReadSysidFile(options.parameter_file), options.parameter_file, config.parameters, has_range);

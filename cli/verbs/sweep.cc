@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,6 +16,7 @@
 #include "cli/verbs/plan.h"
 #include "cli/verbs/submit.h"
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/model_task.h"
 #include "oted/studies/sweep.h"
 
 namespace oted::cli {
@@ -95,6 +98,7 @@ std::vector<std::string> WordsOf(const std::string& command, const Options& opti
   if (!options.task.empty()) add("--task", {Placed(options.task)});
   if (!options.data.empty()) add("--data", {Placed(options.data)});
   if (options.seed >= 0) add("--seed", {std::to_string(options.seed)});
+  if (!options.parameter_file.empty()) add("--params", {Placed(options.parameter_file)});
   add("--preset", options.presets);
   add("--param", options.parameters);
   add("--truth", options.truth);
@@ -102,16 +106,21 @@ std::vector<std::string> WordsOf(const std::string& command, const Options& opti
   return words;
 }
 
-/// Hashes each file once.
+/// Hashes each file once, and loads each model once.
 class Hashes {
  public:
   const PlanInput& Of(const std::string& path) {
     const auto found = known_.find(path);
     return found != known_.end() ? found->second : known_.emplace(path, PlanInput::Of(path)).first->second;
   }
+  const std::vector<std::string>& FilesOf(const ModelTask& task) {
+    const auto found = files_of_.find(task.model);
+    return found != files_of_.end() ? found->second : files_of_.emplace(task.model, ModelFiles(task)).first->second;
+  }
 
  private:
   std::map<std::string, PlanInput> known_;
+  std::map<std::string, std::vector<std::string>> files_of_;
 };
 
 PlanLine LineOf(const SweepOptions& sweep, const Point& point, Hashes& hashes) {
@@ -124,7 +133,9 @@ PlanLine LineOf(const SweepOptions& sweep, const Point& point, Hashes& hashes) {
     line.inputs.push_back(hashes.Of(file));
     data += (data.empty() ? "" : " ") + line.inputs.back().sha256;
   }
-  for (const std::string& file : {options.config, options.task, config.task.model.model}) {
+  std::vector<std::string> files = {options.config, options.task, config.parameter_file};
+  if (config.task.has_model()) std::ranges::copy(hashes.FilesOf(config.task.model), std::back_inserter(files));
+  for (const std::string& file : files) {
     if (!file.empty() && fs::exists(file)) line.inputs.push_back(hashes.Of(file));
   }
   nlohmann::json identity = SweepIdentity(config, sweep.command, data);

@@ -190,15 +190,19 @@ std::vector<std::string> PresetsFromToml(const toml::table& section, const std::
   return presets;
 }
 
-std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const std::string& file_name,
-                                              std::string parameter_file) {
+std::string SysidFileOf(const toml::table& section, const std::string& file_name) {
   const toml::node* named = section.get("sysid");
-  const bool names_file = named != nullptr && named->is_string();
-  if (names_file && (**named->as_string()).empty()) {
+  if (named == nullptr || !named->is_string()) return "";
+  if ((**named->as_string()).empty()) {
     throw UsageError(
         fmt::format("{}: parameters.sysid names no file; name one, or remove the line", TomlPlace(file_name, *named)));
   }
-  if (names_file && parameter_file.empty()) parameter_file = BesideFile(**named->as_string(), file_name);
+  return BesideFile(**named->as_string(), file_name);
+}
+
+std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const std::string& file_name,
+                                              const std::string& parameter_file) {
+  const bool names_file = !SysidFileOf(section, file_name).empty();
   const std::vector<SysidParameter> given =
       parameter_file.empty() ? std::vector<SysidParameter>{} : ReadSysidFile(parameter_file);
   std::vector<ParameterSpec> declared;

@@ -20,11 +20,14 @@ nlohmann::ordered_json ConstantSchema();
 /// preset = "arm", or ["arm", "gripper"]; none where there is no such line.
 std::vector<std::string> PresetsFromToml(const toml::table& section, const std::string& file_name);
 
+/// The mujoco.sysid file that the section names; empty: none. @throws UsageError where the name is empty
+std::string SysidFileOf(const toml::table& section, const std::string& file_name);
+
 /// In the order of the file, which is the order of z; those of a mujoco.sysid file come first.
-/// @param parameter_file  a mujoco.sysid file in place of the one that the section names; empty: that one
+/// @param parameter_file  the mujoco.sysid file to read: the section's own or one in its place; empty: none
 /// @throws UsageError with file and line
 std::vector<ParameterSpec> ParametersFromToml(const toml::table& section, const std::string& file_name,
-                                              std::string parameter_file);
+                                              const std::string& parameter_file);
 
 /// [task.constants], in the order of the file. @throws UsageError with file and line
 std::vector<ParameterSpec> ConstantsFromToml(const toml::node& section, const std::string& file_name);

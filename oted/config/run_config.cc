@@ -326,7 +326,8 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
     const toml::table& table = *node.as_table();
     if (name == "parameters") {
       config.presets = PresetsFromToml(table, file_name);
-      config.parameters = ParametersFromToml(table, file_name, parameter_file);
+      config.parameter_file = parameter_file.empty() ? SysidFileOf(table, file_name) : parameter_file;
+      config.parameters = ParametersFromToml(table, file_name, config.parameter_file);
     } else if (name == "design") {
       ReadDesign(table, file_name, config.design);
     } else if (name == "truth") {
@@ -357,6 +358,7 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
   }
   // Without a [parameters] section there is nothing to add to the file.
   if (!parameter_file.empty() && !document.contains("parameters")) {
+    config.parameter_file = parameter_file;
     config.parameters = ParametersFromToml({}, file_name, parameter_file);
   }
   config.data.path = BesideFile(config.data.path, file_name);

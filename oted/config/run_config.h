@@ -74,6 +74,7 @@ struct RunConfig {
   TaskConfig task;
   DataConfig data;
   std::vector<ParameterSpec> parameters;
+  std::string parameter_file = {};  ///< of mujoco.sysid, from which some of them were read; empty: none
   /// Names of presets whose parameters are added (oted/sim/presets.h); the pipeline replaces them by what they stand
   /// for.
   std::vector<std::string> presets;

@@ -94,6 +94,31 @@ class PlanTest(program.HopperTest):
         same = self.sweep("--data", self.demos, elsewhere / "renamed.hdf5")
         self.assertOneLine(same, program.USAGE, "are the same work")
 
+    def test_files_that_a_model_or_the_parameters_are_made_of_are_inputs_too(self):
+        joint, parts = self.folder / "joint.xml", self.folder / "parts.yaml"
+        joint.write_text('<mujoco><default><joint damping="1"/></default></mujoco>')
+        (self.folder / "cart.xml").write_text(
+            '<mujoco><include file="joint.xml"/><worldbody><body><joint name="x" type="slide" axis="1 0 0"/>'
+            '<geom size="0.1" mass="1"/></body></worldbody><actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>')
+        parts.write_text("mass:\n  name: mass\n  nominal: [1.0]\n  min_value: [0.5]\n  max_value: [2.0]\n  value: [1.0]\n  frozen: false\n")
+        task = self.folder / "cart.toml"
+        task.write_text('[task]\nmodel = "cart.xml"\ncontrol_period = 0.02\nstart_noise = 0.1\nmax_episode_steps = 30\n'
+                        '[parameters]\nsysid = "parts.yaml"\nmass = { field = "body/*/mass", scale = "absolute" }\n')
+        data = self.folder / "logs.npz"
+        self.succeed("collect", "--task", task, "--policy", "sine", "--episodes", "2", "--threads", "1", "--out", data)
+        self.succeed("sweep", task, "--data", data, "--to", self.plan, *program.sets(DESIGN))
+        inputs = [pathlib.Path(entry["path"]).name for entry in self.lines()[0]["inputs"]]
+        self.assertEqual(sorted(inputs), ["cart.toml", "cart.xml", "joint.xml", "logs.npz", "parts.yaml"])
+        for file in (joint, parts):
+            kept = file.read_text()
+            file.write_text(kept + "\n")
+            result = program.oted("unit", self.plan, "--index", "0")
+            self.assertNotEqual(result.returncode, 0)
+            self.assertIn(f"{file.name}' is not what it was when the plan was written", result.stderr)
+            file.write_text(kept)
+        result = program.oted("submit", self.plan, "--engine", "local", "--retry-failed", "--quiet")
+        self.assertIn(result.returncode, (0, program.NO_SIMULATOR), result.stderr)
+
     def test_a_stopped_or_killed_unit_goes_on_to_the_bytes_of_one_that_was_not(self):
         slow = [s for s in DESIGN if "n_iterations" not in s] + ["design.method=transitions",
                                                                            "design.adversarial.n_iterations=100"]

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <sstream>
 
@@ -36,6 +37,29 @@ std::filesystem::path FindModelFile(const std::string& model) {
       fmt::format("task.model: no '{}' in {}; install the package, or name the folder that holds it in "
                   "OTED_PACKAGES",
                   inside, fmt::join(folders, ", ")));
+}
+
+std::vector<std::string> ModelFiles(const ModelTask& task) {
+  const std::filesystem::path file = FindModelFile(task.model);
+  const LoadedModel loaded = LoadModelWithMotors(file, task.motors, task.action_range);
+  std::vector<std::string> files = {file.string()};
+  const auto add = [&](const std::string& path) {
+    if (std::ranges::find(files, path) == files.end()) files.push_back(path);
+  };
+  mjStringVec included;
+  mju_getXMLDependencies(file.c_str(), &included);
+  for (const std::string& path : included) add(path);
+  const mjModel& model = *loaded.model;
+  const auto add_all = [&](const int* addresses, mjtSize n) {
+    for (mjtSize i = 0; i < n; ++i) {
+      if (addresses[i] >= 0) add(model.paths + addresses[i]);
+    }
+  };
+  add_all(model.mesh_pathadr, model.nmesh);
+  add_all(model.hfield_pathadr, model.nhfield);
+  add_all(model.skin_pathadr, model.nskin);
+  add_all(model.tex_pathadr, model.ntex);
+  return files;
 }
 
 std::string CompileToMjb(const ModelTask& task) {

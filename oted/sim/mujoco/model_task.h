@@ -33,7 +33,11 @@ struct ModelTask {
 /// was built with. @throws DataError when there is no such file.
 std::filesystem::path FindModelFile(const std::string& model);
 
-/// The compiled model, motors included, as a .mjb file has it: model_sha256 is of these bytes. @throws as above
+/// The files that the model is made of: its own first, then those that it includes, meshes, height fields, skins and
+/// textures. @throws as above
+std::vector<std::string> ModelFiles(const ModelTask& task);
+
+/// The compiled model, motors included, as a .mjb file has it. @throws as above
 std::string CompileToMjb(const ModelTask& task);
 
 }  // namespace oted
