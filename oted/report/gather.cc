@@ -152,6 +152,15 @@ std::string Title(const json& report, const fs::path& run_dir) {
   return fs::absolute(run_dir).lexically_normal().filename().string();
 }
 
+/// A dataset.json of another run would stand beside this run's results.
+void CheckSameData(const json& report, const fs::path& run_dir) {
+  if (!report.contains("dataset") || !report.contains("design") || !report["design"].contains("dataset")) return;
+  if (TextAt(report["dataset"], "sha256") == TextAt(report["design"]["dataset"], "sha256")) return;
+  throw DataError(
+      fmt::format("'{}' is of other data than 'design.json' there; restore it, or repeat the command that made the run",
+                  (run_dir / "dataset.json").string()));
+}
+
 json Gather(const fs::path& run_dir) {
   json report = {{"schema", "oted.report/1"}};
   const auto add = [&](const char* key, json value) {
@@ -159,6 +168,7 @@ json Gather(const fs::path& run_dir) {
   };
   add("dataset", ReadResult(run_dir / "dataset.json", "oted.dataset/1"));
   add("design", ReadResult(run_dir / "design.json", "oted.design/1"));
+  CheckSameData(report, run_dir);
   add("policy_selection", ReadResult(run_dir / "policy_selection.json", "oted.policy_selection/1"));
   add("replay", ReadResult(run_dir / "motion" / "replay.json", "oted.replay/1"));
   add("motion", ReadResult(run_dir / "motion" / "motion.json", "oted.motion/1"));

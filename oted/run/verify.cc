@@ -69,6 +69,8 @@ class Verifier {
         });
       }
     }
+    CheckOrigin("dataset.json", "dataset", "of other data");
+    CheckOrigin("model/model.json", "model", "of another model");
     Verification found;
     found.in_use = IsLocked(root_);
     for (const auto& [path, file] : files_) {
@@ -131,6 +133,21 @@ class Verifier {
     }
     if (SealOf(from) == seal) return;
     Set(record, FileState::kDamaged, fmt::format("it was made from another '{}'", Relative(source)));
+  }
+
+  /// What a run learned from is told twice: by a record of its own, and in design.json. One of another run shows there.
+  void CheckOrigin(const char* name, const char* field, const char* other) {
+    const fs::path design = root_ / "design.json", record = root_ / name;
+    for (const fs::path& file : {design, record}) {
+      const auto found = files_.find(file);
+      if (found == files_.end() || found->second.state != FileState::kWhole) return;
+    }
+    Guarded(record, [&] {
+      const json wanted = ReadSealed(design), got = ReadSealed(record);
+      const json::json_pointer of_design(fmt::format("/{}/sha256", field)), own("/sha256");
+      if (!wanted.contains(of_design) || !got.contains(own) || wanted[of_design] == got[own]) return;
+      Set(record, FileState::kDamaged, fmt::format("it is {} than 'design.json'", other));
+    });
   }
 
   std::string Relative(const fs::path& path) const { return path.lexically_relative(root_).string(); }

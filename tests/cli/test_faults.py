@@ -170,6 +170,18 @@ class TestDamage(RunTest):
         self.assertIn("was made from another 'design/default/1/q.json'", result.stdout)
         self.assertOneLine(oted("report", self.out, "--to", self.folder / "report"), DATA_OR_MODEL, "was made from another")
 
+    def test_data_of_another_run_beside_a_design_are_told(self):
+        other = self.folder / "other"
+        data = self.folder / "other.hdf5"
+        program.log_hopper(data, 3)
+        words = [data if word == str(self.demos) else word for word in self.words(other, verb="design")]
+        self.assertIn(oted(*words).returncode, (0, NO_SIMULATOR))
+        shutil.copy(other / "dataset.json", self.out / "dataset.json")
+        result = oted("verify", self.out)
+        self.assertEqual(result.returncode, DATA_OR_MODEL)
+        self.assertIn("of other data than 'design.json'", result.stdout)
+        self.assertOneLine(oted("report", self.out, "--to", self.folder / "report"), DATA_OR_MODEL, "dataset.json")
+
     def test_what_is_no_file_in_the_place_of_one_is_damage(self):
         for name in ("run.toml", "dataset.json", "export/export.json"):
             for make in (os.mkdir, os.mkfifo, lambda path: os.symlink("/dev/zero", path)):
@@ -254,7 +266,7 @@ class TestDirectory(RunTest):
         first.kill()
         first.wait()
         # The lock of a program that died holds nobody up, and what it left half-written goes.
-        left = self.out / "clone/policy.npz.tmp-0123abcd-99-1"
+        left = self.out / "clone/policy.npz.oted-tmp-0123abcd-99-1"
         left.parent.mkdir(exist_ok=True)
         left.write_text("half")
         self.assertIn(self.again(verb="clone").returncode, (0, NO_SIMULATOR))
