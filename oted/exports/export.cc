@@ -67,15 +67,18 @@ std::string ParameterLines(const DesignRecord& record, const std::vector<double>
 }
 
 // What made a file: of this run, and of no place or time.
+constexpr const char* kMadeBy = "Made by oted ";
+constexpr size_t kMarkWithin = 64;  // [bytes] of a file's beginning
+
 std::string Origin(const FinishedDesign& design, const Member& member) {
   const DesignRecord& record = design.record;
   return fmt::format(
-      "Made by oted {} with MuJoCo {} for {}: design {}, run.seed {}, setting {}, design seed {} of {}.\n"
+      "{}{} with MuJoCo {} for {}: design {}, run.seed {}, setting {}, design seed {} of {}.\n"
       "Logs: {} (sha256 {}).\nVerdict: {}.\nParameters (z +- spread of q over all seeds):\n{}",
-      record.oted_version, record.mujoco_version, record.task, record.fingerprint.empty() ? "?" : record.fingerprint,
-      design.config.run.seed, record.selected, member.seed, record.mixture.size(),
-      fs::path(record.dataset.path).filename().string(), record.dataset.sha256.substr(0, 16), ToString(record.verdict),
-      ParameterLines(record, member.mode));
+      kMadeBy, record.oted_version, record.mujoco_version, record.task,
+      record.fingerprint.empty() ? "?" : record.fingerprint, design.config.run.seed, record.selected, member.seed,
+      record.mixture.size(), fs::path(record.dataset.path).filename().string(), record.dataset.sha256.substr(0, 16),
+      ToString(record.verdict), ParameterLines(record, member.mode));
 }
 
 constexpr double kNearNominal = 0.005;  // of the range
@@ -88,7 +91,17 @@ bool IsSealedRecord(const fs::path& file) {
   return !record.is_discarded() && !SealOf(record).empty();
 }
 
-/// Nothing that the design was made from, or that a run consists of, becomes an export.
+/// Whether a file is there and is what an export leaves.
+bool IsExport(const fs::path& file) {
+  constexpr uint64_t kMost = uint64_t{64} << 20;
+  std::error_code error;
+  if (!fs::is_regular_file(file, error) || fs::file_size(file, error) > kMost) return false;
+  const std::string text = ReadFile(file);
+  return text.find(kMadeBy) < kMarkWithin || text.find("\"oted.q/") != std::string::npos;
+}
+
+/// Only an earlier export is overwritten: not what the design was made from (logs, a model's parts, a task file), nor a
+/// file of a run or of anybody.
 void CheckTarget(const FinishedDesign& design, const fs::path& target) {
   std::error_code error;
   const auto refuse = [&](const char* what) {
@@ -97,13 +110,14 @@ void CheckTarget(const FinishedDesign& design, const fs::path& target) {
   const fs::path inside = fs::weakly_canonical(target, error).lexically_relative(fs::weakly_canonical(design.folder));
   const bool is_in_run = !inside.empty() && *inside.begin() != "..";
   if (is_in_run && *inside.begin() != kExportFolder) refuse("lies among the files of the run, outside of export/");
-  if (!fs::exists(target, error)) return;
+  if (!fs::exists(target, error) || fs::is_directory(target, error)) return;
   if (!is_in_run && IsSealedRecord(target)) refuse("is the record of a run");
   std::vector<std::string> sources = design.config.data.AllFiles();
   sources.push_back(design.config.task.model.model);
   for (const std::string& source : sources) {
     if (!source.empty() && fs::equivalent(source, target, error)) refuse("is what the design was made from");
   }
+  if (!is_in_run && !IsExport(target)) refuse("is there already and is no export of oted");
 }
 
 /// "designed-2.xml" where each seed has a file of its own.
