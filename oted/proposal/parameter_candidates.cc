@@ -70,17 +70,21 @@ class Chooser {
 
   /// Everything that the model has, in the order of how often it is off.
   std::vector<ParameterSpec> Candidates() {
-    if (moving_.empty()) {
+    if (moving_.empty() && floating_.empty()) {
       left_out_.emplace_back("joints: none of those in the logs moves");
-    } else {
+    }
+    if (!moving_.empty()) {
       PerJoint("frictionloss", [](const Moving& m) { return 0.5 * m.force; }, {0, 10});
       PerJoint("damping", [](const Moving& m) { return m.force / m.speed; }, {0, 10});
       // In an arm of many joints a drive's rotor behind its gears weighs as much as the arm, however light its link.
       const double inertia =
           moving_.size() > kFewJoints ? Typical([](const Moving& m) { return m.joint->inertia; }) : 0;
       PerJoint("armature", [&](const Moving& m) { return std::max(m.joint->inertia, inertia); }, {0.2, 5});
+    }
+    if (!moving_.empty() || !floating_.empty()) {
       Drives();
       Masses();
+      Surroundings();
     }
     Add({"friction", "geom/*/friction[0]", 0.3, 3, ParameterScale::kNominal, true});
     const double steps = std::clamp(std::round(kLongestDelay_s / spec_.control_period_s), 1.0, 10.0);
@@ -98,8 +102,12 @@ class Chooser {
 
   void AddJoint(size_t j) {
     const ModelOutline::Joint& joint = model_.joints[j];
+    if (!joint.has_one_number()) {
+      if (Floats(joint)) floating_.push_back(&joint);
+      return;
+    }
     const int q = ChannelOf(fmt::format("joint/{}/qpos", joint.name));
-    if (!joint.has_one_number() || q < 0) return;
+    if (q < 0) return;
     if (StandardDeviation(Column(dataset_.observations, q)) < kMoves) {
       left_out_.push_back(fmt::format("joint {}: it hardly moves in the logs", joint.name));
       return;
@@ -119,6 +127,15 @@ class Chooser {
       moving.force = std::max(moving.force, LoggedForce(fmt::format("actuator/{}", joint.name)));
     }
     if (moving.speed > 0 && moving.force > 0) moving_.push_back(moving);
+  }
+
+  /// Whether the logs show a free or ball joint that moves.
+  bool Floats(const ModelOutline::Joint& joint) const {
+    for (size_t j = 0; j < spec_.observation_names.size(); ++j) {
+      if (!spec_.observation_names[j].starts_with(fmt::format("joint/{}/qpos[", joint.name))) continue;
+      if (StandardDeviation(Column(dataset_.observations, static_cast<int>(j))) >= kMoves) return true;
+    }
+    return false;
   }
 
   double LoggedForce(const std::string& action) const {
@@ -227,6 +244,24 @@ class Chooser {
     PerDrive("servo_stiffness", servos, "kp");
     PerDrive("servo_gain", speed_servos, "kv");
     if (all_motors || motors.size() <= kFewJoints) PerDrive("gain", motors, "gainprm[0]");
+    if (model_.has_activations) AddMultiple("drive_lag", "actuator/*/dynprm[0]");
+  }
+
+  /// What else the model has of springs, and of what it moves in.
+  void Surroundings() {
+    AddMultiple("stiffness", "joint/*/stiffness");
+    AddMultiple("tendon_stiffness", "tendon/*/stiffness");
+    AddMultiple("tendon_damping", "tendon/*/damping");
+    AddMultiple("viscosity", "opt/viscosity");
+    AddMultiple("density", "opt/density");
+  }
+
+  /// Multiples of a field, where the model has any of it.
+  void AddMultiple(const std::string& name, const std::string& path) {
+    if (!Exists(path)) return;
+    const PathInfo info = nominal_.Describe(path);
+    const auto is_some = [](const ParameterPlace& place) { return place.nominal != 0; };
+    if (std::ranges::any_of(info.places, is_some)) Add({name, path, 0.3, 3, ParameterScale::kNominal, true});
   }
 
   /// One for each of few drives, one for all of many.
@@ -243,6 +278,12 @@ class Chooser {
 
   void Masses() {
     const auto path = [](const std::string& body) { return fmt::format("body/{0}/mass + body/{0}/inertia", body); };
+    for (const ModelOutline::Joint* joint : floating_) {
+      // What flies, drives or walks carries most of its mass, and its payload, there.
+      Add({moving_.empty() && floating_.size() == 1 ? "mass" : "mass_" + joint->body, path(joint->body), 0.5, 2,
+           ParameterScale::kNominal, true});
+    }
+    if (moving_.empty()) return;
     if (moving_.size() > kFewJoints) {
       Add({"mass", path(Shared()), 0.5, 2, ParameterScale::kNominal, true});
       return;
@@ -269,6 +310,7 @@ class Chooser {
   const Dataset& dataset_;
   const ModelOutline& model_;
   std::vector<Moving> moving_;
+  std::vector<const ModelOutline::Joint*> floating_;  ///< joints of more than one number that move
   std::vector<ParameterSpec> candidates_;
   std::vector<std::string> left_out_;
 };

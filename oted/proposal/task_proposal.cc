@@ -289,7 +289,7 @@ class Proposer {
       const bool alone = has_velocities || std::ranges::find(hidden, PositionOf(path)) != hidden.end();
       if (alone && std::ranges::find(seen, path) == seen.end()) hidden.push_back(path);
     }
-    if (model_.has_activations) hidden.emplace_back("actuator/*/act");
+    // Not activations: kept at their start values they would be wrong in each window; the fit finds them.
     if (hidden.empty()) return;
     task_.unobserved = hidden;
     try {
