@@ -45,6 +45,8 @@ void InstallStopHandler() {
   if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
   action.sa_handler = OnGraceOver;
   sigaction(SIGALRM, &action, nullptr);
+  // Whoever starts this program may ignore it, and then nobody learns how a child ended.
+  std::signal(SIGCHLD, SIG_DFL);
 }
 
 void WaitForChildrenOnStop() { g_has_children = true; }
