@@ -10,6 +10,7 @@ import json
 import os
 import pathlib
 import resource
+import select
 import shutil
 import signal
 import subprocess
@@ -366,6 +367,32 @@ armature = {{ field = "joint/a/damping", range = [0.2, 5.0], scale = "absolute" 
             self.assertEqual(child.wait(timeout=20), INTERRUPTED)
             # The scheduler of a loaded machine included.
             self.assertLess(time.monotonic() - start, 3.5)
+
+    def full_pipe(self):
+        """The end to write to of a pipe that takes nothing more."""
+        read, write = os.pipe()
+        self.addCleanup(os.close, read)
+        self.addCleanup(os.close, write)
+        os.set_blocking(write, False)
+        try:
+            while True:
+                os.write(write, b"x" * select.PIPE_BUF)
+        except BlockingIOError:
+            os.set_blocking(write, True)
+        return write
+
+    def test_a_signal_is_answered_though_nobody_reads_what_is_printed(self):
+        task = self.task("2e-7")
+        for words, stream in ((["design", task, "--out", self.out, "--threads", "2"], "stderr"),
+                              (["design", task, "--out", self.out, "--threads", "2", "--quiet"], "stderr"), (["schema"], "stdout")):
+            streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: self.full_pipe()}
+            child = subprocess.Popen([program.OTED, *map(str, words)], **streams)
+            self.addCleanup(child.wait)
+            self.addCleanup(child.kill)
+            time.sleep(1)
+            self.assertIsNone(child.poll(), "it had ended by itself")
+            child.send_signal(signal.SIGTERM)
+            self.assertEqual(child.wait(timeout=20), INTERRUPTED, (words, stream))
 
 
 class TestHostileInput(ProgramTest):
