@@ -33,6 +33,12 @@ void FileSink::Scalar(std::string_view run, std::string_view key, int64_t step, 
   found->second->events.Scalar(key, step, value);
 }
 
+void FileSink::Finish(std::string_view run) {
+  const std::lock_guard lock(mutex_);
+  const auto found = files_.find(run);
+  if (found != files_.end()) files_.erase(found);
+}
+
 void FileSink::Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
                         std::string_view note) {
   if (inner_ != nullptr) inner_->Progress(stage, label, done, total, note);

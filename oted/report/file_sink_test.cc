@@ -84,6 +84,21 @@ TEST(FileSinkTest, ASecondProcessGoesOnWhereTheFirstStopped) {
   EXPECT_THAT(ReadCurves(folder / "clone/curves.csv").At("clone/train_loss"), ElementsAre(Pair(1, 3), Pair(2, 2)));
 }
 
+TEST(FileSinkTest, OpenFilesDoNotGrowWithUnitsThatAreFinished) {
+  TestFolder folder;
+  const auto n_open = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator());
+  };
+  FileSink sink(folder.path());
+  const auto before = n_open();
+  for (int unit = 0; unit < 20; ++unit) {
+    sink.Scalar(fmt::format("agents/{}", unit), "eval/mean_reward", 1, unit);
+    sink.Finish(fmt::format("agents/{}", unit));
+  }
+  EXPECT_EQ(n_open(), before);
+  EXPECT_THAT(ReadCurves(folder / "agents/7/curves.csv").At("eval/mean_reward"), ElementsAre(Pair(1, 7)));
+}
+
 TEST(FileSinkTest, ProgressAndWarningsGoToTheInnerSink) {
   TestFolder folder;
   Recorder recorder;

@@ -301,6 +301,14 @@ class TestDirectory(RunTest):
             self.again()
             self.assertAsFinished()
 
+    def test_open_files_do_not_grow_with_seeds_and_agents(self):
+        shutil.rmtree(self.out)
+        words = [{"selection.n_seeds=1": "selection.n_seeds=12", "agents.n_agents=1": "agents.n_agents=8"}.get(w, w)
+                 for w in self.words(self.out)]
+        result = subprocess.run([program.OTED, *words, "--quiet"], capture_output=True, text=True,
+                                preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (24, 24)))
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+
     def test_a_lock_that_is_written_in_parts_is_no_error(self):
         shutil.rmtree(self.out)
         for n in range(3, 5):  # the lock is the first file that is written
@@ -315,6 +323,10 @@ class TestDirectory(RunTest):
                                   preexec_fn=lambda: resource.setrlimit(which, (most, most)))
         shutil.rmtree(self.out)
         self.assertOneLine(under(resource.RLIMIT_FSIZE, 5000, *self.words(self.out, "--quiet")), DATA_OR_MODEL, "File too large")
+        self.again()
+        self.assertAsFinished()
+        shutil.rmtree(self.out)
+        self.assertOneLine(under(resource.RLIMIT_NOFILE, 6, *self.words(self.out, "--quiet")), DATA_OR_MODEL, "ulimit -n")
         self.again()
         self.assertAsFinished()
         for name in ("log.hdf5", "log-v0"):  # libhdf5 writes both
