@@ -80,6 +80,8 @@ class SessionSink : public CurvesLog {
   }
   void Warning(std::string_view message) override { queue_.Warning(message); }
   void Finish(std::string_view run) override { files_.Finish(run); }
+  std::string CurvesMark(std::string_view run) override { return files_.CurvesMark(run); }
+  void GoOn(std::string_view run, std::string_view mark) override { files_.GoOn(run, mark); }
 
  private:
   FileSink files_;

@@ -20,6 +20,8 @@ class FileSink : public CurvesLog {
   ~FileSink() override;
 
   void Finish(std::string_view run) override;
+  std::string CurvesMark(std::string_view run) override;
+  void GoOn(std::string_view run, std::string_view mark) override;
   /// @throws DataError when the files cannot be written.
   void Scalar(std::string_view run, std::string_view key, int64_t step, double value) override;
   void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
@@ -28,6 +30,8 @@ class FileSink : public CurvesLog {
 
  private:
   struct Files;
+  /// Opens them where they are not open; the lock is held. @param least  what the curves must begin with, a mark
+  Files& FilesOf(std::string_view run, std::string_view least = "");
 
   std::filesystem::path run_dir_;
   LogSink* inner_;
