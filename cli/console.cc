@@ -1,19 +1,46 @@
 #include "cli/console.h"
 
 #include <fcntl.h>
+#include <poll.h>
+#include <stdio_ext.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 
+#include "cli/stop.h"
 #include "oted/base/error.h"
 
 namespace oted::cli {
 namespace {
 
+/// How long a stop waits for stderr to take a line, and how often a wait looks whether there is a stop.
+constexpr int kPatienceMs = 100;
+/// A pipe that takes anything takes so much at once.
+constexpr size_t kPiece = 4096;
+static_assert(kPiece <= PIPE_BUF);
+
+/// Waits until stderr takes a piece. @return false when it takes none, and there is a stop to be answered
+bool StderrTakesMore() {
+  for (;;) {
+    const bool stops = g_stop;
+    pollfd entry{STDERR_FILENO, POLLOUT, 0};
+    const int ready = ::poll(&entry, 1, kPatienceMs);
+    if (ready > 0) return true;
+    if (ready < 0 && errno != EINTR) return true;  // the write will say
+    if (ready == 0 && stops) return false;
+  }
+}
+
 [[noreturn]] void FailOutput(int error) {
+  if (g_stop) {
+    ::__fpurge(stdout);  // the end of the program would wait for it again
+    throw Interrupted("interrupted; run the same command again to go on from here");
+  }
   throw DataError(fmt::format(
       "cannot write to standard output: {}; what was computed is in its files: send the output elsewhere and "
       "run the command again",
@@ -42,8 +69,12 @@ void FinishOutput() {
 }
 
 void Say(std::string_view text) {
-  std::fwrite(text.data(), 1, text.size(), stderr);
-  std::fflush(stderr);
+  while (!text.empty() && StderrTakesMore()) {
+    const ssize_t n = ::write(STDERR_FILENO, text.data(), std::min(text.size(), kPiece));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return;
+    text.remove_prefix(static_cast<size_t>(n));
+  }
 }
 
 }  // namespace oted::cli

@@ -14,7 +14,7 @@ namespace oted::cli {
 /// or file that takes no more be an error instead of a signal. To be called first.
 void PrepareStreams();
 
-/// Writes to stdout. @throws DataError when it takes no more
+/// Writes to stdout. @throws DataError when it takes no more, Interrupted when there is a stop, too
 void PrintText(std::string_view text);
 template <class... Args>
 void Print(fmt::format_string<Args...> format, Args&&... args) {
@@ -23,7 +23,7 @@ void Print(fmt::format_string<Args...> format, Args&&... args) {
 /// Brings what was printed to where stdout leads. @throws DataError
 void FinishOutput();
 
-/// Writes to stderr, if that is possible.
+/// Writes to stderr, if that is possible. A pipe or terminal that takes nothing is waited for until there is a stop.
 void Say(std::string_view text);
 
 }  // namespace oted::cli

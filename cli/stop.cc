@@ -17,6 +17,8 @@ namespace {
 /// For work to come to where its state is on the disk. Then the program ends where it stands: files are whole at any
 /// moment, and the work since the last checkpoint is done again.
 constexpr timeval kGrace = {1, 500'000};
+/// For a line to where stderr leads: a pipe that nobody reads or a stopped terminal takes none.
+constexpr timeval kGraceOfLine = {0, 100'000};
 
 std::atomic<bool> g_has_children{false};
 
@@ -28,6 +30,10 @@ extern "C" void OnInterrupt(int) {
 }
 
 extern "C" void OnGraceOver(int) {
+  static std::atomic<bool> writes{false};
+  if (writes.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
+  const itimerval grace = {{0, 0}, kGraceOfLine};
+  ::setitimer(ITIMER_REAL, &grace, nullptr);
   constexpr char kLine[] = "\noted: interrupted; run the same command again to go on from here\n";
   [[maybe_unused]] const ssize_t unused = ::write(STDERR_FILENO, kLine, sizeof kLine - 1);
   std::_Exit(static_cast<int>(ExitCode::kInterrupted));
@@ -44,7 +50,10 @@ void InstallStopHandler() {
   struct sigaction before {};
   if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
   action.sa_handler = OnGraceOver;
+  action.sa_flags = SA_NODEFER;  // the line it writes has a grace of its own
   sigaction(SIGALRM, &action, nullptr);
+  // Whoever starts this program may ignore it, and then nobody learns how a child ended.
+  std::signal(SIGCHLD, SIG_DFL);
 }
 
 void WaitForChildrenOnStop() { g_has_children = true; }

@@ -67,7 +67,7 @@ class EventQueue : public LogSink {
 };
 
 /// Scalars into the run directory's files and to Python, the rest to Python.
-class SessionSink : public LogSink {
+class SessionSink : public CurvesLog {
  public:
   SessionSink(const std::string& out, EventQueue& queue) : files_(out, &queue), queue_(queue) {}
   void Scalar(std::string_view run, std::string_view key, int64_t step, double value) override {
@@ -79,6 +79,9 @@ class SessionSink : public LogSink {
     queue_.Progress(stage, label, done, total, note);
   }
   void Warning(std::string_view message) override { queue_.Warning(message); }
+  void Finish(std::string_view run) override { files_.Finish(run); }
+  std::string CurvesMark(std::string_view run) override { return files_.CurvesMark(run); }
+  void GoOn(std::string_view run, std::string_view mark) override { files_.GoOn(run, mark); }
 
  private:
   FileSink files_;

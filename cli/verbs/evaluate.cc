@@ -13,6 +13,7 @@
 #include "cli/settings_help.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/nn/onnx_hash.h"
 #include "oted/nn/onnx_policy.h"
 #include "oted/report/report.h"
 #include "oted/rl/batch_policy.h"
@@ -63,6 +64,10 @@ TaskConfig TaskOf(const RunConfig& config, const std::string& policy) {
   throw UsageError(fmt::format("'{}' does not say its task; add --task", policy));
 }
 
+std::string PolicySha256(const std::string& policy) {
+  return policy.ends_with(".onnx") ? Sha256OfOnnx(policy) : Sha256OfFile(policy);
+}
+
 const char* EpisodeEnd(const EpisodeResult& episode) {
   if (episode.diverged()) return "diverged";
   return episode.end == LaneStatus::kTerminated ? "terminated" : "time limit";
@@ -95,7 +100,7 @@ void EvaluateFile(const EvaluateOptions& options) {
     }
     Print("{}\n", json{{"schema", "oted.policy_evaluation/1"},
                        {"policy", options.policy},
-                       {"policy_sha256", Sha256OfFile(options.policy)},
+                       {"policy_sha256", PolicySha256(options.policy)},
                        {"task", config.task.name},
                        {"parameters", parameters},
                        {"seed", config.run.seed},

@@ -57,6 +57,9 @@ std::string LastLine(const fs::path& log) {
 std::string MessageOf(int exit_code, const fs::path& log) {
   if (EndOf(exit_code) == UnitEnd::kDone) return "";
   if (exit_code <= 128 || exit_code == static_cast<int>(ExitCode::kInterrupted)) return LastLine(log);
+  if (exit_code == ChildProgram::kUnknownEnd) {
+    return fmt::format("it ended and the system does not say how; its last line: {}", LastLine(log));
+  }
   return fmt::format("signal {} ({}) ended it; its last line: {}", exit_code - 128, ::strsignal(exit_code - 128),
                      LastLine(log));
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/data/checkpoint_curves.h"
 
 namespace oted {
 namespace {
@@ -12,13 +13,14 @@ namespace {
 constexpr int64_t kInterval = 2'000;   // steps between points of the curves and between checkpoints
 constexpr int64_t kStopInterval = 50;  // steps between looks at whether to stop
 
-void SaveCheckpoint(OfflineLearner& learner, const std::filesystem::path& path) {
+void SaveCheckpoint(OfflineLearner& learner, const OfflineJob& job, const std::filesystem::path& path) {
   NpzArrays arrays;
   learner.Save(arrays);
+  KeepCurvesMark(*job.context.log, job.run_name, arrays);
   WriteCheckpoint(arrays, path);
 }
 
-void RestoreCheckpoint(OfflineLearner& learner, const std::filesystem::path& path) {
+void RestoreCheckpoint(OfflineLearner& learner, const OfflineJob& job, const std::filesystem::path& path) {
   const NpzArrays arrays = ReadCheckpoint(path);
   try {
     learner.Restore(arrays);
@@ -27,6 +29,7 @@ void RestoreCheckpoint(OfflineLearner& learner, const std::filesystem::path& pat
     throw DataError(fmt::format("checkpoint '{}' does not fit this baseline ({}); remove it to start anew",
                                 path.string(), e.what()));
   }
+  GoOnWithCurves(*job.context.log, job.run_name, arrays);
 }
 
 }  // namespace
@@ -34,7 +37,7 @@ void RestoreCheckpoint(OfflineLearner& learner, const std::filesystem::path& pat
 OfflineResult LearnOffline(OfflineLearner& learner, const OfflineJob& job) {
   const RunContext& context = job.context;
   const std::filesystem::path path = job.folder / "checkpoint.npz";
-  if (std::filesystem::exists(path)) RestoreCheckpoint(learner, path);
+  if (std::filesystem::exists(path)) RestoreCheckpoint(learner, job, path);
   const auto progress = [&] {
     const auto losses = learner.Losses();
     context.log->Progress("train", job.run_name, learner.n_steps(), learner.total(),
@@ -55,7 +58,7 @@ OfflineResult LearnOffline(OfflineLearner& learner, const OfflineJob& job) {
     }
     if (is_point || step % kStopInterval == 0) progress();
     const bool stops = (is_point || step % kStopInterval == 0) && context.StopRequested();
-    if (is_point || stops) SaveCheckpoint(learner, path);
+    if (is_point || stops) SaveCheckpoint(learner, job, path);
     if (stops) context.ThrowIfStopped();
   }
   return {learner.MakePolicy(), learner.Losses()};

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/data/gzip.h"
@@ -70,6 +72,21 @@ TEST(Gzip, GivesBackItsBytesAndPythonReadsThem) {
   const std::string whole = Gzip(text);
   for (const size_t size : {size_t{2}, size_t{12}, whole.size() / 2, whole.size() - 1}) {
     EXPECT_THAT(MessageOf<DataError>([&] { Gunzip(whole.substr(0, size), "a.csv.gz"); }), HasSubstr("'a.csv.gz'"));
+  }
+}
+
+TEST(Gzip, GivesBackItsBytesHoweverWellTheyDeflate) {
+  const TestFolder folder;
+  for (const bool begins_with_noise : {false, true}) {
+    std::string text(size_t{100} << 20, '0');
+    std::mt19937 random(1);
+    for (size_t i = 0; begins_with_noise && i < size_t{1} << 20; ++i) text[i] = static_cast<char>(random());
+    const std::string packed = Gzip(text);
+    EXPECT_LT(packed.size(), size_t{8} << 20);
+    EXPECT_EQ(Gunzip(packed, "a"), text);
+    WriteFileAtomically(folder / "ours.gz", packed);
+    EXPECT_TRUE(
+        RunPython("import gzip\nassert len(gzip.open('ours.gz').read()) == " + std::to_string(text.size()), folder));
   }
 }
 

@@ -231,6 +231,18 @@ TEST(Npz, MembersThatTogetherUnpackToFarMoreThanTheFileAreRefusedBeforeThat) {
               testing::AllOf(HasSubstr("a.npz"), HasSubstr("numpy.savez")));
 }
 
+TEST(Npz, WhatIsWrittenIsReadHoweverWellItDeflates) {
+  std::map<std::string, std::string> members = {{"small", std::string(size_t{3} << 20, '\0')},
+                                                {"middle", std::string(size_t{8} << 20, '\0')},
+                                                {"large", std::string(size_t{100} << 20, '\0')}};
+  const std::string bytes = ZipBytes(members);
+  EXPECT_LT(bytes.size(), size_t{5} << 20) << "the smallest that suffices is stored";
+  EXPECT_EQ(ParseZip(bytes, "a.npz"), members);
+  members.erase("small");
+  members["middle"] += std::string(size_t{200} << 20, '\1');
+  EXPECT_EQ(ParseZip(ZipBytes(members), "a.npz"), members);
+}
+
 TEST(Npz, AMemberThatInflatesToAnotherSizeThanItClaimsIsRefused) {
   // The size lies at offset 22 of the local header and 24 of the directory's entry; only the latter is believed.
   std::string bytes = Unsealed(ZipBytes({{"a.npy", std::string(1000, 'x')}}));

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <set>
 #include <string_view>
+#include <utility>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -155,7 +157,10 @@ bool HasZipSeal(const std::string& bytes) {
   return bytes.size() > size && std::string_view(bytes).substr(bytes.size() - size).starts_with(kSeal);
 }
 
-std::string ZipBytes(const std::map<std::string, std::string>& members, ZipMethod method) {
+namespace {
+
+/// @param stored  members that are not deflated
+std::string Archived(const std::map<std::string, std::string>& members, const std::set<std::string>& stored) {
   // libzip removes an archive without members instead of writing it.
   if (members.empty()) return kEmpty + std::string(kEmptySize - (sizeof kEmpty - 1), '\0');
   const Source buffer(zip_source_buffer_create(nullptr, 0, 0, nullptr));
@@ -163,7 +168,9 @@ std::string ZipBytes(const std::map<std::string, std::string>& members, ZipMetho
   zip_source_keep(buffer.get());  // for the archive, which gives its own share back
   Archive archive(zip_open_from_source(buffer.get(), ZIP_TRUNCATE, nullptr));
   OTED_CHECK(archive != nullptr);
-  for (const auto& [name, content] : members) AddMember(archive.get(), name, content, method);
+  for (const auto& [name, content] : members) {
+    AddMember(archive.get(), name, content, stored.contains(name) ? ZipMethod::kStored : ZipMethod::kDeflated);
+  }
   const std::string room = std::string(kSeal) + std::string(kHashSize, '0');
   OTED_CHECK(zip_set_archive_comment(archive.get(), room.data(), static_cast<zip_uint16_t>(room.size())) == 0);
   OTED_CHECK(zip_close(archive.get()) == 0);
@@ -177,6 +184,40 @@ std::string ZipBytes(const std::map<std::string, std::string>& members, ZipMetho
   OTED_CHECK(HasZipSeal(bytes));
   bytes.replace(bytes.size() - kHashSize, kHashSize, SealOver(bytes));
   return bytes;
+}
+
+/// The smallest member that makes the archive `missing` bytes larger where it is stored, else the largest; null where
+/// all are stored.
+const std::string* NextToStore(const std::map<std::string, std::string>& members, const std::set<std::string>& stored,
+                               uint64_t missing) {
+  const std::pair<const std::string, std::string>* best = nullptr;
+  for (const auto& member : members) {
+    if (stored.contains(member.first)) continue;
+    const bool is_enough = member.second.size() >= missing;
+    const bool was_enough = best != nullptr && best->second.size() >= missing;
+    const bool is_smaller = best != nullptr && member.second.size() < best->second.size();
+    if (best == nullptr || (is_enough != was_enough ? is_enough : is_enough == is_smaller)) best = &member;
+  }
+  return best == nullptr ? nullptr : &best->first;
+}
+
+}  // namespace
+
+std::string ZipBytes(const std::map<std::string, std::string>& members, ZipMethod method) {
+  std::set<std::string> stored;
+  uint64_t size = 0;
+  for (const auto& [name, content] : members) {
+    size += content.size();
+    if (method == ZipMethod::kStored) stored.insert(name);
+  }
+  for (;;) {
+    std::string bytes = Archived(members, stored);
+    const uint64_t budget = UnpackBudget(bytes.size());
+    if (size <= budget) return bytes;
+    const std::string* next = NextToStore(members, stored, (size - budget) / kUnpackRatio + 1);
+    OTED_CHECK(next != nullptr);  // what is stored fits
+    stored.insert(*next);
+  }
 }
 
 }  // namespace oted

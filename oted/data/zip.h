@@ -20,7 +20,8 @@ bool HasZipSeal(const std::string& bytes);
 
 enum class ZipMethod { kDeflated, kStored };
 
-/// A sealed archive with a fixed time stamp: equal members give equal bytes. Each member is below 4 GiB.
+/// A sealed archive with a fixed time stamp: equal members give equal bytes. Each member is below 4 GiB. Where all
+/// deflated would unpack to more than ParseZip takes, as few as needed are stored.
 /// @throws DataError
 std::string ZipBytes(const std::map<std::string, std::string>& members, ZipMethod method = ZipMethod::kDeflated);
 

@@ -43,6 +43,7 @@ class Reader {
     std::erase_if(file.inputs, [&](const OnnxInterface& input) { return file.initializers.contains(input.name); });
     return file;
   }
+  std::vector<std::string> WeightFiles() const { return external_.Names(); }
 
  private:
   static void ReadOpset(pbf_reader message, OnnxFile& file) {
@@ -216,10 +217,7 @@ class Reader {
   std::string bytes_;
 };
 
-}  // namespace
-
-OnnxFile ReadOnnx(const std::filesystem::path& path) {
-  Reader reader(path);
+OnnxFile ReadWith(Reader& reader, const std::filesystem::path& path) {
   try {
     return reader.Read();
   } catch (const DataError& e) {
@@ -228,6 +226,19 @@ OnnxFile ReadOnnx(const std::filesystem::path& path) {
     throw DataError(
         fmt::format("'{}' is no ONNX model, or a damaged one ({}); export it again", path.string(), e.what()));
   }
+}
+
+}  // namespace
+
+OnnxFile ReadOnnx(const std::filesystem::path& path) {
+  Reader reader(path);
+  return ReadWith(reader, path);
+}
+
+std::vector<std::string> OnnxWeightFiles(const std::filesystem::path& path) {
+  Reader reader(path);
+  ReadWith(reader, path);
+  return reader.WeightFiles();
 }
 
 }  // namespace oted

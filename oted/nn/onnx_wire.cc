@@ -80,6 +80,12 @@ std::string OnnxExternalData::Read(const std::map<std::string, std::string>& ent
   return data->second.substr(offset, length);
 }
 
+std::vector<std::string> OnnxExternalData::Names() const {
+  std::vector<std::string> names;
+  for (const auto& [name, unused] : files_) names.push_back(name);
+  return names;
+}
+
 namespace {
 
 /// A TensorProto as it stands in the file.

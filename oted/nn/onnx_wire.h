@@ -7,6 +7,7 @@
 #include <protozero/pbf_reader.hpp>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "oted/nn/onnx_file.h"
 
@@ -42,6 +43,8 @@ class OnnxExternalData {
   explicit OnnxExternalData(std::filesystem::path folder) : folder_(std::move(folder)) {}
   /// The bytes that `entries` (location, offset, length) name; `label` is the tensor's, for errors.
   std::string Read(const std::map<std::string, std::string>& entries, const std::string& label);
+  /// The files that were read, sorted.
+  std::vector<std::string> Names() const;
 
  private:
   std::filesystem::path folder_;
@@ -51,5 +54,8 @@ class OnnxExternalData {
 
 /// TensorProto. @param name  gets the tensor's, unless null
 OnnxTensor ReadOnnxTensor(protozero::pbf_reader message, OnnxExternalData& external, std::string* name);
+
+/// The files beside a model that hold its weights, sorted by name. @throws DataError as ReadOnnx
+std::vector<std::string> OnnxWeightFiles(const std::filesystem::path& path);
 
 }  // namespace oted

@@ -73,7 +73,13 @@ ChildProgram::~ChildProgram() {
 std::optional<int> ChildProgram::Poll() {
   if (exit_code_) return exit_code_;
   int status = 0;
-  if (::waitpid(pid_, &status, WNOHANG) == pid_) exit_code_ = CodeOf(status);
+  const pid_t ended = ::waitpid(pid_, &status, WNOHANG);
+  if (ended == pid_) {
+    exit_code_ = CodeOf(status);
+  } else if (ended < 0 && errno == ECHILD) {
+    // It is gone, and no later look would tell more.
+    exit_code_ = kUnknownEnd;
+  }
   return exit_code_;
 }
 

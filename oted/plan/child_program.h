@@ -13,6 +13,9 @@ namespace oted {
 /// alone. The system kills it when this process dies.
 class ChildProgram {
  public:
+  /// No program and no signal leaves it.
+  static constexpr int kUnknownEnd = 256;
+
   /// @param words  the program and its arguments  @param output  file that takes both streams at its end
   /// @throws DataError when it cannot be started
   ChildProgram(const std::vector<std::string>& words, const std::filesystem::path& output);
@@ -21,7 +24,8 @@ class ChildProgram {
   ChildProgram(ChildProgram&& other) noexcept;
   ChildProgram& operator=(ChildProgram&&) = delete;
 
-  /// The exit code, or 128 and the signal that ended it; none while it runs.
+  /// The exit code, or 128 and the signal that ended it; none while it runs. kUnknownEnd where it has ended and the
+  /// system kept no status, as where this process ignores SIGCHLD.
   std::optional<int> Poll();
   /// To its whole group.
   void Signal(int signal);

@@ -2,7 +2,10 @@
 
 #include <gmock/gmock.h>
 
+#include <chrono>
+#include <csignal>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
@@ -109,6 +112,16 @@ TEST(ChildProgram, EndsWithItsCodeOrItsSignal) {
   while (!(code = none.Poll())) {
   }
   EXPECT_EQ(*code, 127);
+}
+
+TEST(ChildProgram, IsSeenToEndWhereTheSystemKeepsNoStatus) {
+  const TestFolder folder;
+  const auto before = std::signal(SIGCHLD, SIG_IGN);
+  ChildProgram child({"sh", "-c", "exit 3"}, folder / "log");
+  std::optional<int> code;
+  for (int i = 0; i < 2000 && !(code = child.Poll()); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  std::signal(SIGCHLD, before);
+  EXPECT_EQ(code, ChildProgram::kUnknownEnd);
 }
 
 TEST(ChildProgram, OutputIsWhatItPrintsAndAFailureSaysWhy) {

@@ -97,7 +97,7 @@ const Curve& Curves::At(const std::string& key) const {
   return found == by_key.end() ? kNone : found->second;
 }
 
-CurvesWriter::CurvesWriter(const fs::path& path) {
+CurvesWriter::CurvesWriter(const fs::path& path, std::string_view least) {
   if (path.has_parent_path()) MakeFolders(path.parent_path());
   const fs::path mark_file = path.parent_path() / kMarkFile;
   std::string text, mark;
@@ -105,11 +105,13 @@ CurvesWriter::CurvesWriter(const fs::path& path) {
   if (fs::exists(mark_file)) mark = ReadFile(mark_file);
   const size_t complete = text.rfind('\n') + 1;  // 0 when there is no complete line
   if (complete > 0 && mark.empty()) CheckHeader(path, text);
-  if (!mark.empty() && !IsWhole(text, mark)) {
-    fs::rename(path, path.string() + ".damaged");
+  if ((!mark.empty() && !IsWhole(text, mark)) || (!least.empty() && !IsWhole(text, least))) {
+    if (fs::exists(path)) fs::rename(path, path.string() + ".damaged");
     set_aside_ = true;
     text.clear();
     mark.clear();
+  } else if (!least.empty() && (mark.empty() || WholeMark::FromText(mark)->size < WholeMark::FromText(least)->size)) {
+    mark = least;
   }
   file_.emplace(path, O_WRONLY | O_CREAT);
   mark_.emplace(mark_file, O_WRONLY | O_CREAT);
@@ -126,11 +128,13 @@ void CurvesWriter::TakeOver(std::string text, const fs::path& path, const std::s
   checksum_ = Checksum(0, text);
 }
 
+std::string CurvesWriter::MarkOfAll() const { return WholeMark{size_, checksum_}.ToText(); }
+
 void CurvesWriter::Write(const std::string& text) {
   file_->WriteAt(size_, text);
   size_ += text.size();
   checksum_ = Checksum(checksum_, text);
-  mark_->WriteAt(0, WholeMark{size_, checksum_}.ToText());
+  mark_->WriteAt(0, MarkOfAll());
 }
 
 void CurvesWriter::Append(int64_t step, std::string_view key, double value) {

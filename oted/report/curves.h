@@ -31,10 +31,14 @@ class CurvesWriter {
  public:
   /// A file that is not whole is kept as curves.csv.damaged and begun anew.
   /// @throws DataError when the file cannot be written, or is no curves.csv.
-  explicit CurvesWriter(const std::filesystem::path& path);
+  /// @param least  a mark (WholeMark) of what the file must begin with, for a checkpoint was written behind it; a file
+  /// that does not is not whole, whatever checkpoint.curves says
+  explicit CurvesWriter(const std::filesystem::path& path, std::string_view least = "");
   /// Appends one row and hands it to the system. Steps of a key do not descend. @throws DataError when the disk takes
   /// no more.
   void Append(int64_t step, std::string_view key, double value);
+  /// Of what the file holds now.
+  std::string MarkOfAll() const;
   /// Whether a damaged file was set aside.
   bool set_aside() const { return set_aside_; }
 

@@ -8,7 +8,8 @@
 namespace oted {
 
 struct FileSink::Files {
-  explicit Files(const std::filesystem::path& folder) : curves(folder / "curves.csv"), events(folder) {}
+  Files(const std::filesystem::path& folder, std::string_view least)
+      : curves(folder / "curves.csv", least), events(folder) {}
   CurvesWriter curves;
   EventFileWriter events;
 };
@@ -17,20 +18,42 @@ FileSink::FileSink(std::filesystem::path run_dir, LogSink* inner) : run_dir_(std
 
 FileSink::~FileSink() = default;
 
-void FileSink::Scalar(std::string_view run, std::string_view key, int64_t step, double value) {
-  const std::lock_guard lock(mutex_);
+FileSink::Files& FileSink::FilesOf(std::string_view run, std::string_view least) {
   auto found = files_.find(run);
   if (found == files_.end()) {
-    found = files_.emplace(std::string(run), std::make_unique<Files>(run_dir_ / run)).first;
+    found = files_.emplace(std::string(run), std::make_unique<Files>(run_dir_ / run, least)).first;
     if (found->second->curves.set_aside()) {
       Warning(
-          fmt::format("'{}' was damaged or cut short: it is kept as curves.csv.damaged, and the curves go on in a "
-                      "new file",
+          fmt::format("'{}' was damaged or cut short: what is left of it is kept as curves.csv.damaged, and the curves "
+                      "go on in a new file",
                       (run_dir_ / run / "curves.csv").string()));
     }
   }
-  found->second->curves.Append(step, key, value);
-  found->second->events.Scalar(key, step, value);
+  return *found->second;
+}
+
+void FileSink::Scalar(std::string_view run, std::string_view key, int64_t step, double value) {
+  const std::lock_guard lock(mutex_);
+  Files& files = FilesOf(run);
+  files.curves.Append(step, key, value);
+  files.events.Scalar(key, step, value);
+}
+
+std::string FileSink::CurvesMark(std::string_view run) {
+  const std::lock_guard lock(mutex_);
+  const auto found = files_.find(run);
+  return found == files_.end() ? "" : found->second->curves.MarkOfAll();
+}
+
+void FileSink::GoOn(std::string_view run, std::string_view mark) {
+  const std::lock_guard lock(mutex_);
+  if (!mark.empty()) FilesOf(run, mark);
+}
+
+void FileSink::Finish(std::string_view run) {
+  const std::lock_guard lock(mutex_);
+  const auto found = files_.find(run);
+  if (found != files_.end()) files_.erase(found);
 }
 
 void FileSink::Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,

@@ -11,6 +11,8 @@
 namespace oted::file_sink_test {
 
 using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
 using testing::Pair;
 
 class Recorder : public NullSink {
@@ -82,6 +84,64 @@ TEST(FileSinkTest, ASecondProcessGoesOnWhereTheFirstStopped) {
   FileSink(folder.path()).Scalar("clone", "clone/train_loss", 1, 3);
   FileSink(folder.path()).Scalar("clone", "clone/train_loss", 2, 2);
   EXPECT_THAT(ReadCurves(folder / "clone/curves.csv").At("clone/train_loss"), ElementsAre(Pair(1, 3), Pair(2, 2)));
+}
+
+TEST(FileSinkTest, OpenFilesDoNotGrowWithUnitsThatAreFinished) {
+  TestFolder folder;
+  const auto n_open = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator());
+  };
+  FileSink sink(folder.path());
+  const auto before = n_open();
+  for (int unit = 0; unit < 20; ++unit) {
+    sink.Scalar(fmt::format("agents/{}", unit), "eval/mean_reward", 1, unit);
+    sink.Finish(fmt::format("agents/{}", unit));
+  }
+  EXPECT_EQ(n_open(), before);
+  EXPECT_THAT(ReadCurves(folder / "agents/7/curves.csv").At("eval/mean_reward"), ElementsAre(Pair(1, 7)));
+}
+
+TEST(FileSinkTest, CurvesOlderThanTheCheckpointAreSetAsideWithAWarning) {
+  TestFolder folder;
+  const std::filesystem::path unit = folder / "agents/1", old = folder / "old";
+  const std::vector<std::string> files = {"curves.csv", "checkpoint.curves"};
+  const auto write_two = [&] {
+    FileSink sink(folder.path());
+    EXPECT_EQ(sink.CurvesMark("agents/1"), "");
+    sink.Scalar("agents/1", "eval/mean_reward", 1, 3);
+    std::filesystem::create_directories(old);
+    for (const std::string& name : files) {
+      std::filesystem::copy_file(unit / name, old / name, std::filesystem::copy_options::overwrite_existing);
+    }
+    sink.Scalar("agents/1", "eval/mean_reward", 2, 4);
+    return sink.CurvesMark("agents/1");
+  };
+  const auto go_on = [&](const std::string& mark) {
+    Recorder recorder;
+    FileSink sink(folder.path(), &recorder);
+    sink.GoOn("agents/1", mark);
+    sink.Scalar("agents/1", "eval/mean_reward", 3, 5);
+    return recorder.heard;
+  };
+  const auto restore = [&](const std::string& name) {
+    std::filesystem::copy_file(old / name, unit / name, std::filesystem::copy_options::overwrite_existing);
+  };
+  const auto curve = [&] { return ReadCurves(unit / "curves.csv").At("eval/mean_reward"); };
+  const Curve whole = {{1, 3}, {2, 4}, {3, 5}};
+
+  EXPECT_THAT(go_on(write_two()), IsEmpty()) << "what the checkpoint was written behind is there";
+  EXPECT_EQ(curve(), whole);
+  std::filesystem::remove_all(unit);
+  const std::string mark = write_two();
+  restore("checkpoint.curves");
+  EXPECT_THAT(go_on(mark), IsEmpty()) << "an old mark alone loses no row";
+  EXPECT_EQ(curve(), whole);
+  for (const std::string& name : files) restore(name);
+  EXPECT_THAT(go_on(mark), ElementsAre(HasSubstr("curves.csv.damaged")));
+  EXPECT_THAT(curve(), ElementsAre(Pair(3, 5)));
+  EXPECT_EQ(ReadFile(unit / "curves.csv.damaged"), ReadFile(old / "curves.csv"));
+  std::filesystem::remove_all(unit);
+  EXPECT_THAT(go_on(mark), ElementsAre(HasSubstr("curves.csv"))) << "none are there at all";
 }
 
 TEST(FileSinkTest, ProgressAndWarningsGoToTheInnerSink) {

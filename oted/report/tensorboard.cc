@@ -1,16 +1,13 @@
 #include "oted/report/tensorboard.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <protozero/pbf_writer.hpp>
-
-#include "oted/base/error.h"
 
 namespace oted {
 namespace {
@@ -71,11 +68,7 @@ EventFileWriter::EventFileWriter(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder, failed);
   path_ = folder / fmt::format("events.out.tfevents.{}.{}.{}.{}", static_cast<int64_t>(WallTime()), HostName(),
                                ::getpid(), counter++);
-  file_.open(path_, std::ios::binary | std::ios::trunc);
-  if (!file_) {
-    throw DataError(fmt::format("cannot create '{}': {}; choose a run directory that can be written", path_.string(),
-                                std::strerror(errno)));
-  }
+  file_.emplace(path_, O_WRONLY | O_CREAT | O_TRUNC);
   std::string event;
   protozero::pbf_writer writer(event);
   writer.add_double(1, WallTime());
@@ -97,11 +90,6 @@ void EventFileWriter::Scalar(std::string_view tag, int64_t step, double value) {
   Append(event);
 }
 
-void EventFileWriter::Append(std::string_view event) {
-  const std::string record = TfRecord(event);
-  file_.write(record.data(), static_cast<std::streamsize>(record.size()));
-  file_.flush();
-  if (!file_) throw DataError(fmt::format("cannot write '{}': free some disk space and run again", path_.string()));
-}
+void EventFileWriter::Append(std::string_view event) { file_->Write(TfRecord(event)); }
 
 }  // namespace oted

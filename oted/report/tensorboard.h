@@ -4,9 +4,11 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
+#include <optional>
 #include <string>
 #include <string_view>
+
+#include "oted/base/files.h"
 
 namespace oted {
 
@@ -32,7 +34,7 @@ class EventFileWriter {
   void Append(std::string_view event);
 
   std::filesystem::path path_;
-  std::ofstream file_;
+  std::optional<OpenFile> file_;
 };
 
 }  // namespace oted

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "oted/base/statistics.h"
+#include "oted/data/checkpoint_curves.h"
 #include "oted/rl/evaluations.h"
 
 namespace oted {
@@ -73,18 +74,19 @@ std::vector<std::pair<std::string, double>> Figures(const Learner& learner) {
 /// A checkpoint grows with the replay: the next one is due after this part of the control steps made until then.
 constexpr int64_t kCheckpointsApart = 20;
 
-void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const std::filesystem::path& folder) {
+void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const AgentJob& job) {
   NpzArrays arrays;
   learner.Save(arrays);
   arrays["eval/steps"] = NpyArray(curve.eval_steps);
   arrays["eval/returns"] = NpyArray(curve.eval_returns);
   arrays["eval/best"] = NpyArray(std::vector<double>{curve.eval_return, static_cast<double>(curve.n_diverged)});
   arrays["best"] = NpyArray(curve.kept);
-  WriteCheckpoint(arrays, folder / "checkpoint.npz");
+  KeepCurvesMark(*job.context.log, job.run_name, arrays);
+  WriteCheckpoint(arrays, job.folder / "checkpoint.npz");
 }
 
-void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const std::filesystem::path& folder) {
-  const std::filesystem::path path = folder / "checkpoint.npz";
+void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const AgentJob& job) {
+  const std::filesystem::path path = job.folder / "checkpoint.npz";
   const NpzArrays arrays = ReadCheckpoint(path);
   try {
     learner.Restore(arrays);
@@ -100,6 +102,7 @@ void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const std::filesy
     throw DataError(fmt::format("checkpoint '{}' does not fit this agent ({}); remove it to start the agent anew",
                                 path.string(), e.what()));
   }
+  GoOnWithCurves(*job.context.log, job.run_name, arrays);
 }
 
 }  // namespace
@@ -109,7 +112,7 @@ LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const Train
   const RunContext& context = job.context;
   Evaluations evaluations(job, schedule, curve);
   if (std::filesystem::exists(job.folder / "checkpoint.npz")) {
-    RestoreCheckpoint(learner, curve, job.folder);
+    RestoreCheckpoint(learner, curve, job);
     // A run that was killed may have left a segment without its evaluation.
     if (curve.eval_steps.empty() || curve.eval_steps.back() < learner.n_steps()) evaluations.Begin(learner, {});
   }
@@ -127,14 +130,14 @@ LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const Train
     const int64_t n = learner.n_steps();
     const bool stops = context.StopRequested();
     if (n - saved >= n / kCheckpointsApart || n >= schedule.n_steps || stops) {
-      SaveCheckpoint(learner, curve, job.folder);
+      SaveCheckpoint(learner, curve, job);
       saved = n;
     }
     if (!stops) continue;
-    if (evaluations.Finish()) SaveCheckpoint(learner, curve, job.folder);
+    if (evaluations.Finish()) SaveCheckpoint(learner, curve, job);
     context.ThrowIfStopped();
   }
-  if (evaluations.Finish()) SaveCheckpoint(learner, curve, job.folder);
+  if (evaluations.Finish()) SaveCheckpoint(learner, curve, job);
   return curve;
 }
 

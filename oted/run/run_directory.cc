@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "oted/base/curves_log.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/seal.h"
@@ -247,7 +248,11 @@ void RunDirectory::Begin(const Artifact& artifact) const {
 void RunDirectory::Complete(const Artifact& artifact, json& record) const {
   if (held_ != nullptr) held_->lock.CheckPlace();
   const fs::path folder = artifact.file.parent_path();
-  if (HasFolder(artifact)) SetAsideDamagedCurves(folder);
+  if (HasFolder(artifact)) {
+    // Each seed and agent has files of its own: held to the end of a stage, they would be as many as these.
+    if (CurvesLog* curves = held_ == nullptr ? nullptr : CurvesOf(held_->log)) curves->Finish(NameOf(folder));
+    SetAsideDamagedCurves(folder);
+  }
   record["fingerprint"] = artifact.fingerprint;
   record.erase("made_from");
   for (const fs::path& source : artifact.made_from) {

@@ -76,6 +76,21 @@ class TestEvaluate(ProgramTest):
         self.assertAlmostEqual(ours["mean_return"], theirs["mean_return"], delta=0.02 * abs(ours["mean_return"]))
         self.assertNotEqual(ours["mean_return"], 0)
 
+    def test_the_hash_of_a_policy_is_also_of_its_weights_in_another_file(self):
+        path = self.folder / "actor.onnx"
+        hashes, models = [], []
+        for name in ("medium", "expert"):
+            write_foreign(path, np.load(POLICIES / f"hopper/{name}.npz"))
+            weights = self.folder / "actor.data"
+            weights.unlink(missing_ok=True)
+            onnx.save_model(onnx.load(path), path, save_as_external_data=True, location=weights.name, size_threshold=0)
+            models.append(path.read_bytes())
+            printed = "".join(f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.name}\n" for p in (path, weights))
+            hashes.append(self.evaluate("--policy", path, task="Hopper-v5")["policy_sha256"])
+            self.assertEqual(hashes[-1], hashlib.sha256(printed.encode()).hexdigest())
+        self.assertEqual(models[0], models[1], "the weights alone tell the policies apart")
+        self.assertNotEqual(hashes[0], hashes[1])
+
     def test_seed_threads_and_parameters(self):
         words = ("--policy", POLICIES / "hopper/medium.npz")
         run = lambda *more: self.evaluate(*words, *more, task="Hopper-v5")["episodes"]

@@ -10,6 +10,7 @@ import json
 import os
 import pathlib
 import resource
+import select
 import shutil
 import signal
 import subprocess
@@ -312,6 +313,14 @@ class TestDirectory(RunTest):
             self.again()
             self.assertAsFinished()
 
+    def test_open_files_do_not_grow_with_seeds_and_agents(self):
+        shutil.rmtree(self.out)
+        words = [{"selection.n_seeds=1": "selection.n_seeds=12", "agents.n_agents=1": "agents.n_agents=8"}.get(w, w)
+                 for w in self.words(self.out)]
+        result = subprocess.run([program.OTED, *words, "--quiet"], capture_output=True, text=True,
+                                preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (24, 24)))
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+
     def test_a_lock_that_is_written_in_parts_is_no_error(self):
         shutil.rmtree(self.out)
         for n in range(3, 5):  # the lock is the first file that is written
@@ -326,6 +335,10 @@ class TestDirectory(RunTest):
                                   preexec_fn=lambda: resource.setrlimit(which, (most, most)))
         shutil.rmtree(self.out)
         self.assertOneLine(under(resource.RLIMIT_FSIZE, 5000, *self.words(self.out, "--quiet")), DATA_OR_MODEL, "File too large")
+        self.again()
+        self.assertAsFinished()
+        shutil.rmtree(self.out)
+        self.assertOneLine(under(resource.RLIMIT_NOFILE, 6, *self.words(self.out, "--quiet")), DATA_OR_MODEL, "ulimit -n")
         self.again()
         self.assertAsFinished()
         for name in ("log.hdf5", "log-v0"):  # libhdf5 writes both
@@ -378,6 +391,32 @@ armature = {{ field = "joint/a/damping", range = [0.2, 5.0], scale = "absolute" 
             self.assertEqual(child.wait(timeout=20), INTERRUPTED)
             # The scheduler of a loaded machine included.
             self.assertLess(time.monotonic() - start, 3.5)
+
+    def full_pipe(self):
+        """The end to write to of a pipe that takes nothing more."""
+        read, write = os.pipe()
+        self.addCleanup(os.close, read)
+        self.addCleanup(os.close, write)
+        os.set_blocking(write, False)
+        try:
+            while True:
+                os.write(write, b"x" * select.PIPE_BUF)
+        except BlockingIOError:
+            os.set_blocking(write, True)
+        return write
+
+    def test_a_signal_is_answered_though_nobody_reads_what_is_printed(self):
+        task = self.task("2e-7")
+        for words, stream in ((["design", task, "--out", self.out, "--threads", "2"], "stderr"),
+                              (["design", task, "--out", self.out, "--threads", "2", "--quiet"], "stderr"), (["schema"], "stdout")):
+            streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: self.full_pipe()}
+            child = subprocess.Popen([program.OTED, *map(str, words)], **streams)
+            self.addCleanup(child.wait)
+            self.addCleanup(child.kill)
+            time.sleep(1)
+            self.assertIsNone(child.poll(), "it had ended by itself")
+            child.send_signal(signal.SIGTERM)
+            self.assertEqual(child.wait(timeout=20), INTERRUPTED, (words, stream))
 
 
 class TestHostileInput(ProgramTest):

@@ -142,6 +142,16 @@ class PlanTest(program.HopperTest):
         self.assertEqual(result.read_bytes(), (self.out / "design.json").read_bytes())
         self.assertIn("was done", self.succeed("unit", self.plan, "--index", "0").stderr)
 
+    def test_a_caller_that_ignores_the_ends_of_children_holds_no_unit_up(self):
+        self.assertEqual(self.sweep("--data", self.demos, settings=DESIGN).returncode, 0)
+        for words in (["unit", self.plan, "--index", "0"], ["submit", self.plan, "--engine", "local", "--quiet"]):
+            result = subprocess.run([program.OTED, *map(str, words)], capture_output=True, text=True, timeout=120,
+                                    preexec_fn=lambda: signal.signal(signal.SIGCHLD, signal.SIG_IGN))
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(self.states(), ["done"])
+            for path in self.root.glob("units/*"):
+                shutil.rmtree(path)
+
     def wait_for_checkpoint(self, unit, start):
         """Until it has something that it made itself to go on with."""
         while time.time() - start < 60 and unit.poll() is None:

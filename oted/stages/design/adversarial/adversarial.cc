@@ -11,6 +11,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
+#include "oted/data/checkpoint_curves.h"
 #include "oted/stages/design/adversarial/joint_clone.h"
 
 namespace oted {
@@ -126,8 +127,9 @@ struct DesignState {
     q.SetState(mean);
   }
 
-  void Save(const std::filesystem::path& path, JointClone* joint) const {
+  void Save(const std::filesystem::path& path, JointClone* joint, const DesignProblem& problem) const {
     NpzArrays arrays;
+    KeepCurvesMark(*problem.context.log, problem.run_name, arrays);
     if (joint != nullptr) joint->Save(arrays);
     g.Save(arrays);
     arrays["q/state"] = NpyArray(q.State());
@@ -141,7 +143,7 @@ struct DesignState {
     WriteCheckpoint(arrays, path);
   }
 
-  void Restore(const std::filesystem::path& path, JointClone* joint) {
+  void Restore(const std::filesystem::path& path, JointClone* joint, const DesignProblem& problem) {
     const NpzArrays arrays = ReadCheckpoint(path);
     if (joint != nullptr) joint->Restore(arrays, path.string());
     g.Restore(arrays, path.string());
@@ -164,6 +166,7 @@ struct DesignState {
       lanes.push_back(std::move(rows));
     }
     if (!lanes.empty()) replay.Add(std::move(lanes));
+    GoOnWithCurves(*problem.context.log, problem.run_name, arrays);
   }
 };
 
@@ -236,7 +239,7 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
                     {},
                     0};
   const std::filesystem::path checkpoint = folder / "checkpoint.npz";
-  if (std::filesystem::exists(checkpoint)) state.Restore(checkpoint, joint ? &*joint : nullptr);
+  if (std::filesystem::exists(checkpoint)) state.Restore(checkpoint, joint ? &*joint : nullptr, problem);
 
   while (state.iteration < config.n_iterations) {
     const RngKey iteration_key = key.Stage("iteration").Index(static_cast<uint64_t>(state.iteration));
@@ -276,7 +279,7 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
     state.reward_sum += Mean(rewards);
     LogIteration(state, rewards, step, config.n_iterations, run_name, *context.log);
     if (context.StopRequested() || state.iteration % kCheckpointInterval == 0) {
-      state.Save(checkpoint, joint ? &*joint : nullptr);
+      state.Save(checkpoint, joint ? &*joint : nullptr, problem);
     }
     context.ThrowIfStopped();
   }
