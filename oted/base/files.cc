@@ -14,6 +14,8 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -251,6 +253,46 @@ bool IsStream(const fs::path& path) {
 
 }  // namespace
 
+namespace {
+
+struct Guard {
+  fs::path folder;
+  std::function<void()> check;
+};
+
+struct Guards {
+  std::mutex mutex;
+  std::map<uint64_t, Guard> by_id;
+  uint64_t next = 0;
+
+  static Guards& All() {
+    static Guards guards;
+    return guards;
+  }
+  void Check(const fs::path& path) {
+    const std::lock_guard lock(mutex);
+    for (const auto& [id, guard] : by_id) {
+      const auto [in_folder, unused] = std::ranges::mismatch(guard.folder, path);
+      if (in_folder == guard.folder.end()) guard.check();
+    }
+  }
+};
+
+}  // namespace
+
+WriteGuard::WriteGuard(const fs::path& folder, std::function<void()> check) {
+  Guards& guards = Guards::All();
+  const std::lock_guard lock(guards.mutex);
+  id_ = guards.next++;
+  const bool ends_with_slash = folder.has_parent_path() && !folder.has_filename();
+  guards.by_id[id_] = {ends_with_slash ? folder.parent_path() : folder, std::move(check)};
+}
+
+WriteGuard::~WriteGuard() {
+  const std::lock_guard lock(Guards::All().mutex);
+  Guards::All().by_id.erase(id_);
+}
+
 AtomicFile::AtomicFile(fs::path path) : path_(BehindLinks(path)) {
   static std::atomic<int> counter{0};
   std::error_code error;
@@ -260,6 +302,7 @@ AtomicFile::AtomicFile(fs::path path) : path_(BehindLinks(path)) {
     throw UsageError(
         fmt::format("'{}' is no regular file but a device, pipe or socket; name a file to write", path.string()));
   }
+  Guards::All().Check(path);
   if (path_.has_parent_path()) MakeFolders(path_.parent_path());
   RemoveDeadTemporaries(path_);
   temporary_path_ = path_;

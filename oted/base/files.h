@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <span>
@@ -23,6 +24,19 @@ class FileError : public DataError {
 /// returns, the file and its name are on the disk. Creates missing parent folders.
 /// @throws FileError naming the path and the system's reason; the old file is then untouched.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes);
+
+/// While it lives, every AtomicFile below `folder` asks `check` first, which throws where the folder is not to be
+/// written to any more: one that was moved away would be made anew.
+class WriteGuard {
+ public:
+  WriteGuard(const std::filesystem::path& folder, std::function<void()> check);
+  ~WriteGuard();
+  WriteGuard(const WriteGuard&) = delete;
+  WriteGuard& operator=(const WriteGuard&) = delete;
+
+ private:
+  uint64_t id_;
+};
 
 /// A path beside `path` to write to, and its move to `path` on Commit; removed when never committed. For libraries
 /// that want to write a file or a folder themselves (HDF5, Minari).

@@ -155,6 +155,23 @@ TEST(AtomicFile, TemporariesAreRemovedInOnesOwnFoldersAloneAndNotThoseOfPrograms
   EXPECT_TRUE(fs::exists(folder / "own/backup.tmp-20261126-2"));
 }
 
+TEST(WriteGuard, WhatIsGuardedIsNotMadeAnewAndTheRestIsWritten) {
+  const TestFolder folder;
+  const fs::path run = folder.path() / "run";
+  WriteFileAtomically(run / "a", "");
+  {
+    const WriteGuard guard(run / "", [&] {
+      if (!fs::exists(run)) throw DataError("gone");
+    });
+    EXPECT_NO_THROW(WriteFileAtomically(run / "b", ""));
+    fs::remove_all(run);
+    EXPECT_THROW(WriteFileAtomically(run / "deep/c", ""), DataError);
+    EXPECT_FALSE(fs::exists(run));
+    EXPECT_NO_THROW(WriteFileAtomically(folder.path() / "running/c", "")) << "another folder";
+  }
+  EXPECT_NO_THROW(WriteFileAtomically(run / "c", ""));
+}
+
 TEST(Sha256, MatchesThePublishedVectors) {
   // FIPS 180-4's examples.
   EXPECT_EQ(Sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");

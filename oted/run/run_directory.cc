@@ -53,8 +53,9 @@ struct RunDirectory::Found {
 
 /// What a directory that is written to has beside its place.
 struct RunDirectory::Held {
-  Held(const fs::path& root, LogSink* log_) : lock(root), log(log_) {}
+  Held(const fs::path& root, LogSink* log_) : lock(root), guard(root, [this] { lock.CheckPlace(); }), log(log_) {}
   RunLock lock;
+  WriteGuard guard;
   LogSink* log;
   std::mutex mutex;
   std::set<std::string> warned;
