@@ -26,6 +26,17 @@ TEST(CheckTomlCharacters, ACharacterBeyondAsciiElsewhereNamesItsLine) {
   }
 }
 
+TEST(CheckTomlCharacters, ANameOfVeryManyPartsIsRefusedBeforeTheParserDescendsIntoIt) {
+  std::string parts;
+  for (int i = 0; i < 200000; ++i) parts += "a.";
+  for (const std::string& text : {"[" + parts + "a]\n", "x = {" + parts + "a = 1}", parts + "a = 1"}) {
+    EXPECT_THAT(MessageOf<UsageError>([&] { CheckTomlCharacters(text, "run.toml"); }), HasSubstr("run.toml:1: a name"));
+  }
+  std::string numbers = "x = [";
+  for (int i = 0; i < 1000; ++i) numbers += "1.5, ";
+  EXPECT_NO_THROW(CheckTomlCharacters(numbers + "2.5]\na.b.c = 1", "run.toml"));
+}
+
 TEST(CheckTomlCharacters, StringsThatDoNotEndAreLeftToTheParser) {
   for (const char* text : {"a = \"é", "a = \"é\\", "a = '''é", "\"\"\"", "'"}) {
     EXPECT_NO_THROW(CheckTomlCharacters(text, "run.toml")) << text;

@@ -20,6 +20,7 @@ namespace oted {
 namespace {
 
 constexpr int kMostIterations = 100'000;
+constexpr mjtSize kMostModel = mjtSize{1} << 27;  // [bytes], compiled: of it a program holds several
 constexpr mjtSize kMostArena = mjtSize{1} << 30;  // [bytes], of each simulation
 
 [[noreturn]] void FailToLoad(const std::filesystem::path& path, const std::string& reason) {
@@ -64,6 +65,12 @@ void CheckOptions(const mjModel& model, const std::filesystem::path& path) {
     if (n < 0 || n > kMostIterations) {
       fail(fmt::format("its option {} is {}, wanted 0 to {}", name, n, kMostIterations));
     }
+  }
+  if (model.nbuffer > kMostModel) {
+    fail(fmt::format(
+        "compiled, it takes {} MiB, wanted at most {}; make its textures, height fields and meshes smaller, "
+        "or take out what is only looked at",
+        model.nbuffer >> 20, kMostModel >> 20));
   }
   if (model.narena > kMostArena) {
     fail(fmt::format("it asks for {} MiB of memory in each simulation, wanted at most {}", model.narena >> 20,

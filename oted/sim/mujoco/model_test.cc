@@ -42,6 +42,14 @@ TEST(LoadModel, EqualFilesGiveEqualFingerprints) {
   EXPECT_NE(hash("walker2d.xml"), hash("walker2d_v5.xml"));
 }
 
+TEST(LoadModel, AModelThatASmallFileBlowsUpIsRefused) {
+  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "oted_large.xml";
+  std::ofstream(path) << "<mujoco><asset><texture name='t' type='2d' builtin='flat' width='7000' height='7000'/>"
+                         "</asset><worldbody><geom size='1'/></worldbody></mujoco>";
+  EXPECT_THAT([&] { LoadModel(path); },
+              ThrowsMessage<DataError>(AllOf(HasSubstr(path.string()), HasSubstr("140 MiB, wanted at most 128"))));
+}
+
 TEST(LoadModel, SaysWhyAFileDoesNotCompileInOneLine) {
   const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "oted_broken.xml";
   std::ofstream(path) << "<mujoco><worldbody><geom type='sphere' size='-1'/></worldbody></mujoco>";
