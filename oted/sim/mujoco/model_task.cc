@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <regex>
 #include <sstream>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
 #include "oted/base/package_folders.h"
 #include "oted/sim/mujoco/model.h"
 
@@ -39,6 +41,22 @@ std::filesystem::path FindModelFile(const std::string& model) {
                   inside, fmt::join(folders, ", ")));
 }
 
+namespace {
+
+/// The files that tags of MJCF read as parts of the model: <include file="..."/> and <model file="..."/>. Paths are
+/// relative to the model's own folder.
+std::vector<std::string> NamedIn(const std::string& text, const std::filesystem::path& folder) {
+  static const std::regex tag(R"re(<(?:include|model)\s[^>]*?file\s*=\s*["']([^"']+)["'])re");
+  std::vector<std::string> named;
+  for (std::sregex_iterator found(text.begin(), text.end(), tag), end; found != end; ++found) {
+    const std::filesystem::path path = folder / (*found)[1].str();
+    if (std::filesystem::is_regular_file(path)) named.push_back(path.string());
+  }
+  return named;
+}
+
+}  // namespace
+
 std::vector<std::string> ModelFiles(const ModelTask& task) {
   const std::filesystem::path file = FindModelFile(task.model);
   const LoadedModel loaded = LoadModelWithMotors(file, task.motors, task.action_range);
@@ -46,9 +64,10 @@ std::vector<std::string> ModelFiles(const ModelTask& task) {
   const auto add = [&](const std::string& path) {
     if (std::ranges::find(files, path) == files.end()) files.push_back(path);
   };
-  mjStringVec included;
-  mju_getXMLDependencies(file.c_str(), &included);
-  for (const std::string& path : included) add(path);
+  // Of MJCF, as mju_getXMLDependencies would; that one fills a vector of the library's own C++.
+  for (size_t i = 0; i < files.size(); ++i) {
+    for (const std::string& path : NamedIn(ReadFile(files[i]), file.parent_path())) add(path);
+  }
   const mjModel& model = *loaded.model;
   const auto add_all = [&](const int* addresses, mjtSize n) {
     for (mjtSize i = 0; i < n; ++i) {
