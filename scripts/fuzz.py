@@ -28,6 +28,7 @@ import study_data
 FOLDER = ROOT / "build/fuzz"
 RESULTS = ROOT / "benchmarks/results/fuzz.jsonl"
 MOST_FAILURES = 10  # of a family: more are mostly the same one again
+ROUND = 300  # [s]
 LIMITS = ["-timeout=30", "-rss_limit_mb=2048", f"-malloc_limit_mb={2**31 - 1}", "-max_len=65536"]
 # No leak check: libmujoco and libhdf5 keep what they make. What libhdf5 itself does wrong is the child's end, and a refusal.
 SUPPRESSED = "interceptor_via_lib:libhdf5"
@@ -93,14 +94,18 @@ class Search:
             self.last = dict(zip(("edges", "features", "corpus", "peak_mib"), map(int, progress[-1])))
 
     def run(self, minutes, seed):
+        """Yields what was searched so far after every round: a search that is stopped has lost one at most."""
         begin = processor_seconds()
         n_rounds = 0
         while (left := minutes * 60 - (processor_seconds() - begin)) > 1 and len(self.found) < MOST_FAILURES:
-            self.once(left, 1000 * seed + n_rounds)
+            self.once(min(left, ROUND), 1000 * seed + n_rounds)
             n_rounds += 1
+            yield self.record(begin, seed)
         for path in self.work.rglob("*"):
             if path.is_file():
                 path.unlink()
+
+    def record(self, begin, seed):
         return {"schema": "oted.fuzz/2", "minutes": round((processor_seconds() - begin) / 60, 2), "seed": seed, "inputs": self.inputs,
                 **self.last, "failed": len(self.found), "refused_by_child": self.refused, "sanitizers": "address,undefined"}
 
@@ -127,8 +132,9 @@ def main():
         parser.error(f"got {', '.join(sorted(unknown))}, wanted some of {', '.join(families)}")
     n_failed = 0
     for family in options.families or families:
-        record = Search(options.program, family).run(options.minutes, options.seed)
-        study_data.add_record(RESULTS, family, with_earlier(record, study_data.records(RESULTS).get(family)))
+        earlier = study_data.records(RESULTS).get(family)
+        for record in Search(options.program, family).run(options.minutes, options.seed):
+            study_data.add_record(RESULTS, family, with_earlier(record, earlier))
         n_failed += record["failed"]
         print(f"{family:10} {record['inputs']:9} inputs, {record.get('edges', 0):6} edges, {record['failed']} failed", flush=True)
     if n_failed:
