@@ -94,8 +94,8 @@ void CheckDuplicates(const Dataset& d, const std::vector<Episode>& episodes, con
        .what = fmt::format("{} rows ({:.1f} %) repeat an earlier transition to the last bit", rows.size(), 100 * share),
        .row = rows[0],
        .count = static_cast<int64_t>(rows.size()),
-       .meaning = "a transition logged twice weighs twice; many of them mean a log that was written twice",
-       .remedy = "remove the copies"});
+       .meaning = "a log that was written twice weighs twice; coarse sensors of a slow robot show equal rows, too",
+       .remedy = "remove what was written twice; leave what coarse sensors repeat"});
 }
 
 void CheckStanding(const Dataset& d, const std::vector<Episode>& episodes, std::vector<Finding>& findings) {
@@ -241,8 +241,12 @@ void CheckJumps(const Dataset& d, const TaskFacts& facts, const Changes& changes
                            n, kJump, any_timeout ? "" : "; no row is marked as a timeout"),
        .row = first,
        .count = n,
-       .meaning = "most likely resets that no terminal or timeout marks, or dropped samples: the design fits the jump",
-       .remedy = "mark the last row before each jump as a timeout, and give its own next_observations where known"});
+       .meaning =
+           "resets that no terminal or timeout marks, or dropped samples, of which the design would fit the jump; or "
+           "a few rows of a motion that is fast and real",
+       .remedy =
+           "look at these rows; mark the last one before a reset as a timeout, and give its own next_observations "
+           "where known"});
 }
 
 void CheckEpisodes(const Dataset& d, const std::vector<Episode>& episodes, const TaskFacts& facts,
