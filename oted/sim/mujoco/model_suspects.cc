@@ -41,8 +41,12 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"friction", "geom/*/friction[0]"},
       {"contact_time", "geom/*/solref[0]"},
       {"contact_damping", "geom/*/solref[1]"},
+      {"tendon_stiffness", "tendon/*/stiffness"},
+      {"viscosity", "opt/viscosity"},
+      {"density", "opt/density"},
       {"inertia", "body/*/inertia"},
       {"gravity", "opt/gravity[2]"}};
+  if (model.na > 0) places.push_back({"drive_lag", "actuator/*/dynprm[0]"});
   if (const double down = std::abs(model.opt.gravity[2]);
       down > 0 && model.opt.gravity[0] == 0 && model.opt.gravity[1] == 0) {
     // A base that does not stand level, and a floor that is none.

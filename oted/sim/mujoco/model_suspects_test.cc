@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "oted/base/files.h"
+#include "oted/base/testing.h"
+#include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 
 namespace oted::model_suspects_test {
@@ -31,6 +34,22 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   EXPECT_THAT(fields, Not(Contains("actuator/*/kp")));            // motors
   EXPECT_THAT(fields, Not(Contains("opt/gravity[2]")));           // searched
   EXPECT_THAT(fields, Not(Contains("geom/*/friction[0]")));       // searched in part
+}
+
+TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "fish.xml", R"(<mujoco>
+    <option viscosity="0.1"/>
+    <worldbody><body><joint name="fin" axis="0 1 0"/><geom size="0.1 0.1" type="capsule"/></body></worldbody>
+    <tendon><fixed name="cord" stiffness="2"><joint joint="fin" coef="1"/></fixed></tendon>
+    <actuator><general joint="fin" dyntype="filter" dynprm="0.1"/></actuator>
+  </mujoco>)");
+  const LoadedModel loaded = LoadModel(folder / "fish.xml");
+  const std::vector<std::string> fields = Fields(ModelSuspects(*loaded.model, ParameterSpace()));
+  EXPECT_THAT(fields, Contains("actuator/*/dynprm[0]"));
+  EXPECT_THAT(fields, Contains("tendon/*/stiffness"));
+  EXPECT_THAT(fields, Contains("opt/viscosity"));
+  EXPECT_THAT(fields, Not(Contains("opt/density")));
 }
 
 TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {
