@@ -1,8 +1,12 @@
 #include "oted/collect/demonstrations.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -31,6 +35,54 @@ void RoundToFloat(std::span<double> actions) {
   for (double& a : actions) a = static_cast<double>(static_cast<float>(a));
 }
 
+constexpr const char* kIdentityFile = "behavior.json";
+
+nlohmann::json IdentityOf(const SimulatorFactory& factory, const std::vector<double>& z,
+                          const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed) {
+  nlohmann::json parameters = nlohmann::json::object();
+  for (int i = 0; i < factory.parameters().size(); ++i) {
+    parameters[factory.parameters()[i].field] = z[static_cast<size_t>(i)];
+  }
+  const char* algorithm = std::holds_alternative<SacConfig>(agent) ? "sac" : "crossq";
+  return {{"schema", "oted.behavior/1"},
+          {"task", factory.spec().task},
+          {"model", factory.model_sha256()},
+          {"parameters", parameters},
+          {"seed", seed},
+          {algorithm, std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent)}};
+}
+
+/// A training goes on only as it began, but for more steps. @throws UsageError naming what differs
+void CheckSameTraining(const std::filesystem::path& folder, const nlohmann::json& identity) {
+  const std::filesystem::path file = folder / kIdentityFile;
+  const bool has_work =
+      std::filesystem::exists(folder / "checkpoint.npz") || std::filesystem::exists(folder / "training.json");
+  if (std::filesystem::exists(file)) {
+    const nlohmann::json before = ReadJson(file).flatten(), now = identity.flatten();
+    std::vector<std::string> differ;
+    const auto value = [](const nlohmann::json& flat, const std::string& key) {
+      return flat.contains(key) ? flat[key].dump() : std::string("none");
+    };
+    std::set<std::string> keys;
+    for (const nlohmann::json* flat : {&before, &now}) {
+      for (const auto& [key, unused] : flat->items()) keys.insert(key);
+    }
+    for (const std::string& key : keys) {
+      if (value(before, key) == value(now, key)) continue;
+      if (key.ends_with("/n_steps") && before.contains(key) && now.contains(key) && now[key] > before[key]) continue;
+      differ.push_back(fmt::format("{} {}, not {}", key.substr(1), value(before, key), value(now, key)));
+    }
+    if (!differ.empty()) {
+      throw UsageError(fmt::format("'{}' holds a training with {}; choose another --out, or remove it", folder.string(),
+                                   fmt::join(differ, "; ")));
+    }
+  } else if (has_work) {
+    throw UsageError(
+        fmt::format("'{}' holds a training by another version of oted; choose another --out", folder.string()));
+  }
+  WriteJson(file, identity);
+}
+
 Dataset CheckedLogs(const EpisodeRecorder& recorder) {
   if (recorder.n_diverged() > 0) {
     throw DataError(
@@ -45,6 +97,8 @@ Dataset CheckedLogs(const EpisodeRecorder& recorder) {
 BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const std::vector<double>& z,
                                        const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
                                        const std::filesystem::path& folder, const RunContext& context) {
+  const nlohmann::json identity = IdentityOf(factory, z, agent, seed);
+  CheckSameTraining(folder, identity);
   const RngKey key = RngKey(seed).Stage("behavior policies");
   const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
   DrawnEpisodes source([&](Rng&) { return z; });
@@ -97,6 +151,7 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const st
   nlohmann::json record = {
       {"task", spec.task},
       {"seed", seed},
+      {"parameters", identity["parameters"]},
       {"episodes", kJudgeEpisodes},
       {"expert", describe(result.expert_step, result.expert_return)},
       {"medium", describe(result.medium_step, result.medium_return)},

@@ -26,8 +26,10 @@ struct BehaviorPolicies {
 /// Trains one agent in the simulator at parameters `z`. The expert is the best evaluated policy; the medium
 /// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the expert's (D4RL's
 /// convention). Snapshots of every evaluation lie in `folder` while it trains, so that a stopped run goes on.
-/// Writes expert.npz, medium.npz and training.json into `folder`.
+/// Writes expert.npz, medium.npz and training.json into `folder`, and first what is trained (behavior.json): only more
+/// steps of the same may follow there.
 /// @param agent  the algorithm, by its settings
+/// @throws UsageError where `folder` holds another training
 BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const std::vector<double>& z,
                                        const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
                                        const std::filesystem::path& folder, const RunContext& context);

@@ -1,5 +1,6 @@
 #include "oted/collect/demonstrations.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,6 +13,8 @@
 #include "oted/sim/testing.h"
 
 namespace oted::demonstrations_test {
+
+using testing::HasSubstr;
 
 /// Pushes with u ~ N(mean, 0.3^2), wherever the mass is.
 TanhGaussianPolicy Pushing(float mean) {
@@ -134,6 +137,41 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
   const TanhGaussianPolicy loaded = TanhGaussianPolicy::Load(folder / "expert.npz");
   EXPECT_EQ(loaded.net().parameters(), policies.expert.net().parameters());
   EXPECT_EQ(TanhGaussianPolicy::Load(folder / "medium.npz").net().parameters(), policies.medium.net().parameters());
+}
+
+TEST(TrainBehaviorPolicies, OnlyMoreStepsOfTheSameTrainingFollowInItsFolder) {
+  const TestFolder folder;
+  SacConfig config;
+  config.n_steps = 300;
+  config.learning_starts = 100;
+  config.eval_interval = 100;
+  config.batch_size = 16;
+  config.hidden = {8};
+  NullSink log;
+  const PointMassFactory factory;
+  std::vector<double> z = factory.parameters().Nominal();
+  const auto train = [&](const SacConfig& changed, uint64_t seed) {
+    return TrainBehaviorPolicies(factory, z, changed, seed, folder.path(), {&log, nullptr, 1});
+  };
+  const auto message = [&](const SacConfig& changed, uint64_t seed) {
+    return MessageOf<UsageError>([&] { train(changed, seed); });
+  };
+  train(config, 3);
+  SacConfig other = config;
+  other.gamma = 0.5;
+  EXPECT_THAT(message(other, 3), HasSubstr("sac/gamma 0.99, not 0.5; choose another"));
+  EXPECT_THAT(message(config, 4), HasSubstr("seed 3, not 4"));
+  other = config;
+  other.n_steps = 200;
+  EXPECT_THAT(message(other, 3), HasSubstr("sac/n_steps 300, not 200"));
+  z[0] = 1.1;
+  EXPECT_THAT(message(config, 3), HasSubstr("parameters/env~1gain 1.0, not 1.1"));
+  z[0] = 1;
+  other.n_steps = 400;
+  EXPECT_EQ(train(other, 3).expert_step % 100, 0);
+  EXPECT_EQ(ReadJson(folder / "training.json")["learning_curve"]["step"].size(), 4u);
+  RemoveFile(folder.path() / "behavior.json");
+  EXPECT_THAT(message(other, 3), HasSubstr("another version"));
 }
 
 }  // namespace oted::demonstrations_test
