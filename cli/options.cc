@@ -87,6 +87,26 @@ void AddRunOptions(CLI::App& app, Options& options, const Makes& makes) {
   app.add_flag("--strict", options.strict, "a parameter without measured effect is an error");
 }
 
+namespace {
+
+/// An algorithm that the command line names takes the place of the file's, whose settings would then do nothing.
+void ForgetOtherAlgorithms(const std::vector<std::string>& assignments, RunConfig& config) {
+  constexpr std::string_view kSetting = "agents.algorithm=";
+  for (const std::string& assignment : assignments) {
+    if (!assignment.starts_with(kSetting)) continue;
+    AlgorithmSettings kept;
+    bool is_known = false;
+    for (const AlgorithmEntry& entry : Algorithms()) {
+      if (entry.name != assignment.substr(kSetting.size())) continue;
+      is_known = true;
+      entry.fields(kept).FromJson(entry.fields(config.algorithms).ToJson(), "--set");
+    }
+    if (is_known) config.algorithms = kept;
+  }
+}
+
+}  // namespace
+
 RunConfig ResolveConfig(const Options& options) {
   RunConfig config;
   const std::filesystem::path out = options.out;
@@ -118,6 +138,7 @@ RunConfig ResolveConfig(const Options& options) {
   if (!options.device.empty()) config.Set("agents.device=" + options.device);
   if (options.strict) config.run.strict = true;
   if (options.grow) config.Set("design.grow=true");
+  ForgetOtherAlgorithms(options.assignments, config);
   for (const std::string& assignment : options.assignments) config.Set(assignment);
   config.task.Resolve();
   return config;

@@ -194,6 +194,16 @@ class TestResult(HopperTest):
         changed = {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)}
         self.assertLessEqual(changed, {"versions.json", "report.html", "report.json"})
 
+    def test_an_algorithm_on_the_command_line_takes_the_place_of_the_files_and_of_its_settings(self):
+        config = self.folder / "sac.toml"
+        config.write_text("[sac]\nn_starts = 1\n[agents]\nalgorithm = 'sac'\n")
+        words = ["--config", config, *sets(program.TINY_DESIGN), "--set", "agents.algorithm=crossq"]
+        result = self.design(*words, settings=[])
+        self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
+        self.assertIn('algorithm = "crossq"', (self.out / "run.toml").read_text())
+        self.assertOneLine(self.design(*words, "--set", "sac.tau=0.1", settings=[], out=self.folder / "other"), USAGE,
+                           "sac.tau is set")
+
     def test_without_strict_a_parameter_without_effect_is_a_warning_and_not_identified(self):
         result = self.design("--json", "--set", "design.adversarial.n_iterations=1", parameters=(GRAVITY, FLOOR))
         self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
