@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -52,31 +51,34 @@ nlohmann::json IdentityOf(const SimulatorFactory& factory, const std::vector<dou
           {algorithm, std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent)}};
 }
 
-/// A training goes on only as it began, but for more steps. @throws UsageError naming what differs
+/// What of a training is not as it began, in words. More steps of the same are no difference.
+std::vector<std::string> Differences(const nlohmann::json& before, const nlohmann::json& now) {
+  const nlohmann::json old_values = before.flatten(), new_values = now.flatten();
+  nlohmann::json all = old_values;
+  all.update(new_values);
+  std::vector<std::string> differ;
+  for (const auto& [key, unused] : all.items()) {
+    const bool in_both = old_values.contains(key) && new_values.contains(key);
+    if (in_both && old_values[key] == new_values[key]) continue;
+    if (in_both && key.ends_with("/n_steps") && new_values[key] > old_values[key]) continue;
+    const auto value = [&](const nlohmann::json& values) {
+      return values.contains(key) ? values[key].dump() : std::string("none");
+    };
+    differ.push_back(fmt::format("{} {}, not {}", key.substr(1), value(old_values), value(new_values)));
+  }
+  return differ;
+}
+
+/// @throws UsageError where `folder` holds another training, naming what differs
 void CheckSameTraining(const std::filesystem::path& folder, const nlohmann::json& identity) {
   const std::filesystem::path file = folder / kIdentityFile;
-  const bool has_work =
-      std::filesystem::exists(folder / "checkpoint.npz") || std::filesystem::exists(folder / "training.json");
   if (std::filesystem::exists(file)) {
-    const nlohmann::json before = ReadJson(file).flatten(), now = identity.flatten();
-    std::vector<std::string> differ;
-    const auto value = [](const nlohmann::json& flat, const std::string& key) {
-      return flat.contains(key) ? flat[key].dump() : std::string("none");
-    };
-    std::set<std::string> keys;
-    for (const nlohmann::json* flat : {&before, &now}) {
-      for (const auto& [key, unused] : flat->items()) keys.insert(key);
-    }
-    for (const std::string& key : keys) {
-      if (value(before, key) == value(now, key)) continue;
-      if (key.ends_with("/n_steps") && before.contains(key) && now.contains(key) && now[key] > before[key]) continue;
-      differ.push_back(fmt::format("{} {}, not {}", key.substr(1), value(before, key), value(now, key)));
-    }
+    const std::vector<std::string> differ = Differences(ReadJson(file), identity);
     if (!differ.empty()) {
       throw UsageError(fmt::format("'{}' holds a training with {}; choose another --out, or remove it", folder.string(),
                                    fmt::join(differ, "; ")));
     }
-  } else if (has_work) {
+  } else if (std::filesystem::exists(folder / "checkpoint.npz") || std::filesystem::exists(folder / "training.json")) {
     throw UsageError(
         fmt::format("'{}' holds a training by another version of oted; choose another --out", folder.string()));
   }

@@ -88,14 +88,19 @@ TEST(CollectDemonstrations, ADivergingTargetIsADataError) {
   MessageOf<DataError>([] { Collect({.diverge_beyond = 0.9}, {2, 1, 0}, 20); });
 }
 
+SacConfig SmallSac(int64_t n_steps, int64_t eval_interval, std::vector<int> hidden) {
+  SacConfig config;
+  config.n_steps = n_steps;
+  config.learning_starts = 100;
+  config.eval_interval = eval_interval;
+  config.batch_size = 32;
+  config.hidden = std::move(hidden);
+  return config;
+}
+
 TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
   const TestFolder folder;
-  SacConfig config;
-  config.n_steps = 2000;
-  config.learning_starts = 100;
-  config.eval_interval = 200;
-  config.batch_size = 32;
-  config.hidden = {16, 16};
+  SacConfig config = SmallSac(2000, 200, {16, 16});
   config.learning_rate = 1e-3;
   NullSink log;
   const PointMassFactory factory;
@@ -141,12 +146,7 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
 
 TEST(TrainBehaviorPolicies, OnlyMoreStepsOfTheSameTrainingFollowInItsFolder) {
   const TestFolder folder;
-  SacConfig config;
-  config.n_steps = 300;
-  config.learning_starts = 100;
-  config.eval_interval = 100;
-  config.batch_size = 16;
-  config.hidden = {8};
+  const SacConfig config = SmallSac(300, 100, {8});
   NullSink log;
   const PointMassFactory factory;
   std::vector<double> z = factory.parameters().Nominal();

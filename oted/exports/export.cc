@@ -66,10 +66,10 @@ std::string ParameterLines(const DesignRecord& record, const std::vector<double>
   return text;
 }
 
-// What made a file: of this run, and of no place or time.
 constexpr const char* kMadeBy = "Made by oted ";
 constexpr size_t kMarkWithin = 64;  // [bytes] of a file's beginning
 
+// What made a file: of this run, and of no place or time.
 std::string Origin(const FinishedDesign& design, const Member& member) {
   const DesignRecord& record = design.record;
   return fmt::format(
