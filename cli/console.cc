@@ -39,7 +39,7 @@ bool StderrTakesMore() {
 [[noreturn]] void FailOutput(int error) {
   if (g_stop) {
     ::__fpurge(stdout);  // the end of the program would wait for it again
-    throw Interrupted("interrupted; run the same command again to go on from here");
+    throw Interrupted();
   }
   throw DataError(fmt::format(
       "cannot write to standard output: {}; what was computed is in its files: send the output elsewhere and "

@@ -5,6 +5,7 @@
 
 #include <csignal>
 #include <cstdlib>
+#include <string_view>
 
 #include "oted/base/error.h"
 
@@ -34,8 +35,9 @@ extern "C" void OnGraceOver(int) {
   if (writes.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
   const itimerval grace = {{0, 0}, kGraceOfLine};
   ::setitimer(ITIMER_REAL, &grace, nullptr);
-  constexpr char kLine[] = "\noted: interrupted; run the same command again to go on from here\n";
-  [[maybe_unused]] const ssize_t unused = ::write(STDERR_FILENO, kLine, sizeof kLine - 1);
+  for (const std::string_view part : {"\noted: ", Interrupted::kGoOn, "\n"}) {
+    [[maybe_unused]] const ssize_t unused = ::write(STDERR_FILENO, part.data(), part.size());
+  }
   std::_Exit(static_cast<int>(ExitCode::kInterrupted));
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -58,8 +59,19 @@ void AddTargetOptions(CLI::App& verb, Options& options) {
       ->allow_extra_args(false);
 }
 
+/// @throws UsageError where the output would take the place of the logs that the task's file is about
+void CheckKeepsLogs(const RunConfig& config, const CollectOptions& options) {
+  for (const std::string& log : config.data.AllFiles()) {
+    std::error_code none;
+    if (!std::filesystem::equivalent(log, options.output, none)) continue;
+    throw UsageError(fmt::format("'{}' holds the logs that '{}' names as its data; choose another --out, or remove it",
+                                 options.output, options.task));
+  }
+}
+
 void Collect(const CollectOptions& options) {
   const RunConfig config = TargetOf(options, options.noise);
+  CheckKeepsLogs(config, options);
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, LoggedStarts(config));
   NullSink log;
   const CollectJob job{.factory = *factory,
@@ -123,7 +135,13 @@ void AddBehaviorVerb(Program& program) {
   verb->footer(SettingsHelp({"sac", "crossq"}));
   verb->callback([options] {
     RunConfig config;
-    for (const std::string& assignment : options->assignments) config.Set(assignment);
+    for (const std::string& assignment : options->assignments) {
+      if (!assignment.starts_with(options->algorithm + ".")) {
+        throw UsageError(fmt::format("--set {}: only settings of {}, which trains here, mean anything (--algorithm)",
+                                     assignment, options->algorithm));
+      }
+      config.Set(assignment);
+    }
     const RunConfig target = TargetOf(*options);
     const TaskConfig& task = target.task;
     const auto factory = MakeSimulatorFactory(task, target.parameters, LoggedStarts(target));
@@ -139,9 +157,12 @@ void AddBehaviorVerb(Program& program) {
     FileSink log(options->out, &terminal);
     std::variant<SacConfig, CrossQConfig> agent = config.algorithms.sac;
     if (options->algorithm == "crossq") agent = config.algorithms.crossq;
-    const BehaviorPolicies policies =
-        TrainBehaviorPolicies(*factory, TargetParameters(factory->parameters(), target.truth), agent,
-                              SeedOf(options->seed), options->out, MakeContext(log, options->threads));
+    const BehaviorPolicies policies = TrainBehaviorPolicies({.factory = *factory,
+                                                             .task = task.Identity(),
+                                                             .z = TargetParameters(factory->parameters(), target.truth),
+                                                             .agent = agent,
+                                                             .seed = SeedOf(options->seed)},
+                                                            options->out, MakeContext(log, options->threads));
     Print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
           policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
   });

@@ -119,7 +119,7 @@ int ReportOf(const PlanLine& line, const UnitReport& report, const fs::path& roo
       Say(fmt::format("oted: {}: {}\n", line.name, report.message));
       return report.exit_code > 128 ? static_cast<int>(ExitCode::kInternal) : report.exit_code;
     case UnitOutcome::kInterrupted:
-      throw Interrupted(fmt::format("{}: interrupted; run the same command again to go on from here", line.name));
+      throw Interrupted(fmt::format("{}: {}", line.name, Interrupted::kGoOn));
     case UnitOutcome::kWasFailed:
       throw DataError(fmt::format("{} failed before: see '{}'; remove that file to try again", line.name,
                                   WorkRoot(root).FailedFile(line.Folder()).string()));

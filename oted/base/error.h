@@ -48,7 +48,8 @@ class DataError : public Error {
 /// The user stopped the work; what was complete is on disk and the same command goes on from there.
 class Interrupted : public Error {
  public:
-  explicit Interrupted(const std::string& message) : Error(ExitCode::kInterrupted, message) {}
+  explicit Interrupted(const std::string& message = kGoOn) : Error(ExitCode::kInterrupted, message) {}
+  static constexpr const char* kGoOn = "interrupted; run the same command again to go on from its last checkpoint";
 };
 
 /// A bug in oted.

@@ -144,6 +144,10 @@ void Field::FromJson(const json& value, std::string_view where) const {
     named->set(value.get<std::string>());
     return;
   }
+  constexpr int kMost = std::numeric_limits<int>::max();
+  if (std::holds_alternative<int*>(target) && value.is_number() && value.get<double>() > kMost) {
+    fail(fmt::format("at most {}", kMost));
+  }
   const std::string wanted = range.ToString().empty() ? TypeName() : TypeName() + " in " + range.ToString();
   std::visit(
       [&](const auto& out) {

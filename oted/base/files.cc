@@ -246,9 +246,11 @@ bool IsStream(const fs::path& path) {
   const auto in = [&](const fs::path& place, const char* folder) {
     return fs::absolute(place, error).lexically_normal().string().starts_with(folder);
   };
+  // /dev/shm holds plain files.
+  const auto in_dev = [&](const fs::path& place) { return in(place, "/dev/") && !in(place, "/dev/shm/"); };
   if (!fs::is_symlink(path, error)) return false;
   const fs::path next = path.parent_path() / fs::read_symlink(path, error);
-  return in(path, "/dev/") || in(next, "/dev/") || in(next, "/proc/");
+  return in_dev(path) || in_dev(next) || in(next, "/proc/");
 }
 
 }  // namespace

@@ -118,6 +118,17 @@ TEST(Files, WhatHasNoEndIsAUsageError) {
   EXPECT_TRUE(fs::is_fifo(folder / "pipe")) << "nothing took its place";
 }
 
+TEST(Files, ALinkInSharedMemoryIsWrittenThrough) {
+  const fs::path folder = fs::path("/dev/shm") / fmt::format("oted-test-{}", ::getpid());
+  if (::access("/dev/shm", W_OK) != 0) GTEST_SKIP() << "no shared memory here";
+  fs::create_directory(folder);
+  fs::create_symlink("behind", folder / "link");
+  WriteFileAtomically(folder / "link", "x");
+  EXPECT_EQ(ReadFile(folder / "behind"), "x");
+  EXPECT_TRUE(fs::is_symlink(folder / "link"));
+  fs::remove_all(folder);
+}
+
 TEST(Files, WhatADeadWriterLeftGoesAndWhatALivingOneWritesStays) {
   const TestFolder folder;
   const AtomicFile living(folder / "file");

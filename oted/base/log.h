@@ -47,7 +47,7 @@ struct RunContext {
   bool StopRequested() const { return stop != nullptr && stop->load(std::memory_order_relaxed); }
   /// @throws Interrupted when a stop was requested. Call between units of work, where the state is on disk.
   void ThrowIfStopped() const {
-    if (StopRequested()) throw Interrupted("interrupted; run the same command again to go on from here");
+    if (StopRequested()) throw Interrupted();
   }
 };
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -36,19 +35,21 @@ void RoundToFloat(std::span<double> actions) {
 
 constexpr const char* kIdentityFile = "behavior.json";
 
-nlohmann::json IdentityOf(const SimulatorFactory& factory, const std::vector<double>& z,
-                          const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed) {
+const char* AlgorithmOf(const BehaviorTraining& training) {
+  return std::holds_alternative<SacConfig>(training.agent) ? "sac" : "crossq";
+}
+nlohmann::json SettingsOf(const BehaviorTraining& training) {
+  return std::visit([](auto settings) { return settings.Fields().ToJson(); }, training.agent);
+}
+
+nlohmann::json IdentityOf(const BehaviorTraining& training) {
+  const SimulatorFactory& factory = training.factory;
   nlohmann::json parameters = nlohmann::json::object();
   for (int i = 0; i < factory.parameters().size(); ++i) {
-    parameters[factory.parameters()[i].field] = z[static_cast<size_t>(i)];
+    parameters[factory.parameters()[i].field] = training.z[static_cast<size_t>(i)];
   }
-  const char* algorithm = std::holds_alternative<SacConfig>(agent) ? "sac" : "crossq";
-  return {{"schema", "oted.behavior/1"},
-          {"task", factory.spec().task},
-          {"model", factory.model_sha256()},
-          {"parameters", parameters},
-          {"seed", seed},
-          {algorithm, std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent)}};
+  return {{"schema", "oted.behavior/1"}, {"task", training.task}, {"model", factory.model_sha256()},
+          {"parameters", parameters},    {"seed", training.seed}, {AlgorithmOf(training), SettingsOf(training)}};
 }
 
 /// What of a training is not as it began, in words. More steps of the same are no difference.
@@ -96,12 +97,13 @@ Dataset CheckedLogs(const EpisodeRecorder& recorder) {
 
 }  // namespace
 
-BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const std::vector<double>& z,
-                                       const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
-                                       const std::filesystem::path& folder, const RunContext& context) {
-  const nlohmann::json identity = IdentityOf(factory, z, agent, seed);
+BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const std::filesystem::path& folder,
+                                       const RunContext& context) {
+  const SimulatorFactory& factory = training.factory;
+  const std::vector<double>& z = training.z;
+  const nlohmann::json identity = IdentityOf(training);
   CheckSameTraining(folder, identity);
-  const RngKey key = RngKey(seed).Stage("behavior policies");
+  const RngKey key = RngKey(training.seed).Stage("behavior policies");
   const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
   DrawnEpisodes source([&](Rng&) { return z; });
   const auto train = [&](const auto& config) {
@@ -115,9 +117,9 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const st
                        .observer = [&](int64_t step, const Policy& policy, double) { policy.Save(snapshot(step)); }},
                       config);
   };
-  const ReplayAgent training = std::visit(train, agent);
+  const ReplayAgent trained = std::visit(train, training.agent);
 
-  const auto& returns = training.eval_returns;
+  const auto& returns = trained.eval_returns;
   const size_t best = static_cast<size_t>(std::max_element(returns.begin(), returns.end()) - returns.begin());
 
   BehaviorPolicies result;
@@ -126,19 +128,19 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const st
         RunPolicy(factory, policy,
                   {.z = {z}, .n_episodes = kJudgeEpisodes, .key = key.Stage("judge"), .n_threads = context.n_threads}));
   };
-  result.expert_step = training.eval_steps[best];
+  result.expert_step = trained.eval_steps[best];
   result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));
   result.expert_return = judge(result.expert);
   // The medium policy comes on the way up. The learning curve's few episodes would misjudge it: every snapshot until
   // the expert's gets as many as the expert.
   std::vector<double> judged;
   for (size_t i = 0; i <= best; ++i) {
-    TanhGaussianPolicy policy = TanhGaussianPolicy::Load(snapshot(training.eval_steps[i]));
+    TanhGaussianPolicy policy = TanhGaussianPolicy::Load(snapshot(trained.eval_steps[i]));
     const double mean_return = judge(policy);
     judged.push_back(mean_return);
     const double third = result.expert_return / 3;
     if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
-    result.medium_step = training.eval_steps[i];
+    result.medium_step = trained.eval_steps[i];
     result.medium = std::move(policy);
     result.medium_return = mean_return;
   }
@@ -152,15 +154,14 @@ BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const st
   };
   nlohmann::json record = {
       {"task", spec.task},
-      {"seed", seed},
+      {"seed", training.seed},
       {"parameters", identity["parameters"]},
       {"episodes", kJudgeEpisodes},
       {"expert", describe(result.expert_step, result.expert_return)},
       {"medium", describe(result.medium_step, result.medium_return)},
       {"random", describe(0, result.random_return)},
-      {"learning_curve", {{"step", training.eval_steps}, {"mean_return", returns}, {"judged", judged}}}};
-  record[std::holds_alternative<SacConfig>(agent) ? "sac" : "crossq"] =
-      std::visit([](auto settings) { return settings.Fields().ToJson(); }, agent);
+      {"learning_curve", {{"step", trained.eval_steps}, {"mean_return", returns}, {"judged", judged}}}};
+  record[AlgorithmOf(training)] = SettingsOf(training);
   result.expert.Save(folder / "expert.npz");
   result.medium.Save(folder / "medium.npz");
   WriteJson(folder / "training.json", record);

@@ -2,7 +2,9 @@
 /// The target's side of a study: behaviour policies trained in it, and the demonstrations that they log. A user with a
 /// robot brings logs instead; nothing here is read by the design.
 
+#include <cstdint>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <variant>
 #include <vector>
@@ -15,6 +17,15 @@
 
 namespace oted {
 
+/// One training run of behaviour policies.
+struct BehaviorTraining {
+  const SimulatorFactory& factory;
+  nlohmann::json task;                          ///< what is simulated and paid, beside the model: TaskConfig::Identity
+  std::vector<double> z;                        ///< (parameters): of the target
+  std::variant<SacConfig, CrossQConfig> agent;  ///< the algorithm, by its settings
+  uint64_t seed = 1;
+};
+
 /// What one training run gave.
 struct BehaviorPolicies {
   TanhGaussianPolicy expert, medium;
@@ -23,16 +34,14 @@ struct BehaviorPolicies {
   double random_return = 0;                     ///< of uniform random actions, 20 episodes
 };
 
-/// Trains one agent in the simulator at parameters `z`. The expert is the best evaluated policy; the medium
+/// Trains one agent in the simulator at the target's parameters. The expert is the best evaluated policy; the medium
 /// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the expert's (D4RL's
 /// convention). Snapshots of every evaluation lie in `folder` while it trains, so that a stopped run goes on.
 /// Writes expert.npz, medium.npz and training.json into `folder`, and first what is trained (behavior.json): only more
 /// steps of the same may follow there.
-/// @param agent  the algorithm, by its settings
 /// @throws UsageError where `folder` holds another training
-BehaviorPolicies TrainBehaviorPolicies(const SimulatorFactory& factory, const std::vector<double>& z,
-                                       const std::variant<SacConfig, CrossQConfig>& agent, uint64_t seed,
-                                       const std::filesystem::path& folder, const RunContext& context);
+BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const std::filesystem::path& folder,
+                                       const RunContext& context);
 
 /// Logs `n_episodes` episodes of `policy` with sampled actions in the simulator at parameters `z`: the dataset D with
 /// rewards, terminals and timeouts, rounded to float32 as D4RL's files are, and nothing that names `z`. No rewards for

@@ -104,8 +104,8 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
   config.learning_rate = 1e-3;
   NullSink log;
   const PointMassFactory factory;
-  const BehaviorPolicies policies =
-      TrainBehaviorPolicies(factory, factory.parameters().Nominal(), config, 3, folder.path(), {&log, nullptr, 1});
+  const BehaviorPolicies policies = TrainBehaviorPolicies(
+      {factory, "point mass", factory.parameters().Nominal(), config, 3}, folder.path(), {&log, nullptr, 1});
 
   const nlohmann::json record = ReadJson(folder / "training.json");
   const auto steps = record["learning_curve"]["step"].get<std::vector<int64_t>>();
@@ -150,8 +150,9 @@ TEST(TrainBehaviorPolicies, OnlyMoreStepsOfTheSameTrainingFollowInItsFolder) {
   NullSink log;
   const PointMassFactory factory;
   std::vector<double> z = factory.parameters().Nominal();
+  nlohmann::json task = {{"reward", "x"}};
   const auto train = [&](const SacConfig& changed, uint64_t seed) {
-    return TrainBehaviorPolicies(factory, z, changed, seed, folder.path(), {&log, nullptr, 1});
+    return TrainBehaviorPolicies({factory, task, z, changed, seed}, folder.path(), {&log, nullptr, 1});
   };
   const auto message = [&](const SacConfig& changed, uint64_t seed) {
     return MessageOf<UsageError>([&] { train(changed, seed); });
@@ -167,6 +168,9 @@ TEST(TrainBehaviorPolicies, OnlyMoreStepsOfTheSameTrainingFollowInItsFolder) {
   z[0] = 1.1;
   EXPECT_THAT(message(config, 3), HasSubstr("parameters/env~1gain 1.0, not 1.1"));
   z[0] = 1;
+  task["reward"] = "-x";
+  EXPECT_THAT(message(config, 3), HasSubstr("task/reward \"x\", not \"-x\""));
+  task["reward"] = "x";
   other.n_steps = 400;
   EXPECT_EQ(train(other, 3).expert_step % 100, 0);
   EXPECT_EQ(ReadJson(folder / "training.json")["learning_curve"]["step"].size(), 4u);

@@ -459,6 +459,14 @@ TEST(RunConfig, AnAgentThatWouldNeverLearnIsRefused) {
   EXPECT_THAT(MessageOf<UsageError>([&] { config.CheckAgentSettings(continuous); }),
               HasSubstr("crossq.n_steps is 4999, which is over before the first gradient step after "
                         "crossq.learning_starts = 5000"));
+  const auto told = [&](const std::vector<const char*>& settings) {
+    RunConfig other;
+    for (const char* setting : settings) other.Set(setting);
+    return MessageOf<UsageError>([&] { other.CheckAgentSettings(continuous); });
+  };
+  EXPECT_THAT(told({"sac.updates_per_step=1e-6"}), HasSubstr("no gradient step in the 59016 control steps"));
+  EXPECT_THAT(told({"sac.n_lanes=100_000"}), HasSubstr("sac.n_lanes is 100000, more than the control steps"));
+  EXPECT_THAT(told({"sac.buffer_size=10"}), HasSubstr("sac.batch_size is 64, more than the transitions kept"));
 }
 
 TEST(RunConfig, PresetsAreANameOrAListOfNamesBesideParameters) {

@@ -206,6 +206,7 @@ claim('chunked', (10**9, 3), chunks=(1000, 3), compression='gzip')
 claim('huge', (2**62, 2**62), chunks=(1000, 3))
 claim('external', (20, 3), external=[('values.bin', 0, 480)])
 claim('lzf', (20, 3), chunks=(20, 3), compression='lzf')
+claim('bomb', (12 * 10**6, 3), chunks=(10**6, 3), compression='gzip', data=np.zeros((12 * 10**6, 3)))
 write('links', arrays(20))
 with h5py.File('links', 'a') as f:
     del f['rewards']
@@ -224,6 +225,7 @@ with h5py.File('virtual', 'a') as f:
   EXPECT_THAT(message("huge"), HasSubstr("claims more than 64 GiB"));
   EXPECT_THAT(message("external"), HasSubstr("observations keeps its values in another file"));
   EXPECT_THAT(message("lzf"), HasSubstr("HDF5 filter 32000"));
+  EXPECT_THAT(message("bomb"), HasSubstr("observations brings the file's numbers to 288000000 bytes"));
   EXPECT_THAT(message("links"), HasSubstr("rewards is a link to another file"));
   EXPECT_THAT(message("virtual"), HasSubstr("observations is a view of other files"));
 }

@@ -209,6 +209,7 @@ class PpoTraining : public Learner {
         const size_t end = std::min(order.size(), begin + batch_size);
         GatherBatch(rows, {order.data() + begin, end - begin});
         losses_ = update_->Step(batch_);
+        CheckStillLearns(losses_.policy_loss + losses_.value_loss, "ppo", config_.learning_rate, n_steps_);
       }
     }
   }

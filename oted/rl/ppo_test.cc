@@ -80,6 +80,13 @@ TEST_P(TrainPpoOn, FindsTheShortestWayToEitherEnd) {
 INSTANTIATE_TEST_SUITE_P(Observations, TrainPpoOn, testing::Bool(),
                          [](const auto& param) { return param.param ? "Images" : "Vectors"; });
 
+TEST(TrainPpo, NetworksThatDivergeAreAnErrorThatNamesTheirLearningRate) {
+  const TestFolder folder;
+  Training run{folder.path()};
+  run.config.learning_rate = 1e30;
+  EXPECT_THAT(MessageOf<DataError>([&] { run(); }), testing::HasSubstr("lower ppo.learning_rate (it is 1e+30)"));
+}
+
 TEST(TrainPpo, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   const TestFolder whole, parts;
   const EpisodeParameters draw = [](Rng& rng) { return std::vector<double>{rng.Uniform() < 0.5 ? 0.0 : 0.4}; };

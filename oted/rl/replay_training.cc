@@ -50,6 +50,26 @@ void ReplayConfig::CheckLearns(std::string_view section) const {
                     "control steps; raise the former or lower the latter",
                     section, name, steps, learning_starts));
   }
+  // As EndStep counts: the lanes' step that reaches learning_starts owes its gradient steps, too.
+  const int64_t learned_from = (chooses ? start_steps : n_steps) - learning_starts + n_lanes;
+  if (static_cast<double>(learned_from) * updates_per_step < 1) {
+    throw UsageError(
+        fmt::format("{0}.updates_per_step is {1}, which makes no gradient step in the {2} control steps "
+                    "after {0}.learning_starts; raise it",
+                    section, updates_per_step, learned_from));
+  }
+  if (n_lanes > eval_interval) {
+    throw UsageError(fmt::format(
+        "{0}.n_lanes is {1}, more than the control steps between two evaluations ({0}.eval_interval = {2}): "
+        "every episode would end with its first step; lower the former or raise the latter",
+        section, n_lanes, eval_interval));
+  }
+  if (batch_size > buffer_size) {
+    throw UsageError(
+        fmt::format("{0}.batch_size is {1}, more than the transitions kept ({0}.buffer_size = {2}); "
+                    "lower the former or raise the latter",
+                    section, batch_size, buffer_size));
+  }
 }
 
 namespace {
@@ -65,8 +85,9 @@ Normalizer IdentityNormalizer(int dim) {
 class ReplayTraining : public Learner {
  public:
   ReplayTraining(const SimulatorFactory& factory, EpisodeSource& source, const ReplayConfig& config,
-                 const MakeReplayUpdate& make_update, RngKey key, int n_threads)
+                 const std::string& algorithm, const MakeReplayUpdate& make_update, RngKey key, int n_threads)
       : config_(config),
+        algorithm_(algorithm),
         source_(source),
         n_threads_(n_threads),
         simulator_(factory.Make(config.n_lanes, n_threads)),
@@ -234,6 +255,8 @@ class ReplayTraining : public Learner {
       buffer_.Sample(config_.batch_size, rng_, batch_);
       if (statistics_) statistics_->Normalize(batch_);
       losses_ = update_->Step(batch_);
+      CheckStillLearns(losses_.critic_loss + losses_.actor_loss + losses_.alpha, algorithm_, config_.learning_rate,
+                       n_steps_);
       if (Averages() && n_updates_ % kAverageEvery == 0) Average();
       if (++n_updates_ % 256 == 0) tick();
     }
@@ -258,6 +281,7 @@ class ReplayTraining : public Learner {
   }
 
   const ReplayConfig& config_;
+  const std::string& algorithm_;
   EpisodeSource& source_;
   int n_threads_;
   std::unique_ptr<Simulator> simulator_;
@@ -288,13 +312,14 @@ ReplayAgent TrainByReplay(const AgentJob& job, const ReplayConfig& config, const
   }
   config.CheckLearns(algorithm);
   const TrainingSchedule schedule = {config.n_steps, config.eval_interval, config.eval_episodes, config.keep};
-  ChooseStart(job, schedule, {config.n_starts, config.start_steps},
-              [&](EpisodeSource& source, RngKey key, int n_threads) {
-                return std::make_unique<ReplayTraining>(job.factory, source, config, make_update, key, n_threads);
-              });
-  ReplayTraining training(job.factory, job.source, config, make_update, job.key, job.context.n_threads);
+  AgentJob chosen = job;
+  chosen.steps_beside = ChooseStart(
+      job, schedule, {config.n_starts, config.start_steps}, [&](EpisodeSource& source, RngKey key, int n_threads) {
+        return std::make_unique<ReplayTraining>(job.factory, source, config, algorithm, make_update, key, n_threads);
+      });
+  ReplayTraining training(job.factory, job.source, config, algorithm, make_update, job.key, job.context.n_threads);
   ReplayAgent result;
-  static_cast<LearningCurve&>(result) = TrainInSegments(training, job, schedule);
+  static_cast<LearningCurve&>(result) = TrainInSegments(training, chosen, schedule);
   result.policy = training.PolicyOf(result.kept);
   return result;
 }

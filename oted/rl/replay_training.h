@@ -44,7 +44,8 @@ struct ReplayConfig {
   /// Where gradient steps are made (oted/rl/autograd). Not a field: `[agents] device` names it.
   TrainingDevice device = TrainingDevice::kCpu;
 
-  /// @throws UsageError, naming `section`, where training would end before its first gradient step
+  /// @throws UsageError, naming `section`, where training would end before its first gradient step, an episode after
+  /// its first step, or a batch would be larger than what it is drawn from
   void CheckLearns(std::string_view section) const;
 
  protected:

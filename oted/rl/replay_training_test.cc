@@ -122,6 +122,16 @@ TEST_P(EitherAlgorithm, SolvesThePointMassToNearItsAnalyticOptimum) {
   EXPECT_GT(reached, optimal + 0.05 * (idle - optimal)) << "optimum " << optimal << ", doing nothing " << idle;
 }
 
+TEST_P(EitherAlgorithm, NetworksThatDivergeAreAnErrorThatNamesTheirLearningRate) {
+  const TestFolder folder;
+  Training run{folder.path()};
+  run.algorithm = GetParam();
+  run.config.learning_rate = 1e15;
+  EXPECT_THAT(MessageOf<DataError>([&] { run(); }),
+              testing::AllOf(testing::HasSubstr("the networks of " + GetParam() + " diverged after 10"),
+                             testing::HasSubstr("lower " + GetParam() + ".learning_rate (it is 1e+15)")));
+}
+
 TEST_P(EitherAlgorithm, AStoppedRunThatGoesOnGivesTheBytesOfAnUninterruptedOne) {
   const TestFolder whole, parts;
   const std::vector<double> other = {0.4, 0.7, 0};

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
+#include <numeric>
 #include <string>
+#include <vector>
 
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
@@ -12,19 +15,38 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Progress of a start goes to the run's log. Its curve does not: only the chosen one's is the agent's.
-class ProgressOnly : public LogSink {
+/// Progress of the starts goes to the run's log as that of one agent. Their curves do not: only the chosen one's is the
+/// agent's.
+class StartsProgress {
  public:
-  explicit ProgressOnly(LogSink& log) : log_(log) {}
-  void Scalar(std::string_view, std::string_view, int64_t, double) override {}
-  void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
-                std::string_view note) override {
-    log_.Progress(stage, label, done, total, note);
-  }
-  void Warning(std::string_view message) override { log_.Warning(message); }
+  /// @param total  control steps of all starts and of what follows the chosen one
+  StartsProgress(const AgentJob& job, int n_starts, int64_t total)
+      : log_(*job.context.log), label_(job.run_name), total_(total), done_(static_cast<size_t>(n_starts)) {}
+  /// What start `k` logs to; used from one thread each.
+  std::unique_ptr<LogSink> SinkOf(int k) { return std::make_unique<Sink>(*this, static_cast<size_t>(k)); }
 
  private:
+  class Sink : public LogSink {
+   public:
+    Sink(StartsProgress& all, size_t k) : all_(all), k_(k) {}
+    void Scalar(std::string_view, std::string_view, int64_t, double) override {}
+    void Progress(std::string_view stage, std::string_view, int64_t done, int64_t, std::string_view note) override {
+      all_.done_[k_] = done;
+      const int64_t sum = std::accumulate(all_.done_.begin(), all_.done_.end(), int64_t{0});
+      all_.log_.Progress(stage, all_.label_, sum, all_.total_,
+                         note.empty() ? "" : fmt::format("start {}: {}", k_ + 1, note));
+    }
+    void Warning(std::string_view message) override { all_.log_.Warning(message); }
+
+   private:
+    StartsProgress& all_;
+    size_t k_;
+  };
+
   LogSink& log_;
+  std::string label_;
+  int64_t total_;
+  std::vector<std::atomic<int64_t>> done_;
 };
 
 struct Started {
@@ -35,12 +57,13 @@ struct Started {
 
 fs::path FolderOf(const AgentJob& job, int k) { return job.folder / kStartsFolder / std::to_string(k + 1); }
 
-Started Train(const AgentJob& job, const TrainingSchedule& schedule, int k, const MakeLearner& make) {
-  ProgressOnly log(*job.context.log);
+Started Train(const AgentJob& job, const TrainingSchedule& schedule, int k, StartsProgress& progress,
+              const MakeLearner& make) {
+  const std::unique_ptr<LogSink> log = progress.SinkOf(k);
   AgentJob start = job;
   start.folder = FolderOf(job, k);
   start.run_name = fmt::format("{}, start {}", job.run_name, k + 1);
-  start.context.log = &log;
+  start.context.log = log.get();
   start.observer = {};
   Started started;
   started.source = job.source.Clone();
@@ -52,17 +75,23 @@ Started Train(const AgentJob& job, const TrainingSchedule& schedule, int k, cons
 
 }  // namespace
 
-void ChooseStart(const AgentJob& job, const TrainingSchedule& schedule, const Starts& starts, const MakeLearner& make) {
+int64_t ChooseStart(const AgentJob& job, const TrainingSchedule& schedule, const Starts& starts,
+                    const MakeLearner& make) {
   const auto forget_starts = [&] { fs::remove_all(job.folder / kStartsFolder); };
-  if (starts.n == 1 || schedule.n_steps <= starts.n_steps) return;
-  if (fs::exists(job.folder / "checkpoint.npz")) return forget_starts();
+  if (starts.n == 1 || schedule.n_steps <= starts.n_steps) return 0;
+  const int64_t steps_of_others = (starts.n - 1) * starts.n_steps;
+  if (fs::exists(job.folder / "checkpoint.npz")) {
+    forget_starts();
+    return steps_of_others;
+  }
   TrainingSchedule until = schedule;
   until.n_steps = until.eval_interval = starts.n_steps;
   AgentJob share = job;
   share.context = job.context.ShareOf(static_cast<size_t>(starts.n));
   std::vector<Started> started(static_cast<size_t>(starts.n));
+  StartsProgress progress(job, starts.n, steps_of_others + schedule.n_steps);
   ParallelFor(starts.n, job.context.n_threads,
-              [&](int k) { started[static_cast<size_t>(k)] = Train(share, until, k, make); });
+              [&](int k) { started[static_cast<size_t>(k)] = Train(share, until, k, progress, make); });
   const auto failed = [&](const Started& s) { return s.curve.n_diverged == schedule.eval_episodes; };
   size_t best = 0;
   for (size_t k = 1; k < started.size(); ++k) {
@@ -76,6 +105,7 @@ void ChooseStart(const AgentJob& job, const TrainingSchedule& schedule, const St
   job.context.log->Scalar(job.run_name, "eval/mean_reward", step, curve.eval_return);
   fs::rename(FolderOf(job, static_cast<int>(best)) / "checkpoint.npz", job.folder / "checkpoint.npz");
   forget_starts();
+  return steps_of_others;
 }
 
 }  // namespace oted

@@ -24,7 +24,9 @@ using MakeLearner = std::function<std::unique_ptr<Learner>(EpisodeSource& source
 /// at each once, in the same episodes, and leaves the checkpoint of the one with the highest mean return as the job's
 /// own: TrainInSegments goes on from there. The others are forgotten. Does nothing with one start, where the schedule
 /// ends before they do, or where the job has a checkpoint. A stopped run that goes on gives the same bytes.
+/// @return control steps of the starts that are not chosen: AgentJob::steps_beside
 /// @throws as TrainInSegments
-void ChooseStart(const AgentJob& job, const TrainingSchedule& schedule, const Starts& starts, const MakeLearner& make);
+int64_t ChooseStart(const AgentJob& job, const TrainingSchedule& schedule, const Starts& starts,
+                    const MakeLearner& make);
 
 }  // namespace oted

@@ -111,10 +111,11 @@ struct Training {
   int n_threads = 1;
   const std::atomic<bool>* stop = nullptr;
   EvaluationObserver observer = {};
+  LogSink* log = nullptr;
 
   /// The policy's bytes, the checkpoint's, and where the curriculum came to.
   std::pair<std::string, double> operator()() const {
-    NullSink log;
+    NullSink nothing;
     Curriculum source;
     SacConfig config;
     config.n_steps = 600;
@@ -132,7 +133,7 @@ struct Training {
                                           .key = RngKey(5),
                                           .folder = folder,
                                           .run_name = "agent",
-                                          .context = {&log, stop, n_threads},
+                                          .context = {log != nullptr ? log : &nothing, stop, n_threads},
                                           .observer = observer},
                                          config);
     const auto& p = agent.policy.net().parameters();
@@ -141,6 +142,29 @@ struct Training {
             source.gain()};
   }
 };
+
+/// Keeps what a progress bar would show.
+class ProgressRecord : public LogSink {
+ public:
+  void Scalar(std::string_view, std::string_view, int64_t, double) override {}
+  void Progress(std::string_view, std::string_view label, int64_t done, int64_t total, std::string_view) override {
+    labels.insert(std::string(label));
+    shown.emplace_back(done, total);
+  }
+  void Warning(std::string_view) override {}
+  std::set<std::string> labels;
+  std::vector<std::pair<int64_t, int64_t>> shown;
+};
+
+TEST(ChooseStart, ProgressIsOfOneAgentAndNeverGoesBack) {
+  const TestFolder folder;
+  ProgressRecord log;
+  Training{folder.path(), 1, nullptr, {}, &log}();
+  EXPECT_EQ(log.labels, std::set<std::string>{"agent"});
+  EXPECT_TRUE(std::ranges::is_sorted(log.shown));
+  for (const auto& [unused, total] : log.shown) EXPECT_EQ(total, 3 * 200 + 400);
+  EXPECT_EQ(log.shown.back().first, 3 * 200 + 400);
+}
 
 TEST(ChooseStart, SameBytesAtAnyNumberOfThreadsAndAfterAStop) {
   const TestFolder whole;

@@ -107,6 +107,14 @@ void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const AgentJob& j
 
 }  // namespace
 
+void CheckStillLearns(double losses, std::string_view section, double learning_rate, int64_t n_steps) {
+  if (std::isfinite(losses)) return;
+  throw DataError(
+      fmt::format("the networks of {0} diverged after {1} control steps: a loss is not finite; lower {0}.learning_rate "
+                  "(it is {2:g}), or look for rewards that are too large",
+                  section, n_steps, learning_rate));
+}
+
 LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const TrainingSchedule& schedule) {
   LearningCurve curve;
   const RunContext& context = job.context;
@@ -118,7 +126,8 @@ LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const Train
   }
   const auto progress = [&] {
     evaluations.FinishIfReady();
-    context.log->Progress("train", job.run_name, std::min(learner.n_steps(), schedule.n_steps), schedule.n_steps,
+    context.log->Progress("train", job.run_name, job.steps_beside + std::min(learner.n_steps(), schedule.n_steps),
+                          job.steps_beside + schedule.n_steps,
                           curve.eval_returns.empty() ? "" : ReturnNote(curve.eval_returns.back()));
   };
   int64_t saved = learner.n_steps();

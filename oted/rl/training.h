@@ -9,6 +9,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -136,6 +137,7 @@ struct AgentJob {
   std::string run_name;          ///< its learning curve's in the log
   RunContext context;
   EvaluationObserver observer = {};
+  int64_t steps_beside = 0;  ///< control steps made beforehand by learners that were dropped; progress counts them
 };
 
 /// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes and ends
@@ -145,6 +147,11 @@ struct AgentJob {
 /// return (or the last); an evaluation in which every episode diverged is below any other.
 /// @throws Interrupted at a segment's end when a stop was requested; DataError for a checkpoint that does not fit.
 LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const TrainingSchedule& schedule);
+
+/// For a learner after a gradient step: networks with a loss that is not finite do not recover.
+/// @param losses  any sum of them
+/// @throws DataError that names the algorithm's `section`, its learning rate and the control steps made until then
+void CheckStillLearns(double losses, std::string_view section, double learning_rate, int64_t n_steps);
 
 /// A checkpoint's array of `size` numbers, stored as T. @throws DataError
 template <class T>

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -90,6 +91,11 @@ Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
 
 Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options) {
   config.CheckNamed();
+  for (const std::string& file : config.AllFiles()) {
+    if (std::filesystem::exists(file)) continue;
+    throw DataError(
+        fmt::format("the logs '{}' are not there; where they were moved, --data names their new place", file));
+  }
   const Dataset all = ReadFiles(config, options);
   const std::optional<size_t> wanted = config.n_episodes();
   if (!wanted) return all;

@@ -204,6 +204,20 @@ class TestCollect(HopperTest):
         result = self.collect("--policy", "p.npz", "--param", FRICTION, "--truth", "fricton=1")
         self.assertCollectsNothing(result, USAGE, "fricton", "--param")
 
+    def test_the_logs_of_its_task_file_are_not_overwritten(self):
+        logs = self.folder / "mine.npz"
+        logs.write_bytes(b"dear to me")
+        study = self.folder / "study.toml"
+        study.write_text('[task]\nname = "Hopper-v5"\n[data]\npath = "mine.npz"\n')
+        result = oted("collect", "--task", study, "--policy", "random", "--out", logs)
+        self.assertOneLine(result, USAGE, "mine.npz", "names as its data", "choose another --out")
+        self.assertEqual(logs.read_bytes(), b"dear to me")
+
+    def test_behaviour_takes_the_settings_of_its_algorithm_alone(self):
+        result = oted("behavior", "--task", "Hopper-v5", "--out", self.out, "--set", "crossq.n_steps=100")
+        self.assertOneLine(result, USAGE, "--set crossq.n_steps=100", "--algorithm")
+        self.assertFalse(self.out.exists())
+
     def test_a_clones_demonstrations_are_read_again(self):
         words = ["--task", "Hopper-v5", "--param", FRICTION, "--out", self.out, *sets(TINY)]
         self.assertEqual(oted("clone", "--data", self.demos, *words).returncode, 0)

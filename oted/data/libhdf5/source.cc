@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "oted/base/error.h"
+#include "oted/data/unpack_budget.h"
 
 namespace oted {
 namespace {
@@ -127,15 +128,21 @@ std::vector<int64_t> Hdf5Source::Shape(const std::string& name) const {
   hsize_t dims[H5S_MAX_RANK] = {};
   const int rank = H5Sget_simple_extent_dims(space.id(), dims, nullptr);
   if (rank < 1) Fail(name, "has no readable shape", kDamaged);
-  unsigned __int128 bytes = H5Tget_size(type.id());
+  unsigned __int128 exact = H5Tget_size(type.id());
   std::vector<int64_t> shape;
   for (int i = 0; i < rank; ++i) {
-    bytes = std::min<unsigned __int128>(bytes * dims[i], kMaxFieldBytes + 1);
-    if (dims[i] > static_cast<hsize_t>(std::numeric_limits<int64_t>::max())) bytes = kMaxFieldBytes + 1;
+    exact = std::min<unsigned __int128>(exact * dims[i], kMaxFieldBytes + 1);
+    if (dims[i] > static_cast<hsize_t>(std::numeric_limits<int64_t>::max())) exact = kMaxFieldBytes + 1;
     shape.push_back(static_cast<int64_t>(dims[i]));
   }
+  const uint64_t bytes = static_cast<uint64_t>(exact);
   if (bytes > kMaxFieldBytes) Fail(name, "claims more than 64 GiB", kDamaged);
-  CheckStorage(name, array, static_cast<uint64_t>(bytes));
+  CheckStorage(name, array, bytes);
+  if (asked_for_.insert(name).second) claimed_ += bytes / H5Tget_size(type.id()) * sizeof(double);
+  if (claimed_ > Hdf5Budget(file_bytes_)) {
+    Fail(name, fmt::format("brings the file's numbers to {} bytes, from {} on the disk", claimed_, file_bytes_),
+         "if that is true, write it again with less compression");
+  }
   return shape;
 }
 

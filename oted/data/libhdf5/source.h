@@ -2,6 +2,7 @@
 /// The arrays of an open HDF5 file, compared with what the file stores before anything is allocated. For the child
 /// process that reads (dataset_pipe.h); never in the program itself. Include from .cc files only.
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -26,13 +27,16 @@ class Hdf5Source : public Hdf5Reader {
  private:
   Hdf5Handle OpenObject(const std::string& name) const;
   Hdf5Handle OpenArray(const std::string& name) const;
-  /// Holds what the array claims against what the file stores, so that a damaged header cannot make us allocate.
+  /// Holds what the array claims against what the file stores, so that a damaged header cannot make us allocate, and
+  /// what all arrays asked for until now claim against Hdf5Budget.
   void CheckStorage(const std::string& name, const Hdf5Handle& array, uint64_t bytes) const;
   void CheckFilters(const std::string& name, const Hdf5Handle& created) const;
 
   Hdf5Handle link_access_;
   Hdf5Handle file_;
   uint64_t file_bytes_ = 0;
+  mutable std::set<std::string> asked_for_;
+  mutable uint64_t claimed_ = 0;  ///< by the arrays asked for [bytes as doubles]
 };
 
 }  // namespace oted

@@ -7,12 +7,14 @@
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
+#include "oted/data/unpack_budget.h"
 
 namespace oted {
 namespace {
 
 constexpr const char* kNoMemory = "is there enough memory?";
 constexpr size_t kMoreMemory = size_t{1} << 20;
+constexpr unsigned kDeflate = 4;
 
 Hdf5Handle CreateInMemory() {
   const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
@@ -81,6 +83,19 @@ void Hdf5Writer::Close() {
 
 void Hdf5Writer::Write(const std::string& name, hid_t file_type, hid_t memory_type, std::span<const hsize_t> dims,
                        const void* values) {
+  uint64_t claims = sizeof(double);
+  for (const hsize_t size : dims) claims *= size;
+  uint64_t stored = Write(name, file_type, memory_type, dims, values, true);
+  if (claimed_ + claims > Hdf5Budget(stored_ + stored)) {
+    if (H5Ldelete(file_.id(), name.c_str(), H5P_DEFAULT) < 0) Fail(name, kNoMemory);
+    stored = Write(name, file_type, memory_type, dims, values, false);
+  }
+  claimed_ += claims;
+  stored_ += stored;
+}
+
+uint64_t Hdf5Writer::Write(const std::string& name, hid_t file_type, hid_t memory_type, std::span<const hsize_t> dims,
+                           const void* values, bool deflates) {
   const int rank = static_cast<int>(dims.size());
   const Hdf5Handle space(H5Screate_simple(rank, dims.data(), nullptr), H5Sclose);
   const Hdf5Handle create(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
@@ -90,13 +105,17 @@ void Hdf5Writer::Write(const std::string& name, hid_t file_type, hid_t memory_ty
   std::vector<hsize_t> chunk(dims.begin(), dims.end());
   chunk[0] = std::clamp<hsize_t>(64000 / width, 1, dims[0]);
   const bool prepared = H5Pset_chunk(create.id(), rank, chunk.data()) >= 0 && H5Pset_shuffle(create.id()) >= 0 &&
-                        H5Pset_deflate(create.id(), 4) >= 0 && H5Pset_obj_track_times(create.id(), false) >= 0;
+                        (!deflates || H5Pset_deflate(create.id(), kDeflate) >= 0) &&
+                        H5Pset_obj_track_times(create.id(), false) >= 0;
   if (!prepared) Fail(name, kNoMemory);
   Hdf5Handle field(H5Dcreate2(file_.id(), name.c_str(), file_type, space.id(), H5P_DEFAULT, create.id(), H5P_DEFAULT),
                    H5Dclose);
   if (!field.ok()) Fail(name, kNoMemory);
   if (H5Dwrite(field.id(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) Fail(name, kNoMemory);
+  if (H5Dflush(field.id()) < 0) Fail(name, kNoMemory);
+  const uint64_t stored = H5Dget_storage_size(field.id());
   if (!field.Reset()) Fail(name, kNoMemory);
+  return stored;
 }
 
 }  // namespace oted

@@ -28,10 +28,15 @@ class Hdf5Writer : public Hdf5Output {
 
  private:
   [[noreturn]] void Fail(const std::string& what, const char* remedy) const;
+  /// Compressed, or as it is where the file could not be read again otherwise.
   void Write(const std::string& name, hid_t file_type, hid_t memory_type, std::span<const hsize_t> dims,
              const void* values);
+  /// @return bytes stored
+  uint64_t Write(const std::string& name, hid_t file_type, hid_t memory_type, std::span<const hsize_t> dims,
+                 const void* values, bool deflates);
   std::string temporary_path_, path_;
   Hdf5Handle file_;
+  uint64_t claimed_ = 0, stored_ = 0;  ///< of all arrays: as doubles, and in the file [bytes]
 };
 
 }  // namespace oted

@@ -24,7 +24,8 @@ namespace {
 
 constexpr int kMostSteps = 100'000;  // of the physics in a control period
 
-bool IsActionRange(double low, double high) { return std::isfinite(low) && std::isfinite(high) && low < high; }
+/// mjMAXVAL: MuJoCo takes a state beyond it for unstable.
+bool IsActionRange(double low, double high) { return -mjMAXVAL <= low && low < high && high <= mjMAXVAL; }
 
 // Builds one setup; the members follow the keys of the file.
 class Builder {
@@ -104,8 +105,9 @@ class Builder {
     if (task_.actions.empty()) throw UsageError("task.actions is empty; name at least one, actuator/*");
     const std::vector<double>& range = task_.action_range;
     if (!range.empty() && (range.size() != 2 || !IsActionRange(range[0], range[1]))) {
-      throw UsageError(fmt::format("task.action_range is [{}], wanted [low, high] with low < high, both finite",
-                                   fmt::join(range, ", ")));
+      throw UsageError(
+          fmt::format("task.action_range is [{}], wanted [low, high] with low < high, both within +-{:.0e}",
+                      fmt::join(range, ", "), mjMAXVAL));
     }
     const ObjectKind kind{"actuator", mjOBJ_ACTUATOR, static_cast<int>(model_.nactuator)};
     for (const std::string& path : task_.actions) {
@@ -137,9 +139,9 @@ class Builder {
       }
       if (!IsActionRange(low, high)) {
         throw DataError(
-            fmt::format("{}: the ctrlrange of '{}' is {} to {}, wanted two finite numbers, the smaller first; "
-                        "correct the model",
-                        what, name, low, high));
+            fmt::format("{}: the ctrlrange of '{}' is {} to {}, wanted two numbers within +-{:.0e}, the smaller "
+                        "first; correct the model",
+                        what, name, low, high, mjMAXVAL));
       }
       setup_.controls.push_back(control);
       spec_.action_names.push_back(n == 1 ? name : fmt::format("{}[{}]", name, k));
