@@ -39,7 +39,7 @@ ShortReplays::ShortReplays(const SimulatorFactory& factory, int n_threads)
 }
 
 ReplayedWindows ShortReplays::Choose(const Dataset& dataset) const {
-  int before = spec_.n_past_actions;
+  int before = spec_.n_past_actions + spec_.n_rows_before;
   for (const int age : spec_.reading_ages) before = std::max(before, age);
   std::vector<int> all;
   for (const Episode& e : dataset.Episodes()) {

@@ -289,7 +289,7 @@ class Proposer {
       const bool alone = has_velocities || std::ranges::find(hidden, PositionOf(path)) != hidden.end();
       if (alone && std::ranges::find(seen, path) == seen.end()) hidden.push_back(path);
     }
-    // Not activations: kept at their start values they would be wrong in each window; the fit finds them.
+    // Not activations: those of filters follow the commands, and the fit finds the others.
     if (hidden.empty()) return;
     task_.unobserved = hidden;
     try {

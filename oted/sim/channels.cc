@@ -141,10 +141,11 @@ bool ChannelSimulator::SetState(int lane, std::span<const double> state, const L
   if (state.size() != obs_dim + spec().hidden.size()) return inside().SetState(lane, state, {});  // says what is wrong
   std::vector<double> of_plant(state.begin(), state.end());
   for (size_t j = 0; j < obs_dim; ++j) of_plant[j] -= l.bias[j];
-  if (!inside().SetState(lane, of_plant, {})) return false;
+  const int n_before = static_cast<int>(before.actions.size() / neutral_.size());
+  if (!inside().SetState(lane, of_plant, OfPlant(l, before, n_before))) return false;
   Begin(l, NoiseAfter(state));
   l.observations.Fill(inside().observation(lane));
-  FillActions(l, before, static_cast<int>(before.actions.size() / neutral_.size()));
+  FillActions(l, before, n_before);
   l.shown.assign(state.begin(), state.begin() + static_cast<ptrdiff_t>(obs_dim));
   return true;
 }
@@ -155,6 +156,25 @@ void ChannelSimulator::FillActions(Lane& lane, const LoggedHistory& before, int 
   for (int row = std::max(0, end - setup_->longest_action_delay); row < end; ++row) {
     lane.actions.Push(before.actions.subspan(static_cast<size_t>(row) * act_dim, act_dim));
   }
+}
+
+LoggedHistory ChannelSimulator::OfPlant(const Lane& lane, const LoggedHistory& before, int end) {
+  const size_t act_dim = neutral_.size(), n = static_cast<size_t>(end);
+  const LoggedHistory given = {before.observations.first(n * static_cast<size_t>(spec().obs_dim())),
+                               before.actions.first(n * act_dim), before.constants};
+  if (lane.action_delay == 0 || setup_->spec.n_discrete_actions > 0) return given;
+  const Age age(lane.action_delay);
+  const auto was_given = [&](int row, size_t k) {
+    return row < 0 ? neutral_[k] : given.actions[static_cast<size_t>(row) * act_dim + k];
+  };
+  late_history_.resize(given.actions.size());
+  for (int row = 0; row < end; ++row) {
+    for (size_t k = 0; k < act_dim; ++k) {
+      late_history_[static_cast<size_t>(row) * act_dim + k] =
+          spec().MeanAction(k, was_given(row - age.whole - 1, k), was_given(row - age.whole, k), age.fraction);
+    }
+  }
+  return {given.observations, late_history_, given.constants};
 }
 
 std::optional<bool> ChannelSimulator::EndsAt(int lane, std::span<const double> observation) {
@@ -185,7 +205,7 @@ bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, 
     if (age.fraction > 0) state[j] += age.fraction * (logged(row + 1, j) - state[j]);
     if (unbias && l.bias[j] != 0) state[j] -= l.bias[j];
   }
-  if (!inside().SetStateFromObservation(lane, state)) return false;
+  if (!inside().SetStateFromLog(lane, state, OfPlant(l, before, start))) return false;
 
   Begin(l, NoiseAfter(observation));
   l.observations.Fill(inside().observation(lane));

@@ -106,6 +106,9 @@ class ChannelSimulator : public WrappedSimulator {
   void StepPlant(std::span<const int> lanes);
   void Show(int lane);
   void FillActions(Lane& lane, const LoggedHistory& before, int end) const;
+  /// What the plant was given before row `end` of the history: late, and each row the mean over its period. Valid until
+  /// the next call.
+  LoggedHistory OfPlant(const Lane& lane, const LoggedHistory& before, int end);
   bool StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back, bool unbias);
 
   std::shared_ptr<const ChannelSetup> setup_;
@@ -113,6 +116,7 @@ class ChannelSimulator : public WrappedSimulator {
   std::vector<Lane> lanes_;
   std::vector<double> actions_, before_;  // (n_lanes, act_dim), what reaches the plant: late, and until then
   std::vector<double> late_share_;        // (n_lanes): of the control period
+  std::vector<double> late_history_;      // OfPlant's
 };
 
 }  // namespace oted

@@ -56,7 +56,9 @@ struct SimulatorSpec {
   std::vector<int> reading_ages;
   std::vector<std::string> constant_names;  ///< one per number of LoggedHistory::constants
   bool has_reward = true;                   ///< false: reward() is always 0, and no agent can be trained
-  int n_past_actions = 0;    ///< earlier actions that, beside the present one, the next observation may depend on
+  int n_past_actions = 0;  ///< earlier actions that, beside the present one, the next observation may depend on
+  /// Logged rows before a start until which the commands say where a filtered drive is, to a hundredth of its way.
+  int n_rows_before = 0;
   double return_random = 0;  ///< D4RL's reference returns; the normalised score is
   double return_expert = 0;  ///< 100 (return - random) / (expert - random); equal: no score
 
@@ -126,15 +128,16 @@ class Simulator {
   /// @throws UsageError when spec().can_set_state is false.
   virtual bool SetStateFromObservation(int lane, std::span<const double> observation) = 0;
 
-  /// The same where it is known what was logged before: a simulator with delays reaches back into it. Without them the
-  /// observation is enough.
+  /// The same where it is known what was logged before: a simulator with delays or filtered drives reaches back into
+  /// it. Without them the observation is enough.
   virtual bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) {
     static_cast<void>(before);
     return SetStateFromObservation(lane, observation);
   }
 
   /// Puts one lane into a state that no log need have shown: what its sensors would read there without noise and delay
-  /// (obs_dim numbers), then spec().hidden. The actions in `before` fill what an action delay has yet to deliver; a
+  /// (obs_dim numbers), then spec().hidden. The actions in `before` fill what an action delay has yet to deliver, and
+  /// drive what follows them alone; a
   /// sensor with a delay shows the state itself until it has seen what comes after it. False as
   /// SetStateFromObservation. @throws UsageError unless spec().can_replay().
   virtual bool SetState(int lane, std::span<const double> state, const LoggedHistory& before) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/sim/mujoco/driven_activations.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/model_field.h"
 #include "oted/sim/mujoco/task_rules.h"
@@ -20,10 +21,11 @@ struct MujocoSetup {
   SimulatorSpec spec;
   std::string why_not_settable;  ///< "" where spec.can_set_state
   ParameterSpace space;
-  std::vector<ModelField> fields;   ///< of all parameters
-  std::vector<double> start_state;  ///< mj_getState(mjSTATE_INTEGRATION) that every start begins from
-  int frame_skip = 1;               ///< physics steps per control step
-  std::vector<int> controls;        ///< entry of mjData's ctrl for every action
+  std::vector<ModelField> fields;        ///< of all parameters
+  std::vector<double> start_state;       ///< mj_getState(mjSTATE_INTEGRATION) that every start begins from
+  int frame_skip = 1;                    ///< physics steps per control step
+  std::vector<int> controls;             ///< entry of mjData's ctrl for every action
+  std::vector<DrivenActivation> driven;  ///< activations that no observation shows
   std::function<std::unique_ptr<TaskRules>()> make_rules;
 };
 

@@ -7,18 +7,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 
 #include "oted/base/error.h"
-#include "oted/sim/channel_factory.h"
-#include "oted/sim/channel_suspects.h"
 #include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/joint_residual.h"
-#include "oted/sim/mujoco/model_offers.h"
-#include "oted/sim/mujoco/model_setup.h"
-#include "oted/sim/mujoco/model_suspects.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
-#include "oted/sim/mujoco/render.h"
 
 namespace oted {
 namespace {
@@ -72,6 +65,7 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
   for (const ModelField& field : setup_->fields) {
     fields_.push_back(Expand(field.array));
     if (field.array == "geom_size") bounding_radii_ = Expand("geom_rbound");
+    if (field.array == "actuator_dynprm") dynprm_ = fields_.back();
     changes_constants_ = changes_constants_ || field.changes_constants;
   }
   observations_ = Array2<double>(n_lanes, setup_->spec.obs_dim());
@@ -228,6 +222,10 @@ void MujocoSimulator::ResetTo(int lane, std::span<const double> qpos, std::span<
 }
 
 bool MujocoSimulator::SetStateFromObservation(int lane, std::span<const double> observation) {
+  return SetStateFromLog(lane, observation, {});
+}
+
+bool MujocoSimulator::SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) {
   OTED_CHECK(lane >= 0 && lane < n_lanes());
   if (!setup_->spec.can_set_state) {
     throw UsageError(
@@ -237,30 +235,43 @@ bool MujocoSimulator::SetStateFromObservation(int lane, std::span<const double> 
     throw UsageError(fmt::format("got an observation of {} numbers, wanted {} for {}", observation.size(),
                                  setup_->spec.obs_dim(), setup_->spec.task));
   }
-  return SetTo(lane, observation, {});
+  return SetTo(lane, observation, {}, before);
 }
 
-bool MujocoSimulator::SetState(int lane, std::span<const double> state, const LoggedHistory&) {
+bool MujocoSimulator::SetState(int lane, std::span<const double> state, const LoggedHistory& before) {
   const SimulatorSpec& spec = setup_->spec;
   OTED_CHECK(lane >= 0 && lane < n_lanes());
-  if (spec.hidden.empty()) return SetStateFromObservation(lane, state);
+  if (spec.hidden.empty()) return SetStateFromLog(lane, state, before);
   if (static_cast<int>(state.size()) != spec.state_dim()) {
     throw UsageError(fmt::format("got a state of {} numbers, wanted {} for {}: what is observed, then what is not",
                                  state.size(), spec.state_dim(), spec.task));
   }
   const size_t obs_dim = static_cast<size_t>(spec.obs_dim());
-  return SetTo(lane, state.first(obs_dim), state.subspan(obs_dim));
+  return SetTo(lane, state.first(obs_dim), state.subspan(obs_dim), before);
 }
 
-bool MujocoSimulator::SetTo(int lane, std::span<const double> observation, std::span<const double> hidden) {
+bool MujocoSimulator::SetTo(int lane, std::span<const double> observation, std::span<const double> hidden,
+                            const LoggedHistory& before) {
   if (!AllFinite(observation) || !AllFinite(hidden) || !rules_->Determines(observation)) return false;
   std::copy(setup_->start_state.begin(), setup_->start_state.end(), state_.row(lane).begin());
+  FollowCommands(lane, before.actions);
   rules_->SetHidden(hidden, StateOf(lane));
   rules_->SetState(observation, StateOf(lane));
   StartEpisode(lane);
   // Sensors of forces and accelerations depend on controls that were never logged: what was seen is what is shown.
   std::copy(observation.begin(), observation.end(), observations_.row(lane).begin());
   return true;
+}
+
+void MujocoSimulator::FollowCommands(int lane, std::span<const double> actions) {
+  const mjModel& model = *setup_->loaded.model;
+  for (const DrivenActivation& driven : setup_->driven) {
+    const double* dynprm = dynprm_.values == nullptr ? model.actuator_dynprm
+                                                     : dynprm_.values + static_cast<ptrdiff_t>(lane) * dynprm_.size;
+    double& act = act_.row(lane)[static_cast<size_t>(driven.act)];
+    act = ActivationAfter(model, driven, dynprm[mjNDYN * driven.actuator], act,
+                          {actions, setup_->spec.act_dim, setup_->frame_skip});
+  }
 }
 
 std::optional<bool> MujocoSimulator::EndsAt(int lane, std::span<const double> observation) {
@@ -399,58 +410,6 @@ bool MujocoSimulator::TakeDivergence(int lane) {
       warnings[mjWARN_BADQPOS].number > 0 || warnings[mjWARN_BADQVEL].number > 0 || warnings[mjWARN_BADQACC].number > 0;
   std::fill_n(warnings, static_cast<int>(mjNWARNING), mjWarningStat{});
   return warned || !AllFinite(state_.row(lane));
-}
-
-MujocoSimulatorFactory::MujocoSimulatorFactory(const std::string& task, std::vector<ParameterSpec> specs)
-    : make_again_([task](std::vector<ParameterSpec> others) {
-        return std::make_unique<MujocoSimulatorFactory>(task, std::move(others));
-      }),
-      setup_(MakeMujocoSetup(task, std::move(specs))) {}
-MujocoSimulatorFactory::MujocoSimulatorFactory(const ModelTask& task, std::vector<ParameterSpec> specs,
-                                               const Array2<double>& logged_starts)
-    : make_again_([task, logged_starts](std::vector<ParameterSpec> others) {
-        return std::make_unique<MujocoSimulatorFactory>(task, std::move(others), logged_starts);
-      }),
-      setup_(MakeModelSetup(task, std::move(specs), logged_starts)) {
-  CheckModelSetup(setup_);
-}
-MujocoSimulatorFactory::~MujocoSimulatorFactory() = default;
-
-const SimulatorSpec& MujocoSimulatorFactory::spec() const { return setup_->spec; }
-const ParameterSpace& MujocoSimulatorFactory::parameters() const { return setup_->space; }
-int MujocoSimulatorFactory::frame_skip() const { return setup_->frame_skip; }
-const mjModel_& MujocoSimulatorFactory::model() const { return *setup_->loaded.model; }
-const mjSpec_& MujocoSimulatorFactory::model_spec() const { return *setup_->loaded.spec; }
-std::string MujocoSimulatorFactory::model_path() const { return setup_->model_path.string(); }
-std::string MujocoSimulatorFactory::model_sha256() const { return setup_->loaded.sha256; }
-std::string MujocoSimulatorFactory::why_not_settable() const { return setup_->why_not_settable; }
-std::unique_ptr<Renderer> MujocoSimulatorFactory::MakeRenderer(int width, int height, std::string* why_not) const {
-  return MujocoRenderer::Make(*this, width, height, why_not);
-}
-
-std::vector<ParameterOffer> MujocoSimulatorFactory::Offers() const { return ModelOffers(*setup_->loaded.model); }
-PathInfo MujocoSimulatorFactory::Describe(const std::string& path) const {
-  return DescribeModelPath(*setup_->loaded.model, path);
-}
-
-std::vector<ParameterSpec> MujocoSimulatorFactory::Suspects() const {
-  std::vector<ParameterSpec> suspects = ModelSuspects(*setup_->loaded.model, setup_->space);
-  std::ranges::move(ChannelSuspects(setup_->spec, setup_->space), std::back_inserter(suspects));
-  return suspects;
-}
-
-std::unique_ptr<SimulatorFactory> MujocoSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
-  std::vector<ParameterSpec> all = setup_->space.specs();
-  all.insert(all.end(), more.begin(), more.end());
-  return WithChannels(all, make_again_);
-}
-
-std::unique_ptr<Simulator> MujocoSimulatorFactory::Make(int n_lanes, int n_threads) const {
-  return MakeMujoco(n_lanes, n_threads);
-}
-
-std::unique_ptr<MujocoSimulator> MujocoSimulatorFactory::MakeMujoco(int n_lanes, int n_threads) const {
-  return std::make_unique<MujocoSimulator>(setup_, n_lanes, n_threads);
 }
 
 }  // namespace oted

@@ -47,6 +47,8 @@ class MujocoSimulator : public Simulator {
   /// determine a state: a velocity on Gymnasium's clip, a quaternion of zeros, a number that is not finite.
   /// @throws UsageError when the length is not obs_dim, or spec().can_set_state is false.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
+  /// Activations that follow the commands are where the actions before have led them.
+  bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) override;
   bool SetState(int lane, std::span<const double> state, const LoggedHistory& before) override;
   /// Nothing when a velocity lies on the clip.
   std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
@@ -106,7 +108,9 @@ class MujocoSimulator : public Simulator {
   LaneArray ArrayNamed(const std::string& name);
   LaneState StateOf(int lane) const;
   void StartEpisode(int lane);
-  bool SetTo(int lane, std::span<const double> observation, std::span<const double> hidden);
+  bool SetTo(int lane, std::span<const double> observation, std::span<const double> hidden,
+             const LoggedHistory& before);
+  void FollowCommands(int lane, std::span<const double> actions);
   /// Makes `lanes` the active ones, but for those that diverged.
   void Activate(std::span<const int> lanes, std::span<const double> actions);
   void SetControls(int lane, std::span<const double> action);
@@ -129,6 +133,7 @@ class MujocoSimulator : public Simulator {
   std::vector<LaneArray> arrays_;      // parallel to rules_->arrays()
   std::vector<ExpandedField> fields_;  // parallel to the parameters
   ExpandedField bounding_radii_;       // used when a parameter changes the size of a geom
+  ExpandedField dynprm_;               // likewise the time constant of a drive
   bool changes_constants_ = false;
   std::vector<std::vector<double>> parameters_;  // of each lane, as its model has them; empty where not set yet
   Array2<double> observations_;

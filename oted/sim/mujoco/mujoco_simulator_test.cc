@@ -79,6 +79,20 @@ INSTANTIATE_TEST_SUITE_P(Mujoco, SimulatorConformance,
                                          Case("HopperFriction", "Hopper-v5", FrictionParameters())),
                          [](const auto& parameter) { return parameter.param.name; });
 
+ConformanceCase CrawlerCase(const std::string& name, ModelTask (*make_task)(const TestFolder&)) {
+  static const TestFolder folder;  // factories are made from it at any time
+  return {name, [make_task] {
+            return std::make_unique<MujocoSimulatorFactory>(
+                make_task(folder), std::vector<ParameterSpec>{{.name = "gain", .field = "actuator/*/gainprm[0]"},
+                                                              {.name = "mass", .field = "body/*/mass"}});
+          }};
+}
+
+INSTANTIATE_TEST_SUITE_P(ModelTask, SimulatorConformance,
+                         testing::Values(CrawlerCase("Crawler", CrawlerTask),
+                                         CrawlerCase("CrawlerWithoutSettableState", BlindCrawlerTask)),
+                         [](const auto& parameter) { return parameter.param.name; });
+
 // Runs `work` in an empty working directory; returns what it wrote to stdout and stderr and the files it left.
 struct SideEffects {
   std::string text;

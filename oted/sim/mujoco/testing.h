@@ -72,4 +72,13 @@ inline ModelTask CrawlerTask(const TestFolder& folder) {
   return task;
 }
 
+/// The same with observations that show no state.
+inline ModelTask BlindCrawlerTask(const TestFolder& folder) {
+  ModelTask task = CrawlerTask(folder);
+  task.observations = {"sensor/*", "site/tip/xpos", "tendon/line/length", "actuator/*/force"};
+  task.unobserved.clear();
+  task.reward.clear();
+  return task;
+}
+
 }  // namespace oted

@@ -16,6 +16,13 @@ constexpr int kReplayLanes = 256;
 /// The lanes of one window: the base replay, one per parameter, one per start coordinate that is moved.
 int LanesPerWindow(int n_parameters, int n_moved) { return 1 + n_parameters + n_moved; }
 
+/// Where a filtered drive is at an episode's start is not known. Short episodes are not given up for that.
+int RowsBefore(const SimulatorSpec& spec, const Dataset& dataset) {
+  int longest = 0;
+  for (const Episode& episode : dataset.Episodes()) longest = std::max(longest, episode.end - episode.begin);
+  return std::min(spec.n_rows_before, longest / 4);
+}
+
 }  // namespace
 
 int WindowReplayer::LinearizationLanes(int n_parameters, int state_dim) {
@@ -27,6 +34,7 @@ WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Datas
     : simulator_(std::move(simulator)),
       dataset_(dataset),
       obs_dim_(simulator_->spec().obs_dim()),
+      n_past_actions_(RowsBefore(simulator_->spec(), dataset)),
       readings_(ReadingModel::Plain(obs_dim_)),
       rates_(dataset, simulator_->spec().control_period_s),
       actions_(static_cast<size_t>(simulator_->n_lanes()) * static_cast<size_t>(simulator_->spec().act_dim)) {
@@ -37,7 +45,7 @@ WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Datas
     : simulator_(std::move(simulator)),
       dataset_(dataset),
       obs_dim_(simulator_->spec().obs_dim()),
-      n_past_actions_(simulator_->spec().n_past_actions),
+      n_past_actions_(simulator_->spec().n_past_actions + RowsBefore(simulator_->spec(), dataset)),
       starts_are_states_(true),
       readings_(std::move(readings)),
       rates_(dataset, simulator_->spec().control_period_s),
