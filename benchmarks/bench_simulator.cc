@@ -12,7 +12,7 @@
 
 #include "oted/base/rng.h"
 #include "oted/sim/mujoco/model.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/task.h"
 
 namespace oted {

@@ -16,7 +16,7 @@
 #include "benchmarks/sac_workload.h"
 #include "oted/data/npz.h"
 #include "oted/rl/sac.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted {
 namespace {

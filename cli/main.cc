@@ -10,6 +10,7 @@
 #include <new>
 #include <span>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -99,6 +100,8 @@ int FailOfException(const CLI::App& app) {
     return Fail(is_name ? ExitCode::kUsage : ExitCode::kDataOrModel,
                 fmt::format("cannot use '{}': {}; choose another place or fix its permissions", e.path1().string(),
                             e.code().message()));
+  } catch (const std::length_error&) {
+    return Fail(ExitCode::kDataOrModel, "a list longer than any memory is asked for; lower sizes in the settings");
   } catch (const std::bad_alloc&) {
     return Fail(ExitCode::kDataOrModel,
                 "there is not enough memory; use fewer threads (--threads), less data, or a machine with more, and run "

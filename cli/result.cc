@@ -63,9 +63,10 @@ void PrintPolicies(const EvaluationRecord& evaluation) {
   for (const EvaluationRecord::PolicyResult& p : evaluation.policies) returns.push_back(p.mean_return);
   const int decimals = ReturnDecimals(returns, 0);
   for (const EvaluationRecord::PolicyResult& p : evaluation.policies) {
-    Print("{:<34} {:>20} {:>10}\n", p.label,
+    Print("{:<34} {:>20} {:>10}{}\n", p.label,
           fmt::format("{:.{}f} +- {:.{}f}", p.mean_return, decimals, p.std_return, decimals),
-          p.score ? fmt::format("{:.1f}", *p.score) : "-");
+          p.score ? fmt::format("{:.1f}", *p.score) : "-",
+          p.n_diverged > 0 ? fmt::format("  {} of {} diverged", p.n_diverged, evaluation.episodes) : "");
   }
 }
 

@@ -20,6 +20,7 @@
 #include "oted/collect/demonstrations.h"
 #include "oted/data/dataset_files.h"
 #include "oted/run/run_inputs.h"
+#include "oted/run/run_lock.h"
 
 namespace oted::cli {
 
@@ -114,11 +115,71 @@ void AddCollectVerb(Program& program) {
   verb->callback([options] { Collect(*options); });
 }
 
+namespace {
+
+struct BehaviorOptions : Options {
+  std::string algorithm = "sac";
+};
+
+/// The settings of a file that describes the task, then those of the command line.
+std::variant<SacConfig, CrossQConfig> AgentOf(const BehaviorOptions& options, RunConfig config) {
+  for (const std::string& assignment : options.assignments) {
+    if (!assignment.starts_with(options.algorithm + ".")) {
+      const bool has_section = assignment.find('.') < assignment.find('=');
+      throw UsageError(fmt::format("--set {}: only settings of {}, which trains here, mean anything: {}", assignment,
+                                   options.algorithm,
+                                   has_section ? "see --algorithm" : options.algorithm + "." + assignment));
+    }
+    config.Set(assignment);
+  }
+  if (options.algorithm == "crossq") {
+    config.algorithms.crossq.CheckLearns("crossq");
+    return config.algorithms.crossq;
+  }
+  config.algorithms.sac.CheckLearns("sac");
+  return config.algorithms.sac;
+}
+
+void TrainBehavior(const BehaviorOptions& options) {
+  const RunConfig target = TargetOf(options);
+  const TaskConfig& task = target.task;
+  const auto agent = AgentOf(options, target);
+  const Array2<double> starts = LoggedStarts(target);
+  const auto factory = MakeSimulatorFactory(task, target.parameters, starts);
+  if (factory->has_expert()) {
+    throw UsageError(
+        fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert", task.name));
+  }
+  if (!factory->spec().has_reward) {
+    throw UsageError(
+        fmt::format("task '{}' has no reward to train a policy with; add task.reward = \"...\"", task.name));
+  }
+  nlohmann::json identity = task.Identity();
+  if (starts.rows() > 0) {
+    const auto bytes = std::as_bytes(starts.values());
+    identity["starts"] = Sha256({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  }
+  MakeFolders(options.out);
+  const RunLock lock(options.out);
+  BehaviorPolicies policies;
+  {
+    TerminalSink terminal(options.quiet);
+    FileSink log(options.out, &terminal);
+    policies = TrainBehaviorPolicies({.factory = *factory,
+                                      .task = identity,
+                                      .z = TargetParameters(factory->parameters(), target.truth),
+                                      .agent = agent,
+                                      .seed = SeedOf(options.seed)},
+                                     options.out, MakeContext(log, options.threads));
+  }
+  Print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
+        policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
+}
+
+}  // namespace
+
 void AddBehaviorVerb(Program& program) {
   CLI::App* verb = program.app.add_subcommand("behavior", "train a study's medium and expert behaviour policy");
-  struct BehaviorOptions : Options {
-    std::string algorithm = "sac";
-  };
   auto options = std::make_shared<BehaviorOptions>();
   verb->add_option("--task", options->task, kTaskHelp)->type_name(value_kind::kTask)->required();
   AddTargetOptions(*verb, *options);
@@ -133,39 +194,7 @@ void AddBehaviorVerb(Program& program) {
       ->allow_extra_args(false);
   verb->add_flag("--quiet", options->quiet, "no progress on stderr");
   verb->footer(SettingsHelp({"sac", "crossq"}));
-  verb->callback([options] {
-    RunConfig config;
-    for (const std::string& assignment : options->assignments) {
-      if (!assignment.starts_with(options->algorithm + ".")) {
-        throw UsageError(fmt::format("--set {}: only settings of {}, which trains here, mean anything (--algorithm)",
-                                     assignment, options->algorithm));
-      }
-      config.Set(assignment);
-    }
-    const RunConfig target = TargetOf(*options);
-    const TaskConfig& task = target.task;
-    const auto factory = MakeSimulatorFactory(task, target.parameters, LoggedStarts(target));
-    if (factory->has_expert()) {
-      throw UsageError(
-          fmt::format("task '{}' has its expert and medium policy built in: oted collect --policy expert", task.name));
-    }
-    if (!factory->spec().has_reward) {
-      throw UsageError(
-          fmt::format("task '{}' has no reward to train a policy with; add task.reward = \"...\"", task.name));
-    }
-    TerminalSink terminal(options->quiet);
-    FileSink log(options->out, &terminal);
-    std::variant<SacConfig, CrossQConfig> agent = config.algorithms.sac;
-    if (options->algorithm == "crossq") agent = config.algorithms.crossq;
-    const BehaviorPolicies policies = TrainBehaviorPolicies({.factory = *factory,
-                                                             .task = task.Identity(),
-                                                             .z = TargetParameters(factory->parameters(), target.truth),
-                                                             .agent = agent,
-                                                             .seed = SeedOf(options->seed)},
-                                                            options->out, MakeContext(log, options->threads));
-    Print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
-          policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
-  });
+  verb->callback([options] { TrainBehavior(*options); });
 }
 
 }  // namespace oted::cli

@@ -109,6 +109,16 @@ void IntervalSearch::Save(NpzArrays& arrays) const {
     counts.push_back(static_cast<int64_t>(at.size()));
     values.insert(values.end(), at.begin(), at.end());
   }
+  std::vector<int64_t> lanes;
+  std::vector<double> at;
+  for (const auto& [lane, end] : at_end_) {
+    for (const int64_t number : {int64_t{lane}, static_cast<int64_t>(end.parameter), static_cast<int64_t>(end.side)}) {
+      lanes.push_back(number);
+    }
+    at.push_back(end.value);
+  }
+  arrays["interval/lanes"] = NpyArray(lanes);
+  arrays["interval/at"] = NpyArray(at);
   arrays["interval/counts"] = NpyArray(counts);
   arrays["interval/performances"] = NpyArray(values);
 }
@@ -116,6 +126,14 @@ void IntervalSearch::Save(NpzArrays& arrays) const {
 void IntervalSearch::Restore(const NpzArrays& arrays) {
   ends_[0] = CheckpointValues<double>(arrays, "interval/low", start_.size());
   ends_[1] = CheckpointValues<double>(arrays, "interval/high", start_.size());
+  const auto& at = std::get<std::vector<double>>(arrays.at("interval/at").values);
+  const auto& lanes = CheckpointValues<int64_t>(arrays, "interval/lanes", 3 * at.size());
+  at_end_.clear();
+  for (size_t k = 0; k < at.size(); ++k) {
+    const End end{static_cast<size_t>(lanes[3 * k + 1]), static_cast<size_t>(lanes[3 * k + 2]), at[k]};
+    if (end.parameter >= start_.size() || end.side > 1) throw DataError("'interval/lanes' is out of range");
+    at_end_[static_cast<int>(lanes[3 * k])] = end;
+  }
   const auto& counts = CheckpointValues<int64_t>(arrays, "interval/counts", performances_.size());
   int64_t total = 0;
   for (const int64_t count : counts) {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/task.h"
 
 namespace oted {

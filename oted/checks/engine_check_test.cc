@@ -4,7 +4,7 @@
 
 #include "oted/collect/demonstrations.h"
 #include "oted/collect/excitation.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted::engine_check_test {
 

@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/rl/policy_evaluation.h"
+#include "oted/rl/starts.h"
 #include "oted/sim/episode_recorder.h"
 #include "oted/stages/agent/agent.h"
 
@@ -46,26 +48,50 @@ nlohmann::json IdentityOf(const BehaviorTraining& training) {
   const SimulatorFactory& factory = training.factory;
   nlohmann::json parameters = nlohmann::json::object();
   for (int i = 0; i < factory.parameters().size(); ++i) {
-    parameters[factory.parameters()[i].field] = training.z[static_cast<size_t>(i)];
+    const ParameterSpec& spec = factory.parameters()[i];
+    const bool is_multiple = spec.scale == ParameterScale::kNominal;
+    parameters[spec.field + (is_multiple ? "" : " (absolute)")] = training.z[static_cast<size_t>(i)];
   }
   return {{"schema", "oted.behavior/1"}, {"task", training.task}, {"model", factory.model_sha256()},
           {"parameters", parameters},    {"seed", training.seed}, {AlgorithmOf(training), SettingsOf(training)}};
 }
 
+/// Setting by setting: "sac.gamma", "seed".
+std::map<std::string, nlohmann::json> Settings(const nlohmann::json& identity) {
+  std::map<std::string, nlohmann::json> settings;
+  for (const auto& [key, value] : identity.items()) {
+    if (!value.is_object()) {
+      settings[key] = value;
+      continue;
+    }
+    for (const auto& [name, setting] : value.items()) settings[fmt::format("{}.{}", key, name)] = setting;
+  }
+  return settings;
+}
+
+/// Whether a training with these settings begins several times, and keeps the best start.
+bool ChoosesStart(const nlohmann::json& settings) {
+  return settings["n_starts"] > 1 && settings["start_steps"] < settings["n_steps"];
+}
+
 /// What of a training is not as it began, in words. More steps of the same are no difference.
 std::vector<std::string> Differences(const nlohmann::json& before, const nlohmann::json& now) {
-  const nlohmann::json old_values = before.flatten(), new_values = now.flatten();
-  nlohmann::json all = old_values;
-  all.update(new_values);
+  const auto old_settings = Settings(before), new_settings = Settings(now);
+  auto all = old_settings;
+  all.insert(new_settings.begin(), new_settings.end());
+  const auto value = [](const auto& settings, const std::string& key) {
+    const auto found = settings.find(key);
+    return found == settings.end() ? std::string("none") : found->second.dump();
+  };
   std::vector<std::string> differ;
-  for (const auto& [key, unused] : all.items()) {
-    const bool in_both = old_values.contains(key) && new_values.contains(key);
-    if (in_both && old_values[key] == new_values[key]) continue;
-    if (in_both && key.ends_with("/n_steps") && new_values[key] > old_values[key]) continue;
-    const auto value = [&](const nlohmann::json& values) {
-      return values.contains(key) ? values[key].dump() : std::string("none");
-    };
-    differ.push_back(fmt::format("{} {}, not {}", key.substr(1), value(old_values), value(new_values)));
+  for (const auto& [key, unused] : all) {
+    const std::string was = value(old_settings, key), is = value(new_settings, key);
+    if (was == is) continue;
+    const std::string section = key.substr(0, key.find('.'));
+    const bool goes_on = key.ends_with(".n_steps") && before.contains(section) && now.contains(section) &&
+                         new_settings.at(key) > old_settings.at(key) &&
+                         ChoosesStart(before[section]) == ChoosesStart(now[section]);
+    if (!goes_on) differ.push_back(fmt::format("{} {}, not {}", key, was, is));
   }
   return differ;
 }
@@ -73,15 +99,20 @@ std::vector<std::string> Differences(const nlohmann::json& before, const nlohman
 /// @throws UsageError where `folder` holds another training, naming what differs
 void CheckSameTraining(const std::filesystem::path& folder, const nlohmann::json& identity) {
   const std::filesystem::path file = folder / kIdentityFile;
+  const auto has = [&](const char* name) { return std::filesystem::exists(folder / name); };
   if (std::filesystem::exists(file)) {
-    const std::vector<std::string> differ = Differences(ReadJson(file), identity);
+    const nlohmann::json before = ReadJson(file);
+    if (!before.is_object()) throw DataError(fmt::format("'{}' is damaged; choose another --out", file.string()));
+    const std::vector<std::string> differ = Differences(before, identity);
     if (!differ.empty()) {
-      throw UsageError(fmt::format("'{}' holds a training with {}; choose another --out, or remove it", folder.string(),
-                                   fmt::join(differ, "; ")));
+      throw UsageError(
+          fmt::format("'{}' holds a training with {}; only more n_steps of the same go on there, beyond start_steps or "
+                      "not as it was: choose another --out, or remove it",
+                      folder.string(), fmt::join(differ, "; ")));
     }
-  } else if (std::filesystem::exists(folder / "checkpoint.npz") || std::filesystem::exists(folder / "training.json")) {
-    throw UsageError(
-        fmt::format("'{}' holds a training by another version of oted; choose another --out", folder.string()));
+  } else if (has("checkpoint.npz") || has("training.json") || has(kStartsFolder)) {
+    throw UsageError(fmt::format("'{}' holds a training, and no {} that says of what; choose another --out",
+                                 folder.string(), kIdentityFile));
   }
   WriteJson(file, identity);
 }
@@ -119,8 +150,10 @@ BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const s
   };
   const ReplayAgent trained = std::visit(train, training.agent);
 
+  // The policy that the training kept: its return tells of whole episodes where any policy had them.
   const auto& returns = trained.eval_returns;
-  const size_t best = static_cast<size_t>(std::max_element(returns.begin(), returns.end()) - returns.begin());
+  const size_t best = static_cast<size_t>(std::ranges::find(returns, trained.eval_return) - returns.begin());
+  OTED_CHECK(best < returns.size());
 
   BehaviorPolicies result;
   const auto judge = [&](const TanhGaussianPolicy& policy) {
@@ -131,6 +164,8 @@ BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const s
   result.expert_step = trained.eval_steps[best];
   result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));
   result.expert_return = judge(result.expert);
+  result.random_return = RandomReturn(factory, z, key.Stage("random"), context.n_threads);
+  const double third = result.random_return + (result.expert_return - result.random_return) / 3;
   // The medium policy comes on the way up. The learning curve's few episodes would misjudge it: every snapshot until
   // the expert's gets as many as the expert.
   std::vector<double> judged;
@@ -138,13 +173,19 @@ BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const s
     TanhGaussianPolicy policy = TanhGaussianPolicy::Load(snapshot(trained.eval_steps[i]));
     const double mean_return = judge(policy);
     judged.push_back(mean_return);
-    const double third = result.expert_return / 3;
+    context.log->Progress("judge", "snapshots", static_cast<int64_t>(i + 1), static_cast<int64_t>(best + 1), "");
+    context.ThrowIfStopped();
     if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
     result.medium_step = trained.eval_steps[i];
     result.medium = std::move(policy);
     result.medium_return = mean_return;
   }
-  result.random_return = RandomReturn(factory, z, key.Stage("random"), context.n_threads);
+  if (std::abs(result.medium_return - third) > std::abs(result.expert_return - third) / 2) {
+    context.log->Warning(fmt::format(
+        "no policy was evaluated a third of the way up: the medium one earns {:.4g}, the expert {:.4g}, random actions "
+        "{:.4g}; set {}.n_starts=1 and a smaller eval_interval for one nearer by",
+        result.medium_return, result.expert_return, result.random_return, AlgorithmOf(training)));
+  }
 
   const SimulatorSpec& spec = factory.spec();
   const auto describe = [&](int64_t step, double mean_return) {

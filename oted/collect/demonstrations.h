@@ -20,8 +20,8 @@ namespace oted {
 /// One training run of behaviour policies.
 struct BehaviorTraining {
   const SimulatorFactory& factory;
-  nlohmann::json task;                          ///< what is simulated and paid, beside the model: TaskConfig::Identity
-  std::vector<double> z;                        ///< (parameters): of the target
+  nlohmann::json task;    ///< what is simulated and paid, beside the model: TaskConfig::Identity, logged starts
+  std::vector<double> z;  ///< (parameters): of the target
   std::variant<SacConfig, CrossQConfig> agent;  ///< the algorithm, by its settings
   uint64_t seed = 1;
 };
@@ -35,10 +35,10 @@ struct BehaviorPolicies {
 };
 
 /// Trains one agent in the simulator at the target's parameters. The expert is the best evaluated policy; the medium
-/// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the expert's (D4RL's
-/// convention). Snapshots of every evaluation lie in `folder` while it trains, so that a stopped run goes on.
-/// Writes expert.npz, medium.npz and training.json into `folder`, and first what is trained (behavior.json): only more
-/// steps of the same may follow there.
+/// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the way from that of random
+/// actions to the expert's (D4RL's convention: a third of the expert's). Snapshots of every evaluation lie in `folder`
+/// while it trains, so that a stopped run goes on. Writes expert.npz, medium.npz and training.json into `folder`, and
+/// first what is trained (behavior.json): only more steps of the same may follow there.
 /// @throws UsageError where `folder` holds another training
 BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const std::filesystem::path& folder,
                                        const RunContext& context);

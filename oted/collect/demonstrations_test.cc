@@ -120,6 +120,7 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
   }
   // Every snapshot on the way up, judged by hand on the same 20 episodes.
   const std::vector<double> nominal = factory.parameters().Nominal();
+  const double third = policies.random_return + (policies.expert_return - policies.random_return) / 3;
   double nearest = INFINITY;
   int64_t nearest_step = 0;
   for (const int64_t step : steps) {
@@ -129,12 +130,12 @@ TEST(TrainBehaviorPolicies, ExpertIsTheBestAndMediumNearestAThirdOnTheWayUp) {
     const double mean_return = MeanReturn(
         RunPolicy(factory, snapshot,
                   {.z = {nominal}, .n_episodes = 20, .key = RngKey(3).Stage("behavior policies").Stage("judge")}));
-    const double distance = std::abs(mean_return - policies.expert_return / 3);
+    const double distance = std::abs(mean_return - third);
     if (distance < nearest) nearest_step = step;
     nearest = std::min(nearest, distance);
   }
   EXPECT_EQ(policies.medium_step, nearest_step);
-  EXPECT_EQ(std::abs(policies.medium_return - policies.expert_return / 3), nearest);
+  EXPECT_EQ(std::abs(policies.medium_return - third), nearest);
   EXPECT_LE(policies.medium_step, policies.expert_step);
   EXPECT_GT(policies.expert_return, policies.random_return);
   EXPECT_EQ(record["expert"]["mean_return"], policies.expert_return);
@@ -160,22 +161,25 @@ TEST(TrainBehaviorPolicies, OnlyMoreStepsOfTheSameTrainingFollowInItsFolder) {
   train(config, 3);
   SacConfig other = config;
   other.gamma = 0.5;
-  EXPECT_THAT(message(other, 3), HasSubstr("sac/gamma 0.99, not 0.5; choose another"));
+  EXPECT_THAT(message(other, 3), HasSubstr("sac.gamma 0.99, not 0.5; only more"));
   EXPECT_THAT(message(config, 4), HasSubstr("seed 3, not 4"));
   other = config;
   other.n_steps = 200;
-  EXPECT_THAT(message(other, 3), HasSubstr("sac/n_steps 300, not 200"));
+  EXPECT_THAT(message(other, 3), HasSubstr("sac.n_steps 300, not 200"));
   z[0] = 1.1;
-  EXPECT_THAT(message(config, 3), HasSubstr("parameters/env~1gain 1.0, not 1.1"));
+  EXPECT_THAT(message(config, 3), HasSubstr("parameters.env/gain 1.0, not 1.1"));
   z[0] = 1;
   task["reward"] = "-x";
-  EXPECT_THAT(message(config, 3), HasSubstr("task/reward \"x\", not \"-x\""));
+  EXPECT_THAT(message(config, 3), HasSubstr("task.reward \"x\", not \"-x\""));
   task["reward"] = "x";
+  // Beyond start_steps it would have begun several times.
+  other.n_steps = other.start_steps + 100;
+  EXPECT_THAT(message(other, 3), HasSubstr("sac.n_steps 300, not"));
   other.n_steps = 400;
   EXPECT_EQ(train(other, 3).expert_step % 100, 0);
   EXPECT_EQ(ReadJson(folder / "training.json")["learning_curve"]["step"].size(), 4u);
   RemoveFile(folder.path() / "behavior.json");
-  EXPECT_THAT(message(other, 3), HasSubstr("another version"));
+  EXPECT_THAT(message(other, 3), HasSubstr("no behavior.json that says of what"));
 }
 
 }  // namespace oted::demonstrations_test

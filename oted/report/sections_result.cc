@@ -176,9 +176,11 @@ Section PoliciesSection(const json& report) {
   HtmlTable table;
   table.Column("Policy", HtmlTable::Align::kText).Column("Return").Column("Score");
   for (const json& policy : policies) {
-    const std::string label = TextAt(policy, "label");
-    table.Row({Escape(label.empty() ? TextAt(policy, "name") : label),
-               FormatSpread(NumberAt(policy, "mean_return"), NumberAt(policy, "std_return")),
+    std::string label = TextAt(policy, "label");
+    if (label.empty()) label = TextAt(policy, "name");
+    const std::optional<double> n_diverged = NumberAt(policy, "n_diverged");
+    if (n_diverged && *n_diverged > 0) label += fmt::format(" ({} episodes diverged)", FormatCount(n_diverged));
+    table.Row({Escape(label), FormatSpread(NumberAt(policy, "mean_return"), NumberAt(policy, "std_return")),
                FormatPoints(NumberAt(policy, "score"))},
               TextAt(policy, "name").starts_with("oted_"));
   }

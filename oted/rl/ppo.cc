@@ -11,6 +11,7 @@
 #include "oted/nn/categorical.h"
 #include "oted/rl/gae.h"
 #include "oted/rl/ppo_update.h"
+#include "oted/rl/training_lanes.h"
 #include "oted/sim/rollout.h"
 
 namespace oted {
@@ -44,6 +45,8 @@ FieldList PpoConfig::Fields() {
 
 namespace {
 
+constexpr int64_t kLargestRollout = 10'000'000;  // samples
+
 // What is played with random actions to see which indices occur and how large quantities are.
 constexpr int kPlayLanes = 16, kPlaySteps = 256;
 
@@ -53,7 +56,10 @@ Encoder FitEncoder(const SimulatorFactory& factory, EpisodeSource& source, Rng r
   const BatchPolicy act = UniformRandomPolicy(spec, rng);
   std::vector<int> lanes(kPlayLanes);
   std::vector<double> actions(kPlayLanes);
-  const auto start = [&](int lane) { StartEpisode(*simulator, lane, source, rng); };
+  const auto start = [&](int lane) {
+    simulator->SetParameters(lane, source.Draw(lane, rng));
+    simulator->Reset(lane, rng);
+  };
   for (int lane = 0; lane < kPlayLanes; ++lane) start(lanes[static_cast<size_t>(lane)] = lane);
   Array2<double> rows;
   for (int step = 0; step < kPlaySteps; ++step) {
@@ -74,13 +80,10 @@ class PpoTraining : public Learner {
               int n_threads)
       : config_(config),
         source_(source),
-        simulator_(factory.Make(config.n_lanes, n_threads)),
+        lanes_(factory, source, config.n_lanes, n_threads),
         n_actions_(factory.spec().n_discrete_actions),
         rng_(key.Stage("training").MakeRng()),
-        episodes_(config.n_lanes),
-        lanes_(static_cast<size_t>(config.n_lanes)),
         observations_(config.rollout_steps * config.n_lanes, factory.spec().obs_dim()) {
-    for (size_t lane = 0; lane < lanes_.size(); ++lane) lanes_[lane] = static_cast<int>(lane);
     const size_t n = static_cast<size_t>(observations_.rows());
     actions_.resize(n);
     for (auto* v : {&log_probs_, &rewards_, &values_, &advantages_, &returns_}) v->resize(n);
@@ -109,7 +112,7 @@ class PpoTraining : public Learner {
   std::unique_ptr<Policy> MakePolicy(std::span<const float> parameters) const override {
     return std::make_unique<CategoricalPolicy>(PolicyOf(parameters));
   }
-  const EpisodeStatistics& episodes() const override { return episodes_; }
+  const EpisodeStatistics& episodes() const override { return lanes_.episodes(); }
   std::vector<std::pair<std::string, double>> Losses() const override {
     std::vector<std::pair<std::string, double>> figures = {{"train/policy_gradient_loss", losses_.policy_loss},
                                                            {"train/value_loss", losses_.value_loss},
@@ -122,8 +125,7 @@ class PpoTraining : public Learner {
   }
 
   void RunSegment(int64_t end, const std::function<void()>& tick) override {
-    episodes_.Begin();
-    for (const int lane : lanes_) StartEpisode(*simulator_, lane, source_, rng_);
+    lanes_.BeginSegment(rng_);
     while (n_steps_ < end) {
       CollectRollout();
       LearnFromRollout();
@@ -134,6 +136,7 @@ class PpoTraining : public Learner {
   void Save(NpzArrays& arrays) override {
     update_->Save(arrays);
     source_.Save(arrays);
+    lanes_.Save(arrays);
     arrays["counters"] = NpyArray(std::vector<int64_t>{n_steps_});
     arrays["rng"] = RngArray(rng_);
   }
@@ -141,18 +144,19 @@ class PpoTraining : public Learner {
   void Restore(const NpzArrays& arrays) override {
     update_->Restore(arrays);
     source_.Restore(arrays);
+    lanes_.Restore(arrays);
     n_steps_ = CheckpointValues<int64_t>(arrays, "counters", 1)[0];
     RestoreRng(arrays, "rng", rng_);
   }
 
  private:
   void CollectRollout() {
-    const size_t n = lanes_.size(), k = static_cast<size_t>(n_actions_);
+    const size_t n = lanes_.all().size(), k = static_cast<size_t>(n_actions_);
     std::vector<float> logits(n * k), log_p(k);
     std::vector<double> actions(n);
     for (size_t t = 0; t < static_cast<size_t>(config_.rollout_steps); ++t) {
       for (size_t lane = 0; lane < n; ++lane) {
-        const auto observation = simulator_->observation(lanes_[lane]);
+        const auto observation = lanes_.simulator().observation(lanes_.all()[lane]);
         std::copy(observation.begin(), observation.end(), observations_.row(static_cast<int>(t * n + lane)).begin());
       }
       const size_t obs_dim = static_cast<size_t>(observations_.cols());
@@ -166,33 +170,32 @@ class PpoTraining : public Learner {
         log_probs_[t * n + lane] = log_p[static_cast<size_t>(action)];
         actions[lane] = action;
       }
-      simulator_->Step(lanes_, actions);
-      for (size_t lane = 0; lane < n; ++lane) EndStep(lanes_[lane], t * n + lane);
+      lanes_.Step(actions);
+      for (size_t lane = 0; lane < n; ++lane) EndStep(lanes_.all()[lane], t * n + lane);
       n_steps_ += config_.n_lanes;
     }
     std::vector<float> last_values;
-    for (const int lane : lanes_) last_values.push_back(ValueOf(lane));
+    for (const int lane : lanes_.all()) last_values.push_back(ValueOf(lane));
     GeneralizedAdvantages({rewards_, values_, ends_, last_values}, config_.gamma, config_.gae_lambda,
                           {advantages_, returns_});
   }
 
   /// What the step at `row` of the rollout came to, and a new episode where one ended.
   void EndStep(int lane, size_t row) {
-    const LaneStatus status = simulator_->status(lane);
+    const LaneStatus status = lanes_.simulator().status(lane);
+    lanes_.Count(lane);
     const bool diverged = status == LaneStatus::kDiverged;
-    rewards_[row] = diverged ? 0.0f : static_cast<float>(simulator_->reward(lane));
+    rewards_[row] = diverged ? 0.0f : static_cast<float>(lanes_.simulator().reward(lane));
     ends_[row] = diverged ? StepEnd::kDropped : status == LaneStatus::kRunning ? StepEnd::kNone : StepEnd::kEpisode;
-    if (!diverged) episodes_.AddStep(lane, simulator_->reward(lane));
     if (status == LaneStatus::kRunning) return;
     // A time limit is no end: what would have followed is in the reward.
     if (status == LaneStatus::kTruncated) rewards_[row] += static_cast<float>(config_.gamma) * ValueOf(lane);
-    source_.EpisodeEnded(lane, episodes_.EndEpisode(lane), diverged);
-    StartEpisode(*simulator_, lane, source_, rng_);
+    lanes_.Next(lane, rng_);
   }
 
   float ValueOf(int lane) {
     float value = 0;
-    update_->EvaluateValues(simulator_->observation(lane), 1, {&value, 1});
+    update_->EvaluateValues(lanes_.simulator().observation(lane), 1, {&value, 1});
     return value;
   }
 
@@ -250,16 +253,14 @@ class PpoTraining : public Learner {
 
   const PpoConfig& config_;
   EpisodeSource& source_;
-  std::unique_ptr<Simulator> simulator_;
+  TrainingLanes lanes_;
   int n_actions_;
   Rng rng_;
-  EpisodeStatistics episodes_;
   std::optional<PpoUpdate> update_;
   PpoBatch batch_;
   PpoLosses losses_;
   double explained_variance_ = 0;
   int64_t n_steps_ = 0;
-  std::vector<int> lanes_;
   // One rollout, (rollout_steps, n_lanes).
   Array2<double> observations_;
   std::vector<int> actions_;
@@ -273,6 +274,10 @@ PpoResult TrainAgent(const AgentJob& job, const PpoConfig& config) {
   const SimulatorSpec& spec = job.factory.spec();
   if (spec.n_discrete_actions == 0) {
     throw UsageError(fmt::format("task '{}' has continuous actions, PPO takes discrete ones alone", spec.task));
+  }
+  if (int64_t{config.rollout_steps} * config.n_lanes > kLargestRollout) {
+    throw UsageError(fmt::format("ppo.rollout_steps = {} by ppo.n_lanes = {} are more than {} samples; lower either",
+                                 config.rollout_steps, config.n_lanes, kLargestRollout));
   }
   PpoTraining training(job.factory, job.source, config, job.key, job.context.n_threads);
   PpoResult result;

@@ -12,6 +12,7 @@
 #include "oted/rl/observation_statistics.h"
 #include "oted/rl/replay_buffer.h"
 #include "oted/rl/starts.h"
+#include "oted/rl/training_lanes.h"
 
 namespace oted {
 
@@ -58,11 +59,13 @@ void ReplayConfig::CheckLearns(std::string_view section) const {
                     "after {0}.learning_starts; raise it",
                     section, updates_per_step, learned_from));
   }
-  if (n_lanes > eval_interval) {
-    throw UsageError(fmt::format(
-        "{0}.n_lanes is {1}, more than the control steps between two evaluations ({0}.eval_interval = {2}): "
-        "every episode would end with its first step; lower the former or raise the latter",
-        section, n_lanes, eval_interval));
+  for (const auto& [name, steps] :
+       {std::pair{"eval_interval", eval_interval}, {"start_steps", chooses ? start_steps : eval_interval}}) {
+    if (n_lanes <= steps) continue;
+    throw UsageError(
+        fmt::format("{0}.n_lanes is {1}, more than the control steps until a policy is looked at "
+                    "({0}.{2} = {3}); lower the former or raise the latter",
+                    section, n_lanes, name, steps));
   }
   if (batch_size > buffer_size) {
     throw UsageError(
@@ -90,16 +93,13 @@ class ReplayTraining : public Learner {
         algorithm_(algorithm),
         source_(source),
         n_threads_(n_threads),
-        simulator_(factory.Make(config.n_lanes, n_threads)),
+        lanes_(factory, source, config.n_lanes, n_threads),
         spec_(factory.spec()),
         rng_(key.Stage("training").MakeRng()),
-        episodes_(config.n_lanes),
         buffer_(spec_.obs_dim(), spec_.act_dim, std::min(config.buffer_size, config.n_steps + config.n_lanes)),
         rows_(config.n_lanes, config.multi_step, config.gamma, buffer_),
-        lanes_(static_cast<size_t>(config.n_lanes)),
-        observations_(lanes_.size() * static_cast<size_t>(spec_.obs_dim())),
-        actions_(lanes_.size() * static_cast<size_t>(spec_.act_dim)) {
-    std::iota(lanes_.begin(), lanes_.end(), 0);
+        observations_(static_cast<size_t>(config.n_lanes) * static_cast<size_t>(spec_.obs_dim())),
+        actions_(static_cast<size_t>(config.n_lanes) * static_cast<size_t>(spec_.act_dim)) {
     if (config.normalize_observations) statistics_.emplace(spec_.obs_dim());
     Rng init = key.Stage("initialisation").MakeRng();
     TanhGaussianPolicy actor(IdentityNormalizer(spec_.obs_dim()), config.hidden, spec_.action_low, spec_.action_high);
@@ -107,7 +107,7 @@ class ReplayTraining : public Learner {
   }
 
   int64_t n_steps() const override { return n_steps_; }
-  const EpisodeStatistics& episodes() const override { return episodes_; }
+  const EpisodeStatistics& episodes() const override { return lanes_.episodes(); }
 
   /// The actor's, then the normaliser's mean and scale where there is one.
   std::vector<float> PolicyParameters() const override {
@@ -147,10 +147,9 @@ class ReplayTraining : public Learner {
   }
 
   void RunSegment(int64_t end, const std::function<void()>& tick) override {
-    episodes_.Begin();
-    for (const int lane : lanes_) StartEpisode(*simulator_, lane, source_, rng_);
+    lanes_.BeginSegment(rng_);
     PolicyRunner runner(update_->actor(), ActionNoise::kSampled);
-    const auto step_lanes = [&] { simulator_->Step(lanes_, actions_); };
+    const auto step_lanes = [&] { lanes_.Step(actions_); };
     while (n_steps_ < end) {
       Act(runner);
       if (StepsBeside()) {
@@ -166,13 +165,15 @@ class ReplayTraining : public Learner {
         Learn(tick);
       }
     }
-    for (const int lane : lanes_) rows_.Cut(lane);
+    // A checkpoint holds whole rows alone.
+    for (const int lane : lanes_.all()) rows_.Cut(lane);
     Learn(tick);  // what the last step still owes
   }
 
   void Save(NpzArrays& arrays) override {
     update_->Save(arrays);
     source_.Save(arrays);
+    lanes_.Save(arrays);
     if (statistics_) statistics_->Save(arrays);
     arrays["buffer/rows"] = NpyArray(std::vector<float>(buffer_.rows().begin(), buffer_.rows().end()));
     arrays["counters"] = NpyArray(std::vector<int64_t>{n_steps_, n_updates_, buffer_.next()});
@@ -184,6 +185,7 @@ class ReplayTraining : public Learner {
   void Restore(const NpzArrays& arrays) override {
     update_->Restore(arrays);
     source_.Restore(arrays);
+    lanes_.Restore(arrays);
     if (statistics_) statistics_->Restore(arrays);
     const auto& counters = CheckpointValues<int64_t>(arrays, "counters", 3);
     n_steps_ = counters[0];
@@ -203,8 +205,8 @@ class ReplayTraining : public Learner {
   /// Fills observations_ and actions_ for the next step of all lanes.
   void Act(PolicyRunner& runner) {
     const size_t obs_dim = static_cast<size_t>(spec_.obs_dim()), act_dim = static_cast<size_t>(spec_.act_dim);
-    for (const int lane : lanes_) {
-      std::ranges::copy(simulator_->observation(lane),
+    for (const int lane : lanes_.all()) {
+      std::ranges::copy(lanes_.simulator().observation(lane),
                         observations_.begin() + static_cast<ptrdiff_t>(static_cast<size_t>(lane) * obs_dim));
     }
     if (statistics_) statistics_->Add(observations_);
@@ -219,28 +221,29 @@ class ReplayTraining : public Learner {
     } else {
       runner.Act(observations_, config_.n_lanes, rng_, actions_);
     }
+    CheckStillLearns(std::reduce(actions_.begin(), actions_.end()), algorithm_, config_.learning_rate, n_steps_);
   }
 
   /// Keeps what the lanes' step came to, and begins episodes anew where they ended.
   void EndStep() {
     const size_t obs_dim = static_cast<size_t>(spec_.obs_dim()), act_dim = static_cast<size_t>(spec_.act_dim);
     std::vector<double> squashed(act_dim);
-    for (size_t lane = 0; lane < lanes_.size(); ++lane) {
-      const LaneStatus status = simulator_->status(lanes_[lane]);
+    const Simulator& simulator = lanes_.simulator();
+    for (const int i : lanes_.all()) {
+      const size_t lane = static_cast<size_t>(i);
+      const LaneStatus status = simulator.status(i);
+      lanes_.Count(i);
       if (status != LaneStatus::kDiverged) {
         for (size_t j = 0; j < act_dim; ++j) {
           const double low = spec_.action_low[j], high = spec_.action_high[j];
           squashed[j] = (2 * actions_[lane * act_dim + j] - low - high) / (high - low);
         }
-        rows_.Add(lanes_[lane], {observations_.data() + lane * obs_dim, obs_dim}, squashed,
-                  simulator_->reward(lanes_[lane]), simulator_->observation(lanes_[lane]),
-                  status == LaneStatus::kTerminated);
-        episodes_.AddStep(lanes_[lane], simulator_->reward(lanes_[lane]));
+        rows_.Add(i, {observations_.data() + lane * obs_dim, obs_dim}, squashed, simulator.reward(i),
+                  simulator.observation(i), status == LaneStatus::kTerminated);
       }
       if (status != LaneStatus::kRunning) {
-        rows_.Cut(lanes_[lane]);
-        source_.EpisodeEnded(lanes_[lane], episodes_.EndEpisode(lanes_[lane]), status == LaneStatus::kDiverged);
-        StartEpisode(*simulator_, lanes_[lane], source_, rng_);
+        rows_.Cut(i);
+        lanes_.Next(i, rng_);
       }
     }
     n_steps_ += config_.n_lanes;
@@ -284,10 +287,9 @@ class ReplayTraining : public Learner {
   const std::string& algorithm_;
   EpisodeSource& source_;
   int n_threads_;
-  std::unique_ptr<Simulator> simulator_;
+  TrainingLanes lanes_;
   const SimulatorSpec& spec_;
   Rng rng_;
-  EpisodeStatistics episodes_;
   ReplayBuffer buffer_;
   MultiStepRows rows_;
   std::optional<ObservationStatistics> statistics_;
@@ -297,7 +299,6 @@ class ReplayTraining : public Learner {
   std::vector<float> average_;  ///< of the actor's parameters; empty where they are not averaged
   int64_t n_steps_ = 0, n_updates_ = 0;
   double owed_updates_ = 0;
-  std::vector<int> lanes_;
   std::vector<double> observations_, actions_;  ///< (n_lanes, .), of the present step
 };
 

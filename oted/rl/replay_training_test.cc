@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/data/npz.h"
 #include "oted/rl/crossq.h"
@@ -385,6 +386,54 @@ TEST(TrainByReplay, OnlyTheTasksOwnEndIsTerminal) {
   }
 }
 
+/// The lengths of training episodes, as they are logged.
+class LengthLog : public LogSink {
+ public:
+  void Scalar(std::string_view, std::string_view key, int64_t, double value) override {
+    if (key == "rollout/ep_len_mean") lengths.push_back(value);
+  }
+  void Progress(std::string_view, std::string_view, int64_t, int64_t, std::string_view) override {}
+  void Warning(std::string_view) override {}
+  std::vector<double> lengths;
+};
+
+TEST_P(EitherAlgorithm, EpisodesGoOnThroughSegmentsAndStops) {
+  const TestFolder whole, parts;
+  const auto make = [&](const TestFolder& folder, int n_threads) {
+    Training run{folder.path()};
+    run.algorithm = GetParam();
+    run.n_threads = n_threads;
+    run.config.n_steps = 560;
+    run.config.n_lanes = 2;
+    run.config.eval_interval = 28;  // 14 steps of each lane, of 20 in an episode
+    run.config.keep = KeptPolicy::kLast;
+    run.parameters = [](Rng& rng) { return std::vector<double>{rng.Uniform(0.5, 2.0), 1, 0}; };
+    return run;
+  };
+  LengthLog log;
+  Training expected = make(whole, 2);
+  expected.log = &log;
+  const std::string bytes = Bytes(expected());
+  // 14 episodes of either lane in 20 segments: the others have no mean.
+  EXPECT_EQ(log.lengths, std::vector<double>(14, 20.0));
+  std::atomic<bool> stop = true;
+  int n_stops = 0;
+  LengthLog log_of_parts;
+  for (;; ++n_stops) {
+    Training part = make(parts, 1 + n_stops % 2);
+    part.log = &log_of_parts;
+    part.stop = &stop;
+    try {
+      EXPECT_EQ(Bytes(part()), bytes);
+      break;
+    } catch (const Interrupted&) {
+    }
+  }
+  EXPECT_EQ(n_stops, 20) << "at each of the segments";
+  EXPECT_EQ(ReadFile(parts / "checkpoint.npz"), ReadFile(whole / "checkpoint.npz"));
+  EXPECT_EQ(log_of_parts.lengths, log.lengths);
+}
+
 TEST(TrainByReplay, EachEpisodeRunsWithParametersDrawnAnew) {
   const TestFolder folder;
   std::vector<double> drawn;
@@ -394,15 +443,14 @@ TEST(TrainByReplay, EachEpisodeRunsWithParametersDrawnAnew) {
     return std::vector<double>{drawn.back(), 1, 0};
   };
   run();
-  // 20-step episodes: the end of the first segment and an episode's end coincide, and both draw.
+  // 20 episodes of 20 steps, and the one that began after the last.
   const auto rows = BufferRows(folder.path());
   ASSERT_EQ(rows.size(), 400u);
-  ASSERT_EQ(drawn.size(), 22u);
+  ASSERT_EQ(drawn.size(), 21u);
   for (size_t i = 0; i < rows.size(); ++i) {
-    const size_t episode = i / 20 + (i >= 200 ? 1 : 0);
     const double gain = 10 * (static_cast<double>(rows[i][3]) - rows[i][0]) / rows[i][2];
     if (std::abs(rows[i][2]) > 0.1f) {
-      EXPECT_NEAR(gain, drawn[episode], 1e-4) << i;
+      EXPECT_NEAR(gain, drawn[i / 20], 1e-4) << i;
     }
   }
 }

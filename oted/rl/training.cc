@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "oted/base/statistics.h"
 #include "oted/data/checkpoint_curves.h"
@@ -19,16 +20,12 @@ const NamedValues<TrainingDevice>& TrainingDeviceNames() {
   return names;
 }
 
-void StartEpisode(Simulator& simulator, int lane, EpisodeSource& source, Rng& rng) {
-  simulator.SetParameters(lane, source.Draw(lane, rng));
-  simulator.Reset(lane, rng);
-}
-
-void EpisodeStatistics::Begin() {
-  lanes_.assign(lanes_.size(), {});
+void EpisodeStatistics::BeginSegment() {
   returns_.clear();
   lengths_.clear();
 }
+
+void EpisodeStatistics::Forget(int lane) { lanes_[static_cast<size_t>(lane)] = {}; }
 
 void EpisodeStatistics::AddStep(int lane, double reward) {
   Running& running = lanes_[static_cast<size_t>(lane)];
@@ -59,14 +56,19 @@ void RestoreRng(const NpzArrays& arrays, const char* name, Rng& rng) {
 
 namespace {
 
+using NamedFigures = std::vector<std::pair<std::string, double>>;
+
 /// A live figure: a grid world's returns lie below 1, a locomotion task's in the thousands.
 std::string ReturnNote(double eval_return) {
   return fmt::format("return {:.{}f}", eval_return, std::abs(eval_return) < 10 ? 3 : 0);
 }
 
-std::vector<std::pair<std::string, double>> Figures(const Learner& learner) {
-  std::vector<std::pair<std::string, double>> figures = {{"rollout/ep_rew_mean", Mean(learner.episodes().returns())},
-                                                         {"rollout/ep_len_mean", Mean(learner.episodes().lengths())}};
+NamedFigures Figures(const Learner& learner) {
+  NamedFigures figures;
+  if (!learner.episodes().returns().empty()) {
+    figures = {{"rollout/ep_rew_mean", Mean(learner.episodes().returns())},
+               {"rollout/ep_len_mean", Mean(learner.episodes().lengths())}};
+  }
   for (auto& figure : learner.Losses()) figures.push_back(std::move(figure));
   return figures;
 }
@@ -74,22 +76,42 @@ std::vector<std::pair<std::string, double>> Figures(const Learner& learner) {
 /// A checkpoint grows with the replay: the next one is due after this part of the control steps made until then.
 constexpr int64_t kCheckpointsApart = 20;
 
-void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const AgentJob& job) {
+constexpr std::string_view kFigures = "figures/";
+
+/// @param figures  of the last segment, whose evaluation may still be under way
+void SaveCheckpoint(Learner& learner, const LearningCurve& curve, const NamedFigures& figures, const AgentJob& job) {
   NpzArrays arrays;
   learner.Save(arrays);
+  for (const auto& [name, value] : figures) {
+    arrays[std::string(kFigures) + name] = NpyArray(std::vector<double>{value});
+  }
+  arrays["n_figures"] = NpyArray(std::vector<int64_t>{static_cast<int64_t>(figures.size())});
   arrays["eval/steps"] = NpyArray(curve.eval_steps);
   arrays["eval/returns"] = NpyArray(curve.eval_returns);
   arrays["eval/best"] = NpyArray(std::vector<double>{curve.eval_return, static_cast<double>(curve.n_diverged)});
   arrays["best"] = NpyArray(curve.kept);
+  arrays["key"] = NpyArray(std::vector<int64_t>{static_cast<int64_t>(job.key.value())});
   KeepCurvesMark(*job.context.log, job.run_name, arrays);
   WriteCheckpoint(arrays, job.folder / "checkpoint.npz");
 }
 
-void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const AgentJob& job) {
+NamedFigures RestoreCheckpoint(Learner& learner, LearningCurve& curve, const AgentJob& job) {
   const std::filesystem::path path = job.folder / "checkpoint.npz";
-  const NpzArrays arrays = ReadCheckpoint(path);
+  NamedFigures figures;
+  NpzArrays arrays;
   try {
+    arrays = ReadCheckpoint(path);
+    if (static_cast<uint64_t>(CheckpointValues<int64_t>(arrays, "key", 1)[0]) != job.key.value()) {
+      throw DataError("it is another agent's");
+    }
     learner.Restore(arrays);
+    for (const auto& [name, unused] : arrays) {
+      if (!name.starts_with(kFigures)) continue;
+      figures.emplace_back(name.substr(kFigures.size()), CheckpointValues<double>(arrays, name, 1)[0]);
+    }
+    if (CheckpointValues<int64_t>(arrays, "n_figures", 1)[0] != std::ssize(figures)) {
+      throw DataError("an array of figures is missing");
+    }
     curve.eval_steps = std::get<std::vector<int64_t>>(arrays.at("eval/steps").values);
     curve.eval_returns = CheckpointValues<double>(arrays, "eval/returns", curve.eval_steps.size());
     const auto& best = CheckpointValues<double>(arrays, "eval/best", 2);
@@ -103,6 +125,7 @@ void RestoreCheckpoint(Learner& learner, LearningCurve& curve, const AgentJob& j
                                 path.string(), e.what()));
   }
   GoOnWithCurves(*job.context.log, job.run_name, arrays);
+  return figures;
 }
 
 }  // namespace
@@ -119,10 +142,11 @@ LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const Train
   LearningCurve curve;
   const RunContext& context = job.context;
   Evaluations evaluations(job, schedule, curve);
+  NamedFigures figures;
   if (std::filesystem::exists(job.folder / "checkpoint.npz")) {
-    RestoreCheckpoint(learner, curve, job);
+    figures = RestoreCheckpoint(learner, curve, job);
     // A run that was killed may have left a segment without its evaluation.
-    if (curve.eval_steps.empty() || curve.eval_steps.back() < learner.n_steps()) evaluations.Begin(learner, {});
+    if (curve.eval_steps.empty() || curve.eval_steps.back() < learner.n_steps()) evaluations.Begin(learner, figures);
   }
   const auto progress = [&] {
     evaluations.FinishIfReady();
@@ -134,19 +158,22 @@ LearningCurve TrainInSegments(Learner& learner, const AgentJob& job, const Train
   while (learner.n_steps() < schedule.n_steps) {
     learner.RunSegment(std::min(schedule.n_steps, learner.n_steps() + schedule.eval_interval), progress);
     evaluations.Finish();
-    evaluations.Begin(learner, Figures(learner));
+    figures = Figures(learner);
+    evaluations.Begin(learner, figures);
     progress();
     const int64_t n = learner.n_steps();
     const bool stops = context.StopRequested();
     if (n - saved >= n / kCheckpointsApart || n >= schedule.n_steps || stops) {
-      SaveCheckpoint(learner, curve, job);
+      SaveCheckpoint(learner, curve, figures, job);
       saved = n;
     }
     if (!stops) continue;
-    if (evaluations.Finish()) SaveCheckpoint(learner, curve, job);
+    if (evaluations.Finish()) SaveCheckpoint(learner, curve, figures, job);
     context.ThrowIfStopped();
   }
-  if (evaluations.Finish()) SaveCheckpoint(learner, curve, job);
+  if (evaluations.Finish()) SaveCheckpoint(learner, curve, figures, job);
+  progress();
+  curve.always_diverged = curve.n_diverged == schedule.eval_episodes;
   return curve;
 }
 

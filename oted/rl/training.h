@@ -33,7 +33,7 @@ class EpisodeSource {
   virtual std::unique_ptr<EpisodeSource> Clone() const = 0;
   /// z of the episode that begins in `lane`.
   virtual std::vector<double> Draw(int lane, Rng& rng) = 0;
-  /// The episode that began in `lane` last is over. One that a segment's end cuts is never told.
+  /// The episode that began in `lane` last is over.
   /// @param episode_return  undiscounted; of a diverged episode: up to there
   virtual void EpisodeEnded(int lane, double episode_return, bool diverged) {
     static_cast<void>(lane), static_cast<void>(episode_return), static_cast<void>(diverged);
@@ -56,9 +56,6 @@ class DrawnEpisodes : public EpisodeSource {
   EpisodeParameters draw_;
 };
 
-/// Algorithm 2 of the paper, line 1: a lane begins an episode with parameters drawn anew, then a start state.
-void StartEpisode(Simulator& simulator, int lane, EpisodeSource& source, Rng& rng);
-
 /// Which policy training returns: the best evaluated one, or the last.
 enum class KeptPolicy { kBest, kLast };
 const NamedValues<KeptPolicy>& KeptPolicyNames();
@@ -80,16 +77,19 @@ struct TrainingSchedule {
 struct LearningCurve {
   double eval_return = 0;            ///< mean return of the kept policy in the simulators it was evaluated in
   int n_diverged = 0;                ///< of that evaluation's episodes
+  bool always_diverged = false;      ///< so did all of them: that return is no measure of a policy
   std::vector<int64_t> eval_steps;   ///< environment steps ...
   std::vector<double> eval_returns;  ///< ... and the mean return there
   std::vector<float> kept;           ///< the kept policy's PolicyParameters
 };
 
-/// Undiscounted returns and lengths of the training episodes that ended since Begin.
+/// Undiscounted returns and lengths of the training episodes that ended since BeginSegment.
 class EpisodeStatistics {
  public:
   explicit EpisodeStatistics(int n_lanes) : lanes_(static_cast<size_t>(n_lanes)) {}
-  void Begin();
+  void BeginSegment();
+  /// The lane's episode is none: it is cut, and counts nowhere.
+  void Forget(int lane);
   void AddStep(int lane, double reward);
   /// @return the episode's return
   double EndEpisode(int lane);
@@ -113,7 +113,7 @@ class Learner {
   virtual std::vector<float> PolicyParameters() const = 0;
   /// The policy that is made of `parameters`, which were PolicyParameters once.
   virtual std::unique_ptr<Policy> MakePolicy(std::span<const float> parameters) const = 0;
-  /// Trains, from fresh episodes on, until `end` control steps have been made; `tick` is called now and then.
+  /// Trains until `end` control steps have been made; `tick` is called now and then.
   virtual void RunSegment(int64_t end, const std::function<void()>& tick) = 0;
   virtual const EpisodeStatistics& episodes() const = 0;
   /// Names and values for the log, of the last gradient step.
@@ -140,8 +140,8 @@ struct AgentJob {
   int64_t steps_beside = 0;  ///< control steps made beforehand by learners that were dropped; progress counts them
 };
 
-/// Trains for schedule.n_steps control steps. Each segment of eval_interval steps begins with fresh episodes and ends
-/// with an evaluation of the policy. A checkpoint follows where a twentieth of the steps was made since the last one,
+/// Trains for schedule.n_steps control steps. Each segment of eval_interval steps ends with an evaluation of the
+/// policy; episodes go on through it. A checkpoint follows where a twentieth of the steps was made since the last one,
 /// at the end and at a stop; a stopped run that goes on gives the same bytes as one that was not stopped. With more
 /// than one thread the next segment does not wait for the evaluation. The kept policy is that of the highest mean
 /// return (or the last); an evaluation in which every episode diverged is below any other.

@@ -21,13 +21,19 @@ std::string SourceOf(const RunSetup& run, const Artifact& artifact) {
   return fmt::format("{} {}", run.directory.NameOf(artifact.file.parent_path()), artifact.fingerprint);
 }
 
+/// A policy that was just made, as policy.npz beside its artefact shows it: its policy.onnx is written, whatever was
+/// there.
+void Export(const RunSetup& run, const Artifact& artifact, StoredPolicy& stored) {
+  stored.source = SourceOf(run, artifact);
+  if (stored.policy->has_onnx()) ExportPolicy(run, stored, artifact.file.parent_path() / "policy.onnx");
+}
+
 /// The policy beside an artefact; policy.onnx is made again where it is missing.
-void Store(const RunSetup& run, const Artifact& artifact, StoredPolicy& stored) {
+void Recall(const RunSetup& run, const Artifact& artifact, StoredPolicy& stored) {
   const fs::path folder = artifact.file.parent_path();
   if (stored.policy == nullptr) stored.policy = LoadPolicy(folder / "policy.npz");
   stored.source = SourceOf(run, artifact);
-  if (stored.policy->has_onnx() && !fs::exists(folder / "policy.onnx"))
-    ExportPolicy(run, stored, folder / "policy.onnx");
+  if (!fs::exists(folder / "policy.onnx")) Export(run, artifact, stored);
 }
 
 TrainingGround GroundOf(const RunSetup& run, Ground ground, const SelectedDesign& design) {
@@ -44,10 +50,10 @@ TrainedRecord MakeAgent(const RunSetup& run, Ground ground, int index, const Sel
     const AgentTraining training{*run.factory, run.config, ground, index, folder, run.directory.NameOf(folder), share};
     TrainedRecord trained = TrainOneAgent(training, GroundOf(run, ground, design));
     agent.policy = trained.policy;
-    Store(run, artifact, agent);
+    Export(run, artifact, agent);
     return trained.record;
   });
-  Store(run, artifact, agent);
+  Recall(run, artifact, agent);
   return agent;
 }
 
@@ -66,10 +72,10 @@ StoredPolicy MakeBcDr(const RunSetup& run, const Agents& agents, const Policy& c
     CloneResult result = CloneWithSimulated(job, *run.factory, collector, settings.ratio);
     result.policy->Save(folder / "policy.npz");
     stored.policy = std::move(result.policy);
-    Store(run, artifact, stored);
+    Export(run, artifact, stored);
     return CloneRecord::Of(result).ToJson();
   });
-  Store(run, artifact, stored);
+  Recall(run, artifact, stored);
   return stored;
 }
 
@@ -81,10 +87,10 @@ StoredPolicy MakeOffline(const RunSetup& run, OfflineBaseline baseline, const Ru
     LearnedRecord learned =
         LearnOneBaseline({run.config, run.dataset, run.spec(), baseline, folder, run.directory.NameOf(folder), share});
     stored.policy = learned.policy;
-    Store(run, artifact, stored);
+    Export(run, artifact, stored);
     return learned.record;
   });
-  Store(run, artifact, stored);
+  Recall(run, artifact, stored);
   return stored;
 }
 
@@ -94,7 +100,10 @@ const TrainedRecord& Agents::Best(Ground ground) const {
   const std::vector<TrainedRecord>& agents = of.at(ground);
   size_t best = 0;
   for (size_t j = 1; j < agents.size(); ++j) {
-    if (agents[j].record.eval_return > agents[best].record.eval_return) best = j;
+    const AgentRecord &now = agents[best].record, &other = agents[j].record;
+    const bool better =
+        other.always_diverged != now.always_diverged ? now.always_diverged : other.eval_return > now.eval_return;
+    if (better) best = j;
   }
   return agents[best];
 }
@@ -122,6 +131,7 @@ TrainedRecord TrainOneAgent(const AgentTraining& training, TrainingGround where)
                     .seed = config.run.seed,
                     .n_steps = algorithm.n_steps(config.algorithms),
                     .eval_return = agent.curve.eval_return,
+                    .always_diverged = agent.curve.always_diverged,
                     .episodes = where.episodes->Figures()};
   return trained;
 }

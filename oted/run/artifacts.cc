@@ -211,7 +211,7 @@ Artifact AgentArtifact(const RunSetup& run, Ground ground, int index) {
   if (ground == Ground::kDesigned) made_from.push_back(SelectionFile(run));
   return {.file = run.AgentFolder(ground, index) / "agent.json",
           .schema = AgentRecord::kSchema,
-          .fingerprint = AgentFingerprint(run, ground),
+          .fingerprint = Fingerprint({AgentFingerprint(run, ground), index}),
           .files = {"policy.npz"},
           .derived = {"policy.onnx"},
           .made_from = std::move(made_from)};

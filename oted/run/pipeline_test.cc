@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
 #include "oted/data/dataset_files.h"
 #include "oted/nn/onnx_policy.h"
 #include "oted/rl/batch_policy.h"
@@ -110,6 +111,9 @@ TEST_F(PipelineTest, EveryAgentLeavesAnOnnxFileThatActsAsItDoesAndTheSelectedOne
     fs::remove(out / folder / "policy.onnx");
   }
   fs::remove(out / "policy.onnx");
+  // An agent that is made again does not keep what lies there under its export's name.
+  fs::remove(out / "agents/1/agent.json");
+  WriteFileAtomically(out / "agents/1/policy.onnx", "another's");
   // As after a run of an earlier version: only the missing files are made again, byte for byte.
   RunPipeline(TinyConfig(), out);
   EXPECT_EQ(Bytes(out), before);

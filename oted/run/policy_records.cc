@@ -31,6 +31,7 @@ json AgentRecord::ToJson() const {
   if (algorithm != AgentAlgorithm::kSac) record["algorithm"] = EntryOf(algorithm).name;
   if (designed && train_in != TrainIn::kModes) record["train_in"] = NameOf(TrainInNames(), train_in);
   if (!designed && ground != Ground::kNominal) record["baseline"] = NameOf(GroundNames(), ground);
+  if (always_diverged) record["always_diverged"] = true;
   for (const auto& [name, value] : episodes) record["episodes"][name] = value;
   return record;
 }
@@ -51,6 +52,7 @@ AgentRecord AgentRecord::FromJson(const json& record, const std::string& where) 
   read.seed = reader.Get<int64_t>("seed");
   read.n_steps = reader.Get<int64_t>("n_steps");
   read.eval_return = reader.Number("eval_return");
+  read.always_diverged = reader.Has("always_diverged");
   if (reader.Has("episodes")) read.episodes = reader.Read("episodes", FiguresFrom);
   return read;
 }

@@ -24,6 +24,7 @@ struct AgentRecord {
   int64_t seed = 0;
   int64_t n_steps = 0;
   double eval_return = 0;                                ///< where it trained
+  bool always_diverged = false;                          ///< in the episodes of that return
   std::vector<std::pair<std::string, double>> episodes;  ///< what its episodes ended with, by name
 
   nlohmann::json ToJson() const;

@@ -16,7 +16,7 @@
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/known_constants.h"
 #include "oted/sim/minigrid/minigrid_simulator.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/presets.h"
 
 namespace oted {
@@ -94,7 +94,7 @@ Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options) {
   for (const std::string& file : config.AllFiles()) {
     if (std::filesystem::exists(file)) continue;
     throw DataError(
-        fmt::format("the logs '{}' are not there; where they were moved, --data names their new place", file));
+        fmt::format("the logs '{}' are not there; check the path, or name their new place with --data", file));
   }
   const Dataset all = ReadFiles(config, options);
   const std::optional<size_t> wanted = config.n_episodes();

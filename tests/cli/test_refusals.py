@@ -6,6 +6,7 @@
 import pathlib
 import shutil
 import subprocess
+import time
 import unittest
 
 import numpy as np
@@ -212,6 +213,23 @@ class TestCollect(HopperTest):
         result = oted("collect", "--task", study, "--policy", "random", "--out", logs)
         self.assertOneLine(result, USAGE, "mine.npz", "names as its data", "choose another --out")
         self.assertEqual(logs.read_bytes(), b"dear to me")
+
+    def test_two_trainings_of_behaviour_in_one_folder(self):
+        words = ["behavior", "--task", "Hopper-v5", "--out", self.out, "--quiet", "--set", "sac.n_steps=20_000_000"]
+        first = subprocess.Popen([program.OTED, *map(str, words)], stderr=subprocess.DEVNULL)
+        try:
+            deadline = time.monotonic() + 60
+            while not (self.out / "behavior.json").exists() and time.monotonic() < deadline:
+                time.sleep(0.01)
+            self.assertOneLine(oted(*words), USAGE, str(first.pid))
+        finally:
+            first.terminate()
+            first.wait(timeout=60)
+
+    def test_behaviour_takes_the_settings_of_its_tasks_file(self):
+        task = self.folder / "task.toml"
+        task.write_text('[task]\nname = "Hopper-v5"\n[sac]\nlearning_starts = 1000\nn_steps = 999\n')
+        self.assertOneLine(oted("behavior", "--task", task, "--out", self.out), USAGE, "sac.n_steps is 999")
 
     def test_behaviour_takes_the_settings_of_its_algorithm_alone(self):
         result = oted("behavior", "--task", "Hopper-v5", "--out", self.out, "--set", "crossq.n_steps=100")

@@ -13,7 +13,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/sensor_noise.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/design_choice.h"
 

@@ -7,7 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/channel_factory.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/testing.h"
 
 namespace oted::driven_activations_test {

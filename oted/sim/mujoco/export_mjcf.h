@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted {
 

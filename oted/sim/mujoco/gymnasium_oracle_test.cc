@@ -12,7 +12,7 @@
 #include <filesystem>
 
 #include "oted/data/npz.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/task.h"
 
 namespace oted::gymnasium_oracle_test {

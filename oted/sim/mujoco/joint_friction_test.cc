@@ -12,7 +12,7 @@
 #include "oted/base/testing.h"
 #include "oted/sim/mujoco/export_mjcf.h"
 #include "oted/sim/mujoco/model_task.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted::joint_friction_test {
 

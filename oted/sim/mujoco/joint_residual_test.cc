@@ -8,7 +8,7 @@
 
 #include "oted/base/testing.h"
 #include "oted/sim/mujoco/model_task.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/presets.h"
 
 namespace oted::joint_residual_test {

@@ -17,7 +17,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/npz.h"
 #include "oted/sim/mujoco/model.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/task.h"
 
 namespace oted::legacy_inertia_test {

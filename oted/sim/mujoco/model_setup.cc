@@ -13,7 +13,6 @@
 #include "oted/sim/mujoco/model_probe.h"
 #include "oted/sim/mujoco/model_rules.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/object_path.h"
 #include "oted/sim/mujoco/observable_unit.h"
 #include "oted/sim/mujoco/observables.h"

@@ -15,9 +15,4 @@ namespace oted {
 std::shared_ptr<const MujocoSetup> MakeModelSetup(const ModelTask& task, std::vector<ParameterSpec> specs,
                                                   const Array2<double>& logged_starts);
 
-/// Takes a few steps from the start state: expressions must give finite numbers there, the episode must not end at
-/// once, and what is declared unobserved must change nothing that is seen.
-/// @throws UsageError, DataError
-void CheckModelSetup(const std::shared_ptr<const MujocoSetup>& setup);
-
 }  // namespace oted

@@ -1,3 +1,5 @@
+#include "oted/sim/mujoco/model_setup_check.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
@@ -8,7 +10,6 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_rules.h"
-#include "oted/sim/mujoco/model_setup.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 #include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/observables.h"

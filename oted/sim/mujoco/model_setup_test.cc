@@ -8,7 +8,7 @@
 #include <functional>
 
 #include "oted/base/error.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/testing.h"
 
 namespace oted::model_setup_test {

@@ -6,7 +6,7 @@
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/sim/mujoco/model.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted::model_suspects_test {
 

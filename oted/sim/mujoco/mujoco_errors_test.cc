@@ -9,7 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/sim/mujoco/model.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted::mujoco_errors_test {
 

@@ -2,7 +2,6 @@
 /// Tasks on MuJoCo's batch API: N lanes of one model, each with its own values of the model's fields. Equal bytes at
 /// any number of threads. What a task shows and pays is a TaskRules: Gymnasium's three, or a task file's.
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -15,13 +14,11 @@
 
 struct mjBatch_;
 struct mjModel_;
-struct mjSpec_;
 
 namespace oted {
 
 class JointFriction;
 class JointResidual;
-struct ModelTask;
 
 /// What the simulators of one factory share, read-only.
 struct MujocoSetup;
@@ -141,48 +138,6 @@ class MujocoSimulator : public Simulator {
   std::vector<double> observation_;  // of the lane at hand
   std::vector<Lane> lanes_;
   std::vector<int> active_;
-};
-
-/// Simulators of one task with one parameter space. The model is loaded and every parameter resolved here, so that a
-/// mistake shows before any work starts.
-class MujocoSimulatorFactory : public SimulatorFactory {
- public:
-  /// @throws UsageError for an unknown task or a parameter that the model does not have; DataError for a model file
-  /// that is missing or does not compile.
-  MujocoSimulatorFactory(const std::string& task, std::vector<ParameterSpec> specs);
-  /// A task that a file describes. @param logged_starts (n, obs_dim): first observations of logged episodes, for
-  /// `start = "logs"`; otherwise not read.
-  MujocoSimulatorFactory(const ModelTask& task, std::vector<ParameterSpec> specs,
-                         const Array2<double>& logged_starts = {});
-  ~MujocoSimulatorFactory() override;
-
-  const SimulatorSpec& spec() const override;
-  const ParameterSpace& parameters() const override;
-  /// @throws UsageError unless both numbers are at least 1.
-  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override;
-  /// The same, with MuJoCo's own state at hand.
-  std::unique_ptr<MujocoSimulator> MakeMujoco(int n_lanes, int n_threads) const;
-
-  int frame_skip() const;                     ///< physics steps per control step
-  const mjModel_& model() const;              ///< the pristine model, compiled
-  const mjSpec_& model_spec() const;          ///< what it was compiled from
-  std::string model_path() const;             ///< the model file that was loaded
-  std::string model_sha256() const override;  ///< of the compiled pristine model
-  std::string why_not_settable() const override;
-  std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
-  std::vector<ParameterOffer> Offers() const override;
-  PathInfo Describe(const std::string& path) const override;
-  std::vector<ParameterSpec> Suspects() const override;
-  std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
-  std::optional<std::vector<std::string>> NotInMjcf() const override;
-  bool mjcf_delays_actions() const override;
-  /// See export_mjcf.h.
-  std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const override;
-
- private:
-  using Maker = std::function<std::unique_ptr<SimulatorFactory>(std::vector<ParameterSpec>)>;
-  Maker make_again_;
-  std::shared_ptr<const MujocoSetup> setup_;
 };
 
 }  // namespace oted

@@ -1,3 +1,5 @@
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
+
 #include <algorithm>
 #include <iterator>
 #include <memory>
@@ -9,9 +11,9 @@
 #include "oted/sim/channel_suspects.h"
 #include "oted/sim/mujoco/model_offers.h"
 #include "oted/sim/mujoco/model_setup.h"
+#include "oted/sim/mujoco/model_setup_check.h"
 #include "oted/sim/mujoco/model_suspects.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
 #include "oted/sim/mujoco/render.h"
 
 namespace oted {

@@ -1,5 +1,3 @@
-#include "oted/sim/mujoco/mujoco_simulator.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -15,6 +13,7 @@
 #include "oted/base/parallel.h"
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/mujoco/model.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/task.h"
 #include "oted/sim/mujoco/testing.h"
 #include "tests/conformance/simulator_conformance.h"

@@ -5,7 +5,7 @@
 
 #include <memory>
 
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/mujoco/testing.h"
 
 namespace oted {

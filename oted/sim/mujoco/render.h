@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted {
 

@@ -6,7 +6,7 @@
 
 #include "oted/base/testing.h"
 #include "oted/matching/designer.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/testing.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 

@@ -8,7 +8,7 @@
 #include "oted/base/testing.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/designer.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/sim/presets.h"
 #include "oted/stages/design/prior_source.h"
 #include "oted/stages/design/testing.h"

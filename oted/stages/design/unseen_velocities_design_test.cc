@@ -7,7 +7,7 @@
 
 #include "oted/base/testing.h"
 #include "oted/matching/verdict.h"
-#include "oted/sim/mujoco/mujoco_simulator.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
 #include "oted/stages/design/testing.h"
 
