@@ -179,7 +179,8 @@ void TrainBehavior(const BehaviorOptions& options) {
 }  // namespace
 
 void AddBehaviorVerb(Program& program) {
-  CLI::App* verb = program.app.add_subcommand("behavior", "train an agent in one simulator: the expert and medium policy of a study");
+  CLI::App* verb = program.app.add_subcommand(
+      "behavior", "train an agent in one simulator: the expert and medium policy of a study");
   auto options = std::make_shared<BehaviorOptions>();
   verb->add_option("--task", options->task, kTaskHelp)->type_name(value_kind::kTask)->required();
   AddTargetOptions(*verb, *options);

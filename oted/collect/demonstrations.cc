@@ -71,7 +71,8 @@ std::map<std::string, nlohmann::json> Settings(const nlohmann::json& identity) {
 
 /// Whether a training with these settings begins several times, and keeps the best start.
 bool ChoosesStart(const nlohmann::json& settings) {
-  return settings["n_starts"] > 1 && settings["start_steps"] < settings["n_steps"];
+  const auto at = [&](const char* name) { return settings.contains(name) ? settings[name] : nlohmann::json(); };
+  return at("n_starts") > 1 && at("start_steps") < at("n_steps");
 }
 
 /// What of a training is not as it began, in words. More steps of the same are no difference.
@@ -81,17 +82,16 @@ std::vector<std::string> Differences(const nlohmann::json& before, const nlohman
   all.insert(new_settings.begin(), new_settings.end());
   const auto value = [](const auto& settings, const std::string& key) {
     const auto found = settings.find(key);
-    return found == settings.end() ? std::string("none") : found->second.dump();
+    return found == settings.end() ? nlohmann::json("none") : found->second;
   };
   std::vector<std::string> differ;
   for (const auto& [key, unused] : all) {
-    const std::string was = value(old_settings, key), is = value(new_settings, key);
+    const nlohmann::json was = value(old_settings, key), is = value(new_settings, key);
     if (was == is) continue;
     const std::string section = key.substr(0, key.find('.'));
-    const bool goes_on = key.ends_with(".n_steps") && before.contains(section) && now.contains(section) &&
-                         new_settings.at(key) > old_settings.at(key) &&
+    const bool goes_on = key.ends_with(".n_steps") && is.is_number() && was.is_number() && is > was &&
                          ChoosesStart(before[section]) == ChoosesStart(now[section]);
-    if (!goes_on) differ.push_back(fmt::format("{} {}, not {}", key, was, is));
+    if (!goes_on) differ.push_back(fmt::format("{} {}, not {}", key, was.dump(), is.dump()));
   }
   return differ;
 }

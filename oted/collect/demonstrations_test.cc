@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/data/dataset_files.h"
 #include "oted/rl/policy_evaluation.h"
@@ -178,6 +179,10 @@ TEST(TrainBehaviorPolicies, OnlyMoreStepsOfTheSameTrainingFollowInItsFolder) {
   other.n_steps = 400;
   EXPECT_EQ(train(other, 3).expert_step % 100, 0);
   EXPECT_EQ(ReadJson(folder / "training.json")["learning_curve"]["step"].size(), 4u);
+  for (const char* damaged : {"[]", "3", "{}", "{\"sac\":{\"n_steps\":1}}", "{\"sac\":3}"}) {
+    WriteFileAtomically(folder.path() / "behavior.json", damaged);
+    EXPECT_THROW(train(other, 3), Error) << damaged;
+  }
   RemoveFile(folder.path() / "behavior.json");
   EXPECT_THAT(message(other, 3), HasSubstr("no behavior.json that says of what"));
 }
