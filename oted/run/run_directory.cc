@@ -65,9 +65,11 @@ struct RunDirectory::Held {
 RunDirectory::RunDirectory(fs::path root, LogSink* log) : root_(std::move(root)) {
   MakeFolders(root_);
   held_ = std::make_shared<Held>(root_, log);
-  // Found out now, not after an hour of work.
-  AtomicFile probe(root_ / "writable");
+  // Found out now, not after an hour of work. Nor would a file that stays be anybody's to remove while this program
+  // lives.
+  const AtomicFile probe(root_ / "writable");
   WriteFileAtomically(probe.temporary_path(), "");
+  RemoveFile(probe.temporary_path());
   RemoveTemporaries(root_, kFolders);
 }
 
