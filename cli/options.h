@@ -24,8 +24,7 @@ struct Options {
 /// Of --task, for every verb.
 inline constexpr const char* kTaskHelp =
     "simulator: Hopper-v5, HalfCheetah-v5, Walker2d-v5, their -v4 and -v2, or a world of MiniGrid; or a TOML file "
-    "whose "
-    "[task] describes one";
+    "whose [task] describes one";
 
 /// Adds --seed, below 0 where it is not given.
 void AddSeed(CLI::App& verb, long& seed);

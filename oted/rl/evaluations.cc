@@ -45,10 +45,9 @@ bool Evaluations::Finish() {
 }
 
 void Evaluations::Keep(double eval_return, int n_diverged) {
-  const auto failed = [&](int n) { return n == schedule_.eval_episodes; };
-  const bool better =
-      failed(n_diverged) != failed(curve_.n_diverged) ? failed(curve_.n_diverged) : eval_return > curve_.eval_return;
-  if (schedule_.keep == KeptPolicy::kBest && !curve_.eval_returns.empty() && !better) return;
+  const auto always = [&](int n) { return n == schedule_.eval_episodes; };
+  const EvaluatedReturn now{eval_return, always(n_diverged)}, kept{curve_.eval_return, always(curve_.n_diverged)};
+  if (schedule_.keep == KeptPolicy::kBest && !curve_.eval_returns.empty() && !now.IsBetterThan(kept)) return;
   curve_.eval_return = eval_return;
   curve_.n_diverged = n_diverged;
   curve_.kept = now_.parameters;

@@ -183,7 +183,6 @@ class PpoTraining : public Learner {
   /// What the step at `row` of the rollout came to, and a new episode where one ended.
   void EndStep(int lane, size_t row) {
     const LaneStatus status = lanes_.simulator().status(lane);
-    lanes_.Count(lane);
     const bool diverged = status == LaneStatus::kDiverged;
     rewards_[row] = diverged ? 0.0f : static_cast<float>(lanes_.simulator().reward(lane));
     ends_[row] = diverged ? StepEnd::kDropped : status == LaneStatus::kRunning ? StepEnd::kNone : StepEnd::kEpisode;

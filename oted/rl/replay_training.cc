@@ -232,7 +232,6 @@ class ReplayTraining : public Learner {
     for (const int i : lanes_.all()) {
       const size_t lane = static_cast<size_t>(i);
       const LaneStatus status = simulator.status(i);
-      lanes_.Count(i);
       if (status != LaneStatus::kDiverged) {
         for (size_t j = 0; j < act_dim; ++j) {
           const double low = spec_.action_low[j], high = spec_.action_high[j];

@@ -92,12 +92,10 @@ int64_t ChooseStart(const AgentJob& job, const TrainingSchedule& schedule, const
   StartsProgress progress(job, starts.n, steps_of_others + schedule.n_steps);
   ParallelFor(starts.n, job.context.n_threads,
               [&](int k) { started[static_cast<size_t>(k)] = Train(share, until, k, progress, make); });
-  const auto failed = [&](const Started& s) { return s.curve.n_diverged == schedule.eval_episodes; };
+  const auto evaluated = [](const Started& s) { return EvaluatedReturn{s.curve.eval_return, s.curve.always_diverged}; };
   size_t best = 0;
   for (size_t k = 1; k < started.size(); ++k) {
-    const Started &now = started[best], &other = started[k];
-    const bool better = failed(other) != failed(now) ? failed(now) : other.curve.eval_return > now.curve.eval_return;
-    if (better) best = k;
+    if (evaluated(started[k]).IsBetterThan(evaluated(started[best]))) best = k;
   }
   const LearningCurve& curve = started[best].curve;
   const int64_t step = curve.eval_steps.back();

@@ -73,11 +73,21 @@ struct TrainingSchedule {
   ActionNoise noise = ActionNoise::kMean;  ///< how the policy acts where it is evaluated
 };
 
+/// What an evaluation found, as far as policies are compared by it.
+struct EvaluatedReturn {
+  double mean_return = 0;
+  bool always_diverged = false;  ///< so did every episode: the return is no measure of a policy
+  /// A policy that always diverged is below any other.
+  bool IsBetterThan(const EvaluatedReturn& other) const {
+    return always_diverged != other.always_diverged ? other.always_diverged : mean_return > other.mean_return;
+  }
+};
+
 /// What training gave, beside the policy itself.
 struct LearningCurve {
   double eval_return = 0;            ///< mean return of the kept policy in the simulators it was evaluated in
   int n_diverged = 0;                ///< of that evaluation's episodes
-  bool always_diverged = false;      ///< so did all of them: that return is no measure of a policy
+  bool always_diverged = false;      ///< so did all of them
   std::vector<int64_t> eval_steps;   ///< environment steps ...
   std::vector<double> eval_returns;  ///< ... and the mean return there
   std::vector<float> kept;           ///< the kept policy's PolicyParameters

@@ -50,11 +50,14 @@ void TrainingLanes::Step(std::span<const double> actions) {
     const auto action = actions.subspan(i * act_dim, act_dim);
     lanes_[i].actions.insert(lanes_[i].actions.end(), action.begin(), action.end());
   }
-  simulator_->Step(all_, actions);
+  StepLanes(all_, actions);
 }
 
-void TrainingLanes::Count(int lane) {
-  if (simulator_->status(lane) != LaneStatus::kDiverged) episodes_.AddStep(lane, simulator_->reward(lane));
+void TrainingLanes::StepLanes(std::span<const int> lanes, std::span<const double> actions) {
+  simulator_->Step(lanes, actions);
+  for (const int lane : lanes) {
+    if (simulator_->status(lane) != LaneStatus::kDiverged) episodes_.AddStep(lane, simulator_->reward(lane));
+  }
 }
 
 void TrainingLanes::Next(int lane, Rng& rng) {
@@ -119,8 +122,7 @@ void TrainingLanes::Restore(const NpzArrays& arrays) {
                   now.begin() + static_cast<ptrdiff_t>(lane) * static_cast<ptrdiff_t>(act_dim));
       running.push_back(lane);
     }
-    simulator_->Step(running, now);
-    for (const int lane : running) Count(lane);
+    StepLanes(running, now);
   }
 }
 

@@ -18,7 +18,6 @@ class TrainingLanes {
   /// What it is given must outlive it.
   TrainingLanes(const SimulatorFactory& factory, EpisodeSource& source, int n_lanes, int n_threads);
 
-  Simulator& simulator() { return *simulator_; }
   const Simulator& simulator() const { return *simulator_; }
   const std::vector<int>& all() const { return all_; }
   const EpisodeStatistics& episodes() const { return episodes_; }
@@ -27,8 +26,6 @@ class TrainingLanes {
   void BeginSegment(Rng& rng);
   /// One control step of all lanes. @param actions  (n_lanes, act_dim)
   void Step(std::span<const double> actions);
-  /// After a step: counts it, unless the lane diverged.
-  void Count(int lane);
   /// After a step that ended the lane's episode: tells the source of it, and begins the next.
   void Next(int lane, Rng& rng);
 
@@ -44,6 +41,8 @@ class TrainingLanes {
     std::vector<double> actions;
   };
   void Begin(int lane, Rng& rng);
+  /// Steps these lanes and counts that, where they do not diverge.
+  void StepLanes(std::span<const int> lanes, std::span<const double> actions);
   bool EpisodesEnd() const;
 
   EpisodeSource& source_;

@@ -98,12 +98,12 @@ StoredPolicy MakeOffline(const RunSetup& run, OfflineBaseline baseline, const Ru
 
 const TrainedRecord& Agents::Best(Ground ground) const {
   const std::vector<TrainedRecord>& agents = of.at(ground);
+  const auto evaluated = [](const TrainedRecord& agent) {
+    return EvaluatedReturn{agent.record.eval_return, agent.record.always_diverged};
+  };
   size_t best = 0;
   for (size_t j = 1; j < agents.size(); ++j) {
-    const AgentRecord &now = agents[best].record, &other = agents[j].record;
-    const bool better =
-        other.always_diverged != now.always_diverged ? now.always_diverged : other.eval_return > now.eval_return;
-    if (better) best = j;
+    if (evaluated(agents[j]).IsBetterThan(evaluated(agents[best]))) best = j;
   }
   return agents[best];
 }

@@ -159,6 +159,7 @@ void ChannelSimulator::FillActions(Lane& lane, const LoggedHistory& before, int 
 }
 
 LoggedHistory ChannelSimulator::OfPlant(const Lane& lane, const LoggedHistory& before, int end) {
+  if (spec().n_rows_before == 0) return {};
   const size_t act_dim = neutral_.size(), n = static_cast<size_t>(end);
   const LoggedHistory given = {before.observations.first(n * static_cast<size_t>(spec().obs_dim())),
                                before.actions.first(n * act_dim), before.constants};

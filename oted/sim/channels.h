@@ -106,8 +106,8 @@ class ChannelSimulator : public WrappedSimulator {
   void StepPlant(std::span<const int> lanes);
   void Show(int lane);
   void FillActions(Lane& lane, const LoggedHistory& before, int end) const;
-  /// What the plant was given before row `end` of the history: late, and each row the mean over its period. Valid until
-  /// the next call.
+  /// What the plant was given before row `end` of the history: late, and each row the mean over its period. Nothing
+  /// where no start of the plant depends on it. Valid until the next call.
   LoggedHistory OfPlant(const Lane& lane, const LoggedHistory& before, int end);
   bool StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back, bool unbias);
 
