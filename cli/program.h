@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace oted::cli {
@@ -20,6 +21,14 @@ class HelpFormatter : public CLI::Formatter {
     if (at != std::string::npos && !is_positional && option->get_positional()) {
       text.replace(at, required.size(), std::string(required.size(), ' '));
     }
+    return text;
+  }
+  /// One value at a time is no list, however often the option may be given.
+  std::string make_option_opts(const CLI::Option* option) const override {
+    std::string text = CLI::Formatter::make_option_opts(option);
+    constexpr std::string_view kList = " ...";
+    const size_t at = text.find(kList);
+    if (at != std::string::npos && !option->get_allow_extra_args()) text.erase(at, kList.size());
     return text;
   }
 };

@@ -72,6 +72,12 @@ TEST_F(PipelineTest, OtherSettingsInTheSameDirectoryAreRefusedAndNothingIsTouche
   refuse("agents.train_in=samples");
   refuse("agents.nominal_at=1.5,1.5");
   RunConfig config = TinyConfig();
+  config.Set("sac.gamma=0.98");
+  const std::string told = MessageOf<UsageError>([&] { RunPipeline(config, copy); });
+  for (const char* stage : {"agents/1", "agents/2", "policy_selection.json"}) {
+    EXPECT_THAT(told, HasSubstr((copy / stage).string())) << "one after another, each costs a call";
+  }
+  config = TinyConfig();
   config.parameters[0].high = 1.9;
   EXPECT_THROW(RunPipeline(config, copy), UsageError);
   config = TinyConfig();

@@ -1,6 +1,7 @@
 #include "oted/run/run_directory.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -42,6 +43,13 @@ bool HoldsWork(const fs::path& folder) {
 }
 
 }  // namespace
+
+/// A stage that was made, or begun, with other settings.
+class RunDirectory::OfOtherSettings : public UsageError {
+ public:
+  OfOtherSettings(const std::string& message, fs::path stage_) : UsageError(message), stage(std::move(stage_)) {}
+  fs::path stage;  ///< what to remove before it can be made with these
+};
 
 /// What lies at an artefact's place.
 struct RunDirectory::Found {
@@ -106,10 +114,11 @@ json RunDirectory::ReadRecord(const Artifact& artifact, const std::string& text)
                     artifact.file.string(), stage));
   }
   if (fingerprint == artifact.fingerprint) return record;
-  throw UsageError(
+  throw OfOtherSettings(
       fmt::format("'{}' was made with other data, settings or an earlier stage that has changed; choose another --out, "
                   "or remove '{}'",
-                  artifact.file.string(), stage));
+                  artifact.file.string(), stage),
+      stage);
 }
 
 std::vector<std::string> RunDirectory::TidyDamaged(const Artifact& artifact, const json& record) const {
@@ -182,7 +191,26 @@ RunDirectory::Found RunDirectory::LookLeniently(const Artifact& artifact) const 
 
 bool RunDirectory::IsComplete(const Artifact& artifact) const { return Look(artifact).state == Found::State::kWhole; }
 
-void RunDirectory::Check(const Artifact& artifact) const {
+void RunDirectory::Check(const std::vector<Artifact>& artifacts) const {
+  std::vector<OfOtherSettings> others;
+  std::set<std::string> stages;
+  for (const Artifact& artifact : artifacts) {
+    try {
+      CheckOne(artifact);
+    } catch (const OfOtherSettings& other) {
+      others.push_back(other);
+      stages.insert(other.stage.string());
+    }
+  }
+  if (stages.size() == 1) throw others.front();
+  if (stages.empty()) return;
+  throw UsageError(
+      fmt::format("{} stages of '{}' were made, or begun, with other data, settings or an earlier stage that has "
+                  "changed; choose another --out, or remove '{}'",
+                  stages.size(), root_.string(), fmt::join(stages, "' '")));
+}
+
+void RunDirectory::CheckOne(const Artifact& artifact) const {
   const Found found = Look(artifact);
   if (found.state == Found::State::kMissing) CheckCheckpoint(artifact);
   if (found.state == Found::State::kWhole) CheckMadeFrom(found.record, artifact.file);
@@ -229,10 +257,11 @@ void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
   const fs::path folder = artifact.file.parent_path(), mark = folder / "checkpoint.json";
   if (!HasFolder(artifact) || !HoldsWork(folder)) return;
   if (fs::exists(mark) && TextIn(ReadJson(mark), "fingerprint") == artifact.fingerprint) return;
-  throw UsageError(
+  throw OfOtherSettings(
       fmt::format("'{}' holds work that was stopped and had other data or settings; choose another --out, go on with "
                   "its own settings, or remove the folder",
-                  folder.string()));
+                  folder.string()),
+      folder);
 }
 
 void RunDirectory::Begin(const Artifact& artifact) const {

@@ -62,9 +62,10 @@ class RunDirectory {
   /// settings, or by another version: results of two configurations never mix in one directory. @throws DataError when
   /// its record is not as it was written: an edit cannot be told from damage, and making the stage again would lose it
   bool IsComplete(const Artifact& artifact) const;
-  /// The same; and where it is complete, checks that it was made from the records that are there (CheckMadeFrom);
-  /// where it is not, that work which was stopped can go on (CheckCheckpoint).
-  void Check(const Artifact& artifact) const;
+  /// The same of each of a run's artefacts; and where one is complete, checks that it was made from the records that
+  /// are there (CheckMadeFrom); where it is not, that work which was stopped can go on (CheckCheckpoint).
+  /// @throws UsageError that names all that was made, or begun, with other settings
+  void Check(const std::vector<Artifact>& artifacts) const;
 
   /// The artefact's record: read where it is complete; otherwise what `make` gives, which is sealed with the files
   /// beside it and written as the mark of completion. What a stopped `make` left as checkpoint.npz beside it is kept
@@ -82,11 +83,13 @@ class RunDirectory {
  private:
   struct Found;
   struct Held;
+  class OfOtherSettings;
 
   /// An artefact on top of the run has no folder of its own, and so no checkpoint.
   bool HasFolder(const Artifact& artifact) const {
     return !artifact.is_guest && !artifact.is_for_show && artifact.file.parent_path() != root_;
   }
+  void CheckOne(const Artifact& artifact) const;
   Found Look(const Artifact& artifact) const;
   /// Of one that is for show: other settings and sources are no error.
   Found LookLeniently(const Artifact& artifact) const;

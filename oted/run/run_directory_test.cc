@@ -133,7 +133,7 @@ TEST(RunDirectory, AnEditedRecordIsRefusedAndNotMadeAgain) {
   edited["loss"] = 0.4;
   WriteJson(artifact.file, edited);
   for (const auto& use :
-       std::vector<std::function<void()>>{[&] { directory.IsComplete(artifact); }, [&] { directory.Check(artifact); },
+       std::vector<std::function<void()>>{[&] { directory.IsComplete(artifact); }, [&] { directory.Check({artifact}); },
                                           [&] { directory.Once(artifact, Loss); }}) {
     EXPECT_THAT(MessageOf<DataError>(use), HasSubstr("design.json' is not as oted wrote it"));
   }
@@ -190,9 +190,9 @@ TEST(RunDirectory, AResultFitsOnlyTheRecordsThatItWasMadeFrom) {
   const json made = directory.Once(later, Loss);
   EXPECT_EQ(made.at("made_from"), (json{{"clone/clone.json", ReadJson(later.made_from[0]).at("seal")}}));
   fs::remove(later.made_from[0]);
-  directory.Check(later);  // what is missing is made again first
+  directory.Check({later});  // what is missing is made again first
   directory.Once(Clone(directory, "aa"), [] { return json{{"schema", "a/1"}, {"loss", 0.25}}; });
-  EXPECT_THAT(MessageOf<DataError>([&] { directory.Check(later); }), HasSubstr("was made from another"));
+  EXPECT_THAT(MessageOf<DataError>([&] { directory.Check({later}); }), HasSubstr("was made from another"));
   EXPECT_THROW(directory.Once(later, Loss), DataError);
   fs::remove(later.made_from[0]);
   directory.Once(Clone(directory, "aa"), Loss);
@@ -218,7 +218,7 @@ TEST(RunDirectory, ARecordWhoseSourceNoStageRepairedIsMadeAgainAndRepairsIt) {
   fs::remove(within.file);
   EXPECT_EQ(directory.Once(later, make), made);
   EXPECT_EQ(n_made, 3);
-  directory.Check(within);
+  directory.Check({within});
   // Made from something else, it is not what others were made from.
   fs::remove(within.file);
   loss = 0.25;
@@ -316,8 +316,8 @@ TEST(RunDirectory, ACheckpointIsGoneOnWithUnderItsOwnSettingsOnly) {
     };
     EXPECT_THROW(directory.Once(Clone(directory, "bb"), stopped), Interrupted);
     EXPECT_THAT(MessageOf<UsageError>([&] { directory.Once(Clone(directory, "aa"), Loss); }), HasSubstr(unit.string()));
-    EXPECT_THROW(directory.Check(Clone(directory, "aa")), UsageError);
-    directory.Check(Clone(directory, "bb"));
+    EXPECT_THROW(directory.Check({Clone(directory, "aa")}), UsageError);
+    directory.Check({Clone(directory, "bb")});
     directory.Once(Clone(directory, "bb"), Loss);
     EXPECT_FALSE(fs::exists(unit / name));
     EXPECT_FALSE(fs::exists(unit / "checkpoint.json"));

@@ -152,7 +152,7 @@ RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext 
   CheckRequest(run);
   run.directory = RunDirectory(out, run.context.log);
   TakeFinishedGrowth(run);
-  for (const Artifact& artifact : AllArtifacts(run)) run.directory.Check(artifact);
+  run.directory.Check(AllArtifacts(run));
   if (const auto unread = run.config.UnreadSetting()) context.log->Warning(*unread);
   return run;
 }
