@@ -191,17 +191,17 @@ VectorXd ShortWindows::SensorNoise() const {
   return Eigen::Map<const VectorXd>(evidence_.short_noise_std.data(), scale_.size());
 }
 
-void ShortWindows::FitMoreRows() {
+bool ShortWindows::FitMoreRows() {
   const int n_lanes = 1 + space_.size() + replayer_->state_dim();
   const int n_rows = static_cast<int>(kManyReplays / n_lanes / problem_.factory.spec().step_weight);
   longest_ = evidence_.window;
   steps_.Expect(StepsOfLevels(shortest_));
   Level more = FirstLevel(*replayer_, problem_.dataset, longest_, shortest_, n_rows, rng_);
-  if (more.windows.size() < first_.windows.size() * 5 / 4) return;
+  if (more.windows.size() < first_.windows.size() * 5 / 4) return true;
   first_ = std::move(more);
   const VectorXd x = fit_->x();
   fit_.reset();
-  FitLengths(x, true);
+  return FitLengths(x, true);
 }
 
 }  // namespace oted

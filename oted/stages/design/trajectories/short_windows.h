@@ -25,8 +25,10 @@ class ShortWindows {
 
   /// @return whether windows of all lengths are explained
   bool Fit() { return FitLengths(FindStart(), false); }
-  /// Noise averages out over rows: once x is near, as many as a budget allows.
-  void FitMoreRows();
+  /// Noise averages out over rows: once x is near, as many as a budget allows. Where they do not explain windows as
+  /// long as before, those that they do explain take their place.
+  /// @return whether windows as long as before are explained
+  bool FitMoreRows();
 
   /// The longest windows that are explained, fitted.
   LevelFit& fit() { return *fit_; }

@@ -70,15 +70,16 @@ class TrajectoryMatch {
   }
 
   ReplayFit Run() {
-    const bool explains_all = short_.Fit();
+    bool explains_all = short_.Fit();
     const bool may_be_long = !explains_all || AreBriefAndNoisy();
     if (may_be_long) FitLongWindows(explains_all);
     if (!IsLong() && short_.IsNoisy()) {
       const VectorXd compared = short_.fit().x();
-      short_.FitMoreRows();
-      // On more rows a fit of brief windows may end far from what was compared.
-      const bool is_elsewhere = (short_.fit().x() - compared).cwiseAbs().maxCoeff() > kElsewhere;
-      if (may_be_long && explains_all && is_elsewhere) FitLongWindows(explains_all);
+      const bool explains_more = short_.FitMoreRows();
+      // On more rows a fit of brief windows may end far from what was compared, or show what few rows did not.
+      const bool is_elsewhere = may_be_long && (short_.fit().x() - compared).cwiseAbs().maxCoeff() > kElsewhere;
+      if (explains_all && (is_elsewhere || !explains_more)) FitLongWindows(explains_more);
+      explains_all = explains_all && explains_more;
     }
     CountRows();
     if (problem_.judged && !AllLearn() && !of_part_) of_part_ = FitToPart();
