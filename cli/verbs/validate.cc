@@ -59,12 +59,11 @@ void AddValidateVerb(Program& program) {
       "not explain what it leaves.");
   verb->callback([&program, words] {
     words->request.run = words->run;
-    NullSink log;
-    const ValidationResult result = Validate(words->request, MakeContext(log, std::max(0, words->threads)));
+    TerminalSink console(words->json);
+    const ValidationResult result = Validate(words->request, MakeContext(console, std::max(0, words->threads)));
     if (words->json) {
       Print("{}\n", result.ToJson(words->request).dump(2));
     } else {
-      TerminalSink console(false);
       for (const std::string& warning : result.warnings) console.Warning(warning);
       PrintHorizons(result, std::filesystem::path(words->request.model).filename().string());
     }

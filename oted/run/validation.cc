@@ -40,7 +40,7 @@ std::vector<char> LeftOut(const DesignRecord& design, const SimulatorSpec& spec,
 }
 
 HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, const std::vector<double>& z,
-                          const VectorXd& noise, const std::vector<char>& left_out, int n_threads) {
+                          const VectorXd& noise, const std::vector<char>& left_out, const RunContext& context) {
   const ReadingModel readings = ReadingModel::Of(factory.spec(), logs, left_out);
   const std::optional<HeldOutPrediction> prediction =
       PredictLogs({.factory = factory,
@@ -51,8 +51,12 @@ HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, 
                    .readings = readings,
                    .narrow = {},
                    .key = RngKey(1).Stage("validation"),
-                   .n_threads = n_threads,
-                   .n_whole = static_cast<int>(logs.Episodes().size())});
+                   .n_threads = context.n_threads,
+                   .n_whole = static_cast<int>(logs.Episodes().size()),
+                   .tell = [&](int done, int total) {
+                     context.log->Progress("predict", logs.path, done, total, "");
+                     context.ThrowIfStopped();
+                   }});
   if (!prediction) {
     throw DataError(fmt::format(
         "no window of '{}' can be predicted: its episodes are too short, or its states cannot be set; give longer ones",
@@ -134,8 +138,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   CheckSameModel(design, *factory);
   const VectorXd noise = SensorNoiseOf(design.record, logs);
   const std::vector<char> left_out = LeftOut(design.record, spec, logs, noise);
-  const HeldOutPrediction prediction =
-      Predict(*factory, logs, design.record.BestMode(), noise, left_out, context.n_threads);
+  const HeldOutPrediction prediction = Predict(*factory, logs, design.record.BestMode(), noise, left_out, context);
   ValidationResult result{.validation = InRecord(prediction, spec),
                           .model = std::nullopt,
                           .predicts_better = PredictsBetter(prediction),
@@ -153,7 +156,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   TaskConfig other = config.task;
   other.model.model = request.model;
   const auto other_factory = MakeSimulatorFactory(other, {}, logs.EpisodeStarts());
-  result.model = InRecord(Predict(*other_factory, logs, {}, noise, left_out, context.n_threads), spec);
+  result.model = InRecord(Predict(*other_factory, logs, {}, noise, left_out, context), spec);
   return result;
 }
 

@@ -53,6 +53,10 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const Dataset& logs = problem.dataset;
   const int n_threads = problem.context.n_threads;
   const RngKey key = problem.key.Stage("prediction");
+  const auto tell = [&](int done, int total) {
+    problem.context.log->Progress("predict", problem.run_name, done, total, "logs that were kept aside");
+    problem.context.ThrowIfStopped();
+  };
   std::vector<int> narrow;
   for (int i = 0; i < q.size(); ++i) {
     if (IsNarrow(q, i)) narrow.push_back(i);
@@ -74,7 +78,8 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                         .readings = readings,
                         .narrow = narrow,
                         .key = key,
-                        .n_threads = n_threads});
+                        .n_threads = n_threads,
+                        .tell = tell});
   }
   const UnseenFit& unseen = *fit->unseen;
   const ReadingModel readings = ReadingsOf(spec, logs, fit->unseen);
@@ -92,7 +97,8 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                       .key = key,
                       .n_threads = n_threads,
                       .as_likely = AsLikely(problem.factory.parameters(), unseen, key),
-                      .n_whole = all_learned ? 0 : parts.n_whole});
+                      .n_whole = all_learned ? 0 : parts.n_whole,
+                      .tell = tell});
 }
 
 }  // namespace oted

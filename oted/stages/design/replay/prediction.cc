@@ -200,15 +200,30 @@ PredictionJudge::Squares PredictionJudge::SquaresOf(FittedStarts replays) const 
   return squares;
 }
 
-std::vector<VectorXd> PredictionJudge::Follow(const std::vector<double>& z, const std::vector<VectorXd>& starts) const {
+int PredictionJudge::NextFollowed(int n_fitted, int whole) const {
+  return std::min(whole, n_fitted == 0 ? kFollowed * n_lead_ : 2 * n_fitted);
+}
+
+int PredictionJudge::FollowSteps() const {
+  int n = 0;
+  for (const int n_steps : horizons_) {
+    const int whole = n_lead_ + n_steps;
+    for (int n_fitted = 0; n_fitted < whole; n_fitted = NextFollowed(n_fitted, whole)) ++n;
+  }
+  return n;
+}
+
+std::vector<VectorXd> PredictionJudge::Follow(const std::vector<double>& z, const std::vector<VectorXd>& starts,
+                                              const std::function<void()>& tell) const {
   std::vector<VectorXd> residuals(windows_.size());
   for (const int n_steps : horizons_) {
     const int whole = n_lead_ + n_steps;
     const std::vector<size_t> at = WindowsOf(whole);
     FittedStarts fitted{Picked(starts, at), {}};
     for (int n_fitted = 0; n_fitted < whole;) {
-      n_fitted = std::min(whole, n_fitted == 0 ? kFollowed * n_lead_ : 2 * n_fitted);
+      n_fitted = NextFollowed(n_fitted, whole);
       fitted = Fit(z, Picked(windows_, at), n_fitted, std::move(fitted.starts));
+      tell();
     }
     for (size_t k = 0; k < at.size(); ++k) residuals[at[k]] = std::move(fitted.residuals[k]);
   }

@@ -2,6 +2,7 @@
 /// Open-loop prediction of logged episodes: what a designed simulator is for.
 
 #include <Eigen/Dense>
+#include <functional>
 #include <vector>
 
 #include "oted/base/rng.h"
@@ -66,7 +67,10 @@ class PredictionJudge {
   /// errors grow, a start that was fitted to a lead alone soon leads elsewhere: a hopper that has fallen is predicted
   /// with ease, and the floor would be that of another motion than the logs'.
   /// @param starts  Predict's
-  std::vector<Eigen::VectorXd> Follow(const std::vector<double>& z, const std::vector<Eigen::VectorXd>& starts) const;
+  /// @param tell    called FollowSteps() times on the way
+  std::vector<Eigen::VectorXd> Follow(const std::vector<double>& z, const std::vector<Eigen::VectorXd>& starts,
+                                      const std::function<void()>& tell) const;
+  int FollowSteps() const;
   /// What a simulator would have logged in place of the windows, each an episode behind up to 16 rows of what was
   /// logged before it: the logged actions, and noise of standard deviation `noise` (obs_dim) on every reading. A window
   /// in which its physics broke down stays as it was logged.
@@ -74,6 +78,8 @@ class PredictionJudge {
   Dataset Imitate(const std::vector<Eigen::VectorXd>& followed, const Eigen::VectorXd& noise, Rng& rng) const;
 
  private:
+  /// Of windows of `whole` steps, how many are fitted after `n_fitted` were (0: none yet).
+  int NextFollowed(int n_fitted, int whole) const;
   /// Into windows_: those of so many steps.
   std::vector<size_t> WindowsOf(int n_steps) const;
   /// The starts of windows, fitted to their first steps.

@@ -52,13 +52,28 @@ VectorXd RootMeanSquares(const MatrixXd& squares) {
   return (sum / n).cwiseSqrt();
 }
 
+/// Counts what is done for the caller.
+class Steps {
+ public:
+  explicit Steps(std::function<void(int done, int total)> tell) : tell_(std::move(tell)) {}
+  void Expect(size_t n) { total_ += static_cast<int>(n); }
+  void Tell() {
+    ++done_;
+    if (tell_) tell_(done_, std::max(done_, total_));
+  }
+
+ private:
+  std::function<void(int done, int total)> tell_;
+  int done_ = 0, total_ = 0;
+};
+
 /// The logs that were kept aside, and those that were learned from, predicted over all horizons at once.
 class Evidence {
  public:
   /// @param other  z that the design is compared with
   Evidence(const PredictionProblem& problem, std::vector<double> other, const std::vector<int>& horizons,
-           double period_s)
-      : problem_(problem), other_(std::move(other)), largest_noise_(LargestNoiseOf(problem)) {
+           double period_s, Steps& steps)
+      : problem_(problem), other_(std::move(other)), steps_(steps), largest_noise_(LargestNoiseOf(problem)) {
     noise_ = problem.noise.cwiseMin(largest_noise_);
     AddPart(problem.kept_aside, problem.learned == nullptr && problem.n_whole == 0, horizons, period_s);
     if (problem.learned != nullptr) AddPart(*problem.learned, true, horizons, period_s);
@@ -67,9 +82,9 @@ class Evidence {
     of_other_.resize(parts_.size());
   }
 
-  /// Before Compare, where the floor is asked for: it takes most of the time.
-  void FindFloor() {
-    if (parts_.empty()) return;
+  /// Compare knows of it from here on. It takes most of the time.
+  /// @param of_other  how the other simulator predicts logs of its own counts as well (Compare)
+  void FindFloor(bool of_other) {
     const bool is_exact = (noise_.array() <= kNoNoise * parts_.front()->judge().channels().spread.array()).all();
     if (is_exact && problem_.readings.ShowsState()) {
       // The design's own logs would be predicted without error.
@@ -77,18 +92,12 @@ class Evidence {
       for (PredictionJudge::Squares& squares : imitated_.front()) {
         for (MatrixXd& predicted : squares.predicted) predicted.setZero();
       }
-      return;
+      return;  // of readings that are the state there is nothing to find
     }
+    steps_.Expect(ImitationSteps(problem_.as_likely.size()) + (of_other ? ImitationSteps(0) : 0));
     imitated_ = Imitate(
         problem_.z, [&](size_t p) -> const auto& { return designed_[p]; }, problem_.as_likely);
-    starts_are_found_ = true;
-  }
-
-  /// Behind FindFloor: how the other simulator predicts logs of its own counts as well (Compare). Of readings that are
-  /// the state there is nothing to find.
-  void FindFloorOfOther() {
-    if (!starts_are_found_) return;
-    imitated_by_other_ = Imitate(other_, [&](size_t p) -> const auto& { return Other(p); }, {});
+    if (of_other) imitated_by_other_ = Imitate(other_, [&](size_t p) -> const auto& { return Other(p); }, {});
   }
 
   /// How errors compare over this many control steps. @param is_first  shorter episodes are then predicted to their end
@@ -148,6 +157,13 @@ class Evidence {
     learned_.push_back(learned);
   }
 
+  /// Of Imitate, at most.
+  size_t ImitationSteps(size_t n_as_likely) const {
+    size_t n = kNoiseCorrections + std::max(kFewestImitations, n_as_likely);
+    for (const auto& part : parts_) n += static_cast<size_t>(part->judge().FollowSteps());
+    return n;
+  }
+
   /// What the simulator at z makes of the logs, with noise by which its own leads leave as much as the logs' do.
   /// @param of_part  its prediction of a part
   /// @param as_likely  as PredictionProblem::as_likely, of this simulator
@@ -157,7 +173,7 @@ class Evidence {
     std::vector<std::vector<VectorXd>> followed;
     MatrixXd logged(problem_.noise.size(), 0);
     for (size_t p = 0; p < parts_.size(); ++p) {
-      followed.push_back(parts_[p]->judge().Follow(z, of_part(p).starts));
+      followed.push_back(parts_[p]->judge().Follow(z, of_part(p).starts, [&] { steps_.Tell(); }));
       logged = Beside(logged, of_part(p).lead);
     }
     const auto imitate = [&](const std::vector<double>& by, const VectorXd& noise, Rng& rng) {
@@ -165,6 +181,7 @@ class Evidence {
       for (size_t p = 0; p < parts_.size(); ++p) {
         of_parts.push_back(parts_[p]->PredictItself(by, followed[p], noise, rng));
       }
+      steps_.Tell();
       return of_parts;
     };
     VectorXd noise = noise_;
@@ -299,13 +316,13 @@ class Evidence {
 
   const PredictionProblem& problem_;
   std::vector<double> other_;
+  Steps& steps_;
   std::vector<std::unique_ptr<JudgedPart>> parts_;  // kept aside, learned
   std::vector<char> learned_;                       // by part
   // By part, what PredictionJudge::Predict gave.
   std::vector<PredictionJudge::Squares> designed_;
   std::vector<std::optional<PredictionJudge::Squares>> of_other_;
   Imitations imitated_, imitated_by_other_;
-  bool starts_are_found_ = false;   // and not read
   VectorXd noise_, largest_noise_;  // of the sensors
 };
 
@@ -317,7 +334,8 @@ std::vector<double> WithoutNoise(const ParameterSpace& space, std::vector<double
   return z;
 }
 
-std::vector<HeldOutPrediction::OpenEnd> OpenEnds(const Evidence& evidence, const PredictionProblem& problem) {
+std::vector<HeldOutPrediction::OpenEnd> OpenEnds(const Evidence& evidence, const PredictionProblem& problem,
+                                                 Steps& steps) {
   const ParameterSpace& space = problem.factory.parameters();
   const std::vector<double> unit = space.ToUnit(problem.z);
   std::vector<HeldOutPrediction::OpenEnd> ends;
@@ -329,6 +347,7 @@ std::vector<HeldOutPrediction::OpenEnd> OpenEnds(const Evidence& evidence, const
       u += above ? kMoved : -kMoved;
       if (u < 0 || u > 1) continue;  // the interval ends at the range anyhow
       if (!evidence.IsWorse(space.FromUnit(moved))) ends.push_back({i, above});
+      steps.Tell();
     }
   }
   return ends;
@@ -368,15 +387,16 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
     if (n_steps > (horizons.empty() ? 0 : horizons.back())) horizons.push_back(n_steps);
   }
   if (horizons.empty()) return std::nullopt;
-  Evidence evidence(problem, WithoutNoise(space, other), horizons, step);
-  if (with_floor) evidence.FindFloor();
+  Steps steps(asked.tell);
+  Evidence evidence(problem, WithoutNoise(space, other), horizons, step, steps);
   HeldOutPrediction prediction = CompareAll(evidence, horizons);
   if (prediction.horizons.empty()) return std::nullopt;
-  if (with_floor && !PredictsBetter(prediction)) {
-    evidence.FindFloorOfOther();
+  steps.Expect(2 * problem.narrow.size());
+  if (with_floor) {
+    evidence.FindFloor(!PredictsBetter(prediction));  // of gains alone
     prediction = CompareAll(evidence, horizons);
   }
-  prediction.open_ends = OpenEnds(evidence, problem);
+  prediction.open_ends = OpenEnds(evidence, problem, steps);
   prediction.n_recordings = problem.n_whole;
   prediction.n_parts = problem.learned == nullptr ? 0 : NumberOfParts(problem);
   return prediction;

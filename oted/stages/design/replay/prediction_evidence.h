@@ -3,6 +3,7 @@
 /// the sensors' noise would leave if it were right.
 
 #include <Eigen/Dense>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -28,6 +29,7 @@ struct PredictionProblem {
   /// Other z that are as likely as `z`: the noise alone may have put it there. None, and z is taken for certain.
   std::vector<std::vector<double>> as_likely = {};
   int n_whole = 0;  ///< of the episodes kept aside, the first ones: recordings of which nothing was learned
+  std::function<void(int done, int total)> tell = {};  ///< how far the predictions are; may stop them by an exception
 };
 
 /// Predictions over 0.1, 0.5 and 1 s (2, 10 and 20 control steps where time has no unit), as far as episodes last that

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/base/error.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/matching/verdict.h"
@@ -54,6 +55,43 @@ TEST(PredictLogs, TheTruthReachesTheFloorAtAnyNoiseAndFromAWrongGuessOfIt) {
       EXPECT_TRUE(PredictsBetter(prediction));
     }
   }
+}
+
+TEST(PredictLogs, TellsHowFarItIsAndStopsWhereItIsTold) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 25), 0.05, RngKey(1));
+  const PointMassFactory factory;
+  const ReadingModel readings = ReadingModel::Of(factory.spec(), logs);
+  const VectorXd noise = VectorXd::Constant(2, 0.05);
+  const auto predict = [&](const std::vector<double>& z, const std::function<void(int, int)>& tell) {
+    return PredictLogs({.factory = factory,
+                        .kept_aside = logs,
+                        .learned = nullptr,
+                        .z = z,
+                        .noise = noise,
+                        .readings = readings,
+                        .narrow = {0, 1},
+                        .key = RngKey(1),
+                        .tell = tell});
+  };
+  // A design that predicts no better than the nominal simulator has the floor of that as well.
+  for (const std::vector<double>& z : {kTruth, factory.parameters().Nominal()}) {
+    std::vector<int> done, total;
+    predict(z, [&](int d, int t) {
+      done.push_back(d);
+      total.push_back(t);
+    });
+    ASSERT_GT(done.size(), 5u);
+    for (size_t i = 0; i < done.size(); ++i) {
+      EXPECT_EQ(done[i], static_cast<int>(i) + 1);
+      EXPECT_EQ(total[i], total.front()) << "a bar that goes back";
+    }
+    EXPECT_LE(done.back(), total.back());
+    EXPECT_GE(done.back(), total.back() - 4) << "rounds of the noise that were not needed, two for each simulator";
+  }
+  const auto stop = [](int done, int) {
+    if (done == 2) throw Interrupted();
+  };
+  EXPECT_THROW(predict(kTruth, stop), Interrupted);
 }
 
 TEST(PredictLogs, TheFloorIsTheErrorThatTheNoiseLeavesInPredictionsOfTheTruth) {

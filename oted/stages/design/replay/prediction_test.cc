@@ -52,8 +52,8 @@ TEST(PredictionJudge, AnImitationIsWhatTheSimulatorWouldHaveLogged) {
   const std::vector<double> other = {1.0, 0.6, 0.5};
   const Judged judged(logs, 1e-6);
   Rng rng = RngKey(3).MakeRng();
-  const Dataset made =
-      judged.judge.Imitate(judged.judge.Follow(other, judged.judge.Predict(other).starts), VectorXd::Zero(2), rng);
+  const Dataset made = judged.judge.Imitate(judged.judge.Follow(other, judged.judge.Predict(other).starts, [] {}),
+                                            VectorXd::Zero(2), rng);
   ASSERT_EQ(static_cast<int>(made.Episodes().size()), judged.judge.n_windows());
   WindowReplayer replayer(PointMassFactory().Make(WindowReplayer::LinearizationLanes(0, 2), 1), made);
   const PredictionJudge same(replayer, made, judged.judge);
@@ -63,7 +63,7 @@ TEST(PredictionJudge, AnImitationIsWhatTheSimulatorWouldHaveLogged) {
   // Noise is on every reading, and one reading has one value.
   const VectorXd noise = Eigen::Vector2d(0.05, 0);
   const Dataset noisy =
-      judged.judge.Imitate(judged.judge.Follow(other, judged.judge.Predict(other).starts), noise, rng);
+      judged.judge.Imitate(judged.judge.Follow(other, judged.judge.Predict(other).starts, [] {}), noise, rng);
   double square = 0;
   for (int i = 0; i < made.size(); ++i) {
     EXPECT_EQ(noisy.observations(i, 1), made.observations(i, 1));
