@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 constexpr double kLead = 0.05;       // [s] of readings that tell a start state
 constexpr double kUnreadLead = 0.1;  // the same where they do not show all of it
 constexpr int kFewestLead = 4;       // control steps
-constexpr int kLeadIterations = 4, kUnreadLeadIterations = 15;
+constexpr int kLeadIterations = 4, kGuessedIterations = 15;
 constexpr int kFollowed = 3;  // leads that the start of an imitated window is fitted to at first
 constexpr int kMostRowsBefore = 16;
 
@@ -138,12 +138,14 @@ FittedStarts PredictionJudge::Fit(const std::vector<double>& z, std::vector<LogW
                                   std::vector<VectorXd> starts) const {
   for (LogWindow& window : windows) window.n_steps = n_steps;
   const WindowLikelihood likelihood(replayer_.readings(), variance_, n_steps);
+  // What no reading shows is guessed before the lead is fitted, and near behind it.
+  const bool is_guessed = n_steps <= n_lead_ && !replayer_.readings().unread.empty();
   return FitStarts(replayer_, std::move(starts),
                    {.windows = windows,
                     .z = z,
                     .likelihood = likelihood,
                     .start_step = start_step_,
-                    .n_iterations = replayer_.readings().unread.empty() ? kLeadIterations : kUnreadLeadIterations});
+                    .n_iterations = is_guessed ? kGuessedIterations : kLeadIterations});
 }
 
 FittedStarts PredictionJudge::Replay(const std::vector<double>& z, bool fits_leads) const {
