@@ -54,6 +54,10 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
           fmt::format("[{:.{}f}, {:.{}f}]", p.interval90_low, decimals, p.interval90_high, decimals),
           ToString(p.verdict), error);
   }
+  if (std::ranges::any_of(design.parameters,
+                          [](const auto& p) { return p.verdict == ParameterVerdict::kIdentified; })) {
+    Print("identified: if what is not among the parameters is as in the model\n");
+  }
 }
 
 void PrintPolicies(const EvaluationRecord& evaluation) {

@@ -74,7 +74,8 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
   const DesignRecord& record = design.record;
   return fmt::format(
       "{}{} with MuJoCo {} for {}: design {}, run.seed {}, setting {}, design seed {} of {}.\n"
-      "Logs: {} (sha256 {}).\nVerdict: {}.\nParameters (z +- spread of q over all seeds):\n{}",
+      "Logs: {} (sha256 {}).\nVerdict: {}.\nParameters (z +- spread of q over all seeds), if what was "
+      "not searched is as in the model:\n{}",
       kMadeBy, record.oted_version, record.mujoco_version, record.task,
       record.fingerprint.empty() ? "?" : record.fingerprint, design.config.run.seed, record.selected, member.seed,
       record.mixture.size(), fs::path(record.dataset.path).filename().string(), record.dataset.sha256.substr(0, 16),

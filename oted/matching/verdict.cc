@@ -24,8 +24,9 @@ constexpr double kAtBound = 0.01;        // of the range
 constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
 constexpr double kLeastChannelExcess = 0.4, kChannelExcessErrors = 4.0;
 constexpr double kLeastGain = 0.05, kGainErrors = 2.0;
-constexpr double kGuess = 0.9;   // of a channel's spread
-constexpr double kFarOff = 1.4;  // an excess of which no more windows make a small one: twice the floor's error
+constexpr double kGuess = 0.9;         // of a channel's spread
+constexpr double kFarFromGuess = 1.1;  // times a guess's error
+constexpr double kFarOff = 1.4;        // an excess of which no more windows make a small one: twice the floor's error
 
 bool IsExcess(const Estimated& e) { return e.value > std::max(kLeastExcess, kExcessErrors * e.error); }
 bool IsChannelExcess(const Estimated& e) {
@@ -123,6 +124,11 @@ bool ExceedsFloor(const HeldOutPrediction& prediction) {
   });
 }
 
+/// Whether the design leaves something to find. Where guesses are far nearer than it is, so may its floor be uncertain.
+bool IsOff(const HeldOutPrediction& prediction) {
+  return ExceedsFloor(prediction) || GuessesAsWell(prediction.horizons, kFarFromGuess);
+}
+
 /// Whether the nominal simulator is grossly off, be it sure or not: few windows tell no standard error.
 bool NominalIsFarOff(const HeldOutPrediction& prediction) {
   return std::ranges::any_of(
@@ -209,16 +215,8 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
 
 bool IsNoBetterThanGuess(double error, double guess) { return guess > 0 && !(error < kGuess * guess); }
 
-bool ShowsNothing(const HeldOutPrediction& prediction) {
-  return std::ranges::all_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
-    return std::ranges::all_of(h.channels, [](const HeldOutPrediction::Channel& c) {
-      return !c.judged || (IsNoBetterThanGuess(c.nominal, c.spread) && IsNoBetterThanGuess(c.designed, c.spread));
-    });
-  });
-}
-
 bool ReachesFloor(const HeldOutPrediction& prediction) {
-  return !ExceedsFloor(prediction) && !ShowsNothing(prediction);
+  return !IsOff(prediction) && !ShowsNothing(prediction.horizons);
 }
 
 bool NominalReachesFloor(const HeldOutPrediction& prediction) {
@@ -230,11 +228,11 @@ bool NominalReachesFloor(const HeldOutPrediction& prediction) {
 }
 
 bool LeavesGap(const HeldOutPrediction& prediction) {
-  return ExceedsFloor(prediction) && !NominalReachesFloor(prediction) && !ShowsNothing(prediction);
+  return IsOff(prediction) && !NominalReachesFloor(prediction) && !ShowsNothing(prediction.horizons);
 }
 
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
-  if (!ExceedsFloor(prediction) || ShowsNothing(prediction)) return {};
+  if (!ExceedsFloor(prediction) || ShowsNothing(prediction.horizons)) return {};
   const size_t n = prediction.horizons.front().channels.size();
   std::vector<double> excess(n, 0.0), of_off(n, 0.0);
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
@@ -277,7 +275,7 @@ bool PredictsWorse(const HeldOutPrediction& prediction) {
 }
 
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction) {
-  if (ShowsNothing(prediction)) return DesignVerdict::kOutsideFamily;
+  if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
     const bool as_well = !better && !GainsNoticeably(prediction);

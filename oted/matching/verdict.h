@@ -68,30 +68,47 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
 
 /// Whether an error is no less than that of a guess (but for a tenth).
 bool IsNoBetterThanGuess(double error, double guess);
-/// Whether at no horizon the design predicts the judged channels, in their geometric mean, better than guesses do.
-/// @param horizons  each with channels, each with `judged`, `designed` and `guess`
+/// Whether at no horizon the design's error in the judged channels, in their geometric mean, is below that of guesses.
+/// Horizons over logs that it learned from count where no others can judge.
+/// @param horizons  each with `learned` and channels, each with `judged`, `designed` and `guess`
+/// @param times     so many times the guesses' error
 template <class Horizons>
-bool GuessesAsWell(const Horizons& horizons) {
+bool GuessesAsWell(const Horizons& horizons, double times = 1) {
+  bool all_learned = true;
+  for (const auto& horizon : horizons) all_learned = all_learned && horizon.learned;
   for (const auto& horizon : horizons) {
+    if (horizon.learned && !all_learned) continue;
     double log_ratio = 0;
     bool asked = false;
     for (const auto& channel : horizon.channels) {
       if (!channel.judged || !(channel.guess > 0)) continue;
       asked = true;
-      log_ratio += std::log(channel.designed / channel.guess);
+      log_ratio += std::log(channel.designed / (times * channel.guess));
     }
     if (!asked || log_ratio < 0) return false;
   }
   return true;
 }
 /// Whether the logs show nothing that a simulator could be judged by: at no horizon and in no channel does one predict
-/// better than a guess. A robot at rest with noisy sensors, readings at random. The floor means nothing there: noise as
-/// large as the readings explains everything.
-bool ShowsNothing(const HeldOutPrediction& prediction);
+/// better than the channel's mean. A robot at rest with noisy sensors, readings at random. The floor means nothing
+/// there: noise as large as the readings explains everything.
+/// @param horizons  each with channels, each with `judged`, `nominal`, `designed` and `spread`
+template <class Horizons>
+bool ShowsNothing(const Horizons& horizons) {
+  for (const auto& horizon : horizons) {
+    for (const auto& c : horizon.channels) {
+      const bool guesses = IsNoBetterThanGuess(c.nominal, c.spread) && IsNoBetterThanGuess(c.designed, c.spread);
+      if (c.judged && !guesses) return false;
+    }
+  }
+  return true;
+}
 
 /// Whether what the design leaves is what the sensors leave: at no horizon is the excess over the floor both noticeable
 /// and beyond chance. Over all channels together: more than a tenth (of mean squares) and 2.5 standard errors; in one
-/// channel: more than half and four standard errors. Logs that show nothing (ShowsNothing) have no floor to reach.
+/// channel: more than half and four standard errors. Logs that show nothing (ShowsNothing) have no floor to reach. Nor
+/// has a design whose error is over a tenth larger than that of guesses at every horizon: its own logs were as
+/// uncertain.
 bool ReachesFloor(const HeldOutPrediction& prediction);
 /// Whether the nominal simulator does: a design of little data can predict worse. No standard error excuses it.
 bool NominalReachesFloor(const HeldOutPrediction& prediction);

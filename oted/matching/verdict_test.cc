@@ -220,14 +220,35 @@ TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
   const Designer q = MakeDesigner({0, 0}, {0.01, 0.01});
   HeldOutPrediction noise = Predicted(kNothing, kNothing);
   for (HeldOutPrediction::Channel& c : noise.horizons[0].channels) c.spread = 1;
-  EXPECT_TRUE(ShowsNothing(noise));
+  EXPECT_TRUE(ShowsNothing(noise.horizons));
   EXPECT_FALSE(ReachesFloor(noise)) << "what cannot be judged has not passed";
   EXPECT_FALSE(LeavesGap(noise)) << "nor is there anything to find";
   EXPECT_TRUE(ChannelsOff(noise).empty());
   EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kOutsideFamily);
   noise.horizons[0].channels[1].spread = 5;
-  EXPECT_FALSE(ShowsNothing(noise)) << "one channel is predicted";
+  EXPECT_FALSE(ShowsNothing(noise.horizons)) << "one channel is predicted";
   EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kNoGap);
+}
+
+TEST(JudgePrediction, AFloorThatGuessesAreFarBelowIsNotReached) {
+  // A real double pendulum's swing-up: its own logs, too, were predicted no better than 35 times a guess's error.
+  const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  HeldOutPrediction prediction = Predicted(kNothing, {0.9, 0.7});
+  const auto guess = [&](double error) {
+    for (HeldOutPrediction::Channel& c : prediction.horizons[0].channels) c.guess = error;
+  };
+  guess(0.95);
+  EXPECT_TRUE(ReachesFloor(prediction)) << "motion as small as the noise: guesses do as well";
+  guess(0.5);
+  EXPECT_FALSE(ReachesFloor(prediction));
+  EXPECT_TRUE(LeavesGap(prediction)) << "other methods may find it";
+  EXPECT_EQ(JudgePrediction(moved, prediction), DesignVerdict::kOutsideFamily);
+  prediction.horizons.push_back(prediction.horizons[0]);
+  prediction.horizons[1].learned = true;
+  for (HeldOutPrediction::Channel& c : prediction.horizons[1].channels) c.guess = 10;
+  EXPECT_EQ(JudgePrediction(moved, prediction), DesignVerdict::kOutsideFamily) << "logs that it learned from";
+  prediction.horizons[1].learned = false;
+  EXPECT_EQ(JudgePrediction(moved, prediction), DesignVerdict::kGapClosed);
 }
 
 TEST(JudgePrediction, WhatGuessesSayAsWellIsOutsideTheFamilyHoweverWrongTheNominalSimulatorIs) {

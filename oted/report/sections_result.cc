@@ -90,7 +90,10 @@ Section ParametersSection(const json& report) {
   section.html = fmt::format(
       "<p>{} They say how sharply the design decided, and do not bound its error. A parameter that is <em>not "
       "identified</em> could have other values in its range, if the others go with it. Where something beside these "
-      "parameters differs, none is more than <em>weak</em>, however narrow its interval.",
+      "parameters differs, none is more than <em>weak</em>, however narrow its interval. All values hold if what was "
+      "not "
+      "searched is as in the model: the torque of a motor and the masses that it moves, say, can be off together "
+      "unseen.",
       seeds ? "Values are the best-scoring seed's mode. The spread (one standard deviation) and the interval are those "
               "of "
               "q over all seeds."

@@ -86,8 +86,8 @@ void AddParameters(const json& report, json* found) {
   const std::string whole = report.contains("design") ? TextAt(report["design"], "verdict") : "";
   const bool outside = whole == "outside_family" || whole == "gap_narrowed";
   if (!identified.empty()) {
-    found->push_back(
-        fmt::format("{} logs determine {}.", outside ? "Within this family, the" : "The", Enumerate(identified)));
+    found->push_back(fmt::format("{} logs determine {}, if what was not searched is as in the model.",
+                                 outside ? "Within this family, the" : "The", Enumerate(identified)));
   }
   const std::vector<std::string> weak = NamesOf(parameters, "weak");
   if (!weak.empty()) {

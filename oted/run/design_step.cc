@@ -86,12 +86,8 @@ bool DesignNeedsClone(const RunSetup& run) {
 
 void Predict(const RunSetup& run, Candidate& candidate) {
   const auto make = [&] {
-    const std::string name = run.directory.NameOf(run.directory.design_seed(candidate.setting, candidate.seed));
-    run.context.log->Progress("predict", name, 0, 1, "logs that were kept aside");
     const DesignProblem problem = ProblemOf(run, candidate.setting, candidate.seed, nullptr, run.context);
-    PredictionRecord record{PredictKeptAside(problem, candidate.q, candidate.fit)};
-    run.context.log->Progress("predict", name, 1, 1, "");
-    return record;
+    return PredictionRecord{PredictKeptAside(problem, candidate.q, candidate.fit)};
   };
   const Artifact artifact = PredictionArtifact(run, candidate.setting, candidate.seed);
   candidate.prediction = OnceAs<PredictionRecord>(run.directory, artifact, make).prediction;

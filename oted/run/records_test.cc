@@ -234,6 +234,8 @@ TEST(VerdictSentence, OfADesignThatGuessesSayAsMuchAsClaimsNothing) {
               HasSubstr("at no horizon does the designed simulator predict better than guesses"));
   EXPECT_THAT(VerdictSentence(record, {0}),
               HasSubstr("over 0.1 s its error is 94 % less than the nominal simulator's: elbow"));
+  EXPECT_THAT(VerdictSentence(record, {}), EndsWith("94 % less than the nominal simulator's"))
+      << "its floor is as uncertain";
   record.validation->horizons.push_back(
       {0.5, 50, 9, false, 0.9, true, {{"elbow", "rad", 2, 0.1, 0.01, 1, true, 0.5}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("at no horizon")));

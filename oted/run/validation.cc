@@ -66,10 +66,17 @@ HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, 
 }
 
 std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& prediction) {
-  if (ShowsNothing(prediction)) return kNothingShown;
+  if (ShowsNothing(prediction.horizons)) return kNothingShown;
   const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
   const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain"
                                                 : "; what it leaves is more than the sensors explain";
+  if (PredictsWorse(prediction)) {
+    return fmt::format("the designed simulator surely predicts these recordings worse than the nominal one{}{}",
+                       shown.narrowed < 0
+                           ? fmt::format(", over {} with {:.0f} % more error", InWords(shown), -100 * shown.narrowed)
+                           : "",
+                       rest);
+  }
   if (!result.predicts_better) {
     return fmt::format(
         "over {} the designed simulator predicts these recordings no better than the nominal one, "

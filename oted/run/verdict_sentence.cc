@@ -229,14 +229,15 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
     case DesignVerdict::kOutsideFamily:
       break;
   }
-  if (off.empty()) return std::string("outside the family: ") + kNothingShown;
+  if (ShowsNothing(record.validation->horizons)) return std::string("outside the family: ") + kNothingShown;
   if (GuessesAsWell(record.validation->horizons)) {
     return fmt::format(
         "outside the family: at no horizon does the designed simulator predict better than guesses do (of each "
         "channel, {}); "
-        "{} its error is {} {} than the nominal simulator's: {}",
+        "{} its error is {} {} than the nominal simulator's{}",
         kGuesses, over, horizon.narrowed < 0 ? fmt::format("{:.0f} %", -100 * horizon.narrowed) : share,
-        horizon.narrowed < 0 ? "more" : "less", WhatRemains(*record.validation, horizon, off));
+        horizon.narrowed < 0 ? "more" : "less",
+        off.empty() ? "" : ": " + WhatRemains(*record.validation, horizon, off));
   }
   if (record.predicts_better) {
     return fmt::format(

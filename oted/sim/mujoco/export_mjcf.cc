@@ -139,14 +139,20 @@ SpecPtr ParseText(const std::string& text) {
 
 ModelPtr CompileText(const std::string& text) { return Compile(*ParseText(text)); }
 
+// MuJoCo 4.0 takes any delay below one time step for a whole one; beyond, it interpolates.
+double WhatMujocoDelays(double delay_s, double step) {
+  return delay_s < step ? step * std::round(delay_s / step) : delay_s;
+}
+
 // The same model with actuators that act later; `model` gets their delays, too.
 std::string WithDelay(const std::string& text, double delay_s, mjModel& model) {
   const SpecPtr spec = ParseText(text);
   const double step = model.opt.timestep;
   for (mjsElement* e = mjs_firstElement(spec.get(), mjOBJ_ACTUATOR); e != nullptr; e = mjs_nextElement(spec.get(), e)) {
     mjsActuator& actuator = *mjs_asActuator(e);
-    actuator.delay += delay_s;
-    const double n_steps = actuator.delay / step;
+    const double delay = WhatMujocoDelays(actuator.delay + delay_s, step), n_steps = delay / step;
+    if (delay == actuator.delay) continue;
+    actuator.delay = delay;
     const bool is_whole = std::abs(n_steps - std::round(n_steps)) < kWholeSteps;
     if (!is_whole && actuator.interp == 0) actuator.interp = 1;
     actuator.nsample = std::max(actuator.nsample, static_cast<int>(std::ceil(n_steps - kWholeSteps)) + 2);

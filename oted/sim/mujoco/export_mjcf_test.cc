@@ -243,6 +243,8 @@ TEST(DesignedMjcf, ActuatorsActLaterByTheDelayAndByNothingElse) {
   };
   const std::vector<double> commands = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6};
   EXPECT_EQ(forces(0, commands), commands);
+  EXPECT_EQ(forces(0.4 * step, commands), commands) << "MuJoCo has nothing between none and one step";
+  EXPECT_EQ(forces(0.6 * step, commands), (std::vector<double>{0, 0.1, 0.2, 0.3, 0.4, 0.5}));
   const std::vector<double> two = forces(2 * step, commands), half = forces(1.5 * step, commands);
   for (size_t k = 0; k < commands.size(); ++k) {
     EXPECT_NEAR(two[k], k < 2 ? 0.0 : commands[k - 2], 1e-12) << k;

@@ -1,6 +1,7 @@
 #include "oted/stages/design/design.h"
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "oted/matching/verdict.h"
@@ -53,9 +54,16 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const Dataset& logs = problem.dataset;
   const int n_threads = problem.context.n_threads;
   const RngKey key = problem.key.Stage("prediction");
+  const std::string label = problem.run_name + ", kept aside";  // not the fit's own, which growth tells beside it
   const auto tell = [&](int done, int total) {
-    problem.context.log->Progress("predict", problem.run_name, done, total, "logs that were kept aside");
+    problem.context.log->Progress("predict", label, done, total, "logs that were kept aside");
     problem.context.ThrowIfStopped();
+  };
+  const auto predict = [&](const PredictionProblem& asked) {
+    tell(0, 1);
+    auto prediction = PredictLogs(asked);
+    tell(1, 1);
+    return prediction;
   };
   std::vector<int> narrow;
   for (int i = 0; i < q.size(); ++i) {
@@ -70,16 +78,16 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
       readings = ReadingModel::Of(spec, logs, left_out);
       noise = SensorNoise(problem.factory, logs, readings, q.Mode(), n_threads);
     }
-    return PredictLogs({.factory = problem.factory,
-                        .kept_aside = logs,
-                        .learned = nullptr,
-                        .z = q.Mode(),
-                        .noise = noise,
-                        .readings = readings,
-                        .narrow = narrow,
-                        .key = key,
-                        .n_threads = n_threads,
-                        .tell = tell});
+    return predict({.factory = problem.factory,
+                    .kept_aside = logs,
+                    .learned = nullptr,
+                    .z = q.Mode(),
+                    .noise = noise,
+                    .readings = readings,
+                    .narrow = narrow,
+                    .key = key,
+                    .n_threads = n_threads,
+                    .tell = tell});
   }
   const UnseenFit& unseen = *fit->unseen;
   const ReadingModel readings = ReadingsOf(spec, logs, fit->unseen);
@@ -87,18 +95,18 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const bool all_learned = unseen.z.empty();
   const auto n_channels = static_cast<Eigen::Index>(fit->short_noise_std.size());
   const VectorXd noise = Eigen::Map<const VectorXd>(fit->short_noise_std.data(), n_channels);
-  return PredictLogs({.factory = problem.factory,
-                      .kept_aside = parts.judge,
-                      .learned = all_learned ? nullptr : &parts.learn,
-                      .z = all_learned ? q.Mode() : unseen.z,
-                      .noise = noise,
-                      .readings = readings,
-                      .narrow = narrow,
-                      .key = key,
-                      .n_threads = n_threads,
-                      .as_likely = AsLikely(problem.factory.parameters(), unseen, key),
-                      .n_whole = all_learned ? 0 : parts.n_whole,
-                      .tell = tell});
+  return predict({.factory = problem.factory,
+                  .kept_aside = parts.judge,
+                  .learned = all_learned ? nullptr : &parts.learn,
+                  .z = all_learned ? q.Mode() : unseen.z,
+                  .noise = noise,
+                  .readings = readings,
+                  .narrow = narrow,
+                  .key = key,
+                  .n_threads = n_threads,
+                  .as_likely = AsLikely(problem.factory.parameters(), unseen, key),
+                  .n_whole = all_learned ? 0 : parts.n_whole,
+                  .tell = tell});
 }
 
 }  // namespace oted

@@ -66,7 +66,7 @@ MethodChoice KeepFirstMethod(const std::optional<HeldOutPrediction>& prediction)
                   : AsksForOtherMethods(prediction)
                       ? "it does not surely predict better than the nominal simulator, but too little of the logs can "
                         "be held out and replayed to compare others"
-                  : ShowsNothing(*prediction)
+                  : ShowsNothing(prediction->horizons)
                       ? "these logs show nothing that methods could be compared by: no other method was tried"
                   : ReachesFloor(*prediction)
                       ? "its predictions are as near to the logs as the sensors let them: no other method was tried"
