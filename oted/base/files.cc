@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "oted/base/error.h"
+#include "oted/base/process.h"
 
 namespace oted {
 
@@ -89,29 +90,52 @@ const std::string& MachineTag() {
   return tag;
 }
 
+/// Of this process; of a child of its own, where it forked.
+uint64_t OwnStart() {
+  static std::atomic<int> pid{0};
+  static std::atomic<uint64_t> start{0};
+  if (const int now = ::getpid(); pid != now) {
+    start = ProcessStart(now).value_or(0);
+    pid = now;
+  }
+  return start;
+}
+
 /// Whose temporary it is.
 struct Maker {
   std::string_view machine;
   int pid = 0;
+  uint64_t started = 0;  ///< ProcessStart
 
   bool IsHere() const { return machine == MachineTag(); }
-  bool IsDead() const { return pid != ::getpid() && ::kill(pid, 0) != 0 && errno == ESRCH; }
+  bool IsDead() const {
+    if (::kill(pid, 0) != 0 && errno == ESRCH) return true;
+    const std::optional<uint64_t> start = ProcessStart(pid);
+    return start && *start != started;  // its number was given again, or nobody has buried it yet
+  }
 };
 
-/// By the name of a temporary: FILE.oted-tmp-MACHINE-PID-NUMBER; nothing for any other name.
+/// Reads "-" and a number behind `text`, and takes both away. @return whether they were there
+template <class Number>
+bool TakeNumber(std::string_view& text, Number& number) {
+  if (!text.starts_with('-')) return false;
+  const auto [behind, error] = std::from_chars(text.data() + 1, text.data() + text.size(), number);
+  text.remove_prefix(static_cast<size_t>(behind - text.data()));
+  return error == std::errc{};
+}
+
+/// By the name of a temporary: FILE.oted-tmp-MACHINE-PID-START-NUMBER; nothing for any other name.
 std::optional<Maker> MakerOf(std::string_view name) {
   const size_t at = name.rfind(kTemporary);
   if (at == std::string_view::npos || at == 0) return std::nullopt;
-  const std::string_view rest = name.substr(at + kTemporary.size());
-  if (rest.size() < kTagLength + 1 || rest[kTagLength] != '-') return std::nullopt;
+  std::string_view rest = name.substr(at + kTemporary.size());
   Maker maker{rest.substr(0, kTagLength)};
+  if (maker.machine.size() < kTagLength) return std::nullopt;
   if (maker.machine.find_first_not_of("0123456789abcdef") != std::string_view::npos) return std::nullopt;
-  const char *begin = rest.data() + kTagLength + 1, *end = rest.data() + rest.size();
-  int number = 0;
-  const auto [behind, error] = std::from_chars(begin, end, maker.pid);
-  if (error != std::errc{} || maker.pid <= 0 || behind == end || *behind != '-') return std::nullopt;
-  const auto [last, error_of_number] = std::from_chars(behind + 1, end, number);
-  if (error_of_number != std::errc{} || last != end || number < 0) return std::nullopt;
+  rest.remove_prefix(kTagLength);
+  unsigned number = 0;
+  const bool has_all = TakeNumber(rest, maker.pid) && TakeNumber(rest, maker.started) && TakeNumber(rest, number);
+  if (!has_all || !rest.empty() || maker.pid <= 0) return std::nullopt;
   return maker;
 }
 
@@ -308,7 +332,7 @@ AtomicFile::AtomicFile(fs::path path) : path_(BehindLinks(path)) {
   if (path_.has_parent_path()) MakeFolders(path_.parent_path());
   RemoveDeadTemporaries(path_);
   temporary_path_ = path_;
-  temporary_path_ += fmt::format("{}{}-{}-{}", kTemporary, MachineTag(), ::getpid(), counter++);
+  temporary_path_ += fmt::format("{}{}-{}-{}-{}", kTemporary, MachineTag(), ::getpid(), OwnStart(), counter++);
 }
 
 AtomicFile::~AtomicFile() {

@@ -10,7 +10,9 @@
 #include <csignal>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <stdexcept>
+#include <string>
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
@@ -147,16 +149,45 @@ TEST(Files, WhatADeadWriterLeftGoesAndWhatALivingOneWritesStays) {
   EXPECT_EQ(EntriesIn(folder.path()), 2) << "what the dead one left is still there";
   EXPECT_TRUE(fs::exists(living.temporary_path()));
   EXPECT_TRUE(IsTemporaryName(living.temporary_path().filename().string()));
-  for (const char* name : {"file", "a.oted-tmp-", "notes.oted-tmp-old", ".oted-tmp-0123abcd-1-1", "a.tmp-20261126-2-1",
-                           "a.oted-tmp-0123abcd-1", "a.oted-tmp-0123abcd-1-1x", "a.oted-tmp-0123abcx-1-1"})
+  for (const char* name :
+       {"file", "a.oted-tmp-", "notes.oted-tmp-old", ".oted-tmp-0123abcd-1-1-1", "a.tmp-20261126-2-1-1",
+        "a.oted-tmp-0123abcd-1-1", "a.oted-tmp-0123abcd-1-1-1x", "a.oted-tmp-0123abcx-1-1-1"})
     EXPECT_FALSE(IsTemporaryName(name)) << name;
+}
+
+TEST(AtomicFile, WhatAnUnburiedProcessOrOneOfTheSameNumberLeftIsRemoved) {
+  const TestFolder folder;
+  const int child = ::fork();
+  if (child == 0) {
+    const AtomicFile half(folder / "file");
+    std::ofstream(half.temporary_path()) << "half";
+    ::kill(::getpid(), SIGKILL);
+  }
+  siginfo_t end{};
+  ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(child), &end, WEXITED | WNOWAIT), 0);
+  ASSERT_EQ(EntriesIn(folder.path()), 1);
+  WriteFileAtomically(folder / "file", "whole");
+  EXPECT_EQ(EntriesIn(folder.path()), 1) << "it is dead, though its number is still given";
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+
+  // Of this process, had it begun a tick before.
+  const AtomicFile own(folder / "other");
+  std::string name = own.temporary_path().filename().string();
+  const size_t number = name.rfind('-'), start = name.rfind('-', number - 1) + 1;
+  name.replace(start, number - start, std::to_string(std::stoull(name.substr(start, number - start)) - 1));
+  ASSERT_TRUE(IsTemporaryName(name));
+  WriteFileAtomically(folder.path() / name, "half");
+  WriteFileAtomically(own.temporary_path(), "being written");
+  RemoveTemporaries(folder.path(), std::span<const char* const>());
+  EXPECT_FALSE(fs::exists(folder.path() / name));
+  EXPECT_TRUE(fs::exists(own.temporary_path()));
 }
 
 TEST(AtomicFile, TemporariesAreRemovedInOnesOwnFoldersAloneAndNotThoseOfPrograms) {
   const TestFolder folder;
   const AtomicFile living(folder / "own/file");
   WriteFileAtomically(living.temporary_path(), "");
-  const std::string dead = "file.oted-tmp-0123abcd-99-1";
+  const std::string dead = "file.oted-tmp-0123abcd-99-5-1";
   for (const char* place : {".", "own", "own/deep", "other"}) WriteFileAtomically(folder.path() / place / dead, "");
   WriteFileAtomically(folder / "own/backup.tmp-20261126-2", "");
   RemoveTemporaries(folder.path(), std::array{"own", "missing"});

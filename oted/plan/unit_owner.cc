@@ -7,8 +7,9 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <system_error>
+
+#include "oted/base/process.h"
 
 namespace oted {
 namespace {
@@ -23,19 +24,7 @@ std::string FirstLine(const std::string& file) {
 }
 
 /// 0 where no such process runs.
-uint64_t StartOf(int pid) {
-  const std::string line = FirstLine(fmt::format("/proc/{}/stat", pid));
-  // The name in brackets may hold anything; the start is the 20th word behind it, and the first one says that a
-  // process has ended and its parent has not looked yet (Z).
-  const size_t name_end = line.rfind(')');
-  if (name_end == std::string::npos) return 0;
-  std::istringstream words(line.substr(name_end + 1));
-  std::string word;
-  words >> word;
-  if (word == "Z" || word == "X") return 0;
-  for (int i = 1; i < 20; ++i) words >> word;
-  return std::strtoull(word.c_str(), nullptr, 10);
-}
+uint64_t StartOf(int pid) { return ProcessStart(pid).value_or(0); }
 
 }  // namespace
 

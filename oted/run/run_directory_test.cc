@@ -285,10 +285,10 @@ TEST(RunDirectory, CurvesThatWereDamagedBeforeTheirStageWasDoneAreSetAsideWithAW
 
 TEST(RunDirectory, WhatDeadProgramsLeftHalfWrittenIsRemoved) {
   const TestFolder folder;
-  WriteFileAtomically(folder / "agents/1/policy.npz.oted-tmp-0123abcd-77-1", "half");
+  WriteFileAtomically(folder / "agents/1/policy.npz.oted-tmp-0123abcd-77-5-1", "half");
   WriteFileAtomically(folder / "agents/1/policy.npz", "whole");
   const RunDirectory directory(folder.path());
-  EXPECT_FALSE(fs::exists(folder / "agents/1/policy.npz.oted-tmp-0123abcd-77-1"));
+  EXPECT_FALSE(fs::exists(folder / "agents/1/policy.npz.oted-tmp-0123abcd-77-5-1"));
   EXPECT_TRUE(fs::exists(folder / "agents/1/policy.npz"));
 }
 

@@ -267,7 +267,7 @@ class TestDirectory(RunTest):
         first.kill()
         first.wait()
         # The lock of a program that died holds nobody up, and what it left half-written goes.
-        left = self.out / "clone/policy.npz.oted-tmp-0123abcd-99-1"
+        left = self.out / "clone/policy.npz.oted-tmp-0123abcd-99-5-1"
         left.parent.mkdir(exist_ok=True)
         left.write_text("half")
         self.assertIn(self.again(verb="clone").returncode, (0, NO_SIMULATOR))
