@@ -14,6 +14,7 @@ class Learner:
     package: str = ""  # a peer's, and what peers/learning_worker.py is told
     peer: dict = dataclasses.field(default_factory=dict)
     every: int = 10_000  # control steps between evaluations
+    threads: int = 1  # of this program; with more than one, seconds are those of the clock on the wall
 
 
 # The nominal simulators, and the quickstart's target: a Hopper with half the friction, weaker and heavier.
@@ -30,6 +31,7 @@ FAST_SAC = {"algorithm": "SAC", "n_envs": 16, "gradient_steps": 8, "batch_size":
 FAST_CROSSQ = {"algorithm": "CrossQ", "n_envs": 64, "gradient_steps": 16, "batch_size": 128, "width": 128, "learning_starts": 5000}
 LEARNERS = {
     "default": Learner("the default", "#1f8a4c", "sac", every=20_000),
+    "default-two-cores": Learner("the default, on two idle cores", algorithm="sac", every=20_000, threads=2),
     "half": Learner("the default with half of its gradient steps", "#7a3fa0", "sac", ("sac.updates_per_step=0.5",), every=20_000),
     "crossq-default": Learner("CrossQ", "#c23b7a", "crossq", every=50_000),
     "crossq": Learner("CrossQ, settings of its paper", "#1b6ca8", "crossq", PLAIN_CROSSQ),

@@ -5,13 +5,15 @@
   benchmarks/learning_curves.py --table         # docs/speed.md's
   benchmarks/learning_curves.py --plot          # docs/learning.svg
 
-Each agent trains on one thread, in the nominal simulator or in the quickstart's target, and leaves one line of JSON; one that is
-there is not trained again, and one of ours that was stopped goes on where it was (build/learning). Stable-Baselines3 with its own
-settings, and the agents with others' settings, train one lane with a batch of 256, networks of 2x256 and one update per step. All
-are looked at every 10,000 or 20,000 steps: five episodes of the mean action. With --seconds a run ends there, one of ours also with
-a score of 100. Seconds are the process's CPU time until then (machines are shared), without evaluations for peers and with them for
-ours. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time: the same
-algorithm, and the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes too, or with --seconds those near a score of 100.
+Each agent trains on one thread (default-two-cores: on two, alone on the machine with --jobs 1), in the nominal simulator or in
+the quickstart's target, and leaves one line of JSON; one that is there is not trained again, and one of ours that was stopped
+goes on where it was (build/learning). Stable-Baselines3 with its own settings, and the agents with others' settings, train one
+lane with a batch of 256, networks of 2x256 and one update per step. All are looked at every 10,000 or 20,000 steps: five episodes
+of the mean action. With --seconds a run ends there, one of ours also with a score of 100. Seconds are the process's CPU time
+until then (machines are shared), without evaluations for peers and with them for ours; of default-two-cores they are those of the
+clock on the wall. On a processor that is not Intel's, Stable-Baselines3 runs with MKL told that it is, in about half the time:
+the same algorithm, and the seconds of a user who knows that. Ours judge every checkpoint up to the best on 20 fresh episodes too,
+or with --seconds those near a score of 100.
 
 An agent is at a score of 100 with the first checkpoint that has it on 20 fresh episodes; of Stable-Baselines3 on its five.
 """
@@ -59,16 +61,18 @@ def evaluations(folder):
 
 
 class Stopwatch:
-    """When each snapshot of a run appeared, in seconds of its process's CPU time, kept beside it for a run that goes on."""
+    """When each snapshot of a run appeared, in seconds of its process's CPU time or of the clock on the wall, kept beside it for a
+    run that goes on."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, on_the_wall):
         self.folder, self.noted = folder, folder / "seconds.json"
+        self.start = time.monotonic() if on_the_wall else None
         # Before the first snapshot, what was spent: starts that are done are not made again.
         self.seconds, spent = json.loads(self.noted.read_text()) if self.noted.exists() else ([], 0)
         self.before = self.now = max([spent, *self.seconds[-1:]])
 
     def look(self, pid):
-        self.now = self.before + cpu_seconds(pid)
+        self.now = self.before + (cpu_seconds(pid) if self.start is None else time.monotonic() - self.start)
         if len(list((self.folder / "snapshots").glob("*.npz"))) > len(self.seconds):
             self.seconds.append(self.now)
         if self.folder.exists():
@@ -95,10 +99,11 @@ def ours(oted, learner, task, seed, steps, folder, seconds):
     algorithm = learner.algorithm
     settings = [f"{algorithm}.n_steps={steps}", f"{algorithm}.eval_interval={learner.every}", f"{algorithm}.eval_episodes={EPISODES}",
                 *learner.settings]
-    command = [str(oted), "behavior", "--task", PLACES[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", "1",
+    command = [str(oted), "behavior", "--task", PLACES[task], "--algorithm", algorithm, "--seed", str(seed), "--threads", str(learner.threads),
                "--quiet", "--out", str(folder), *(word for setting in settings for word in ("--set", setting))]
-    watch, goal = Stopwatch(folder), Goal(oted, task, folder)
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **ONE_THREAD})
+    watch, goal = Stopwatch(folder, learner.threads > 1), Goal(oted, task, folder)
+    one_thread = ONE_THREAD if learner.threads == 1 else {}
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, env={**os.environ, **one_thread})
     stopped = False
     while process.poll() is None:
         watch.look(process.pid)
@@ -112,7 +117,7 @@ def ours(oted, learner, task, seed, steps, folder, seconds):
         record = json.loads((folder / "training.json").read_text())
         curve = record["learning_curve"]
         return {"steps": curve["step"], "returns": curve["mean_return"], "judged": curve["judged"],
-                "best": record["expert"], "cpu_seconds": watch.seconds, "settings": record[algorithm]}
+                "best": record["expert"], "seconds": watch.seconds, "settings": record[algorithm]}
     n = len(watch.seconds)  # what came while it ended has no time
     at, returns = (values[:n] for values in evaluations(folder))
     if not returns:
@@ -121,7 +126,7 @@ def ours(oted, learner, task, seed, steps, folder, seconds):
     fresh = goal.judged | {best: judged(oted, task, folder / f"snapshots/{best}.npz")}
     best = max(fresh, key=fresh.get)
     return {"steps": at, "returns": returns, "judged": [fresh.get(step) for step in at],
-            "best": {"step": best, "mean_return": fresh[best]}, "cpu_seconds": watch.seconds[:len(at)], "settings": settings}
+            "best": {"step": best, "mean_return": fresh[best]}, "seconds": watch.seconds[:len(at)], "settings": settings}
 
 
 def theirs(learner, task, seed, steps, folder, seconds):
@@ -136,7 +141,7 @@ def theirs(learner, task, seed, steps, folder, seconds):
         out.seek(0)
         points = [json.loads(line) for line in out]
     return {"steps": [p["step"] for p in points], "returns": [p["mean_return"] for p in points],
-            "cpu_seconds": [p["cpu_seconds"] for p in points], "mkl_told": bool(told), "settings": learner.peer}
+            "seconds": [p["cpu_seconds"] for p in points], "mkl_told": bool(told), "settings": learner.peer}
 
 
 def run(oted, learner, task, seed, steps, seconds):
@@ -149,7 +154,7 @@ def run(oted, learner, task, seed, steps, seconds):
               "processor": processor()}
     add_record(OUT, f"{task}-{learner}-{seed}", record | result)
     shutil.rmtree(folder, ignore_errors=True)
-    return f"{task} {learner} {seed}: best {max(result['returns']):.0f}, {result['cpu_seconds'][-1]:.0f} s of CPU"
+    return f"{task} {learner} {seed}: best {max(result['returns']):.0f}, {result['seconds'][-1]:.0f} s"
 
 
 def by_learner():
@@ -171,7 +176,7 @@ def main():
     parser.add_argument("--learners", nargs="+", choices=LEARNERS, default=["default"])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--steps", type=int, default=300_000)
-    parser.add_argument("--seconds", type=int, help="of ours: CPU seconds after which a run is stopped, or at a score of 100")
+    parser.add_argument("--seconds", type=int, help="of ours: after which a run is stopped, or at a score of 100")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--plot", action="store_true")

@@ -71,7 +71,7 @@ def plot(found):
            'font-family="sans-serif" font-size="11">',
            f'<title>Return over control steps and CPU seconds</title><rect width="{width}" height="{height}" fill="white"/>']
     for row, axis in enumerate((Axis("control steps", lambda r: r["steps"]),
-                                Axis("CPU seconds", lambda r: r["cpu_seconds"], logarithmic=True))):
+                                Axis("CPU seconds", lambda r: r["seconds"], logarithmic=True))):
         for column, task in enumerate(tasks):
             records = [r for learner in shown for r in found.get((task, learner), [])]
             out.append(f'<g transform="translate({column * WIDTH} {row * HEIGHT})">'

@@ -28,8 +28,8 @@ def duration(seconds):
 
 def at_seconds(record, seconds):
     """The best of the returns until then: what a user who stops then has kept. None where the agent had ended or not begun."""
-    until = [value for at, value in zip(record["cpu_seconds"], record["returns"]) if at <= seconds]
-    return max(until) if until and record["cpu_seconds"][-1] >= 0.9 * seconds else None
+    until = [value for at, value in zip(record["seconds"], record["returns"]) if at <= seconds]
+    return max(until) if until and record["seconds"][-1] >= 0.9 * seconds else None
 
 
 def minutes(found):
@@ -47,7 +47,7 @@ def minutes(found):
 def reached(record, goal):
     """CPU seconds of the first checkpoint at the goal, or none: on 20 fresh episodes, of a peer on its five."""
     judged = record.get("judged", record["returns"])
-    return next((record["cpu_seconds"][i] for i, value in enumerate(judged) if value is not None and value >= goal), None)
+    return next((record["seconds"][i] for i, value in enumerate(judged) if value is not None and value >= goal), None)
 
 
 def best_of(record):
@@ -57,7 +57,7 @@ def best_of(record):
 
 def outcomes(found):
     """@return Markdown: where each seed comes to and when it has a score of 100, in the order of the seeds"""
-    lines = ["| by seed | best checkpoint | of them below half of the median | CPU s at score 100 | steps, thousands | CPU s in all |",
+    lines = ["| by seed | best checkpoint | of them below half of the median | s at score 100 | steps, thousands | s in all |",
              "|" + "---|" * 6]
     for title, task, records in rows_of(found):
         best = [best_of(r) for r in records]
@@ -68,7 +68,7 @@ def outcomes(found):
         when = join("-" if value is None else f"{value:.0f}" for value in at)
         lines.append(f"| {title} | {join(f'{v:.0f}' for v in best)} | {low} | {when if goal else ''} | "
                      f"{join(f'''{r['steps'][-1] / 1000:.0f}''' for r in records)} | "
-                     f"{join(f'''{r['cpu_seconds'][-1]:.0f}''' for r in records)} |")
+                     f"{join(f'''{r['seconds'][-1]:.0f}''' for r in records)} |")
     return "\n".join(lines) + "\n"
 
 
