@@ -116,7 +116,7 @@ class TestOutput(HopperTest):
         changed.write_text(json.dumps({**json.loads(content), "mean": [0.123]}))
         self.assertOneLine(oted("design", "--out", self.out), DATA_OR_MODEL, str(changed))
         program.edit_record(changed, lambda record: record.update(mean=[0.123]))
-        self.assertOneLine(oted("design", "--out", self.out), USAGE, "q.json")
+        self.assertOneLine(oted("design", "--out", self.out), USAGE, "design/default/1", "design.json")
 
     def test_joint_training_leaves_a_clone_of_each_seed(self):
         words = self.words() + sets(["design.method=paper", "design.adversarial.horizon=20", "design.adversarial.n_steps=20",
