@@ -10,6 +10,7 @@ from learners import LEARNERS, PLACES
 from learning_table import SCORE_100, title_of
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 300, 190, 52, 14, 26, 38
+LINE = 18  # of the key
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,11 +21,12 @@ class Axis:
 
 
 def ticks(highest):
-    """Round numbers from zero to `highest`, four to seven of them."""
+    """Round numbers from zero to `highest`, four to six of them."""
     if highest <= 0:
         return [0]
     step = 10.0 ** math.floor(math.log10(highest))
-    while highest / step < 3.5:
+    step *= 2 if highest / step >= 6 else 1
+    while highest / step < 3:
         step /= 2
     return [i * step for i in range(int(highest / step) + 1)]
 
@@ -62,11 +64,24 @@ def panel(task, records, axis):
     return "".join(parts)
 
 
+def key_places(titles, width):
+    """(x, line) of each title in the key: as many beside each other as there is room for."""
+    places, x, line = [], LEFT, 0
+    for title in titles:
+        room = 50 + 7 * len(title)
+        if places and x + room > width:
+            x, line = LEFT, line + 1
+        places.append((x, line))
+        x += room
+    return places
+
+
 def plot(found):
     """found: (task, learner) -> records. A score of 100 is a dashed line. @return the SVG's text"""
     tasks = [task for task in PLACES if any(task == t for t, _ in found)]
     shown = [name for name, learner in LEARNERS.items() if learner.colour and any(name == of for _, of in found)]
-    width, height = WIDTH * len(tasks), 2 * HEIGHT + 26
+    key = key_places([LEARNERS[name].title for name in shown], WIDTH * len(tasks))
+    width, height = WIDTH * len(tasks), 2 * HEIGHT + LINE * (key[-1][1] + 1) + 8
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
            'font-family="sans-serif" font-size="11">',
            f'<title>Return over control steps and CPU seconds</title><rect width="{width}" height="{height}" fill="white"/>']
@@ -76,10 +91,8 @@ def plot(found):
             records = [r for learner in shown for r in found.get((task, learner), [])]
             out.append(f'<g transform="translate({column * WIDTH} {row * HEIGHT})">'
                        f"{panel(task, records, axis)}</g>")
-    x = LEFT
-    for learner in shown:
-        title = LEARNERS[learner].title
-        out.append(f'<path d="M{x} {height - 14}h18" stroke="{LEARNERS[learner].colour}" stroke-width="2"/>'
-                   f'<text x="{x + 24}" y="{height - 10}">{title}</text>')
-        x += 50 + 7 * len(title)
+    for learner, (x, line) in zip(shown, key):
+        y = 2 * HEIGHT + LINE * (line + 1)
+        out.append(f'<path d="M{x} {y - 4}h18" stroke="{LEARNERS[learner].colour}" stroke-width="2"/>'
+                   f'<text x="{x + 24}" y="{y}">{LEARNERS[learner].title}</text>')
     return "\n".join([*out, "</svg>\n"])
