@@ -40,7 +40,8 @@ TEST(SummariseTest, NamesWhatTheLogsPinDownAndWhatTheyDoNot) {
   EXPECT_EQ(summary["asked"],
             "Which values of gain, friction and damping make the simulator behave as in the 5 logged episodes (1,749 "
             "steps)?");
-  EXPECT_THAT(Text(summary["found"]), HasSubstr("determine gain (1.297\u00a0±\u00a00.050)."));
+  EXPECT_THAT(Text(summary["found"]),
+              HasSubstr("determine gain (1.297\u00a0±\u00a00.050), if what was not searched is as in the model."));
   EXPECT_THAT(Text(summary["found"]), HasSubstr("roughly what friction is"));
   EXPECT_THAT(Text(summary["found"]), Not(HasSubstr("damping")));
   EXPECT_THAT(Text(summary["unknown"]), HasSubstr("do not tell damping"));
