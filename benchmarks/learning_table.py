@@ -1,4 +1,4 @@
-"""The runs of learning_curves.py as tables: what each has by so many CPU seconds, what it comes to and when it has a score of 100,
+"""The runs of learning_curves.py as tables: what each has by so many seconds, what it comes to and when it has a score of 100,
 and pairs of learners at equal steps.
 """
 
@@ -8,7 +8,7 @@ import statistics
 from learners import LEARNERS, PAIRS, PLACES
 
 SCORE_100 = {"hopper": 3234.3, "halfcheetah": 12135.0, "walker2d": 4592.3, "quickstart": None}  # D4RL's
-SECONDS = (30, 60, 120, 240, 360, 600, 900)  # of CPU time
+SECONDS = (30, 60, 120, 240, 360, 600, 900)
 
 
 def title_of(task):
@@ -33,7 +33,7 @@ def at_seconds(record, seconds):
 
 
 def minutes(found):
-    """@return Markdown: the best return until so many CPU seconds, smallest to largest seed"""
+    """@return Markdown: the best return until so many seconds, smallest to largest seed"""
     lines = [f"| best return until | seeds | {' | '.join(map(duration, SECONDS))} |", "|" + "---|" * (2 + len(SECONDS))]
     for title, _, records in rows_of(found):
         cells = []
@@ -45,7 +45,7 @@ def minutes(found):
 
 
 def reached(record, goal):
-    """CPU seconds of the first checkpoint at the goal, or none: on 20 fresh episodes, of a peer on its five."""
+    """Seconds of the first checkpoint at the goal, or none: on 20 fresh episodes, of a peer on its five."""
     judged = record.get("judged", record["returns"])
     return next((record["seconds"][i] for i, value in enumerate(judged) if value is not None and value >= goal), None)
 
