@@ -5,12 +5,15 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "cli/console.h"
 #include "cli/options.h"
 #include "cli/result.h"
 #include "cli/session.h"
 #include "cli/settings_help.h"
+#include "cli/terminal.h"
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/nn/onnx_hash.h"
@@ -18,6 +21,7 @@
 #include "oted/report/report.h"
 #include "oted/rl/batch_policy.h"
 #include "oted/rl/policy_evaluation.h"
+#include "oted/rl/policy_origin.h"
 #include "oted/run/run_inputs.h"
 
 namespace oted::cli {
@@ -86,6 +90,8 @@ void EvaluateFile(const EvaluateOptions& options) {
   const RngKey key = RngKey(static_cast<uint64_t>(config.run.seed)).Stage("evaluate");
   const BatchPolicy policy =
       LoadBatchPolicy(options.policy, factory->spec(), config.algorithms.ppo.evaluate, key.Stage("actions").MakeRng());
+  std::vector<std::string> warnings = OtherThanItsTask(options.policy, factory->spec());
+  for (std::string& w : warnings) w = fmt::format("{}; its actions may mean something else there", w);
   const PolicyEvaluation result =
       EvaluateBatchPolicy(*factory, policy, z, n_episodes, MakeContext(log, config.run.threads).n_threads, key);
   const SimulatorSpec& spec = factory->spec();
@@ -111,10 +117,13 @@ void EvaluateFile(const EvaluateOptions& options) {
                        {"score", score},
                        {"mean_length", result.mean_length},
                        {"n_diverged", result.n_diverged},
-                       {"episodes", episodes}}
+                       {"episodes", episodes},
+                       {"warnings", warnings}}
                       .dump(2));
     return;
   }
+  TerminalSink console(false);
+  for (const std::string& warning : warnings) console.Warning(warning);
   Print("{} in {}, {} episodes\n", options.policy, config.task.name, n_episodes);
   const int decimals = ReturnDecimals({result.min_return, result.max_return}, 1);
   Print("return   {:.{}f} +- {:.{}f}, from {:.{}f} to {:.{}f}\n", result.mean_return, decimals, result.std_return,

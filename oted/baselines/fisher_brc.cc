@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "oted/base/sizes.h"
 #include "oted/rl/learned_state.h"
 #include "oted/rl/offline/fisher_brc_update.h"
 #include "oted/rl/offline/offline_rows.h"
@@ -16,15 +17,15 @@ namespace oted {
 FieldList FisherBrcConfig::Fields() {
   FieldList fields("f_brc");
   fields.Add("behavior_steps", &behavior_steps, "gradient steps of the behaviour policy, at most", AtLeast(1));
-  fields.Add("behavior_hidden", &behavior_hidden, "widths of its hidden layers", AtLeast(1));
+  fields.Add("behavior_hidden", &behavior_hidden, "widths of its hidden layers", LayerWidths());
   fields.Add("behavior_rate", &behavior_rate,
              "Adam's step size for it; a tenth from 80 % of its steps on, a hundredth from 90 %", Above(0));
   fields.Add("held_out", &held_out, "fraction of the transitions held out to stop it early", Between(0.01, 0.5));
   fields.Add("check_interval", &check_interval, "steps between checks of the held-out likelihood", AtLeast(1));
   fields.Add("patience", &patience, "checks without a better one after which it stops", AtLeast(1));
   fields.Add("n_steps", &n_steps, "gradient steps of actor and critics after that", AtLeast(1));
-  fields.Add("batch_size", &batch_size, "logged transitions per gradient step", AtLeast(1));
-  fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", AtLeast(1));
+  fields.Add("batch_size", &batch_size, "logged transitions per gradient step", BatchSizes());
+  fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", LayerWidths());
   fields.Add("learning_rate", &learning_rate, "Adam's step size for actor, critics and temperature", Above(0));
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
   fields.Add("tau", &tau, "Polyak step of the target critics", AboveUpTo(0, 1));

@@ -9,6 +9,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/parallel.h"
+#include "oted/base/sizes.h"
 #include "oted/base/statistics.h"
 #include "oted/nn/planner_policy.h"
 #include "oted/rl/learned_state.h"
@@ -20,9 +21,9 @@ namespace oted {
 FieldList MbopConfig::Fields() {
   FieldList fields("mbop");
   fields.Add("n_steps", &n_steps, "gradient steps of each network", AtLeast(1));
-  fields.Add("batch_size", &batch_size, "logged rows per gradient step", AtLeast(1));
+  fields.Add("batch_size", &batch_size, "logged rows per gradient step", BatchSizes());
   fields.Add("members", &members, "networks in each of the three ensembles", Between(1, 100));
-  fields.Add("hidden", &hidden, "widths of their hidden layers", AtLeast(1));
+  fields.Add("hidden", &hidden, "widths of their hidden layers", LayerWidths());
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
   fields.Add("horizon", &horizon, "control steps of a plan, and of the rewards that its value sums up",
              Between(1, 1000));

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "oted/base/sizes.h"
 #include "oted/base/statistics.h"
 #include "oted/rl/offline/offline_rows.h"
 #include "oted/rl/offline/td3_update.h"
@@ -13,8 +14,8 @@ namespace oted {
 
 void Td3Config::AddFields(FieldList& fields) {
   fields.Add("n_steps", &n_steps, "gradient steps of the critics", AtLeast(1));
-  fields.Add("batch_size", &batch_size, "logged transitions per gradient step", AtLeast(1));
-  fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", AtLeast(1));
+  fields.Add("batch_size", &batch_size, "logged transitions per gradient step", BatchSizes());
+  fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", LayerWidths());
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
   fields.Add("tau", &tau, "Polyak step of the target networks", AboveUpTo(0, 1));

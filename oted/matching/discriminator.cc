@@ -4,17 +4,18 @@
 #include <cmath>
 
 #include "oted/base/error.h"
+#include "oted/base/sizes.h"
 
 namespace oted {
 
 FieldList DiscriminatorConfig::Fields() {
   FieldList fields("design.discriminator");
-  fields.Add("hidden", &hidden, "widths of g's hidden layers", AtLeast(1));
+  fields.Add("hidden", &hidden, "widths of g's hidden layers", LayerWidths());
   fields.Add("filters", &filters, "filters of g's 3x3 convolutions; only for images", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size for g", Above(0));
   fields.Add("weight_decay", &weight_decay, "L2 penalty on g", AtLeast(0));
   fields.Add("steps", &steps, "gradient steps on g per iteration", AtLeast(1));
-  fields.Add("batch", &batch, "samples of each kind per gradient step", AtLeast(1));
+  fields.Add("batch", &batch, "samples of each kind per gradient step", BatchSizes());
   return fields;
 }
 

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "oted/base/sizes.h"
 #include "oted/rl/autograd/on_device.h"
 #include "oted/rl/crossq_update.h"
 
@@ -10,8 +11,8 @@ namespace oted {
 FieldList CrossQConfig::Fields() {
   FieldList fields("crossq");
   AddFields(fields);
-  fields.Add("hidden", &hidden, "widths of the actor's hidden layers", AtLeast(1));
-  fields.Add("critic_hidden", &critic_hidden, "widths of the critics' hidden layers", AtLeast(1));
+  fields.Add("hidden", &hidden, "widths of the actor's hidden layers", LayerWidths());
+  fields.Add("critic_hidden", &critic_hidden, "widths of the critics' hidden layers", LayerWidths());
   fields.Add("beta1", &beta1, "Adam's decay of the gradient's mean, for actor and critics", Between(0, 0.999));
   fields.Add("policy_delay", &policy_delay, "gradient steps of the critics for one of actor and temperature",
              AtLeast(1));

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "oted/base/error.h"
+#include "oted/base/sizes.h"
 #include "oted/base/statistics.h"
 #include "oted/nn/categorical.h"
 #include "oted/rl/gae.h"
@@ -19,11 +20,11 @@ namespace oted {
 FieldList PpoConfig::Fields() {
   FieldList fields("ppo");
   fields.Add("n_steps", &n_steps, "control steps that one agent trains for, over all lanes", AtLeast(1));
-  fields.Add("n_lanes", &n_lanes, "simulators stepped together", AtLeast(1));
+  fields.Add("n_lanes", &n_lanes, "simulators stepped together", LaneCounts());
   fields.Add("rollout_steps", &rollout_steps, "control steps of each lane between two rounds of updates", AtLeast(1));
   fields.Add("n_epochs", &n_epochs, "passes over a rollout's samples", AtLeast(1));
-  fields.Add("batch_size", &batch_size, "samples per gradient step", AtLeast(1));
-  fields.Add("hidden", &hidden, "widths of the hidden layers of policy and value", AtLeast(1));
+  fields.Add("batch_size", &batch_size, "samples per gradient step", BatchSizes());
+  fields.Add("hidden", &hidden, "widths of the hidden layers of policy and value", LayerWidths());
   fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; only for images", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
@@ -34,7 +35,7 @@ FieldList PpoConfig::Fields() {
   fields.Add("max_grad_norm", &max_grad_norm, "longest gradient; longer ones are scaled down", Above(0));
   fields.Add("normalize_advantage", &normalize_advantage, "advantages of a batch get mean 0 and deviation 1");
   fields.Add("eval_interval", &eval_interval, "control steps between evaluations", AtLeast(1));
-  fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
+  fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", EpisodeCounts());
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
                    KeptPolicyNames());
   fields.AddChoice("evaluate", &evaluate,

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "oted/base/error.h"
+#include "oted/base/sizes.h"
 #include "oted/rl/multi_step.h"
 #include "oted/rl/observation_statistics.h"
 #include "oted/rl/replay_buffer.h"
@@ -19,17 +20,17 @@ namespace oted {
 void ReplayConfig::AddFields(FieldList& fields) {
   fields.Add("n_steps", &n_steps, "control steps that one agent trains for, over all lanes", AtLeast(1));
   fields.Add("n_lanes", &n_lanes, "simulators stepped together; several of them step during gradient steps",
-             AtLeast(1));
+             LaneCounts());
   fields.Add("updates_per_step", &updates_per_step, "gradient steps per control step", Above(0));
   fields.Add("learning_starts", &learning_starts, "control steps with uniform random actions before the first update",
              AtLeast(1));
-  fields.Add("batch_size", &batch_size, "transitions per gradient step", AtLeast(1));
+  fields.Add("batch_size", &batch_size, "transitions per gradient step", BatchSizes());
   fields.Add("buffer_size", &buffer_size, "transitions kept for replay", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size for actor, critics and temperature", Above(0));
   fields.Add("gamma", &gamma, "discount factor", Between(0, 1));
   fields.Add("multi_step", &multi_step, "control steps that a transition's rewards are summed over", AtLeast(1));
   fields.Add("eval_interval", &eval_interval, "control steps between evaluations", AtLeast(1));
-  fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", AtLeast(1));
+  fields.Add("eval_episodes", &eval_episodes, "episodes per evaluation", EpisodeCounts());
   fields.AddChoice("keep", &keep, "which policy training returns: the best evaluated one, or the last",
                    KeptPolicyNames());
   fields.Add("average_over", &average_over,

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "oted/base/sizes.h"
 #include "oted/rl/autograd/on_device.h"
 #include "oted/rl/sac_update.h"
 
@@ -10,7 +11,7 @@ namespace oted {
 FieldList SacConfig::Fields() {
   FieldList fields("sac");
   AddFields(fields);
-  fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", AtLeast(1));
+  fields.Add("hidden", &hidden, "widths of the hidden layers of actor and critics", LayerWidths());
   fields.Add("normalize_observations", &normalize_observations,
              "actor and critics see observations in units of their running mean and spread");
   fields.Add("tau", &tau, "Polyak step of the target critics", AboveUpTo(0, 1));

@@ -80,8 +80,9 @@ const MujocoTask& FindTask(const std::string& name) {
     if (task.name == name) return task;
   }
   const std::vector<std::string> names = TaskNames();
-  throw UsageError(
-      fmt::format("unknown task '{}'{}; there are {}", name, DidYouMean(name, names), fmt::join(names, ", ")));
+  throw UsageError(fmt::format(
+      "unknown task '{}'{}; there are {}, MiniGrid worlds (MiniGrid-...), and task files of own robots (NAME.toml)",
+      name, DidYouMean(name, names), fmt::join(names, ", ")));
 }
 
 std::vector<std::string> TaskNames() {

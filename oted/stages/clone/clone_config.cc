@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "oted/base/error.h"
+#include "oted/base/sizes.h"
 
 namespace oted {
 
@@ -18,11 +19,11 @@ FieldList CloneConfig::Fields() {
       "method", &method,
       "how to imitate the logs: behavioural cloning (bc), ValueDICE, or the better of both on held-out episodes (auto)",
       CloneMethodNames());
-  fields.Add("hidden", &hidden, "widths of the policy's hidden layers", AtLeast(1));
+  fields.Add("hidden", &hidden, "widths of the policy's hidden layers", LayerWidths());
   fields.Add("filters", &filters, "filters of the 3x3 convolutions before them; only for images", AtLeast(1));
   fields.Add("learning_rate", &learning_rate, "Adam's step size", Above(0));
   fields.Add("weight_decay", &weight_decay, "L2 penalty added to the gradient", AtLeast(0));
-  fields.Add("batch_size", &batch_size, "transitions per gradient step", AtLeast(1));
+  fields.Add("batch_size", &batch_size, "transitions per gradient step", BatchSizes());
   fields.Add("max_steps", &max_steps, "gradient steps at most", AtLeast(1));
   fields.Add("held_out", &held_out, "fraction of the transitions held out for early stopping", Between(0.01, 0.5));
   fields.Add("patience", &patience, "stop after this many checks without a better held-out loss", AtLeast(1));
@@ -33,7 +34,8 @@ FieldList CloneConfig::Fields() {
                                                {ValueDiceStart::kRandomWeights, "random"}});
   fields.Add("valuedice_updates", &valuedice_updates, "of valuedice: updates of critic and policy", AtLeast(1));
   fields.Add("valuedice_batch", &valuedice_batch, "of valuedice: transitions per update", AtLeast(2));
-  fields.Add("valuedice_hidden", &valuedice_hidden, "of valuedice: widths of the critic's hidden layers", AtLeast(1));
+  fields.Add("valuedice_hidden", &valuedice_hidden, "of valuedice: widths of the critic's hidden layers",
+             LayerWidths());
   fields.Add("valuedice_actor_rate", &valuedice_actor_rate, "of valuedice: Adam's step size for the policy", Above(0));
   fields.Add("valuedice_critic_rate", &valuedice_critic_rate, "of valuedice: Adam's step size for the critic",
              Above(0));
