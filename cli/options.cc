@@ -122,6 +122,7 @@ RunConfig ResolveConfig(const Options& options) {
   if (!options.presets.empty() || !options.parameters.empty() || from_file) config.presets = options.presets;
   if (!options.parameters.empty() || from_file) {
     config.parameters.clear();
+    config.truth.clear();
     for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
     if (!options.parameter_file.empty()) {
       config.parameter_file = options.parameter_file;
@@ -130,7 +131,6 @@ RunConfig ResolveConfig(const Options& options) {
           MergeSysid(ReadSysidFile(options.parameter_file), options.parameter_file, config.parameters, has_range);
     }
   }
-  if (!options.truth.empty()) config.truth.clear();
   for (const std::string& text : options.truth) config.SetTruth(text);
   if (options.seed >= 0) config.run.seed = options.seed;
   if (options.threads >= 0) config.run.threads = options.threads;
@@ -161,6 +161,15 @@ std::vector<double> TargetParameters(const ParameterSpace& space, const std::map
     }
   }
   return z;
+}
+
+std::string AtParameters(const ParameterSpace& space, const std::vector<double>& z) {
+  std::vector<std::string> names;
+  for (int i = 0; i < space.size(); ++i) {
+    const double value = z[static_cast<size_t>(i)];
+    if (value != space[i].nominal) names.push_back(fmt::format("{} {:g}", space[i].name, value));
+  }
+  return names.empty() ? "" : fmt::format(" at {}", fmt::join(names, ", "));
 }
 
 }  // namespace oted::cli

@@ -48,5 +48,7 @@ void AddParameterOptions(CLI::App& app, Options& options);
 /// z of a simulator that stands for a target: the truth where it is given, nominal where it is not.
 /// @throws UsageError for a truth that names no parameter
 std::vector<double> TargetParameters(const ParameterSpace& space, const std::map<std::string, double>& truth);
+/// " at gain 0.6, mass 2.5": those that are not nominal; empty where all are.
+std::string AtParameters(const ParameterSpace& space, const std::vector<double>& z);
 
 }  // namespace oted::cli

@@ -35,6 +35,16 @@ int DecimalsOf(const DesignRecord::Parameter& p) {
   return std::min(9, 2 + static_cast<int>(std::ceil(-std::log10(size))));
 }
 
+/// What identified values rest on.
+void PrintConditions(const DesignRecord& design) {
+  for (const DesignRecord::Parameter& p : design.parameters) {
+    if (p.verdict != ParameterVerdict::kIdentified || p.rests_on.empty()) continue;
+    std::vector<std::string> sentences;
+    for (const DesignRecord::RestsOn& of : p.rests_on) sentences.push_back(of.sentence);
+    Print("  {} would be {}; the logs do not tell\n", p.name, fmt::join(sentences, ", "));
+  }
+}
+
 void PrintParameters(const DesignRecord& design, const std::optional<EvaluationRecord>& evaluation) {
   size_t width = 14;
   for (const DesignRecord::Parameter& p : design.parameters) width = std::max(width, p.name.size());
@@ -57,6 +67,7 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
   if (std::ranges::any_of(design.parameters,
                           [](const auto& p) { return p.verdict == ParameterVerdict::kIdentified; })) {
     Print("identified: if what is not among the parameters is as in the model\n");
+    PrintConditions(design);
   }
 }
 
@@ -163,6 +174,10 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
   const auto design = Read<DesignRecord>(design_json, "design.json");
   const auto evaluation = Read<EvaluationRecord>(evaluation_json, "evaluation.json");
   const json picked_json = read("policy_selection.json");
+  if (evaluation && (!design || evaluation->parameters.size() != design->parameters.size())) {
+    throw DataError(fmt::format("'{}' has other parameters than 'design.json'; run 'oted evaluate' again",
+                                (run_directory / "evaluation.json").string()));
+  }
   if (options.json) {
     const json all = {{"design", design_json}, {"policy_selection", picked_json}, {"evaluation", evaluation_json}};
     Print("{}\n", all.dump(2));

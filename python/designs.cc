@@ -16,6 +16,7 @@
 #include "oted/run/records.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/validation.h"
+#include "oted/run/verify.h"
 #include "oted/sim/mujoco/task.h"
 #include "python/study.h"
 
@@ -29,6 +30,7 @@ using nlohmann::json;
 class Sampler {
  public:
   explicit Sampler(const std::string& run_directory) {
+    CheckRecords(run_directory);
     const FinishedDesign design = ReadDesign(run_directory);
     const ParameterSpace space(design.config.parameters);
     for (const DesignRecord::Member& member : design.record.mixture) {

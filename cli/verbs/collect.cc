@@ -19,6 +19,8 @@
 #include "oted/collect/collect.h"
 #include "oted/collect/demonstrations.h"
 #include "oted/data/dataset_files.h"
+#include "oted/nn/onnx_export.h"
+#include "oted/rl/batch_policy.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/run_lock.h"
 
@@ -39,7 +41,7 @@ RunConfig TargetOf(const Options& options, double noise = 0) {
   config.task = TaskConfig::FromArgument(options.task);
   if (!options.parameters.empty()) config.parameters.clear();
   for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
-  if (!options.truth.empty() || !options.parameters.empty()) config.truth.clear();
+  if (!options.parameters.empty()) config.truth.clear();
   for (const std::string& text : options.truth) config.SetTruth(text);
   if (noise > 0) {
     // A name that no parameter of the user's can have.
@@ -56,7 +58,7 @@ void AddTargetOptions(CLI::App& verb, Options& options) {
                   "a parameter that differs from nominal: name=path:low:high; repeatable; default: [parameters] of "
                   "--task's file");
   verb.add_option("--truth", options.truth,
-                  "name=value for every parameter; repeatable; default: [truth] of --task's file")
+                  "name=value, in place of [truth] of --task's file; repeatable; parameters without: nominal")
       ->allow_extra_args(false);
 }
 
@@ -172,8 +174,12 @@ void TrainBehavior(const BehaviorOptions& options) {
                                       .seed = SeedOf(options.seed)},
                                      options.out, MakeContext(log, options.threads));
   }
-  Print("{}: expert {:.1f} at {} steps, medium {:.1f} at {}, random {:.1f}\n", task.name, policies.expert_return,
-        policies.expert_step, policies.medium_return, policies.medium_step, policies.random_return);
+  WriteOnnx(policies.expert, PolicyMetadata(factory->spec(), fmt::format("behavior of seed {}", SeedOf(options.seed))),
+            std::filesystem::path(options.out) / "expert.onnx");
+  Print("{}{}: expert {:.1f} at {} steps, medium {:.1f} at {}{}, random {:.1f}\n", task.name,
+        AtParameters(factory->parameters(), TargetParameters(factory->parameters(), target.truth)),
+        policies.expert_return, policies.expert_step, policies.medium_return, policies.medium_step,
+        policies.medium_is_near ? "" : " (none was near a third of the way up)", policies.random_return);
 }
 
 }  // namespace
@@ -186,7 +192,8 @@ void AddBehaviorVerb(Program& program) {
   AddTargetOptions(*verb, *options);
   AddSeed(*verb, options->seed);
   AddThreads(*verb, options->threads);
-  verb->add_option("--out", options->out, "folder for expert.npz, medium.npz and training.json")->required();
+  verb->add_option("--out", options->out, "folder for expert.npz, expert.onnx, medium.npz and training.json")
+      ->required();
   verb->add_option("--algorithm", options->algorithm, "sac (the shipped policies') or crossq")
       ->check(CLI::IsMember({"sac", "crossq"}))
       ->capture_default_str();

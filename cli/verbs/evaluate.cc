@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cli/console.h"
@@ -68,6 +70,17 @@ TaskConfig TaskOf(const RunConfig& config, const std::string& policy) {
   throw UsageError(fmt::format("'{}' does not say its task; add --task", policy));
 }
 
+/// A file that describes the whole study says what its target is, as for collect and behavior; the command line has the
+/// last word.
+void TakeStudy(const RunConfig& study, RunConfig& config) {
+  if (config.data.empty()) config.data = study.data;
+  if (!config.parameters.empty()) return;
+  config.parameters = study.parameters;
+  std::map<std::string, double> truth = study.truth;
+  for (const auto& [name, value] : config.truth) truth[name] = value;
+  config.truth = std::move(truth);
+}
+
 std::string PolicySha256(const std::string& policy) {
   return policy.ends_with(".onnx") ? Sha256OfOnnx(policy) : Sha256OfFile(policy);
 }
@@ -81,7 +94,7 @@ void EvaluateFile(const EvaluateOptions& options) {
   RunConfig config = ResolveConfig(options);
   config.task.Resolve();
   config.task = TaskOf(config, options.policy);
-  if (config.data.empty() && options.task.ends_with(".toml")) config.data = RunConfig::FromTomlFile(options.task).data;
+  if (options.task.ends_with(".toml")) TakeStudy(RunConfig::FromTomlFile(options.task), config);
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, LoggedStarts(config));
   const std::vector<double> z = TargetParameters(factory->parameters(), config.truth);
   factory->parameters().CheckInside(z);
@@ -124,7 +137,8 @@ void EvaluateFile(const EvaluateOptions& options) {
   }
   TerminalSink console(false);
   for (const std::string& warning : warnings) console.Warning(warning);
-  Print("{} in {}, {} episodes\n", options.policy, config.task.name, n_episodes);
+  Print("{} in {}{}, {} episodes\n", options.policy, config.task.name, AtParameters(factory->parameters(), z),
+        n_episodes);
   const int decimals = ReturnDecimals({result.min_return, result.max_return}, 1);
   Print("return   {:.{}f} +- {:.{}f}, from {:.{}f} to {:.{}f}\n", result.mean_return, decimals, result.std_return,
         decimals, result.min_return, decimals, result.max_return, decimals);

@@ -10,6 +10,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/exports/export.h"
+#include "oted/run/verify.h"
 
 namespace oted::cli {
 
@@ -35,6 +36,7 @@ void AddExportVerb(Program& program) {
       if (verb->count(option) > 0 && value->empty())
         throw UsageError(fmt::format("{} names no file; give one", option));
     }
+    CheckRecords(words->run);
     ExportRequest request{.mjcf = words->mjcf, .q = words->q, .sysid = words->sysid};
     if (request.mjcf.empty() && request.q.empty() && request.sysid.empty()) request = DefaultExports(words->run);
     request.member = words->member;

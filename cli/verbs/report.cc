@@ -9,6 +9,7 @@
 #include "cli/result.h"
 #include "oted/base/seal.h"
 #include "oted/report/report.h"
+#include "oted/run/verify.h"
 
 namespace oted::cli {
 
@@ -21,6 +22,7 @@ void AddReportVerb(Program& program) {
   verb->add_option("--to", *folder, "folder for report.html and report.json [default: the run directory]");
   verb->add_flag("--json", options->json, "print the result as JSON");
   verb->callback([&program, options, folder] {
+    CheckRecords(options->out);
     const std::string& to = folder->empty() ? options->out : *folder;
     WriteReport(options->out, to);
     const std::filesystem::path design = std::filesystem::path(options->out) / "design.json";

@@ -43,7 +43,7 @@ std::optional<TrialFit> FitBriefly(const SimulatorFactory& factory, const Datase
     ShortWindows windows(problem, config, 0, steps, evidence);
     windows.Fit();
     Array2<double> information(prior.size(), prior.size(), 0.0);
-    for (const StretchEvidence& stretch : windows.fit().EvidenceIn(windows.replayer(), {}, {}, 1)) {
+    for (const StretchEvidence& stretch : windows.fit().EvidenceIn(windows.replayer(), {}, {}, {})) {
       for (int i = 0; i < prior.size(); ++i) {
         for (int k = 0; k < prior.size(); ++k) information(i, k) += stretch.information(i, k);
       }

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <numeric>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
@@ -20,6 +22,7 @@ namespace oted {
 namespace {
 
 constexpr int kJudgeEpisodes = 20;
+constexpr size_t kExpertCandidates = 5;
 
 double RandomReturn(const SimulatorFactory& factory, const std::vector<double>& z, RngKey key, int n_threads) {
   const auto simulator = factory.Make(kJudgeEpisodes, n_threads);
@@ -43,6 +46,8 @@ const char* AlgorithmOf(const BehaviorTraining& training) {
 nlohmann::json SettingsOf(const BehaviorTraining& training) {
   return std::visit([](auto settings) { return settings.Fields().ToJson(); }, training.agent);
 }
+
+RngKey BehaviorKey(const BehaviorTraining& training) { return RngKey(training.seed).Stage("behavior policies"); }
 
 nlohmann::json IdentityOf(const BehaviorTraining& training) {
   const SimulatorFactory& factory = training.factory;
@@ -117,6 +122,77 @@ void CheckSameTraining(const std::filesystem::path& folder, const nlohmann::json
   WriteJson(file, identity);
 }
 
+std::filesystem::path SnapshotFile(const std::filesystem::path& folder, int64_t step) {
+  return folder / "snapshots" / (std::to_string(step) + ".npz");
+}
+
+/// The policies that a training evaluated, judged in the same fresh episodes. What it is given must outlive it.
+class Snapshots {
+ public:
+  Snapshots(const BehaviorTraining& training, const ReplayAgent& trained, std::filesystem::path folder,
+            const RunContext& context)
+      : training_(training), trained_(trained), folder_(std::move(folder)), context_(context) {}
+
+  int64_t step(size_t i) const { return trained_.eval_steps[i]; }
+  TanhGaussianPolicy Load(size_t i) const { return TanhGaussianPolicy::Load(SnapshotFile(folder_, step(i))); }
+
+  EvaluatedReturn Judge(const TanhGaussianPolicy& policy) const {
+    const std::vector<EpisodeResult> episodes = RunPolicy(training_.factory, policy,
+                                                          {.z = {training_.z},
+                                                           .n_episodes = kJudgeEpisodes,
+                                                           .key = BehaviorKey(training_).Stage("judge"),
+                                                           .n_threads = context_.n_threads});
+    context_.ThrowIfStopped();
+    return {MeanReturn(episodes), CountDiverged(episodes) == kJudgeEpisodes};
+  }
+
+  /// Of the policy that the training kept, whose return tells of whole episodes where any policy had them, and of those
+  /// that a few episodes found as good: the luckiest of many evaluations need not be the best.
+  size_t Best() const {
+    const std::vector<double>& returns = trained_.eval_returns;
+    auto best = static_cast<size_t>(std::ranges::find(returns, trained_.eval_return) - returns.begin());
+    OTED_CHECK(best < returns.size());
+    std::vector<size_t> order(returns.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    std::ranges::stable_sort(order, std::greater<>(), [&](size_t i) { return returns[i]; });
+    order.resize(std::min(order.size(), kExpertCandidates));
+    EvaluatedReturn of_best = Judge(Load(best));
+    for (const size_t i : order) {
+      const EvaluatedReturn of = Judge(Load(i));
+      if (!of.IsBetterThan(of_best)) continue;
+      best = i;
+      of_best = of;
+    }
+    return best;
+  }
+
+  /// Takes the medium policy. It comes on the way up: each until `expert` gets as many episodes as the expert, as the
+  /// learning curve's few would misjudge it.
+  /// @return their returns
+  std::vector<double> FindMedium(size_t expert, BehaviorPolicies& result) const {
+    const double third = result.random_return + (result.expert_return - result.random_return) / 3;
+    std::vector<double> judged;
+    for (size_t i = 0; i <= expert; ++i) {
+      TanhGaussianPolicy policy = Load(i);
+      const double mean_return = Judge(policy).mean_return;
+      judged.push_back(mean_return);
+      context_.log->Progress("judge", "snapshots", static_cast<int64_t>(i + 1), static_cast<int64_t>(expert + 1), "");
+      if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
+      result.medium_step = step(i);
+      result.medium = std::move(policy);
+      result.medium_return = mean_return;
+    }
+    result.medium_is_near = std::abs(result.medium_return - third) <= std::abs(result.expert_return - third) / 2;
+    return judged;
+  }
+
+ private:
+  const BehaviorTraining& training_;
+  const ReplayAgent& trained_;
+  std::filesystem::path folder_;
+  const RunContext& context_;
+};
+
 Dataset CheckedLogs(const EpisodeRecorder& recorder) {
   if (recorder.n_diverged() > 0) {
     throw DataError(
@@ -134,57 +210,35 @@ BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const s
   const std::vector<double>& z = training.z;
   const nlohmann::json identity = IdentityOf(training);
   CheckSameTraining(folder, identity);
-  const RngKey key = RngKey(training.seed).Stage("behavior policies");
-  const auto snapshot = [&](int64_t step) { return folder / "snapshots" / (std::to_string(step) + ".npz"); };
+  const RngKey key = BehaviorKey(training);
   DrawnEpisodes source([&](Rng&) { return z; });
   const auto train = [&](const auto& config) {
-    return TrainAgent({.factory = factory,
-                       .source = source,
-                       .eval_parameters = {z},
-                       .key = key,
-                       .folder = folder,
-                       .run_name = "behavior",
-                       .context = context,
-                       .observer = [&](int64_t step, const Policy& policy, double) { policy.Save(snapshot(step)); }},
-                      config);
+    return TrainAgent(
+        {.factory = factory,
+         .source = source,
+         .eval_parameters = {z},
+         .key = key,
+         .folder = folder,
+         .run_name = "behavior",
+         .context = context,
+         .observer = [&](int64_t step, const Policy& policy, double) { policy.Save(SnapshotFile(folder, step)); }},
+        config);
   };
   const ReplayAgent trained = std::visit(train, training.agent);
 
-  // The policy that the training kept: its return tells of whole episodes where any policy had them.
-  const auto& returns = trained.eval_returns;
-  const size_t best = static_cast<size_t>(std::ranges::find(returns, trained.eval_return) - returns.begin());
-  OTED_CHECK(best < returns.size());
-
+  const Snapshots snapshots(training, trained, folder, context);
+  const size_t expert = snapshots.Best();
   BehaviorPolicies result;
-  const auto judge = [&](const TanhGaussianPolicy& policy) {
-    return MeanReturn(
-        RunPolicy(factory, policy,
-                  {.z = {z}, .n_episodes = kJudgeEpisodes, .key = key.Stage("judge"), .n_threads = context.n_threads}));
-  };
-  result.expert_step = trained.eval_steps[best];
-  result.expert = TanhGaussianPolicy::Load(snapshot(result.expert_step));
-  result.expert_return = judge(result.expert);
+  result.expert_step = snapshots.step(expert);
+  result.expert = snapshots.Load(expert);
+  result.expert_return = snapshots.Judge(result.expert).mean_return;
   result.random_return = RandomReturn(factory, z, key.Stage("random"), context.n_threads);
-  const double third = result.random_return + (result.expert_return - result.random_return) / 3;
-  // The medium policy comes on the way up. The learning curve's few episodes would misjudge it: every snapshot until
-  // the expert's gets as many as the expert.
-  std::vector<double> judged;
-  for (size_t i = 0; i <= best; ++i) {
-    TanhGaussianPolicy policy = TanhGaussianPolicy::Load(snapshot(trained.eval_steps[i]));
-    const double mean_return = judge(policy);
-    judged.push_back(mean_return);
-    context.log->Progress("judge", "snapshots", static_cast<int64_t>(i + 1), static_cast<int64_t>(best + 1), "");
-    context.ThrowIfStopped();
-    if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
-    result.medium_step = trained.eval_steps[i];
-    result.medium = std::move(policy);
-    result.medium_return = mean_return;
-  }
-  if (std::abs(result.medium_return - third) > std::abs(result.expert_return - third) / 2) {
+  const std::vector<double> judged = snapshots.FindMedium(expert, result);
+  if (!(result.expert_return > result.random_return)) {
     context.log->Warning(fmt::format(
-        "no policy was evaluated a third of the way up: the medium one earns {:.4g}, the expert {:.4g}, random actions "
-        "{:.4g}; set {}.n_starts=1 and a smaller eval_interval for one nearer by",
-        result.medium_return, result.expert_return, result.random_return, AlgorithmOf(training)));
+        "the expert earns {:.4g}, and random actions {:.4g}: it learned nothing; look at the reward's size, "
+        "train longer or lower {}.learning_rate",
+        result.expert_return, result.random_return, AlgorithmOf(training)));
   }
 
   const SimulatorSpec& spec = factory.spec();
@@ -201,7 +255,7 @@ BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const s
       {"expert", describe(result.expert_step, result.expert_return)},
       {"medium", describe(result.medium_step, result.medium_return)},
       {"random", describe(0, result.random_return)},
-      {"learning_curve", {{"step", trained.eval_steps}, {"mean_return", returns}, {"judged", judged}}}};
+      {"learning_curve", {{"step", trained.eval_steps}, {"mean_return", trained.eval_returns}, {"judged", judged}}}};
   record[AlgorithmOf(training)] = SettingsOf(training);
   result.expert.Save(folder / "expert.npz");
   result.medium.Save(folder / "medium.npz");

@@ -32,13 +32,16 @@ struct BehaviorPolicies {
   int64_t expert_step = 0, medium_step = 0;     ///< control steps at which they were saved
   double expert_return = 0, medium_return = 0;  ///< mean over 20 fresh episodes, mean action
   double random_return = 0;                     ///< of uniform random actions, 20 episodes
+  /// Whether the medium one is nearer a third of the way up than half as far off as the expert.
+  bool medium_is_near = false;
 };
 
-/// Trains one agent in the simulator at the target's parameters. The expert is the best evaluated policy; the medium
-/// one is the snapshot until then whose return over 20 fresh episodes is nearest a third of the way from that of random
-/// actions to the expert's (D4RL's convention: a third of the expert's). Snapshots of every evaluation lie in `folder`
-/// while it trains, so that a stopped run goes on. Writes expert.npz, medium.npz and training.json into `folder`, and
-/// first what is trained (behavior.json): only more steps of the same may follow there.
+/// Trains one agent in the simulator at the target's parameters. The expert is the best over 20 fresh episodes of the
+/// five policies that were evaluated best; the medium one is the snapshot until then whose return over these episodes
+/// is nearest a third of the way from that of random actions to the expert's (D4RL's convention: a third of the
+/// expert's). Snapshots of every evaluation lie in `folder` while it trains, so that a stopped run goes on. Writes
+/// expert.npz, medium.npz and training.json into `folder`, and first what is trained (behavior.json): only
+/// more steps of the same may follow there. Warns of an expert that is no better than random actions.
 /// @throws UsageError where `folder` holds another training
 BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const std::filesystem::path& folder,
                                        const RunContext& context);

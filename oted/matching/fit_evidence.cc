@@ -18,6 +18,27 @@ std::vector<double> NumbersFrom(const json& list) {
   return numbers;
 }
 
+json SpecToJson(const ParameterSpec& spec) {
+  return {{"name", spec.name},
+          {"field", spec.field},
+          {"range", {spec.low, spec.high}},
+          {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
+          {"log", spec.logarithmic},
+          {"unit", spec.unit}};
+}
+
+ParameterSpec SpecFromJson(const json& record) {
+  const bool absolute = record.at("scale") == "absolute";
+  return {.name = record.at("name"),
+          .field = record.at("field"),
+          .low = record.at("range").at(0),
+          .high = record.at("range").at(1),
+          .scale = absolute ? ParameterScale::kAbsolute : ParameterScale::kNominal,
+          .logarithmic = record.at("log"),
+          .unit = record.at("unit"),
+          .nominal = absolute ? 0.0 : 1.0};
+}
+
 json ToJson(const FreedTrial& trial) {
   json record = {{"value", trial.value},     {"std", trial.std},           {"kept", trial.kept},
                  {"seconds", trial.seconds}, {"n_steps", trial.n_steps},   {"n_windows", trial.n_windows},
@@ -46,30 +67,15 @@ FreedTrial TrialFromJson(const json& record) {
 }  // namespace
 
 json ToJson(const Suspect& suspect) {
-  const ParameterSpec& spec = suspect.spec;
-  json record = {{"name", spec.name},
-                 {"field", spec.field},
-                 {"range", {spec.low, spec.high}},
-                 {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
-                 {"log", spec.logarithmic},
-                 {"unit", spec.unit},
-                 {"value", suspect.value},
-                 {"explains", suspect.explains}};
+  json record = SpecToJson(suspect.spec);
+  record.update({{"value", suspect.value}, {"explains", suspect.explains}});
   if (suspect.trial) record["freed"] = ToJson(*suspect.trial);
   return record;
 }
 
 Suspect SuspectFromJson(const json& record) {
-  const bool absolute = record.at("scale") == "absolute";
   Suspect suspect;
-  suspect.spec = {.name = record.at("name"),
-                  .field = record.at("field"),
-                  .low = record.at("range").at(0),
-                  .high = record.at("range").at(1),
-                  .scale = absolute ? ParameterScale::kAbsolute : ParameterScale::kNominal,
-                  .logarithmic = record.at("log"),
-                  .unit = record.at("unit"),
-                  .nominal = absolute ? 0.0 : 1.0};
+  suspect.spec = SpecFromJson(record);
   suspect.value = record.at("value");
   suspect.explains = record.at("explains");
   if (record.contains("freed")) suspect.trial = TrialFromJson(record.at("freed"));
@@ -106,6 +112,11 @@ json ToJson(const FitEvidence& evidence) {
                         {"covariance", unseen->covariance}};
   }
   if (evidence.left_out) record["left_out"] = ToJson(*evidence.left_out);
+  for (const Condition& condition : evidence.conditions) {
+    json of = SpecToJson(condition.spec);
+    of.update({{"parameter", condition.parameter}, {"off", condition.off}, {"value", condition.value}});
+    record["conditions"].push_back(std::move(of));
+  }
   return record;
 }
 
@@ -129,6 +140,9 @@ FitEvidence FitEvidenceFromJson(const json& record) {
                        .covariance = unseen.at("covariance")};
   }
   if (record.contains("left_out")) evidence.left_out = LeftOutFromJson(record.at("left_out"));
+  for (const json& of : record.value("conditions", json::array())) {
+    evidence.conditions.push_back({of.at("parameter"), SpecFromJson(of), of.at("off"), of.at("value")});
+  }
   return evidence;
 }
 

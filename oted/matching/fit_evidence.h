@@ -38,6 +38,14 @@ struct Suspect {
   std::optional<FreedTrial> trial = std::nullopt;  ///< none where it was not freed
 };
 
+/// What a parameter's value rests on: something that is not searched, and that the logs cannot tell from it.
+struct Condition {
+  int parameter = 0;   ///< of the searched ones
+  ParameterSpec spec;  ///< what is not searched, as it would be
+  double off = 1;      ///< z of that: a tenth more than nominal, of its value or of its range
+  double value = 0;    ///< z of the parameter, were it so: by a linear model
+};
+
 /// What predictions of the logs that were kept aside start from.
 struct UnseenFit {
   std::vector<double> z;  ///< fitted to the other logs alone; empty where none could be kept aside
@@ -77,6 +85,7 @@ struct FitEvidence {
   std::optional<UnseenFit> unseen = {};        ///< of methods that keep a part of the logs aside
   bool errors_grow = false;                    ///< over these windows: no simulator of the family explains the logs
   std::optional<LeftOutInTurn> left_out = {};  ///< where lengths of windows were chosen by it
+  std::vector<Condition> conditions = {};      ///< of each parameter those that move it most
 };
 
 nlohmann::json ToJson(const Suspect& suspect);

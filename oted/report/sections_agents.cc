@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "oted/report/figure.h"
@@ -16,6 +17,15 @@ using nlohmann::json;
 const json& ReturnCurve(const json& agent) {
   const json& evaluations = ListAt(agent["curves"], "eval/mean_reward");
   return evaluations.empty() ? ListAt(agent["curves"], "rollout/ep_rew_mean") : evaluations;
+}
+
+// Whether an agent earned most at its last evaluation, of at least three.
+bool StillRises(const json& agent) {
+  const json& curve = ReturnCurve(agent);
+  if (curve.size() < 3) return false;
+  const auto value = [](const json& point) { return AsNumber(point.at(1)).value_or(-INFINITY); };
+  const double last = value(curve.back());
+  return std::all_of(curve.begin(), curve.end(), [&](const json& point) { return value(point) <= last; });
 }
 
 std::string BaselineName(const std::string& name) {
@@ -52,9 +62,17 @@ Section AgentsSection(const json& report) {
   const json& nominal = ListAt(report, "nominal");
   const json& baselines = ListAt(report, "baselines");
   if (agents.empty() && nominal.empty() && baselines.empty()) return section;
-  section.html =
-      "<p>Agents learn in the designed simulators, in a newly drawn one for each episode. Each return comes from the "
-      "agent's own training simulators, not from the target. Returns of different simulators do not compare.";
+  const bool one = report.contains("policy_selection") &&
+                   ListAt(report["policy_selection"], "simulators").size() == 1 &&
+                   std::ranges::none_of(agents, [](const json& a) { return a["result"].contains("train_in"); });
+  section.html = fmt::format(
+      "<p>Agents learn in {}. Each return comes from the agent's own training simulators, not from the target, and is "
+      "the best of many evaluations of a few episodes: fresh episodes give less. Returns of different simulators do "
+      "not "
+      "compare.",
+      one ? "the designed simulator, which is one: nothing is drawn (<code>agents.train_in = \"samples\"</code> draws "
+            "its parameters for each episode, <code>selection.n_seeds</code> makes more)"
+          : "the designed simulators, in a newly drawn one for each episode");
   if (!nominal.empty()) section.html += " For comparison: the same training in the nominal simulator.";
   if (!baselines.empty()) {
     section.html +=
@@ -66,9 +84,12 @@ Section AgentsSection(const json& report) {
   table.Column("Agent", HtmlTable::Align::kText).Column("Trained in", HtmlTable::Align::kText);
   table.Column("Steps").Column("Return of the kept policy");
   Figure figure("Return over the training steps");
+  int n_agents = 0, n_rising = 0;
   const auto add_agent = [&](const json& agent, const std::string& where, const char* color, const char* dash) {
     const std::string name = TextAt(agent, "name");
     const json& result = agent["result"];
+    ++n_agents;
+    n_rising += StillRises(agent) ? 1 : 0;
     figure.AddCurve(ReturnCurve(agent), fmt::format("agent {}, {}", name, where),
                     {.color = color, .width = 1.8, .dash = dash});
     table.Row({Escape(name), Escape(where), FormatCount(NumberAt(result, "n_steps")),
@@ -86,6 +107,10 @@ Section AgentsSection(const json& report) {
   if (!nominal.empty()) key.Add("line", "--nominal", "in the nominal simulator");
   if (!baselines.empty()) key.Add("line", "--low", "baselines");
   section.html += WithKey(key, figure.Html("wide")) + table.Html();
+  if (n_rising > 0) {
+    section.html += fmt::format(
+        "<p>{} of {} agents earned most at the last evaluation: more steps may earn more.</p>\n", n_rising, n_agents);
+  }
   return section;
 }
 
@@ -94,7 +119,10 @@ Section PolicySelectionSection(const json& report) {
   if (!report.contains("policy_selection")) return section;
   const json& selection = report["policy_selection"];
   section.html =
-      "<p>Every agent runs in every designed simulator. The highest mean return wins. The target is not used.</p>\n";
+      ListAt(selection, "simulators").size() == 1
+          ? "<p>Every agent runs in the designed simulator. The highest mean return wins. The target is not used.</p>\n"
+          : "<p>Every agent runs in every designed simulator. The highest mean return wins. The target is not "
+            "used.</p>\n";
   HtmlTable table;
   table.Column("Agent", HtmlTable::Align::kText).Column("Mean return");
   const std::string selected = TextAt(selection, "selected");

@@ -51,6 +51,23 @@ std::string SeedRange(const json& parameter) {
   return least ? fmt::format("{} to {}", FormatAtScale(least, spread), FormatAtScale(greatest, spread)) : "–";
 }
 
+/// What identified values rest on.
+std::string Conditions(const json& parameters) {
+  std::string items;
+  for (const json& parameter : parameters) {
+    const json& rests_on = ListAt(parameter, "rests_on");
+    if (TextAt(parameter, "verdict") != "identified" || rests_on.empty()) continue;
+    std::string sentences;
+    for (const json& of : rests_on) sentences += (sentences.empty() ? "" : ", ") + Escape(TextAt(of, "sentence"));
+    items += fmt::format("<li><b>{}</b> would be {}.</li>\n", Escape(TextAt(parameter, "name")), sentences);
+  }
+  if (items.empty()) return "";
+  return "<p>The logs do not tell the following from the parameters. An <em>identified</em> value holds if the model "
+         "has "
+         "them right:</p>\n<ul>\n" +
+         items + "</ul>\n";
+}
+
 /// The horizon that is drawn: the longest up to half a second.
 const json& Shown(const json& horizons) {
   const json* shown = &horizons[0];
@@ -120,7 +137,7 @@ Section ParametersSection(const json& report) {
     if (error) cells.push_back(FormatAtScale(NumberAt(parameter, "absolute_error"), spread));
     table.Row(std::move(cells));
   }
-  section.html += table.Html() + IntervalFigure(parameters);
+  section.html += table.Html() + Conditions(parameters) + IntervalFigure(parameters);
   return section;
 }
 

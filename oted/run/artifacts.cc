@@ -21,33 +21,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-json TaskIdentity(const RunSetup& run) {
-  json identity = run.config.task.Identity();
-  // Agents, too, depend on the data where episodes begin there.
-  if (run.config.task.has_model() && run.config.task.model.starts_in_logs()) {
-    identity["starts"] = {run.dataset.sha256, run.config.data.episodes};
-  }
-  return identity;
-}
-
-/// The task as a design sees it: a reward that is added when agents are to be trained makes no other simulator.
-json DesignedTaskIdentity(const RunSetup& run) {
-  json identity = TaskIdentity(run);
-  if (!run.config.task.has_model()) return identity;
-  identity.erase("reward");
-  // Quantities are for the two expressions.
-  if (run.config.task.model.terminate.empty()) identity.erase("quantities");
-  return identity;
-}
-
-/// What every stage begins with: logs, task and seed.
-json DataIdentity(const RunSetup& run) {
-  DataConfig data = run.config.data;
-  // The file counts by its content, not by its place.
-  json settings = data.Fields().ToJson();
-  settings.erase("path");
-  return {DesignedTaskIdentity(run), run.model_sha256, run.dataset.sha256, settings, run.config.run.seed};
-}
+InputsOfRun InputsOf(const RunSetup& run) { return {run.config, run.model_sha256, run.dataset.sha256}; }
 
 std::string DesignFingerprint(const RunSetup& run, const std::string& setting) {
   const DesignConfig& design = run.Designs(setting).config;
@@ -56,7 +30,7 @@ std::string DesignFingerprint(const RunSetup& run, const std::string& setting) {
   const Prior prior = design.MakePrior(run.parameters());
   if (!prior.uniform) settings["prior"] = {prior.ToJson(), prior.values};
   const bool uses_clone = design.UsesClone();
-  return Fingerprint({"design", uses_clone ? json(CloneArtifact(run).fingerprint) : DataIdentity(run),
+  return Fingerprint({"design", uses_clone ? json(CloneArtifact(run).fingerprint) : DataIdentity(InputsOf(run)),
                       ParameterIdentity(run.parameters()), setting, settings});
 }
 
@@ -64,7 +38,7 @@ std::string AgentFingerprint(const RunSetup& run, Ground ground) {
   AlgorithmSettings algorithms = run.config.algorithms;
   const json settings = run.config.Algorithm(run.spec()).fields(algorithms).ToJson();
   const bool designed = ground == Ground::kDesigned;
-  json inputs = {"agent", designed, settings, run.config.run.seed, TaskIdentity(run), run.model_sha256};
+  json inputs = {"agent", designed, settings, run.config.run.seed, TaskIdentity(InputsOf(run)), run.model_sha256};
   if (const TrainingDevice device = run.config.agents.device; device != TrainingDevice::kCpu) {
     inputs.push_back(NameOf(TrainingDeviceNames(), device));  // other bits
   }
@@ -114,7 +88,7 @@ Artifact CloneArtifact(const RunSetup& run) {
   RunConfig copy = run.config;
   return {.file = run.directory.clone() / "clone.json",
           .schema = CloneRecord::kSchema,
-          .fingerprint = Fingerprint({"clone", DataIdentity(run), copy.clone.Fields().ToJson()}),
+          .fingerprint = Fingerprint({"clone", DataIdentity(InputsOf(run)), copy.clone.Fields().ToJson()}),
           .files = {"policy.npz"}};
 }
 
@@ -240,8 +214,8 @@ Artifact OfflineArtifact(const RunSetup& run, OfflineBaseline baseline) {
   OfflineSettings settings = run.config.baselines.offline;
   return {.file = run.directory.baseline(entry.name) / "offline.json",
           .schema = OfflineRecord::kSchema,
-          .fingerprint = Fingerprint(
-              {"offline", entry.name, entry.fields(settings).ToJson(), DataIdentity(run), TaskIdentity(run)}),
+          .fingerprint = Fingerprint({"offline", entry.name, entry.fields(settings).ToJson(),
+                                      DataIdentity(InputsOf(run)), TaskIdentity(InputsOf(run))}),
           .files = {"policy.npz"},
           .derived = {"policy.onnx"}};
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "oted/matching/verdict.h"
+#include "oted/run/fingerprint.h"
 #include "oted/run/suspect_sentence.h"
 #include "oted/run/verdict_sentence.h"
 #include "oted/sim/mujoco/version.h"
@@ -70,6 +71,14 @@ void AddParameters(const ParameterSpace& space, const std::vector<ParameterSumma
                                  .interval90_low = s.interval90_low,
                                  .interval90_high = s.interval90_high,
                                  .verdict = s.verdict});
+  }
+}
+
+/// What the parameters' values rest on, by the fit that found them.
+void AddConditions(const FitEvidence& fit, DesignRecord& record) {
+  for (const Condition& condition : fit.conditions) {
+    record.parameters[static_cast<size_t>(condition.parameter)].rests_on.push_back(
+        {condition.spec.name, condition.spec.field, condition.off, condition.value, ConditionSentence(condition)});
   }
 }
 
@@ -188,6 +197,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.task = run.config.task.name;
   record.dataset = {run.config.data.Files(), run.dataset.sha256, run.dataset.size()};
   AddParameters(space, summaries, record);
+  if (best.fit) AddConditions(*best.fit, record);
   record.warnings = findings.corrections;
   AddWarnings(space, findings.has_effect, record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
@@ -216,6 +226,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   AddSettings(findings, record);
   record.sentence = VerdictSentence(record, judgement.off);
   record.model_sha256 = run.model_sha256;
+  record.inputs = InputsFingerprint({run.config, run.model_sha256, run.dataset.sha256}, space);
   record.oted_version = OTED_VERSION;
   record.mujoco_version = MujocoVersion();
   return record;

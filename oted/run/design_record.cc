@@ -145,6 +145,15 @@ DesignRecord::Setting SettingFrom(const RecordReader& reader) {
 
 constexpr const char *kLogScale = "log", *kLinearScale = "linear";
 
+json RestsOnToJson(const std::vector<DesignRecord::RestsOn>& rests_on) {
+  json list = json::array();
+  for (const DesignRecord::RestsOn& of : rests_on) {
+    list.push_back(
+        {{"name", of.name}, {"field", of.field}, {"off", of.off}, {"value", of.value}, {"sentence", of.sentence}});
+  }
+  return list;
+}
+
 json ParameterToRecord(const DesignRecord::Parameter& p) {
   return {{"name", p.name},
           {"field", p.field},
@@ -155,6 +164,7 @@ json ParameterToRecord(const DesignRecord::Parameter& p) {
           {"mode", p.mode},
           {"std", p.std},
           {"interval90", {p.interval90_low, p.interval90_high}},
+          {"rests_on", RestsOnToJson(p.rests_on)},
           {"verdict", ToString(p.verdict)}};
 }
 
@@ -172,6 +182,10 @@ DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
   p.low = bounds[0], p.high = bounds[1];
   p.logarithmic = reader.Get<std::string>("scale") == kLogScale;
   p.interval90_low = interval[0], p.interval90_high = interval[1];
+  for (const RecordReader& of : reader.List("rests_on")) {
+    p.rests_on.push_back({of.Get<std::string>("name"), of.Get<std::string>("field"), of.Number("off"),
+                          of.Number("value"), of.Get<std::string>("sentence")});
+  }
   p.verdict = reader.GetNamed<ParameterVerdict>("verdict", ParameterVerdictNames());
   return p;
 }
@@ -243,6 +257,7 @@ json DesignRecord::ToJson() const {
   for (const Member& member : mixture) {
     record["mixture"].push_back({{"seed", member.seed}, {"mode", member.mode}, {"std", member.std}});
   }
+  if (!inputs.empty()) record["inputs"] = inputs;
   if (fit) record["fit"] = FitToJson(*fit);
   if (!grown.empty()) record["grown"] = SuspectsToJson(grown);
   if (validation) record["validation"] = ValidationToJson(*validation);
@@ -283,6 +298,7 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
   design.dataset = {dataset.Get<std::string>("path"), dataset.Get<std::string>("sha256"),
                     dataset.Get<int>("n_transitions")};
   design.model_sha256 = reader.At("model").Get<std::string>("sha256");
+  design.inputs = reader.Find<std::string>("inputs").value_or("");
   design.oted_version = versions.Get<std::string>("oted");
   design.mujoco_version = versions.Get<std::string>("mujoco");
   design.fingerprint = reader.Find<std::string>("fingerprint").value_or("");

@@ -28,6 +28,12 @@ struct GrowthRecord {
 /// design.json: what the design found and how far to trust it.
 struct DesignRecord {
   static constexpr const char* kSchema = "oted.design/1";
+  /// As Condition, of what is not searched.
+  struct RestsOn {
+    std::string name, field;
+    double off = 0, value = 0;
+    std::string sentence;  ///< ConditionSentence
+  };
   struct Parameter {
     std::string name, field, unit;
     double nominal = 0, low = 0, high = 0;  ///< z
@@ -35,6 +41,7 @@ struct DesignRecord {
     double mode = 0, std = 0;               ///< of the best-scoring seed; spread over all seeds
     double interval90_low = 0, interval90_high = 0;
     ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
+    std::vector<RestsOn> rests_on = {};
   };
   struct Member {
     int seed = 0;
@@ -126,6 +133,7 @@ struct DesignRecord {
   std::vector<Setting> settings;
   Source dataset;
   std::string model_sha256;
+  std::string inputs;  ///< InputsFingerprint
   std::string oted_version, mujoco_version;
   std::string fingerprint;  ///< as read; written by the run directory
 

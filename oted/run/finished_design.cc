@@ -7,6 +7,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
+#include "oted/run/fingerprint.h"
 #include "oted/run/provenance.h"
 
 namespace oted {
@@ -16,11 +17,12 @@ namespace fs = std::filesystem;
 
 using Member = DesignRecord::Member;
 
-size_t BestMember(const DesignRecord& record) {
+size_t BestMember(const DesignRecord& record, const std::string& file) {
   // The parameters' modes are the best-scoring seed's.
   const auto found = std::ranges::find(record.mixture, record.BestMode(), &Member::mode);
   if (found == record.mixture.end()) {
-    throw DataError("design.json: no member of the mixture has the parameters' modes");
+    throw DataError(fmt::format(
+        "'{}': no member of the mixture has the parameters' modes; make it again with 'oted design'", file));
   }
   return static_cast<size_t>(found - record.mixture.begin());
 }
@@ -42,6 +44,13 @@ void CheckBelongs(const FinishedDesign& design, const std::string& file) {
   for (const Member& member : design.record.mixture) {
     if (member.mode.size() != parameters.size()) throw foreign("a mode of another length");
   }
+  RunConfig config = design.config;
+  config.task.Resolve();
+  const std::string inputs = InputsFingerprint({config, design.record.model_sha256, design.record.dataset.sha256},
+                                               ParameterSpace(config.parameters));
+  if (!design.record.inputs.empty() && inputs != design.record.inputs) {
+    throw foreign("another task, seed, choice of data, or range of a parameter");
+  }
 }
 
 }  // namespace
@@ -58,7 +67,7 @@ FinishedDesign ReadDesign(const fs::path& folder) {
   // run.toml has what was asked; a design may have more.
   for (const Suspect& grown : design.record.grown) design.config.parameters.push_back(grown.spec);
   CheckBelongs(design, file.string());
-  design.best = BestMember(design.record);
+  design.best = BestMember(design.record, file.string());
   return design;
 }
 

@@ -95,6 +95,9 @@ PolicySelectionRecord PolicySelectionRecord::FromJson(const json& record, const 
     selection.agents.push_back(
         {a.Get<int>("agent"), a.Numbers("returns"), a.Number("mean_return"), a.Get<int>("n_diverged")});
   }
+  if (selection.selected < 1 || static_cast<size_t>(selection.selected) > selection.agents.size()) {
+    reader.Fail("selected", "it is none of the agents");
+  }
   return selection;
 }
 

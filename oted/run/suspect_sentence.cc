@@ -45,6 +45,15 @@ std::string ParameterLine(const ParameterSpec& spec) {
                      spec.logarithmic ? ", log = true" : "");
 }
 
+std::string ConditionSentence(const Condition& condition) {
+  const ParameterSpec& spec = condition.spec;
+  const std::string more =
+      spec.scale == ParameterScale::kNominal
+          ? fmt::format("{:.0f} %", 100 * (condition.off - 1))
+          : fmt::format("{:.2g}{}", condition.off - spec.nominal, spec.unit.empty() ? "" : " " + spec.unit);
+  return fmt::format("{:.3g} if {} were {} more", condition.value, spec.field, more);
+}
+
 std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignRecord::Validation::Channel>& channels,
                             const std::vector<int>& off) {
   const ParameterSpec& spec = suspect.spec;

@@ -1,5 +1,5 @@
 #pragma once
-/// A suspect in words, the same on the terminal, in design.json and on the report.
+/// A suspect and a condition in words, the same on the terminal, in design.json and on the report.
 
 #include <string>
 #include <vector>
@@ -16,5 +16,8 @@ std::string ParameterLine(const ParameterSpec& spec);
 /// @param off       those in which more is left than the sensors explain, the farthest off first; the first is told of
 std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignRecord::Validation::Channel>& channels,
                             const std::vector<int>& off);
+
+/// "1.37 if actuator/*/gear[0] were 10 % more": the value of a parameter, were something else not as in the model.
+std::string ConditionSentence(const Condition& condition);
 
 }  // namespace oted

@@ -18,6 +18,7 @@
 #include "oted/run/run_inputs.h"
 #include "oted/run/sensor_noise_of.h"
 #include "oted/run/verdict_sentence.h"
+#include "oted/run/verify.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
 #include "oted/stages/design/replay/replay_fit.h"
 
@@ -118,6 +119,7 @@ std::vector<std::string> Doubts(const Dataset& logs, const SimulatorSpec& spec,
 }  // namespace
 
 ValidationResult Validate(const ValidationRequest& request, const RunContext& context) {
+  CheckRecords(request.run);
   FinishedDesign design = ReadDesign(request.run);
   RunConfig& config = design.config;
   config.task.Resolve();

@@ -12,6 +12,7 @@
 #include "oted/base/files.h"
 #include "oted/base/seal.h"
 #include "oted/data/npz.h"
+#include "oted/run/finished_design.h"
 #include "oted/run/run_lock.h"
 
 namespace oted {
@@ -39,7 +40,8 @@ bool AlwaysHasSeal(const fs::path& path) {
 
 class Verifier {
  public:
-  explicit Verifier(fs::path root) : root_(std::move(root)) {}
+  /// @param records_alone  whether the files that records speak for are left out
+  Verifier(fs::path root, bool records_alone) : root_(std::move(root)), records_alone_(records_alone) {}
 
   Verification Run() {
     for (const auto& entry : fs::recursive_directory_iterator(root_)) {
@@ -55,14 +57,14 @@ class Verifier {
         Set(path, FileState::kLeftOver, "of a program that died; the next command on this directory removes it");
       } else if (files_.at(path).state == FileState::kDamaged) {
         continue;
-      } else if (path.extension() == ".json") {
+      } else if (path.extension() == ".json" && !(records_alone_ && IsWrittenAgain(path))) {
         Guarded(path, [&, &file = path] { CheckRecord(file); });
       } else if (path == root_ / "run.toml") {
         Guarded(path, [&, &file = path] {
           ReadSealedText(file, "an edited file is run with CONFIG, its name");
           Set(file, FileState::kWhole);
         });
-      } else if (path.filename() == "checkpoint.npz") {
+      } else if (path.filename() == "checkpoint.npz" && !records_alone_) {
         Guarded(path, [&, &file = path] {
           ReadCheckpoint(file);
           Set(file, FileState::kWhole);
@@ -71,6 +73,7 @@ class Verifier {
     }
     CheckOrigin("dataset.json", "dataset", "of other data");
     CheckOrigin("model/model.json", "model", "of another model");
+    CheckConfig();
     Verification found;
     found.in_use = IsLocked(root_);
     for (const auto& [path, file] : files_) {
@@ -80,6 +83,11 @@ class Verifier {
   }
 
  private:
+  /// Exports and the report.
+  bool IsWrittenAgain(const fs::path& path) const {
+    return path.parent_path() == root_ / "export" || path == root_ / "report.json";
+  }
+
   void Add(const fs::path& path, FileState state) { files_[path] = {path.lexically_relative(root_), state, ""}; }
 
   /// What is worse stays.
@@ -107,6 +115,8 @@ class Verifier {
       return;
     }
     Set(path, FileState::kWhole);
+    for (const SealedSource& source : SourcesOf(record, path)) CheckSource(path, source.path, source.seal);
+    if (records_alone_) return;
     const std::vector<std::string> damaged = DamagedFiles(record, path);
     for (const auto& [name, unused] : SealedFiles(record, path.string())) {
       const fs::path file = path.parent_path() / name;
@@ -118,12 +128,11 @@ class Verifier {
         Set(file, FileState::kMissing, fmt::format("'{}' names it", path.lexically_relative(root_).string()));
       }
     }
-    for (const SealedSource& source : SourcesOf(record, path)) CheckSource(path, source.path, source.seal);
   }
 
   void CheckSource(const fs::path& record, const fs::path& source, const std::string& seal) {
     if (!fs::exists(source)) {
-      return Set(source, FileState::kMissing, fmt::format("'{}' was made from it", Relative(record)));
+      return Set(source, FileState::kMissing, fmt::format("it was the source of '{}'", Relative(record)));
     }
     json from;
     try {
@@ -150,9 +159,29 @@ class Verifier {
     });
   }
 
+  /// A run.toml that is whole may be another run's. Where there is a design, what it was made from is kept beside it.
+  void CheckConfig() {
+    const fs::path design = root_ / "design.json", config = root_ / "run.toml";
+    const auto is_whole = [&](const fs::path& file) {
+      const auto found = files_.find(file);
+      return found != files_.end() && found->second.state == FileState::kWhole;
+    };
+    if (!is_whole(design)) return;
+    for (const char* name : {"run.toml", "dataset.json"}) {
+      if (!files_.contains(root_ / name)) Set(root_ / name, FileState::kMissing, "the design tells of it");
+    }
+    if (!is_whole(config)) return;
+    Guarded(config, [&] {
+      const bool has_model = ReadDesign(root_).config.task.has_model();
+      const fs::path model = root_ / "model" / "model.json";
+      if (has_model && !files_.contains(model)) Set(model, FileState::kMissing, "the design tells of it");
+    });
+  }
+
   std::string Relative(const fs::path& path) const { return path.lexically_relative(root_).string(); }
 
   fs::path root_;
+  bool records_alone_;
   std::map<fs::path, VerifiedFile> files_;
 };
 
@@ -164,13 +193,35 @@ bool Verification::is_whole() const {
   });
 }
 
-Verification VerifyRun(const fs::path& run_directory) {
+namespace {
+
+fs::path RootOf(const fs::path& run_directory) {
   const fs::path root = run_directory.lexically_normal();
-  if (!fs::exists(root / "run.toml")) {
+  return root.has_filename() ? root : root.parent_path();
+}
+
+}  // namespace
+
+Verification VerifyRun(const fs::path& run_directory) {
+  const fs::path root = RootOf(run_directory);
+  if (!fs::exists(root / "run.toml") && !fs::exists(root / "design.json")) {
     throw UsageError(
         fmt::format("'{}' holds no run.toml; name the folder that was given as --out", run_directory.string()));
   }
-  return Verifier(root.has_filename() ? root : root.parent_path()).Run();
+  return Verifier(root, false).Run();
+}
+
+void CheckRecords(const fs::path& run_directory) {
+  const fs::path root = RootOf(run_directory);
+  if (!fs::is_directory(root)) return;  // for the caller to tell
+  for (const VerifiedFile& file : Verifier(root, true).Run().files) {
+    const bool is_record = file.path.extension() == ".json" || file.path == "run.toml";
+    if (!is_record || (file.state != FileState::kDamaged && file.state != FileState::kMissing)) continue;
+    if (file.note.starts_with("'")) throw DataError(file.note);  // an error of its own
+    throw DataError(fmt::format("'{}' is {}: {}; restore it ('oted verify {}' names all that are not whole)",
+                                (root / file.path).string(), file.state == FileState::kDamaged ? "damaged" : "missing",
+                                file.note, root.string()));
+  }
 }
 
 }  // namespace oted

@@ -7,7 +7,9 @@ Screenshots of every combination are left in SCREENSHOT_FOLDER. Without Chromium
 
 import functools
 import io
+import hashlib
 import json
+import re
 import pathlib
 import shutil
 import subprocess
@@ -165,26 +167,46 @@ def tiny_run():
     return out
 
 
+def read_record(path):
+    """Its numbers stay as they are written: the seal is of their digits."""
+    return json.loads(path.read_text(), parse_float=lambda digits: "@number " + digits)
+
+
+def write_sealed(path, record):
+    """As the program does: an edit is refused otherwise."""
+    def text(of):
+        compact = json.dumps(of, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        return re.sub(r'"@number ([^"]*)"', r"\1", compact)
+
+    record.pop("seal", None)
+    path.write_text(text({**record, "seal": hashlib.sha256(text(record).encode()).hexdigest()}))
+
+
 def stretch(out):
     """Names and numbers of a run that are as long as they get."""
     path = out / "design.json"
-    design = json.loads(path.read_text())
-    del design["seal"]  # an edit is refused otherwise
+    design = read_record(path)
+    del design["inputs"]  # other names are other inputs
     design["warnings"] = ["parameter 'rear_left_knee_joint_damping_and_more' " + "changes_nothing_that_is_seen" * 8]
+    names = {p["name"]: "rear_left_knee_joint_damping_of_" + p["name"] for p in design["parameters"]}
     for parameter in design["parameters"]:
-        parameter.update(name="rear_left_knee_joint_damping_of_" + parameter["name"], unit="N s/m or N m s/rad",
-                         mode=-123456.789, std=4321.5, verdict="not_identified", interval90=[-987654.3, 987654.3],
-                         bounds=[-1e6, 1e6], nominal=-123456)
-    n = len(design["parameters"])
-    design["correlation"] = [[1 if i == j else -0.5 for j in range(n)] for i in range(n)]
+        parameter.update(name=names[parameter["name"]], unit="N s/m or N m s/rad", mode=-123456.789, std=4321.5,
+                         verdict="not_identified", interval90=[-987654.3, 987654.3], bounds=[-1e6, 1e6], nominal=-123456)
+    for member in design["mixture"]:
+        member["mode"] = [-123456.789] * len(names)
+    design["correlation"] = [[1 if i == j else -0.5 for j in range(len(names))] for i in range(len(names))]
     design["settings"][0]["name"] = "a_setting_with_a_name_that_goes_on_and_on_for_ever"
     design["verdict"] = "outside_family"
-    path.write_text(json.dumps(design))
+    write_sealed(path, design)
     for made in out.rglob("*.json"):  # so is what was made from another design
-        record = json.loads(made.read_text())
+        record = read_record(made)
         if record.pop("made_from", None) is not None:
-            record.pop("seal", None)
-            made.write_text(json.dumps(record))
+            write_sealed(made, record)
+    head, text = (out / "run.toml").read_text().split("\n", 1)
+    for name, long_name in names.items():
+        text = text.replace(f"\n{name} = ", f"\n{long_name} = ")
+    old = re.search("[0-9a-f]{64}", head).group()
+    (out / "run.toml").write_text(head.replace(old, hashlib.sha256(text.encode()).hexdigest()) + "\n" + text)
     done = subprocess.run([OTED, "report", "--out", out], capture_output=True, text=True, timeout=60)
     assert done.returncode in (0, 4), done.stderr
 

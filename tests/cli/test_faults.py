@@ -4,6 +4,7 @@
 """
 
 import gzip
+import hashlib
 import importlib.metadata
 import io
 import json
@@ -22,6 +23,7 @@ import zipfile
 import numpy as np
 
 import program
+import re
 from program import DATA_OR_MODEL, FRICTION, GRAVITY, INTERRUPTED, NO_SIMULATOR, TINY, USAGE, ProgramTest, oted, sets
 
 LIBRARY = None
@@ -43,6 +45,12 @@ def flip(path, at=None):
     content = bytearray(path.read_bytes())
     content[len(content) // 2 if at is None else at] ^= 0x10
     path.write_bytes(content)
+
+
+def write_sealed(path, record):
+    """As the program does, of a record without fractions."""
+    text = json.dumps(record, sort_keys=True, separators=(",", ":"))
+    path.write_text(json.dumps({**record, "seal": hashlib.sha256(text.encode()).hexdigest()}))
 
 
 class RunTest(ProgramTest):
@@ -206,12 +214,44 @@ class TestDamage(RunTest):
         self.assertIn(result.returncode, (0, NO_SIMULATOR), result.stderr)
         self.assertAsFinished()
 
+    def assertNotReadAlone(self, *needles):
+        """What reads the run without making it refuses it, and names the file."""
+        for command in (["report", self.out], ["export", self.out], ["validate", self.out, "--data", self.demos]):
+            self.assertOneLine(oted(*command), DATA_OR_MODEL, *needles)
+        self.assertEqual(oted("verify", self.out).returncode, DATA_OR_MODEL)
+
+    def test_a_record_without_its_seal_is_read_by_nothing(self):
+        for name in ("design.json", "design/default/1/q.json", "evaluation.json", "agents/1/agent.json"):
+            path = self.out / name
+            whole = path.read_text()
+            record = json.loads(whole)
+            del record["seal"]
+            path.write_text(json.dumps(record))
+            self.assertNotReadAlone(name, "no seal")
+            path.write_text(whole)
+
+    def test_a_run_toml_of_another_run_is_noticed(self):
+        head, text = (self.out / "run.toml").read_text().split("\n", 1)
+        for old, new in (("seed = 1 ", "seed = 2 "), ("range = [0.2,", "range = [0.3,"), ('episodes = "all"', "episodes = 1")):
+            self.assertIn(old, text)
+            other = text.replace(old, new, 1)
+            new_head = re.sub("[0-9a-f]{64}", hashlib.sha256(other.encode()).hexdigest(), head)
+            (self.out / "run.toml").write_text(new_head + "\n" + other)
+            self.assertNotReadAlone("run.toml", "another task, seed")
+
+    def test_what_a_design_tells_of_is_missed(self):
+        for name in ("run.toml", "dataset.json"):
+            whole = (self.out / name).read_bytes()
+            (self.out / name).unlink()
+            self.assertNotReadAlone(name, "missing")
+            (self.out / name).write_bytes(whole)
+
     def test_the_report_shows_no_file_from_elsewhere(self):
         (self.folder / "secret").write_text("a secret")
         folder = self.out / "motion"
         folder.mkdir(exist_ok=True)
         for name in ("/etc/passwd", "../../secret", "..", ""):
-            (folder / "motion.json").write_text(json.dumps({"schema": "oted.motion/1", "panels": [{"name": "logged", "file": name}]}))
+            write_sealed(folder / "motion.json", {"schema": "oted.motion/1", "panels": [{"name": "logged", "file": name}]})
             self.assertOneLine(oted("report", self.out), DATA_OR_MODEL, "motion.json")
 
     def test_a_record_nested_without_end_is_refused(self):

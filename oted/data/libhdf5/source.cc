@@ -128,7 +128,9 @@ std::vector<int64_t> Hdf5Source::Shape(const std::string& name) const {
   hsize_t dims[H5S_MAX_RANK] = {};
   const int rank = H5Sget_simple_extent_dims(space.id(), dims, nullptr);
   if (rank < 1) Fail(name, "has no readable shape", kDamaged);
-  unsigned __int128 exact = H5Tget_size(type.id());
+  const size_t bytes_of_a_number = H5Tget_size(type.id());
+  if (bytes_of_a_number == 0) Fail(name, "holds numbers of no size", kDamaged);
+  unsigned __int128 exact = bytes_of_a_number;
   std::vector<int64_t> shape;
   for (int i = 0; i < rank; ++i) {
     exact = std::min<unsigned __int128>(exact * dims[i], kMaxFieldBytes + 1);
@@ -138,7 +140,7 @@ std::vector<int64_t> Hdf5Source::Shape(const std::string& name) const {
   const uint64_t bytes = static_cast<uint64_t>(exact);
   if (bytes > kMaxFieldBytes) Fail(name, "claims more than 64 GiB", kDamaged);
   CheckStorage(name, array, bytes);
-  if (asked_for_.insert(name).second) claimed_ += bytes / H5Tget_size(type.id()) * sizeof(double);
+  if (asked_for_.insert(name).second) claimed_ += bytes / bytes_of_a_number * sizeof(double);
   if (claimed_ > Hdf5Budget(file_bytes_)) {
     Fail(name, fmt::format("brings the file's numbers to {} bytes, from {} on the disk", claimed_, file_bytes_),
          "if that is true, write it again with less compression");

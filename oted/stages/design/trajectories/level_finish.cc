@@ -99,20 +99,21 @@ LevelFit::LastStep LevelFit::TakeLastStep() {
 }
 
 std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, const std::vector<double>& nominal,
-                                                  const std::vector<double>& moved, double step) const {
+                                                  const std::vector<double>& moved, const VectorXd& steps) const {
   const Differences secants = Secants();
   std::vector<double> z = ToZ(space_, x_);
-  const auto n_x = x_.size(), n_more = static_cast<Eigen::Index>(nominal.size());
+  const auto n_x = x_.size();
   std::vector<std::vector<double>> perturbed = Perturbed(secants.x);
   for (std::vector<double>& lane : perturbed) lane.insert(lane.end(), nominal.begin(), nominal.end());
   z.insert(z.end(), nominal.begin(), nominal.end());
-  VectorXd steps = VectorXd::Constant(n_x + n_more, step);
-  steps.head(n_x) = secants.x;
+  VectorXd all_steps(n_x + steps.size());
+  all_steps << secants.x, steps;
   for (size_t k = 0; k < moved.size(); ++k) {
     perturbed.push_back(z);
     perturbed.back()[static_cast<size_t>(n_x) + k] = moved[k];
   }
-  return Evidence(wider.Linearize(level_.windows, level_.starts, z, perturbed, steps, secants.starts), steps.size());
+  return Evidence(wider.Linearize(level_.windows, level_.starts, z, perturbed, all_steps, secants.starts),
+                  all_steps.size());
 }
 
 }  // namespace oted

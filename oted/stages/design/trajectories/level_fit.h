@@ -86,9 +86,9 @@ class LevelFit {
   /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x. By the
   /// secants of Finish, and by one step of each of these.
   /// @param nominal, moved  their z before the step, and after it
-  /// @param step            what the step is called: the unit of what is told of them
+  /// @param steps           what each step is called: the unit of what is told of them
   std::vector<StretchEvidence> EvidenceIn(WindowReplayer& wider, const std::vector<double>& nominal,
-                                          const std::vector<double>& moved, double step) const;
+                                          const std::vector<double>& moved, const Eigen::VectorXd& steps) const;
   /// Share of windows that noise alone explains, after FinalCost.
   double ShareExplained() const;
   /// Share of windows of which no reading is farther off than its channel's `tolerance`.

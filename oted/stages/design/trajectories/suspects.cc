@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "oted/stages/design/replay/replay_fit.h"
@@ -15,8 +16,12 @@ using Eigen::VectorXd;
 
 constexpr double kDirected = 2.0;      // standard deviations
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
+constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4;
 constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
-constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
+constexpr double kLargestLog = 2.303;     // a linear model knows nothing of a change tenfold
+constexpr double kOff = 0.1;              // of conditions: of a multiple, of the range of a value
+constexpr double kEndOfInterval = 1.645;  // standard deviations: an end of a 90 % interval
+constexpr size_t kMostConditions = 3;     // of each parameter
 
 /// z where the linear model has moved by `change`.
 double At(const ParameterSpec& spec, double change) {
@@ -31,6 +36,62 @@ std::vector<StretchEvidence> WithOne(const std::vector<StretchEvidence>& all, Ei
   std::vector<StretchEvidence> part;
   for (const StretchEvidence& evidence : all) part.push_back({evidence.information(kept, kept), evidence.score(kept)});
   return part;
+}
+
+using Stretches = std::vector<StretchEvidence>;
+
+/// @param steps  of each of `specs`
+Stretches EvidenceOf(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                     const VectorXd& steps) {
+  std::vector<double> nominal, moved;
+  for (const ParameterSpec& spec : specs) {
+    moved.push_back(At(spec, steps[static_cast<Eigen::Index>(nominal.size())]));
+    nominal.push_back(spec.nominal);
+  }
+  return fit.EvidenceIn(wider, nominal, moved, steps);
+}
+
+Stretches EvidenceOf(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
+  return EvidenceOf(specs, fit, wider, VectorXd::Constant(static_cast<Eigen::Index>(specs.size()), kSuspectStep));
+}
+
+/// The same over steps as short as the logs tell each of them alone: over longer ones effects bend, and what goes with
+/// x would seem to be told from it.
+Stretches EvidenceNearby(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
+  const auto n_more = static_cast<Eigen::Index>(specs.size());
+  VectorXd information = VectorXd::Zero(n_more);
+  for (const StretchEvidence& s : EvidenceOf(specs, fit, wider)) information += s.information.diagonal().tail(n_more);
+  const VectorXd std = information.cwiseMax(1e-12).cwiseSqrt().cwiseInverse();
+  return EvidenceOf(specs, fit, wider, (kStepOfStd * std).cwiseMax(kShortestStep).cwiseMin(kSuspectStep));
+}
+
+/// What the logs say of x and one further parameter, which is at its nominal value; none where nothing depends on it.
+class WithEachAlone {
+ public:
+  WithEachAlone(Stretches evidence, const VectorXd& x, const Prior& prior)
+      : evidence_(std::move(evidence)), n_x_(x.size()), x_(n_x_ + 1), prior_(WithUniform(prior)) {
+    x_ << x, 0;
+  }
+
+  std::optional<StretchEstimate> Of(size_t k) const {
+    const auto of_one = WithOne(evidence_, n_x_, static_cast<Eigen::Index>(k));
+    if (std::ranges::all_of(of_one, [&](const auto& s) { return s.information(n_x_, n_x_) == 0; })) return std::nullopt;
+    return EstimateFromStretches(of_one, x_, prior_);
+  }
+
+ private:
+  Stretches evidence_;
+  Eigen::Index n_x_;
+  VectorXd x_;
+  Prior prior_;
+};
+
+/// How far a parameter moved: logarithm of a multiple, or share of its range, in halves of what is noticeable.
+double MovedBy(const ParameterSpec& spec, double from, double to) {
+  if (spec.scale == ParameterScale::kNominal || spec.logarithmic) {
+    return std::abs(std::log(to / from)) / (0.5 * kNoticeableLog);
+  }
+  return std::abs(to - from) / (0.5 * kNoticeableShare * (spec.high - spec.low));
 }
 
 }  // namespace
@@ -52,25 +113,16 @@ bool IsNoticeable(const ParameterSpec& spec, double z) {
 
 SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                             const Prior& prior) {
-  std::vector<double> nominal, moved;
-  for (const ParameterSpec& spec : specs) {
-    nominal.push_back(spec.nominal);
-    moved.push_back(At(spec, kSuspectStep));
-  }
-  const auto evidence = fit.EvidenceIn(wider, nominal, moved, kSuspectStep);
+  const WithEachAlone with(EvidenceOf(specs, fit, wider), fit.x(), prior);
   const auto n_x = fit.x().size();
-  VectorXd x = VectorXd::Zero(n_x + 1);
-  x.head(n_x) = fit.x();
-  const Prior with_one = WithUniform(prior);
   SuspectScores scores;
   std::vector<std::pair<double, Suspect>> scored;
   for (size_t k = 0; k < specs.size(); ++k) {
-    const auto of_one = WithOne(evidence, n_x, static_cast<Eigen::Index>(k));
-    if (std::ranges::all_of(of_one, [&](const StretchEvidence& s) { return s.information(n_x, n_x) == 0; })) continue;
-    const StretchEstimate estimate = EstimateFromStretches(of_one, x, with_one);
-    const double change = estimate.step[n_x], std = std::sqrt(estimate.covariance(n_x, n_x));
+    const std::optional<StretchEstimate> estimate = with.Of(k);
+    if (!estimate) continue;
+    const double change = estimate->step[n_x], std = std::sqrt(estimate->covariance(n_x, n_x));
     const double value = At(specs[k], change);
-    if (!(std::abs(change) > kDirected * std) || value == nominal[k]) {
+    if (!(std::abs(change) > kDirected * std) || value == specs[k].nominal) {
       scores.undirected.push_back(specs[k]);
       continue;
     }
@@ -79,6 +131,36 @@ SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const Level
   std::ranges::stable_sort(scored, [](const auto& a, const auto& b) { return a.first > b.first; });
   for (auto& [unused, suspect] : scored) scores.directed.push_back(std::move(suspect));
   return scores;
+}
+
+std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit,
+                                      WindowReplayer& wider, const Prior& prior, const ParameterSpace& space) {
+  const WithEachAlone with(EvidenceNearby(specs, fit, wider), fit.x(), prior);
+  const auto n_x = fit.x().size();
+  const std::vector<double> z = ToZ(space, fit.x());
+  std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
+  for (size_t k = 0; k < specs.size(); ++k) {
+    const std::optional<StretchEstimate> estimate = with.Of(k);
+    if (!estimate) continue;
+    const MatrixXd& covariance = estimate->covariance;
+    const double reach = std::abs(estimate->step[n_x]) + kEndOfInterval * std::sqrt(covariance(n_x, n_x));
+    const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
+    if (reach < off) continue;  // the logs themselves say that it is as in the model
+    // Where it is held a tenth off, x is expected where the two go together.
+    const VectorXd x = fit.x() + covariance.col(n_x).head(n_x) / covariance(n_x, n_x) * off;
+    const std::vector<double> moved = ToZ(space, x);
+    for (size_t i = 0; i < z.size(); ++i) {
+      const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
+      if (by > 1) of_each[i].emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
+    }
+  }
+  std::vector<Condition> conditions;
+  for (auto& of : of_each) {
+    std::ranges::stable_sort(of, [](const auto& a, const auto& b) { return a.first > b.first; });
+    of.resize(std::min(of.size(), kMostConditions));
+    for (auto& [unused, condition] : of) conditions.push_back(std::move(condition));
+  }
+  return conditions;
 }
 
 }  // namespace oted

@@ -1,5 +1,6 @@
 #pragma once
-/// What the simulator may have wrong beside the parameters that are searched: a first look. Not in the paper.
+/// What the simulator may have wrong beside the parameters that are searched: a first look, and what their values rest
+/// on. Not in the paper.
 
 #include <vector>
 
@@ -29,5 +30,13 @@ struct SuspectScores {
 /// @param prior  of x
 SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                             const Prior& prior);
+
+/// What the parameters' values rest on. Each of `specs` is taken alone, a tenth off (of its value, or of its range
+/// where it is no multiple), and x follows as the logs ask it to. Told are those that the logs do not show to be
+/// nominal within that tenth, and that move a parameter by more than a twentieth (a hundredth of its range where it is
+/// no multiple); of each parameter the three that move it most.
+/// @param space  of x; the rest as ScoreSuspects
+std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit,
+                                      WindowReplayer& wider, const Prior& prior, const ParameterSpace& space);
 
 }  // namespace oted

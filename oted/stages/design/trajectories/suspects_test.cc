@@ -16,15 +16,18 @@ namespace oted::suspects_test {
 
 constexpr double kDamping = 0.5, kIdle = 0.5;  // of the model
 
-/// The point mass with its gain alone as a parameter; behind it, where there is more, multiples of its damping and
-/// idle.
+/// The point mass with its gain alone as a parameter; behind it, where there is more, multiples of its damping, of its
+/// idle, or of the gain once more (a gear, that is).
 class GainOfPointMass : public PointMass {
  public:
   GainOfPointMass(std::vector<ParameterSpec> more, int n_lanes, int n_threads)
       : PointMass(PointMassOptions{}, n_lanes, n_threads), more_(std::move(more)) {}
   void SetParameters(int lane, std::span<const double> z) override {
     std::vector<double> all = {z[0], kDamping, kIdle};
-    for (size_t k = 0; k < more_.size(); ++k) all[more_[k].field == "env/damping" ? 1 : 2] *= z[k + 1];
+    for (size_t k = 0; k < more_.size(); ++k) {
+      const std::string& field = more_[k].field;
+      all[field == "env/gear" ? 0 : field == "env/damping" ? 1 : 2] *= z[k + 1];
+    }
     PointMass::SetParameters(lane, all);
   }
 
@@ -34,7 +37,9 @@ class GainOfPointMass : public PointMass {
 
 class GainFactory : public PointMassFactory {
  public:
-  explicit GainFactory(const std::vector<ParameterSpec>& more = {}) : more_(more) {
+  explicit GainFactory(const std::vector<std::string>& suspects = {"damping", "idle"},
+                       const std::vector<ParameterSpec>& more = {})
+      : suspects_(suspects), more_(more) {
     std::vector<ParameterSpec> specs = {PointMass::MakeParameters()[0]};
     specs.insert(specs.end(), more.begin(), more.end());
     parameters_ = ParameterSpace(specs);
@@ -44,13 +49,16 @@ class GainFactory : public PointMassFactory {
     return std::make_unique<GainOfPointMass>(more_, n_lanes, n_threads);
   }
   std::vector<ParameterSpec> Suspects() const override {
-    return {{.name = "damping", .field = "env/damping"}, {.name = "idle", .field = "env/idle"}};
+    std::vector<ParameterSpec> specs;
+    for (const std::string& name : suspects_) specs.push_back({.name = name, .field = "env/" + name});
+    return specs;
   }
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override {
-    return std::make_unique<GainFactory>(more);
+    return std::make_unique<GainFactory>(suspects_, more);
   }
 
  private:
+  std::vector<std::string> suspects_;
   std::vector<ParameterSpec> more_;
   ParameterSpace parameters_;
 };
@@ -108,6 +116,30 @@ TEST(TrySuspects, AsksOnlyWhatTheLogsDependOn) {
   std::set<std::string> asked;
   SuspectsOf(1.0, 1, &asked);
   EXPECT_EQ(asked, std::set<std::string>{"damping"}) << "none is favoured, so that all are asked";
+}
+
+std::vector<Condition> ConditionsOf(const std::vector<std::string>& suspects) {
+  const Dataset logs = WithSensorNoise(PointMassLogs({1.3, kDamping, kIdle}, 20), 0.002, RngKey(1));
+  NullSink log;
+  const RunContext context{.log = &log, .n_threads = 1};
+  const GainFactory factory(suspects);
+  const Prior prior = Prior::Uniform(1);
+  return MatchTrajectories({factory, logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
+                           {.rows = 400, .starts = 2, .coarse = 16})
+      .evidence->conditions;
+}
+
+TEST(FindConditions, NamesWhatTheLogsDoNotTellFromTheParameterAndWhereItWouldBe) {
+  const std::vector<Condition> conditions = ConditionsOf({"gear", "damping", "idle"});
+  ASSERT_EQ(conditions.size(), 1);
+  EXPECT_EQ(conditions[0].parameter, 0);
+  EXPECT_EQ(conditions[0].spec.field, "env/gear");
+  EXPECT_NEAR(conditions[0].off, 1.1, 1e-9);
+  EXPECT_NEAR(conditions[0].value, 1.3 / 1.1, 0.01) << "gain and gear act as a product";
+}
+
+TEST(FindConditions, NamesNothingThatTheLogsThemselvesShowToBeAsInTheModel) {
+  EXPECT_TRUE(ConditionsOf({"damping", "idle"}).empty()) << "the damping is told to less than a tenth";
 }
 
 }  // namespace oted::suspects_test

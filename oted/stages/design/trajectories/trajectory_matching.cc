@@ -15,6 +15,7 @@
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
 #include "oted/stages/design/trajectories/short_windows.h"
+#include "oted/stages/design/trajectories/suspects.h"
 
 namespace oted {
 namespace {
@@ -85,7 +86,10 @@ class TrajectoryMatch {
     if (problem_.judged && !AllLearn() && !of_part_) of_part_ = FitToPart();
     const bool explained = explains_all && !IsLong();
     const MatrixXd covariance = explained ? fit().Finish() : fit().CovarianceOfParts() + SpreadOfAsGood();
-    if (problem_.judged) evidence_.unseen = FitUnseen();
+    if (problem_.judged) {
+      evidence_.unseen = FitUnseen();
+      evidence_.conditions = ConditionsOfFit();
+    }
     steps_.Finish(fit().x());
     return {.mean = fit().x(), .covariance = WithinRange(problem_.prior, fit().x(), covariance), .evidence = evidence_};
   }
@@ -159,6 +163,15 @@ class TrajectoryMatch {
     const MatrixXd covariance = times_fewer * fit().CovarianceOfNoise();
     unseen.covariance.assign(covariance.data(), covariance.data() + covariance.size());
     return unseen;
+  }
+
+  std::vector<Condition> ConditionsOfFit() {
+    const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
+    const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
+    if (wide == nullptr) return {};
+    WindowReplayer wider =
+        MakeReplayer(*wide, wide->parameters().size(), problem_.dataset, readings(), problem_.context.n_threads);
+    return FindConditions(specs, fit(), wider, problem_.prior, space_);
   }
 
   /// Whether nothing could be kept aside.
