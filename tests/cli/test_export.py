@@ -168,7 +168,7 @@ class TestModel(ExportTest):
         self.assertOneLine(program.oted("export", run), program.DATA_OR_MODEL, "design.json", "'gravity'")
         (run / "run.toml").write_text(text)
         (run / "design.json").write_text('{"schema": "oted.design/1"}')
-        self.assertOneLine(program.oted("export", run), program.DATA_OR_MODEL, "design.json", "oted design")
+        self.assertOneLine(program.oted("export", run), program.DATA_OR_MODEL, "design.json", "no seal")
 
 
 class TestQ(ExportTest):
