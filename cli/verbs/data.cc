@@ -50,6 +50,15 @@ Dataset ReadChosen(const RunConfig& config, const std::string& episodes) {
   return all.Select(ChooseEpisodes(all, episodes));
 }
 
+/// What every other command refuses is told.
+void WarnOfDefects(const Dataset& dataset) {
+  try {
+    dataset.Check();
+  } catch (const DataError& e) {
+    Say(fmt::format("warning: {}\n", e.what()));
+  }
+}
+
 /// Null without a task.
 std::unique_ptr<SimulatorFactory> FactoryOf(const RunConfig& config, const Dataset& dataset) {
   if (config.task.name.empty()) return nullptr;
@@ -82,6 +91,7 @@ void AddInfo(CLI::App& data) {
   verb->callback([options] {
     const RunConfig config = StudyOf(*options);
     const Dataset dataset = ReadChosen(config, options->episodes);
+    WarnOfDefects(dataset);
     const auto factory = FactoryOf(config, dataset);
     const SimulatorSpec* spec = factory ? &factory->spec() : nullptr;
     if (spec != nullptr) dataset.CheckFits(spec->task, spec->obs_dim(), spec->act_dim);

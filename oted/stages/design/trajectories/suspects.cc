@@ -55,14 +55,14 @@ Stretches EvidenceOf(const std::vector<ParameterSpec>& specs, const LevelFit& fi
   return EvidenceOf(specs, fit, wider, VectorXd::Constant(static_cast<Eigen::Index>(specs.size()), kSuspectStep));
 }
 
-/// The same over steps as short as the logs tell each of them alone: over longer ones effects bend, and what goes with
-/// x would seem to be told from it.
-Stretches EvidenceNearby(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
+/// Steps as short as the logs tell each of them alone: over longer ones effects bend, and what goes with x would seem
+/// to be told from it.
+VectorXd NearbySteps(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
   const auto n_more = static_cast<Eigen::Index>(specs.size());
   VectorXd information = VectorXd::Zero(n_more);
   for (const StretchEvidence& s : EvidenceOf(specs, fit, wider)) information += s.information.diagonal().tail(n_more);
   const VectorXd std = information.cwiseMax(1e-12).cwiseSqrt().cwiseInverse();
-  return EvidenceOf(specs, fit, wider, (kStepOfStd * std).cwiseMax(kShortestStep).cwiseMin(kSuspectStep));
+  return (kStepOfStd * std).cwiseMax(kShortestStep).cwiseMin(kSuspectStep);
 }
 
 /// What the logs say of x and one further parameter, which is at its nominal value; none where nothing depends on it.
@@ -77,6 +77,26 @@ class WithEachAlone {
     const auto of_one = WithOne(evidence_, n_x_, static_cast<Eigen::Index>(k));
     if (std::ranges::all_of(of_one, [&](const auto& s) { return s.information(n_x_, n_x_) == 0; })) return std::nullopt;
     return EstimateFromStretches(of_one, x_, prior_);
+  }
+
+  /// How x follows the further parameter, by a linear model, and what its effect has that no change of x has: the
+  /// square of the sine of the angle between them.
+  struct Following {
+    VectorXd x_per_unit;
+    double square_of_sine = 0;
+  };
+  Following FollowingOf(size_t k) const {
+    const auto at = n_x_ + static_cast<Eigen::Index>(k);
+    MatrixXd of_x = prior_.precision.topLeftCorner(n_x_, n_x_);
+    VectorXd with_x = VectorXd::Zero(n_x_);
+    double alone = 0;
+    for (const StretchEvidence& s : evidence_) {
+      of_x += s.information.topLeftCorner(n_x_, n_x_);
+      with_x += s.information.col(at).head(n_x_);
+      alone += s.information(at, at);
+    }
+    const VectorXd follows = of_x.ldlt().solve(with_x);
+    return {-follows, 1 - with_x.dot(follows) / alone};
   }
 
  private:
@@ -135,19 +155,21 @@ SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const Level
 
 std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit,
                                       WindowReplayer& wider, const Prior& prior, const ParameterSpace& space) {
-  const WithEachAlone with(EvidenceNearby(specs, fit, wider), fit.x(), prior);
+  const VectorXd steps = NearbySteps(specs, fit, wider);
+  const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior);
   const auto n_x = fit.x().size();
   const std::vector<double> z = ToZ(space, fit.x());
   std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
-    const MatrixXd& covariance = estimate->covariance;
-    const double reach = std::abs(estimate->step[n_x]) + kEndOfInterval * std::sqrt(covariance(n_x, n_x));
     const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
-    if (reach < off) continue;  // the logs themselves say that it is as in the model
-    // Where it is held a tenth off, x is expected where the two go together.
-    const VectorXd x = fit.x() + covariance.col(n_x).head(n_x) / covariance(n_x, n_x) * off;
+    const double reach = std::abs(estimate->step[n_x]) + kEndOfInterval * std::sqrt(estimate->covariance(n_x, n_x));
+    const WithEachAlone::Following following = with.FollowingOf(k);
+    // By such a step an effect bends by half of it: a smaller angle to the effects of x is none.
+    const double bend = 2 * steps[static_cast<Eigen::Index>(k)];
+    if (following.square_of_sine > bend * bend && reach < off) continue;  // the logs say that it is as in the model
+    const VectorXd x = fit.x() + off * following.x_per_unit;
     const std::vector<double> moved = ToZ(space, x);
     for (size_t i = 0; i < z.size(); ++i) {
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
