@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 
 constexpr double kDirected = 2.0;      // standard deviations
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
-constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4;
+constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
 constexpr double kLargestLog = 2.303;     // a linear model knows nothing of a change tenfold
 constexpr double kOff = 0.1;              // of conditions: of a multiple, of the range of a value
@@ -166,8 +166,8 @@ std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, c
     const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
     const double reach = std::abs(estimate->step[n_x]) + kEndOfInterval * std::sqrt(estimate->covariance(n_x, n_x));
     const WithEachAlone::Following following = with.FollowingOf(k);
-    // By such a step an effect bends by half of it: a smaller angle to the effects of x is none.
-    const double bend = 2 * steps[static_cast<Eigen::Index>(k)];
+    // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.
+    const double bend = std::max(2 * steps[static_cast<Eigen::Index>(k)], kSmallestSine);
     if (following.square_of_sine > bend * bend && reach < off) continue;  // the logs say that it is as in the model
     const VectorXd x = fit.x() + off * following.x_per_unit;
     const std::vector<double> moved = ToZ(space, x);
