@@ -213,7 +213,7 @@ Verification VerifyRun(const fs::path& run_directory) {
 
 void CheckRecords(const fs::path& run_directory) {
   const fs::path root = RootOf(run_directory);
-  if (!fs::is_directory(root)) return;  // for the caller to tell
+  if (!fs::exists(root / "design.json")) return;  // for the caller to tell
   for (const VerifiedFile& file : Verifier(root, true).Run().files) {
     const bool is_record = file.path.extension() == ".json" || file.path == "run.toml";
     if (!is_record || (file.state != FileState::kDamaged && file.state != FileState::kMissing)) continue;

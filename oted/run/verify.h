@@ -30,8 +30,8 @@ struct Verification {
 /// Reads every file of the run and changes none. @throws UsageError unless it is a run directory
 Verification VerifyRun(const std::filesystem::path& run_directory);
 
-/// For what reads a run without making it: whether its records and run.toml are as they were written and fit each
-/// other. Their other files are not read. @throws DataError that names the first that is not
+/// For what reads a run that has a design without making it: whether its records and run.toml are as they were written
+/// and fit each other. Their other files are not read. @throws DataError that names the first that is not
 void CheckRecords(const std::filesystem::path& run_directory);
 
 }  // namespace oted
