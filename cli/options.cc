@@ -122,7 +122,7 @@ RunConfig ResolveConfig(const Options& options) {
   if (!options.presets.empty() || !options.parameters.empty() || from_file) config.presets = options.presets;
   if (!options.parameters.empty() || from_file) {
     config.parameters.clear();
-    config.truth.clear();
+    if (!options.truth.empty()) config.truth.clear();  // of parameters that are no longer there
     for (const std::string& text : options.parameters) config.parameters.push_back(ParseParameterSpec(text));
     if (!options.parameter_file.empty()) {
       config.parameter_file = options.parameter_file;

@@ -136,19 +136,21 @@ class Snapshots {
   int64_t step(size_t i) const { return trained_.eval_steps[i]; }
   TanhGaussianPolicy Load(size_t i) const { return TanhGaussianPolicy::Load(SnapshotFile(folder_, step(i))); }
 
-  EvaluatedReturn Judge(const TanhGaussianPolicy& policy) const {
-    const std::vector<EpisodeResult> episodes = RunPolicy(training_.factory, policy,
+  /// Each is judged once.
+  EvaluatedReturn Judge(size_t i) {
+    if (const auto known = judged_.find(i); known != judged_.end()) return known->second;
+    const std::vector<EpisodeResult> episodes = RunPolicy(training_.factory, Load(i),
                                                           {.z = {training_.z},
                                                            .n_episodes = kJudgeEpisodes,
                                                            .key = BehaviorKey(training_).Stage("judge"),
                                                            .n_threads = context_.n_threads});
     context_.ThrowIfStopped();
-    return {MeanReturn(episodes), CountDiverged(episodes) == kJudgeEpisodes};
+    return judged_[i] = {MeanReturn(episodes), CountDiverged(episodes) == kJudgeEpisodes};
   }
 
   /// Of the policy that the training kept, whose return tells of whole episodes where any policy had them, and of those
   /// that a few episodes found as good: the luckiest of many evaluations need not be the best.
-  size_t Best() const {
+  size_t Best() {
     const std::vector<double>& returns = trained_.eval_returns;
     auto best = static_cast<size_t>(std::ranges::find(returns, trained_.eval_return) - returns.begin());
     OTED_CHECK(best < returns.size());
@@ -156,12 +158,8 @@ class Snapshots {
     std::iota(order.begin(), order.end(), size_t{0});
     std::ranges::stable_sort(order, std::greater<>(), [&](size_t i) { return returns[i]; });
     order.resize(std::min(order.size(), kExpertCandidates));
-    EvaluatedReturn of_best = Judge(Load(best));
     for (const size_t i : order) {
-      const EvaluatedReturn of = Judge(Load(i));
-      if (!of.IsBetterThan(of_best)) continue;
-      best = i;
-      of_best = of;
+      if (Judge(i).IsBetterThan(Judge(best))) best = i;
     }
     return best;
   }
@@ -169,17 +167,16 @@ class Snapshots {
   /// Takes the medium policy. It comes on the way up: each until `expert` gets as many episodes as the expert, as the
   /// learning curve's few would misjudge it.
   /// @return their returns
-  std::vector<double> FindMedium(size_t expert, BehaviorPolicies& result) const {
+  std::vector<double> FindMedium(size_t expert, BehaviorPolicies& result) {
     const double third = result.random_return + (result.expert_return - result.random_return) / 3;
     std::vector<double> judged;
     for (size_t i = 0; i <= expert; ++i) {
-      TanhGaussianPolicy policy = Load(i);
-      const double mean_return = Judge(policy).mean_return;
+      const double mean_return = Judge(i).mean_return;
       judged.push_back(mean_return);
       context_.log->Progress("judge", "snapshots", static_cast<int64_t>(i + 1), static_cast<int64_t>(expert + 1), "");
       if (i > 0 && std::abs(mean_return - third) >= std::abs(result.medium_return - third)) continue;
       result.medium_step = step(i);
-      result.medium = std::move(policy);
+      result.medium = Load(i);
       result.medium_return = mean_return;
     }
     result.medium_is_near = std::abs(result.medium_return - third) <= std::abs(result.expert_return - third) / 2;
@@ -191,6 +188,7 @@ class Snapshots {
   const ReplayAgent& trained_;
   std::filesystem::path folder_;
   const RunContext& context_;
+  std::map<size_t, EvaluatedReturn> judged_;
 };
 
 Dataset CheckedLogs(const EpisodeRecorder& recorder) {
@@ -226,12 +224,12 @@ BehaviorPolicies TrainBehaviorPolicies(const BehaviorTraining& training, const s
   };
   const ReplayAgent trained = std::visit(train, training.agent);
 
-  const Snapshots snapshots(training, trained, folder, context);
+  Snapshots snapshots(training, trained, folder, context);
   const size_t expert = snapshots.Best();
   BehaviorPolicies result;
   result.expert_step = snapshots.step(expert);
   result.expert = snapshots.Load(expert);
-  result.expert_return = snapshots.Judge(result.expert).mean_return;
+  result.expert_return = snapshots.Judge(expert).mean_return;
   result.random_return = RandomReturn(factory, z, key.Stage("random"), context.n_threads);
   const std::vector<double> judged = snapshots.FindMedium(expert, result);
   if (!(result.expert_return > result.random_return)) {

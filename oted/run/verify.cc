@@ -90,6 +90,11 @@ class Verifier {
 
   void Add(const fs::path& path, FileState state) { files_[path] = {path.lexically_relative(root_), state, ""}; }
 
+  bool IsWhole(const fs::path& file) const {
+    const auto found = files_.find(file);
+    return found != files_.end() && found->second.state == FileState::kWhole;
+  }
+
   /// What is worse stays.
   void Set(const fs::path& path, FileState state, const std::string& note = "") {
     if (!files_.contains(path)) Add(path, FileState::kMissing);
@@ -147,10 +152,7 @@ class Verifier {
   /// What a run learned from is told twice: by a record of its own, and in design.json. One of another run shows there.
   void CheckOrigin(const char* name, const char* field, const char* other) {
     const fs::path design = root_ / "design.json", record = root_ / name;
-    for (const fs::path& file : {design, record}) {
-      const auto found = files_.find(file);
-      if (found == files_.end() || found->second.state != FileState::kWhole) return;
-    }
+    if (!IsWhole(design) || !IsWhole(record)) return;
     Guarded(record, [&] {
       const json wanted = ReadSealed(design), got = ReadSealed(record);
       const json::json_pointer of_design(fmt::format("/{}/sha256", field)), own("/sha256");
@@ -162,15 +164,11 @@ class Verifier {
   /// A run.toml that is whole may be another run's. Where there is a design, what it was made from is kept beside it.
   void CheckConfig() {
     const fs::path design = root_ / "design.json", config = root_ / "run.toml";
-    const auto is_whole = [&](const fs::path& file) {
-      const auto found = files_.find(file);
-      return found != files_.end() && found->second.state == FileState::kWhole;
-    };
-    if (!is_whole(design)) return;
+    if (!IsWhole(design)) return;
     for (const char* name : {"run.toml", "dataset.json"}) {
       if (!files_.contains(root_ / name)) Set(root_ / name, FileState::kMissing, "the design tells of it");
     }
-    if (!is_whole(config)) return;
+    if (!IsWhole(config)) return;
     Guarded(config, [&] {
       const bool has_model = ReadDesign(root_).config.task.has_model();
       const fs::path model = root_ / "model" / "model.json";

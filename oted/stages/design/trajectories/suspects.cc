@@ -71,6 +71,9 @@ class WithEachAlone {
   WithEachAlone(Stretches evidence, const VectorXd& x, const Prior& prior)
       : evidence_(std::move(evidence)), n_x_(x.size()), x_(n_x_ + 1), prior_(WithUniform(prior)) {
     x_ << x, 0;
+    MatrixXd of_x = prior_.precision.topLeftCorner(n_x_, n_x_);
+    for (const StretchEvidence& s : evidence_) of_x += s.information.topLeftCorner(n_x_, n_x_);
+    of_x_.compute(of_x);
   }
 
   std::optional<StretchEstimate> Of(size_t k) const {
@@ -87,15 +90,13 @@ class WithEachAlone {
   };
   Following FollowingOf(size_t k) const {
     const auto at = n_x_ + static_cast<Eigen::Index>(k);
-    MatrixXd of_x = prior_.precision.topLeftCorner(n_x_, n_x_);
     VectorXd with_x = VectorXd::Zero(n_x_);
     double alone = 0;
     for (const StretchEvidence& s : evidence_) {
-      of_x += s.information.topLeftCorner(n_x_, n_x_);
       with_x += s.information.col(at).head(n_x_);
       alone += s.information(at, at);
     }
-    const VectorXd follows = of_x.ldlt().solve(with_x);
+    const VectorXd follows = of_x_.solve(with_x);
     return {-follows, 1 - with_x.dot(follows) / alone};
   }
 
@@ -104,6 +105,7 @@ class WithEachAlone {
   Eigen::Index n_x_;
   VectorXd x_;
   Prior prior_;
+  Eigen::LDLT<MatrixXd> of_x_;  // the information on x alone
 };
 
 /// How far a parameter moved: logarithm of a multiple, or share of its range, in halves of what is noticeable.
