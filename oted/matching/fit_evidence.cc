@@ -84,13 +84,20 @@ Suspect SuspectFromJson(const json& record) {
 
 json ToJson(const LeftOutInTurn& left_out) {
   json parts = json::array();
-  for (const LeftOutPart& part : left_out.parts) parts.push_back({{"error", part.error}, {"sure", part.sure}});
+  for (const LeftOutPart& part : left_out.parts) {
+    json numbers = json::array();
+    for (const int episode : part.episodes) numbers.push_back(episode + 1);
+    parts.push_back({{"error", part.error}, {"sure", part.sure}, {"episodes", std::move(numbers)}});
+  }
   return {{"recordings", left_out.recordings}, {"parts", std::move(parts)}};
 }
 
 LeftOutInTurn LeftOutFromJson(const json& record) {
   LeftOutInTurn left_out{{}, record.at("recordings")};
-  for (const json& part : record.at("parts")) left_out.parts.push_back({part.at("error"), part.at("sure")});
+  for (const json& part : record.at("parts")) {
+    left_out.parts.push_back({.error = part.at("error"), .sure = part.at("sure")});
+    for (const int number : part.at("episodes")) left_out.parts.back().episodes.push_back(number - 1);
+  }
   return left_out;
 }
 

@@ -59,7 +59,8 @@ struct UnseenFit {
 /// A part of the logs, predicted open loop over half a second by a fit that left it out.
 struct LeftOutPart {
   double error = 1;  ///< geometric mean over channels of the root mean squares, in multiples of the nominal simulator's
-  bool sure = false;  ///< it differs from 1 by more than two standard errors
+  bool sure = false;               ///< it differs from 1 by more than two standard errors
+  std::vector<int> episodes = {};  ///< which ones of the logs it is of, from 0
 };
 
 /// All parts of the logs in turn: what a design may expect of a motion that it has not seen.

@@ -11,7 +11,8 @@ namespace oted {
 /// The episodes that learn and those that judge; two parts of the one where there is one.
 struct HeldOutParts {
   Dataset learn, judge;
-  std::vector<int> recording = {};     ///< of each episode of `learn`: which one it is part of
+  std::vector<int> recording = {};     ///< of each episode of `learn`: which recording it is part of, from 0 upwards
+  std::vector<int> logged_as = {};     ///< of each recording: which episode of all logs it is
   std::vector<int> learned_rows = {};  ///< of each row of `learn`: which one of all logs it is
   int n_whole = 0;  ///< of the judge's episodes, the first ones: recordings of which nothing was learned
 };

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <ranges>
+#include <iterator>
 #include <vector>
 
 #include "oted/base/words.h"
@@ -54,18 +54,34 @@ std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRec
                                               : "not surely better than the nominal one");
 }
 
+/// "number 3" or "numbers 3, 5": the episodes of parts; "3 with 4" of one part.
+std::string NumbersOf(const std::vector<LeftOutPart>& parts) {
+  std::vector<std::string> numbers;
+  for (const LeftOutPart& part : parts) {
+    std::vector<int> from_one;
+    for (const int episode : part.episodes) from_one.push_back(episode + 1);
+    numbers.push_back(fmt::format("{}", fmt::join(from_one, " with ")));
+  }
+  const bool is_one = parts.size() == 1 && parts[0].episodes.size() == 1;
+  return fmt::format("{} {}", is_one ? "number" : "numbers", fmt::join(numbers, ", "));
+}
+
 /// What recordings say that were left out in turn, where one of them is predicted worse than by doing nothing.
 std::string ButLeftOut(const DesignRecord& record) {
   if (!record.fit || !record.fit->left_out || !record.fit->left_out->recordings) return "";
   const std::vector<LeftOutPart>& parts = record.fit->left_out->parts;
-  const auto is_worse = [](const LeftOutPart& part) { return part.sure && part.error > 1; };
-  const auto n_worse = std::ranges::count_if(parts, is_worse);
-  if (n_worse == 0) return "";
-  const double worst = std::ranges::max(parts | std::views::filter(is_worse), {}, &LeftOutPart::error).error;
+  std::vector<LeftOutPart> worse;
+  std::ranges::copy_if(parts, std::back_inserter(worse), [](const auto& p) { return p.sure && p.error > 1; });
+  if (worse.empty()) return "";
+  const double worst = std::ranges::max(worse, {}, &LeftOutPart::error).error;
+  const bool is_one = worse.size() == 1;
+  const bool are_groups = std::ranges::any_of(parts, [](const LeftOutPart& part) { return part.episodes.size() > 1; });
   return fmt::format(
-      "; left out of the fit, {} of {} recordings {} predicted {}{:.0f} % worse than by the nominal simulator: so may "
-      "be a motion unlike these",
-      n_worse, parts.size(), n_worse == 1 ? "is" : "are", n_worse == 1 ? "" : "up to ", 100 * (worst - 1));
+      "; left out of the fit, {} of {} {}recordings ({}) {} predicted {}{:.0f} % worse than by the nominal simulator: "
+      "so "
+      "may be a motion unlike these",
+      worse.size(), parts.size(), are_groups ? "groups of " : "", NumbersOf(worse), is_one ? "is" : "are",
+      is_one ? "" : "up to ", 100 * (worst - 1));
 }
 
 std::string AtBounds(const DesignRecord& record) {

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <memory>
-#include <numeric>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,16 +10,22 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
+#include "oted/matching/held_out.h"
 #include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/testing.h"
 
 namespace oted {
 
-/// HeldOutParts::recording where every episode is a recording.
-inline std::vector<int> EachItsOwn(const Dataset& logs) {
-  std::vector<int> recording(logs.Episodes().size());
-  std::iota(recording.begin(), recording.end(), 0);
-  return recording;
+/// All of the logs learn. @param recording  HeldOutParts::recording; empty: every episode is a recording
+inline HeldOutParts AllLearn(Dataset logs, std::vector<int> recording = {}) {
+  HeldOutParts parts{.learn = std::move(logs), .judge = {}};
+  for (int e = 0; e < static_cast<int>(parts.learn.Episodes().size()); ++e) {
+    if (recording.empty() || e == 0 || recording[static_cast<size_t>(e)] != recording[static_cast<size_t>(e) - 1]) {
+      parts.logged_as.push_back(e);
+    }
+    parts.recording.push_back(recording.empty() ? e : recording[static_cast<size_t>(e)]);
+  }
+  return parts;
 }
 
 /// The point mass between walls at -0.5 and 0.5: beyond one it comes back at half its speed. A replay whose start is

@@ -23,6 +23,7 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
                            : HeldOutParts{.learn = dataset, .judge = {}, .learned_rows = RowsOf(dataset.Episodes())};
   const auto rows = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period_s))); };
   std::vector<Episode> learn, judge;
+  const std::vector<Episode> logged = dataset.Episodes();
   int recording = 0;
   for (const Episode& episode : parts.learn.Episodes()) {
     const int fifth = episode.size() / kBlocksPerJudged;
@@ -38,6 +39,9 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
     }
     if (begin < episode.end) learn.push_back({begin, episode.end, episode.terminated});
     parts.recording.resize(learn.size(), recording++);
+    const int row = parts.learned_rows[static_cast<size_t>(episode.begin)];
+    const auto of = std::ranges::upper_bound(logged, row, {}, &Episode::begin) - 1;
+    parts.logged_as.push_back(static_cast<int>(of - logged.begin()));
   }
   parts.judge.Append(parts.learn.Select(judge));
   parts.learn = parts.learn.Select(learn);

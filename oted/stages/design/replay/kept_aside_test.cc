@@ -62,6 +62,12 @@ TEST(KeepAside, OfManyLongRecordingsOneIsKeptWholeAndOfTheOthersBlocks) {
   EXPECT_EQ(parts.n_whole, 1);
   EXPECT_EQ(parts.recording.size(), parts.learn.Episodes().size());
   EXPECT_EQ(parts.recording.back(), 3) << "four recordings are learned from";
+  // Rows hold their own number.
+  const std::vector<Episode> learned = parts.learn.Episodes();
+  for (size_t e = 0; e < learned.size(); ++e) {
+    const int logged_as = parts.logged_as[static_cast<size_t>(parts.recording[e])];
+    EXPECT_EQ(static_cast<int>(parts.learn.observations(learned[e].begin, 0)) / 100, logged_as);
+  }
   EXPECT_EQ(parts.judge.Episodes().front().size(), 100) << "the whole ones stand first";
   EXPECT_EQ(KeepAside(Logs({300, 300}), kPeriod, RngKey(1)).n_whole, 0) << "of few, each is learned from";
 }

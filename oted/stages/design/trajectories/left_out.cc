@@ -22,22 +22,36 @@ bool AreMany(const std::vector<int>& recording) {
   return !recording.empty() && recording.back() + 1 >= kFewestRecordings;
 }
 
-/// What is left out together, the smallest such: recordings, or pieces of them.
-std::vector<std::vector<Episode>> UnitsOf(const std::vector<Episode>& episodes, const std::vector<int>& recording,
-                                          int shortest) {
-  std::vector<std::vector<Episode>> units;
+/// What is left out together, the smallest such: a recording, or a piece of one.
+struct Unit {
+  int logged_as = 0;  // HeldOutParts::logged_as
+  std::vector<Episode> episodes;
+};
+
+std::vector<Unit> UnitsOf(const HeldOutParts& parts, int shortest) {
+  const std::vector<Episode> episodes = parts.learn.Episodes();
+  const std::vector<int>& recording = parts.recording;
+  const auto logged_as = [&](size_t e) {  // logs that were not divided have no recordings
+    return recording.empty() ? static_cast<int>(e) : parts.logged_as[static_cast<size_t>(recording[e])];
+  };
+  std::vector<Unit> units;
   if (AreMany(recording)) {
     units.resize(static_cast<size_t>(recording.back()) + 1);
-    for (size_t e = 0; e < episodes.size(); ++e) units[static_cast<size_t>(recording[e])].push_back(episodes[e]);
+    for (size_t e = 0; e < episodes.size(); ++e) {
+      Unit& unit = units[static_cast<size_t>(recording[e])];
+      unit.logged_as = logged_as(e);
+      unit.episodes.push_back(episodes[e]);
+    }
     return units;
   }
   const int n_episodes = static_cast<int>(episodes.size()),
             wanted = (kMostLeftOut + n_episodes - 1) / std::max(1, n_episodes);
-  for (const Episode& episode : episodes) {
+  for (size_t e = 0; e < episodes.size(); ++e) {
+    const Episode& episode = episodes[e];
     const int n = std::clamp(episode.size() / shortest, 1, wanted);
     for (int k = 0; k < n; ++k) {
       const int begin = episode.begin + k * episode.size() / n, end = episode.begin + (k + 1) * episode.size() / n;
-      units.push_back({{begin, end, episode.terminated && end == episode.end}});
+      units.push_back({logged_as(e), {{begin, end, episode.terminated && end == episode.end}}});
     }
   }
   return units;
@@ -47,25 +61,27 @@ std::vector<std::vector<Episode>> UnitsOf(const std::vector<Episode>& episodes, 
 
 LeftOutRecordings::LeftOutRecordings(const Logs& logs, int n_threads)
     : space_(logs.factory.parameters()),
-      recordings_(AreMany(logs.recording)),
-      part_of_row_(static_cast<size_t>(logs.dataset.size())) {
+      recordings_(AreMany(logs.parts.recording)),
+      part_of_row_(static_cast<size_t>(logs.parts.learn.size())) {
   const double period = logs.factory.spec().control_period_s;
   const auto steps_of = [&](double seconds) { return std::max(1, static_cast<int>(std::lround(seconds / period))); };
-  const auto units = UnitsOf(logs.dataset.Episodes(), logs.recording, steps_of(kShortestPart));
+  const std::vector<Unit> units = UnitsOf(logs.parts, steps_of(kShortestPart));
   if (units.size() < 2) return;
   const size_t n_parts = std::min(size_t{kMostLeftOut}, units.size());
   std::vector<std::vector<Episode>> rows(n_parts);
+  parts_.resize(n_parts);  // judges refer to their logs: nothing may move them
   for (size_t u = 0; u < units.size(); ++u) {
     const size_t part = u * n_parts / units.size();
-    for (const Episode& episode : units[u]) {
+    std::vector<int>& of = parts_[part].episodes;
+    if (of.empty() || of.back() != units[u].logged_as) of.push_back(units[u].logged_as);
+    for (const Episode& episode : units[u].episodes) {
       rows[part].push_back(episode);
       std::fill(part_of_row_.begin() + episode.begin, part_of_row_.begin() + episode.end, static_cast<int>(part));
     }
   }
-  parts_.resize(n_parts);  // judges refer to their logs: nothing may move them
   for (size_t k = 0; k < n_parts; ++k) {
     Part& part = parts_[k];
-    part.logs = logs.dataset.Select(rows[k]);
+    part.logs = logs.parts.learn.Select(rows[k]);
     part.replayer =
         std::make_unique<WindowReplayer>(MakeReplayer(logs.factory, 0, part.logs, logs.readings, n_threads));
     part.judge = std::make_unique<PredictionJudge>(*part.replayer, part.logs, logs.noise,
@@ -115,7 +131,9 @@ LeftOutInTurn LeftOutRecordings::BesideNominal(const MatrixXd& errors, const Mat
     const Eigen::Index n = part.judge->n_windows();
     if (n == 0) continue;
     const PredictionRatio ratio = ComparePredictions(errors.middleCols(at, n), of_nominal.middleCols(at, n));
-    in_turn.parts.push_back({std::exp(ratio.log_ratio / 2), std::abs(ratio.log_ratio) > kSure * ratio.std});
+    in_turn.parts.push_back({.error = std::exp(ratio.log_ratio / 2),
+                             .sure = std::abs(ratio.log_ratio) > kSure * ratio.std,
+                             .episodes = part.episodes});
     at += n;
   }
   return in_turn;

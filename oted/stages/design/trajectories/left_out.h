@@ -9,6 +9,7 @@
 
 #include "oted/data/dataset.h"
 #include "oted/matching/fit_evidence.h"
+#include "oted/matching/held_out.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/replay/prediction.h"
 #include "oted/stages/design/trajectories/level_fit.h"
@@ -25,8 +26,7 @@ class LeftOutRecordings {
  public:
   struct Logs {
     const SimulatorFactory& factory;
-    const Dataset& dataset;
-    const std::vector<int>& recording;  ///< of each of its episodes: which one it is part of, in ascending order
+    const HeldOutParts& parts;  ///< whose part that learns is meant
     const ReadingModel& readings;
     const Eigen::VectorXd& noise;  ///< (obs_dim): standard deviations
     double predicted_s;            ///< what is predicted, open loop [s]
@@ -49,6 +49,7 @@ class LeftOutRecordings {
  private:
   struct Part {
     Dataset logs;
+    std::vector<int> episodes;  ///< LeftOutPart::episodes
     std::unique_ptr<WindowReplayer> replayer;
     std::unique_ptr<PredictionJudge> judge;
   };

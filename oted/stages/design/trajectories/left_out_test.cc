@@ -18,26 +18,19 @@ const VectorXd kNoise = VectorXd::Constant(2, 1e-3);
 
 /// Logs, and a fit of windows of five steps that has learned from all of them.
 struct Learned {
-  Learned(Dataset dataset, std::vector<int> recording_of)
-      : logs(std::move(dataset)),
-        recording(std::move(recording_of)),
+  explicit Learned(Dataset dataset, std::vector<int> recording = {})
+      : parts(AllLearn(std::move(dataset), std::move(recording))),
         readings(ReadingModel::Of(factory.spec(), logs)),
         replayer(factory.Make(64, 1), logs),
-        left_out({.factory = factory,
-                  .dataset = logs,
-                  .recording = recording,
-                  .readings = readings,
-                  .noise = kNoise,
-                  .predicted_s = 0.5},
-                 1),
+        left_out({.factory = factory, .parts = parts, .readings = readings, .noise = kNoise, .predicted_s = 0.5}, 1),
         scale(ChannelScales(logs)),
         fit(replayer, factory.parameters(), prior, scale, LongWindows(replayer, logs, 5, logs.size(), 0.1),
             VectorXd::Zero(3)) {
     fit.Descend(12, [](const VectorXd&) {});
   }
 
-  Dataset logs;
-  std::vector<int> recording;
+  HeldOutParts parts;
+  const Dataset& logs = parts.learn;
   PointMassFactory factory;
   ReadingModel readings;
   WindowReplayer replayer;
@@ -49,7 +42,7 @@ struct Learned {
 
 TEST(LeftOutRecordings, OneSimulatorBehindAllPredictsWhatWasLeftOutAsWell) {
   const Dataset logs = PointMassLogs(kTruth, 6);
-  Learned all(logs, EachItsOwn(logs));
+  Learned all(logs);
   EXPECT_EQ(all.left_out.n_parts(), 6);
   int n_told = 0;
   const Eigen::MatrixXd errors = all.left_out.ErrorsOf(all.fit, [&] { ++n_told; });
@@ -78,6 +71,8 @@ TEST(LeftOutRecordings, ARecordingOfItsOwnKindIsPredictedAsByTheOthers) {
   ASSERT_EQ(in_turn.parts.size(), 3u);
   EXPECT_GT(in_turn.parts[2].error, 1.1) << "more than what the fit made of it that has learned from it";
   EXPECT_TRUE(in_turn.parts[2].sure);
+  EXPECT_EQ(in_turn.parts[1].episodes, std::vector<int>{1});
+  EXPECT_EQ(in_turn.parts[2].episodes, std::vector<int>{2}) << "a recording is named by its first episode";
 }
 
 TEST(LeftOutRecordings, OneRecordingIsCutInTimeAndAWindowAcrossTheCutGoesWithBoth) {

@@ -103,22 +103,18 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   const ParameterSpace& space = in.factory.parameters();
   const double period = in.factory.spec().control_period_s;
   if (!(period > 0)) return {};
-  WindowReplayer learner = MakeReplayer(in.factory, space.size(), in.learn, in.readings, context.n_threads);
-  const LeftOutRecordings judge({.factory = in.factory,
-                                 .dataset = in.learn,
-                                 .recording = in.recording,
-                                 .readings = in.readings,
-                                 .noise = in.noise,
-                                 .predicted_s = kPredicted},
-                                context.n_threads);
+  WindowReplayer learner = MakeReplayer(in.factory, space.size(), in.parts.learn, in.readings, context.n_threads);
+  const LeftOutRecordings judge(
+      {.factory = in.factory, .parts = in.parts, .readings = in.readings, .noise = in.noise, .predicted_s = kPredicted},
+      context.n_threads);
   if (judge.n_windows() < kFewestJudged) return {};
 
   const int n_rows = AffordableRows(kMostRows, kMostPhysics, in.factory, in.readings);
-  const VectorXd scale = ChannelScales(in.learn);
+  const VectorXd scale = ChannelScales(in.parts.learn);
   const auto errors_of = [&](const LevelFit& fit) { return judge.ErrorsOf(fit, [&] { tell(fit.x()); }); };
   // The short windows' parameters have seen the logs that judge: they count by what they predict, and by what fits
   // that have not seen them predict, whichever is worse.
-  const Level short_level = LongWindows(learner, in.learn, in.short_steps, kMostShortRows, period);
+  const Level short_level = LongWindows(learner, in.parts.learn, in.short_steps, kMostShortRows, period);
   MatrixXd of_short = judge.ErrorsAt(in.short_x);
   if (!short_level.windows.empty()) {
     LevelFit fit(learner, space, in.prior, scale, short_level, in.short_x);
@@ -132,7 +128,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   for (const double seconds : kWindows) {
     const int n_steps = static_cast<int>(std::lround(seconds / period));
     if (n_steps <= std::max(in.short_steps, in.readings.longest_age() + 1)) continue;
-    const Level level = LongWindows(learner, in.learn, n_steps, n_rows, period);
+    const Level level = LongWindows(learner, in.parts.learn, n_steps, n_rows, period);
     if (level.windows.size() < 4) break;
     // The length that is judged is what the others have to be better than: it gets a start of its own.
     if (seconds == kPredicted && !by_length.empty()) from.push_back(NominalStart(space));

@@ -9,8 +9,8 @@
 
 #include "oted/base/log.h"
 #include "oted/base/rng.h"
-#include "oted/data/dataset.h"
 #include "oted/matching/fit_evidence.h"
+#include "oted/matching/held_out.h"
 #include "oted/matching/prior.h"
 #include "oted/sim/simulator.h"
 #include "oted/stages/design/replay/prediction.h"
@@ -39,8 +39,7 @@ struct LongFitChoice {
 
 struct LongFitInputs {
   const SimulatorFactory& factory;
-  const Dataset& learn;
-  const std::vector<int>& recording;  ///< HeldOutParts::recording
+  const HeldOutParts& parts;  ///< whose part that learns is fitted
   const Prior& prior;
   const ReadingModel& readings;
   Eigen::VectorXd short_x;  ///< what short windows gave

@@ -31,14 +31,12 @@ TEST(LongWindows, CoverTheLogsAndJoinThoseOfASecondIntoAStretch) {
 TEST(ChooseLongWindows, FindsTheParametersWhereNoiseHidesThemFromShortWindows) {
   // Noise as large as what a step changes; the short windows' answer is far off.
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 60), 0.2, RngKey(5));
-  const HeldOutParts parts = HoldOut(logs, RngKey(6));
+  const HeldOutParts parts = AllLearn(HoldOut(logs, RngKey(6)).learn);
   const PointMassFactory factory;
   const Prior prior = Prior::Uniform(3);
-  const std::vector<int> recording = EachItsOwn(parts.learn);
   NullSink log;
   const LongFitChoice choice = ChooseLongWindows({.factory = factory,
-                                                  .learn = parts.learn,
-                                                  .recording = recording,
+                                                  .parts = parts,
                                                   .prior = prior,
                                                   .readings = ReadingModel::Of(factory.spec(), logs),
                                                   .short_x = VectorXd::Constant(3, -2.0),
@@ -53,15 +51,13 @@ TEST(ChooseLongWindows, FindsTheParametersWhereNoiseHidesThemFromShortWindows) {
 
 TEST(ChooseLongWindows, KeepsParametersThatAreRight) {
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 30), 0.02, RngKey(5));
-  const HeldOutParts parts = HoldOut(logs, RngKey(6));
+  const HeldOutParts parts = AllLearn(HoldOut(logs, RngKey(6)).learn);
   const PointMassFactory factory;
   const std::vector<double> truth = ZToLogit(factory.parameters(), kTruth);
   const Prior prior = Prior::Uniform(3);
-  const std::vector<int> recording = EachItsOwn(parts.learn);
   NullSink log;
   const LongFitChoice choice = ChooseLongWindows({.factory = factory,
-                                                  .learn = parts.learn,
-                                                  .recording = recording,
+                                                  .parts = parts,
                                                   .prior = prior,
                                                   .readings = ReadingModel::Of(factory.spec(), logs),
                                                   .short_x = Eigen::Map<const VectorXd>(truth.data(), 3),

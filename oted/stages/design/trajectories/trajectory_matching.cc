@@ -119,8 +119,7 @@ class TrajectoryMatch {
   void FitLongWindows(bool explained) {
     steps_.Expect(kLongSteps);
     choice_ = ChooseLongWindows({.factory = problem_.factory,
-                                 .learn = parts_.learn,
-                                 .recording = parts_.recording,
+                                 .parts = parts_,
                                  .prior = problem_.prior,
                                  .readings = readings(),
                                  .short_x = short_.fit().x(),
