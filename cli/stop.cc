@@ -30,6 +30,11 @@ extern "C" void OnInterrupt(int) {
   ::setitimer(ITIMER_REAL, &grace, nullptr);
 }
 
+/// The system sends it every second from the limit on (ulimit -t), which is one request to stop.
+extern "C" void OnProcessorTimeOver(int signal) {
+  if (!g_stop) OnInterrupt(signal);
+}
+
 extern "C" void OnGraceOver(int) {
   static std::atomic<bool> writes{false};
   if (writes.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
@@ -51,11 +56,18 @@ void InstallStopHandler() {
   // A terminal that goes away, unless nohup keeps the program.
   struct sigaction before {};
   if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
+  action.sa_handler = OnProcessorTimeOver;
+  sigaction(SIGXCPU, &action, nullptr);
   action.sa_handler = OnGraceOver;
   action.sa_flags = SA_NODEFER;  // the line it writes has a grace of its own
   sigaction(SIGALRM, &action, nullptr);
-  // Whoever starts this program may ignore it, and then nobody learns how a child ended.
+  // Whoever starts this program may ignore it, and then nobody learns how a child ended,
   std::signal(SIGCHLD, SIG_DFL);
+  // or may block what asks it to stop.
+  sigset_t answered;
+  sigemptyset(&answered);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGXCPU, SIGALRM}) sigaddset(&answered, signal);
+  sigprocmask(SIG_UNBLOCK, &answered, nullptr);
 }
 
 void WaitForChildrenOnStop() { g_has_children = true; }

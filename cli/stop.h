@@ -1,5 +1,5 @@
 #pragma once
-/// Ctrl-C, SIGTERM and a terminal that goes away.
+/// Ctrl-C, SIGTERM, a terminal that goes away and a limit of processor time.
 
 #include <atomic>
 

@@ -13,7 +13,6 @@
 #include <charconv>
 #include <csignal>
 #include <cstdio>
-#include <cstring>
 #include <functional>
 #include <map>
 #include <memory>
@@ -25,6 +24,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/process.h"
+#include "oted/base/system_error.h"
 
 namespace oted {
 
@@ -38,21 +38,6 @@ constexpr size_t kTagLength = 8;
 constexpr size_t kBlock = size_t{1} << 20;
 constexpr uint64_t kMostJsonBytes = uint64_t{1} << 26;
 constexpr int kDeepestJson = 64;
-
-[[noreturn]] void ThrowSystemError(const char* what, const fs::path& path, int error) {
-  if (error == ENAMETOOLONG) {
-    throw UsageError(
-        fmt::format("cannot {} '{}': {}; choose a shorter name", what, path.string(), std::strerror(error)));
-  }
-  const bool full = error == ENOSPC || error == EDQUOT;
-  const char* remedy = full              ? "free some space, then run the same command again"
-                       : error == EFBIG  ? "raise the limit (ulimit -f), then run the same command again"
-                       : error == ENOENT ? "check the path"
-                       : error == EMFILE || error == ENFILE
-                           ? "raise the limit (ulimit -n), then run the same command again"
-                           : "choose another place or fix its permissions";
-  throw FileError(fmt::format("cannot {} '{}': {}; {}", what, path.string(), std::strerror(error), remedy));
-}
 
 /// Some file systems know no sync of a folder.
 bool CannotSyncFolders(int error) { return error == EINVAL || error == ENOTSUP || error == EROFS || error == EACCES; }
@@ -236,7 +221,13 @@ std::string OpenFile::Read(uint64_t most) {
                                  path_.string(), most >> 20));
   };
   if (expected > most) throw too_large();
-  std::string bytes(expected + 1, '\0');  // one more, to see its end
+  std::string bytes;
+  try {
+    bytes.resize(expected + 1);      // one more, to see its end
+  } catch (const std::exception&) {  // bad_alloc, or longer than a string may be
+    throw DataError(fmt::format("'{}' has {} MiB, more than there is memory for; is it the right file?", path_.string(),
+                                expected >> 20));
+  }
   size_t size = 0;
   for (;;) {
     if (size == bytes.size()) bytes.resize(size + std::max(kBlock, size / 2));
@@ -347,9 +338,11 @@ void AtomicFile::Commit() {
   SyncFolder(path_.parent_path());
 }
 
+void AtomicFile::Write(std::string_view bytes) { OpenFile(temporary_path_, O_WRONLY | O_CREAT | O_TRUNC).Write(bytes); }
+
 void WriteFileAtomically(const fs::path& path, std::string_view bytes) {
   AtomicFile file(path);
-  OpenFile(file.temporary_path(), O_WRONLY | O_CREAT | O_TRUNC).Write(bytes);
+  file.Write(bytes);
   file.Commit();
 }
 
@@ -399,9 +392,9 @@ std::string ReadFile(const fs::path& path, uint64_t most) {
   return OpenFile(path, O_RDONLY).Read(most);
 }
 
-void WriteJson(const fs::path& path, const json& value) {
-  WriteFileAtomically(path, value.dump(2, ' ', false, json::error_handler_t::replace) + "\n");
-}
+std::string JsonText(const json& value) { return value.dump(2, ' ', false, json::error_handler_t::replace) + "\n"; }
+
+void WriteJson(const fs::path& path, const json& value) { WriteFileAtomically(path, JsonText(value)); }
 
 json ParseJson(std::string_view text, const std::string& where) {
   const auto fail = [&](const std::string& why) {
@@ -430,7 +423,9 @@ json ParseJson(std::string_view text, const std::string& where) {
   }
 }
 
-json ReadJson(const fs::path& path) { return ParseJson(ReadFile(path, kMostJsonBytes), path.string()); }
+std::string ReadJsonText(const fs::path& path) { return ReadFile(path, kMostJsonBytes); }
+
+json ReadJson(const fs::path& path) { return ParseJson(ReadJsonText(path), path.string()); }
 
 std::string Sha256(std::string_view bytes) {
   Digest digest;

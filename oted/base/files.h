@@ -49,6 +49,8 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
   const std::filesystem::path& temporary_path() const { return temporary_path_; }
+  /// @throws DataError when it cannot be written
+  void Write(std::string_view bytes);
   /// @throws DataError when it cannot be brought to the disk or renamed.
   void Commit();
 
@@ -98,9 +100,13 @@ void CheckIsFile(const std::filesystem::path& path);
 /// device or a pipe.
 std::string ReadFile(const std::filesystem::path& path, uint64_t most = std::numeric_limits<uint64_t>::max());
 
-/// Writes `value` with two spaces of indentation and a final newline, atomically. What is no UTF-8 in it is replaced.
+/// `value` with two spaces of indentation and a final newline. What is no UTF-8 in it is replaced.
+std::string JsonText(const nlohmann::json& value);
+/// Writes JsonText atomically.
 void WriteJson(const std::filesystem::path& path, const nlohmann::json& value);
-/// @throws DataError when the file cannot be read, is not JSON, has more than 64 MiB, or is nested more than 64 deep.
+/// The text of what should be JSON. @throws DataError when the file cannot be read or has more than 64 MiB
+std::string ReadJsonText(const std::filesystem::path& path);
+/// @throws DataError as ReadJsonText, and when it is not JSON or is nested more than 64 deep.
 nlohmann::json ReadJson(const std::filesystem::path& path);
 /// The same of a text. @param where  what it is, for errors
 nlohmann::json ParseJson(std::string_view text, const std::string& where);

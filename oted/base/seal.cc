@@ -26,10 +26,16 @@ std::string HashWithoutSeal(json record) {
 
 }  // namespace
 
-void Seal(json& record, const fs::path& folder, const std::vector<std::string>& files) {
+void SealAs(json& record, const std::map<std::string, std::string>& files) {
   record.erase(kFiles);
-  for (const std::string& name : files) record[kFiles][name] = Sha256OfFile(folder / name);
+  for (const auto& [name, hash] : files) record[kFiles][name] = hash;
   record[kSeal] = HashWithoutSeal(record);
+}
+
+void Seal(json& record, const fs::path& folder, const std::vector<std::string>& files) {
+  std::map<std::string, std::string> hashes;
+  for (const std::string& name : files) hashes[name] = Sha256OfFile(folder / name);
+  SealAs(record, hashes);
 }
 
 void Seal(json& record) { Seal(record, {}, {}); }
@@ -89,7 +95,7 @@ std::vector<SealedSource> SourcesOf(const json& record, const fs::path& file) {
 void CheckMadeFrom(const json& record, const fs::path& file) {
   for (const auto& [source, seal] : SourcesOf(record, file)) {
     if (!fs::exists(source)) continue;
-    const std::string text = ReadFile(source);
+    const std::string text = ReadJsonText(source);
     if (!json::accept(text)) continue;
     const json from = ParseJson(text, source.string());
     if (IsSealed(from) && SealOf(from) == seal) continue;

@@ -16,6 +16,8 @@ namespace oted {
 
 /// Names "files" and seals the record: to be called last, before it is written. @param files  names in `folder`
 void Seal(nlohmann::json& record, const std::filesystem::path& folder, const std::vector<std::string>& files);
+/// The same for files that are not there yet. @param files  name -> SHA-256
+void SealAs(nlohmann::json& record, const std::map<std::string, std::string>& files);
 /// Without files.
 void Seal(nlohmann::json& record);
 

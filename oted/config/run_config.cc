@@ -34,6 +34,8 @@ using nlohmann::json;
 
 namespace {
 
+constexpr uint64_t kMostTaskBytes = uint64_t{1} << 22;
+
 toml::table Parsed(const std::string& text, const std::string& file_name) {
   CheckTomlCharacters(text, file_name);
   try {
@@ -373,7 +375,7 @@ RunConfig RunConfig::FromToml(const std::string& text, const std::string& file_n
 }
 
 RunConfig RunConfig::FromTomlFile(const std::string& path, const std::string& parameter_file) {
-  return FromToml(ReadFile(path), path, parameter_file);
+  return FromToml(ReadFile(path, kMostTaskBytes), path, parameter_file);
 }
 
 json RunConfig::ToJson() const {

@@ -55,11 +55,14 @@ void WriteReport(const std::filesystem::path& run_dir, const std::filesystem::pa
                     "wrote it again",
                     run_dir.string(), error.what()));
   }
-  // It speaks for the page, and so stands only beside its own.
+  SealAs(report, {{"report.html", Sha256(page)}});
+  AtomicFile html(folder / "report.html"), data(folder / "report.json");
+  html.Write(page);
+  data.Write(JsonText(report));
+  // It speaks for the page, and so stands only beside its own. Both are written by now: a full disk takes neither.
   RemoveFile(folder / "report.json");
-  WriteFileAtomically(folder / "report.html", page);
-  Seal(report, folder, {"report.html"});
-  WriteJson(folder / "report.json", report);
+  html.Commit();
+  data.Commit();
 }
 
 }  // namespace oted

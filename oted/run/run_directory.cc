@@ -144,7 +144,7 @@ std::vector<std::string> RunDirectory::TidyDamaged(const Artifact& artifact, con
 RunDirectory::Found RunDirectory::Look(const Artifact& artifact) const {
   using State = Found::State;
   if (!fs::exists(artifact.file)) return {};
-  const std::string text = ReadFile(artifact.file);
+  const std::string text = ReadJsonText(artifact.file);
   Found found{State::kWhole};
   try {
     found.record = ReadRecord(artifact, text);
@@ -218,7 +218,7 @@ void RunDirectory::CheckOne(const Artifact& artifact) const {
 
 std::optional<fs::path> RunDirectory::LostSource(const Artifact& artifact, const json& record) const {
   for (const SealedSource& source : SourcesOf(record, artifact.file)) {
-    if (!fs::exists(source.path) || !json::accept(ReadFile(source.path))) return source.path;
+    if (!fs::exists(source.path) || !json::accept(ReadJsonText(source.path))) return source.path;
   }
   return std::nullopt;
 }
@@ -256,7 +256,14 @@ json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& m
 void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
   const fs::path folder = artifact.file.parent_path(), mark = folder / "checkpoint.json";
   if (!HasFolder(artifact) || !HoldsWork(folder)) return;
-  if (fs::exists(mark) && TextIn(ReadJson(mark), "fingerprint") == artifact.fingerprint) return;
+  const json made_for = fs::exists(mark) ? json::parse(ReadJsonText(mark), nullptr, false) : json();
+  if (!made_for.is_object() || TextIn(made_for, "fingerprint").empty()) {
+    throw DataError(
+        fmt::format("'{}' is damaged or missing, so nobody knows which settings the work had that was stopped in '{}'; "
+                    "restore the file, or remove the folder to begin its stage anew",
+                    mark.string(), folder.string()));
+  }
+  if (TextIn(made_for, "fingerprint") == artifact.fingerprint) return;
   throw OfOtherSettings(
       fmt::format("'{}' holds work that was stopped and had other data or settings; choose another --out, go on with "
                   "its own settings, or remove the folder",

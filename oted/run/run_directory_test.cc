@@ -304,6 +304,14 @@ TEST(RunDirectory, ARecordOfAnotherVersionIsRefusedInOneLine) {
   }
 }
 
+TEST(RunDirectory, ARecordLargerThanAnyRecordIsRefusedUnread) {
+  const TestFolder folder;
+  const RunDirectory directory(folder.path());
+  directory.Once(Clone(directory, "aa"), Loss);
+  fs::resize_file(directory.clone() / "clone.json", uint64_t{3} << 40);  // a hole: it takes no space
+  EXPECT_THAT(MessageOf<DataError>([&] { directory.Once(Clone(directory, "aa"), Loss); }), HasSubstr("64 MiB"));
+}
+
 TEST(RunDirectory, ACheckpointIsGoneOnWithUnderItsOwnSettingsOnly) {
   for (const char* name : {"checkpoint.npz", "starts/1/checkpoint.npz"}) {
     SCOPED_TRACE(name);
@@ -324,7 +332,12 @@ TEST(RunDirectory, ACheckpointIsGoneOnWithUnderItsOwnSettingsOnly) {
 
     fs::remove(unit / "clone.json");
     WriteFileAtomically(unit / name, "of nobody knows what");
-    EXPECT_THROW(directory.Once(Clone(directory, "bb"), Loss), UsageError);
+    for (const char* mark : {"", "x", "[]", "{\"fingerprint\": 5}"}) {
+      if (*mark != 0) WriteFileAtomically(unit / "checkpoint.json", mark);
+      EXPECT_THAT(MessageOf<DataError>([&] { directory.Once(Clone(directory, "bb"), Loss); }),
+                  HasSubstr("remove the folder to begin its stage anew"))
+          << mark;
+    }
   }
 }
 

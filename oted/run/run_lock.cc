@@ -9,10 +9,10 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <string>
 
 #include "oted/base/error.h"
+#include "oted/base/system_error.h"
 
 namespace oted {
 namespace {
@@ -73,8 +73,7 @@ RunLock::RunLock(const fs::path& folder) : file_(folder / kName) {
 bool RunLock::TryToLock() {
   const auto fail = [&](const char* what, int error) {
     if (descriptor_ >= 0) ::close(descriptor_);
-    throw DataError(fmt::format("cannot {} '{}': {}; choose another place or fix its permissions", what, file_.string(),
-                                std::strerror(error)));
+    ThrowSystemError(what, file_, error);
   };
   // What a link leads to is not ours to write into.
   descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);

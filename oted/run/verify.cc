@@ -109,7 +109,12 @@ class Verifier {
     try {
       check();
     } catch (const Error& e) {
-      Set(path, FileState::kDamaged, e.what());
+      std::error_code unreadable;
+      if (files_.at(path).state == FileState::kUnproven && !fs::exists(path, unreadable)) {
+        files_.erase(path);  // gone since it was listed: a stage that came to its end removed its checkpoint
+      } else {
+        Set(path, FileState::kDamaged, e.what());
+      }
     }
   }
 

@@ -373,6 +373,10 @@ class TestDirectory(RunTest):
         def under(which, most, *words):
             return subprocess.run([program.OTED, *map(str, words)], capture_output=True, text=True,
                                   preexec_fn=lambda: resource.setrlimit(which, (most, most)))
+        oted("report", self.out)
+        report = (self.out / "report.json").read_bytes()
+        self.assertOneLine(under(resource.RLIMIT_FSIZE, 5000, "report", self.out), DATA_OR_MODEL, "report.html", "File too large")
+        self.assertEqual((self.out / "report.json").read_bytes(), report)
         shutil.rmtree(self.out)
         self.assertOneLine(under(resource.RLIMIT_FSIZE, 5000, *self.words(self.out, "--quiet")), DATA_OR_MODEL, "File too large")
         self.again()
@@ -431,6 +435,20 @@ armature = {{ field = "joint/a/damping", range = [0.2, 5.0], scale = "absolute" 
             self.assertEqual(child.wait(timeout=20), INTERRUPTED)
             # The scheduler of a loaded machine included.
             self.assertLess(time.monotonic() - start, 3.5)
+
+    def test_a_signal_that_the_parent_blocks_and_an_end_of_processor_time_are_answered(self):
+        task = self.task("2e-7")
+        design = [program.OTED, "design", task, "--out", self.out, "--threads", "1"]
+        blocked = {signal.SIGTERM, signal.SIGALRM}
+        child = subprocess.Popen(design, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                 preexec_fn=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, blocked))
+        self.addCleanup(child.kill)
+        time.sleep(1)
+        child.send_signal(signal.SIGTERM)
+        self.assertEqual(child.wait(timeout=20), INTERRUPTED)
+        limited = subprocess.run(design, capture_output=True, text=True, timeout=60, check=False,
+                                 preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (1, 30)))
+        self.assertEqual(limited.returncode, INTERRUPTED, limited.stderr)
 
     def full_pipe(self):
         """The end to write to of a pipe that takes nothing more."""

@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include <mutex>
+#include <string_view>
 
 #include "oted/base/error.h"
 
@@ -13,7 +14,9 @@ namespace {
 // MuJoCo is C, or C++ that lets exceptions pass: its functions have unwind tables on every platform that this program
 // is built for, and hold nothing between the error and the call that would have to be destroyed.
 [[noreturn]] void ThrowError(const char* message) {
-  throw DataError(fmt::format("MuJoCo {} cannot go on: {}; correct the model", mj_versionString(), message));
+  const bool is_memory = std::string_view(message).find("allocate memory") != std::string_view::npos;
+  throw DataError(fmt::format("MuJoCo {} cannot go on: {}; {}", mj_versionString(), message,
+                              is_memory ? "free memory, or take fewer threads (--threads)" : "correct the model"));
 }
 
 }  // namespace

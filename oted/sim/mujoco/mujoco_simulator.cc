@@ -41,8 +41,10 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
   batch_ = {mjb_makeBatch(setup_->loaded.model.get(), n_lanes, &config, reason.data(), static_cast<int>(reason.size())),
             BatchDeleter{config.nthread > 1 ? ::getpid() : 0}};
   if (batch_ == nullptr) {
-    throw DataError(fmt::format("MuJoCo cannot make {} simulations of '{}': {}", n_lanes, setup_->model_path.string(),
-                                reason.data()));
+    throw DataError(
+        fmt::format("MuJoCo cannot make {} simulations of '{}': {}; take fewer at once, or a machine with "
+                    "more memory",
+                    n_lanes, setup_->model_path.string(), reason.data()));
   }
   n_state_ = mjb_nstate(batch_.get());
   state_ = {mjb_state(batch_.get()), n_state_, n_state_};

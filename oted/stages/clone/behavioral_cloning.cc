@@ -226,6 +226,12 @@ CloneResult CloneByLikelihood(const CloneJob& job) {
     }
     context.ThrowIfStopped();
   }
+  if (!std::isfinite(best.held_out_loss)) {
+    throw DataError(
+        fmt::format("the clone's network diverged: after none of {} gradient steps its loss on the held-out rows is "
+                    "finite; lower clone.learning_rate ({:g})",
+                    config.max_steps, config.learning_rate));
+  }
   context.log->Progress("clone", run_name, config.max_steps, config.max_steps,
                         fmt::format("held-out loss {:.3f} at step {}", best.held_out_loss, best.n_steps));
   return best;

@@ -1,5 +1,6 @@
 #include "oted/stages/clone/behavioral_cloning.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -148,6 +149,13 @@ TEST(CloneBehavior, ActionsAtTheBoundsGiveFiniteLosses) {
   const CloneResult clone = Clone(dataset, config);
   EXPECT_TRUE(std::isfinite(clone.held_out_loss));
   for (const float p : PolicyOf(clone).net().parameters()) ASSERT_TRUE(std::isfinite(p));
+}
+
+TEST(CloneBehavior, ANetworkThatDivergesIsADataErrorWithItsRemedy) {
+  CloneConfig config = SmallConfig();
+  config.learning_rate = 1e30;
+  EXPECT_THAT(MessageOf<DataError>([&] { Clone(MakeDataset(200, 4), config); }),
+              testing::HasSubstr("lower clone.learning_rate (1e+30)"));
 }
 
 TEST(CloneBehavior, WrongDimensionsAreADataError) {

@@ -1,0 +1,44 @@
+#include "oted/base/system_error.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "oted/base/files.h"
+
+namespace oted {
+namespace {
+
+const char* RemedyOf(int error) {
+  switch (error) {
+    case ENOSPC:
+    case EDQUOT:
+      return "free some space, then run the same command again";
+    case EFBIG:
+      return "raise the limit (ulimit -f), then run the same command again";
+    case EMFILE:
+    case ENFILE:
+      return "raise the limit (ulimit -n), then run the same command again";
+    case ENOENT:
+      return "check the path";
+    case EISDIR:
+      return "remove or rename the folder that has the file's name";
+    case ELOOP:
+      return "remove the link: it leads to itself";
+    default:
+      return "choose another place or fix its permissions";
+  }
+}
+
+}  // namespace
+
+void ThrowSystemError(const char* what, const std::filesystem::path& path, int error) {
+  if (error == ENAMETOOLONG) {
+    throw UsageError(
+        fmt::format("cannot {} '{}': {}; choose a shorter name", what, path.string(), std::strerror(error)));
+  }
+  throw FileError(fmt::format("cannot {} '{}': {}; {}", what, path.string(), std::strerror(error), RemedyOf(error)));
+}
+
+}  // namespace oted
