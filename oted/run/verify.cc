@@ -44,13 +44,7 @@ class Verifier {
   Verifier(fs::path root, bool records_alone) : root_(std::move(root)), records_alone_(records_alone) {}
 
   Verification Run() {
-    for (const auto& entry : fs::recursive_directory_iterator(root_)) {
-      std::error_code unreadable;
-      if (entry.is_regular_file(unreadable)) {
-        Add(entry.path(), FileState::kUnproven);
-      } else if (!entry.is_directory(unreadable) || IsNameOfAFile(entry.path())) {
-        Set(entry.path(), FileState::kDamaged, "it is no regular file");
-      }
+    for (int n_left = kListings; !List(n_left == 1); --n_left) {
     }
     for (const auto& [path, unused] : std::map(files_)) {
       if (IsTemporaryName(path.filename().string())) {
@@ -83,6 +77,28 @@ class Verifier {
   }
 
  private:
+  static constexpr int kListings = 20;
+
+  /// False where a folder was removed meanwhile, as that of the agents that began is when one of them is chosen.
+  /// @param is_last  then that is thrown
+  bool List(bool is_last) {
+    files_.clear();
+    try {
+      for (const auto& entry : fs::recursive_directory_iterator(root_)) {
+        std::error_code unreadable;
+        if (entry.is_regular_file(unreadable)) {
+          Add(entry.path(), FileState::kUnproven);
+        } else if (!entry.is_directory(unreadable) || IsNameOfAFile(entry.path())) {
+          Set(entry.path(), FileState::kDamaged, "it is no regular file");
+        }
+      }
+      return true;
+    } catch (const fs::filesystem_error& e) {
+      if (is_last || e.code() != std::errc::no_such_file_or_directory) throw;
+      return false;
+    }
+  }
+
   /// Exports and the report.
   bool IsWrittenAgain(const fs::path& path) const {
     return path.parent_path() == root_ / "export" || path == root_ / "report.json";

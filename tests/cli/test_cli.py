@@ -38,6 +38,12 @@ class TestOutput(HopperTest):
         self.assertEqual(self.out.read_text(), "mine")
         self.assertOneLine(self.design(out=self.out / "below"), DATA_OR_MODEL, str(self.out))
 
+    def test_an_error_stays_a_line_that_can_be_read(self):
+        result = oted("data", "info", "é" * 50_000)
+        self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
+        self.assertLess(len(result.stderr), 3000)
+        self.assertIn("use .hdf5", result.stderr)
+
     def test_a_folder_where_a_file_belongs(self):
         (self.out / "run.toml").mkdir(parents=True)
         result = oted("run", "--task", "Hopper-v5", "--data", self.demos, "--param", FRICTION, "--out", self.out)
