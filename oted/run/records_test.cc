@@ -248,12 +248,12 @@ TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNomi
   record.fit.emplace();
   record.fit->left_out = {{{0.4, true, {0}}, {1.7, true, {3}}, {1.2, false, {4}}}, true};
   EXPECT_THAT(VerdictSentence(record, {0}),
-              HasSubstr("1 of 3 recordings (number 4) is predicted 70 % worse than by the nominal"));
+              HasSubstr("1 of 3 recordings (episode 4) is predicted 70 % worse than by the nominal"));
   record.fit->left_out->parts[2].sure = true;
   EXPECT_THAT(VerdictSentence(record, {0}),
-              HasSubstr("2 of 3 recordings (numbers 4, 5) are predicted up to 70 % worse"));
+              HasSubstr("2 of 3 recordings (episodes 4, 5) are predicted up to 70 % worse"));
   record.fit->left_out->parts[1].episodes = {2, 3};
-  EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("2 of 3 groups of recordings (numbers 3 with 4, 5) are"));
+  EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("2 of 3 groups of recordings (episodes 3 with 4, 5) are"));
   record.fit->left_out->parts = {{0.4, true, {0}}, {1.2, false, {1}}};
   EXPECT_THAT(VerdictSentence(record, {0}), EndsWith("that it did not learn from"));
 }

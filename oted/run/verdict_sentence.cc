@@ -54,8 +54,8 @@ std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRec
                                               : "not surely better than the nominal one");
 }
 
-/// "number 3" or "numbers 3, 5": the episodes of parts; "3 with 4" of one part.
-std::string NumbersOf(const std::vector<LeftOutPart>& parts) {
+/// "episode 3" or "episodes 3, 5": those of parts; "3 with 4" of one part.
+std::string EpisodesOf(const std::vector<LeftOutPart>& parts) {
   std::vector<std::string> numbers;
   for (const LeftOutPart& part : parts) {
     std::vector<int> from_one;
@@ -63,7 +63,7 @@ std::string NumbersOf(const std::vector<LeftOutPart>& parts) {
     numbers.push_back(fmt::format("{}", fmt::join(from_one, " with ")));
   }
   const bool is_one = parts.size() == 1 && parts[0].episodes.size() == 1;
-  return fmt::format("{} {}", is_one ? "number" : "numbers", fmt::join(numbers, ", "));
+  return fmt::format("{} {}", is_one ? "episode" : "episodes", fmt::join(numbers, ", "));
 }
 
 /// What recordings say that were left out in turn, where one of them is predicted worse than by doing nothing.
@@ -80,7 +80,7 @@ std::string ButLeftOut(const DesignRecord& record) {
       "; left out of the fit, {} of {} {}recordings ({}) {} predicted {}{:.0f} % worse than by the nominal simulator: "
       "so "
       "may be a motion unlike these",
-      worse.size(), parts.size(), are_groups ? "groups of " : "", NumbersOf(worse), is_one ? "is" : "are",
+      worse.size(), parts.size(), are_groups ? "groups of " : "", EpisodesOf(worse), is_one ? "is" : "are",
       is_one ? "" : "up to ", 100 * (worst - 1));
 }
 
