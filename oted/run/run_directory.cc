@@ -259,9 +259,9 @@ void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
   const json made_for = fs::exists(mark) ? json::parse(ReadJsonText(mark), nullptr, false) : json();
   if (!made_for.is_object() || TextIn(made_for, "fingerprint").empty()) {
     throw DataError(
-        fmt::format("'{}' is damaged or missing, so nobody knows which settings the work had that was stopped in '{}'; "
-                    "restore the file, or remove the folder to begin its stage anew",
-                    mark.string(), folder.string()));
+        fmt::format("'{}', which tells the settings of the work that was stopped there, is damaged or missing; restore "
+                    "it, or remove the folder to begin its stage anew",
+                    mark.string()));
   }
   if (TextIn(made_for, "fingerprint") == artifact.fingerprint) return;
   throw OfOtherSettings(

@@ -308,7 +308,7 @@ TEST(RunDirectory, ARecordLargerThanAnyRecordIsRefusedUnread) {
   const TestFolder folder;
   const RunDirectory directory(folder.path());
   directory.Once(Clone(directory, "aa"), Loss);
-  fs::resize_file(directory.clone() / "clone.json", uint64_t{3} << 40);  // a hole: it takes no space
+  fs::resize_file(directory.clone() / "clone.json", uint64_t{3} << 30);  // a hole: it takes no space
   EXPECT_THAT(MessageOf<DataError>([&] { directory.Once(Clone(directory, "aa"), Loss); }), HasSubstr("64 MiB"));
 }
 

@@ -77,9 +77,8 @@ std::string ButLeftOut(const DesignRecord& record) {
   const bool is_one = worse.size() == 1;
   const bool are_groups = std::ranges::any_of(parts, [](const LeftOutPart& part) { return part.episodes.size() > 1; });
   return fmt::format(
-      "; left out of the fit, {} of {} {}recordings ({}) {} predicted {}{:.0f} % worse than by the nominal simulator: "
-      "so "
-      "may be a motion unlike these",
+      "; left out of the fit, {} of {} {}recordings ({}) {} predicted {}{:.0f} % worse than by the nominal "
+      "simulator: so may be a motion unlike these",
       worse.size(), parts.size(), are_groups ? "groups of " : "", EpisodesOf(worse), is_one ? "is" : "are",
       is_one ? "" : "up to ", 100 * (worst - 1));
 }
