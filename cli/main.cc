@@ -68,20 +68,8 @@ void CheckWords(std::span<char*> words) {
   }
 }
 
-/// A line that can be read: of a name of kilobytes, say, the middle is left out. What was wrong stands at the
-/// beginning, the remedy at the end.
-std::string WithoutMiddle(const std::string& line) {
-  constexpr size_t kEnd = 1000;  // bytes
-  if (line.size() <= 2 * kEnd) return line;
-  const auto is_inside = [&](size_t at) { return (static_cast<unsigned char>(line[at]) & 0xC0) == 0x80; };  // UTF-8
-  size_t head = kEnd, tail = line.size() - kEnd;
-  while (is_inside(head)) --head;
-  while (is_inside(tail)) --tail;
-  return line.substr(0, head) + " [...] " + line.substr(tail);
-}
-
 int Fail(oted::ExitCode code, const std::string& message) {
-  oted::cli::Say("oted: " + WithoutMiddle(oted::Printable(message)) + "\n");
+  oted::cli::Say("oted: " + oted::Printable(message) + "\n");
   return static_cast<int>(code);
 }
 

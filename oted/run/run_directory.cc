@@ -256,14 +256,15 @@ json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& m
 void RunDirectory::CheckCheckpoint(const Artifact& artifact) const {
   const fs::path folder = artifact.file.parent_path(), mark = folder / "checkpoint.json";
   if (!HasFolder(artifact) || !HoldsWork(folder)) return;
-  const json made_for = fs::exists(mark) ? json::parse(ReadJsonText(mark), nullptr, false) : json();
-  if (!made_for.is_object() || TextIn(made_for, "fingerprint").empty()) {
+  const std::string made_for =
+      fs::exists(mark) ? TextIn(json::parse(ReadJsonText(mark), nullptr, false), "fingerprint") : "";
+  if (made_for.empty()) {
     throw DataError(
         fmt::format("'{}', which tells the settings of the work that was stopped there, is damaged or missing; restore "
                     "it, or remove the folder to begin its stage anew",
                     mark.string()));
   }
-  if (TextIn(made_for, "fingerprint") == artifact.fingerprint) return;
+  if (made_for == artifact.fingerprint) return;
   throw OfOtherSettings(
       fmt::format("'{}' holds work that was stopped and had other data or settings; choose another --out, go on with "
                   "its own settings, or remove the folder",

@@ -44,8 +44,8 @@ class Verifier {
   Verifier(fs::path root, bool records_alone) : root_(std::move(root)), records_alone_(records_alone) {}
 
   Verification Run() {
-    for (int n_left = kListings; !List(n_left == 1); --n_left) {
-    }
+    int n_left = kListings;
+    while (!List(n_left == 1)) --n_left;
     for (const auto& [path, unused] : std::map(files_)) {
       if (IsTemporaryName(path.filename().string())) {
         Set(path, FileState::kLeftOver, "of a program that died; the next command on this directory removes it");
