@@ -39,6 +39,7 @@
 #include "cli/versions.h"
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/base/system_error.h"
 #include "oted/data/csv.h"
 
 namespace {
@@ -98,8 +99,8 @@ int FailOfException(const CLI::App& app) {
     // A name that no file can have is a wrong request.
     const bool is_name = e.code() == std::errc::filename_too_long || e.code() == std::errc::invalid_argument;
     return Fail(is_name ? ExitCode::kUsage : ExitCode::kDataOrModel,
-                fmt::format("cannot use '{}': {}; choose another place or fix its permissions", e.path1().string(),
-                            e.code().message()));
+                fmt::format("cannot use '{}': {}; {}", e.path1().string(), e.code().message(),
+                            oted::RemedyOf(e.code().value())));
   } catch (const std::length_error&) {
     return Fail(ExitCode::kDataOrModel, "a list longer than any memory is asked for; lower sizes in the settings");
   } catch (const std::bad_alloc&) {
@@ -107,9 +108,8 @@ int FailOfException(const CLI::App& app) {
                 "there is not enough memory; use fewer threads (--threads), less data, or a machine with more, and run "
                 "the same command again");
   } catch (const std::system_error& e) {
-    return Fail(ExitCode::kDataOrModel, fmt::format("the system refuses what is needed ({}); free memory, threads or "
-                                                    "space, and run the same command again",
-                                                    e.what()));
+    return Fail(ExitCode::kDataOrModel,
+                fmt::format("the system refuses what is needed ({}); {}", e.what(), oted::RemedyOf(e.code().value())));
   } catch (const std::exception& e) {
     return Fail(ExitCode::kInternal, fmt::format("internal error: {}; please report it", e.what()));
   }

@@ -196,6 +196,7 @@ struct Request {
 void RunStage(const Request& request, const std::string& stage, const std::string& command,
               const nb::object& on_event) {
   const Call call = StageNamed(stage);
+  CheckReportCanBeMade();
   EventQueue events(!on_event.is_none());
   RunInterruptibly(
       [&](const std::atomic<bool>& stop) {

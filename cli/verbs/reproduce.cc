@@ -132,6 +132,7 @@ void AddDesignStudy(Program& program, CLI::App& parent, StudyUse use, const std:
       ->check(NonNegativeNumber())
       ->capture_default_str();
   verb->callback([&program, &study, use, options, name] {
+    CheckReportCanBeMade();
     study.assignments = options->assignments;
     study.threads = options->threads;
     if (use == StudyUse::kPlan) return WritePlan(PlanDesignStudy(name, study, options->plan.needs), options->plan);
@@ -167,6 +168,7 @@ void AddDensityStudy(Program& program, CLI::App& parent, StudyUse use) {
       ->capture_default_str();
   verb->add_option("--seed", study.first_seed, "the first of them")->check(NonNegativeNumber())->capture_default_str();
   verb->callback([&program, &study, use, options] {
+    CheckReportCanBeMade();
     study.assignments = options->assignments;
     if (use == StudyUse::kPlan) return WritePlan(PlanDensityStudy(study, options->plan.needs), options->plan);
     TerminalSink terminal(options->quiet);
@@ -210,6 +212,7 @@ void AddTable1(Program& program, CLI::App& parent, StudyUse use) {
                    "gain=0.77 gravity=0.83]");
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
   verb->callback([&program, &study, use, options] {
+    CheckReportCanBeMade();
     study.assignments = options->assignments;
     for (const std::string& assignment : options->guess) study.SetGuess(assignment);
     if (use == StudyUse::kPlan) return WritePlan(PlanTable1(study, options->plan.needs), options->plan);

@@ -31,6 +31,7 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
   AddRunOptions(*verb, *options, stage.makes);
   verb->footer(SettingsHelp(stage.sections));
   verb->callback([&program, options, stage] {
+    CheckReportCanBeMade();
     if (stage.needs_reward) {  // before a run is begun
       RunConfig config = ResolveConfig(*options);
       config.task.Resolve();

@@ -8,8 +8,6 @@
 #include "oted/base/files.h"
 
 namespace oted {
-namespace {
-
 const char* RemedyOf(int error) {
   switch (error) {
     case ENOSPC:
@@ -20,6 +18,9 @@ const char* RemedyOf(int error) {
     case EMFILE:
     case ENFILE:
       return "raise the limit (ulimit -n), then run the same command again";
+    case ENOMEM:
+    case EAGAIN:
+      return "use fewer threads (--threads) or free memory, then run the same command again";
     case ENOENT:
       return "check the path";
     case EISDIR:
@@ -30,8 +31,6 @@ const char* RemedyOf(int error) {
       return "choose another place or fix its permissions";
   }
 }
-
-}  // namespace
 
 void ThrowSystemError(const char* what, const std::filesystem::path& path, int error) {
   if (error == ENAMETOOLONG) {

@@ -4,9 +4,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <set>
 #include <span>
 
@@ -14,6 +14,7 @@
 #include "oted/base/files.h"
 #include "oted/data/csv.h"
 #include "oted/data/csv_columns.h"
+#include "oted/data/field_text.h"
 #include "oted/data/gzip.h"
 #include "oted/data/loggable.h"
 #include "oted/data/resample.h"
@@ -22,12 +23,6 @@ namespace oted {
 namespace {
 
 constexpr size_t kShownUnused = 20;
-
-std::string_view Trimmed(std::string_view text) {
-  const size_t begin = text.find_first_not_of(" \t");
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
-}
 
 /// The rows of a file and what cuts them into episodes.
 class CsvReader {
@@ -76,16 +71,13 @@ class CsvReader {
   }
 
   double Number(const std::vector<std::string>& fields, int column) const {
-    std::string_view text = Trimmed(fields[static_cast<size_t>(column)]);
-    if (text.starts_with('+')) text.remove_prefix(1);
-    double value = 0;
-    const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (text.empty() || error != std::errc{} || rest != text.data() + text.size() || !IsLoggable(value)) {
+    const std::optional<double> value = ParseNumber(fields[static_cast<size_t>(column)]);
+    if (!value.has_value() || !IsLoggable(*value)) {
       throw DataError(fmt::format(
           "'{}' line {}, column '{}': '{}' is no finite number below 1e100; repair or remove the row", path_,
           lines_.back(), header_[static_cast<size_t>(column)], fields[static_cast<size_t>(column)].substr(0, 40)));
     }
-    return value;
+    return *value;
   }
 
   bool Flag(const std::vector<std::string>& fields, int column) const {

@@ -2,42 +2,25 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-#include <cmath>
 #include <limits>
-#include <string_view>
+#include <optional>
 
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/data/csv.h"
+#include "oted/data/field_text.h"
 #include "oted/data/gzip.h"
 
 namespace oted {
 namespace {
 
-std::string_view WithoutBlanks(std::string_view text) {
-  const size_t begin = text.find_first_not_of(" \t");
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
-}
-
-/// NaN for an empty field. @return false where it is no number
-bool ToNumber(std::string_view text, double& number) {
-  text = WithoutBlanks(text);
-  number = std::numeric_limits<double>::quiet_NaN();
-  if (text.empty()) return true;
-  if (text.starts_with('+')) text.remove_prefix(1);
-  const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && rest == text.data() + text.size();
-}
-
-/// Takes the fields as numbers where all of them are.
+/// Takes the fields as numbers where all of them are; an empty one is NaN.
 void Convert(LogColumn& column, const std::vector<int64_t>& lines) {
   std::vector<double> values;
   for (size_t i = 0; i < column.text.size(); ++i) {
-    double number = 0;
-    if (ToNumber(column.text[i], number)) {
-      values.push_back(number);
+    const std::optional<double> number = ParseNumber(column.text[i]);
+    if (number.has_value() || Trimmed(column.text[i]).empty()) {
+      values.push_back(number.value_or(std::numeric_limits<double>::quiet_NaN()));
     } else if (column.text_line == 0) {
       column.text_line = lines[i];
       column.text_field = column.text[i];
@@ -61,7 +44,7 @@ std::vector<LogColumn> ReadLogColumns(const std::string& path) {
   CheckSeparator(fields, path);
   std::vector<LogColumn> columns(fields.size());
   for (size_t i = 0; i < fields.size(); ++i) {
-    columns[i].name = std::string(WithoutBlanks(fields[i]));
+    columns[i].name = std::string(Trimmed(fields[i]));
     if (!IsUtf8(columns[i].name)) {
       throw DataError(fmt::format("'{}' line 1: a column's name is not UTF-8; save it as UTF-8", path));
     }

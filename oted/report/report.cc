@@ -39,6 +39,8 @@ nlohmann::json WithPictures(nlohmann::json report, const std::filesystem::path& 
 
 }  // namespace
 
+void CheckReportCanBeMade() { static_cast<void>(PlotlyJs()); }
+
 void WriteReport(const std::filesystem::path& run_dir) { WriteReport(run_dir, run_dir); }
 
 void WriteReport(const std::filesystem::path& run_dir, const std::filesystem::path& folder) {

@@ -16,4 +16,7 @@ void WriteReport(const std::filesystem::path& run_dir, const std::filesystem::pa
 /// Into the run directory itself.
 void WriteReport(const std::filesystem::path& run_dir);
 
+/// For the beginning of long work that ends with a report. @throws DataError when plotly.js is missing
+void CheckReportCanBeMade();
+
 }  // namespace oted
