@@ -86,11 +86,27 @@ std::string WhereHelpIs(const CLI::App& app) {
   return fmt::format("'oted {} --help' explains the command", words);
 }
 
+/// " (did you mean '--seed'?)" for a flag that the typed command does not have, or "".
+std::string WhatWasMeant(const CLI::App& app) {
+  const std::vector<CLI::App*> typed = app.get_subcommands();
+  if (!typed.empty()) return WhatWasMeant(*typed.front());
+  std::vector<std::string> flags;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) flags.push_back("--" + name);
+  }
+  for (const std::string& word : app.remaining()) {
+    if (word.starts_with("--")) return oted::DidYouMean(word.substr(0, word.find('=')), flags);
+  }
+  return "";
+}
+
 /// The one line and the exit code of what is being thrown.
 int FailOfException(const CLI::App& app) {
   using oted::ExitCode;
   try {
     throw;
+  } catch (const CLI::ExtrasError& e) {
+    return Fail(ExitCode::kUsage, fmt::format("{}{}; {}", e.what(), WhatWasMeant(app), WhereHelpIs(app)));
   } catch (const CLI::ParseError& e) {
     return Fail(ExitCode::kUsage, fmt::format("{}; {}", e.what(), WhereHelpIs(app)));
   } catch (const oted::Error& e) {

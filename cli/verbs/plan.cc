@@ -114,7 +114,10 @@ void PlanPlace::Resolve() {
   file = std::filesystem::absolute(file).lexically_normal();
   if (root.empty()) root = std::filesystem::path(file).replace_extension();
   root = std::filesystem::absolute(root).lexically_normal();
-  if (root == file) throw UsageError(fmt::format("'{}' has no ending: name the units' folder by --out", file.string()));
+  if (root == file) {
+    throw UsageError(
+        fmt::format("'{}' has no ending; a plan is NAME.jsonl, or name the units' folder by --out", file.string()));
+  }
 }
 
 void AddPlanPlace(CLI::App& verb, PlanPlace& place) {

@@ -40,7 +40,7 @@ void AddValidateVerb(Program& program) {
     ValidationRequest request;
     std::string run;
     int threads = -1;
-    bool json = false;
+    bool json = false, quiet = false;
   };
   auto words = std::make_shared<Words>();
   verb->add_option("RUN_DIR,--out", words->run, "run directory that holds a design.json")->required();
@@ -54,12 +54,13 @@ void AddValidateVerb(Program& program) {
                    "maximum number of threads; results do not depend on it [default: all processors]")
       ->check(NonNegativeNumber());
   verb->add_flag("--json", words->json, "print the result as JSON");
+  verb->add_flag("--quiet", words->quiet, "no progress on stderr");
   verb->footer(
       "Exits with 4 where the design predicts no better than the nominal model, beyond chance, and the sensors do\n"
       "not explain what it leaves.");
   verb->callback([&program, words] {
     words->request.run = words->run;
-    TerminalSink console(words->json);
+    TerminalSink console(words->json || words->quiet);
     const ValidationResult result = Validate(words->request, MakeContext(console, std::max(0, words->threads)));
     if (words->json) {
       Print("{}\n", result.ToJson(words->request).dump(2));

@@ -419,7 +419,9 @@ json ParseJson(std::string_view text, const std::string& where) {
   try {
     return json::parse(text);
   } catch (const json::exception& e) {
-    throw fail(e.what());
+    const std::string_view why = e.what();  // "[json.exception.parse_error.101] parse error at line 1, ..."
+    const size_t name = why.find("] ");
+    throw fail(std::string(name == std::string_view::npos ? why : why.substr(name + 2)));
   }
 }
 

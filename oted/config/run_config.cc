@@ -41,7 +41,9 @@ toml::table Parsed(const std::string& text, const std::string& file_name) {
   try {
     return toml::parse(text, file_name);
   } catch (const toml::parse_error& e) {
-    throw UsageError(fmt::format("{}:{}: {}", file_name, e.source().begin.line, std::string(e.description())));
+    const std::string what(e.description());
+    const char* remedy = what.find("value type") == std::string::npos ? "" : "; text stands in quotes: name = \"text\"";
+    throw UsageError(fmt::format("{}:{}: {}{}", file_name, e.source().begin.line, what, remedy));
   }
 }
 

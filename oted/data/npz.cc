@@ -88,11 +88,13 @@ NpzArrays ParseNpz(const std::string& bytes, const std::string& name_in_errors) 
 
 NpzArrays ReadCheckpoint(const std::filesystem::path& path) {
   const std::string bytes = ReadFile(path);
-  if (!HasZipSeal(bytes)) {
-    throw DataError(fmt::format("checkpoint '{}' is truncated or damaged; remove '{}' to begin its work anew",
-                                path.string(), path.parent_path().string()));
+  try {
+    if (HasZipSeal(bytes))
+      return ArraysOf(ParseZip(bytes, path.string(), CheckpointBudget(bytes.size())), path.string());
+  } catch (const DataError&) {  // whose remedy is that of a file from elsewhere
   }
-  return ArraysOf(ParseZip(bytes, path.string(), CheckpointBudget(bytes.size())), path.string());
+  throw DataError(fmt::format("checkpoint '{}' is truncated or damaged; remove '{}' to begin its work anew",
+                              path.string(), path.parent_path().string()));
 }
 
 std::string NpzBytes(const NpzArrays& arrays) { return ZipBytes(MembersOf(arrays)); }

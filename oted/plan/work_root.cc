@@ -70,11 +70,16 @@ json ResultSeals(const fs::path& folder) {
 /// @throws DataError where a record is not the one that the unit left
 void CheckResultSeals(const json& record, const fs::path& file) {
   for (const auto& [source, seal] : SourcesOf(record, file)) {
-    if (SealOf(ReadSealed(source)) == seal) continue;
-    throw DataError(
-        fmt::format("'{}' is another than the one that '{}' speaks of; restore it, or remove '{}' to make "
-                    "the unit again",
-                    source.string(), file.string(), file.parent_path().string()));
+    const auto refuse = [&, &path = source](const std::string& why) {
+      throw DataError(fmt::format("'{}' {}; restore it, or remove '{}' and submit the plan to make the unit again",
+                                  path.string(), why, file.parent_path().string()));
+    };
+    if (!fs::exists(source)) refuse("is missing");
+    const std::string text = ReadJsonText(source);
+    if (!json::accept(text)) refuse("is damaged: it is no JSON");
+    const json result = ParseJson(text, source.string());
+    if (!IsSealed(result)) refuse("is not as oted wrote it (its seal does not fit its content)");
+    if (SealOf(result) != seal) refuse(fmt::format("is another than the one that '{}' speaks of", file.string()));
   }
 }
 

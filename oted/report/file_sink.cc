@@ -24,8 +24,8 @@ FileSink::Files& FileSink::FilesOf(std::string_view run, std::string_view least)
     found = files_.emplace(std::string(run), std::make_unique<Files>(run_dir_ / run, least)).first;
     if (found->second->curves.set_aside()) {
       Warning(
-          fmt::format("'{}' was damaged or cut short: what is left of it is kept as curves.csv.damaged, and the curves "
-                      "go on in a new file",
+          fmt::format("'{}' was damaged, cut short or removed: what is left of it, if anything, is kept as "
+                      "curves.csv.damaged, and the curves go on in a new file",
                       (run_dir_ / run / "curves.csv").string()));
     }
   }

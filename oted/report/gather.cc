@@ -183,7 +183,7 @@ json Gather(const fs::path& run_dir) {
   if (report.contains("evaluation")) add("policies", ListAt(report["evaluation"], "policies"));
   if (report.contains("design")) add("warnings", ListAt(report["design"], "warnings"));
   if (report.size() == 1) {
-    throw DataError(fmt::format(
+    throw UsageError(fmt::format(
         "'{}' holds no results to report; name the folder that was given as --out to 'oted run'", run_dir.string()));
   }
   json run;
@@ -201,7 +201,7 @@ json Gather(const fs::path& run_dir) {
 
 nlohmann::json GatherReport(const fs::path& run_dir) {
   if (!fs::is_directory(run_dir)) {
-    throw DataError(
+    throw UsageError(
         fmt::format("'{}' is no folder; name the folder that was given as --out to 'oted run'", run_dir.string()));
   }
   try {

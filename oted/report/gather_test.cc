@@ -114,10 +114,10 @@ TEST(GatherReportTest, OnlyTheSelectedSettingsSeedsAreShown) {
 
 TEST(GatherReportTest, AFolderWithoutResultsIsAnErrorWithTheRemedy) {
   TestFolder folder;
-  EXPECT_THAT(MessageOf<DataError>([&] { GatherReport(folder.path()); }), HasSubstr("--out"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { GatherReport(folder.path()); }), HasSubstr("--out"));
   WriteFileAtomically(folder / "run.toml", SealedText("[run]\n", ""));
-  EXPECT_THAT(MessageOf<DataError>([&] { GatherReport(folder.path()); }), HasSubstr("no results"));
-  EXPECT_THAT(MessageOf<DataError>([&] { GatherReport(folder.path() / "missing"); }), HasSubstr("missing"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { GatherReport(folder.path()); }), HasSubstr("no results"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { GatherReport(folder.path() / "missing"); }), HasSubstr("missing"));
 }
 
 TEST(GatherReportTest, AForeignOrDamagedFileIsNamed) {

@@ -81,8 +81,8 @@ void CheckSameModel(const FinishedDesign& design, const SimulatorFactory& factor
                     task.name));
   }
   throw DataError(fmt::format(
-      "the model '{}' is no longer the one that the design was made with (its SHA-256 differs); restore it, "
-      "which '{}' holds a copy of, or make the design again",
+      "the model '{}' is no longer the one that the design was made with (its SHA-256 differs); restore it ('{}' was "
+      "a copy of it), or make the design again",
       task.model.model, (design.folder / "model").string()));
 }
 

@@ -194,15 +194,20 @@ bool RunDirectory::IsComplete(const Artifact& artifact) const { return Look(arti
 void RunDirectory::Check(const std::vector<Artifact>& artifacts) const {
   std::vector<OfOtherSettings> others;
   std::set<std::string> stages;
+  std::optional<DataError> damage;
   for (const Artifact& artifact : artifacts) {
     try {
       CheckOne(artifact);
     } catch (const OfOtherSettings& other) {
       others.push_back(other);
       stages.insert(other.stage.string());
+    } catch (const DataError& error) {
+      if (!damage) damage = error;
     }
   }
+  // A record of other settings is no source of what was made from it: it is told first.
   if (stages.size() == 1) throw others.front();
+  if (stages.empty() && damage) throw DataError(*damage);
   if (stages.empty()) return;
   throw UsageError(
       fmt::format("{} stages of '{}' were made, or begun, with other data, settings or an earlier stage that has "
@@ -278,7 +283,10 @@ void RunDirectory::Begin(const Artifact& artifact) const {
   CheckCheckpoint(artifact);
   const fs::path folder = artifact.file.parent_path();
   if (!fs::exists(folder / "checkpoint.npz")) {
-    // The work begins anew, and so do its curves.
+    // The work begins anew, and so do its curves, which had been noted with a checkpoint.
+    if (fs::exists(folder / "checkpoint.curves")) {
+      Warn(fmt::format("'{}' is missing: the work of its stage begins anew", (folder / "checkpoint.npz").string()));
+    }
     RemoveFile(folder / "checkpoint.curves");
     RemoveFile(folder / kCurves);
   }

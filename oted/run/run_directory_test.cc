@@ -341,6 +341,36 @@ TEST(RunDirectory, ACheckpointIsGoneOnWithUnderItsOwnSettingsOnly) {
   }
 }
 
+TEST(RunDirectory, ACheckpointThatIsGoneIsTold) {
+  const TestFolder folder;
+  Warnings warnings;
+  const RunDirectory directory(folder.path(), &warnings);
+  const auto stopped = [&]() -> json {
+    WriteFileAtomically(directory.clone() / "checkpoint.curves", WholeMark{}.ToText());
+    throw Interrupted("stopped");
+  };
+  EXPECT_THROW(directory.Once(Clone(directory, "aa"), stopped), Interrupted);
+  directory.Once(Clone(directory, "aa"), Loss);
+  ASSERT_EQ(warnings.told.size(), 1u);
+  EXPECT_THAT(warnings.told.front(), testing::AllOf(HasSubstr("checkpoint.npz"), HasSubstr("begins anew")));
+}
+
+TEST(RunDirectory, ARecordOfOtherSettingsIsToldBeforeWhatWasMadeFromAnother) {
+  const TestFolder folder;
+  const RunDirectory directory(folder.path());
+  directory.Once(Clone(directory, "aa"), Loss);
+  directory.Once(OnTop(directory, "bb"), Loss);
+  json other = ReadJson(directory.clone() / "clone.json");
+  other["fingerprint"] = "cc";
+  Seal(other, directory.clone(), {});
+  WriteJson(directory.clone() / "clone.json", other);
+  for (const auto& artifacts : {std::vector{OnTop(directory, "bb"), Clone(directory, "aa")},
+                                std::vector{Clone(directory, "aa"), OnTop(directory, "bb")}}) {
+    EXPECT_THAT(MessageOf<UsageError>([&] { directory.Check(artifacts); }),
+                HasSubstr("remove '" + directory.clone().string()));
+  }
+}
+
 TEST(Fingerprint, EqualInputsAgreeAndAnyChangeShows) {
   EXPECT_EQ(Fingerprint(json{{"a", 1}, {"b", 0.1}}), Fingerprint(json{{"b", 0.1}, {"a", 1}}));
   EXPECT_NE(Fingerprint(json{{"a", 1}}), Fingerprint(json{{"a", 2}}));

@@ -65,6 +65,7 @@ class Verifier {
         });
       }
     }
+    CheckMisfits();
     CheckOrigin("dataset.json", "dataset", "of other data");
     CheckOrigin("model/model.json", "model", "of another model");
     CheckConfig();
@@ -120,6 +121,12 @@ class Verifier {
     file.note = note;
   }
 
+  void SetError(const fs::path& path, const Error& error) {
+    if (files_.contains(path) && files_.at(path).state == FileState::kDamaged) return;
+    Set(path, FileState::kDamaged, error.what());
+    files_.at(path).note_is_error = true;
+  }
+
   template <class F>
   void Guarded(const fs::path& path, const F& check) {
     try {
@@ -129,7 +136,7 @@ class Verifier {
       if (files_.at(path).state == FileState::kUnproven && !fs::exists(path, unreadable)) {
         files_.erase(path);  // gone since it was listed: a stage that came to its end removed its checkpoint
       } else {
-        Set(path, FileState::kDamaged, e.what());
+        SetError(path, e);
       }
     }
   }
@@ -164,10 +171,24 @@ class Verifier {
     try {
       from = ReadSealed(source);
     } catch (const Error& e) {
-      return Set(source, FileState::kDamaged, e.what());  // a file without a seal does not tell of itself
+      return SetError(source, e);  // a file without a seal does not tell of itself
     }
-    if (SealOf(from) == seal) return;
-    Set(record, FileState::kDamaged, fmt::format("it was made from another '{}'", Relative(source)));
+    if (SealOf(from) != seal) misfits_.push_back({record, source});
+  }
+
+  /// Of a chain of misfits the first record is damaged. What was made from it cannot be judged.
+  void CheckMisfits() {
+    const auto stands = [&](const fs::path& path) {
+      const auto of = [&](const Misfit& misfit) { return misfit.record == path; };
+      return files_.at(path).state != FileState::kDamaged && std::ranges::none_of(misfits_, of);
+    };
+    for (const Misfit& misfit : misfits_) {
+      if (files_.contains(misfit.source) && !stands(misfit.source)) {
+        Set(misfit.record, FileState::kUnproven, fmt::format("its source '{}' is damaged", Relative(misfit.source)));
+      } else {
+        Set(misfit.record, FileState::kDamaged, fmt::format("it was made from another '{}'", Relative(misfit.source)));
+      }
+    }
   }
 
   /// What a run learned from is told twice: by a record of its own, and in design.json. One of another run shows there.
@@ -202,6 +223,10 @@ class Verifier {
   fs::path root_;
   bool records_alone_;
   std::map<fs::path, VerifiedFile> files_;
+  struct Misfit {
+    fs::path record, source;  ///< the record was made from a source with another seal
+  };
+  std::vector<Misfit> misfits_;
 };
 
 }  // namespace
@@ -219,11 +244,13 @@ fs::path RootOf(const fs::path& run_directory) {
   return root.has_filename() ? root : root.parent_path();
 }
 
+bool HoldsRun(const fs::path& root) { return fs::exists(root / "run.toml") || fs::exists(root / "design.json"); }
+
 }  // namespace
 
 Verification VerifyRun(const fs::path& run_directory) {
   const fs::path root = RootOf(run_directory);
-  if (!fs::exists(root / "run.toml") && !fs::exists(root / "design.json")) {
+  if (!HoldsRun(root)) {
     throw UsageError(
         fmt::format("'{}' holds no run.toml; name the folder that was given as --out", run_directory.string()));
   }
@@ -232,11 +259,11 @@ Verification VerifyRun(const fs::path& run_directory) {
 
 void CheckRecords(const fs::path& run_directory) {
   const fs::path root = RootOf(run_directory);
-  if (!fs::exists(root / "design.json")) return;  // for the caller to tell
+  if (!HoldsRun(root)) return;  // for the caller to tell
   for (const VerifiedFile& file : Verifier(root, true).Run().files) {
     const bool is_record = file.path.extension() == ".json" || file.path == "run.toml";
     if (!is_record || (file.state != FileState::kDamaged && file.state != FileState::kMissing)) continue;
-    if (file.note.starts_with("'")) throw DataError(file.note);  // an error of its own
+    if (file.note_is_error) throw DataError(file.note);
     throw DataError(fmt::format("'{}' is {}: {}; restore it ('oted verify {}' names all that are not whole)",
                                 (root / file.path).string(), file.state == FileState::kDamaged ? "damaged" : "missing",
                                 file.note, root.string()));

@@ -18,7 +18,8 @@ enum class FileState {
 struct VerifiedFile {
   std::filesystem::path path;  ///< relative to the run directory
   FileState state = FileState::kWhole;
-  std::string note;  ///< why, for one that is not whole
+  std::string note;            ///< why, for one that is not whole
+  bool note_is_error = false;  ///< the note is a whole error, with the file and a remedy
 };
 
 struct Verification {
@@ -30,8 +31,8 @@ struct Verification {
 /// Reads every file of the run and changes none. @throws UsageError unless it is a run directory
 Verification VerifyRun(const std::filesystem::path& run_directory);
 
-/// For what reads a run that has a design without making it: whether its records and run.toml are as they were written
-/// and fit each other. Their other files are not read. @throws DataError that names the first that is not
+/// For what reads a run without making it: whether its records and run.toml are as they were written and fit each
+/// other. Their other files are not read. @throws DataError that names the first that is not
 void CheckRecords(const std::filesystem::path& run_directory);
 
 }  // namespace oted

@@ -42,7 +42,7 @@ class TestOutput(HopperTest):
         result = oted("data", "info", "é" * 50_000)
         self.assertRegex(result.stderr, r"\Aoted: [^\n]+\n\Z")
         self.assertLess(len(result.stderr), 3000)
-        self.assertIn("use .hdf5", result.stderr)
+        self.assertIn("check the path", result.stderr)
 
     def test_a_folder_where_a_file_belongs(self):
         (self.out / "run.toml").mkdir(parents=True)

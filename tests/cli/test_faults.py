@@ -228,6 +228,25 @@ class TestDamage(RunTest):
             self.assertNotReadAlone(name, "missing")
             (self.out / name).write_bytes(whole)
 
+    def test_a_design_that_is_gone_is_missed_by_what_was_made_from_it(self):
+        (self.out / "design.json").unlink()
+        for words in (["report", self.out], ["verify", self.out]):
+            result = oted(*words)
+            self.assertEqual(result.returncode, DATA_OR_MODEL, result.stderr)
+            self.assertIn("design.json", result.stdout + result.stderr)
+        self.assertOneLine(oted("report", self.folder / "none"), USAGE, "is no folder")
+
+    def test_of_what_does_not_fit_together_the_foreign_record_is_named(self):
+        other = self.folder / "other"
+        oted(*self.words(other, "--seed", "2"))
+        shutil.copyfile(other / "design.json", self.out / "design.json")
+        for words in (["report", self.out], ["export", self.out]):
+            self.assertOneLine(oted(*words), DATA_OR_MODEL, "'" + str(self.out / "design.json") + "' is damaged")
+        told = [line for line in oted("verify", self.out).stdout.splitlines() if line.startswith("damaged")]
+        self.assertEqual(len(told), 1, told)
+        self.assertIn("design.json", told[0])
+        self.assertOneLine(self.again("--quiet"), USAGE, "remove '" + str(self.out / "design.json") + "'")
+
     def test_the_report_shows_no_file_from_elsewhere(self):
         (self.folder / "secret").write_text("a secret")
         folder = self.out / "motion"
@@ -259,7 +278,8 @@ class TestDamage(RunTest):
         whole = checkpoint.read_bytes()
         for at in (10, len(whole) // 3, len(whole) // 2, len(whole) - 5):
             flip(checkpoint, at)
-            self.assertOneLine(oted(*words, "--quiet", "--json"), DATA_OR_MODEL, "checkpoint.npz")
+            self.assertOneLine(oted(*words, "--quiet", "--json"), DATA_OR_MODEL, "checkpoint.npz",
+                               f"remove '{checkpoint.parent}' to begin its work anew")
             checkpoint.write_bytes(whole)
         curves = self.out / "agents/1/curves.csv"
         flip(curves)

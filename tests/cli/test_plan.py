@@ -72,6 +72,11 @@ class PlanTest(program.HopperTest):
         kept = first.read_bytes()
         shutil.copyfile(second, first)
         self.assertOneLine(program.oted("merge", self.plan), program.DATA_OR_MODEL, "is another than the one that")
+        # Nor is one that is damaged or gone taken for a file to repair: the unit is made again.
+        first.write_bytes(kept + b"x")
+        self.assertOneLine(program.oted("merge", self.plan), program.DATA_OR_MODEL, f"remove '{first.parent.parent}'")
+        first.unlink()
+        self.assertOneLine(program.oted("merge", self.plan), program.DATA_OR_MODEL, "is missing", f"remove '{first.parent.parent}'")
         first.write_bytes(kept)
         shutil.copyfile(self.demos, bad)
         retried = program.oted("submit", self.plan, "--engine", "local", "--retry-failed", "--quiet")

@@ -54,9 +54,11 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const Dataset& logs = problem.dataset;
   const int n_threads = problem.context.n_threads;
   const RngKey key = problem.key.Stage("prediction");
-  const std::string label = problem.run_name + ", kept aside";  // not the fit's own, which growth tells beside it
+  const std::string label = problem.run_name + ", prediction";  // not the fit's own, which growth tells beside it
+  const bool all_learned = !fit || !fit->unseen || fit->unseen->z.empty();
   const auto tell = [&](int done, int total) {
-    problem.context.log->Progress("predict", label, done, total, "logs that were kept aside");
+    problem.context.log->Progress("predict", label, done, total,
+                                  all_learned ? "the logs" : "logs that were kept aside");
     problem.context.ThrowIfStopped();
   };
   const auto predict = [&](const PredictionProblem& asked) {
@@ -92,7 +94,6 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const UnseenFit& unseen = *fit->unseen;
   const ReadingModel readings = ReadingsOf(spec, logs, fit->unseen);
   const HeldOutParts parts = KeepAside(logs, spec.control_period_s, problem.KeptAsideKey());
-  const bool all_learned = unseen.z.empty();
   const auto n_channels = static_cast<Eigen::Index>(fit->short_noise_std.size());
   const VectorXd noise = Eigen::Map<const VectorXd>(fit->short_noise_std.data(), n_channels);
   return predict({.factory = problem.factory,
