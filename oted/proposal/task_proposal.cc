@@ -57,6 +57,9 @@ class Proposer {
       throw UsageError(fmt::format("--out is '{}', wanted a file that ends in .toml", request_.out.string()));
     }
     std::error_code error;
+    if (!request_.model.starts_with("package:") && !std::filesystem::exists(request_.model, error)) {
+      throw DataError(fmt::format("model '{}' does not exist; check the path", request_.model));
+    }
     if (std::filesystem::exists(request_.out, error)) {
       throw UsageError(
           fmt::format("'{}' is there already; remove it, or name another file with --out", request_.out.string()));

@@ -109,6 +109,15 @@ class TestRequest(HopperTest):
         self.assertRefused(oted(), USAGE, "--help")
         self.assertRefused(oted("design", "--task", "Hopper-v5"), USAGE, "--out")
 
+    def test_a_flag_that_is_spelt_wrong_gets_the_nearest(self):
+        self.assertRefused(oted("run", "--out", self.out, "--sed", "3"), USAGE, "--sed", "did you mean '--seed'?")
+        self.assertRefused(oted("data", "info", "a.csv", "--taks=Hopper-v5"), USAGE, "did you mean '--task'?")
+
+    def test_text_without_quotes_in_toml(self):
+        config = self.folder / "hopper.toml"
+        config.write_text("[task]\nname = Hopper-v5\n")
+        self.assertRefused(oted("run", config, "--out", self.out), USAGE, "hopper.toml:2", "text stands in quotes")
+
     def test_flag_without_number(self):
         self.assertRefused(self.design("--seed", "one"), USAGE, "--seed")
         self.assertRefused(self.design("--seed=-1"), USAGE, "--seed")
