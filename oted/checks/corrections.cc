@@ -7,9 +7,9 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
-#include <numbers>
 #include <optional>
 
+#include "oted/base/angle.h"
 #include "oted/checks/correction.h"
 #include "oted/checks/short_replays.h"
 #include "oted/data/checks_rates.h"
@@ -39,7 +39,6 @@ constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "con
                                   "quaternion_sign",  "shifted_actions"};
 constexpr double kCorrelated = 0.6;  // of a velocity with its position
 constexpr double kBeyond = 3;        // an action, of the bound of its range
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kThousandth = 1e-3, kHundredth = 1e-2;
 
 /// A position and its rate, where that is logged.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "oted/base/angle.h"
 #include "oted/data/channel_series.h"
 
 namespace oted {
@@ -19,7 +20,6 @@ constexpr double kExactlyClear = 0.95, kFactor = 1.5;  // the same for a factor 
 constexpr size_t kMostEpisodes = 50;                   // that are looked at one by one
 constexpr double kOtherRate = 1.4;                     // of the usual period
 constexpr double kAgree = 0.05;                        // among the channels of a log with another rate
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kFewestPairs = 20;
 constexpr double kFewestCarry = 20;  // rows that must carry a correlation or factor for a finding
 constexpr double kLongestLag_s = 0.05;

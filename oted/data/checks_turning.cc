@@ -7,8 +7,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <utility>
+
+#include "oted/base/angle.h"
 
 namespace oted {
 namespace {
@@ -17,7 +18,6 @@ constexpr int kFewestTurns = 20;
 constexpr double kFits = 0.4;    // share of the squared rate that a reading may miss
 constexpr double kBetter = 0.5;  // of what the log's own reading misses
 constexpr double kFine = 0.1;    // share of the squared rate below which nothing is to be mended
-constexpr double kDegreePerSecond = std::numbers::pi / 180;
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
@@ -171,10 +171,10 @@ bool AddRateColumns(const Dataset& d, const TurningBody& body, double own, doubl
     std::swap(swapped.columns.from[one], swapped.columns.from[two]);
     changes.push_back(swapped);
   }
-  changes.push_back({{{0, 1, 2}, Vector3d::Constant(kDegreePerSecond)},
+  changes.push_back({{{0, 1, 2}, Vector3d::Constant(kDegree)},
                      "rate_unit",
                      {0, 1, 2},
-                     fmt::format("multiply {} by {:.6g}", fmt::join(names, ", "), kDegreePerSecond)});
+                     fmt::format("multiply {} by {:.6g}", fmt::join(names, ", "), kDegree)});
   const Change* best = nullptr;
   double left = std::min(kFits, kBetter * own);
   for (const Change& change : changes) {

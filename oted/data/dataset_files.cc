@@ -53,7 +53,9 @@ DataFormat FormatToRead(const std::string& path, const DataOptions& options) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) return DataFormat::kMinari;
   if (IsMinariName(path)) return DataFormat::kMinari;  // which is missing: its reader says so
-  if (!std::filesystem::exists(path, error)) throw DataError(fmt::format("'{}' does not exist; check the path", path));
+  if (!std::filesystem::path(path).has_extension() && !std::filesystem::exists(path, error)) {
+    throw DataError(fmt::format("'{}' does not exist; check the path", path));
+  }
   FailEnding(path);
 }
 

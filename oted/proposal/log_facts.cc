@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
+#include "oted/base/angle.h"
 #include "oted/checks/data_check.h"
 #include "oted/sim/one_step.h"
 
@@ -21,7 +21,6 @@ constexpr size_t kWindows = 200;
 constexpr double kBeyondLimit = 0.25;  // of a joint's range: limits give way
 constexpr double kAsDegrees = 3;       // times a joint's range that angles in degrees go through
 constexpr int kRows = 400;
-constexpr double kDegree = std::numbers::pi / 180;
 
 /// Logged positions against the joint's limits.
 void AddLimitFacts(const Dataset& dataset, const SimulatorSpec& spec, const ModelOutline& model,

@@ -92,7 +92,7 @@ class SuspectsTest(unittest.TestCase):
             for name in ("design.json", "growth/1/growth.json", "design/default/1/q.json"):
                 self.assertEqual((run / name).read_bytes(), before[run / name])
             (run / "design.json").unlink()
-        self.assertEqual(program.oted("export", run, "--mjcf", self.folder / "grown.xml").returncode, 2)
+        self.assertEqual(program.oted("export", run, "--mjcf", self.folder / "grown.xml").returncode, program.DATA_OR_MODEL)
 
     def test_an_action_of_the_other_sign_is_told_and_the_remedy_with_it(self):
         flipped = self.folder / "flipped.npz"

@@ -18,10 +18,9 @@ constexpr double kDirected = 2.0;      // standard deviations
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
-constexpr double kLargestLog = 2.303;     // a linear model knows nothing of a change tenfold
-constexpr double kOff = 0.1;              // of conditions: of a multiple, of the range of a value
-constexpr double kEndOfInterval = 1.645;  // standard deviations: an end of a 90 % interval
-constexpr size_t kMostConditions = 3;     // of each parameter
+constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
+constexpr double kOff = 0.1;           // of conditions: of a multiple, of the range of a value
+constexpr size_t kMostConditions = 3;  // of each parameter
 
 /// z where the linear model has moved by `change`.
 double At(const ParameterSpec& spec, double change) {

@@ -15,6 +15,7 @@
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
 #include "oted/stages/design/trajectories/short_windows.h"
+#include "oted/stages/design/trajectories/stretch_estimate.h"
 #include "oted/stages/design/trajectories/suspects.h"
 
 namespace oted {
@@ -26,10 +27,9 @@ using Eigen::VectorXd;
 constexpr int kPartIterations = 4;      // of the fit of short windows that goes on without what judges
 constexpr int kFewestPartWindows = 16;  // where fewer are left it is made anew
 constexpr int kValidationRows = 960;
-constexpr double kIntervalEnd = 1.645;  // standard deviations: of a 90 % interval
-constexpr double kFarEnd = 0.95;        // of the range: an interval that goes so far is all of it
-constexpr double kElsewhere = 0.5;      // in x: an eighth of the range
-constexpr int kRowsPerJudged = 3;       // of the last fit: what judges a fit needs it less exactly than who uses it
+constexpr double kFarEnd = 0.95;    // of the range: an interval that goes so far is all of it
+constexpr double kElsewhere = 0.5;  // in x: an eighth of the range
+constexpr int kRowsPerJudged = 3;   // of the last fit: what judges a fit needs it less exactly than who uses it
 constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + 2 * kLongIterations;
@@ -44,9 +44,9 @@ int RowsOf(const std::vector<LogWindow>& windows) {
 /// nothing, so std may be any number, and a Gaussian that wide would lie at both bounds.
 /// @param most  the prior's: as much is never too wide
 double WithinRange(double x, double std, double most) {
-  const double u = LogitToUnit(-std::abs(x)), step = kIntervalEnd * std * u * (1 - u);
+  const double u = LogitToUnit(-std::abs(x)), step = kEndOfInterval * std * u * (1 - u);
   const double end = std::min(u + step, kFarEnd);
-  const double reach = (std::log(end / (1 - end)) + std::abs(x)) / kIntervalEnd;
+  const double reach = (std::log(end / (1 - end)) + std::abs(x)) / kEndOfInterval;
   return std::min(std, std::max(reach, most));
 }
 
