@@ -35,6 +35,10 @@ int DecimalsOf(const DesignRecord::Parameter& p) {
   return std::min(9, 2 + static_cast<int>(std::ceil(-std::log10(size))));
 }
 
+bool FloorIsReached(DesignVerdict verdict) {
+  return verdict == DesignVerdict::kNoGap || verdict == DesignVerdict::kGapClosed;
+}
+
 /// What identified values rest on.
 void PrintConditions(const DesignRecord& design) {
   for (const DesignRecord::Parameter& p : design.parameters) {
@@ -68,6 +72,11 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
                           [](const auto& p) { return p.verdict == ParameterVerdict::kIdentified; })) {
     Print("identified: if what is not among the parameters is as in the model\n");
     PrintConditions(design);
+  }
+  if (!FloorIsReached(design.verdict) && std::ranges::any_of(design.parameters, [](const auto& p) {
+        return p.verdict == ParameterVerdict::kWeak || p.verdict == ParameterVerdict::kAtBound;
+      })) {
+    Print("weak, at_bound: intervals leave out what no parameter explains; values may be off by more\n");
   }
 }
 
@@ -138,6 +147,11 @@ void PrintSuspects(const DesignRecord& design) {
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
           trial && trial->kept ? "; add this line: " + suspected.line : "");
   }
+  if (FloorIsReached(design.verdict) || !design.validation || !design.fit->suspects.empty()) return;
+  const bool at_bound =
+      std::ranges::any_of(design.parameters, [](const auto& p) { return p.verdict == ParameterVerdict::kAtBound; });
+  Print("suspects: none{}\n", at_bound ? "; where a value is at its bound, none is asked: widen its range first"
+                                       : " of those that are asked explains what remains");
 }
 
 template <class Record>

@@ -411,8 +411,8 @@ class Search {
         {.check = best.correction.Check(),
          .severity = Severity::kWarning,
          .what = fmt::format(
-             "{}with {} the nominal {} misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})", where,
-             change, spec_.task, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
+             "{}with {} the nominal simulator misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
+             where, change, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
              std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), windows_.windows.size(),
              period > 0 ? fmt::format(" of {:.3g} s", replays_.n_steps() * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
