@@ -35,6 +35,10 @@ int DecimalsOf(const DesignRecord::Parameter& p) {
   return std::min(9, 2 + static_cast<int>(std::ceil(-std::log10(size))));
 }
 
+bool HasOne(const DesignRecord& design, ParameterVerdict verdict) {
+  return std::ranges::find(design.parameters, verdict, &DesignRecord::Parameter::verdict) != design.parameters.end();
+}
+
 bool FloorIsReached(DesignVerdict verdict) {
   return verdict == DesignVerdict::kNoGap || verdict == DesignVerdict::kGapClosed;
 }
@@ -68,14 +72,12 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
           fmt::format("[{:.{}f}, {:.{}f}]", p.interval90_low, decimals, p.interval90_high, decimals),
           ToString(p.verdict), error);
   }
-  if (std::ranges::any_of(design.parameters,
-                          [](const auto& p) { return p.verdict == ParameterVerdict::kIdentified; })) {
+  if (HasOne(design, ParameterVerdict::kIdentified)) {
     Print("identified: if what is not among the parameters is as in the model\n");
     PrintConditions(design);
   }
-  if (!FloorIsReached(design.verdict) && std::ranges::any_of(design.parameters, [](const auto& p) {
-        return p.verdict == ParameterVerdict::kWeak || p.verdict == ParameterVerdict::kAtBound;
-      })) {
+  if (!FloorIsReached(design.verdict) &&
+      (HasOne(design, ParameterVerdict::kWeak) || HasOne(design, ParameterVerdict::kAtBound))) {
     Print("weak, at_bound: intervals leave out what no parameter explains; values may be off by more\n");
   }
 }
@@ -148,8 +150,7 @@ void PrintSuspects(const DesignRecord& design) {
           trial && trial->kept ? "; add this line: " + suspected.line : "");
   }
   if (FloorIsReached(design.verdict) || !design.validation || !design.fit->suspects.empty()) return;
-  const bool at_bound =
-      std::ranges::any_of(design.parameters, [](const auto& p) { return p.verdict == ParameterVerdict::kAtBound; });
+  const bool at_bound = HasOne(design, ParameterVerdict::kAtBound);
   Print("suspects: none{}\n", at_bound ? "; where a value is at its bound, none is asked: widen its range first"
                                        : " of those that are asked explains what remains");
 }

@@ -17,7 +17,7 @@ namespace oted {
 ///   before the selection, of the first one;
 /// - `warnings`; `run`: {config, versions}.
 /// A curve is a list of [step, value] of at most 1,000 points (curves.csv has them all).
-/// @throws DataError when the directory holds no results, or a file is damaged or of another schema.
+/// @throws UsageError where the directory holds no results, DataError for a file that is damaged or of another schema
 nlohmann::json GatherReport(const std::filesystem::path& run_dir);
 
 }  // namespace oted

@@ -10,8 +10,8 @@ namespace oted {
 ///
 /// The page embeds plotly.js from the file that the environment variable OTED_PLOTLY_JS names, else from the one that
 /// FoundPackages() has (package_folders.h).
-/// @throws DataError when the directory holds no results, a result file is damaged or of another schema, plotly.js is
-///   missing, or the files cannot be written.
+/// @throws UsageError where the directory holds no results; DataError when a result file is damaged or of another
+///   schema, plotly.js is missing, or the files cannot be written
 void WriteReport(const std::filesystem::path& run_dir, const std::filesystem::path& folder);
 /// Into the run directory itself.
 void WriteReport(const std::filesystem::path& run_dir);

@@ -149,6 +149,10 @@ Section ValidationSection(const json& report) {
   const json& horizons = ListAt(validation, "horizons");
   if (horizons.empty()) return section;
   const bool learned = horizons[0].value("learned", false);
+  if (learned) {
+    section.label = "Prediction";
+    section.title = "How it predicts the logs";
+  }
   section.html = fmt::format(
       "<p>{}, with the logged actions and nothing else: {} windows of {} s. The error is the root mean square over the "
       "window, in the channel's unit. <em>Sensors</em> is what their noise alone would leave: the designed simulator "
