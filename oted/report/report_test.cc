@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "oted/base/error.h"
+#include "oted/base/seal.h"
 #include "oted/base/testing.h"
 #include "oted/data/dataset_files.h"
 #include "oted/data/gzip.h"
@@ -92,6 +93,20 @@ TEST_F(WriteReportTest, TheJsonIsWhatTheFilesHoldWithASummary) {
   EXPECT_THAT(report["summary"]["headline"].get<std::string>(), HasSubstr("Gap closed: over 0.5 s"));
   report.erase("summary");
   EXPECT_EQ(report, GatherReport(folder_.path()));
+}
+
+TEST_F(WriteReportTest, NoHeadingSpeaksOfLogsKeptAsideWhereNoneWere) {
+  for (const bool learned : {false, true}) {
+    run_.WriteDesign();
+    json design = ReadJson(folder_ / "design.json");
+    design["validation"] = {
+        {"horizons", {{{"seconds", 0.5}, {"n_windows", 5}, {"learned", learned}, {"channels", json::array()}}}}};
+    Seal(design);
+    WriteJson(folder_ / "design.json", design);
+    WriteReport(folder_.path());
+    EXPECT_EQ(Page().find("logs that it did not see") == std::string::npos, learned);
+    EXPECT_EQ(Page().find("Held-out logs") == std::string::npos, learned);
+  }
 }
 
 TEST_F(WriteReportTest, BaselinesStandBesideTheAgents) {
