@@ -62,7 +62,7 @@ std::string Header(const json& report) {
 
 }  // namespace
 
-std::string PlotlyJs() {
+std::filesystem::path PlotlyFile() {
   const char* const chosen = std::getenv("OTED_PLOTLY_JS");
   const std::filesystem::path path = chosen != nullptr && *chosen != '\0' ? chosen : FoundPackages().plotly_js;
   std::error_code failed;
@@ -72,6 +72,11 @@ std::string PlotlyJs() {
                     "OTED_PLOTLY_JS to a copy of plotly.min.js",
                     path.string()));
   }
+  return path;
+}
+
+std::string PlotlyJs() {
+  const std::filesystem::path path = PlotlyFile();
   const std::string text = ReadFile(path);
   return IsGzip(text) ? Gunzip(text, path.string()) : text;
 }

@@ -1,6 +1,7 @@
 #pragma once
 /// The page as one file: style, plots and script are inside, and nothing is loaded from anywhere.
 
+#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
@@ -17,8 +18,10 @@ std::string HtmlDocument(std::string_view title, std::string_view navigation, st
 /// @param plotly_js  the text of plotly.min.js
 std::string HtmlPage(const nlohmann::json& report, std::string_view plotly_js);
 
-/// The text of plotly.min.js: of the file that the environment variable OTED_PLOTLY_JS names, else of the one that
-/// FoundPackages() has; either may be packed with gzip. @throws DataError when there is none
+/// plotly.min.js: the file that the environment variable OTED_PLOTLY_JS names, else the one that FoundPackages() has.
+/// @throws DataError when there is none
+std::filesystem::path PlotlyFile();
+/// Its text; it may be packed with gzip. @throws DataError when there is none
 std::string PlotlyJs();
 
 }  // namespace oted

@@ -39,7 +39,7 @@ nlohmann::json WithPictures(nlohmann::json report, const std::filesystem::path& 
 
 }  // namespace
 
-void CheckReportCanBeMade() { static_cast<void>(PlotlyJs()); }
+void CheckReportCanBeMade() { static_cast<void>(PlotlyFile()); }
 
 void WriteReport(const std::filesystem::path& run_dir) { WriteReport(run_dir, run_dir); }
 
