@@ -137,16 +137,22 @@ class Evidence {
     const PredictionJudge& judge = parts_[part]->judge();
     const PredictionJudge::Squares moved = judge.Predict(z);
     for (size_t h = 0; h < judge.horizons().size(); ++h) {
-      const PredictionRatios gain = RatiosOfSums(moved.predicted[h], designed_[part].predicted[h], judge.channels());
-      HeldOutPrediction::Horizon compared;
-      compared.gain = gain.OfAll();
-      compared.channels.resize(static_cast<size_t>(judge.channels().spread.size()));
-      for (size_t c = 0; c < compared.channels.size(); ++c) {
-        compared.channels[c].gain = IfJudged(judge, c, gain);
+      const MatrixXd &off = moved.predicted[h], &designed = designed_[part].predicted[h];
+      // Sums tell of effects that few windows show, but chance in few windows drowns what all others show.
+      if (IsSurelyWorse(judge, RatiosOfSums(off, designed, judge.channels())) ||
+          IsSurelyWorse(judge, TypicalRatios(off, designed, off.cols(), judge.channels()))) {
+        return true;
       }
-      if (IsSurelyWorse(compared)) return true;
     }
     return false;
+  }
+
+  static bool IsSurelyWorse(const PredictionJudge& judge, const PredictionRatios& gain) {
+    HeldOutPrediction::Horizon compared;
+    compared.gain = gain.OfAll();
+    compared.channels.resize(static_cast<size_t>(judge.channels().spread.size()));
+    for (size_t c = 0; c < compared.channels.size(); ++c) compared.channels[c].gain = IfJudged(judge, c, gain);
+    return ::oted::IsSurelyWorse(compared);
   }
 
   /// Logs in which some window can be predicted.

@@ -224,6 +224,18 @@ TEST(PredictLogs, AtRestEveryEndIsOpen) {
   EXPECT_EQ(OpenEnds(Evidence(logs, middle, 0.02, 1)), all);
 }
 
+TEST(PredictLogs, AFewWindowsThatGoWrongDoNotHideWhatAllOthersShow) {
+  // Noise puts some starts beyond a wall: what is lost there is the same by chance, whatever the damping is.
+  const BetweenWallsFactory factory;
+  const std::vector<double> z = {1.7, 0.3, 0.5};
+  BetweenWalls simulator(25, 1);
+  const Dataset clean = RandomLogs(simulator, z);
+  const std::vector<std::pair<int, bool>> third = {{2, false}, {2, true}};
+  for (const uint64_t seed : {1, 2, 3}) {
+    EXPECT_EQ(OpenEnds(Evidence(WithSensorNoise(clean, 0.05, RngKey(seed)), z, 0.05, seed, factory)), third) << seed;
+  }
+}
+
 TEST(PredictLogs, WhatTheLogsKeptAsideDoNotShowTheOthersMay) {
   Dataset still = PointMassLogs(kTruth, 5);
   for (Array2<double>* of : {&still.observations, &still.next_observations, &still.actions}) {
