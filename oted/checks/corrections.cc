@@ -11,6 +11,8 @@
 
 #include "oted/base/angle.h"
 #include "oted/checks/correction.h"
+#include "oted/checks/odd_recordings.h"
+#include "oted/checks/parameter_rivals.h"
 #include "oted/checks/short_replays.h"
 #include "oted/data/checks_rates.h"
 
@@ -23,16 +25,17 @@ constexpr double kGood = 0.03;        // error of a channel, of its change: belo
 constexpr double kHelps = 0.35;       // what a correction must leave of the squared error of its channels
 constexpr double kZeroHelps = 0.2;    // the same for a zero, which wrong parameters can look like
 constexpr double kActionHelps = 0.6;  // the same for an action, in the two channels that it helps most
+constexpr double kMostLeft = 0.55;    // error of its channels, of their change, beside which a correction is a guess
 constexpr double kTwoForOne = 0.7;    // what two changes must leave of what one does
 constexpr double kAlike = 1.1;        // corrections that leave within so much of the best are named beside it
 constexpr double kOwnAlike = 1.5;
+constexpr double kRivalAlike = 2.0;     // the same of a constant beside a zero: more than one constant may be off
 constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
 constexpr size_t kMoved = 2;            // joints that an action may be the command of: those that it moves most
 constexpr size_t kMostJoints = 12;      // those that fit worst
-constexpr int kMostCorrections = 3;
+constexpr size_t kMostCorrections = 3;
 constexpr size_t kMostRecordings = 50;  // with more of them, too few windows lie in each
 constexpr size_t kMostOdd = 5;          // recordings that are searched one by one
-constexpr double kOdd = 4;              // squared error of a channel, of what is usual
 constexpr double kAsUsual = 2;          // what a correction of one recording must come down to
 constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "control_rate", "swapped_columns",
                                   "quaternion_order", "quaternion_inverse", "turn_frame",   "velocity_frame",
@@ -54,12 +57,6 @@ struct Joint {
 
 using Errors = ChannelErrors;
 
-double Mean(const Errors& errors, const std::vector<int>& channels) {
-  double sum = 0;
-  for (const int j : channels) sum += errors[static_cast<size_t>(j)];
-  return channels.empty() ? 0 : sum / static_cast<double>(channels.size());
-}
-
 /// Whether a finding says that a body's numbers contradict each other.
 bool IsOf(const TurningBody& body, const Finding& finding, const SimulatorSpec& spec) {
   constexpr const char* kContradictions[] = {"quaternion_order", "quaternion_inverse", "turn_frame",
@@ -77,20 +74,25 @@ bool IsOf(const TurningBody& body, const Finding& finding, const SimulatorSpec& 
 class Search {
  public:
   Search(const SimulatorFactory& factory, int n_threads, std::vector<Finding>& findings)
-      : spec_(factory.spec()), findings_(findings), replays_(factory, n_threads) {}
+      : spec_(factory.spec()), findings_(findings), replays_(factory, n_threads), rivals_(factory, n_threads) {}
 
   /// What all recordings have in common. @return whether there is something
   bool OfAll(const Dataset& dataset) {
     std::optional<Errors> now = Take(dataset);
-    const size_t before = findings_.size();
-    for (int i = 0; i < kMostCorrections && now && Worst(*now) > kGood * kGood; ++i) {
-      const std::vector<Trial> trials = Try(*now);
+    std::vector<Step> steps;
+    while (steps.size() < kMostCorrections && now && Worst(*now) > kGood * kGood) {
+      std::vector<Trial> trials = Try(*now);
       if (trials.empty()) break;
-      Report(trials, *now, "");
+      steps.push_back({trials, *now, windows_});
       Apply(trials.front().correction, windows_);
       now = trials.front().errors;
     }
-    return findings_.size() > before;
+    // One fault may hide behind another: what is left is told when all are mended.
+    std::erase_if(steps, [&](const Step& step) { return !MendsIn(*now, step.trials.front().correction); });
+    for (const Step& step : steps) {
+      if (!Report(step, "")) break;  // what was found with a doubtful correction is more doubtful still
+    }
+    return !steps.empty();
   }
 
   /// What single recordings have for themselves: those that are predicted far worse than the rest, and as well as it
@@ -105,7 +107,7 @@ class Search {
     for (size_t e = 0; e < episodes.size(); ++e) {
       errors[e] = Take(dataset.Select({episodes[e]})).value_or(Errors{});
     }
-    const Errors usual = UsualOf(errors);
+    const Errors usual = UsualErrors(errors, kGood * kGood);
     size_t n_searched = 0;
     for (size_t e = 0; e < episodes.size() && n_searched < kMostOdd; ++e) {
       if (errors[e].empty() || !IsOdd(errors[e], usual)) continue;
@@ -113,10 +115,11 @@ class Search {
       const std::optional<Errors> now = Take(dataset.Select({episodes[e]}));
       std::vector<Trial> trials = Try(*now);
       std::erase_if(trials, [&](const Trial& t) {
-        return Mean(t.errors, t.correction.judged) > kAsUsual * Mean(usual, t.correction.judged);
+        return MeanOf(t.errors, t.correction.judged) > kAsUsual * MeanOf(usual, t.correction.judged) ||
+               !MendsIn(t.errors, t.correction);
       });
       if (trials.empty()) continue;
-      Report(trials, *now, fmt::format("in episode {} alone: ", e + 1));
+      Report({std::move(trials), *now, windows_}, fmt::format("in episode {} alone: ", e + 1));
       findings_.back().row = episodes[e].begin;
     }
   }
@@ -126,6 +129,12 @@ class Search {
     Correction correction;
     Errors errors;
     double total = 0, own = 0;
+  };
+  /// Corrections that are as good, and what there was without them.
+  struct Step {
+    std::vector<Trial> trials;
+    Errors before;
+    ReplayedWindows windows;
   };
 
   /// Chooses windows and measures them.
@@ -151,29 +160,6 @@ class Search {
     if (!windows.states.empty()) correction.ApplyToStates(windows.states, spec_);
   }
 
-  /// Of each channel the error in the better recordings: that a quarter of them stay below.
-  static Errors UsualOf(const std::vector<Errors>& errors) {
-    Errors usual;
-    for (const Errors& some : errors) usual.resize(std::max(usual.size(), some.size()));
-    for (size_t j = 0; j < usual.size(); ++j) {
-      std::vector<double> values;
-      for (const Errors& some : errors) {
-        if (!some.empty()) values.push_back(some[j]);
-      }
-      const auto at = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 4);
-      std::nth_element(values.begin(), at, values.end());
-      usual[j] = std::max(*at, kGood * kGood);
-    }
-    return usual;
-  }
-
-  static bool IsOdd(const Errors& errors, const Errors& usual) {
-    for (size_t j = 0; j < errors.size(); ++j) {
-      if (errors[j] > kOdd * usual[j]) return true;
-    }
-    return false;
-  }
-
   double Total(const Errors& errors) const {
     double total = 0;
     for (const double e : errors) total += e;
@@ -185,10 +171,10 @@ class Search {
   std::vector<Correction> Candidates(const Errors& now) const {
     std::vector<Joint> bad;
     for (const Joint& joint : joints_) {
-      if (Mean(now, joint.Channels()) > kGood * kGood) bad.push_back(joint);
+      if (MeanOf(now, joint.Channels()) > kGood * kGood) bad.push_back(joint);
     }
     std::ranges::sort(
-        bad, [&](const Joint& x, const Joint& y) { return Mean(now, x.Channels()) > Mean(now, y.Channels()); });
+        bad, [&](const Joint& x, const Joint& y) { return MeanOf(now, x.Channels()) > MeanOf(now, y.Channels()); });
     if (bad.size() > kMostJoints) bad.resize(kMostJoints);
     std::vector<Correction> all;
     for (const Joint& joint : bad) AddOfJoint(joint, all);
@@ -294,15 +280,15 @@ class Search {
     if (!some) return std::nullopt;
     // What an action moves is not known before.
     if (correction.IsOfActions() ? Total(*some) > Total(screened)
-                                 : Mean(*some, correction.judged) > kNoHope * Mean(screened, correction.judged)) {
+                                 : MeanOf(*some, correction.judged) > kNoHope * MeanOf(screened, correction.judged)) {
       return std::nullopt;
     }
     const std::optional<Errors> errors = replays_.Errors(windows);
     if (!errors) return std::nullopt;
     Correction judged = correction;
     if (correction.IsOfActions()) judged.judged = MostImproved(*errors, now);
-    const double before = Mean(now, judged.judged);
-    return Trial{judged, *errors, Total(*errors), before > 0 ? Mean(*errors, judged.judged) / before : 1};
+    const double before = MeanOf(now, judged.judged);
+    return Trial{judged, *errors, Total(*errors), before > 0 ? MeanOf(*errors, judged.judged) / before : 1};
   }
 
   /// The two channels whose error falls most.
@@ -313,6 +299,12 @@ class Search {
                              [&](int j) { return now[static_cast<size_t>(j)] - errors[static_cast<size_t>(j)]; });
     order.resize(std::min<size_t>(order.size(), 2));
     return order;
+  }
+
+  /// Whether its channels are then predicted, with these errors. What halves a large error may be any change that moves
+  /// the robot less: wrong springs look like a zero.
+  static bool MendsIn(const Errors& errors, const Correction& correction) {
+    return MeanOf(errors, correction.judged) < kMostLeft * kMostLeft;
   }
 
   bool Helps(const Trial& trial, const Errors& now) const {
@@ -396,9 +388,23 @@ class Search {
     return fmt::format("{}", fmt::join(names, " and "));
   }
 
+  /// A constant of the model that predicts the logs, as they are, about as well as this zero does.
+  std::optional<ParameterRival> RivalOf(const Step& step) {
+    const Correction& zero = step.trials.front().correction;
+    if (zero.kind != CorrectionKind::kZero) return std::nullopt;
+    ReplayedWindows mended = step.windows;
+    Apply(zero, mended);
+    const std::optional<Errors> errors = replays_.Errors(mended, kScreening);
+    if (!errors) return std::nullopt;
+    return rivals_.Best(step.windows, zero.judged, kRivalAlike * MeanOf(*errors, zero.judged), kScreening);
+  }
+
   /// @param where  of the log, where not in all of it
-  void Report(const std::vector<Trial>& trials, const Errors& now, const std::string& where) {
+  /// @return whether nothing else would do
+  bool Report(const Step& step, const std::string& where) {
+    const auto& [trials, now, windows] = step;
     const Trial& best = trials.front();
+    const std::optional<ParameterRival> rival = RivalOf(step);
     const std::vector<int>& judged = best.correction.judged;
     auto [change, remedy] = best.correction.InWords(spec_);
     if (const char* setting = best.correction.Setting(); setting != nullptr && where.empty()) {
@@ -409,21 +415,27 @@ class Search {
     const double period = spec_.control_period_s;
     findings_.push_back(
         {.check = best.correction.Check(),
-         .severity = Severity::kWarning,
+         .severity = rival ? Severity::kNote : Severity::kWarning,
          .what = fmt::format(
              "{}with {} the nominal simulator misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
              where, change, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
-             std::sqrt(Mean(best.errors, judged)), std::sqrt(Mean(now, judged)), windows_.windows.size(),
+             std::sqrt(MeanOf(best.errors, judged)), std::sqrt(MeanOf(now, judged)), windows_.windows.size(),
              period > 0 ? fmt::format(" of {:.3g} s", replays_.n_steps() * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
-         .meaning = "the columns are not what the model means by them; a design would bend parameters to fit that",
+         .meaning = rival
+                        ? fmt::format("a zero, or a constant of the model that is off: {} x {:.2g} alone leaves {:.2g}",
+                                      rival->field, rival->factor, std::sqrt(rival->error))
+                        : "the columns are not what the model means by them; a design would bend parameters to fit "
+                          "that",
          .remedy = where + remedy + (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
+    return !rival;
   }
 
   const SimulatorSpec& spec_;
   std::vector<Finding>& findings_;
   ShortReplays replays_;
+  ParameterRivals rivals_;
   ReplayedWindows windows_;
   std::vector<Joint> joints_;
 };

@@ -31,11 +31,15 @@ Array2<double> StatesAt(const SimulatorSpec& spec, const Dataset& dataset, const
 
 ShortReplays::ShortReplays(const SimulatorFactory& factory, int n_threads)
     : spec_(factory.spec()), simulator_(factory.Make(kLanes, n_threads)) {
-  for (int lane = 0; lane < kLanes; ++lane) simulator_->SetParameters(lane, factory.parameters().Nominal());
+  SetParameters(factory.parameters().Nominal());
   if (!(spec_.control_period_s > 0)) return;
   const double seconds = spec_.can_set_state ? kWindow_s : kUnreadWindow_s;
   n_steps_ = std::clamp(static_cast<int>(std::lround(seconds / spec_.control_period_s)), 1,
                         spec_.can_set_state ? kLongestWindow : 5 * kLongestWindow);
+}
+
+void ShortReplays::SetParameters(const std::vector<double>& z) {
+  for (int lane = 0; lane < kLanes; ++lane) simulator_->SetParameters(lane, z);
 }
 
 ReplayedWindows ShortReplays::Choose(const Dataset& dataset) const {

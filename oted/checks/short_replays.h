@@ -1,5 +1,5 @@
 #pragma once
-/// Short windows of a log, replayed in the nominal simulator: what they miss of each channel.
+/// Short windows of a log, replayed in one simulator: what they miss of each channel.
 
 #include <memory>
 #include <optional>
@@ -29,8 +29,11 @@ inline constexpr int kFewestShortWindows = 20;
 /// Needs spec().can_replay() and finite data that fit the task.
 class ShortReplays {
  public:
+  /// In the nominal simulator.
   ShortReplays(const SimulatorFactory& factory, int n_threads);
 
+  /// From now on in the one at z.
+  void SetParameters(const std::vector<double>& z);
   /// Windows that are spread evenly over the dataset.
   ReplayedWindows Choose(const Dataset& dataset) const;
   /// Of every `stride`-th window. Nothing where too few can be replayed.

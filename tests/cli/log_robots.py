@@ -43,6 +43,27 @@ ARM = """<mujoco model="six-axis arm">
 """
 
 
+# Two light joints with springs, pulled by one tendon: where they stand is where springs and servo balance.
+FINGER = """<mujoco model="sprung finger">
+  <compiler angle="radian"/>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <default><joint axis="0 1 0" damping="0.004"/><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="near">
+      <joint name="knuckle" stiffness="0.12" springref="-0.2" armature="2e-4"/>
+      <geom type="capsule" fromto="0 0 0 0 0 0.05" size="0.008" mass="0.03"/>
+      <body name="far" pos="0 0 0.05">
+        <joint name="tip" stiffness="0.08" springref="-0.1" armature="1e-4"/>
+        <geom type="capsule" fromto="0 0 0 0 0 0.035" size="0.007" mass="0.015"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon><fixed name="flexor"><joint joint="knuckle" coef="0.012"/><joint joint="tip" coef="0.008"/></fixed></tendon>
+  <actuator><position name="winch" tendon="flexor" kp="1500" kv="30" ctrlrange="-0.005 0.03" forcerange="-60 60"/></actuator>
+</mujoco>
+"""
+
+
 @dataclasses.dataclass
 class Robot:
     """model: XML text, or a path below the folder of installed packages. hold: torques are those of a servo (stiffness,
@@ -62,6 +83,7 @@ ROBOTS = {
     "ant": Robot("gymnasium/envs/mujoco/assets/ant.xml", 0.05, hidden=("joint/root/qpos[0]", "joint/root/qpos[1]")),
     "arm": Robot(ARM, 0.02, hold=(60.0, 4.0)),
     "finger": Robot("dm_control/suite/finger.xml", 0.02),
+    "sprung finger": Robot(FINGER, 0.01, action=0.5),
     "walker": Robot("dm_control/suite/walker.xml", 0.025),
     "cheetah": Robot("dm_control/suite/cheetah.xml", 0.01),
     "reacher": Robot("dm_control/suite/reacher.xml", 0.02),

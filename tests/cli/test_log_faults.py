@@ -22,6 +22,19 @@ class LogFaults(ProgramTest):
             with self.subTest(name):
                 self.assertEqual(self.warnings(robot, log_robots.drive(robot)), [])
 
+    def test_springs_and_a_servo_that_are_off_are_no_zeros(self):
+        """They move where the joints stand, as a zero does."""
+        robot = log_robots.dataclasses.replace(log_robots.ROBOTS["sprung finger"], episodes=3, positions_alone=True)
+
+        def soften(model):
+            model.jnt_stiffness[0] *= 1.67
+            model.dof_damping[:] *= 1.75
+            model.actuator_gainprm[0, 0], model.actuator_biasprm[0, 1] = 1100, -1100
+            model.wrap_prm[1] = 0.0095
+
+        log = log_robots.drive(robot, change=soften, noise=5e-4)
+        self.assertNotIn("joint_zero", [f["check"] for f in self.warnings(robot, log)])
+
     def test_each_fault_is_found_in_its_channels(self):
         for name, robot in ROBOTS.items():
             clean = log_robots.drive(robot)

@@ -1,0 +1,40 @@
+#pragma once
+/// Constants of a model that may be off in place of a log's columns.
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "oted/checks/short_replays.h"
+#include "oted/sim/simulator.h"
+
+namespace oted {
+
+/// A constant of the model, with another value than the model's.
+struct ParameterRival {
+  std::string field;  ///< "actuator/*/kp"
+  double factor = 1;
+  double error = 0;  ///< mean of ChannelErrors over the channels that it was chosen by
+};
+
+/// Tries what is often off in such a model (SimulatorFactory::Suspects), one constant after another, each with a few
+/// factors. None where the simulator knows no suspects.
+class ParameterRivals {
+ public:
+  ParameterRivals(const SimulatorFactory& factory, int n_threads);
+
+  /// That which predicts these channels best, in every `stride`-th window; none where all leave more than `most`.
+  std::optional<ParameterRival> Best(const ReplayedWindows& windows, const std::vector<int>& judged, double most,
+                                     size_t stride);
+
+ private:
+  std::unique_ptr<SimulatorFactory> wider_;  // null: no suspects
+  std::optional<ShortReplays> replays_;
+  size_t n_searched_;  // parameters before the suspects
+};
+
+/// Mean over channels.
+double MeanOf(const ChannelErrors& errors, const std::vector<int>& channels);
+
+}  // namespace oted
