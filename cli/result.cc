@@ -149,10 +149,14 @@ void PrintSuspects(const DesignRecord& design) {
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
           trial && trial->kept ? "; add this line: " + suspected.line : "");
   }
-  if (FloorIsReached(design.verdict) || !design.validation || !design.fit->suspects.empty()) return;
-  const bool at_bound = HasOne(design, ParameterVerdict::kAtBound);
-  Print("suspects: none{}\n", at_bound ? "; where a value is at its bound, none is asked: widen its range first"
-                                       : " of those that are asked explains what remains");
+  if (FloorIsReached(design.verdict) || !design.validation) return;
+  if (design.fit->suspects.empty()) Print("suspects: none of those that are asked explains what remains\n");
+  const bool has_line = std::ranges::any_of(design.fit->suspects, [](const DesignRecord::Suspected& suspected) {
+    return suspected.suspect.trial && suspected.suspect.trial->kept;
+  });
+  if (HasOne(design, ParameterVerdict::kAtBound) && !has_line) {
+    Print("a value is at its bound, whatever is freed: widen its range, if it may be beyond\n");
+  }
 }
 
 template <class Record>

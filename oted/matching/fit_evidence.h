@@ -16,7 +16,8 @@ namespace oted {
 struct FreedTrial {
   double value = 0, std = 0;  ///< z of what was freed
   /// It predicts better, by two standard errors, and at no other horizon surely worse. Or it predicts no worse (better,
-  /// where the design's windows are long ones) and makes windows likelier by two standard errors.
+  /// where the design's windows are long ones) and makes windows likelier by two standard errors. Never where
+  /// it, or a parameter beside it, is at an end of its range.
   bool kept = false;
   double seconds = 0;  ///< the horizon; 0 where time has no unit
   int n_steps = 0, n_windows = 0;

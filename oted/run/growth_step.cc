@@ -18,11 +18,8 @@
 namespace oted {
 namespace {
 
-/// Whether suspects tell anything: something is left to explain, and no bound holds a parameter where others then seem
-/// to be off.
-bool AsksForMore(const Designer& q, const std::optional<HeldOutPrediction>& prediction) {
-  return prediction && LeavesGap(*prediction) && ParametersAtBounds(q).empty();
-}
+/// Whether suspects tell anything: something is left to explain.
+bool AsksForMore(const std::optional<HeldOutPrediction>& prediction) { return prediction && LeavesGap(*prediction); }
 
 /// @param design  what the method was given; q and fit are what it gave
 std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config, const FitEvidence& fit,
@@ -52,7 +49,9 @@ GrowthRecord MakeRound(const RunSetup& run, int round) {
                               .run_name = run.directory.NameOf(run.directory.growth(round)),
                               .context = context};
   const DesignResult design = LearnDesign(problem, config);
-  if (!design.fit || !AsksForMore(design.q, PredictKeptAside(problem, design.q, design.fit))) return {};
+  // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
+  if (!design.fit || !ParametersAtBounds(design.q).empty()) return {};
+  if (!AsksForMore(PredictKeptAside(problem, design.q, design.fit))) return {};
   return {Try(problem, config, *design.fit, design.q)};
 }
 
@@ -85,7 +84,7 @@ void GrowBy(RunSetup& run, const Next& next) {
 std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findings) {
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
   const Candidate& told = findings.candidates[ToldBy(findings)];
-  if (!told.fit || !AsksForMore(best.q, best.prediction)) return {};
+  if (!told.fit || !AsksForMore(best.prediction)) return {};
   const DesignProblem problem = ProblemOf(run, told.setting, told.seed, nullptr, run.context);
   return Try(problem, run.Designs(told.setting).config, *told.fit, told.q);
 }

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "oted/matching/verdict.h"
+
 namespace oted {
 namespace {
 
@@ -65,7 +67,12 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
     likelier = fmt::format("; the logs are surely likelier with it (by {:.0f} nats)", trial.nats->value);
   }
   if (!(trial.gain.value > 0)) return freed + ": no better prediction" + likelier;
-  return fmt::format("{}: {}{}", freed, Bought(trial, channels, off), trial.kept ? likelier : "; that is not sure");
+  const std::string text = fmt::format("{}: {}", freed, Bought(trial, channels, off));
+  if (trial.kept) return text + likelier;
+  if (EndsAtBound(spec, trial.value, trial.value)) {
+    return text + "; it is at the end of its range, so that something else may be off";
+  }
+  return text + "; that is not sure";
 }
 
 }  // namespace oted

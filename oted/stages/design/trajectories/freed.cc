@@ -113,9 +113,13 @@ class FreedTrials {
     const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error;
     // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
     const bool is_no_worse = !PredictsWorse(*prediction) && (!problem_.fit.errors_grow || told.gain.value > 0);
-    FreedTrial trial{.value = q.Mode().back(),
+    // At an end of its range it stands in for something else. And what leaves another one at its bound is not what put
+    // it there.
+    const double value = q.Mode().back();
+    const bool is_at_bound = EndsAtBound(space[space.size() - 1], value, value) || !ParametersAtBounds(q).empty();
+    FreedTrial trial{.value = value,
                      .std = q.Std().back(),
-                     .kept = predicts_better || (is_likelier && is_no_worse),
+                     .kept = !is_at_bound && (predicts_better || (is_likelier && is_no_worse)),
                      .seconds = told.seconds,
                      .n_steps = told.n_steps,
                      .n_windows = told.n_windows,

@@ -38,8 +38,8 @@ class GainOfPointMass : public PointMass {
 class GainFactory : public PointMassFactory {
  public:
   explicit GainFactory(const std::vector<std::string>& suspects = {"damping", "idle"},
-                       const std::vector<ParameterSpec>& more = {})
-      : suspects_(suspects), more_(more) {
+                       const std::vector<ParameterSpec>& more = {}, double high = 2.0)
+      : suspects_(suspects), more_(more), high_(high) {
     std::vector<ParameterSpec> specs = {PointMass::MakeParameters()[0]};
     specs.insert(specs.end(), more.begin(), more.end());
     parameters_ = ParameterSpace(specs);
@@ -50,16 +50,19 @@ class GainFactory : public PointMassFactory {
   }
   std::vector<ParameterSpec> Suspects() const override {
     std::vector<ParameterSpec> specs;
-    for (const std::string& name : suspects_) specs.push_back({.name = name, .field = "env/" + name});
+    for (const std::string& name : suspects_) {
+      specs.push_back({.name = name, .field = "env/" + name, .high = high_});
+    }
     return specs;
   }
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override {
-    return std::make_unique<GainFactory>(suspects_, more);
+    return std::make_unique<GainFactory>(suspects_, more, high_);
   }
 
  private:
   std::vector<std::string> suspects_;
   std::vector<ParameterSpec> more_;
+  double high_;  // end of each suspect's range
   ParameterSpace parameters_;
 };
 
@@ -73,11 +76,12 @@ class AskedNames : public NullSink {
 };
 
 /// What is suspected where the target's damping is `factor` times the model's, whose gain alone is searched.
-std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::string>* asked = nullptr) {
+std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::string>* asked = nullptr,
+                                double high = 2.0) {
   AskedNames log;
   const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, kIdle}, 20), 0.02, RngKey(seed));
   const RunContext context{.log = &log, .n_threads = 1};
-  const GainFactory factory;
+  const GainFactory factory({"damping", "idle"}, {}, high);
   const Prior prior = Prior::Uniform(1);
   const ReplayFit fit =
       MatchTrajectories({factory, logs, prior, RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
@@ -105,6 +109,14 @@ TEST(TrySuspects, NamesWhatIsOffAndByHowMuchAndSaysWhatFreeingItBuys) {
     EXPECT_LT(suspects[0].trial->after[0], suspects[0].trial->before[0]);
     EXPECT_EQ(BestFreed(suspects), suspects.data());
   }
+}
+
+TEST(TrySuspects, KeepsNothingThatEndsAtItsBound) {
+  const std::vector<Suspect> suspects = SuspectsOf(2.0, 3, nullptr, 1.5);
+  ASSERT_FALSE(suspects.empty());
+  ASSERT_TRUE(suspects[0].trial.has_value());
+  EXPECT_GT(suspects[0].trial->gain.value, 2 * suspects[0].trial->gain.error) << "it predicts surely better";
+  EXPECT_FALSE(suspects[0].trial->kept);
 }
 
 TEST(TrySuspects, FreesNothingWhereTheSearchedParametersExplainTheLogs) {
