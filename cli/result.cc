@@ -78,7 +78,9 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
   }
   if (!FloorIsReached(design.verdict) &&
       (HasOne(design, ParameterVerdict::kWeak) || HasOne(design, ParameterVerdict::kAtBound))) {
-    Print("weak, at_bound: intervals leave out what no parameter explains; values may be off by more\n");
+    Print(
+        "weak, at_bound: intervals leave out what neither a parameter nor a suspect explains; values may be off by "
+        "more\n");
   }
 }
 

@@ -45,12 +45,15 @@ json ToJson(const FreedTrial& trial) {
                  {"learned", trial.learned}, {"gain", ToJson(trial.gain)}, {"before", trial.before},
                  {"after", trial.after}};
   if (trial.nats) record["nats"] = ToJson(*trial.nats);
+  json& intervals = record["intervals90"] = json::array();
+  for (const SearchInterval& interval : trial.intervals90) intervals.push_back({interval.low, interval.high});
   return record;
 }
 
 FreedTrial TrialFromJson(const json& record) {
   FreedTrial trial{.value = record.at("value"),
                    .std = record.at("std"),
+                   .intervals90 = {},
                    .kept = record.at("kept"),
                    .seconds = record.at("seconds"),
                    .n_steps = record.at("n_steps"),
@@ -61,6 +64,7 @@ FreedTrial TrialFromJson(const json& record) {
                    .before = NumbersFrom(record.at("before")),
                    .after = NumbersFrom(record.at("after"))};
   if (record.contains("nats")) trial.nats = EstimatedFromJson(record.at("nats"));
+  for (const json& interval : record.at("intervals90")) trial.intervals90.push_back({interval.at(0), interval.at(1)});
   return trial;
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "oted/matching/held_out_prediction.h"
+#include "oted/matching/logits.h"
 #include "oted/sim/parameter_space.h"
 
 namespace oted {
@@ -15,9 +16,11 @@ namespace oted {
 /// judged on the same windows of the rest, over one horizon.
 struct FreedTrial {
   double value = 0, std = 0;  ///< z of what was freed
+  /// What the logs then say of the parameters beside it: central 90 % intervals of z, in their order.
+  std::vector<SearchInterval> intervals90;
   /// It predicts better, by two standard errors, and at no other horizon surely worse. Or it predicts no worse (better,
-  /// where the design's windows are long ones) and makes windows likelier by two standard errors. Never where
-  /// it, or a parameter beside it, is at an end of its range.
+  /// where the design's windows are long ones) and makes windows likelier by two standard errors. Never where it, or a
+  /// parameter beside it, is at an end of its range.
   bool kept = false;
   double seconds = 0;  ///< the horizon; 0 where time has no unit
   int n_steps = 0, n_windows = 0;

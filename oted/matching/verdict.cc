@@ -12,7 +12,6 @@ namespace {
 
 constexpr double kIdentifiedBelow = 0.25;  // of the prior's interval
 constexpr double kWeakBelow = 0.6;
-constexpr double kIntervalMass = 0.9;
 constexpr double kNoGapMargin = 0.1;     // nats of the common score
 constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the nominal simulator
 constexpr double kNarrowedShare = 0.1;   // of the gap in nats
@@ -164,7 +163,8 @@ std::string ToString(DesignVerdict verdict) { return NameOf(DesignVerdictNames()
 
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
                                                   const std::vector<bool>& has_effect, bool reaches_floor,
-                                                  const std::vector<HeldOutPrediction::OpenEnd>& open_ends) {
+                                                  const std::vector<HeldOutPrediction::OpenEnd>& open_ends,
+                                                  const std::vector<std::vector<SearchInterval>>& otherwise) {
   OTED_CHECK(!designs.empty());
   const ParameterSpace& space = designs[0].space();
   const double n = static_cast<double>(designs.size());
@@ -188,6 +188,10 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
       summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
     }
     const bool at_bound = EndsAtBound(space[p], summary.interval90_low, summary.interval90_high);
+    for (const std::vector<SearchInterval>& intervals : otherwise) {
+      summary.interval90_low = std::min(summary.interval90_low, intervals[i].low);
+      summary.interval90_high = std::max(summary.interval90_high, intervals[i].high);
+    }
     // Logits never reach a bound: an end that is as near is there.
     if (UnitOf(space[p], summary.interval90_low) < kAtBound) summary.interval90_low = space[p].low;
     if (UnitOf(space[p], summary.interval90_high) > 1 - kAtBound) summary.interval90_high = space[p].high;

@@ -36,6 +36,8 @@ struct ParameterSummary {
   ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
 };
 
+inline constexpr double kIntervalMass = 0.9;  ///< of q, in every interval that is told
+
 /// Summarises the mixture of `designs`; `best` is the index whose mode is reported. Widths are those of the central 90
 /// % interval on the scale of the search (the logarithm where the parameter has log), in widths of the prior's. A
 /// parameter is at its bound when the interval reaches a hundredth of the range from an end of it (EndsAtBound),
@@ -43,9 +45,12 @@ struct ParameterSummary {
 /// measured effect nothing is identified, and where the family is rejected nothing is more than weak.
 /// @param reaches_floor  the design explains the logs (DesignVerdict is kNoGap or kGapClosed)
 /// @param open_ends      where intervals go to the end of the range: predictions do not tell
+/// @param otherwise      the parameters' intervals under other designs that predict as well: the intervals hold them,
+/// too
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
                                                   const std::vector<bool>& has_effect, bool reaches_floor,
-                                                  const std::vector<HeldOutPrediction::OpenEnd>& open_ends = {});
+                                                  const std::vector<HeldOutPrediction::OpenEnd>& open_ends = {},
+                                                  const std::vector<std::vector<SearchInterval>>& otherwise = {});
 
 /// Whether q alone would call a parameter identified: what predictions then have to bear out.
 bool IsNarrow(const Designer& q, int parameter);

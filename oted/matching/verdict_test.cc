@@ -71,6 +71,20 @@ TEST(SummarizeParameters, VerdictFollowsTheWidthOfTheIntervalInUnitsOfThePriors)
   EXPECT_EQ(LabelOf(0, std_of(0.61)), ParameterVerdict::kNotIdentified);
 }
 
+TEST(SummarizeParameters, IntervalsHoldThoseOfOtherDesigns) {
+  const Designer q = MakeDesigner({0, 0}, {0.01, 0.01});
+  const auto alone = SummarizeParameters({q}, 0, {true, true}, false);
+  const auto with = SummarizeParameters({q}, 0, {true, true}, false, {},
+                                        {{{0.4, 0.5}, {alone[1].interval90_low, alone[1].interval90_high}}});
+  EXPECT_EQ(with[0].interval90_low, 0.4);
+  EXPECT_EQ(with[0].interval90_high, alone[0].interval90_high);
+  EXPECT_EQ(with[1].interval90_low, alone[1].interval90_low);
+  EXPECT_EQ(with[0].mode, alone[0].mode);
+  // So wide a one says nothing.
+  EXPECT_EQ(SummarizeParameters({q}, 0, {true, true}, false, {}, {{{0.2, 2.0}, {1.0, 1.0}}})[0].verdict,
+            ParameterVerdict::kNotIdentified);
+}
+
 TEST(SummarizeParameters, AnEndThatPredictionsDoNotTellIsOpen) {
   const Designer q = MakeDesigner({0, 0}, {0.01, 0.01});
   const std::vector<bool> effect = {true, true};

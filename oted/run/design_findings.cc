@@ -150,6 +150,17 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
   return judgement;
 }
 
+/// What parameters may be as well: with each suspect freed that does not surely predict worse. Which of them is off, or
+/// something that nobody suspects, the logs do not say.
+std::vector<std::vector<SearchInterval>> IntervalsOfFreed(const std::vector<Suspect>& suspects) {
+  std::vector<std::vector<SearchInterval>> intervals;
+  for (const Suspect& suspect : suspects) {
+    if (!suspect.trial || IsSure({-suspect.trial->gain.value, suspect.trial->gain.error})) continue;
+    intervals.push_back(suspect.trial->intervals90);
+  }
+  return intervals;
+}
+
 }  // namespace
 
 DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec) {
@@ -190,8 +201,8 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
   const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common, run.dataset.size());
   const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
-  const auto summaries =
-      SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends);
+  const auto summaries = SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor,
+                                             open_ends, IntervalsOfFreed(findings.suspects));
 
   DesignRecord record;
   record.task = run.config.task.name;

@@ -119,6 +119,7 @@ class FreedTrials {
     const bool is_at_bound = EndsAtBound(space[space.size() - 1], value, value) || !ParametersAtBounds(q).empty();
     FreedTrial trial{.value = value,
                      .std = q.Std().back(),
+                     .intervals90 = q.CentralInterval(kIntervalMass),
                      .kept = !is_at_bound && (predicts_better || (is_likelier && is_no_worse)),
                      .seconds = told.seconds,
                      .n_steps = told.n_steps,
@@ -128,6 +129,7 @@ class FreedTrials {
                      .nats = nats,
                      .before = {},
                      .after = {}};
+    trial.intervals90.pop_back();  // of what was freed
     for (const HeldOutPrediction::Channel& channel : told.channels) {
       trial.before.push_back(channel.nominal);
       trial.after.push_back(channel.designed);
