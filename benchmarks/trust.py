@@ -207,24 +207,35 @@ def print_tables(found):
         for kind in NAMED:
             print_named(task, kind, [r for r in judged if (r["task"], r["class"]) == (task, kind)])
     print_alarms(judged)
-    print("\n| task, noise | parameter | targets | 90 % interval holds the truth | median error | median half-width | ratio |")
-    print("|---|---|---|---|---|---|---|")
-    for task, noise in groups:
+    print_intervals(found)
+
+
+def interval_of(record, name):
+    """Whether the interval holds the truth, the error and the half-width."""
+    parameter = next(p for p in record["parameters"] if p["name"] == name)
+    (low, high), truth = parameter["interval90"], record["truth"].get(name, 1.0)
+    return low <= truth <= high, abs(parameter["mode"] - truth), (high - low) / 2
+
+
+def print_intervals(found):
+    """In the family, and where something else is off as well; what lies beyond its range no interval can hold."""
+    heading = "| targets | 90 % interval holds the truth | median error | median half-width | ratio |\n|---|---|---|---|---|---|---|"
+    print(f"\n| task, noise | parameter {heading}")
+    for task, noise in sorted({(r["task"], r["noise"]) for r in found}):
         every = []
         for name in SEARCHED[task]:
-            pairs = []
-            for r in found:
-                # The gain of the class product is not told apart from the gear: its interval is nearly the prior's.
-                if (r["task"], r["noise"]) != (task, noise) or r["class"] not in IN_FAMILY or (
-                        r["class"] == "product" and name == "gain"):
-                    continue
-                for p in r["parameters"]:
-                    if p["name"] == name:
-                        low, high = p["interval90"]
-                        pairs.append((low <= r["truth"][name] <= high, abs(p["mode"] - r["truth"][name]), (high - low) / 2))
+            # The gain of the class product is not told apart from the gear: its interval is nearly the prior's.
+            of = [r for r in found if (r["task"], r["noise"]) == (task, noise) and r["class"] in IN_FAMILY
+                  and (r["class"], name) != ("product", "gain")]
+            pairs = [interval_of(r, name) for r in of]
             print_row(task, noise, name, pairs)
             every += pairs
         print_row(task, noise, "all", every)
+    print(f"\n| task, noise | what else is off {heading}")
+    for task, noise in sorted({(r["task"], r["noise"]) for r in found}):
+        for kind in REJECTED:
+            of = [r for r in found if (r["task"], r["noise"], r["class"]) == (task, noise, kind) and kind != "out_of_bounds"]
+            print_row(task, noise, kind, [interval_of(r, name) for r in of for name in SEARCHED[task]])
 
 
 def print_named(task, kind, of):

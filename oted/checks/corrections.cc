@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
+#include <numeric>
 #include <optional>
 
 #include "oted/base/angle.h"
@@ -19,15 +20,16 @@
 namespace oted {
 namespace {
 
-constexpr size_t kScreening = 5;      // a correction is tried on every so many windows first
-constexpr double kNoHope = 0.7;       // and on all only where it leaves less than this of the squared error there
-constexpr double kGood = 0.03;        // error of a channel, of its change: below it nothing is to be mended
-constexpr double kHelps = 0.35;       // what a correction must leave of the squared error of its channels
-constexpr double kZeroHelps = 0.2;    // the same for a zero, which wrong parameters can look like
-constexpr double kActionHelps = 0.6;  // the same for an action, in the two channels that it helps most
-constexpr double kMostLeft = 0.55;    // error of its channels, of their change, beside which a correction is a guess
-constexpr double kTwoForOne = 0.7;    // what two changes must leave of what one does
-constexpr double kAlike = 1.1;        // corrections that leave within so much of the best are named beside it
+constexpr size_t kScreening = 5;       // a correction is tried on every so many windows first
+constexpr double kNoHope = 0.7;        // and on all only where it leaves less than this of the squared error there
+constexpr double kGood = 0.03;         // error of a channel, of its change: below it nothing is to be mended
+constexpr double kHelps = 0.35;        // what a correction must leave of the squared error of its channels
+constexpr double kZeroHelps = 0.2;     // the same for a zero, which wrong parameters can look like
+constexpr double kActionHelps = 0.6;   // the same for an action, in the two channels that it helps most
+constexpr double kMostLeft = 1.0;      // error of its channels, of their change, beside which a correction is none
+constexpr double kLeftOfGuess = 0.55;  // the same of a zero, and of what one recording has for itself
+constexpr double kTwoForOne = 0.7;     // what two changes must leave of what one does
+constexpr double kAlike = 1.1;         // corrections that leave within so much of the best are named beside it
 constexpr double kOwnAlike = 1.5;
 constexpr double kRivalAlike = 2.0;     // the same of a constant beside a zero: more than one constant may be off
 constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
@@ -74,13 +76,13 @@ bool IsOf(const TurningBody& body, const Finding& finding, const SimulatorSpec& 
 class Search {
  public:
   Search(const SimulatorFactory& factory, int n_threads, std::vector<Finding>& findings)
-      : spec_(factory.spec()), findings_(findings), replays_(factory, n_threads), rivals_(factory, n_threads) {}
+      : factory_(factory), n_threads_(n_threads), findings_(findings), replays_(factory, n_threads) {}
 
   /// What all recordings have in common. @return whether there is something
   bool OfAll(const Dataset& dataset) {
     std::optional<Errors> now = Take(dataset);
     std::vector<Step> steps;
-    while (steps.size() < kMostCorrections && now && Worst(*now) > kGood * kGood) {
+    while (steps.size() < kMostCorrections && now && *std::ranges::max_element(*now) > kGood * kGood) {
       std::vector<Trial> trials = Try(*now);
       if (trials.empty()) break;
       steps.push_back({trials, *now, windows_});
@@ -88,7 +90,10 @@ class Search {
       now = trials.front().errors;
     }
     // One fault may hide behind another: what is left is told when all are mended.
-    std::erase_if(steps, [&](const Step& step) { return !MendsIn(*now, step.trials.front().correction); });
+    std::erase_if(steps, [&](const Step& step) {
+      const Correction& c = step.trials.front().correction;
+      return !MendsTo(c.kind == CorrectionKind::kZero ? kLeftOfGuess : kMostLeft, *now, c);
+    });
     for (const Step& step : steps) {
       if (!Report(step, "")) break;  // what was found with a doubtful correction is more doubtful still
     }
@@ -116,7 +121,7 @@ class Search {
       std::vector<Trial> trials = Try(*now);
       std::erase_if(trials, [&](const Trial& t) {
         return MeanOf(t.errors, t.correction.judged) > kAsUsual * MeanOf(usual, t.correction.judged) ||
-               !MendsIn(t.errors, t.correction);
+               !MendsTo(kLeftOfGuess, t.errors, t.correction);
       });
       if (trials.empty()) continue;
       Report({std::move(trials), *now, windows_}, fmt::format("in episode {} alone: ", e + 1));
@@ -160,12 +165,7 @@ class Search {
     if (!windows.states.empty()) correction.ApplyToStates(windows.states, spec_);
   }
 
-  double Total(const Errors& errors) const {
-    double total = 0;
-    for (const double e : errors) total += e;
-    return total;
-  }
-  static double Worst(const Errors& errors) { return *std::ranges::max_element(errors); }
+  static double Total(const Errors& errors) { return std::accumulate(errors.begin(), errors.end(), 0.0); }
 
   /// What could be wrong with channels that are predicted badly.
   std::vector<Correction> Candidates(const Errors& now) const {
@@ -301,10 +301,10 @@ class Search {
     return order;
   }
 
-  /// Whether its channels are then predicted, with these errors. What halves a large error may be any change that moves
-  /// the robot less: wrong springs look like a zero.
-  static bool MendsIn(const Errors& errors, const Correction& correction) {
-    return MeanOf(errors, correction.judged) < kMostLeft * kMostLeft;
+  /// Whether its channels are then missed by less than `most` of their change. What halves a large error may be any
+  /// change that moves the robot less: wrong springs look like a zero.
+  static bool MendsTo(double most, const Errors& errors, const Correction& correction) {
+    return MeanOf(errors, correction.judged) < most * most;
   }
 
   bool Helps(const Trial& trial, const Errors& now) const {
@@ -396,7 +396,8 @@ class Search {
     Apply(zero, mended);
     const std::optional<Errors> errors = replays_.Errors(mended, kScreening);
     if (!errors) return std::nullopt;
-    return rivals_.Best(step.windows, zero.judged, kRivalAlike * MeanOf(*errors, zero.judged), kScreening);
+    if (!rivals_) rivals_.emplace(factory_, n_threads_);
+    return rivals_->Best(step.windows, zero.judged, kRivalAlike * MeanOf(*errors, zero.judged), kScreening);
   }
 
   /// @param where  of the log, where not in all of it
@@ -432,10 +433,12 @@ class Search {
     return !rival;
   }
 
-  const SimulatorSpec& spec_;
+  const SimulatorFactory& factory_;
+  const SimulatorSpec& spec_ = factory_.spec();
+  int n_threads_;
   std::vector<Finding>& findings_;
   ShortReplays replays_;
-  ParameterRivals rivals_;
+  std::optional<ParameterRivals> rivals_;  // made where a zero is doubted
   ReplayedWindows windows_;
   std::vector<Joint> joints_;
 };

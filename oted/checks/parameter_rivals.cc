@@ -47,10 +47,4 @@ std::optional<ParameterRival> ParameterRivals::Best(const ReplayedWindows& windo
   return best;
 }
 
-double MeanOf(const ChannelErrors& errors, const std::vector<int>& channels) {
-  double sum = 0;
-  for (const int j : channels) sum += errors[static_cast<size_t>(j)];
-  return channels.empty() ? 0 : sum / static_cast<double>(channels.size());
-}
-
 }  // namespace oted

@@ -34,7 +34,4 @@ class ParameterRivals {
   size_t n_searched_;  // parameters before the suspects
 };
 
-/// Mean over channels.
-double MeanOf(const ChannelErrors& errors, const std::vector<int>& channels);
-
 }  // namespace oted

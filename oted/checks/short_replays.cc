@@ -29,6 +29,12 @@ Array2<double> StatesAt(const SimulatorSpec& spec, const Dataset& dataset, const
 
 }  // namespace
 
+double MeanOf(const ChannelErrors& errors, const std::vector<int>& channels) {
+  double sum = 0;
+  for (const int j : channels) sum += errors[static_cast<size_t>(j)];
+  return channels.empty() ? 0 : sum / static_cast<double>(channels.size());
+}
+
 ShortReplays::ShortReplays(const SimulatorFactory& factory, int n_threads)
     : spec_(factory.spec()), simulator_(factory.Make(kLanes, n_threads)) {
   SetParameters(factory.parameters().Nominal());

@@ -14,6 +14,8 @@ namespace oted {
 
 /// Per channel: mean of the squared error at the windows' ends over the squared change from their beginnings.
 using ChannelErrors = std::vector<double>;
+/// Their mean over some channels; 0 of none.
+double MeanOf(const ChannelErrors& errors, const std::vector<int>& channels);
 
 /// Windows of a log, each behind what a simulator with delays reaches back to.
 struct ReplayedWindows {
