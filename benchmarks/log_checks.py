@@ -4,9 +4,9 @@ same logs with one fault planted.
 
     benchmarks/log_checks.py [--robots arm ant ...] [--seeds 1 2 3] [--faults sign ...] [--table]
 
-The robots are those of tests/cli/log_robots.py. Each case draws one to three
-differences (masses, centres of mass, springs, damping, dry friction, gains) that the model does not know, noise, and whether
-velocities are logged, from its robot and seed alone. A case is one line of JSON; one that is there is not run again.
+The robots are those of tests/cli/log_robots.py. Each case draws one to three differences (masses, centres of mass, springs,
+damping, dry friction, gains) that the model does not know, noise, and whether velocities are logged, from its robot and seed
+alone. A case is one line of JSON; one that is there is not run again.
 """
 
 import argparse
@@ -35,21 +35,21 @@ ROBOTS = log_robots.ROBOTS
 
 def differ(model, draw):
     """Makes the robot another than its model. @return what differs, in words"""
-    def of(values):
-        there = [i for i, value in enumerate(values) if value > 0]
-        return draw.choice(there) if there else None
+    def drawn_factor(low, high):
+        return round(draw.uniform(low, high) ** draw.choice((-1, 1)), 3)
 
     def scale(values, low, high):
-        index = of(values)
-        if index is None:
+        there = [i for i, value in enumerate(values) if value > 0]
+        if not there:
             return None
-        factor = round(draw.uniform(low, high) ** draw.choice((-1, 1)), 3)
+        index = draw.choice(there)
+        factor = drawn_factor(low, high)
         values[index] *= factor
         return f"{index} x {factor}"
 
     def mass():
         index = draw.randrange(1, model.nbody)
-        factor = round(draw.uniform(1.2, 2) ** draw.choice((-1, 1)), 3)
+        factor = drawn_factor(1.2, 2)
         model.body_mass[index] *= factor
         model.body_inertia[index] *= factor
         return f"{index} x {factor}"
@@ -62,7 +62,7 @@ def differ(model, draw):
 
     def gain():
         index = draw.randrange(model.nu)
-        factor = round(draw.uniform(1.15, 1.7) ** draw.choice((-1, 1)), 3)
+        factor = drawn_factor(1.15, 1.7)
         model.actuator_gear[index] *= factor
         return f"{index} x {factor}"
 
@@ -122,8 +122,8 @@ def table(rows):
         if fault == "none":
             print(f"| none | {len(of_fault)} | | {sum(bool(r['found']) for r in of_fault)} |")
             continue
-        hits = [r for r in of_fault if is_found(r)]
-        print(f"| {fault} | {len(of_fault)} | {len(hits)} | {sum(bool(r['found']) and not is_found(r) for r in of_fault)} |")
+        n_told, n_found = (sum(map(of, of_fault)) for of in (lambda r: bool(r["found"]), is_found))
+        print(f"| {fault} | {len(of_fault)} | {n_found} | {n_told - n_found} |")
 
 
 def main():

@@ -221,7 +221,8 @@ def print_intervals(found):
     """In the family, and where something else is off as well; what lies beyond its range no interval can hold."""
     heading = "| targets | 90 % interval holds the truth | median error | median half-width | ratio |\n|---|---|---|---|---|---|---|"
     print(f"\n| task, noise | parameter {heading}")
-    for task, noise in sorted({(r["task"], r["noise"]) for r in found}):
+    groups = sorted({(r["task"], r["noise"]) for r in found})
+    for task, noise in groups:
         every = []
         for name in SEARCHED[task]:
             # The gain of the class product is not told apart from the gear: its interval is nearly the prior's.
@@ -232,9 +233,11 @@ def print_intervals(found):
             every += pairs
         print_row(task, noise, "all", every)
     print(f"\n| task, noise | what else is off {heading}")
-    for task, noise in sorted({(r["task"], r["noise"]) for r in found}):
+    for task, noise in groups:
         for kind in REJECTED:
-            of = [r for r in found if (r["task"], r["noise"], r["class"]) == (task, noise, kind) and kind != "out_of_bounds"]
+            if kind == "out_of_bounds":
+                continue
+            of = [r for r in found if (r["task"], r["noise"], r["class"]) == (task, noise, kind)]
             print_row(task, noise, kind, [interval_of(r, name) for r in of for name in SEARCHED[task]])
 
 

@@ -146,16 +146,16 @@ void PrintSuspects(const DesignRecord& design) {
     Print("added to the parameters: {}, by --grow\n", ParameterLine(grown.spec));
   }
   if (!design.fit) return;
+  bool has_line = false;
   for (const DesignRecord::Suspected& suspected : design.fit->suspects) {
     const std::optional<FreedTrial>& trial = suspected.suspect.trial;
+    const bool is_kept = trial && trial->kept;
+    has_line = has_line || is_kept;
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
-          trial && trial->kept ? "; add this line: " + suspected.line : "");
+          is_kept ? "; add this line: " + suspected.line : "");
   }
   if (FloorIsReached(design.verdict) || !design.validation) return;
   if (design.fit->suspects.empty()) Print("suspects: none of those that are asked explains what remains\n");
-  const bool has_line = std::ranges::any_of(design.fit->suspects, [](const DesignRecord::Suspected& suspected) {
-    return suspected.suspect.trial && suspected.suspect.trial->kept;
-  });
   if (HasOne(design, ParameterVerdict::kAtBound) && !has_line) {
     Print("a value is at its bound, whatever is freed: widen its range, if it may be beyond\n");
   }

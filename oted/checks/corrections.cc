@@ -420,7 +420,7 @@ class Search {
          .what = fmt::format(
              "{}with {} the nominal simulator misses {} by {:.2g} of the change, as logged by {:.2g} ({} windows{})",
              where, change, best.correction.IsOfActions() ? ChannelNames(judged) : "these channels",
-             std::sqrt(MeanOf(best.errors, judged)), std::sqrt(MeanOf(now, judged)), windows_.windows.size(),
+             std::sqrt(MeanOf(best.errors, judged)), std::sqrt(MeanOf(now, judged)), windows.windows.size(),
              period > 0 ? fmt::format(" of {:.3g} s", replays_.n_steps() * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),

@@ -16,8 +16,7 @@ bool IsMultiple(const ParameterSpec& spec) {
 
 }  // namespace
 
-ParameterRivals::ParameterRivals(const SimulatorFactory& factory, int n_threads)
-    : n_searched_(static_cast<size_t>(factory.parameters().size())) {
+ParameterRivals::ParameterRivals(const SimulatorFactory& factory, int n_threads) {
   std::vector<ParameterSpec> suspects = factory.Suspects();
   std::erase_if(suspects, [](const ParameterSpec& spec) { return !IsMultiple(spec); });
   if (suspects.empty()) return;
@@ -31,8 +30,7 @@ std::optional<ParameterRival> ParameterRivals::Best(const ReplayedWindows& windo
   const ParameterSpace& space = wider_->parameters();
   std::optional<ParameterRival> best;
   for (int i = 0; i < space.size(); ++i) {
-    const bool is_searched = static_cast<size_t>(i) < n_searched_;
-    if (is_searched && !IsMultiple(space[i])) continue;
+    if (!IsMultiple(space[i])) continue;  // a parameter that is searched may be none
     for (const double factor : kFactors) {
       std::vector<double> z = space.Nominal();
       double& value = z[static_cast<size_t>(i)];

@@ -31,7 +31,6 @@ class ParameterRivals {
  private:
   std::unique_ptr<SimulatorFactory> wider_;  // null: no suspects
   std::optional<ShortReplays> replays_;
-  size_t n_searched_;  // parameters before the suspects
 };
 
 }  // namespace oted

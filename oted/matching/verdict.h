@@ -45,8 +45,7 @@ inline constexpr double kIntervalMass = 0.9;  ///< of q, in every interval that 
 /// measured effect nothing is identified, and where the family is rejected nothing is more than weak.
 /// @param reaches_floor  the design explains the logs (DesignVerdict is kNoGap or kGapClosed)
 /// @param open_ends      where intervals go to the end of the range: predictions do not tell
-/// @param otherwise      the parameters' intervals under other designs that predict as well: the intervals hold them,
-/// too
+/// @param otherwise      intervals of the parameters by other designs that predict as well: what is told holds them
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
                                                   const std::vector<bool>& has_effect, bool reaches_floor,
                                                   const std::vector<HeldOutPrediction::OpenEnd>& open_ends = {},

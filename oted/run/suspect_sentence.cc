@@ -73,8 +73,9 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
     return text + "; it is at the end of its range, so that something else may be off";
   }
   // Surely better, and not kept all the same: FreedTrial::kept says when.
-  if (IsSure(trial.gain))
+  if (IsSure(trial.gain)) {
     return text + "; but with it a parameter is at its bound, or other horizons are predicted worse";
+  }
   return text + "; that is not sure";
 }
 

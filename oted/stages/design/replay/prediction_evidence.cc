@@ -139,20 +139,20 @@ class Evidence {
     for (size_t h = 0; h < judge.horizons().size(); ++h) {
       const MatrixXd &off = moved.predicted[h], &designed = designed_[part].predicted[h];
       // Sums tell of effects that few windows show, but chance in few windows drowns what all others show.
-      if (IsSurelyWorse(judge, RatiosOfSums(off, designed, judge.channels())) ||
-          IsSurelyWorse(judge, TypicalRatios(off, designed, off.cols(), judge.channels()))) {
+      if (SaysWorse(judge, RatiosOfSums(off, designed, judge.channels())) ||
+          SaysWorse(judge, TypicalRatios(off, designed, off.cols(), judge.channels()))) {
         return true;
       }
     }
     return false;
   }
 
-  static bool IsSurelyWorse(const PredictionJudge& judge, const PredictionRatios& gain) {
+  static bool SaysWorse(const PredictionJudge& judge, const PredictionRatios& gain) {
     HeldOutPrediction::Horizon compared;
     compared.gain = gain.OfAll();
     compared.channels.resize(static_cast<size_t>(judge.channels().spread.size()));
     for (size_t c = 0; c < compared.channels.size(); ++c) compared.channels[c].gain = IfJudged(judge, c, gain);
-    return ::oted::IsSurelyWorse(compared);
+    return IsSurelyWorse(compared);
   }
 
   /// Logs in which some window can be predicted.
