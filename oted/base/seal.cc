@@ -92,17 +92,23 @@ std::vector<SealedSource> SourcesOf(const json& record, const fs::path& file) {
   return sources;
 }
 
+SourceState StateOf(const SealedSource& source) {
+  if (!fs::exists(source.path)) return SourceState::kMissing;
+  const std::string text = ReadJsonText(source.path);
+  if (!json::accept(text)) return SourceState::kNoJson;
+  const json record = ParseJson(text, source.path.string());
+  if (!IsSealed(record)) return SourceState::kAltered;
+  return SealOf(record) == source.seal ? SourceState::kSame : SourceState::kAnother;
+}
+
 void CheckMadeFrom(const json& record, const fs::path& file) {
-  for (const auto& [source, seal] : SourcesOf(record, file)) {
-    if (!fs::exists(source)) continue;
-    const std::string text = ReadJsonText(source);
-    if (!json::accept(text)) continue;
-    const json from = ParseJson(text, source.string());
-    if (IsSealed(from) && SealOf(from) == seal) continue;
+  for (const SealedSource& source : SourcesOf(record, file)) {
+    const SourceState state = StateOf(source);
+    if (state != SourceState::kAltered && state != SourceState::kAnother) continue;
     throw DataError(
         fmt::format("'{}' was made from another '{}' than the one that is there; restore that file, or "
                     "remove '{}' to make it again",
-                    file.string(), source.string(), file.string()));
+                    file.string(), source.path.string(), file.string()));
   }
 }
 

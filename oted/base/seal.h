@@ -42,6 +42,11 @@ struct SealedSource {
 /// @param file  where the record lies. Empty where it names none
 std::vector<SealedSource> SourcesOf(const nlohmann::json& record, const std::filesystem::path& file);
 
+/// What is there of a record that another was made from: the same, nothing, text that is no JSON, a record that does
+/// not fit its own seal, or a whole one that has another seal.
+enum class SourceState { kSame, kMissing, kNoJson, kAltered, kAnother };
+SourceState StateOf(const SealedSource& source);
+
 /// @param file  where the record lies. @throws DataError naming both where a record that it was made from is there, and
 /// is another; what is missing or no JSON is passed over
 void CheckMadeFrom(const nlohmann::json& record, const std::filesystem::path& file);

@@ -257,6 +257,7 @@ std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
 }
 
 bool IsSure(const Estimated& gain) { return gain.value > std::max(kLeastGain, kGainErrors * gain.error); }
+bool IsSureLoss(const Estimated& gain) { return IsSure({-gain.value, gain.error}); }
 
 bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
   return IsSure(compared.gain) || std::ranges::any_of(compared.channels, [](const HeldOutPrediction::Channel& c) {
@@ -274,7 +275,7 @@ bool PredictsBetter(const HeldOutPrediction& prediction) {
 
 bool PredictsWorse(const HeldOutPrediction& prediction) {
   return std::ranges::any_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
-    return IsSure({-h.gain.value, h.gain.error}) || IsSure({-h.gain_of_recordings.value, h.gain_of_recordings.error});
+    return IsSureLoss(h.gain) || IsSureLoss(h.gain_of_recordings);
   });
 }
 

@@ -123,6 +123,8 @@ bool LeavesGap(const HeldOutPrediction& prediction);
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction);
 /// Whether an error is surely smaller: by a twentieth (of mean squares) and by two standard errors.
 bool IsSure(const Estimated& gain);
+/// Whether it is surely larger.
+bool IsSureLoss(const Estimated& gain);
 /// Whether what is compared at a horizon surely predicts worse than the design: over all channels, or in one.
 bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared);
 /// Whether the design surely predicts better than the nominal simulator: at some horizon, and at none surely worse,

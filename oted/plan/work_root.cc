@@ -67,19 +67,30 @@ json ResultSeals(const fs::path& folder) {
   return seals;
 }
 
+/// What is wrong with a record that a unit left, "" where nothing is.
+std::string WhatIsWrong(SourceState state, const fs::path& unit) {
+  switch (state) {
+    case SourceState::kSame:
+      return "";
+    case SourceState::kMissing:
+      return "is missing";
+    case SourceState::kNoJson:
+      return "is damaged: it is no JSON";
+    case SourceState::kAltered:
+      return "is not as oted wrote it (its seal does not fit its content)";
+    case SourceState::kAnother:
+      return fmt::format("is another than the one that '{}' speaks of", unit.string());
+  }
+  throw InternalError("unknown state of a source");
+}
+
 /// @throws DataError where a record is not the one that the unit left
 void CheckResultSeals(const json& record, const fs::path& file) {
-  for (const auto& [source, seal] : SourcesOf(record, file)) {
-    const auto refuse = [&, &path = source](const std::string& why) {
-      throw DataError(fmt::format("'{}' {}; restore it, or remove '{}' and submit the plan to make the unit again",
-                                  path.string(), why, file.parent_path().string()));
-    };
-    if (!fs::exists(source)) refuse("is missing");
-    const std::string text = ReadJsonText(source);
-    if (!json::accept(text)) refuse("is damaged: it is no JSON");
-    const json result = ParseJson(text, source.string());
-    if (!IsSealed(result)) refuse("is not as oted wrote it (its seal does not fit its content)");
-    if (SealOf(result) != seal) refuse(fmt::format("is another than the one that '{}' speaks of", file.string()));
+  for (const SealedSource& source : SourcesOf(record, file)) {
+    const std::string why = WhatIsWrong(StateOf(source), file);
+    if (why.empty()) continue;
+    throw DataError(fmt::format("'{}' {}; restore it, or remove '{}' and submit the plan to make the unit again",
+                                source.path.string(), why, file.parent_path().string()));
   }
 }
 

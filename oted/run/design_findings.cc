@@ -155,7 +155,7 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
 std::vector<std::vector<SearchInterval>> IntervalsOfFreed(const std::vector<Suspect>& suspects) {
   std::vector<std::vector<SearchInterval>> intervals;
   for (const Suspect& suspect : suspects) {
-    if (!suspect.trial || IsSure({-suspect.trial->gain.value, suspect.trial->gain.error})) continue;
+    if (!suspect.trial || IsSureLoss(suspect.trial->gain)) continue;
     intervals.push_back(suspect.trial->intervals90);
   }
   return intervals;

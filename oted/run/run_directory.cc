@@ -223,7 +223,8 @@ void RunDirectory::CheckOne(const Artifact& artifact) const {
 
 std::optional<fs::path> RunDirectory::LostSource(const Artifact& artifact, const json& record) const {
   for (const SealedSource& source : SourcesOf(record, artifact.file)) {
-    if (!fs::exists(source.path) || !json::accept(ReadJsonText(source.path))) return source.path;
+    const SourceState state = StateOf(source);
+    if (state == SourceState::kMissing || state == SourceState::kNoJson) return source.path;
   }
   return std::nullopt;
 }
