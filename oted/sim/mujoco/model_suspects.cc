@@ -34,6 +34,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"armature", "joint/*/armature", "armature", RoundBound(model.stat.meaninertia)},
       {"frictionloss", "joint/*/frictionloss", "frictionloss", torque},
       {"load_friction", "joint/@actuated/load_friction", "load_friction", kMostLoadFriction},
+      {"stribeck_torque", "joint/@actuated/stribeck_torque", "stribeck_torque", torque},
       {"stiffness", "joint/*/stiffness"},
       {"gear", "actuator/*/gear[0]"},
       {"kp", "actuator/*/kp"},

@@ -12,9 +12,9 @@ namespace oted {
 /// Joint damping, armature, dry friction and stiffness, gears, a servo's stiffness and damping, contact friction and
 /// its time constant and damping (solref), inertia and gravity, each of the whole model at once, and every body's mass
 /// (in a model of more than a dozen bodies, all masses at once): as far as the model has them, in multiples of nominal.
-/// Damping, armature and dry friction that the model has nowhere are values of the driven joints (of all joints where
-/// none is driven), from 0 to what the model's masses and lengths suggest. Names are what a person would call them, and
-/// none of `searched`. What shares a place with `searched` is left out.
+/// Damping, armature and friction (dry, under load, at rest) that the model has nowhere are values of the driven joints
+/// (of all joints where none is driven), from 0 to what the model's masses and lengths suggest. Names are what a person
+/// would call them, and none of `searched`. What shares a place with `searched` is left out.
 std::vector<ParameterSpec> ModelSuspects(const mjModel& model, const ParameterSpace& searched);
 
 }  // namespace oted

@@ -30,10 +30,11 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   EXPECT_THAT(fields, Contains("action/delay"));
   EXPECT_THAT(fields, Contains("obs/thigh_joint_pos/bias"));
   EXPECT_THAT(fields, Contains("joint/@actuated/frictionloss"));  // all of them 0: a value, not a multiple
-  EXPECT_THAT(fields, Not(Contains("joint/*/stiffness")));        // likewise, and a spring has a rest position
-  EXPECT_THAT(fields, Not(Contains("actuator/*/kp")));            // motors
-  EXPECT_THAT(fields, Not(Contains("opt/gravity[2]")));           // searched
-  EXPECT_THAT(fields, Not(Contains("geom/*/friction[0]")));       // searched in part
+  EXPECT_THAT(fields, Contains("joint/@actuated/stribeck_torque"));
+  EXPECT_THAT(fields, Not(Contains("joint/*/stiffness")));   // all 0 as well, and a spring has a rest position
+  EXPECT_THAT(fields, Not(Contains("actuator/*/kp")));       // motors
+  EXPECT_THAT(fields, Not(Contains("opt/gravity[2]")));      // searched
+  EXPECT_THAT(fields, Not(Contains("geom/*/friction[0]")));  // searched in part
 }
 
 TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {

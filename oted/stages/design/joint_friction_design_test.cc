@@ -5,9 +5,11 @@
 #include <cmath>
 
 #include "oted/base/testing.h"
+#include "oted/data/sensor_noise.h"
 #include "oted/matching/designer.h"
 #include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/testing.h"
+#include "oted/stages/design/trajectories/freed.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted::joint_friction_design_test {
@@ -57,6 +59,34 @@ TEST(DesignOfJointFriction, WithoutItDryFrictionIsWrong) {
   const Hinge hinge;
   const std::vector<double> z = Match(*hinge.Factory({Absolute("frictionloss", 0.4)}), hinge.Logs());
   EXPECT_GT(z[0], 0.07) << "the target's is 0.05";
+}
+
+/// The model searches its damping alone; the target holds more at rest than it knows of.
+TEST(DesignOfJointFriction, FrictionAtRestIsTheFirstSuspect) {
+  constexpr double kAtRest = 0.15;
+  const Hinge hinge;
+  const Dataset logs = WithSensorNoise(
+      LogsUnderTorques(*hinge.Factory({Absolute("stribeck_torque", 0.3)}), {kAtRest}, 1.1), 2e-3, RngKey(2));
+  const auto factory = hinge.Factory({{.name = "damping", .field = "joint/hinge/damping", .low = 0.2, .high = 5}});
+  NullSink log;
+  const Prior prior = Prior::Uniform(1);
+  const RunContext context{.log = &log, .n_threads = 1};
+  const ReplayFit fit =
+      MatchTrajectories({*factory, logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
+                        {.rows = 400, .starts = 2, .coarse = 16});
+  const std::vector<Suspect> suspects = TrySuspects({.factory = *factory,
+                                                     .dataset = logs,
+                                                     .prior = prior,
+                                                     .fit = *fit.evidence,
+                                                     .z = ToZ(factory->parameters(), fit.mean),
+                                                     .kept_aside = RngKey(1),
+                                                     .context = context},
+                                                    3);
+  ASSERT_FALSE(suspects.empty());
+  EXPECT_EQ(suspects[0].spec.name, "stribeck_torque");
+  ASSERT_TRUE(suspects[0].trial.has_value());
+  EXPECT_TRUE(suspects[0].trial->kept);
+  EXPECT_NEAR(suspects[0].trial->value / kAtRest, 1, 0.1);
 }
 
 }  // namespace oted::joint_friction_design_test
