@@ -161,6 +161,15 @@ void PrintSuspects(const DesignRecord& design) {
   }
 }
 
+/// Whether all that a file lacks is of sensors: the motion is then that of the designed simulator.
+/// @param left_out  names, between commas
+bool AreOfSensors(const DesignRecord& design, const std::string& left_out) {
+  const std::string names = ", " + left_out + ", ";
+  return std::ranges::all_of(design.parameters, [&](const DesignRecord::Parameter& p) {
+    return names.find(", " + p.name + ", ") == std::string::npos || p.field.starts_with("obs/");
+  });
+}
+
 template <class Record>
 std::optional<Record> Read(const json& record, const char* name) {
   return record.is_null() ? std::nullopt : std::optional<Record>(Record::FromJson(record, name));
@@ -213,11 +222,15 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
     if (std::filesystem::exists(designed)) {
       const std::string left_out = NotInFile(designed);
       Print("\ndesigned model: {}", designed.string());
-      if (!left_out.empty())
+      if (!left_out.empty()) {
         Print(
-            "\n  without {}: MJCF cannot hold this, and the errors that are printed are with it; alone the file "
-            "predicts worse\n  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports)",
-            left_out);
+            "\n  without {}: MJCF cannot hold this, and the errors that are printed are with it; {}\n  (oted.make_env "
+            "in "
+            "Python steps it with all; docs/file_formats.md, Exports)",
+            left_out,
+            design && AreOfSensors(*design, left_out) ? "the file moves as the robot does, read by other sensors"
+                                                      : "alone the file predicts worse");
+      }
     }
     Print("\nreport: {}\n", (report / "report.html").string());
   }

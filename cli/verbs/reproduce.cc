@@ -42,6 +42,7 @@ struct StudyOptions {
 
 struct DesignStudyOptions : StudyOptions {
   DesignStudy study;
+  std::vector<std::string> target;
 };
 
 struct DensityStudyOptions : StudyOptions {
@@ -62,10 +63,9 @@ nlohmann::json RunCell(const DesignStudy& study, const StudyCell& cell, const St
     TerminalSink terminal(options.quiet);
     FileSink log(folder, &terminal);
     Pipeline pipeline(study.ConfigOf(cell), folder, MakeContext(log, study.threads));
-    record = ScoreCell(cell, pipeline.SelectSimulator().record.ToJson());
+    record = ScoreCell(study, cell, pipeline.SelectSimulator().record.ToJson());
   }
   WriteReport(folder);
-  record["seed"] = study.seed;
   record["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   record["command"] = command_line;
   record["version"] = OTED_VERSION;
@@ -93,7 +93,12 @@ void AddStudyOptions(CLI::App& verb, StudyUse use, StudyOptions& options) {
 /// The records that a study's file has of the named cells, in their order.
 template <class Cells>
 std::vector<nlohmann::json> RecordsThere(const Cells& cells, const std::filesystem::path& out) {
-  const std::map<std::string, nlohmann::json> all = StudyFile(out).All();
+  const StudyFile file(out);
+  if (!std::filesystem::exists(file.path())) {
+    throw DataError(
+        fmt::format("'{}' does not exist: no cell of the study has been run; check --out", file.path().string()));
+  }
+  const std::map<std::string, nlohmann::json> all = file.All();
   std::vector<nlohmann::json> records;
   for (const auto& cell : cells) {
     const auto found = all.find(cell.Name());
@@ -127,6 +132,10 @@ void AddDesignStudy(Program& program, CLI::App& parent, StudyUse use, const std:
       ->type_name(value_kind::kMethod)
       ->capture_default_str();
   verb->add_option("--seeds", study.n_seeds, "designs per setting")->check(PositiveNumber())->capture_default_str();
+  verb->add_option(
+      "--target", options->target,
+      "name=value, in multiples of nominal: where the demonstrations were made [default: friction=1 gain=1 "
+      "gravity=1]");
   verb->add_option("--data", study.data_folder, "folder with TASK-DATASET.hdf5")->capture_default_str();
   verb->add_option("--seed", study.seed, "names every random stream")
       ->check(NonNegativeNumber())
@@ -135,13 +144,16 @@ void AddDesignStudy(Program& program, CLI::App& parent, StudyUse use, const std:
     CheckReportCanBeMade();
     study.assignments = options->assignments;
     study.threads = options->threads;
+    for (const std::string& assignment : options->target) SetNamedValue(study.target, "--target", assignment);
     if (use == StudyUse::kPlan) return WritePlan(PlanDesignStudy(name, study, options->plan.needs), options->plan);
     std::vector<nlohmann::json> records;
     if (options->table) records = RecordsThere(study.Cells(), options->out);
     const StudyFile file(options->out);
     for (const StudyCell& cell : options->table ? std::vector<StudyCell>() : study.Cells()) {
       nlohmann::json record = file.Find(cell.Name());
-      if (record.is_null()) {
+      if (!record.is_null()) {
+        study.CheckIsOfThis(cell, record);
+      } else {
         record = RunCell(study, cell, *options, program.command_line);
         file.Put(cell.Name(), record);
       }
@@ -194,7 +206,8 @@ void AddTable1(Program& program, CLI::App& parent, StudyUse use) {
   verb->add_option("--methods", study.methods, "bc, f_brc, mbop, td3_bc, rebrac, dr, is, bc_dr, oted, nominal")
       ->type_name(value_kind::kLearner)
       ->capture_default_str();
-  verb->add_option("--design-method", study.design_method, "design.method; paper: Algorithm 1 to the letter")
+  verb->add_option("--design-method", study.design_method,
+                   "design.method of OTED's cells; paper: Algorithm 1 from logged states")
       ->type_name(value_kind::kMethod)
       ->capture_default_str();
   verb->add_option("--algorithm", study.algorithm, "how agents learn: sac, as the paper's, or crossq")
@@ -214,7 +227,7 @@ void AddTable1(Program& program, CLI::App& parent, StudyUse use) {
   verb->callback([&program, &study, use, options] {
     CheckReportCanBeMade();
     study.assignments = options->assignments;
-    for (const std::string& assignment : options->guess) study.SetGuess(assignment);
+    for (const std::string& assignment : options->guess) SetNamedValue(study.guess, "--guess", assignment);
     if (use == StudyUse::kPlan) return WritePlan(PlanTable1(study, options->plan.needs), options->plan);
     if (options->table) return Print("{}", Table1(study, RecordsThere(study.Cells(), options->out)));
     TerminalSink terminal(options->quiet);

@@ -127,7 +127,14 @@ void WriteDesign(std::ostream& out, const std::string& name, const DesignChoice&
     for (const Field& field : section.fields()) {
       const std::string key = below.empty() ? field.name : below.substr(1) + "." + field.name;
       if (!design.Has(key) && DependsOnMethod(section.section(), field.name)) {
-        out << "# " << field.name << ": " << DefaultInWords(section.section(), field.name);
+        out << "# " << field.name;
+        if (design.method) {
+          out << " = ";
+          WriteTomlValue(out, field.ToJson());
+          out << " (not given: as method and starts have it)";
+        } else {
+          out << ": " << DefaultInWords(section.section(), field.name);
+        }
         if (with_help) out << "  # " << field.help;
         out << "\n";
       } else {

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "oted/data/copied_rows.h"
 #include "oted/data/standing_rows.h"
 
 namespace oted {
@@ -48,32 +49,48 @@ std::vector<int> Repeats(int n, const Hash& hash, const Equal& equal) {
   return repeats;
 }
 
-void CheckDuplicates(const Dataset& d, const std::vector<Episode>& episodes, const TaskFacts& facts,
-                     std::vector<Finding>& findings) {
-  const auto equal = [](std::string_view a, std::string_view b) { return a == b; };
-  const auto episode = [&](int e) { return episodes[static_cast<size_t>(e)]; };
+/// Episodes that equal an earlier one, of a world of few states.
+void CheckEqualEpisodes(const Dataset& d, const std::vector<Episode>& episodes, std::vector<Finding>& findings) {
+  const auto bytes = [&](const Array2<double>& m, int e) {
+    return Bytes(m, episodes[static_cast<size_t>(e)].begin, episodes[static_cast<size_t>(e)].end);
+  };
   const std::vector<int> again = Repeats(
-      static_cast<int>(episodes.size()),
-      [&](int e) { return std::hash<std::string_view>()(Bytes(d.observations, episode(e).begin, episode(e).end)); },
+      static_cast<int>(episodes.size()), [&](int e) { return std::hash<std::string_view>()(bytes(d.observations, e)); },
       [&](int a, int b) {
-        const Episode x = episode(a), y = episode(b);
-        return equal(Bytes(d.observations, x.begin, x.end), Bytes(d.observations, y.begin, y.end)) &&
-               equal(Bytes(d.actions, x.begin, x.end), Bytes(d.actions, y.begin, y.end));
+        return bytes(d.observations, a) == bytes(d.observations, b) && bytes(d.actions, a) == bytes(d.actions, b);
       });
+  if (again.empty()) return;
+  findings.push_back(
+      {.check = "duplicated_episodes",
+       .severity = Severity::kWarning,
+       .what = fmt::format("{} of {} episodes repeat an earlier one to the last bit", again.size(), episodes.size()),
+       .row = episodes[static_cast<size_t>(again[0])].begin,
+       .count = static_cast<int64_t>(again.size()),
+       .meaning = "they weigh twice, and what is held out for scores is then not unseen",
+       .remedy = "remove the copies"});
+}
+
+void CheckDuplicates(const Dataset& d, std::vector<Finding>& findings) {
+  const auto equal = [](std::string_view a, std::string_view b) { return a == b; };
   std::vector<char> explained(static_cast<size_t>(d.size()), 0);
-  for (const int e : again) std::fill(explained.begin() + episode(e).begin, explained.begin() + episode(e).end, 1);
-  if (!again.empty()) {
+  int n_copied = 0;
+  const std::vector<CopiedStretch> copies = FindCopiedStretches(d);
+  for (const CopiedStretch& copy : copies) {
+    n_copied += copy.end - copy.begin;
+    std::fill(explained.begin() + copy.begin, explained.begin() + copy.end, 1);
+  }
+  if (n_copied > 0) {
     findings.push_back(
         {.check = "duplicated_episodes",
          .severity = Severity::kWarning,
-         .what = fmt::format("{} of {} episodes repeat an earlier one to the last bit", again.size(), episodes.size()),
-         .row = episode(again[0]).begin,
-         .count = static_cast<int64_t>(again.size()),
-         .meaning = "they weigh twice, and what is held out for scores is then not unseen",
+         .what = fmt::format("{} rows ({:.1f} %) repeat rows of an earlier episode, up to rounding", n_copied,
+                             100.0 * n_copied / d.size()),
+         .row = copies[0].begin,
+         .count = n_copied,
+         .meaning = "one recording given twice, exported twice, or cut in pieces that overlap; a copy tells nothing "
+                    "new, so other commands leave these rows out",
          .remedy = "remove the copies"});
   }
-  // In a world of few states the same step comes again and again.
-  if (!facts.flat_observations) return;
   std::vector<int> rows = Repeats(
       d.size(),
       [&](int i) {
@@ -307,8 +324,9 @@ void CheckEpisodes(const Dataset& d, const std::vector<Episode>& episodes, const
 
 void CheckRows(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
   const std::vector<Episode> episodes = dataset.Episodes();
-  CheckDuplicates(dataset, episodes, facts, findings);
+  if (!facts.flat_observations || !facts.continuous_actions) CheckEqualEpisodes(dataset, episodes, findings);
   if (facts.flat_observations && facts.continuous_actions) {
+    CheckDuplicates(dataset, findings);
     const Changes changes = MeasureChanges(dataset);
     CheckStanding(dataset, episodes, findings);
     CheckNextObservations(dataset, changes, findings);

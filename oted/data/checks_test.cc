@@ -100,6 +100,7 @@ TEST(Checks, RepeatedRowsAndEpisodesAreFound) {
   episodes.Append(episodes.Select({all[2]}));
   const auto again = Check(episodes);
   EXPECT_EQ(FindingOf(again, "duplicated_episodes").row, 600);
+  EXPECT_EQ(FindingOf(again, "duplicated_episodes").count, 120);
   EXPECT_FALSE(Has(again, "duplicated_rows")) << "the episode explains its rows";
 }
 

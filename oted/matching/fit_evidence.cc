@@ -1,5 +1,7 @@
 #include "oted/matching/fit_evidence.h"
 
+#include <algorithm>
+#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -69,6 +71,17 @@ FreedTrial TrialFromJson(const json& record) {
 }
 
 }  // namespace
+
+std::vector<LeftOutPart> LeftOutInTurn::WorseRecordings() const {
+  std::vector<LeftOutPart> worse;
+  std::ranges::copy_if(parts, std::back_inserter(worse),
+                       [&](const LeftOutPart& part) { return recordings && part.sure && part.error > 1; });
+  return worse;
+}
+
+bool IsLikelier(const FreedTrial& trial) {
+  return trial.nats && trial.nats->value > std::max(kFewestSureNats, kSureErrors * trial.nats->error);
+}
 
 json ToJson(const Suspect& suspect) {
   json record = SpecToJson(suspect.spec);

@@ -34,6 +34,12 @@ struct FreedTrial {
   std::vector<double> before, after;
 };
 
+inline constexpr double kFewestSureNats = 8.0;  ///< as much as four standard deviations of one number
+inline constexpr double kSureErrors = 2.0;      ///< standard errors, of what a trial gains
+
+/// Whether windows surely become likelier.
+bool IsLikelier(const FreedTrial& trial);
+
 /// Something that is not searched and that the logs ask to be other than it is.
 struct Suspect {
   ParameterSpec spec;                              ///< as it would be searched
@@ -71,6 +77,8 @@ struct LeftOutPart {
 struct LeftOutInTurn {
   std::vector<LeftOutPart> parts;
   bool recordings = false;  ///< no part holds less than a whole recording
+  /// The recordings that are surely predicted worse than by the nominal simulator; none where parts are less than that.
+  std::vector<LeftOutPart> WorseRecordings() const;
 };
 
 nlohmann::json ToJson(const LeftOutInTurn& left_out);

@@ -12,12 +12,13 @@ namespace {
 
 constexpr double kIdentifiedBelow = 0.25;  // of the prior's interval
 constexpr double kWeakBelow = 0.6;
-constexpr double kNoGapMargin = 0.1;     // nats of the common score
-constexpr double kNoGainMargin = 0.005;  // nats that a design must win over the nominal simulator
-constexpr double kNarrowedShare = 0.1;   // of the gap in nats
-constexpr double kNoticeable = 0.04;     // in x: a hundredth of the range at its middle
-constexpr double kMovedAbove = 0.05;     // of the range
-constexpr double kAtBound = 0.01;        // of the range
+constexpr double kNoGapMargin = 0.1;       // nats of the common score
+constexpr double kNoGainMargin = 0.005;    // nats that a design must win over the nominal simulator
+constexpr double kNarrowedShare = 0.1;     // of the gap in nats
+constexpr double kNoticeable = 0.04;       // in x: a hundredth of the range at its middle
+constexpr double kMovedAbove = 0.05;       // of the range
+constexpr double kAtBound = 0.01;          // of the range
+constexpr double kWidthOfInterval = 3.29;  // standard deviations, of a normal distribution's central 90 %
 
 // Logarithms of ratios of mean squares, and standard errors.
 constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
@@ -188,7 +189,10 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
       summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
     }
     const bool at_bound = EndsAtBound(space[p], summary.interval90_low, summary.interval90_high);
+    const double own_width = summary.interval90_high - summary.interval90_low;
+    bool is_disputed = false;
     for (const std::vector<SearchInterval>& intervals : otherwise) {
+      is_disputed |= intervals[i].high < summary.interval90_low || intervals[i].low > summary.interval90_high;
       summary.interval90_low = std::min(summary.interval90_low, intervals[i].low);
       summary.interval90_high = std::max(summary.interval90_high, intervals[i].high);
     }
@@ -201,7 +205,11 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
     }
     summary.verdict = VerdictOf(space[p], summary, PriorWidth(designs[0], p), at_bound);
     if (!has_effect[i]) summary.verdict = ParameterVerdict::kNotIdentified;
-    if (!reaches_floor && summary.verdict == ParameterVerdict::kIdentified) summary.verdict = ParameterVerdict::kWeak;
+    // A spread much narrower than the interval beside it would seem to contradict it.
+    const double width = summary.interval90_high - summary.interval90_low;
+    if (width > own_width) summary.std = std::max(summary.std, width / kWidthOfInterval);
+    const bool is_open = !reaches_floor || is_disputed;
+    if (is_open && summary.verdict == ParameterVerdict::kIdentified) summary.verdict = ParameterVerdict::kWeak;
     summaries.push_back(summary);
   }
   return summaries;

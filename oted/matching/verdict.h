@@ -30,8 +30,8 @@ const NamedValues<DesignVerdict>& DesignVerdictNames();
 
 /// One parameter over the mixture of the selected setting's seeds.
 struct ParameterSummary {
-  double mode = 0;                                 ///< of the best-scoring seed
-  double std = 0;                                  ///< of the mixture of all seeds' q
+  double mode = 0;  ///< of the best-scoring seed
+  double std = 0;   ///< of the mixture of all seeds' q; as wide as the interval's where that was opened
   double interval90_low = 0, interval90_high = 0;  ///< central 90 % of the mixture
   ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
 };
@@ -42,7 +42,8 @@ inline constexpr double kIntervalMass = 0.9;  ///< of q, in every interval that 
 /// % interval on the scale of the search (the logarithm where the parameter has log), in widths of the prior's. A
 /// parameter is at its bound when the interval reaches a hundredth of the range from an end of it (EndsAtBound),
 /// identified when it is narrower than a quarter of the prior's, weak below 0.6, otherwise not identified. Without
-/// measured effect nothing is identified, and where the family is rejected nothing is more than weak.
+/// measured effect nothing is identified. Where the family is rejected nothing is more than weak, nor is a parameter of
+/// which another design that predicts as well has a value outside its interval.
 /// @param reaches_floor  the design explains the logs (DesignVerdict is kNoGap or kGapClosed)
 /// @param open_ends      where intervals go to the end of the range: predictions do not tell
 /// @param otherwise      intervals of the parameters by other designs that predict as well: what is told holds them

@@ -41,6 +41,21 @@ TEST(SummarizeParameters, AnIntervalThatEndsByABoundHoldsIt) {
   EXPECT_GT(summary[1].interval90_low, 1.99);
 }
 
+TEST(SummarizeParameters, WhatAnotherDesignAsGoodDisputesIsNotIdentified) {
+  const Designer q = MakeDesigner({0.5, 0}, {0.05, 1});
+  const ParameterSummary alone = SummarizeParameters({q}, 0, {true, true}, true)[0];
+  EXPECT_EQ(alone.verdict, ParameterVerdict::kIdentified);
+  const SearchInterval own{alone.interval90_low, alone.interval90_high},
+      other{alone.interval90_low - 0.02, alone.interval90_low - 0.01};
+  const auto with = [&](const SearchInterval& interval) {
+    return SummarizeParameters({q}, 0, {true, true}, true, {}, {{interval, {0, 1}}})[0];
+  };
+  EXPECT_EQ(with(own).verdict, ParameterVerdict::kIdentified);
+  EXPECT_EQ(with(other).verdict, ParameterVerdict::kWeak);
+  EXPECT_EQ(with(other).interval90_low, other.low);
+  EXPECT_EQ(with(other).interval90_high, own.high);
+}
+
 TEST(SummarizeParameters, SpreadIsThatOfTheMixture) {
   // Two narrow designs that disagree: within each the variance is near 0, between them (m1 - m2)^2 / 4.
   const Designer one = MakeDesigner({-1, 0}, {1e-3, 1e-3}), two = MakeDesigner({1, 0}, {1e-3, 1e-3});

@@ -27,7 +27,9 @@ constexpr double kOwnEffect = 0.01;    // share of an effect's square that other
 constexpr int kEpisodes = 3, kEpisodeRows = 2000;  // that effects are measured on
 constexpr double kLongestDelay_s = 0.03;
 constexpr double kAtEnd = 0.9;  // of a range, from where on it is too narrow
-constexpr double kWider = 4;
+constexpr double kWider = 4, kWiderDelay = 3;
+constexpr double kMostDelay = 10;  // [control steps]
+constexpr const char* kActionDelay = "action/delay";
 constexpr int kWidenings = 2;
 
 /// The value below which 95 % of the sizes lie.
@@ -87,8 +89,8 @@ class Chooser {
       Surroundings();
     }
     Add({"friction", "geom/*/friction[0]", 0.3, 3, ParameterScale::kNominal, true});
-    const double steps = std::clamp(std::round(kLongestDelay_s / spec_.control_period_s), 1.0, 10.0);
-    Add({"delay", "action/delay", 0, steps, ParameterScale::kAbsolute});
+    const double steps = std::clamp(std::round(kLongestDelay_s / spec_.control_period_s), 1.0, kMostDelay);
+    Add({"delay", kActionDelay, 0, steps, ParameterScale::kAbsolute});
     return std::move(candidates_);
   }
 
@@ -367,9 +369,12 @@ std::optional<TrialFit> FitWidened(
     const std::vector<double> unit = factory->parameters().ToUnit(trial->z);
     bool widened = false;
     for (size_t i = 0; i < candidates.size(); ++i) {
-      if (candidates[i].scale != ParameterScale::kAbsolute || IsChannelPath(candidates[i].field)) continue;
-      if (unit[i] < kAtEnd) continue;
-      candidates[i].high *= kWider;
+      ParameterSpec& candidate = candidates[i];
+      const bool is_delay = candidate.field == kActionDelay;
+      if (candidate.scale != ParameterScale::kAbsolute || (IsChannelPath(candidate.field) && !is_delay)) continue;
+      const double high = is_delay ? std::min(kWiderDelay * candidate.high, kMostDelay) : kWider * candidate.high;
+      if (unit[i] < kAtEnd || high == candidate.high) continue;
+      candidate.high = high;
       widened = true;
     }
     if (!widened) return trial;

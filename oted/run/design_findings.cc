@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 
 #include "oted/matching/verdict.h"
 #include "oted/run/fingerprint.h"
@@ -141,6 +143,12 @@ Judgement Judge(const Candidate& best, double nominal_common, double designed_co
     judgement.better = PredictsBetter(*best.prediction);
     judgement.reaches_floor = ReachesFloor(*best.prediction);
     judgement.off = ChannelsOff(*best.prediction);
+    // The logs that judge are of motions like those that taught: a recording that did not is to be predicted, too.
+    const bool fails = best.fit && best.fit->left_out && !best.fit->left_out->WorseRecordings().empty();
+    if (fails && judgement.verdict == DesignVerdict::kGapClosed) {
+      judgement.verdict = DesignVerdict::kGapNarrowed;
+      judgement.reaches_floor = false;
+    }
   } else {
     judgement.verdict = JudgeDesign(nominal_common, designed_common, n_transitions);
     judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
@@ -159,6 +167,24 @@ std::vector<std::vector<SearchInterval>> IntervalsOfFreed(const std::vector<Susp
     intervals.push_back(suspect.trial->intervals90);
   }
   return intervals;
+}
+
+/// The same where --grow added one suspect and the logs are as likely with another: with that, the one added is as the
+/// model has it, and what was added later is not known.
+std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<GrowthRecord>& growth,
+                                                           size_t n_parameters) {
+  constexpr SearchInterval kNothing{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+  std::vector<std::vector<SearchInterval>> all;
+  for (const GrowthRecord& round : growth) {
+    for (const Suspect* rival : round.Rivals()) {
+      std::vector<SearchInterval> intervals = rival->trial->intervals90;
+      const double nominal = round.Freed()->spec.nominal;
+      intervals.push_back({nominal, nominal});
+      intervals.resize(n_parameters, kNothing);
+      all.push_back(std::move(intervals));
+    }
+  }
+  return all;
 }
 
 }  // namespace
@@ -201,8 +227,10 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
   const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common, run.dataset.size());
   const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
-  const auto summaries = SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor,
-                                             open_ends, IntervalsOfFreed(findings.suspects));
+  std::vector<std::vector<SearchInterval>> otherwise = IntervalsOfFreed(findings.suspects);
+  std::ranges::move(IntervalsOfRivals(run.growth, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
+  const auto summaries =
+      SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends, otherwise);
 
   DesignRecord record;
   record.task = run.config.task.name;
@@ -210,6 +238,9 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   AddParameters(space, summaries, record);
   if (best.fit) AddConditions(*best.fit, record);
   record.warnings = findings.corrections;
+  for (const GrowthRecord& round : run.growth) {
+    for (const Suspect* rival : round.Rivals()) record.warnings.push_back(RivalSentence(*round.Freed(), *rival));
+  }
   AddWarnings(space, findings.has_effect, record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
   for (int i = 0; i < space.size(); ++i) {

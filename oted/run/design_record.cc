@@ -31,6 +31,7 @@ std::vector<Suspect> SuspectsFrom(const RecordReader& reader, const char* field)
 }  // namespace
 
 const Suspect* GrowthRecord::Freed() const { return BestFreed(suspects); }
+std::vector<const Suspect*> GrowthRecord::Rivals() const { return RivalsOfBest(suspects); }
 
 json GrowthRecord::ToJson() const { return {{"schema", kSchema}, {"suspects", SuspectsToJson(suspects)}}; }
 

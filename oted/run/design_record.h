@@ -21,6 +21,8 @@ struct GrowthRecord {
 
   /// What joins the parameters; null where nothing does.
   const Suspect* Freed() const;
+  /// What might have joined in its place (RivalsOfBest).
+  std::vector<const Suspect*> Rivals() const;
   nlohmann::json ToJson() const;
   static GrowthRecord FromJson(const nlohmann::json& record, const std::string& where);
 };

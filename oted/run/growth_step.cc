@@ -10,6 +10,7 @@
 #include "oted/run/artifacts.h"
 #include "oted/run/design_step.h"
 #include "oted/run/run_inputs.h"
+#include "oted/run/suspect_sentence.h"
 #include "oted/run/trial_log.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/replay/replay_fit.h"
@@ -37,17 +38,15 @@ std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config
 }
 
 GrowthRecord MakeRound(const RunSetup& run, int round) {
-  const DesignConfig& config = run.settings.begin()->second.config;
+  const auto& [setting, designs] = *run.settings.begin();
+  const DesignConfig& config = designs.config;
   TrialLog log(run.context.log, "growth");
   RunContext context = run.context;
   context.log = &log;
-  const DesignProblem problem{.factory = *run.factory,
-                              .dataset = run.dataset,
-                              .clone = nullptr,
-                              .key = run.Key("growth").Index(static_cast<uint64_t>(round)),
-                              .folder = run.directory.growth(round),
-                              .run_name = run.directory.NameOf(run.directory.growth(round)),
-                              .context = context};
+  // The streams of the design that follows: where nothing is added, it finds and says the same.
+  DesignProblem problem = ProblemOf(run, setting, 1, nullptr, context);
+  problem.folder = run.directory.growth(round);
+  problem.run_name = run.directory.NameOf(problem.folder);
   const DesignResult design = LearnDesign(problem, config);
   // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
   if (!design.fit || !ParametersAtBounds(design.q).empty()) return {};
@@ -75,6 +74,7 @@ void GrowBy(RunSetup& run, const Next& next) {
     std::optional<GrowthRecord> record = next(static_cast<int>(run.growth.size()) + 1);
     if (!record) return;
     if (const Suspect* freed = record->Freed()) AddParameter(run, *freed);
+    for (const Suspect* rival : record->Rivals()) run.context.log->Warning(RivalSentence(*record->Freed(), *rival));
     run.growth.push_back(*std::move(record));
   }
 }

@@ -255,6 +255,8 @@ TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNomi
               HasSubstr("2 of 3 recordings (episodes 4, 5) are predicted up to 70 % worse"));
   record.fit->left_out->parts[1].episodes = {2, 3};
   EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("2 of 3 groups of recordings (episodes 3 with 4, 5) are"));
+  EXPECT_THAT(VerdictSentence(record, {}),
+              HasSubstr("there the sensors explain what remains, but not in every recording"));
   record.fit->left_out->parts = {{0.4, true, {0}}, {1.2, false, {1}}};
   EXPECT_THAT(VerdictSentence(record, {0}), EndsWith("that it did not learn from"));
 }

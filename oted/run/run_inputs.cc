@@ -12,6 +12,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/config/task_registry.h"
+#include "oted/data/copied_rows.h"
 #include "oted/data/dataset_files.h"
 #include "oted/sim/channel_factory.h"
 #include "oted/sim/known_constants.h"
@@ -86,7 +87,10 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
 }
 
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec) {
-  return ReadEpisodes(config, DataOptionsFor(config, spec));
+  Dataset logs = ReadEpisodes(config, DataOptionsFor(config, spec));
+  // In a world of few states the same steps come again and again.
+  const bool is_few_states = spec.n_discrete_actions > 0 || !spec.image_shape.empty();
+  return is_few_states ? logs : WithoutCopies(std::move(logs));
 }
 
 Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options) {

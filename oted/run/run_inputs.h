@@ -21,7 +21,8 @@ DataOptions DataOptionsFor(const DataConfig& config, const SimulatorSpec& spec);
 /// @throws UsageError, DataError
 Dataset ReadFiles(const DataConfig& config, const DataOptions& options);
 
-/// The logged episodes that a configuration names, for a task. @throws UsageError, DataError
+/// The logged episodes that a configuration names, for a task; of quantities, rows that stand there twice once
+/// (copied_rows.h). @throws UsageError, DataError
 Dataset ReadEpisodes(const DataConfig& config, const SimulatorSpec& spec);
 /// The same with what the reader is told. @throws UsageError, DataError
 Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options);

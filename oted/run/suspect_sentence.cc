@@ -56,6 +56,14 @@ std::string ConditionSentence(const Condition& condition) {
   return fmt::format("{:.3g} if {} were {} more", condition.value, spec.field, more);
 }
 
+std::string RivalSentence(const Suspect& added, const Suspect& rival) {
+  return fmt::format(
+      "'{}' was added, but the logs are about as likely with {} freed in its place ({}): intervals hold both, and "
+      "which "
+      "of the two is off the logs do not say; measure one of them",
+      added.spec.name, rival.spec.field, ValueInWords(rival.spec, rival.trial->value));
+}
+
 std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignRecord::Validation::Channel>& channels,
                             const std::vector<int>& off) {
   const ParameterSpec& spec = suspect.spec;
@@ -63,7 +71,7 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   const FreedTrial& trial = *suspect.trial;
   const std::string freed = fmt::format("with {} freed ({})", spec.field, ValueInWords(spec, trial.value));
   std::string likelier;
-  if (trial.kept && trial.nats && trial.nats->value > 0) {
+  if (trial.kept && IsLikelier(trial)) {
     likelier = fmt::format("; the logs are surely likelier with it (by {:.0f} nats)", trial.nats->value);
   }
   if (!(trial.gain.value > 0)) return freed + ": no better prediction" + likelier;

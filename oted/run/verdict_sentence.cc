@@ -68,10 +68,9 @@ std::string EpisodesOf(const std::vector<LeftOutPart>& parts) {
 
 /// What recordings say that were left out in turn, where one of them is predicted worse than by doing nothing.
 std::string ButLeftOut(const DesignRecord& record) {
-  if (!record.fit || !record.fit->left_out || !record.fit->left_out->recordings) return "";
+  if (!record.fit || !record.fit->left_out) return "";
   const std::vector<LeftOutPart>& parts = record.fit->left_out->parts;
-  std::vector<LeftOutPart> worse;
-  std::ranges::copy_if(parts, std::back_inserter(worse), [](const auto& p) { return p.sure && p.error > 1; });
+  const std::vector<LeftOutPart> worse = record.fit->left_out->WorseRecordings();
   if (worse.empty()) return "";
   const double worst = std::ranges::max(worse, {}, &LeftOutPart::error).error;
   const bool is_one = worse.size() == 1;
@@ -86,7 +85,15 @@ std::string ButLeftOut(const DesignRecord& record) {
 std::string AtBounds(const DesignRecord& record) {
   std::string names;
   for (const DesignRecord::Parameter& p : record.parameters) {
-    if (p.verdict == ParameterVerdict::kAtBound) names += (names.empty() ? "'" : ", '") + p.name + "'";
+    // At the end of its range all the same where predictions hardly tell it.
+    const ParameterSpec spec{.name = p.name,
+                             .field = p.field,
+                             .low = p.low,
+                             .high = p.high,
+                             .logarithmic = p.logarithmic,
+                             .nominal = p.nominal};
+    if (p.verdict == ParameterVerdict::kAtBound || EndsAtBound(spec, p.mode, p.mode))
+      names += (names.empty() ? "'" : ", '") + p.name + "'";
   }
   return names;
 }
@@ -236,8 +243,13 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
                  "error "
                  "than the nominal one{}",
                  over, share, ButUntold(horizon)) +
-             judged_by + ButLeftOut(record);
+             judged_by;
     case DesignVerdict::kGapNarrowed:
+      if (off.empty()) {
+        return fmt::format("gap narrowed by {} {}: there the sensors explain what remains, but not in every recording",
+                           share, over) +
+               judged_by + ButLeftOut(record);
+      }
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
                          WhatRemains(*record.validation, horizon, off)) +
              ButElsewhere(*record.validation) + ButAGuess(*record.validation) + judged_by + ButLeftOut(record);

@@ -16,12 +16,23 @@ namespace {
 constexpr double kLongest = 3.0;                  // [control steps]
 constexpr double kLongestSeconds = 0.03;          // [s]: of actions, where that is more
 constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's zero
+constexpr size_t kMostLatePositions = 4;          // robots with more have sensors of one kind, on one bus
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
 
 ParameterSpec Spec(const std::string& name, const std::string& path, double low, double high,
                    const ParameterSpace& searched) {
   return {
       .name = SuspectName(name, searched), .field = path, .low = low, .high = high, .scale = ParameterScale::kAbsolute};
+}
+
+/// Observations in metres or radians, by name.
+std::vector<std::string> PositionsOf(const SimulatorSpec& spec) {
+  std::vector<std::string> names;
+  for (size_t j = 0; j < std::min(spec.observation_names.size(), spec.observation_units.size()); ++j) {
+    const std::string& unit = spec.observation_units[j];
+    if (unit == "rad" || unit == "m") names.push_back(spec.observation_names[j]);
+  }
+  return names;
 }
 
 }  // namespace
@@ -31,11 +42,15 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
   const double longest = std::max(kLongest, std::ceil(kLongestSeconds / spec.control_period_s));
   std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, longest, searched)};
   candidates.push_back(Spec("rates_delay", kRates, 0, kLongest, searched));
-  const size_t n_named = std::min(spec.observation_names.size(), spec.observation_units.size());
-  for (size_t j = 0; j < n_named; ++j) {
-    const std::string &name = spec.observation_names[j], &unit = spec.observation_units[j];
-    if (unit != "rad" && unit != "m") continue;
+  const std::vector<std::string> positions = PositionsOf(spec);
+  for (const std::string& name : positions) {
     candidates.push_back(Spec(name + "_bias", fmt::format("obs/{}/bias", name), -kFarthest, kFarthest, searched));
+  }
+  // All of them late is an action's delay, one alone is none: a camera beside an encoder.
+  if (positions.size() > 1 && positions.size() <= kMostLatePositions) {
+    for (const std::string& name : positions) {
+      candidates.push_back(Spec(name + "_delay", fmt::format("obs/{}/delay", name), 0, kLongest, searched));
+    }
   }
   std::vector<ChannelField> taken;
   for (const ParameterSpec& parameter : searched.specs()) {

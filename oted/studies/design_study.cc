@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -47,6 +48,15 @@ const std::map<std::string, std::vector<const char*>> kPaperTable2 = {
     {"walker2d-medium-expert", {"0.144 (0.03)", "0.421 (0.141)", "0.144 (0.03)"}},
     {"walker2d-medium", {"0.37 (0.037)", "1.416 (0.667)", "0.287 (0.038)"}}};
 
+constexpr double kLow = 0.2, kHigh = 2.0;  // of every parameter
+
+/// Of a record's parameter; the nominal one where the record does not say.
+double TargetIn(const json& record, const std::string& name) {
+  return record.contains("target") ? record.at("target").at(name).get<double>() : 1.0;
+}
+
+double ErrorOfMiddle(double target) { return std::abs(0.5 * (kLow + kHigh) - target); }
+
 void CheckKnown(const char* what, const std::vector<std::string>& asked, const std::vector<std::string>& known) {
   for (const std::string& name : asked) {
     if (std::ranges::find(known, name) == known.end()) {
@@ -57,6 +67,17 @@ void CheckKnown(const char* what, const std::vector<std::string>& asked, const s
 }
 
 }  // namespace
+
+void SetNamedValue(std::map<std::string, double>& values, const std::string& option, const std::string& assignment) {
+  const size_t equals = assignment.find('=');
+  char* end = nullptr;
+  const double value = equals == std::string::npos ? 0 : std::strtod(assignment.c_str() + equals + 1, &end);
+  const std::string name = assignment.substr(0, equals);
+  if (equals == std::string::npos || equals + 1 == assignment.size() || *end != '\0' || !values.contains(name)) {
+    throw UsageError(fmt::format("{} {}: wanted friction=, gain= or gravity= and a number", option, assignment));
+  }
+  values[name] = value;
+}
 
 DesignStudy DesignStudy::Named(const std::string& name) {
   DesignStudy study;
@@ -90,8 +111,8 @@ RunConfig DesignStudy::ConfigOf(const StudyCell& cell) const {
   config.data.path = fmt::format("{}/{}-{}.hdf5", data_folder, cell.task, cell.dataset);
   for (const std::string& name : kAlone) {
     if (cell.parameters != "all" && cell.parameters != name) continue;
-    config.parameters.push_back({.name = name, .field = kFields.at(name), .low = 0.2, .high = 2.0});
-    config.truth[name] = 1.0;
+    config.parameters.push_back({.name = name, .field = kFields.at(name), .low = kLow, .high = kHigh});
+    config.truth[name] = target.at(name);
   }
   config.run.seed = seed;
   config.run.threads = threads;
@@ -117,24 +138,50 @@ RunConfig DesignStudy::ConfigOf(const StudyCell& cell) const {
   return config;
 }
 
-json ScoreCell(const StudyCell& cell, const json& design) {
-  json record = {{"schema", "oted.cell/1"},
-                 {"task", cell.task},
-                 {"dataset", cell.dataset},
-                 {"parameters", cell.parameters},
+json DesignStudy::IdentityOf(const StudyCell& cell) const {
+  return {{"task", cell.task},
+          {"dataset", cell.dataset},
+          {"parameters", cell.parameters},
+          {"target", target},
+          {"design_method", design_method},
+          {"assignments", assignments},
+          {"n_seeds", n_seeds},
+          {"seed", seed}};
+}
+
+void DesignStudy::CheckIsOfThis(const StudyCell& cell, const json& record) const {
+  const json identity = IdentityOf(cell);
+  for (const auto& [name, value] : identity.items()) {
+    // Records that lack it are older than it.
+    if (!record.contains(name) || record.at(name) == value) continue;
+    throw UsageError(fmt::format("{} was run with {} = {} and this study has {}; take another --out", cell.Name(), name,
+                                 record.at(name).dump(), value.dump()));
+  }
+}
+
+json ScoreCell(const DesignStudy& study, const StudyCell& cell, const json& design) {
+  json record = study.IdentityOf(cell);
+  record.update({{"schema", "oted.cell/1"},
                  {"n_transitions", design.at("dataset").at("n_transitions")},
                  {"verdict", design.at("verdict")},
                  {"names", json::array()},
-                 {"settings", json::array()}};
-  for (const json& parameter : design.at("parameters")) record["names"].push_back(parameter.at("name"));
+                 {"settings", json::array()}});
+  std::vector<double> truth, middle;
+  for (const json& parameter : design.at("parameters")) {
+    record["names"].push_back(parameter.at("name"));
+    truth.push_back(TargetIn(record, parameter.at("name")));
+    middle.push_back(ErrorOfMiddle(truth.back()));
+  }
+  record["middle_error"] = Mean(middle);
   std::vector<double> errors;
   for (const json& setting : design.at("settings")) {
     std::vector<double> of_seeds;
     json modes = json::array();
     for (const json& seed : setting.at("seeds")) {
+      const auto mode = seed.at("mode").get<std::vector<double>>();
       double sum = 0;
-      for (const double mode : seed.at("mode").get<std::vector<double>>()) sum += std::abs(mode - 1.0);
-      of_seeds.push_back(sum / static_cast<double>(record["names"].size()));
+      for (size_t i = 0; i < truth.size(); ++i) sum += std::abs(mode.at(i) - truth[i]);
+      of_seeds.push_back(sum / static_cast<double>(truth.size()));
       modes.push_back(seed.at("mode"));
     }
     errors.push_back(Mean(of_seeds));
@@ -170,9 +217,9 @@ json ScoreCell(const StudyCell& cell, const json& design) {
 }
 
 std::string Table2(const std::vector<json>& cells) {
-  std::string text = "| cell | best, worst of the pool | random |";
+  std::string text = "| cell | middle of the range | best, worst of the pool | random |";
   for (const Ranking& ranking : kRankings) text += fmt::format(" {} |", ranking.name);
-  text += " paper: deviation, progress, log ratios (unit unknown) |\n|---|---|---|";
+  text += " paper: deviation, progress, log ratios (unit unknown) |\n|---|---|---|---|";
   for ([[maybe_unused]] const Ranking& ranking : kRankings) text += "---|";
   text += "---|\n";
   std::map<std::string, int> zero_regret;
@@ -182,9 +229,9 @@ std::string Table2(const std::vector<json>& cells) {
         fmt::format("{}-{}", cell.at("task").get<std::string>(), cell.at("dataset").get<std::string>());
     const bool counts = cell.at("counts");
     n_count += counts;
-    text += fmt::format("| {}{} | {:.3f}, {:.3f} | {:.3f} |", name, counts ? "" : " (pool too even)",
-                        cell.at("best_error").get<double>(), cell.at("worst_error").get<double>(),
-                        cell.at("picks").at("random").at("error").get<double>());
+    text += fmt::format("| {}{} | {:.3f} | {:.3f}, {:.3f} | {:.3f} |", name, counts ? "" : " (pool too even)",
+                        cell.value("middle_error", ErrorOfMiddle(1)), cell.at("best_error").get<double>(),
+                        cell.at("worst_error").get<double>(), cell.at("picks").at("random").at("error").get<double>());
     for (const Ranking& ranking : kRankings) {
       if (!cell.at("picks").contains(ranking.key)) {
         text += " – |";
@@ -207,7 +254,8 @@ std::string Table2(const std::vector<json>& cells) {
 
 std::string Figure2(const std::vector<json>& cells) {
   std::string text =
-      "| cell | friction | gain | gravity | jointly: friction | gain | gravity |\n|---|---|---|---|---|---|---|\n";
+      "| cell | friction | gain | gravity | jointly: friction | gain | gravity | middle of the range: each |\n"
+      "|---|---|---|---|---|---|---|---|\n";
   // Mean absolute error over seeds of one parameter, "" where the cell is missing.
   const auto error = [&](const std::string& task, const std::string& dataset, const std::string& which,
                          const std::string& name) -> std::string {
@@ -218,11 +266,17 @@ std::string Figure2(const std::vector<json>& cells) {
       const size_t at = static_cast<size_t>(std::ranges::find(names, name) - names.begin());
       std::vector<double> errors;
       for (const json& mode : cell.at("settings").at(0).at("modes")) {
-        errors.push_back(std::abs(mode.at(at).get<double>() - 1.0));
+        errors.push_back(std::abs(mode.at(at).get<double>() - TargetIn(cell, name)));
       }
       return fmt::format("{:.3f} ({:.3f})", Mean(errors), StandardDeviation(errors));
     }
     return "";
+  };
+  const auto middle = [&](const std::string& task, const std::string& dataset, const std::string& name) {
+    for (const json& cell : cells) {
+      if (cell.at("task") == task && cell.at("dataset") == dataset) return ErrorOfMiddle(TargetIn(cell, name));
+    }
+    return 0.0;
   };
   std::vector<std::pair<std::string, std::string>> rows;
   for (const json& cell : cells) {
@@ -233,7 +287,10 @@ std::string Figure2(const std::vector<json>& cells) {
     text += fmt::format("| {}-{} |", task, dataset);
     for (const std::string& name : kAlone) text += fmt::format(" {} |", error(task, dataset, name, name));
     for (const std::string& name : kAlone) text += fmt::format(" {} |", error(task, dataset, "all", name));
-    text += "\n";
+    for (size_t i = 0; i < kAlone.size(); ++i) {
+      text += fmt::format("{}{:.3f}", i == 0 ? " " : ", ", middle(task, dataset, kAlone[i]));
+    }
+    text += " |\n";
   }
   return text;
 }

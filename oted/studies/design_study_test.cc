@@ -38,7 +38,7 @@ json Design() {
 }
 
 TEST(ScoreCell, ErrorsAreMeansOverParametersAndSeedsInMultiplesOfNominal) {
-  const json record = ScoreCell({"hopper", "medium", "all"}, Design());
+  const json record = ScoreCell({}, {"hopper", "medium", "all"}, Design());
   EXPECT_NEAR(record["settings"][0]["error"], 0.1, 1e-12);
   EXPECT_NEAR(record["settings"][1]["error"], 0.2, 1e-12);
   EXPECT_NEAR(record["worst_error"], 0.6, 1e-12);
@@ -46,7 +46,7 @@ TEST(ScoreCell, ErrorsAreMeansOverParametersAndSeedsInMultiplesOfNominal) {
 }
 
 TEST(ScoreCell, EachRankingPicksByItsOwnScoreAndPaysItsRegret) {
-  const json picks = ScoreCell({"hopper", "medium", "all"}, Design())["picks"];
+  const json picks = ScoreCell({}, {"hopper", "medium", "all"}, Design())["picks"];
   EXPECT_EQ(picks["c"]["setting"], "near");  // highest
   EXPECT_EQ(picks["c"]["regret"], 0);
   EXPECT_EQ(picks["design_deviation"]["setting"], "middle");  // lowest
@@ -60,12 +60,35 @@ TEST(ScoreCell, EachRankingPicksByItsOwnScoreAndPaysItsRegret) {
 TEST(ScoreCell, APoolWithoutABadSettingDoesNotCount) {
   json design = Design();
   design["settings"].erase(2);
-  EXPECT_FALSE(ScoreCell({"hopper", "medium", "all"}, design)["counts"]);
+  EXPECT_FALSE(ScoreCell({}, {"hopper", "medium", "all"}, design)["counts"]);
+}
+
+TEST(ScoreCell, ErrorsAreFromTheTargetWhereTheDemonstrationsWereMade) {
+  DesignStudy study;
+  study.target = {{"friction", 1.2}, {"gain", 0.9}, {"gravity", 1.0}};
+  const json record = ScoreCell(study, {"hopper", "medium", "all"}, Design());
+  EXPECT_NEAR(record["settings"][0]["error"], 0.05, 1e-12);  // 0.1 and 0 of one seed, 0 and 0.1 of the other
+  EXPECT_NEAR(record["middle_error"], 0.15, 1e-12);          // 1.1 against 1.2 and 0.9
+  EXPECT_THAT(Table2({record}), HasSubstr("| hopper-medium | 0.150 |"));
+  EXPECT_NO_THROW(study.CheckIsOfThis({"hopper", "medium", "all"}, record));
+  EXPECT_THAT(MessageOf<UsageError>([&] {
+                DesignStudy().CheckIsOfThis({"hopper", "medium", "all"}, record);
+              }),
+              HasSubstr("take another --out"));
+}
+
+TEST(SetNamedValue, TakesKnownNamesAndNumbersAlone) {
+  std::map<std::string, double> values = DesignStudy().target;
+  SetNamedValue(values, "--target", "gain=1.3");
+  EXPECT_EQ(values.at("gain"), 1.3);
+  for (const char* wrong : {"gain", "gain=", "gain=x", "wind=1"}) {
+    EXPECT_THAT(MessageOf<UsageError>([&] { SetNamedValue(values, "--target", wrong); }), HasSubstr("--target"));
+  }
 }
 
 TEST(Table2, CountsZeroRegretAndShowsThePapersFigures) {
-  const std::string table = Table2({ScoreCell({"hopper", "medium", "all"}, Design())});
-  EXPECT_THAT(table, HasSubstr("| hopper-medium | 0.100, 0.600 | 0.300 | 0.200 (0.000), regret 0.100 |"));
+  const std::string table = Table2({ScoreCell({}, {"hopper", "medium", "all"}, Design())});
+  EXPECT_THAT(table, HasSubstr("| hopper-medium | 0.100 | 0.100, 0.600 | 0.300 | 0.200 (0.000), regret 0.100 |"));
   EXPECT_THAT(table, HasSubstr("0.203 (0.025), 0.235 (0.034), 0.203 (0.025) |"));
   EXPECT_THAT(table, HasSubstr("of 1 pools"));
   EXPECT_THAT(table, HasSubstr("log ratios c(h) 1;"));
@@ -76,9 +99,11 @@ TEST(Figure2, ShowsEachParameterAloneAndJointly) {
   json alone = Design();
   alone["parameters"] = {{{"name", "gain"}}};
   alone["settings"] = {Setting("default", {{1.3}, {0.9}}, 0, 0, 0, 0)};
-  const std::string table =
-      Figure2({ScoreCell({"hopper", "expert", "gain"}, alone), ScoreCell({"hopper", "expert", "all"}, Design())});
-  EXPECT_THAT(table, HasSubstr("| hopper-expert |  | 0.200 (0.141) |  | 0.150 (0.071) | 0.050 (0.071) |"));
+  const std::string table = Figure2(
+      {ScoreCell({}, {"hopper", "expert", "gain"}, alone), ScoreCell({}, {"hopper", "expert", "all"}, Design())});
+  EXPECT_THAT(
+      table,
+      HasSubstr("| hopper-expert |  | 0.200 (0.141) |  | 0.150 (0.071) | 0.050 (0.071) |  | 0.100, 0.100, 0.100 |"));
 }
 
 TEST(DesignStudy, Table2HasNineCellsAndEightSettingsFigure2ThirtySixAndOne) {

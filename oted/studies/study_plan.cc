@@ -68,6 +68,10 @@ PlanLine LineOf(std::string name, Words words, std::vector<PlanInput> inputs, co
   return line;
 }
 
+void AppendValues(Words& words, const char* option, const std::map<std::string, double>& values) {
+  for (const auto& [name, value] : values) Append(words, option, {fmt::format("{}={}", name, value)});
+}
+
 Words Table1Words(const Table1Study& study) {
   Words words = {"reproduce", "table1"};
   Append(words, "--task", study.tasks);
@@ -79,7 +83,7 @@ Words Table1Words(const Table1Study& study) {
   Append(words, "--steps", {std::to_string(study.steps)});
   Append(words, "--seed", {std::to_string(study.first_seed)});
   Append(words, "--seeds", {std::to_string(study.n_seeds)});
-  for (const auto& [name, value] : study.guess) Append(words, "--guess", {fmt::format("{}={}", name, value)});
+  AppendValues(words, "--guess", study.guess);
   AppendAssignments(words, study.assignments);
   return words;
 }
@@ -166,6 +170,7 @@ Plan PlanDesignStudy(const std::string& name, const DesignStudy& study, const Un
     Append(words, "--task", tasks);
     Append(words, "--dataset", datasets);
     Append(words, "--parameters", parameters);
+    AppendValues(words, "--target", study.target);
     Append(words, "--design-method", {study.design_method});
     Append(words, "--seeds", {std::to_string(study.n_seeds)});
     Append(words, "--seed", {std::to_string(study.seed)});

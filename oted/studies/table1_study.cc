@@ -306,17 +306,6 @@ const std::vector<std::string>& Table1Study::KnownMethods() {
   return known;
 }
 
-void Table1Study::SetGuess(const std::string& assignment) {
-  const size_t equals = assignment.find('=');
-  char* end = nullptr;
-  const double value = equals == std::string::npos ? 0 : std::strtod(assignment.c_str() + equals + 1, &end);
-  const std::string name = assignment.substr(0, equals);
-  if (equals == std::string::npos || equals + 1 == assignment.size() || *end != '\0' || !guess.contains(name)) {
-    throw UsageError(fmt::format("--guess {}: wanted friction=, gain= or gravity= and a number", assignment));
-  }
-  guess[name] = value;
-}
-
 std::vector<Table1Cell> Table1Study::Cells() const {
   std::vector<Table1Method> wanted;
   for (const std::string& method : methods) {

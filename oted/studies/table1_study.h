@@ -69,8 +69,6 @@ struct Table1Study {
 
   /// The names of all methods.
   static const std::vector<std::string>& KnownMethods();
-  /// "name=value", as typed. @throws UsageError
-  void SetGuess(const std::string& assignment);
   /// Every cell once; what bc_dr collects with comes with it.
   /// @throws UsageError when a task, dataset, parameter or method is none of the table's
   std::vector<Table1Cell> Cells() const;

@@ -115,6 +115,19 @@ std::string OfflineNote(const std::vector<json>& records) {
   return text;
 }
 
+/// Which columns were made with settings of their own.
+std::string SettingsNote(const std::vector<json>& records) {
+  std::map<std::string, std::set<std::string>> methods;
+  for (const json& record : records) {
+    const auto assignments = record.value("assignments", std::vector<std::string>());
+    if (assignments.empty()) continue;
+    methods[fmt::format("{}", fmt::join(assignments, ", "))].insert(kTitles.at(record.at("method")).ours);
+  }
+  std::string text;
+  for (const auto& [settings, of] : methods) text += fmt::format(" Of {}: {}.", fmt::join(of, ", "), settings);
+  return text.empty() ? text : " Settings by --set:" + text;
+}
+
 std::string Score(const json& record) {
   std::vector<double> scores;
   for (const json& seed : record.at("seeds")) scores.push_back(seed.at("score").get<double>());
@@ -173,7 +186,7 @@ std::string Table1(const Table1Study& study, const std::vector<json>& records) {
       "\nD4RL's normalised scores in the target; mean over seeds (standard deviation; seeds where there are more than "
       "one).";
   if (!steps.empty()) text += fmt::format(" Control steps of an agent: {}.", fmt::join(steps, ", "));
-  return text + OfflineNote(records) +
+  return text + SettingsNote(records) + OfflineNote(records) +
          " The paper's DR and IS are one figure for each task; over which parameters is not said.\n";
 }
 

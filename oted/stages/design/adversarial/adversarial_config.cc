@@ -19,10 +19,11 @@ const NamedValues<DesignReward> kRewardNames = {{DesignReward::kPaper, "paper"},
 
 /// What is shown to g, and how much of it.
 void AddEvidence(AdversarialConfig& config, FieldList& fields) {
-  fields.AddChoice("starts", &config.starts,
-                   "where rollouts begin: logged states, or the initial distribution; given to method paper, "
-                   "the latter changes the defaults below to those of Algorithm 1 to the letter",
-                   kStartNames);
+  fields.AddChoice(
+      "starts", &config.starts,
+      "where rollouts begin: logged states, or the initial distribution; given to method paper, "
+      "the latter changes the defaults of this section and of [design.discriminator] to those nearest to the paper",
+      kStartNames);
   fields.AddChoice("actions", &config.actions, "what acts: the logged actions replayed, or the clone", kActionNames);
   fields.AddChoice("evidence", &config.evidence, "what g sees: (s, a), or (s, a, s' - s), or s alone", kSeenNames);
   fields.Add("horizon", &config.horizon, "control steps per rollout", AtLeast(1));

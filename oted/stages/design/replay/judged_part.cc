@@ -4,6 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "oted/sim/channel_path.h"
+#include "oted/stages/design/replay/prediction_ratios.h"
+#include "oted/stages/design/replay/reading_model.h"
 #include "oted/stages/design/replay/replay_fit.h"
 
 namespace oted {
@@ -18,8 +21,43 @@ constexpr int kMostPredicted = 60;  // windows at each horizon
 JudgedPart::JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& horizons,
                        double period_s)
     : problem_(problem),
+      logs_(logs),
       replayer_(Replayer(logs)),
       judge_(replayer_, logs, problem.noise, horizons, period_s, kMostPredicted) {}
+
+bool JudgedPart::IsPrompt(const std::vector<double>& z) const {
+  const ParameterSpace& space = problem_.factory.parameters();
+  bool any_lag = false;
+  for (int i = 0; i < space.size(); ++i) {
+    if (!IsChannelPath(space[i].field)) continue;
+    if (ResolveChannel(problem_.factory.spec(), space[i].field).quantity != ChannelQuantity::kObservationDelay)
+      continue;
+    any_lag = true;
+    if (z[static_cast<size_t>(i)] != 0) return false;
+  }
+  return any_lag;
+}
+
+PredictionJudge::Squares JudgedPart::PredictNearest(const std::vector<double>& z) const {
+  PredictionJudge::Squares nearest = judge_.Predict(z);
+  const auto take_nearer = [&](const PredictionJudge::Squares& other) {
+    for (size_t h = 0; h < judge_.horizons().size(); ++h) {
+      const PredictionRatios ratios = RatiosOfSums(other.predicted[h], nearest.predicted[h], judge_.channels());
+      if (ratios.OfAll().value < 0) nearest.predicted[h] = other.predicted[h];
+    }
+  };
+  // A start that is fitted by a wrong simulator can be worse than what the readings say.
+  take_nearer(judge_.PredictFromReadings(z));
+  if (!IsPrompt(z)) return nearest;
+  SimulatorSpec prompt = problem_.factory.spec();
+  prompt.reading_ages.clear();
+  WindowReplayer replayer = MakeReplayer(
+      problem_.factory, 0, logs_, ReadingModel::Of(prompt, logs_, problem_.readings.computed), problem_.n_threads);
+  const PredictionJudge judge(replayer, judge_);
+  take_nearer(judge.Predict(z));
+  take_nearer(judge.PredictFromReadings(z));
+  return nearest;
+}
 
 std::optional<size_t> JudgedPart::Find(int n_steps, int fewest) const {
   const auto found = std::ranges::find(judge_.horizons(), n_steps);

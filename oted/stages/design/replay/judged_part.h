@@ -20,6 +20,11 @@ class JudgedPart {
 
   const PredictionJudge& judge() const { return judge_; }
 
+  /// How the simulator at z predicts the windows, as near as the ways to find their starts allow: fitted to the leads,
+  /// or what the readings alone say, whichever is nearer at a horizon. Where a lag of readings is searched, and z has
+  /// none, the first readings of a lead tell of its start as well.
+  PredictionJudge::Squares PredictNearest(const std::vector<double>& z) const;
+
   /// Where `n_steps` stand among the horizons; none where too few windows are that long.
   std::optional<size_t> Find(int n_steps, int fewest) const;
 
@@ -30,8 +35,11 @@ class JudgedPart {
 
  private:
   WindowReplayer Replayer(const Dataset& logs) const;
+  /// Whether readings may be late, and none is at z.
+  bool IsPrompt(const std::vector<double>& z) const;
 
   const PredictionProblem& problem_;
+  const Dataset& logs_;
   WindowReplayer replayer_;
   PredictionJudge judge_;
 };

@@ -98,6 +98,17 @@ PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& logs, 
   }
 }
 
+PredictionJudge::PredictionJudge(WindowReplayer& replayer, const PredictionJudge& other)
+    : replayer_(replayer),
+      logs_(other.logs_),
+      variance_(other.variance_),
+      start_step_(replayer.readings().StartStep()),
+      channels_(other.channels_),
+      n_lead_(other.n_lead_),
+      horizons_(other.horizons_),
+      windows_(other.windows_),
+      lasting_(other.lasting_) {}
+
 PredictionJudge::PredictionJudge(WindowReplayer& replayer, const Dataset& imitated, const PredictionJudge& other)
     : replayer_(replayer),
       logs_(imitated),

@@ -34,6 +34,8 @@ class PredictionJudge {
   /// that are predicted behind the lead
   PredictionJudge(WindowReplayer& replayer, const Dataset& logs, const Eigen::VectorXd& noise,
                   const std::vector<int>& rows, int n_steps, double period_s);
+  /// Of the windows of `other`, by another replayer of its logs.
+  PredictionJudge(WindowReplayer& replayer, const PredictionJudge& other);
   /// Of the windows of `other`, in logs that it imitated.
   PredictionJudge(WindowReplayer& replayer, const Dataset& imitated, const PredictionJudge& other);
 

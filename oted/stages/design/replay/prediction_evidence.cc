@@ -306,17 +306,8 @@ class Evidence {
 
   const PredictionJudge::Squares& Other(size_t part) {
     auto& squares = of_other_[part];
-    if (!squares) {
-      const PredictionJudge& judge = parts_[part]->judge();
-      squares = judge.Predict(other_);
-      // A start that is fitted by a wrong simulator can be worse than what the readings say: no gain is made of that.
-      const PredictionJudge::Squares from_readings = judge.PredictFromReadings(other_);
-      for (size_t h = 0; h < judge.horizons().size(); ++h) {
-        const bool is_nearer =
-            RatiosOfSums(from_readings.predicted[h], squares->predicted[h], judge.channels()).OfAll().value < 0;
-        if (is_nearer) squares->predicted[h] = from_readings.predicted[h];
-      }
-    }
+    // No gain is made of starts that it cannot find.
+    if (!squares) squares = parts_[part]->PredictNearest(other_);
     return *squares;
   }
 

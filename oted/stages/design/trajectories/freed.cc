@@ -34,7 +34,6 @@ constexpr int kFreedIterations = 12, kJoinedIterations = 5;
 constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
 constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
 constexpr double kShownSeconds = 0.5;
-constexpr double kSurelyGained = 2.0;  // standard errors
 constexpr int kScreenedRows = 960, kScreenedIterations = 12;
 constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
@@ -42,8 +41,7 @@ constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6;
 constexpr int kFewestScreenedSteps = 4, kMostScreenedSteps = 8;
 constexpr double kScreenedSeconds = 0.06;
 constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kFewestNamed = 3;
-constexpr double kNoWorse = 2.0;     // nats: the prior of one parameter more
-constexpr double kFewestNats = 8.0;  // as much as four standard deviations of one number
+constexpr double kNoWorse = 2.0;  // nats: the prior of one parameter more
 
 struct Fitted {
   int n_steps;  // of the windows
@@ -109,8 +107,7 @@ class FreedTrials {
     if (!prediction) return std::nullopt;
     const HeldOutPrediction::Horizon& told = Told(*prediction);
     const std::optional<Estimated> nats = NatsOf(*wider, readings, *best);
-    const bool is_likelier = nats && nats->value > std::max(kFewestNats, kSurelyGained * nats->error);
-    const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSurelyGained * told.gain.error;
+    const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSureErrors * told.gain.error;
     // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
     const bool is_no_worse = !PredictsWorse(*prediction) && (!problem_.fit.errors_grow || told.gain.value > 0);
     // At an end of its range it stands in for something else. And what leaves another one at its bound is not what put
@@ -120,7 +117,7 @@ class FreedTrials {
     FreedTrial trial{.value = value,
                      .std = q.Std().back(),
                      .intervals90 = q.CentralInterval(kIntervalMass),
-                     .kept = !is_at_bound && (predicts_better || (is_likelier && is_no_worse)),
+                     .kept = false,
                      .seconds = told.seconds,
                      .n_steps = told.n_steps,
                      .n_windows = told.n_windows,
@@ -129,6 +126,7 @@ class FreedTrials {
                      .nats = nats,
                      .before = {},
                      .after = {}};
+    trial.kept = !is_at_bound && (predicts_better || (IsLikelier(trial) && is_no_worse));
     trial.intervals90.pop_back();  // of what was freed
     for (const HeldOutPrediction::Channel& channel : told.channels) {
       trial.before.push_back(channel.nominal);
@@ -223,7 +221,7 @@ class FreedTrials {
       screened_[suspect.spec.name] = with.x();
     }
     std::erase_if(suspects,
-                  [](const Suspect& s) { return !(s.explains > kFewestNats) || !IsNoticeable(s.spec, s.value); });
+                  [](const Suspect& s) { return !(s.explains > kFewestSureNats) || !IsNoticeable(s.spec, s.value); });
     std::ranges::stable_sort(suspects, [](const Suspect& a, const Suspect& b) { return a.explains > b.explains; });
     return suspects;
   }
@@ -360,6 +358,15 @@ class FreedTrials {
   std::optional<Fitted> fitted_without_;  ///< in the windows that freed suspects are fitted to
 };
 
+/// By how much likelier one trial makes the logs than another; by how much more it gains, where that is not known of
+/// both. The errors are of the same windows: their difference is better known than this says.
+Estimated LeadOf(const FreedTrial& trial, const FreedTrial& other) {
+  const bool both = trial.nats && other.nats;
+  const Estimated& ours = both ? *trial.nats : trial.gain;
+  const Estimated& theirs = both ? *other.nats : other.gain;
+  return {ours.value - theirs.value, std::hypot(ours.error, theirs.error)};
+}
+
 }  // namespace
 
 std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
@@ -378,15 +385,23 @@ std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
 }
 
 const Suspect* BestFreed(const std::vector<Suspect>& suspects) {
-  const auto is_better = [](const FreedTrial& a, const FreedTrial& b) {
-    return a.nats && b.nats ? a.nats->value > b.nats->value : a.gain.value > b.gain.value;
-  };
   const Suspect* best = nullptr;
   for (const Suspect& suspect : suspects) {
     if (!suspect.trial || !suspect.trial->kept) continue;
-    if (best == nullptr || is_better(*suspect.trial, *best->trial)) best = &suspect;
+    if (best == nullptr || LeadOf(*suspect.trial, *best->trial).value > 0) best = &suspect;
   }
   return best;
+}
+
+std::vector<const Suspect*> RivalsOfBest(const std::vector<Suspect>& suspects) {
+  const Suspect* best = BestFreed(suspects);
+  std::vector<const Suspect*> rivals;
+  for (const Suspect& suspect : suspects) {
+    if (&suspect == best || !suspect.trial || !suspect.trial->kept) continue;
+    const Estimated lead = LeadOf(*best->trial, *suspect.trial);
+    if (lead.value <= kSureErrors * lead.error) rivals.push_back(&suspect);
+  }
+  return rivals;
 }
 
 }  // namespace oted

@@ -48,4 +48,8 @@ std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n);
 /// that gains most. Null where none is kept.
 const Suspect* BestFreed(const std::vector<Suspect>& suspects);
 
+/// The others that are kept and explain the logs about as well: by no more than two standard errors less. Which of them
+/// and the best one is off, the logs do not say.
+std::vector<const Suspect*> RivalsOfBest(const std::vector<Suspect>& suspects);
+
 }  // namespace oted

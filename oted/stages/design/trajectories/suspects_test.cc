@@ -119,6 +119,25 @@ TEST(TrySuspects, KeepsNothingThatEndsAtItsBound) {
   EXPECT_FALSE(suspects[0].trial->kept);
 }
 
+Suspect Freed(const std::string& name, bool kept, double nats, double error) {
+  FreedTrial trial;
+  trial.kept = kept;
+  trial.nats = {nats, error};
+  return {.spec = {.name = name, .field = "env/" + name}, .trial = trial};
+}
+
+TEST(RivalsOfBest, AreThoseThatExplainTheLogsAboutAsWell) {
+  const std::vector<Suspect> suspects = {Freed("gravity", true, 35.2, 3),
+                                         Freed("armature", true, 35.3, 3),
+                                         Freed("inertia", false, 35.1, 3),
+                                         Freed("damping", true, 12, 3),
+                                         {}};
+  ASSERT_EQ(BestFreed(suspects), &suspects[1]);
+  EXPECT_EQ(RivalsOfBest(suspects), std::vector<const Suspect*>{&suspects[0]});
+  EXPECT_TRUE(RivalsOfBest({Freed("gravity", true, 35.2, 3)}).empty());
+  EXPECT_TRUE(RivalsOfBest({}).empty());
+}
+
 TEST(TrySuspects, FreesNothingWhereTheSearchedParametersExplainTheLogs) {
   for (uint64_t seed = 0; seed < 10; ++seed) EXPECT_EQ(BestFreed(SuspectsOf(1.0, seed)), nullptr) << seed;
 }
