@@ -79,8 +79,9 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
   if (!FloorIsReached(design.verdict) &&
       (HasOne(design, ParameterVerdict::kWeak) || HasOne(design, ParameterVerdict::kAtBound))) {
     Print(
-        "weak, at_bound: intervals leave out what neither a parameter nor a suspect explains; values may be off by "
-        "more\n");
+        "weak, at_bound: something that is not searched is off as well; it may have moved these values farther than "
+        "the "
+        "intervals say\n");
   }
 }
 

@@ -221,7 +221,9 @@ void PrintFindings(const ParameterCheck& check) {
         pair.cosine);
   }
   if (check.all_have_effect() && check.trade_offs.empty()) {
-    Print("\nEvery parameter has an effect, and no two act alike.\n");
+    Print(
+        "\nEvery parameter has an effect, and no two act alike. Whether the logs tell all of them at once, the design "
+        "says.\n");
   }
 }
 

@@ -1,6 +1,7 @@
 #include "oted/checks/data_check.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -190,19 +191,33 @@ void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
 void CheckEffects(const SimulatorFactory& factory, const Dataset& dataset, RngKey key, int n_threads,
                   std::vector<Finding>& findings) {
   const auto effects = MeasureEffects(factory, dataset, kEffectEpisodes, key, n_threads);
+  std::vector<std::string> seen;
   for (size_t i = 0; i < effects.size(); ++i) {
     const ParameterSpec& spec = factory.parameters()[static_cast<int>(i)];
-    const bool has_effect = effects[i].largest_change > 0;
+    if (effects[i].largest_change > 0) {
+      seen.push_back(
+          fmt::format("'{}' by {:.{}f}", spec.name, effects[i].largest_change, effects[i].largest_change < 10 ? 2 : 0));
+      continue;
+    }
     findings.push_back(
         {.check = "parameter_effect",
-         .severity = has_effect ? Severity::kNote : Severity::kWarning,
-         .what = fmt::format("parameter '{}' ({}) moves the replayed episodes by at most {:.2g} standard deviations "
-                             "between {} and {}",
-                             spec.name, spec.field, effects[i].largest_change, spec.low, spec.high),
+         .severity = Severity::kWarning,
+         .what = fmt::format("parameter '{}' ({}) changes nothing in the replayed episodes between {} and {}",
+                             spec.name, spec.field, spec.low, spec.high),
          .count = 1,
-         .meaning = has_effect ? "the logs can show it" : "the logs cannot show it: it will be not identified",
-         .remedy = has_effect ? "none needed" : "check the path, or leave the parameter out"});
+         .meaning = "the logs cannot show it: it will be not identified",
+         .remedy = "check the path, or leave the parameter out"});
   }
+  if (seen.empty()) return;
+  findings.push_back(
+      {.check = "parameter_effect",
+       .severity = Severity::kNote,
+       .what = fmt::format("over their ranges parameters move the replayed episodes, in standard deviations "
+                           "of a channel: {}",
+                           fmt::join(seen, ", ")),
+       .count = static_cast<int64_t>(seen.size()),
+       .meaning = "the logs show each of them alone; whether they tell them apart the design says",
+       .remedy = "none needed"});
 }
 
 }  // namespace

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <iterator>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
@@ -15,6 +15,7 @@
 #include "oted/checks/trial_fit.h"
 #include "oted/proposal/log_facts.h"
 #include "oted/sim/channel_path.h"
+#include "oted/sim/suspect_name.h"
 
 namespace oted {
 namespace {
@@ -45,15 +46,6 @@ std::vector<double> Column(const Array2<double>& rows, int column) {
   std::vector<double> values;
   for (int i = 0; i < rows.rows(); ++i) values.push_back(rows(i, column));
   return values;
-}
-
-/// A name as [parameters] has it without quotes.
-std::string PlainName(std::string name) {
-  std::erase(name, '#');
-  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; };
-  std::ranges::replace_if(
-      name, [&](unsigned char c) { return !is_plain(c); }, '_');
-  return name;
 }
 
 /// A joint as the logs show it.
@@ -164,7 +156,8 @@ class Chooser {
 
   void Add(ParameterSpec spec) {
     if (!Exists(spec.field)) return;
-    spec.name = PlainName(spec.name);
+    std::erase(spec.name, '#');
+    spec.name = BareKey(std::move(spec.name));
     candidates_.push_back(std::move(spec));
   }
 
@@ -187,6 +180,20 @@ class Chooser {
       return;
     }
     AddField(field, shared, typical, multiple);
+    if (Shared() != "*") PerPassiveJoint(field, most, multiple);
+  }
+
+  /// The same of a few joints that nothing drives, such as a load on a rope, where the model has some of it: the driven
+  /// ones' multiple is that of their gears.
+  template <class Most>
+  void PerPassiveJoint(const std::string& field, Most most, Multiple multiple) {
+    const auto path = [&](const Moving& m) { return fmt::format("joint/{}/{}", m.joint->name, field); };
+    std::vector<const Moving*> passive;
+    for (const Moving& m : moving_) {
+      if (!m.joint->actuated && !HasNextToNothing(path(m), most(m), multiple)) passive.push_back(&m);
+    }
+    if (passive.size() > kFewJoints) return;
+    for (const Moving* m : passive) AddField(fmt::format("{}_{}", field, m->joint->name), path(*m), most(*m), multiple);
   }
 
   /// The middle one of what `of` says of the joints that move.

@@ -100,6 +100,7 @@ TEST_F(WriteReportTest, NoHeadingSpeaksOfLogsKeptAsideWhereNoneWere) {
     run_.WriteDesign();
     json design = ReadJson(folder_ / "design.json");
     design["validation"] = {
+        {"n_recordings", 1},
         {"horizons", {{{"seconds", 0.5}, {"n_windows", 5}, {"learned", learned}, {"channels", json::array()}}}}};
     Seal(design);
     WriteJson(folder_ / "design.json", design);

@@ -152,6 +152,8 @@ Section ValidationSection(const json& report) {
   if (learned) {
     section.label = "Prediction";
     section.title = "How it predicts the logs";
+  } else if (validation.value("n_recordings", 0) == 0) {
+    section.title = "How it predicts parts of its recordings that it did not see";
   }
   section.html = fmt::format(
       "<p>{}, with the logged actions and nothing else: {} windows of {} s. The error is the root mean square over the "

@@ -243,6 +243,17 @@ TEST(Recordings, AConfigurationReadsBackWhatItWrites) {
   EXPECT_THAT(again.task.ConstantNames(), ElementsAre("payload"));
 }
 
+TEST(Recordings, AFileThatIsNamedTwiceCountsOnce) {
+  const Pendulum pendulum;
+  const Inputs once(pendulum.Config(kUnknown));
+  const Inputs twice(
+      pendulum.Config("recordings = [{ path = \"light.csv\" }, { path = \"heavy.csv\" }, { path = \"light.csv\" }]"));
+  EXPECT_EQ(twice.logs.observations, once.logs.observations);
+  EXPECT_EQ(twice.logs.Episodes().size(), 2u);
+  ASSERT_EQ(twice.logs.warnings.size(), once.logs.warnings.size() + 1);
+  EXPECT_THAT(twice.logs.warnings.back(), HasSubstr("repeat rows of an earlier recording"));
+}
+
 TEST(Recordings, MistakesAreErrorsWithARemedy) {
   const Pendulum pendulum;
   const auto refused = [&](const std::string& data) {
