@@ -80,8 +80,7 @@ void PrintParameters(const DesignRecord& design, const std::optional<EvaluationR
       (HasOne(design, ParameterVerdict::kWeak) || HasOne(design, ParameterVerdict::kAtBound))) {
     Print(
         "weak, at_bound: something that is not searched is off as well; it may have moved these values farther than "
-        "the "
-        "intervals say\n");
+        "the intervals say\n");
   }
 }
 
@@ -225,9 +224,8 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
       Print("\ndesigned model: {}", designed.string());
       if (!left_out.empty()) {
         Print(
-            "\n  without {}: MJCF cannot hold this, and the errors that are printed are with it; {}\n  (oted.make_env "
-            "in "
-            "Python steps it with all; docs/file_formats.md, Exports)",
+            "\n  without {}: MJCF cannot hold this, and the errors that are printed are with it; {}\n"
+            "  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports)",
             left_out,
             design && AreOfSensors(*design, left_out) ? "the file moves as the robot does, read by other sensors"
                                                       : "alone the file predicts worse");

@@ -192,6 +192,7 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
     const double own_width = summary.interval90_high - summary.interval90_low;
     bool is_disputed = false;
     for (const std::vector<SearchInterval>& intervals : otherwise) {
+      if (intervals[i].low > intervals[i].high) continue;  // it says nothing of this one
       is_disputed |= intervals[i].high < summary.interval90_low || intervals[i].low > summary.interval90_high;
       summary.interval90_low = std::min(summary.interval90_low, intervals[i].low);
       summary.interval90_high = std::max(summary.interval90_high, intervals[i].high);

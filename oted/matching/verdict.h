@@ -46,7 +46,7 @@ inline constexpr double kIntervalMass = 0.9;  ///< of q, in every interval that 
 /// which another design that predicts as well has a value outside its interval.
 /// @param reaches_floor  the design explains the logs (DesignVerdict is kNoGap or kGapClosed)
 /// @param open_ends      where intervals go to the end of the range: predictions do not tell
-/// @param otherwise      intervals of the parameters by other designs that predict as well: what is told holds them
+/// @param otherwise      intervals by other designs that predict as well, held by what is told; none: low above high
 std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& designs, int best,
                                                   const std::vector<bool>& has_effect, bool reaches_floor,
                                                   const std::vector<HeldOutPrediction::OpenEnd>& open_ends = {},

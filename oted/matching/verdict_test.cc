@@ -51,6 +51,7 @@ TEST(SummarizeParameters, WhatAnotherDesignAsGoodDisputesIsNotIdentified) {
     return SummarizeParameters({q}, 0, {true, true}, true, {}, {{interval, {0, 1}}})[0];
   };
   EXPECT_EQ(with(own).verdict, ParameterVerdict::kIdentified);
+  EXPECT_EQ(with({2, 1}).verdict, ParameterVerdict::kIdentified) << "which says nothing of it";
   EXPECT_EQ(with(other).verdict, ParameterVerdict::kWeak);
   EXPECT_EQ(with(other).interval90_low, other.low);
   EXPECT_EQ(with(other).interval90_high, own.high);
