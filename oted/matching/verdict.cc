@@ -189,11 +189,11 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
       summary.interval90_high = ZOf(designs[0], i, MixtureQuantile(designs, i, 0.95));
     }
     const bool at_bound = EndsAtBound(space[p], summary.interval90_low, summary.interval90_high);
-    const double own_width = summary.interval90_high - summary.interval90_low;
+    const SearchInterval own{summary.interval90_low, summary.interval90_high};
     bool is_disputed = false;
     for (const std::vector<SearchInterval>& intervals : otherwise) {
       if (intervals[i].low > intervals[i].high) continue;  // it says nothing of this one
-      is_disputed |= intervals[i].high < summary.interval90_low || intervals[i].low > summary.interval90_high;
+      is_disputed |= intervals[i].high < own.low || intervals[i].low > own.high;
       summary.interval90_low = std::min(summary.interval90_low, intervals[i].low);
       summary.interval90_high = std::max(summary.interval90_high, intervals[i].high);
     }
@@ -208,7 +208,7 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
     if (!has_effect[i]) summary.verdict = ParameterVerdict::kNotIdentified;
     // A spread much narrower than the interval beside it would seem to contradict it.
     const double width = summary.interval90_high - summary.interval90_low;
-    if (width > own_width) summary.std = std::max(summary.std, width / kWidthOfInterval);
+    if (width > own.high - own.low) summary.std = std::max(summary.std, width / kWidthOfInterval);
     const bool is_open = !reaches_floor || is_disputed;
     if (is_open && summary.verdict == ParameterVerdict::kIdentified) summary.verdict = ParameterVerdict::kWeak;
     summaries.push_back(summary);
