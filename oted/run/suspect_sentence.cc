@@ -59,8 +59,7 @@ std::string ConditionSentence(const Condition& condition) {
 std::string RivalSentence(const Suspect& added, const Suspect& rival) {
   return fmt::format(
       "'{}' was added, but the logs are about as likely with {} freed in its place ({}): intervals hold both, and "
-      "which "
-      "of the two is off the logs do not say; measure one of them",
+      "which of the two is off the logs do not say; measure one of them",
       added.spec.name, rival.spec.field, ValueInWords(rival.spec, rival.trial->value));
 }
 
