@@ -65,7 +65,7 @@ void AddRunOptions(CLI::App& app, Options& options, const Makes& makes) {
   app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
   AddParameterOptions(app, options);
   app.add_option("--truth", options.truth,
-                 "name=value, if the truth is known; only evaluation and report read it; repeatable")
+                 "name=value, if the truth is known; only what prints results reads it; repeatable")
       ->allow_extra_args(false);
   AddSeed(app, options.seed);
   if (makes.designs) AddDesignOptions(app, options);

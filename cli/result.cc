@@ -27,12 +27,21 @@ namespace {
 
 using nlohmann::json;
 
-/// Decimals by which a small value, and how far it can be off, still show two digits; three of others.
+/// Decimals of a parameter's row: three; more where its interval is narrower than that, or its values are small.
 int DecimalsOf(const DesignRecord::Parameter& p) {
-  const double size =
-      std::max({std::abs(p.mode), std::abs(p.nominal), std::abs(p.interval90_high - p.interval90_low) / 2});
-  if (!(size > 0) || size >= 0.05) return 3;
-  return std::min(9, 2 + static_cast<int>(std::ceil(-std::log10(size))));
+  constexpr int kFewest = 3, kMost = 6, kMostOfSmall = 9;
+  const double half_width = std::abs(p.interval90_high - p.interval90_low) / 2;
+  const double size = std::max({std::abs(p.mode), std::abs(p.nominal), half_width});
+  const auto decimals = [](int digits, double x) {
+    return x > 0 ? digits + static_cast<int>(std::floor(-std::log10(x))) : kFewest;
+  };
+  const int of_interval = std::clamp(decimals(2, half_width), kFewest, kMost);
+  return size < 0.05 ? std::clamp(decimals(3, size), of_interval, kMostOfSmall) : of_interval;
+}
+
+/// With so many decimals; what they do not show, with one digit and its power of ten.
+std::string Small(double x, int decimals) {
+  return x > 0 && x < 0.5 * std::pow(10.0, -decimals) ? fmt::format("{:.0e}", x) : fmt::format("{:.{}f}", x, decimals);
 }
 
 bool HasOne(const DesignRecord& design, ParameterVerdict verdict) {
@@ -53,22 +62,23 @@ void PrintConditions(const DesignRecord& design) {
   }
 }
 
-void PrintParameters(const DesignRecord& design, const std::optional<EvaluationRecord>& evaluation) {
+/// @param truth  of each parameter, where that is known
+void PrintParameters(const DesignRecord& design, const std::vector<double>& truth) {
   size_t width = 14;
   for (const DesignRecord::Parameter& p : design.parameters) width = std::max(width, p.name.size());
-  Print("\n{:<{}} {:>8} {}{:>18} {:>17}  {:<14}{}\n", "parameter", width, "nominal",
-        evaluation ? fmt::format("{:>8} ", "truth") : "", "designed", "90 % interval", "verdict",
-        evaluation ? "  error" : "");
+  Print("\n{:<{}} {:>8} {}{:>20} {:>21}  {:<14}{}\n", "parameter", width, "nominal",
+        truth.empty() ? "" : fmt::format("{:>8} ", "truth"), "designed", "90 % interval", "verdict",
+        truth.empty() ? "" : "  error");
   for (size_t i = 0; i < design.parameters.size(); ++i) {
     const DesignRecord::Parameter& p = design.parameters[i];
     const int decimals = DecimalsOf(p);
-    std::string truth, error;
-    if (evaluation) {
-      truth = fmt::format("{:>8.{}f} ", evaluation->parameters.at(i).truth, decimals);
-      error = fmt::format("  {:.{}f}", evaluation->parameters.at(i).absolute_error, decimals);
+    std::string known, error;
+    if (!truth.empty()) {
+      known = fmt::format("{:>8.{}f} ", truth.at(i), decimals);
+      error = "  " + Small(std::abs(p.mode - truth[i]), decimals);
     }
-    Print("{:<{}} {:>8.{}f} {}{:>18} {:>17}  {:<14}{}\n", p.name, width, p.nominal, decimals, truth,
-          fmt::format("{:.{}f} +- {:.{}f}", p.mode, decimals, p.std, decimals),
+    Print("{:<{}} {:>8.{}f} {}{:>20} {:>21}  {:<14}{}\n", p.name, width, p.nominal, decimals, known,
+          fmt::format("{:.{}f} +- {}", p.mode, decimals, Small(p.std, decimals)),
           fmt::format("[{:.{}f}, {:.{}f}]", p.interval90_low, decimals, p.interval90_high, decimals),
           ToString(p.verdict), error);
   }
@@ -181,9 +191,9 @@ int ReturnDecimals(const std::vector<double>& returns, int otherwise) {
   return std::ranges::all_of(returns, [](double r) { return std::abs(r) < 10; }) ? 3 : otherwise;
 }
 
-void PrintDesign(const DesignRecord& design, const Options& options) {
+void PrintDesign(const DesignRecord& design, const Options& options, const std::vector<double>& truth) {
   if (options.json) return;
-  PrintParameters(design, std::nullopt);
+  PrintParameters(design, truth);
   PrintValidation(design);
   Print("\nverdict: {}\n", design.sentence);
   PrintSuspects(design);
@@ -213,7 +223,9 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
     Print("{}\n", all.dump(2));
   } else {
     if (evaluation) {
-      PrintParameters(*design, evaluation);
+      std::vector<double> truth;
+      for (const EvaluationRecord::Parameter& p : evaluation->parameters) truth.push_back(p.truth);
+      PrintParameters(*design, truth);
       PrintPolicies(*evaluation);
     }
     const auto picked = Read<PolicySelectionRecord>(picked_json, "policy_selection.json");

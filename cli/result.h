@@ -13,7 +13,8 @@ namespace oted::cli {
 int ReturnDecimals(const std::vector<double>& returns, int otherwise);
 
 /// Prints what the design found; nothing where JSON is wanted, which comes in one piece.
-void PrintDesign(const DesignRecord& design, const Options& options);
+/// @param truth  of each parameter, where that is known: its errors are printed
+void PrintDesign(const DesignRecord& design, const Options& options, const std::vector<double>& truth = {});
 /// Prints the final tables of a run directory (or its JSON) and where its files lie, and returns the exit code that its
 /// verdict stands for.
 /// @param report  the folder of report.html

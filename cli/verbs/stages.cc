@@ -40,7 +40,9 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
     {
       Session session(*options, program.command_line);
       // The answer does not wait for films and agents.
-      if (stage.makes.designs) PrintDesign(session.pipeline().SelectSimulator().record, *options);
+      if (stage.makes.designs) {
+        PrintDesign(session.pipeline().SelectSimulator().record, *options, session.pipeline().config().TruthVector());
+      }
       stage.call(session.pipeline());
       WriteExports(options->out);
       WriteReport(options->out);

@@ -149,7 +149,7 @@ ordered_json TaskFileSchema() {
                                                   {"description", "several files, with the constants of each"}};
   sections["truth"] = {{"type", "object"},
                        {"additionalProperties", {{"type", "number"}}},
-                       {"description", "NAME = value, where it is known; only evaluation and report read it"}};
+                       {"description", "NAME = value, where it is known; only what prints results reads it"}};
   ordered_json schema = {{"$schema", "http://json-schema.org/draft-07/schema#"},
                          {"title", "oted.task/1"},
                          {"description", "A task file of oted: docs/configuration.md, docs/task_files.md"}};

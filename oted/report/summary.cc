@@ -253,12 +253,6 @@ json Unknown(const json& report, const std::string& verdict) {
     unknown.push_back(
         fmt::format("{} ended at the edge of the range: the best value may lie beyond.", Enumerate(edge)));
   }
-  const bool truth_known =
-      std::any_of(parameters.begin(), parameters.end(), [](const json& p) { return NumberAt(p, "truth").has_value(); });
-  if (!parameters.empty() && !truth_known) {
-    unknown.push_back(
-        "The true values are not known, so there is no error to report. The spread says how sharply the logs decide.");
-  }
   if (report.contains("design") && report["design"].contains("fit")) {
     for (const json& suspect : ListAt(report["design"]["fit"], "suspects")) {
       if (IsBought(suspect)) continue;
@@ -278,7 +272,7 @@ json Unknown(const json& report, const std::string& verdict) {
   if (const std::vector<std::string> starred = Starred(report); !starred.empty()) {
     unknown.push_back(AsSentence(StarredForPolicies(starred)));
   }
-  if (report.contains("design") && !report.contains("evaluation")) {
+  if (report.contains("policy_selection") && !report.contains("evaluation")) {
     unknown.push_back("No policy was evaluated in the target.");
   }
   return unknown;

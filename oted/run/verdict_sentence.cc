@@ -81,18 +81,17 @@ std::string ButLeftOut(const DesignRecord& record) {
       is_one ? "" : "up to ", 100 * (worst - 1));
 }
 
+/// The parameters whose values lie at the end of their range: an interval that reaches it asks for nothing beyond.
 std::string AtBounds(const DesignRecord& record) {
   std::string names;
   for (const DesignRecord::Parameter& p : record.parameters) {
-    // At the end of its range all the same where predictions hardly tell it.
     const ParameterSpec spec{.name = p.name,
                              .field = p.field,
                              .low = p.low,
                              .high = p.high,
                              .logarithmic = p.logarithmic,
                              .nominal = p.nominal};
-    if (p.verdict == ParameterVerdict::kAtBound || EndsAtBound(spec, p.mode, p.mode))
-      names += (names.empty() ? "'" : ", '") + p.name + "'";
+    if (EndsAtBound(spec, p.mode, p.mode)) names += (names.empty() ? "'" : ", '") + p.name + "'";
   }
   return names;
 }

@@ -9,6 +9,7 @@
 
 #include "oted/matching/designer.h"
 #include "oted/matching/held_out.h"
+#include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/kept_aside.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/fit_steps.h"
@@ -85,13 +86,14 @@ class TrajectoryMatch {
     CountRows();
     if (problem_.judged && !AllLearn() && !of_part_) of_part_ = FitToPart();
     const bool explained = explains_all && !IsLong();
-    const MatrixXd covariance = explained ? fit().Finish() : fit().CovarianceOfParts() + SpreadOfAsGood();
+    MatrixXd covariance = explained ? fit().Finish() : fit().CovarianceOfParts() + SpreadOfAsGood();
+    covariance = WithinRange(problem_.prior, fit().x(), covariance);
     if (problem_.judged) {
       evidence_.unseen = FitUnseen();
-      evidence_.conditions = ConditionsOfFit();
+      if (TellsOne(covariance)) evidence_.conditions = ConditionsOfFit();
     }
     steps_.Finish(fit().x());
-    return {.mean = fit().x(), .covariance = WithinRange(problem_.prior, fit().x(), covariance), .evidence = evidence_};
+    return {.mean = fit().x(), .covariance = covariance, .evidence = evidence_};
   }
 
  private:
@@ -162,6 +164,15 @@ class TrajectoryMatch {
     const MatrixXd covariance = times_fewer * fit().CovarianceOfNoise();
     unseen.covariance.assign(covariance.data(), covariance.data() + covariance.size());
     return unseen;
+  }
+
+  /// Whether a parameter may be called identified: only such a value is worth its conditions.
+  bool TellsOne(const MatrixXd& covariance) {
+    const Designer q(space_, fit().x(), covariance);
+    for (int i = 0; i < space_.size(); ++i) {
+      if (IsNarrow(q, i)) return true;
+    }
+    return false;
   }
 
   std::vector<Condition> ConditionsOfFit() {
