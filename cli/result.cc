@@ -86,11 +86,10 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
     Print("identified: if what is not among the parameters is as in the model\n");
     PrintConditions(design);
   }
-  if (!FloorIsReached(design.verdict) &&
-      (HasOne(design, ParameterVerdict::kWeak) || HasOne(design, ParameterVerdict::kAtBound))) {
-    Print(
-        "weak, at_bound: something that is not searched is off as well; it may have moved these values farther than "
-        "the intervals say\n");
+  if (!FloorIsReached(design.verdict) && design.validation) {
+    const bool is_known = NotTold(*design.validation).empty();
+    Print("something that is not searched {} off as well: any value may be farther off than its interval says\n",
+          is_known ? "is" : "may be");
   }
 }
 
@@ -165,7 +164,8 @@ void PrintSuspects(const DesignRecord& design) {
           is_kept ? "; add this line: " + suspected.line : "");
   }
   if (FloorIsReached(design.verdict) || !design.validation) return;
-  if (design.fit->suspects.empty()) Print("suspects: none of those that are asked explains what remains\n");
+  if (design.fit->suspects.empty() && NotTold(*design.validation).empty())
+    Print("suspects: none of those that are asked explains what remains\n");
   if (HasOne(design, ParameterVerdict::kAtBound) && !has_line) {
     Print("a value is at its bound, whatever is freed: widen its range, if it may be beyond\n");
   }

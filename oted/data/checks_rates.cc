@@ -264,23 +264,21 @@ class Rates {
   /// Velocities are usually late together: one finding for all.
   void AddLags() {
     std::vector<std::string> shown, channels;
+    double longest = 0;  // [rows]
     for (const RateAgreement& rate : rates_) {
       if (!rate.IsShifted()) continue;
       channels.push_back(Velocity(rate));
-      shown.push_back(fmt::format("{} by {:g} rows{} ({:.0f} %)", Velocity(rate), std::abs(rate.lag),
-                                  rate.lag > 0 ? "" : " too early", 100 * rate.lag_gain));
+      shown.push_back(
+          fmt::format("{} by {:g} rows{}", Velocity(rate), std::abs(rate.lag), rate.lag > 0 ? "" : " too early"));
+      longest = std::max(longest, rate.lag);
     }
     if (channels.empty()) return;
-    Add("velocity_lag",
-        fmt::format(
-            "later than their positions move are {} (in brackets: what reading them at the right row leaves of the "
-            "squared difference)",
-            fmt::join(shown, ", ")),
+    Add("velocity_lag", fmt::format("velocities come later than their positions move: {}", fmt::join(shown, ", ")),
         channels, "a filter or another clock: the states in these rows never were",
-        fmt::format(
-            "shift these columns by so much, leave velocities out (the design finds them from positions), or make "
-            "it a parameter: obs/{}/delay",
-            channels[0]));
+        fmt::format("none needed for the default method, which finds velocities from positions; for the others leave "
+                    "these columns out, shift them by so much, or search the lag: lag = {{ field = \"obs/{}/delay\", "
+                    "range = [0, {:g}], scale = \"absolute\" }}",
+                    channels[0], std::max(1.0, std::ceil(2 * longest))));
   }
 
   const Dataset& dataset_;

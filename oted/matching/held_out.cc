@@ -15,16 +15,28 @@ std::vector<int> RowsOf(const std::vector<Episode>& episodes) {
   return rows;
 }
 
+std::vector<int> EpisodesOf(const std::vector<int>& rows, const std::vector<Episode>& episodes) {
+  std::vector<int> of_rows;
+  for (const int row : rows) {
+    const auto after = std::ranges::upper_bound(episodes, row, {}, &Episode::begin);
+    of_rows.push_back(static_cast<int>(after - episodes.begin()) - 1);
+  }
+  return of_rows;
+}
+
 HeldOutParts HoldOut(const Dataset& dataset, RngKey key) {
   const std::vector<Episode> episodes = dataset.Episodes();
   if (episodes.size() == 1) {
     const Episode whole = episodes[0];
     const int middle = whole.begin + std::max(1, static_cast<int>((1 - kJudgeShare) * whole.size()));
-    if (middle >= whole.end) return {.learn = dataset, .judge = dataset, .learned_rows = RowsOf(episodes)};
-    const std::vector<Episode> first = {{whole.begin, middle, false}};
+    if (middle >= whole.end) {
+      return {.learn = dataset, .judge = dataset, .learned_rows = RowsOf(episodes), .judged_rows = RowsOf(episodes)};
+    }
+    const std::vector<Episode> first = {{whole.begin, middle, false}}, last = {{middle, whole.end, whole.terminated}};
     return {.learn = dataset.Select(first),
-            .judge = dataset.Select({{middle, whole.end, whole.terminated}}),
-            .learned_rows = RowsOf(first)};
+            .judge = dataset.Select(last),
+            .learned_rows = RowsOf(first),
+            .judged_rows = RowsOf(last)};
   }
   Rng rng = key.MakeRng();
   std::vector<Episode> learn, judge;
@@ -38,6 +50,7 @@ HeldOutParts HoldOut(const Dataset& dataset, RngKey key) {
   return {.learn = dataset.Select(learn),
           .judge = dataset.Select(judge),
           .learned_rows = RowsOf(learn),
+          .judged_rows = RowsOf(judge),
           .n_whole = static_cast<int>(judge.size())};
 }
 

@@ -1,5 +1,6 @@
 #include "oted/matching/held_out_prediction.h"
 
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -9,12 +10,18 @@ using nlohmann::json;
 
 namespace {
 
+constexpr double kSureOfExcess = 2.0;  // standard errors
+
 /// Null is NaN: every window broke down.
 double NumberFrom(const json& value) {
   return value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>();
 }
 
 }  // namespace
+
+double MostTimesFloor(const HeldOutPrediction::Horizon& horizon) {
+  return std::exp(0.5 * (horizon.excess.value + kSureOfExcess * horizon.excess.error));
+}
 
 json ToJson(const Estimated& estimated) { return {{"value", estimated.value}, {"error", estimated.error}}; }
 
@@ -43,6 +50,7 @@ json ToJson(const HeldOutPrediction& prediction) {
                         {"channels", channels},
                         {"excess", ToJson(h.excess)},
                         {"gain", ToJson(h.gain)},
+                        {"odd_episodes", h.odd_episodes},
                         {"n_of_recordings", h.n_of_recordings},
                         {"gain_of_recordings", ToJson(h.gain_of_recordings)}});
   }
@@ -66,6 +74,7 @@ HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
                                        .channels = {},
                                        .excess = EstimatedFromJson(h.at("excess")),
                                        .gain = EstimatedFromJson(h.at("gain")),
+                                       .odd_episodes = h.at("odd_episodes"),
                                        .n_of_recordings = h.at("n_of_recordings"),
                                        .gain_of_recordings = EstimatedFromJson(h.at("gain_of_recordings"))};
     for (const json& c : h.at("channels")) {

@@ -39,6 +39,9 @@ struct HeldOutPrediction {
     bool learned = false;
     std::vector<Channel> channels;
     Estimated excess, gain;
+    /// Episodes of the logs, from 0, whose windows are far off: the mean excess is that of twice the floor's error,
+    /// while that of the middle episode is below half of it.
+    std::vector<int> odd_episodes = {};
     int n_of_recordings = 0;            ///< windows in whole recordings, where parts of others judge as well,
     Estimated gain_of_recordings = {};  ///< and the gain in these alone
   };
@@ -57,6 +60,28 @@ struct HeldOutPrediction {
   std::vector<OpenEnd> open_ends;
 };
 inline constexpr double kVisibleError = 1e-3;
+
+/// Whether a horizon is one that verdicts tell of: up to half a second; the shortest, where time has no unit.
+template <class Horizon>
+bool IsTold(const Horizon& horizon) {
+  constexpr int kShortest = 2;  // control steps
+  return horizon.seconds > 0 ? horizon.seconds <= 0.5 + 1e-9 : horizon.n_steps <= kShortest;
+}
+
+/// The horizon that is told of: the longest (IsTold), of logs that were kept aside if there is one; otherwise the
+/// first.
+/// @param horizons  in ascending order, at least one, each with `seconds`, `n_steps` and `learned`
+template <class Horizons>
+const auto& ToldOf(const Horizons& horizons) {
+  const auto* told = &horizons.front();
+  for (const auto& h : horizons) {
+    if (IsTold(h) && (told->learned || !h.learned)) told = &h;
+  }
+  return *told;
+}
+
+/// So many times the floor's error the design's may be: two standard errors above the excess.
+double MostTimesFloor(const HeldOutPrediction::Horizon& horizon);
 
 nlohmann::json ToJson(const Estimated& estimated);
 /// @throws nlohmann::json::exception when a member is missing

@@ -228,8 +228,14 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
 
 bool IsNoBetterThanGuess(double error, double guess) { return guess > 0 && !(error < kGuess * guess); }
 
+bool IsFloorTold(const HeldOutPrediction& prediction) {
+  return std::ranges::all_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
+    return !IsTold(h) || TellsFloor(MostTimesFloor(h));
+  });
+}
+
 bool ReachesFloor(const HeldOutPrediction& prediction) {
-  return !IsOff(prediction) && !ShowsNothing(prediction.horizons);
+  return !IsOff(prediction) && IsFloorTold(prediction) && !ShowsNothing(prediction.horizons);
 }
 
 bool NominalReachesFloor(const HeldOutPrediction& prediction) {
@@ -288,7 +294,8 @@ bool PredictsWorse(const HeldOutPrediction& prediction) {
   });
 }
 
-DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction) {
+DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction,
+                              const std::vector<int>& at_bounds) {
   if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
@@ -298,7 +305,7 @@ DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& predic
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
-  return better && ParametersAtBounds(q).empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
+  return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
 bool CannotTell(double common) { return std::numbers::ln2 - common < kNoGapMargin; }

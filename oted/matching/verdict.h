@@ -69,7 +69,11 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high);
 ///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
 ///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have; or
 ///                   the logs show nothing (ShowsNothing), so that no other word is earned
-DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction);
+///
+/// @param at_bounds  parameters that ended at a bound: of ParametersAtBounds(q), those that no other explanation of the
+///                   logs leaves open
+DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction,
+                              const std::vector<int>& at_bounds);
 
 /// Whether an error is no less than that of a guess (but for a tenth).
 bool IsNoBetterThanGuess(double error, double guess);
@@ -109,11 +113,17 @@ bool ShowsNothing(const Horizons& horizons) {
   return true;
 }
 
+/// Whether the windows would show an error half as large again as the floor's, over all horizons up to half a second
+/// (the shortest, where time has no unit). Where they are too few, or some are far off and others are not, chance hides
+/// as much: that the floor is reached is not known.
+bool IsFloorTold(const HeldOutPrediction& prediction);
+/// @param most_times_floor  MostTimesFloor
+inline bool TellsFloor(double most_times_floor) { return most_times_floor < 1.5; }
 /// Whether what the design leaves is what the sensors leave: at no horizon is the excess over the floor both noticeable
-/// and beyond chance. Over all channels together: more than a tenth (of mean squares) and 2.5 standard errors; in one
-/// channel: more than half and four standard errors. Logs that show nothing (ShowsNothing) have no floor to reach. Nor
-/// has a design whose error is over a tenth larger than that of guesses at every horizon: its own logs were as
-/// uncertain.
+/// and beyond chance, and the windows would show it (IsFloorTold). Over all channels together: more than a tenth (of
+/// mean squares) and 2.5 standard errors; in one channel: more than half and four standard errors. Logs that show
+/// nothing (ShowsNothing) have no floor to reach. Nor has a design whose error is over a tenth larger than that of
+/// guesses at every horizon: its own logs were as uncertain.
 bool ReachesFloor(const HeldOutPrediction& prediction);
 /// Whether the nominal simulator does: a design of little data can predict worse. No standard error excuses it.
 bool NominalReachesFloor(const HeldOutPrediction& prediction);

@@ -186,14 +186,40 @@ HeldOutPrediction Predicted(Estimated excess, Estimated gain, Estimated of_first
   return prediction;
 }
 
+/// By q alone.
+DesignVerdict Judged(const Designer& q, const HeldOutPrediction& prediction) {
+  return JudgePrediction(q, prediction, ParametersAtBounds(q));
+}
+
 const Estimated kNothing = {0, 0.01}, kMuch = {1, 0.1};
 
 TEST(ReachesFloor, AnExcessCountsWhereItIsNoticeableAndBeyondChance) {
   EXPECT_TRUE(ReachesFloor(Predicted(kNothing, kMuch)));
   EXPECT_TRUE(ReachesFloor(Predicted({0.09, 0.001}, kMuch))) << "sure, but nobody would notice";
-  EXPECT_TRUE(ReachesFloor(Predicted({1, 0.5}, kMuch))) << "large, but chance reaches it";
+  EXPECT_TRUE(ReachesFloor(Predicted({0.3, 0.2}, kMuch))) << "visible, but chance reaches it";
   EXPECT_FALSE(ReachesFloor(Predicted({0.2, 0.05}, kMuch)));
   EXPECT_TRUE(ReachesFloor(Predicted({-3, 0.01}, kMuch))) << "nearer than the floor";
+}
+
+TEST(ReachesFloor, WindowsThatWouldNotShowAnExcessDoNotBearItOut) {
+  const HeldOutPrediction few = Predicted({0.1, 0.6}, kMuch);  // up to 1.9 times the floor's error
+  EXPECT_NEAR(MostTimesFloor(few.horizons[0]), std::exp(0.65), 1e-12);
+  EXPECT_FALSE(IsFloorTold(few));
+  EXPECT_FALSE(ReachesFloor(few));
+  EXPECT_TRUE(ChannelsOff(few).empty());
+  const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  EXPECT_EQ(Judged(moved, few), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(Judged(moved, Predicted({0.1, 0.6}, {0.1, 0.3})), DesignVerdict::kOutsideFamily);
+}
+
+TEST(ReachesFloor, EveryHorizonThatIsToldHasToShowIt) {
+  HeldOutPrediction two = Predicted(kNothing, kMuch);
+  two.horizons[0].seconds = 0.1;
+  two.horizons.push_back(Predicted({0.1, 0.6}, kMuch).horizons[0]);
+  two.horizons[1].seconds = 1;
+  EXPECT_TRUE(ReachesFloor(two)) << "few windows are as long as a second";
+  two.horizons[1].seconds = 0.5;
+  EXPECT_FALSE(ReachesFloor(two));
 }
 
 TEST(ReachesFloor, OneChannelOrOneHorizonIsEnough) {
@@ -210,8 +236,8 @@ TEST(ReachesFloor, OneChannelOrOneHorizonIsEnough) {
 TEST(JudgePrediction, ANominalSimulatorThatIsFarOffIsNoneWithoutAGapHoweverWideTheIntervals) {
   const Designer wide = MakeDesigner({0.5, 0.5}, {2, 2});
   const Estimated unsure = {11, 20};  // of two windows
-  EXPECT_EQ(JudgePrediction(wide, Predicted(kNothing, unsure)), DesignVerdict::kGapClosed);
-  EXPECT_EQ(JudgePrediction(wide, Predicted(kNothing, {0.3, 0.1})), DesignVerdict::kNoGap) << "within its reach";
+  EXPECT_EQ(Judged(wide, Predicted(kNothing, unsure)), DesignVerdict::kGapClosed);
+  EXPECT_EQ(Judged(wide, Predicted(kNothing, {0.3, 0.1})), DesignVerdict::kNoGap) << "within its reach";
 }
 
 TEST(PredictsBetter, AGainCountsWhereItIsSureAndNoHorizonLoses) {
@@ -238,12 +264,12 @@ TEST(PredictsBetter, LogsThatItLearnedFromCountWhereNoOthersCanJudge) {
 
 TEST(JudgePrediction, TheFloorAndTheGainDecide) {
   const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
-  EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
-  EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, kNothing)), DesignVerdict::kNoGap) << "the nominal one as well";
-  EXPECT_EQ(JudgePrediction(moved, Predicted(kNothing, {0.9, 0.7})), DesignVerdict::kGapClosed)
+  EXPECT_EQ(Judged(moved, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
+  EXPECT_EQ(Judged(moved, Predicted(kNothing, kNothing)), DesignVerdict::kNoGap) << "the nominal one as well";
+  EXPECT_EQ(Judged(moved, Predicted(kNothing, {0.9, 0.7})), DesignVerdict::kGapClosed)
       << "a gain that is not sure is no proof that there is no gap";
-  EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kMuch)), DesignVerdict::kGapNarrowed);
-  EXPECT_EQ(JudgePrediction(moved, Predicted(kMuch, kNothing)), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(moved, Predicted(kMuch, kMuch)), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(Judged(moved, Predicted(kMuch, kNothing)), DesignVerdict::kOutsideFamily);
 }
 
 TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
@@ -254,10 +280,10 @@ TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
   EXPECT_FALSE(ReachesFloor(noise)) << "what cannot be judged has not passed";
   EXPECT_FALSE(LeavesGap(noise)) << "nor is there anything to find";
   EXPECT_TRUE(ChannelsOff(noise).empty());
-  EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(q, noise), DesignVerdict::kOutsideFamily);
   noise.horizons[0].channels[1].spread = 5;
   EXPECT_FALSE(ShowsNothing(noise.horizons)) << "one channel is predicted";
-  EXPECT_EQ(JudgePrediction(q, noise), DesignVerdict::kNoGap);
+  EXPECT_EQ(Judged(q, noise), DesignVerdict::kNoGap);
 }
 
 TEST(JudgePrediction, AFloorThatGuessesAreFarBelowIsNotReached) {
@@ -272,27 +298,27 @@ TEST(JudgePrediction, AFloorThatGuessesAreFarBelowIsNotReached) {
   guess(0.5);
   EXPECT_FALSE(ReachesFloor(prediction));
   EXPECT_TRUE(LeavesGap(prediction)) << "other methods may find it";
-  EXPECT_EQ(JudgePrediction(moved, prediction), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(moved, prediction), DesignVerdict::kOutsideFamily);
   prediction.horizons.push_back(prediction.horizons[0]);
   prediction.horizons[1].learned = true;
   for (HeldOutPrediction::Channel& c : prediction.horizons[1].channels) c.guess = 10;
-  EXPECT_EQ(JudgePrediction(moved, prediction), DesignVerdict::kOutsideFamily) << "logs that it learned from";
+  EXPECT_EQ(Judged(moved, prediction), DesignVerdict::kOutsideFamily) << "logs that it learned from";
   prediction.horizons[1].learned = false;
-  EXPECT_EQ(JudgePrediction(moved, prediction), DesignVerdict::kGapClosed);
+  EXPECT_EQ(Judged(moved, prediction), DesignVerdict::kGapClosed);
 }
 
 TEST(JudgePrediction, WhatGuessesSayAsWellIsOutsideTheFamilyHoweverWrongTheNominalSimulatorIs) {
   const Designer q = MakeDesigner({0.5, 0}, {0.01, 0.01});
   HeldOutPrediction better = Predicted(kMuch, kMuch);
-  EXPECT_EQ(JudgePrediction(q, better), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(Judged(q, better), DesignVerdict::kGapNarrowed);
   for (HeldOutPrediction::Channel& c : better.horizons[0].channels) {
     c.designed = 0.1;
     c.guess = 0.05;
   }
-  EXPECT_EQ(JudgePrediction(q, better), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(q, better), DesignVerdict::kOutsideFamily);
   better.horizons.push_back(better.horizons[0]);  // over which it is better
   for (HeldOutPrediction::Channel& c : better.horizons[1].channels) c.guess = 0.2;
-  EXPECT_EQ(JudgePrediction(q, better), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(Judged(q, better), DesignVerdict::kGapNarrowed);
 }
 
 TEST(JudgePrediction, NoGapWhereTheDesignAloneIsOff) {
@@ -300,18 +326,18 @@ TEST(JudgePrediction, NoGapWhereTheDesignAloneIsOff) {
   const HeldOutPrediction worse = Predicted(kMuch, {-kMuch.value, 0.1});
   EXPECT_TRUE(NominalReachesFloor(worse));
   EXPECT_FALSE(LeavesGap(worse));
-  EXPECT_EQ(JudgePrediction(moved, worse), DesignVerdict::kNoGap);
+  EXPECT_EQ(Judged(moved, worse), DesignVerdict::kNoGap);
   const HeldOutPrediction both_off = Predicted(kMuch, {-0.5 * kMuch.value, 0.1});
   EXPECT_FALSE(NominalReachesFloor(both_off));
-  EXPECT_EQ(JudgePrediction(moved, both_off), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(moved, both_off), DesignVerdict::kOutsideFamily);
 }
 
 TEST(JudgePrediction, AnEstimateAtABoundAsksForTheUserUnlessTheFloorIsReached) {
   const ParameterSpace space({{.name = "a", .field = "env/a", .low = 0.5, .high = 2}});
   const Designer stuck(space, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));
   EXPECT_EQ(ParametersAtBounds(stuck), std::vector<int>{0});
-  EXPECT_EQ(JudgePrediction(stuck, Predicted(kMuch, kMuch)), DesignVerdict::kOutsideFamily);
-  EXPECT_EQ(JudgePrediction(stuck, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
+  EXPECT_EQ(Judged(stuck, Predicted(kMuch, kMuch)), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(stuck, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);
   const ParameterSpace from_nominal({{.name = "a", .field = "env/a", .low = 1, .high = 2}});
   const Designer at_nominal(from_nominal, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));
   EXPECT_TRUE(ParametersAtBounds(at_nominal).empty());
@@ -320,12 +346,10 @@ TEST(JudgePrediction, AnEstimateAtABoundAsksForTheUserUnlessTheFloorIsReached) {
 TEST(JudgePrediction, NoGapWhereTheNominalParametersCannotBeTold) {
   const HeldOutPrediction at_floor = Predicted(kNothing, kMuch);
   // The 99 % region of two parameters reaches to 3.03 standard deviations.
-  EXPECT_EQ(JudgePrediction(MakeDesigner({2.9, 0}, {1, 1}), at_floor), DesignVerdict::kNoGap);
-  EXPECT_EQ(JudgePrediction(MakeDesigner({3.2, 0}, {1, 1}), at_floor), DesignVerdict::kGapClosed);
-  EXPECT_EQ(JudgePrediction(MakeDesigner({2.9, 2.9}, {1, 1}), at_floor), DesignVerdict::kGapClosed)
-      << "each alone would pass";
-  EXPECT_EQ(JudgePrediction(MakeDesigner({0.02, 0}, {1e-6, 1e-6}), at_floor), DesignVerdict::kNoGap)
-      << "half a hundredth";
+  EXPECT_EQ(Judged(MakeDesigner({2.9, 0}, {1, 1}), at_floor), DesignVerdict::kNoGap);
+  EXPECT_EQ(Judged(MakeDesigner({3.2, 0}, {1, 1}), at_floor), DesignVerdict::kGapClosed);
+  EXPECT_EQ(Judged(MakeDesigner({2.9, 2.9}, {1, 1}), at_floor), DesignVerdict::kGapClosed) << "each alone would pass";
+  EXPECT_EQ(Judged(MakeDesigner({0.02, 0}, {1e-6, 1e-6}), at_floor), DesignVerdict::kNoGap) << "half a hundredth";
 }
 
 TEST(JudgePrediction, ATradeOffDoesNotHideAGap) {
@@ -334,7 +358,7 @@ TEST(JudgePrediction, ATradeOffDoesNotHideAGap) {
   covariance << 1, -0.9999, -0.9999, 1;
   const ParameterSpace space = MakeDesigner({0, 0}, {1, 1}).space();
   const auto verdict = [&](double a, double b) {
-    return JudgePrediction(Designer(space, Eigen::Vector2d(a, b), covariance), Predicted(kNothing, kMuch));
+    return Judged(Designer(space, Eigen::Vector2d(a, b), covariance), Predicted(kNothing, kMuch));
   };
   EXPECT_EQ(verdict(0.5, 0.5), DesignVerdict::kGapClosed);
   EXPECT_EQ(verdict(0.5, -0.5), DesignVerdict::kNoGap);

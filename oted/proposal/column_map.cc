@@ -212,7 +212,7 @@ class Mapper {
     }
     const Owner& owner = joint.length == longest ? joint : actuator;
     const ColumnMeaning meaning = MeaningOf(owner.rest);
-    const Claim claim{column, meaning.n_foreign, meaning.in_degrees};
+    Claim claim{column, meaning.n_foreign, meaning.in_degrees};
     switch (meaning.role) {
       case ColumnRole::kMeasured:
         return Unused(column, "measured, no command");
@@ -227,6 +227,7 @@ class Mapper {
     }
     // An actuator's own name may stand for its joint: "motor1_pos".
     const int moved = joint.length == longest ? joint.object : JointOf(actuator.object);
+    if (joint.length < longest) ++claim.penalty;  // a column with the joint's name comes first
     const auto path = moved < 0 ? std::nullopt : StatePath(moved, meaning, meaning.role == ColumnRole::kVelocity);
     if (!path) {
       return Unused(column,

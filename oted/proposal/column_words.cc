@@ -11,8 +11,9 @@ using WordSet = std::set<std::string>;
 
 const WordSet kPositionWords = {"q",      "qpos",  "pos", "position", "positions", "angle",
                                 "angles", "theta", "enc", "encoder",  "jointpos"};
-const WordSet kVelocityWords = {"qd",    "dq",    "qvel",     "qdot",   "vel",      "velocity", "velocities",
-                                "speed", "omega", "thetadot", "dtheta", "jointvel", "dot"};
+const WordSet kVelocityWords = {"qd",    "dq",       "qvel",   "qdot",     "vel", "velocity", "velocities", "speed",
+                                "omega", "thetadot", "dtheta", "jointvel", "dot", "vx",       "vy",         "vz"};
+const WordSet kMovingWords = {"vx", "vy", "vz"};
 const WordSet kOrientationWords = {"quat", "quaternion", "orientation", "qw", "qx", "qy", "qz"};
 const WordSet kTurningWords = {"omega", "angvel", "angular", "gyro", "wx", "wy", "wz"};
 const WordSet kCommandWords = {"act",      "action",    "actions", "actuator",  "cmd",      "command",
@@ -63,8 +64,9 @@ ColumnMeaning MeaningOf(const std::vector<std::string>& words) {
   meaning.of_orientation = any(kOrientationWords);
   meaning.of_turning = any(kTurningWords);
   for (const std::string& word : words) {
-    // "x", and of "qx" and "wx" the second letter.
-    const bool is_two = word.size() == 2 && (kOrientationWords.contains(word) || kTurningWords.contains(word));
+    // "x", and of "qx", "wx" and "vx" the second letter.
+    const bool is_two = word.size() == 2 && (kOrientationWords.contains(word) || kTurningWords.contains(word) ||
+                                             kMovingWords.contains(word));
     const char axis = word.size() == 1 || is_two ? word.back() : ' ';
     if (IsNumber(word) && word.size() < 4) {
       meaning.index = std::stoi(word);

@@ -71,7 +71,12 @@ ColumnMap FirstLog::Map(const ModelOutline& model, const std::string& model_path
   ColumnMap map = MapColumns(names_, model);
   for (const LogColumn& column : text_columns_) {
     if (column.is_damaged) RefuseWhereKnown(column, model);
-    if (map.episode.empty()) map.episode = MapColumns({column.name}, model).episode;
+    const ColumnMap alone = MapColumns({column.name}, model);
+    if (map.episode.empty()) map.episode = alone.episode;
+    if (!alone.observations.empty() || !alone.actions.empty()) {
+      map.unused.push_back(fmt::format("'{}': it holds text ('{}' in line {}), wanted numbers", column.name,
+                                       column.text_field.substr(0, 40), column.text_line));
+    }
   }
   const auto fail = [&](const char* what, const std::vector<std::string>& wanted, const char* more = "") {
     for (const LogColumn& column : text_columns_) RefuseWhereKnown(column, model);

@@ -136,26 +136,37 @@ struct Judgement {
   std::vector<int> off;  ///< channels in which more is left than sensors explain
 };
 
+/// Whether the fit that leaves some recording out predicts it surely worse than the nominal simulator. The logs that
+/// judge are of motions like those that taught.
+bool FailsInARecording(const Candidate& best) {
+  return best.fit && best.fit->left_out && !best.fit->left_out->WorseRecordings().empty();
+}
+
+/// What does not depend on how far each parameter is known; with the verdict where a classifier decides.
 Judgement Judge(const Candidate& best, double nominal_common, double designed_common, int n_transitions) {
   Judgement judgement;
   if (best.prediction) {
-    judgement.verdict = JudgePrediction(best.q, *best.prediction);
     judgement.better = PredictsBetter(*best.prediction);
-    judgement.reaches_floor = ReachesFloor(*best.prediction);
+    judgement.reaches_floor = ReachesFloor(*best.prediction) && !FailsInARecording(best);
     judgement.off = ChannelsOff(*best.prediction);
-    // The logs that judge are of motions like those that taught: a recording that did not is to be predicted, too.
-    const bool fails = best.fit && best.fit->left_out && !best.fit->left_out->WorseRecordings().empty();
-    if (fails && judgement.verdict == DesignVerdict::kGapClosed) {
-      judgement.verdict = DesignVerdict::kGapNarrowed;
-      judgement.reaches_floor = false;
-    }
-  } else {
-    judgement.verdict = JudgeDesign(nominal_common, designed_common, n_transitions);
-    judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
-    judgement.reaches_floor =
-        judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
+    return judgement;
   }
+  judgement.verdict = JudgeDesign(nominal_common, designed_common, n_transitions);
+  judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
+  judgement.reaches_floor =
+      judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
   return judgement;
+}
+
+/// @param best  with its prediction
+DesignVerdict PredictedVerdict(const Candidate& best, const std::vector<ParameterSummary>& summaries) {
+  // Where the logs are as likely with something else freed, and the value inside its range then, they ask for nothing
+  // beyond it.
+  std::vector<int> at_bounds = ParametersAtBounds(best.q);
+  std::erase_if(at_bounds,
+                [&](int i) { return summaries[static_cast<size_t>(i)].verdict != ParameterVerdict::kAtBound; });
+  const DesignVerdict verdict = JudgePrediction(best.q, *best.prediction, at_bounds);
+  return verdict == DesignVerdict::kGapClosed && FailsInARecording(best) ? DesignVerdict::kGapNarrowed : verdict;
 }
 
 /// What parameters may be as well: with each suspect freed that does not surely predict worse. Which of them is off, or
@@ -195,7 +206,8 @@ DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const Sim
   validation.n_parts = prediction.n_parts;
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
     DesignRecord::Validation::Horizon horizon{
-        h.seconds, h.n_steps, h.n_windows, h.learned, 1 - std::exp(-0.5 * h.gain.value), IsSure(h.gain), {}, {}};
+        h.seconds,      h.n_steps, h.n_windows, h.learned,         1 - std::exp(-0.5 * h.gain.value),
+        IsSure(h.gain), {},        {},          MostTimesFloor(h), h.odd_episodes};
     for (size_t c = 0; c < h.channels.size(); ++c) {
       horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
                                   h.channels[c].designed, h.channels[c].floor, h.channels[c].spread,
@@ -251,7 +263,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.mixture = mixture.members;
   record.score_name = run.config.selection.score;
   record.score = record.score_name == SelectionScore::kPaper ? selected.c.value() : selected.common;
-  record.verdict = judgement.verdict;
+  record.verdict = best.prediction ? PredictedVerdict(best, summaries) : judgement.verdict;
   // The judge may be blind to a gap that the parameters show.
   const bool moved_unseen = !best.prediction && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
   if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;

@@ -88,7 +88,13 @@ DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
                                               h.Get<bool>("learned"),
                                               h.Number("narrowed"),
                                               h.Get<bool>("surely_better"),
+                                              {},
+                                              {},
+                                              h.Find<double>("most_times_floor").value_or(1),
                                               {}};
+    for (const int number : h.Find<std::vector<int>>("odd_episodes").value_or(std::vector<int>())) {
+      horizon.odd_episodes.push_back(number - 1);
+    }
     for (const RecordReader& c : h.List("channels")) {
       horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
                                   c.Number("designed"), c.Number("floor"), c.Number("spread"), c.Get<bool>("judged"),
@@ -214,7 +220,9 @@ json ValidationToJson(const DesignRecord::Validation& validation) {
                                   {"learned", h.learned},
                                   {"narrowed", h.narrowed},
                                   {"surely_better", h.surely_better},
+                                  {"most_times_floor", h.most_times_floor},
                                   {"channels", channels}});
+    for (const int episode : h.odd_episodes) record["horizons"].back()["odd_episodes"].push_back(episode + 1);
     if (h.in_recordings) {
       record["horizons"].back()["in_recordings"] = {{"n_windows", h.in_recordings->n_windows},
                                                     {"narrowed", h.in_recordings->narrowed},

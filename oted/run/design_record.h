@@ -95,6 +95,8 @@ struct DesignRecord {
       bool surely_better = false;  ///< that this is more than chance (IsSure)
       std::vector<Channel> channels;
       std::optional<InRecordings> in_recordings = {};
+      double most_times_floor = 1;         ///< MostTimesFloor
+      std::vector<int> odd_episodes = {};  ///< HeldOutPrediction::Horizon::odd_episodes
     };
     std::vector<Horizon> horizons;
     int n_recordings = 0, n_parts = 0;  ///< that judge (HeldOutPrediction)

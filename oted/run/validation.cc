@@ -70,7 +70,9 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
   if (ShowsNothing(prediction.horizons)) return kNothingShown;
   const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
   const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain"
-                                                : "; what it leaves is more than the sensors explain";
+                           : ChannelsOff(prediction).empty()
+                               ? "; " + NotTold(result.validation) + ButOdd(result.validation)
+                               : "; what it leaves is more than the sensors explain" + ButOdd(result.validation);
   if (PredictsWorse(prediction)) {
     return fmt::format("the designed simulator surely predicts these recordings worse than the nominal one{}{}",
                        shown.narrowed < 0

@@ -215,6 +215,31 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
                             InWords(*worst_at), WithUnit(worst->designed, worst->unit), worst->nominal);
 }
 
+std::string ButOdd(const DesignRecord::Validation& validation) {
+  const std::vector<int>& odd = ToldOf(validation.horizons).odd_episodes;
+  if (odd.empty()) return "";
+  std::vector<int> numbers;
+  for (const int episode : odd) numbers.push_back(episode + 1);
+  return fmt::format("; {} {} of the logs {} far off, most are not: look there",
+                     odd.size() == 1 ? "episode" : "episodes", fmt::join(numbers, ", "),
+                     odd.size() == 1 ? "is" : "are");
+}
+
+std::string NotTold(const DesignRecord::Validation& validation) {
+  const DesignRecord::Validation::Horizon* worst = &ToldOf(validation.horizons);
+  for (const auto& horizon : validation.horizons) {
+    if (IsTold(horizon) && horizon.most_times_floor > worst->most_times_floor) worst = &horizon;
+  }
+  if (TellsFloor(worst->most_times_floor)) return "";
+  constexpr double kMostShown = 10;
+  const std::string times = worst->most_times_floor < kMostShown
+                                ? fmt::format("up to {:.2g} times", worst->most_times_floor)
+                                : "more than ten times";
+  return fmt::format(
+      "these logs do not tell whether the sensors explain what remains: over {} it may be {} what they leave",
+      InWords(*worst), times);
+}
+
 std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& off) {
   if (!record.validation || record.validation->horizons.empty()) return WithoutPrediction(record);
   const auto& horizon = ShownHorizon(*record.validation);
@@ -244,13 +269,16 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
              judged_by;
     case DesignVerdict::kGapNarrowed:
       if (off.empty()) {
-        return fmt::format("gap narrowed by {} {}: there the sensors explain what remains, but not in every recording",
-                           share, over) +
-               judged_by + ButLeftOut(record);
+        const std::string not_told = NotTold(*record.validation);
+        return fmt::format("gap narrowed by {} {}{}", share, over,
+                           not_told.empty() ? ": there the sensors explain what remains, but not in every recording"
+                                            : "; " + not_told) +
+               ButOdd(*record.validation) + judged_by + ButLeftOut(record);
       }
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
                          WhatRemains(*record.validation, horizon, off)) +
-             ButElsewhere(*record.validation) + ButAGuess(*record.validation) + judged_by + ButLeftOut(record);
+             ButElsewhere(*record.validation) + ButAGuess(*record.validation) + ButOdd(*record.validation) + judged_by +
+             ButLeftOut(record);
     case DesignVerdict::kOutsideFamily:
       break;
   }
@@ -267,15 +295,23 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
   if (record.predicts_better) {
     return fmt::format(
                "outside the family: the logs ask for values beyond the range of {}; within it the error {} is {} less "
-               "than the nominal simulator's, and more than the sensors explain: {}",
+               "than the nominal simulator's{}",
                at_bounds.empty() ? "some parameter" : at_bounds, over, share,
-               WhatRemains(*record.validation, horizon, off)) +
-           ButAGuess(*record.validation);
+               off.empty() ? "; " + NotTold(*record.validation)
+                           : ", and more than the sensors explain: " + WhatRemains(*record.validation, horizon, off)) +
+           ButAGuess(*record.validation) + ButOdd(*record.validation);
+  }
+  if (off.empty()) {
+    const std::string odd = ButOdd(*record.validation);
+    return fmt::format(
+        "outside the family: {} the designed simulator does not surely predict better than the nominal one, and {}{}",
+        over, NotTold(*record.validation), odd.empty() ? "; log more" : odd);
   }
   return fmt::format(
-      "outside the family: {} the designed simulator does not surely predict better than the nominal one; what "
-      "remains is more than the sensors explain: {}",
-      over, WhatRemains(*record.validation, horizon, off));
+             "outside the family: {} the designed simulator does not surely predict better than the nominal one; what "
+             "remains is more than the sensors explain: {}",
+             over, WhatRemains(*record.validation, horizon, off)) +
+         ButOdd(*record.validation);
 }
 
 }  // namespace oted

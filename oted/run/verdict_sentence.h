@@ -19,6 +19,10 @@ std::string ButElsewhere(const DesignRecord::Validation& validation);
 /// The channels that the design predicts no better than a guess, and over which horizons, to be appended to a sentence
 /// that it predicts better than the nominal simulator.
 std::string ButAGuess(const DesignRecord::Validation& validation);
+/// That windows are too few, or too unlike each other, to show whether the floor is reached; empty where they show it.
+std::string NotTold(const DesignRecord::Validation& validation);
+/// Episodes that are predicted far worse than most, to be appended to a sentence.
+std::string ButOdd(const DesignRecord::Validation& validation);
 /// Of logs that no simulator can be judged by (ShowsNothing).
 inline constexpr const char* kNothingShown =
     "these logs show nothing to judge a simulator by: none predicts them better than the mean of each channel does; "

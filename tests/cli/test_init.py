@@ -287,7 +287,7 @@ class InitTest(ProgramTest):
         rows = swing(1)
         rows[2:, 3] = rows[:-2, 3].copy()  # the shoulder's, by two rows
         text, _ = self.init(self.csv(rows))
-        self.assertRegex(text, r"later than their positions move are joint/shoulder_joint/qvel by (1\.75|2|2\.25) rows")
+        self.assertRegex(text, r"later than their positions move: joint/shoulder_joint/qvel by (1\.75|2|2\.25) rows")
         self.task.unlink()
         self.assertNotIn("later than their positions", self.init(self.csv(swing(2)))[0])
 

@@ -94,6 +94,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const UnseenFit& unseen = *fit->unseen;
   const ReadingModel readings = ReadingsOf(spec, logs, fit->unseen);
   const HeldOutParts parts = KeepAside(logs, spec.control_period_s, problem.KeptAsideKey());
+  const std::vector<Episode> episodes = logs.Episodes();
   const auto n_channels = static_cast<Eigen::Index>(fit->short_noise_std.size());
   const VectorXd noise = Eigen::Map<const VectorXd>(fit->short_noise_std.data(), n_channels);
   return predict({.factory = problem.factory,
@@ -106,6 +107,8 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                   .key = key,
                   .n_threads = n_threads,
                   .as_likely = AsLikely(problem.factory.parameters(), unseen, key),
+                  .kept_aside_in = EpisodesOf(parts.judged_rows, episodes),
+                  .learned_in = EpisodesOf(parts.learned_rows, episodes),
                   .n_whole = all_learned ? 0 : parts.n_whole,
                   .tell = tell});
 }

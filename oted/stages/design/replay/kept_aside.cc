@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -29,7 +30,8 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
     const int fifth = episode.size() / kBlocksPerJudged;
     // Where whole episodes judge already, short ones learn whole.
     const int block = are_many && fifth < rows(kShortestBlock) ? episode.size() : std::min(rows(kBlock), fifth);
-    if (block < 1) return {.learn = dataset, .judge = dataset, .learned_rows = RowsOf(dataset.Episodes())};
+    if (block < 1)
+      return {.learn = dataset, .judge = dataset, .learned_rows = RowsOf(logged), .judged_rows = RowsOf(logged)};
     int begin = episode.begin;  // of what was not given to either
     for (int k = kBlocksPerJudged - 1; episode.begin + (k + 1) * block <= episode.end; k += kBlocksPerJudged) {
       const int middle = episode.begin + k * block, end = middle + block;
@@ -39,15 +41,16 @@ HeldOutParts KeepAside(const Dataset& dataset, double period_s, RngKey key) {
     }
     if (begin < episode.end) learn.push_back({begin, episode.end, episode.terminated});
     parts.recording.resize(learn.size(), recording++);
-    const int row = parts.learned_rows[static_cast<size_t>(episode.begin)];
-    const auto of = std::ranges::upper_bound(logged, row, {}, &Episode::begin) - 1;
-    parts.logged_as.push_back(static_cast<int>(of - logged.begin()));
+    parts.logged_as.push_back(EpisodesOf({parts.learned_rows[static_cast<size_t>(episode.begin)]}, logged).front());
   }
   parts.judge.Append(parts.learn.Select(judge));
   parts.learn = parts.learn.Select(learn);
-  std::vector<int> learned = RowsOf(learn);
-  for (int& row : learned) row = parts.learned_rows[static_cast<size_t>(row)];
-  parts.learned_rows = std::move(learned);
+  const auto in_logs = [&](std::vector<int> some) {
+    for (int& row : some) row = parts.learned_rows[static_cast<size_t>(row)];
+    return some;
+  };
+  std::ranges::copy(in_logs(RowsOf(judge)), std::back_inserter(parts.judged_rows));
+  parts.learned_rows = in_logs(RowsOf(learn));
   return parts;
 }
 

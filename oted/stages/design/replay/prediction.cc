@@ -133,6 +133,12 @@ int PredictionJudge::n_windows(size_t h, int n_episodes) const {
       std::ranges::count_if(lasting_[h], [&](int w) { return windows_[static_cast<size_t>(w)].begin < end; }));
 }
 
+std::vector<int> PredictionJudge::Begins(size_t h) const {
+  std::vector<int> rows;
+  for (const int w : lasting_[h]) rows.push_back(windows_[static_cast<size_t>(w)].begin);
+  return rows;
+}
+
 int PredictionJudge::RowsBefore(const LogWindow& window) const {
   return std::min(std::max(kMostRowsBefore, replayer_.n_past_actions()), window.begin - window.episode_begin);
 }

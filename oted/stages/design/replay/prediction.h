@@ -47,6 +47,8 @@ class PredictionJudge {
   int n_windows(size_t h) const { return static_cast<int>(lasting_[h].size()); }
   /// How many of them, the first ones, begin in the first `n_episodes` episodes.
   int n_windows(size_t h, int n_episodes) const;
+  /// The rows that they begin at.
+  std::vector<int> Begins(size_t h) const;
   /// What errors are judged by.
   const JudgedChannels& channels() const { return channels_; }
 

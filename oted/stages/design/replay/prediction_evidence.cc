@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <memory>
 
+#include "oted/base/statistics.h"
+#include "oted/matching/held_out.h"
 #include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/judged_part.h"
@@ -24,8 +27,9 @@ constexpr size_t kFewestImitations = 2;
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2;
-constexpr double kNoNoise = 1e-6;  // of a channel's spread: such noise is none
-constexpr double kMoved = 0.25;    // of the range: what an identified parameter is known to
+constexpr double kNoNoise = 1e-6;   // of a channel's spread: such noise is none
+constexpr double kOddExcess = 1.4;  // of an odd episode: twice the floor's error
+constexpr double kMoved = 0.25;     // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
@@ -289,6 +293,7 @@ class Evidence {
     };
     const Eigen::Index n_channels = designed.rows();
     horizon.excess = excess_in(n_channels);
+    horizon.odd_episodes = OddEpisodes(LogRatios(designed, floor, designed.cols(), judge.channels()), parts, at);
     for (Eigen::Index c = 0; c < n_channels; ++c) {
       HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
       const Estimated of_channel = excess_in(c);
@@ -296,6 +301,36 @@ class Evidence {
       channel.floor = channel.designed * std::exp(-0.5 * of_channel.value);
     }
     return horizon;
+  }
+
+  /// @param excess  of each window of these parts, one part behind the other
+  std::vector<int> OddEpisodes(const VectorXd& excess, const std::vector<size_t>& parts,
+                               const std::vector<size_t>& at) const {
+    std::map<int, std::vector<double>> of_episodes;
+    Eigen::Index w = 0;
+    for (size_t i = 0; i < parts.size(); ++i) {
+      const std::vector<int> begins = parts_[parts[i]]->judge().Begins(at[i]);
+      for (const int episode : EpisodesOf(begins, parts[i])) of_episodes[episode].push_back(excess[w++]);
+    }
+    std::vector<double> means;
+    for (const auto& [unused, of] : of_episodes) means.push_back(Mean(of));
+    std::ranges::sort(means);
+    if (!(means[(means.size() - 1) / 2] < kOddExcess / 2)) return {};
+    std::vector<int> odd;
+    for (const auto& [episode, of] : of_episodes) {
+      if (Mean(of) > kOddExcess) odd.push_back(episode);
+    }
+    return odd;
+  }
+
+  /// The logged episodes that rows of a part are in.
+  std::vector<int> EpisodesOf(const std::vector<int>& rows, size_t part) const {
+    const bool is_learned = learned_[part] != 0 && problem_.learned != nullptr;
+    const std::vector<int>& in = is_learned ? problem_.learned_in : problem_.kept_aside_in;
+    if (in.empty()) return ::oted::EpisodesOf(rows, (is_learned ? *problem_.learned : problem_.kept_aside).Episodes());
+    std::vector<int> episodes;
+    for (const int row : rows) episodes.push_back(in[static_cast<size_t>(row)]);
+    return episodes;
   }
 
   /// Nothing of a channel that is not judged.
@@ -375,6 +410,8 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
                             .key = asked.key,
                             .n_threads = asked.n_threads,
                             .as_likely = asked.as_likely,
+                            .kept_aside_in = asked.kept_aside_in,
+                            .learned_in = asked.learned_in,
                             .n_whole = asked.n_whole};
   for (std::vector<double>& z : problem.as_likely) z = WithoutNoise(space, z);
   const double period = problem.factory.spec().control_period_s, step = period > 0 ? period : kStepWithoutUnit;

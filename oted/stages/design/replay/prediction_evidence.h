@@ -28,6 +28,8 @@ struct PredictionProblem {
   int n_threads = 1;
   /// Other z that are as likely as `z`: the noise alone may have put it there. None, and z is taken for certain.
   std::vector<std::vector<double>> as_likely = {};
+  /// Of each row kept aside, and of each that was learned from, the episode of all logs that it is in; empty: of these.
+  std::vector<int> kept_aside_in = {}, learned_in = {};
   int n_whole = 0;  ///< of the episodes kept aside, the first ones: recordings of which nothing was learned
   std::function<void(int done, int total)> tell = {};  ///< how far the predictions are; may stop them by an exception
 };

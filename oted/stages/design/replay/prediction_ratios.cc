@@ -80,6 +80,10 @@ PredictionRatios TypicalRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Inde
   return MeansOf(MeanLogs(a, n, channels.spread) - MeanLogs(b, n, channels.spread), channels.weight);
 }
 
+VectorXd LogRatios(const MatrixXd& a, const MatrixXd& b, Eigen::Index n, const JudgedChannels& channels) {
+  return (MeanLogs(a, n, channels.spread) - MeanLogs(b, n, channels.spread)).transpose() * channels.weight;
+}
+
 VectorXd ScatterOfDraws(const std::vector<MatrixXd>& draws, const JudgedChannels& channels) {
   const auto n = static_cast<Eigen::Index>(draws.size());
   if (n < 3) return VectorXd::Zero(channels.weight.size() + 1);

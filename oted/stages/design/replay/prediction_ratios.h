@@ -43,6 +43,10 @@ PredictionRatios MeansOf(const Eigen::MatrixXd& of_windows, const Eigen::VectorX
 PredictionRatios TypicalRatios(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::Index n,
                                const JudgedChannels& channels);
 
+/// (n): the same of each window, the mean over channels.
+Eigen::VectorXd LogRatios(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Eigen::Index n,
+                          const JudgedChannels& channels);
+
 /// (channels + 1): how far one more draw of all windows may lie from the mean of these, as a standard error of
 /// TypicalRatios; 0 of fewer than three draws, which do not tell.
 /// @param draws  (channels, windows) each

@@ -51,15 +51,6 @@ struct Fitted {
   VectorXd variance;  // of the sensors' noise
 };
 
-/// The horizon that is told: the longest up to half a second, of logs kept aside if there is one.
-const HeldOutPrediction::Horizon& Told(const HeldOutPrediction& prediction) {
-  const HeldOutPrediction::Horizon* told = &prediction.horizons.front();
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    if (h.seconds <= kShownSeconds + 1e-9 && (told->learned || !h.learned)) told = &h;
-  }
-  return *told;
-}
-
 class FreedTrials {
  public:
   explicit FreedTrials(const FreedProblem& problem)
@@ -105,7 +96,7 @@ class FreedTrials {
     const Designer q(space, best->x, best->covariance);
     const auto prediction = Beside(*wider, readings, q.Mode(), before);
     if (!prediction) return std::nullopt;
-    const HeldOutPrediction::Horizon& told = Told(*prediction);
+    const HeldOutPrediction::Horizon& told = ToldOf(prediction->horizons);
     const std::optional<Estimated> nats = NatsOf(*wider, readings, *best);
     const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSureErrors * told.gain.error;
     // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
@@ -330,7 +321,7 @@ class FreedTrials {
     if (!fitted_without_) return *without_;
     const ParameterSpace& space = problem_.factory.parameters();
     const auto prediction = Beside(problem_.factory, readings, ToZ(space, fitted_without_->x), ToZ(space, x_));
-    if (prediction && Told(*prediction).gain.value > 0) without_ = fitted_without_->x;
+    if (prediction && ToldOf(prediction->horizons).gain.value > 0) without_ = fitted_without_->x;
     return *without_;
   }
 

@@ -24,8 +24,8 @@ constexpr double kPredicted = 0.5;                                              
 constexpr int kFewestJudged = 3;
 constexpr double kStretch = 1.0;  // [s]
 constexpr int kMostRows = 10000;
-constexpr double kMostPhysics = 4e5;   // steps of a linearization
-constexpr int kFewestTriedRows = 500;  // however much they cost
+constexpr double kMostPhysics = 2.5e5;  // steps of a linearization
+constexpr int kFewestLongRows = 1000;   // however much they cost
 constexpr int kMostShortRows = 960;
 constexpr int kFitIterations = 6;
 constexpr double kWorse = 2.0;     // standard errors
@@ -81,12 +81,11 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
   return level;
 }
 
-int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings,
-                   int fewest) {
+int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings) {
   const SimulatorSpec& spec = factory.spec();
   const double n_lanes = 1.0 + factory.parameters().size() + readings.state_dim();
   const double per_row = n_lanes * spec.physics_steps * spec.step_weight;
-  return std::min(wanted, std::max(fewest, static_cast<int>(n_steps / per_row)));
+  return std::min(wanted, std::max(kFewestLongRows, static_cast<int>(n_steps / per_row)));
 }
 
 bool TakesOver(const MatrixXd& of_long, const MatrixXd& of_short, const std::function<MatrixXd()>& of_nominal,
@@ -110,7 +109,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
       context.n_threads);
   if (judge.n_windows() < kFewestJudged) return {};
 
-  const int n_rows = AffordableRows(kMostRows, kMostPhysics, in.factory, in.readings, kFewestTriedRows);
+  const int n_rows = AffordableRows(kMostRows, kMostPhysics, in.factory, in.readings);
   const VectorXd scale = ChannelScales(in.parts.learn);
   const auto errors_of = [&](const LevelFit& fit) { return judge.ErrorsOf(fit, [&] { tell(fit.x()); }); };
   // The short windows' parameters have seen the logs that judge: they count by what they predict, and by what fits
