@@ -92,11 +92,11 @@ TEST(MapColumns, AFreeJointHasAPlaceAnOrientationAndTheirVelocities) {
   for (int k = 0; k < 7; ++k) model.qpos.push_back("joint/root/qpos[" + std::to_string(k) + "]");
   for (int k = 0; k < 6; ++k) model.qvel.push_back("joint/root/qvel[" + std::to_string(k) + "]");
   model.actuators = {{.name = "fan", .joint = 0}};
-  EXPECT_EQ(Matched({"root_z", "root_quat_w", "root_qy", "root_vel_z", "root_omega_x", "root_angular_velocity_z",
+  EXPECT_EQ(Matched({"root_z", "root_quat_w", "root_qy", "root_vz", "root_omega_x", "root_angular_velocity_z",
                      "root_roll", "fan_cmd"},
                     model),
             (Names{"root_z -> joint/root/qpos[2]", "root_quat_w -> joint/root/qpos[3]", "root_qy -> joint/root/qpos[5]",
-                   "root_vel_z -> joint/root/qvel[2]", "root_omega_x -> joint/root/qvel[3]",
+                   "root_vz -> joint/root/qvel[2]", "root_omega_x -> joint/root/qvel[3]",
                    "root_angular_velocity_z -> joint/root/qvel[5]", "fan_cmd -> actuator/fan"}))
       << "a roll is no number of it";
 }

@@ -12,8 +12,8 @@
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
 #include "oted/checks/parameter_check.h"
-#include "oted/checks/trial_fit.h"
 #include "oted/proposal/log_facts.h"
+#include "oted/proposal/widened_fit.h"
 #include "oted/sim/channel_path.h"
 #include "oted/sim/suspect_name.h"
 
@@ -27,11 +27,6 @@ constexpr double kLeastEffect = 0.05;  // standard deviations of an observation,
 constexpr double kOwnEffect = 0.01;    // share of an effect's square that others together must leave unexplained
 constexpr int kEpisodes = 3, kEpisodeRows = 2000;  // that effects are measured on
 constexpr double kLongestDelay_s = 0.03;
-constexpr double kAtEnd = 0.9;  // of a range, from where on it is too narrow
-constexpr double kWider = 4, kWiderDelay = 3;
-constexpr double kMostDelay = 10;  // [control steps]
-constexpr const char* kActionDelay = "action/delay";
-constexpr int kWidenings = 2;
 
 /// The value below which 95 % of the sizes lie.
 double MostOf(std::vector<double> values) {
@@ -53,6 +48,7 @@ struct Moving {
   const ModelOutline::Joint* joint = nullptr;
   double speed = 0;  ///< [rad/s, m/s] that is rarely exceeded
   double force = 0;  ///< [N m, N] that acted on it, roughly
+  bool driven = true;
 };
 
 class Chooser {
@@ -73,7 +69,7 @@ class Chooser {
       // In an arm of many joints a drive's rotor behind its gears weighs as much as the arm, however light its link.
       const double inertia =
           moving_.size() > kFewJoints ? Typical([](const Moving& m) { return m.joint->inertia; }) : 0;
-      PerJoint("armature", [&](const Moving& m) { return std::max(m.joint->inertia, inertia); }, {0.2, 5});
+      PerJoint("armature", [&](const Moving& m) { return std::max(m.joint->inertia, inertia); }, {0.2, 5, true});
     }
     if (!moving_.empty() || !floating_.empty()) {
       Drives();
@@ -82,7 +78,7 @@ class Chooser {
     }
     Add({"friction", "geom/*/friction[0]", 0.3, 3, ParameterScale::kNominal, true});
     const double steps = std::clamp(std::round(kLongestDelay_s / spec_.control_period_s), 1.0, kMostDelay);
-    Add({"delay", kActionDelay, 0, steps, ParameterScale::kAbsolute});
+    Add({"delay", kDelayPath, 0, steps, ParameterScale::kAbsolute});
     return std::move(candidates_);
   }
 
@@ -106,7 +102,7 @@ class Chooser {
       left_out_.push_back(fmt::format("joint {}: it hardly moves in the logs", joint.name));
       return;
     }
-    Moving moving{&joint, 0, 0};
+    Moving moving{.joint = &joint, .driven = IsDriven(joint)};
     std::vector<double> speeds;
     for (int i = 0; i < dataset_.size(); ++i) {
       speeds.push_back((dataset_.next_observations(i, q) - dataset_.observations(i, q)) / spec_.control_period_s);
@@ -121,6 +117,13 @@ class Chooser {
       moving.force = std::max(moving.force, LoggedForce(fmt::format("actuator/{}", joint.name)));
     }
     if (moving.speed > 0 && moving.force > 0) moving_.push_back(moving);
+  }
+
+  /// Where nothing drives the model, joints have motors if the logs have their torques; without any, all count.
+  bool IsDriven(const ModelOutline::Joint& joint) const {
+    if (!model_.actuators.empty()) return joint.actuated;
+    return spec_.action_names.empty() ||
+           std::ranges::find(spec_.action_names, "actuator/" + joint.name) != spec_.action_names.end();
   }
 
   /// Whether the logs show a free or ball joint that moves.
@@ -162,7 +165,8 @@ class Chooser {
   }
 
   struct Multiple {
-    double low, high;  ///< searched as a logarithm, unless there may be none of it
+    double low, high;        ///< searched as a logarithm, unless there may be none of it
+    bool of_drives = false;  ///< as a rotor's inertia: joints that nothing drives have what the model says alone
   };
 
   /// A field of joints: multiples of what the model has, or up to `most` where it has next to nothing.
@@ -175,7 +179,9 @@ class Chooser {
     if (moving_.size() <= kFewJoints || are_values) {
       for (const Moving& m : moving_) {
         const std::string name = moving_.size() == 1 ? field : fmt::format("{}_{}", field, m.joint->name);
-        AddField(name, fmt::format("joint/{}/{}", m.joint->name, field), most(m), multiple);
+        const std::string path = fmt::format("joint/{}/{}", m.joint->name, field);
+        if (multiple.of_drives && !m.driven && HasNextToNothing(path, most(m), multiple)) continue;
+        AddField(name, path, most(m), multiple);
       }
       return;
     }
@@ -365,29 +371,6 @@ class Explained {
   std::vector<std::vector<double>> rows_;
 };
 
-/// The brief fit. A range from nothing to a rough guess, at whose end the fit ends, is widened, and the fit made again.
-std::optional<TrialFit> FitWidened(
-    std::vector<ParameterSpec>& candidates, const Dataset& dataset, RngKey key, const RunContext& context,
-    const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake) {
-  for (int round = 0;; ++round) {
-    const auto factory = remake(candidates);
-    std::optional<TrialFit> trial = FitBriefly(*factory, dataset, key, context);
-    if (!trial || round == kWidenings) return trial;
-    const std::vector<double> unit = factory->parameters().ToUnit(trial->z);
-    bool widened = false;
-    for (size_t i = 0; i < candidates.size(); ++i) {
-      ParameterSpec& candidate = candidates[i];
-      const bool is_delay = candidate.field == kActionDelay;
-      if (candidate.scale != ParameterScale::kAbsolute || (IsChannelPath(candidate.field) && !is_delay)) continue;
-      const double high = is_delay ? std::min(kWiderDelay * candidate.high, kMostDelay) : kWider * candidate.high;
-      if (unit[i] < kAtEnd || high == candidate.high) continue;
-      candidate.high = high;
-      widened = true;
-    }
-    if (!widened) return trial;
-  }
-}
-
 }  // namespace
 
 ParameterChoice ChooseParameters(
@@ -446,9 +429,11 @@ ParameterChoice ChooseParameters(
     if (explained.Take(static_cast<int>(i), kOwnEffect) >= kOwnEffect) {
       choice.chosen.push_back(candidates[i]);
     } else {
-      choice.left_out.push_back(fmt::format(
-          "{} ({}): the logs can hardly tell it from the parameters above together; it stays as in the model",
-          candidates[i].name, candidates[i].field));
+      choice.left_out.push_back(
+          fmt::format("{} ({}): the parameters that are freed have, taken together, the same effect on the logs; it "
+                      "stays as in the "
+                      "model",
+                      candidates[i].name, candidates[i].field));
     }
   }
   return choice;

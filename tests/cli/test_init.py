@@ -155,6 +155,39 @@ class InitTest(ProgramTest):
         self.assertEqual(fields["mass_hand"], ["body/hand/mass", "body/hand/inertia"])
         self.assertEqual(task["parameters"]["mass_hand"]["range"], [0.5, 5])
 
+    def test_a_joint_that_nothing_drives_gets_no_rotor(self):
+        bare = ARM.replace('damping="0.05" armature="0.01"', 'damping="0.05"')
+        elbow = '<motor name="elbow" joint="elbow_joint" ctrlrange="-20 20"/>'
+        self.assertIn(elbow, bare)
+        self.model.write_text(bare.replace(elbow, ""))
+        rows = swing(1)
+        model = mujoco.MjModel.from_xml_string(bare.replace(elbow, ""))
+        model.dof_armature[:] = (0.2, 0)
+        data = mujoco.MjData(model)
+        for row in rows:
+            row[1:5] = [*data.qpos, *data.qvel]
+            data.ctrl[:] = row[5]
+            mujoco.mj_step(model, data, 4)
+        text, task = self.init(self.csv(rows[:, :6], NAMES[:6]))
+        self.assertIn("armature_shoulder_joint", task["parameters"])
+        self.assertNotIn("elbow_joint/armature", text)
+
+    def test_a_stiffness_at_the_end_of_its_range_widens_it(self):
+        servos = ARM.replace('<motor name="shoulder" joint="shoulder_joint" ctrlrange="-20 20"/>',
+                             '<position name="shoulder" joint="shoulder_joint" kp="40" kv="2" ctrlrange="-3 3"/>')
+        self.model.write_text(servos)
+        model = mujoco.MjModel.from_xml_string(servos)
+        servo = model.actuator("shoulder").id
+        model.actuator_gainprm[servo, 0], model.actuator_biasprm[servo, 1] = 14, -14  # 0.35 times the model's
+        data, rows = mujoco.MjData(model), []
+        for k in range(300):
+            u = [math.sin(0.1 * k) + 0.3 * math.sin(0.31 * k), 2 * math.sin(0.17 * k + 1) + math.sin(0.4 * k)]
+            rows.append([0.02 * k, *data.qpos, *data.qvel, *u])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 4)
+        _, task = self.init(self.csv(np.array(rows)))
+        self.assertLessEqual(task["parameters"]["servo_stiffness"]["range"][0], 0.25)
+
     def test_what_is_known_of_each_recording_may_be_a_constant(self):
         rows = np.vstack([np.column_stack([swing(seed), np.full(150, seed), np.full(150, load)])
                           for seed, load in ((1, 0.25), (2, 0.5))])
@@ -305,6 +338,21 @@ class InitTest(ProgramTest):
 
     def test_right_logs_raise_no_suspicion(self):
         self.assertNotIn("look at this before a design", self.init(self.csv(swing(1, damping=0.05)))[0])
+
+    def test_a_column_of_text_is_told_and_a_joints_own_name_comes_before_its_motors(self):
+        rows = swing(1)
+        log = self.csv(rows)
+        lines = [line.split(",") for line in log.read_text().splitlines()]
+        for line in lines[1:]:
+            line[3] = "late"
+        log.write_text("\n".join(",".join(line) for line in lines))
+        text, _ = self.init(log)
+        self.assertRegex(text, "'shoulder_vel': it holds text \\('late' in line 2\\), wanted numbers")
+        self.task.unlink()
+        names = ["time", "shoulder_joint", "elbow_joint", "shoulder_vel", "elbow_vel", "shoulder_cmd", "elbow_cmd", "shoulder_pos"]
+        text, task = self.init(self.csv(np.column_stack([rows, rows[:, 1]]), names))
+        self.assertRegex(text, r"shoulder_joint +joint/shoulder_joint/qpos")
+        self.assertIn("shoulder_joint", str(task["data"]))
 
     def test_milliseconds_by_name_count_as_steps(self):
         rows = swing(1)
