@@ -19,8 +19,9 @@ seed and leaves one line of JSON; a case that is there is not run again. The cla
   friction_loss   joints have dry friction, the model none
   actuator_noise  what acted differs from the logged action by noise: 5 to 10 % of its range, anew in every step
   wrong_rate      rows are twice as far apart as the task says
+  unplugged       in the second half of two episodes (of one of few) the logged commands did not act: others did
 
-In the last eight classes the right verdict is gap_narrowed or outside_family, and no parameter is identified.
+In the last nine classes the right verdict is gap_narrowed or outside_family, and no parameter is identified.
 
 The arm is that of grow.py: two links with position servos, whose stiffness and a mass are searched, under sine commands.
 It has no class no_effect, product or contact; noise is in rad and rad/s.
@@ -51,7 +52,7 @@ THREE = tuple(PARAMETERS)
 SEARCHED = dict.fromkeys(TASKS, THREE) | {"arm": ("stiffness", "payload")}
 FIELDS |= grow.SEARCHED["arm"]
 IN_FAMILY = ("identified", "no_gap", "no_effect", "product")
-OF_LOGS = ("actuator_noise", "wrong_rate")  # the logs are not what they say: spoil() makes them so
+OF_LOGS = ("actuator_noise", "wrong_rate", "unplugged")  # the logs are not what they say: spoil() makes them so
 REJECTED = ("out_of_bounds", "out_of_family", "contact", "inertia", "delay", "friction_loss", *OF_LOGS)
 NAMED = ("out_of_family", "contact", "inertia", "delay", "friction_loss")  # one thing is off that suspects know
 CLASSES = IN_FAMILY + REJECTED
@@ -106,6 +107,13 @@ def spoil(kind, path, rng):
         rows = numpy.array(rows)
         logs = {name: values[rows - 1] if name in ("observations", "actions") else values[rows]
                 for name, values in logs.items()}
+    elif kind == "unplugged":
+        ends = numpy.flatnonzero(logs["terminals"] | logs["timeouts"]) + 1
+        begins, actions = numpy.concatenate(([0], ends[:-1])), logs["actions"].copy()
+        for episode in rng.sample(range(len(ends)), 2 if len(ends) > 3 else 1):
+            half = slice((begins[episode] + ends[episode]) // 2, ends[episode])
+            actions[half] = actions.min(axis=0) + actions.max(axis=0) - actions[half]
+        logs["actions"] = actions
     numpy.savez(path, **logs)
 
 

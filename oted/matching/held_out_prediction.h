@@ -60,6 +60,7 @@ struct HeldOutPrediction {
   std::vector<OpenEnd> open_ends;
 };
 inline constexpr double kVisibleError = 1e-3;
+inline constexpr double kFarOff = 1.4;  ///< an excess that no more windows make a small one: twice the floor's error
 
 /// Whether a horizon is one that verdicts tell of: up to half a second; the shortest, where time has no unit.
 template <class Horizon>

@@ -26,7 +26,6 @@ constexpr double kLeastChannelExcess = 0.4, kChannelExcessErrors = 4.0;
 constexpr double kLeastGain = 0.05, kGainErrors = 2.0;
 constexpr double kGuess = 0.9;         // of a channel's spread
 constexpr double kFarFromGuess = 1.1;  // times a guess's error
-constexpr double kFarOff = 1.4;        // an excess of which no more windows make a small one: twice the floor's error
 
 bool IsExcess(const Estimated& e) { return e.value > std::max(kLeastExcess, kExcessErrors * e.error); }
 bool IsChannelExcess(const Estimated& e) {

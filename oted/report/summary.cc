@@ -197,14 +197,22 @@ void AddMethodChoice(const json& report, json* trust) {
   }
 }
 
+// The channels of a fit in which surely more is left than the sensors explain.
+std::vector<std::string> Disagreeing(const json& fit) {
+  std::vector<std::string> names;
+  for (const json& channel : ListAt(fit, "channels")) {
+    if (channel.value("disagrees", false)) names.push_back(TextAt(channel, "name"));
+  }
+  return names;
+}
+
 // What the fit of replayed windows says of the sensors, or of what the simulator lacks.
 void AddFit(const json& report, json* found, json* trust) {
   if (!report.contains("design") || !report["design"].contains("fit")) return;
   const json& fit = report["design"]["fit"];
-  std::vector<std::string> disagreeing;
+  const std::vector<std::string> disagreeing = Disagreeing(fit);
   std::optional<double> lowest, highest;
   for (const json& channel : ListAt(fit, "channels")) {
-    if (channel.value("disagrees", false)) disagreeing.push_back(TextAt(channel, "name"));
     const std::optional<double> noise = NumberAt(channel, "noise_std");
     if (!noise) continue;
     lowest = std::min(lowest.value_or(*noise), *noise);
@@ -265,9 +273,13 @@ json Unknown(const json& report, const std::string& verdict) {
         "untested.");
   }
   if (verdict == "outside_family" || verdict == "gap_narrowed") {
-    unknown.push_back(
-        "More error is left than the sensors explain. Something beside these parameters may differ, or the method has "
-        "not found them exactly.");
+    const bool has_fit = report.contains("design") && report["design"].contains("fit");
+    const bool is_told = !has_fit || !Disagreeing(report["design"]["fit"]).empty();
+    unknown.push_back(is_told
+                          ? "More error is left than the sensors explain. Something beside these parameters may "
+                            "differ, or the method has not found them exactly."
+                          : "Whether the sensors explain what is left these logs do not tell. Something beside these "
+                            "parameters may differ.");
   }
   if (const std::vector<std::string> starred = Starred(report); !starred.empty()) {
     unknown.push_back(AsSentence(StarredForPolicies(starred)));

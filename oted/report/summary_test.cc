@@ -99,6 +99,15 @@ TEST(SummariseTest, AFitTellsTheNoiseOrTheChannelsThatDisagree) {
   EXPECT_THAT(Text(summary(true)["trust"]), Not(HasSubstr("explains")));
 }
 
+TEST(SummariseTest, SaysNoMoreOfWhatIsLeftThanTheLogsTell) {
+  const auto unknown = [](bool disagrees) {
+    const json channels = {{{"name", "hip"}, {"noise_std", 0.01}, {"disagrees", disagrees}}};
+    return Text(Summarise({{"design", {{"verdict", "gap_narrowed"}, {"fit", {{"channels", channels}}}}}})["unknown"]);
+  };
+  EXPECT_THAT(unknown(true), HasSubstr("More error is left than the sensors explain"));
+  EXPECT_THAT(unknown(false), HasSubstr("Whether the sensors explain what is left these logs do not tell"));
+}
+
 TEST(SummariseTest, WhatIsNotSearchedAndOffByTheLogsIsNamedWithTheLineThatFreesIt) {
   const json kept = {{"field", "action/delay"},
                      {"sentence", "with action/delay freed: better"},

@@ -52,7 +52,7 @@ json Design() {
   design.verdict = DesignVerdict::kOutsideFamily;
   design.sentence = "outside the family";
   design.predicts_better = true;
-  design.validation = {{{0.5, 25, 7, true, 0.62, true, {{"x", "m", 0.1, 0.02, 0.01}}}}};
+  design.validation = {{{0.5, 25, 7, true, 0.62, true, {{"x", "m", 0.1, 0.02, 0.01}}, {}, 1.7, {1, 4}}}};
   Suspect suspect;
   suspect.spec = {.name = "mass", .field = "body/*/mass", .low = 0.1, .high = 10, .logarithmic = true};
   suspect.value = 1.2;
@@ -240,6 +240,24 @@ TEST(VerdictSentence, OfADesignThatGuessesSayAsMuchAsClaimsNothing) {
   record.validation->horizons.push_back(
       {0.5, 50, 9, false, 0.9, true, {{"elbow", "rad", 2, 0.1, 0.01, 1, true, 0.5}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("at no horizon")));
+}
+
+TEST(VerdictSentence, WhereWindowsDoNotTellTheFloorItSaysHowFarTheErrorMayGoAndWhichEpisodesAreFarOff) {
+  DesignRecord record = Narrowed();
+  record.validation->horizons.push_back(
+      {0.5, 50, 9, false, 0.4, true, {{"servo", "rad", 0.1, 0.06, 0.05, 1}}, {}, 2.1, {1, 4}});
+  const char* may_be =
+      "these logs do not tell whether the sensors explain what remains: over 0.5 s it may be up to 2.1 times";
+  EXPECT_THAT(VerdictSentence(record, {}), AllOf(StartsWith("gap narrowed by 40 % over 0.5 s; "), HasSubstr(may_be),
+                                                 HasSubstr("episodes 2, 5 of the logs are far off")));
+  record.verdict = DesignVerdict::kOutsideFamily;
+  record.predicts_better = false;
+  EXPECT_THAT(VerdictSentence(record, {}), AllOf(HasSubstr("does not surely predict better"), HasSubstr(may_be)));
+  record.validation->horizons[0].odd_episodes.clear();
+  EXPECT_THAT(VerdictSentence(record, {}), EndsWith("; log more"));
+  record.validation->horizons[0].most_times_floor = 1.4;
+  record.verdict = DesignVerdict::kGapNarrowed;
+  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("do not tell")));
 }
 
 TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNominalSimulator) {

@@ -27,9 +27,8 @@ constexpr size_t kFewestImitations = 2;
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2;
-constexpr double kNoNoise = 1e-6;   // of a channel's spread: such noise is none
-constexpr double kOddExcess = 1.4;  // of an odd episode: twice the floor's error
-constexpr double kMoved = 0.25;     // of the range: what an identified parameter is known to
+constexpr double kNoNoise = 1e-6;  // of a channel's spread: such noise is none
+constexpr double kMoved = 0.25;    // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
@@ -310,24 +309,24 @@ class Evidence {
     Eigen::Index w = 0;
     for (size_t i = 0; i < parts.size(); ++i) {
       const std::vector<int> begins = parts_[parts[i]]->judge().Begins(at[i]);
-      for (const int episode : EpisodesOf(begins, parts[i])) of_episodes[episode].push_back(excess[w++]);
+      for (const int episode : LoggedEpisodesOf(begins, parts[i])) of_episodes[episode].push_back(excess[w++]);
     }
     std::vector<double> means;
     for (const auto& [unused, of] : of_episodes) means.push_back(Mean(of));
     std::ranges::sort(means);
-    if (!(means[(means.size() - 1) / 2] < kOddExcess / 2)) return {};
+    if (!(means[(means.size() - 1) / 2] < kFarOff / 2)) return {};
     std::vector<int> odd;
     for (const auto& [episode, of] : of_episodes) {
-      if (Mean(of) > kOddExcess) odd.push_back(episode);
+      if (Mean(of) > kFarOff) odd.push_back(episode);
     }
     return odd;
   }
 
   /// The logged episodes that rows of a part are in.
-  std::vector<int> EpisodesOf(const std::vector<int>& rows, size_t part) const {
+  std::vector<int> LoggedEpisodesOf(const std::vector<int>& rows, size_t part) const {
     const bool is_learned = learned_[part] != 0 && problem_.learned != nullptr;
     const std::vector<int>& in = is_learned ? problem_.learned_in : problem_.kept_aside_in;
-    if (in.empty()) return ::oted::EpisodesOf(rows, (is_learned ? *problem_.learned : problem_.kept_aside).Episodes());
+    if (in.empty()) return EpisodesOf(rows, (is_learned ? *problem_.learned : problem_.kept_aside).Episodes());
     std::vector<int> episodes;
     for (const int row : rows) episodes.push_back(in[static_cast<size_t>(row)]);
     return episodes;

@@ -211,6 +211,8 @@ class FreedTrials {
       suspect.value = ToZ(wider->parameters(), with.x()).back();
       screened_[suspect.spec.name] = with.x();
     }
+    const auto n_asked = static_cast<int64_t>(suspects.size());
+    if (n_asked > 0) problem_.context.log->Progress("suspects", "asked", n_asked, n_asked, "");
     std::erase_if(suspects,
                   [](const Suspect& s) { return !(s.explains > kFewestSureNats) || !IsNoticeable(s.spec, s.value); });
     std::ranges::stable_sort(suspects, [](const Suspect& a, const Suspect& b) { return a.explains > b.explains; });
@@ -368,10 +370,10 @@ std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
   const auto n_tried = static_cast<int64_t>(std::min(suspects.size(), static_cast<size_t>(n)));
   for (int64_t k = 0; k < n_tried; ++k) {
     Suspect& suspect = suspects[static_cast<size_t>(k)];
-    problem.context.log->Progress("suspects", "tried", k, n_tried, suspect.spec.name);
+    problem.context.log->Progress("freed", "tried", k, n_tried, suspect.spec.name);
     suspect.trial = trials.Try(suspect);
   }
-  if (n_tried > 0) problem.context.log->Progress("suspects", "tried", n_tried, n_tried, "");
+  if (n_tried > 0) problem.context.log->Progress("freed", "tried", n_tried, n_tried, "");
   return suspects;
 }
 
