@@ -212,7 +212,9 @@ class FreedTrials {
       screened_[suspect.spec.name] = with.x();
     }
     const auto n_asked = static_cast<int64_t>(suspects.size());
-    if (n_asked > 0) problem_.context.log->Progress("suspects", "asked", n_asked, n_asked, "");
+    if (n_asked > 0) {
+      problem_.context.log->Progress("suspects", "asked", n_asked, n_asked, suspects.back().spec.name);
+    }
     std::erase_if(suspects,
                   [](const Suspect& s) { return !(s.explains > kFewestSureNats) || !IsNoticeable(s.spec, s.value); });
     std::ranges::stable_sort(suspects, [](const Suspect& a, const Suspect& b) { return a.explains > b.explains; });
