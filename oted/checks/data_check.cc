@@ -166,13 +166,12 @@ void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
       : verdict == GapVerdict::kNone && is_little ? "so few transitions cannot tell: a classifier learns little from "
                                                     "them; look at the one-step errors, and make "
                                                     "a design"
-      : verdict == GapVerdict::kNone ? "no gap was seen in single rows; one that so few transitions hide, or that adds "
-                                       "up over many rows, a design "
-                                       "shows"
+      : verdict == GapVerdict::kNone ? "no gap was seen in single rows; a design shows one that so few transitions "
+                                       "hide, or that adds up over many rows"
       : verdict == GapVerdict::kUnknown
           ? "a clone of the logged policy acted, and its own errors tell, too: whether there "
             "is a gap a design shows"
-      : verdict == GapVerdict::kSmall ? "a small gap in single rows; how it adds up over many, a design shows"
+      : verdict == GapVerdict::kSmall ? "a small gap in single rows; a design shows how it adds up over many"
                                       : "a clear gap: a design is worth its time";
   check.findings.push_back(
       {.check = "gap",

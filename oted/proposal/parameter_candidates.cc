@@ -430,9 +430,8 @@ ParameterChoice ChooseParameters(
       choice.chosen.push_back(candidates[i]);
     } else {
       choice.left_out.push_back(
-          fmt::format("{} ({}): the parameters that are freed have, taken together, the same effect on the logs; it "
-                      "stays as in the "
-                      "model",
+          fmt::format("{} ({}): those that are freed have the same effect on the logs, taken together; it stays as in "
+                      "the model",
                       candidates[i].name, candidates[i].field));
     }
   }

@@ -81,7 +81,8 @@ std::string ButLeftOut(const DesignRecord& record) {
       is_one ? "" : "up to ", 100 * (worst - 1));
 }
 
-/// The parameters whose values lie at the end of their range: an interval that reaches it asks for nothing beyond.
+/// The parameters that the logs put at the end of their range: an interval that reaches it asks for nothing beyond, nor
+/// does a value there that they do not tell.
 std::string AtBounds(const DesignRecord& record) {
   std::string names;
   for (const DesignRecord::Parameter& p : record.parameters) {
@@ -91,7 +92,8 @@ std::string AtBounds(const DesignRecord& record) {
                              .high = p.high,
                              .logarithmic = p.logarithmic,
                              .nominal = p.nominal};
-    if (EndsAtBound(spec, p.mode, p.mode)) names += (names.empty() ? "'" : ", '") + p.name + "'";
+    if (p.verdict == ParameterVerdict::kAtBound && EndsAtBound(spec, p.mode, p.mode))
+      names += (names.empty() ? "'" : ", '") + p.name + "'";
   }
   return names;
 }
