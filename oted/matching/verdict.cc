@@ -215,7 +215,13 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
   return summaries;
 }
 
-bool IsNarrow(const Designer& q, int parameter) { return IsNarrower(q, parameter, kIdentifiedBelow); }
+std::vector<int> NarrowParameters(const Designer& q) {
+  std::vector<int> narrow;
+  for (int i = 0; i < q.size(); ++i) {
+    if (IsNarrower(q, i, kIdentifiedBelow)) narrow.push_back(i);
+  }
+  return narrow;
+}
 
 bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
   const double nominal = UnitOf(spec, spec.nominal);

@@ -52,8 +52,8 @@ std::vector<ParameterSummary> SummarizeParameters(const std::vector<Designer>& d
                                                   const std::vector<HeldOutPrediction::OpenEnd>& open_ends = {},
                                                   const std::vector<std::vector<SearchInterval>>& otherwise = {});
 
-/// Whether q alone would call a parameter identified: what predictions then have to bear out.
-bool IsNarrow(const Designer& q, int parameter);
+/// The parameters that q alone would call identified: what predictions then have to bear out.
+std::vector<int> NarrowParameters(const Designer& q);
 
 /// Whether a value (or an interval) of a parameter ends at a bound: within a hundredth of the range, on the scale of
 /// the search. A lower bound of zero is none where friction or damping cannot be less; nor is a bound where the nominal

@@ -67,10 +67,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
     tell(1, 1);
     return prediction;
   };
-  std::vector<int> narrow;
-  for (int i = 0; i < q.size(); ++i) {
-    if (IsNarrow(q, i)) narrow.push_back(i);
-  }
+  const std::vector<int> narrow = NarrowParameters(q);
   if (!fit || !fit->unseen) {
     // A few parameters fit no noise of many rows: little is lost, and it is said.
     ReadingModel readings = ReadingModel::Of(spec, logs);

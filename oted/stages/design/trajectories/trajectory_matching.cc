@@ -90,7 +90,9 @@ class TrajectoryMatch {
     covariance = WithinRange(problem_.prior, fit().x(), covariance);
     if (problem_.judged) {
       evidence_.unseen = FitUnseen();
-      if (TellsOne(covariance)) evidence_.conditions = ConditionsOfFit();
+      // Only a value that may be called identified is worth its conditions.
+      const Designer q(space_, fit().x(), covariance);
+      if (!NarrowParameters(q).empty()) evidence_.conditions = ConditionsOfFit();
     }
     steps_.Finish(fit().x());
     return {.mean = fit().x(), .covariance = covariance, .evidence = evidence_};
@@ -164,15 +166,6 @@ class TrajectoryMatch {
     const MatrixXd covariance = times_fewer * fit().CovarianceOfNoise();
     unseen.covariance.assign(covariance.data(), covariance.data() + covariance.size());
     return unseen;
-  }
-
-  /// Whether a parameter may be called identified: only such a value is worth its conditions.
-  bool TellsOne(const MatrixXd& covariance) {
-    const Designer q(space_, fit().x(), covariance);
-    for (int i = 0; i < space_.size(); ++i) {
-      if (IsNarrow(q, i)) return true;
-    }
-    return false;
   }
 
   std::vector<Condition> ConditionsOfFit() {
