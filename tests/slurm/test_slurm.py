@@ -41,11 +41,15 @@ def index_of(pid):
     return int(words[words.index(b"--index") + 1]) if b"--index" in words else None
 
 
-def end(pid):
+def send(pid, what):
     try:
-        os.kill(pid, signal.SIGKILL)
+        os.kill(pid, what)
     except ProcessLookupError:
         pass
+
+
+def is_halted(pid):
+    return b"State:\tT" in cluster.read(f"/proc/{pid}/status")
 
 
 class SlurmTest(unittest.TestCase):
@@ -94,8 +98,14 @@ class SlurmTest(unittest.TestCase):
     def wait_for(self, state):
         self.cluster.wait(lambda: self.units(state), PATIENCE_S, f"no unit is {state}")
 
-    def wait_for_work(self, node):
-        self.cluster.wait(lambda: self.processes_of_units(node), PATIENCE_S, f"{node} has no unit")
+    def hold_work(self, node):
+        """Waits until the node works, and halts its unit there: however quick the machine is, the node is at work after."""
+        def held():
+            pids = self.processes_of_units(node)
+            for pid in pids:
+                send(pid, signal.SIGSTOP)
+            return any(is_halted(pid) for pid in pids)
+        self.cluster.wait(held, PATIENCE_S, f"{node} has no unit")
 
     def stop_a_unit(self, node):
         """Kills a unit with good data in its midst. One that is killed before it begins would leave no trace."""
@@ -103,7 +113,7 @@ class SlurmTest(unittest.TestCase):
             begun = {unit["index"]: unit["name"] for unit in self.listed() if unit["state"] == "running"}
             for pid in self.processes_of_units(node):
                 if "medium-expert" not in begun.get(index_of(pid), "medium-expert"):
-                    end(pid)
+                    send(pid, signal.SIGKILL)
             return any("medium-expert" not in name for name in self.units("stopped"))
         self.cluster.wait(stopped, PATIENCE_S, f"no unit of {node} was caught at work")
 
@@ -123,8 +133,8 @@ class SlurmTest(unittest.TestCase):
 
         # A unit's processes, then the whole of a node.
         self.wait_for("done")
+        self.hold_work("n2")
         self.stop_a_unit("n1")
-        self.wait_for_work("n2")
         self.cluster.kill("n2")
         self.cluster.call("scancel", "--me")
         self.cluster.start("n2")
@@ -168,7 +178,7 @@ class SlurmTest(unittest.TestCase):
                   "--minutes", "20")
         self.submit()
         self.wait_for("done")
-        self.wait_for_work("n2")
+        self.hold_work("n2")
         self.cluster.kill("n2")
         start = time.monotonic()
         self.wait_for_end(3 * PATIENCE_S)
