@@ -19,6 +19,7 @@ constexpr double kLeastFreedom = 1e-3;  // below it a residual is that of the fi
 constexpr int kLeverageRounds = 3;
 constexpr int kNoiseWindows = 240, kNoiseRounds = 3, kNoiseStartIterations = 3;
 constexpr double kFirstNoiseGuess = 0.01;  // of a channel's standard deviation
+constexpr double kHardlyCorrelated = 0.05;
 
 /// 1 - h_i of every number of a window. @param precision  of every number
 VectorXd Freedom(const FittedWindow& window, const VectorXd& precision) {
@@ -27,6 +28,21 @@ VectorXd Freedom(const FittedWindow& window, const VectorXd& precision) {
   const MatrixXd normal = whitened.transpose() * whitened;
   const MatrixXd solved = normal.ldlt().solve(whitened.transpose());
   return (1 - whitened.transpose().cwiseProduct(solved).colwise().sum().transpose().array()).max(0.0);
+}
+
+/// Of one channel. @param errors  (n) of each window
+double CorrelationTime(const std::vector<VectorXd>& errors) {
+  double square = 0;
+  for (const VectorXd& error : errors) square += error.squaredNorm();
+  const Eigen::Index n = errors.empty() || square == 0 ? 0 : errors.front().size();
+  double time = 1;
+  for (Eigen::Index lag = 1; lag < n; ++lag) {
+    double product = 0;
+    for (const VectorXd& error : errors) product += error.head(n - lag).dot(error.tail(n - lag));
+    if (product < kHardlyCorrelated * square) break;
+    time += 2 * product / square;  // of n - lag pairs in n: no more than n where all err alike
+  }
+  return time;
 }
 
 /// The value at which half of the weight lies below. `values` is (value, weight), not empty.
@@ -73,6 +89,24 @@ VectorXd NoiseVariance(const ReadingModel& readings, const std::vector<FittedWin
     }
   }
   return variance;
+}
+
+double CorrelationTime(const std::vector<FittedWindow>& windows, const VectorXd& weight, Eigen::Index n_channels) {
+  const VectorXd root = weight.cwiseSqrt();
+  double sum = 0;
+  int n_held = 0;
+  for (Eigen::Index c = 0; c < n_channels; ++c) {
+    const auto of_channel = Eigen::seqN(c, weight.size() / n_channels, n_channels);
+    if (root(of_channel).isZero(0)) continue;
+    std::vector<VectorXd> errors;
+    for (const FittedWindow& window : windows) {
+      if (window.residual.size() == 0) continue;
+      errors.emplace_back(window.residual(of_channel).cwiseProduct(root(of_channel)));
+    }
+    sum += CorrelationTime(errors);
+    ++n_held;
+  }
+  return n_held == 0 ? 1 : sum / n_held;
 }
 
 VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const ReadingModel& readings,

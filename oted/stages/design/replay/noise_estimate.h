@@ -33,6 +33,13 @@ struct FittedWindow {
 Eigen::VectorXd NoiseVariance(const ReadingModel& readings, const std::vector<FittedWindow>& windows,
                               const Eigen::VectorXd& guess, const Eigen::VectorXd& smallest);
 
+/// How many neighbouring readings of a window err as one: the integrated autocorrelation time of what is left, up to
+/// the first lag that hardly correlates, its mean over the channels. 1 for independent noise; as many as a window has
+/// where what a simulator lacks drives it off.
+/// @param weight  (n): of the squares, so that every reading's is of the same size; 0 of those that are not held
+double CorrelationTime(const std::vector<FittedWindow>& windows, const Eigen::VectorXd& weight,
+                       Eigen::Index n_channels);
+
 /// (obs_dim): the standard deviation of every channel's noise, as the simulator at z has it: what it leaves of the
 /// shortest windows, spread over the logs.
 Eigen::VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const ReadingModel& readings,

@@ -81,4 +81,43 @@ TEST(NoiseVariance, AChannelThatRarelyShowsAnythingDoesNotCountAsNoiseless) {
   EXPECT_NEAR(std::sqrt(NoiseVariance(ReadingModel::Plain(2), windows, truth, kSmallest)[1]) / 0.5, 1, 0.1);
 }
 
+/// Windows of 21 readings of one channel whose errors are autoregressive, `kept` of each going on into the next.
+std::vector<FittedWindow> Autoregressive(double kept, int n) {
+  Rng rng(3);
+  std::vector<FittedWindow> windows;
+  for (int w = 0; w < n; ++w) {
+    VectorXd errors(21);
+    errors[0] = rng.Normal();
+    for (Eigen::Index t = 1; t < errors.size(); ++t) {
+      errors[t] = kept * errors[t - 1] + std::sqrt(1 - kept * kept) * rng.Normal();
+    }
+    windows.push_back({errors, MatrixXd()});
+  }
+  return windows;
+}
+
+TEST(CorrelationTime, IsThatOfAnAutoregressiveSeries) {
+  const VectorXd ones = VectorXd::Ones(21);
+  EXPECT_NEAR(CorrelationTime(Autoregressive(0, 2000), ones, 1), 1, 0.05);
+  double wanted = 1;  // up to the lag that correlates by a twentieth
+  for (int lag = 1; lag <= 5; ++lag) wanted += 2 * (1 - lag / 21.0) * std::pow(0.6, lag);
+  EXPECT_NEAR(CorrelationTime(Autoregressive(0.6, 2000), ones, 1), wanted, 0.1);
+}
+
+TEST(CorrelationTime, OfErrorsThatLastIsTheLengthOfTheWindowAndOfEachChannelTheMean) {
+  const VectorXd ones = VectorXd::Ones(21);
+  EXPECT_NEAR(CorrelationTime(Autoregressive(1, 100), ones, 1), 21, 0.2);
+  // Three channels: one that lasts, one of noise, one that is not held.
+  std::vector<FittedWindow> windows = Autoregressive(1, 2000);
+  const std::vector<FittedWindow> noise = Autoregressive(0, 2000);
+  VectorXd weight = VectorXd::Ones(63);
+  for (size_t w = 0; w < windows.size(); ++w) {
+    VectorXd three(63);
+    for (Eigen::Index t = 0; t < 21; ++t) three.segment(3 * t, 3) << windows[w].residual[t], noise[w].residual[t], 1e6;
+    windows[w].residual = three;
+  }
+  for (Eigen::Index t = 0; t < 21; ++t) weight[3 * t + 2] = 0;
+  EXPECT_NEAR(CorrelationTime(windows, weight, 3), (21 + 1) / 2.0, 0.2);
+}
+
 }  // namespace oted::noise_estimate_test

@@ -80,7 +80,7 @@ class FreedTrials {
     const VectorXd x = Without();
     std::vector<double> before = ToZ(problem_.factory.parameters(), x);
     before.push_back(space[space.size() - 1].nominal);
-    const Prior prior = WithUniform(problem_.prior);
+    const Prior prior = PriorIn(space);
     const ReadingModel readings = ReadingsOf(*wider);
     std::optional<Fitted> best;
     std::vector<VectorXd> starts = {StartOf(*wider, x, suspect.value), StartOf(*wider, x, before.back())};
@@ -204,7 +204,7 @@ class FreedTrials {
                                      static_cast<int64_t>(suspects.size()), suspect.spec.name);
       const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
       WindowReplayer replayer = Replayer(*wider, readings);
-      const Prior prior = WithUniform(problem_.prior);
+      const Prior prior = PriorIn(wider->parameters());
       LevelFit with(replayer, wider->parameters(), prior, scale, fit.level(), StartOf(*wider, fit.x(), suspect.value));
       descend(with, true);
       suspect.explains = cost - with.FinalCost();
@@ -250,6 +250,12 @@ class FreedTrials {
     VectorXd start(x.size() + 1);
     start << x, std::clamp(ZToLogit(space, z).back(), -kLargestStartX, kLargestStartX);
     return start;
+  }
+
+  /// Of x and of the further parameter, which has the prior of those that are searched.
+  Prior PriorIn(const ParameterSpace& space) const {
+    const Prior of_nominal = ForTrajectories(Prior::Uniform(space.size()), space);
+    return WithOneMore(problem_.prior, of_nominal.mean[space.size() - 1]);
   }
 
   WindowReplayer Replayer(const SimulatorFactory& factory, const ReadingModel& readings) const {

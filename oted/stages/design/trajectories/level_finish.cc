@@ -73,7 +73,12 @@ MatrixXd LevelFit::Finish() {
 
 MatrixXd LevelFit::CovarianceOfParts() {
   Linearize(Secants());
-  const StretchEstimate estimate = EstimateFromParts(Evidence(linear_, x_.size()), x_, prior_);
+  std::vector<StretchEvidence> evidence = Evidence(linear_, x_.size());
+  for (StretchEvidence& stretch : evidence) {
+    stretch.information /= readings_per_error_;
+    stretch.score /= readings_per_error_;
+  }
+  const StretchEstimate estimate = EstimateFromParts(evidence, x_, prior_);
   return estimate.covariance + estimate.step * estimate.step.transpose();  // about x, not about the estimate
 }
 

@@ -73,8 +73,8 @@ bool LevelFit::Step() {
     // Where no step of x helps, the starts move alone.
     const bool starts_alone = attempt == kAttempts - 1;
     std::vector<NormalEquations::Factor> factors(equations.size());
-    MatrixXd hessian = prior_.precision;
-    VectorXd gradient = -prior_.precision * (x_ - prior_.mean);
+    MatrixXd hessian = readings_per_error_ * prior_.precision;
+    VectorXd gradient = -hessian * (x_ - prior_.mean);
     for (size_t w = 0; w < equations.size(); ++w) {
       const NormalEquations& e = equations[w];
       if (!e.valid) continue;
@@ -243,7 +243,8 @@ void LevelFit::CountExplainedAlone() { explained_alone_ = ShareExplained() > kFe
 double LevelFit::FinalCost() {
   EstimateNoise();
   const double of_window = Likelihood().LogScale();
-  double cost = Cost(residuals_, x_);
+  // One prior for all: how readings err differs from fit to fit.
+  double cost = prior_.HalfSquare(x_) + CostOfWindows(residuals_);
   for (const VectorXd& r : residuals_) cost += r.size() > 0 ? of_window : 0;
   return cost;
 }
@@ -264,8 +265,8 @@ double LevelFit::ShareWithin(const VectorXd& tolerance) const {
   return within / static_cast<double>(residuals_.size());
 }
 
-double LevelFit::Cost(const std::vector<VectorXd>& residuals, const VectorXd& x) const {
-  double cost = prior_.HalfSquare(x);
+double LevelFit::CostOfWindows(const std::vector<VectorXd>& residuals) const {
+  double cost = 0;
   const WindowLikelihood likelihood = Likelihood();
   for (const VectorXd& residual : residuals) {
     const double of_window = likelihood.Cost(residual);
@@ -342,6 +343,7 @@ void LevelFit::EstimateNoise() {
       sum += Eigen::Map<const MatrixXd>(square.data(), variance_.size(), n_steps() + 1).rowwise().sum();
       ++n;
     }
+    readings_per_error_ = CorrelationTime(fitted, weight.cwiseProduct(held), variance_.size());
     // A start takes one reading's freedom of each channel.
     variance_ = sum.cwiseQuotient((n * (n_held.array() - 1)).cwiseMax(1.0).matrix()).cwiseMax(smallest);
   } else {

@@ -36,7 +36,8 @@ class LevelFit {
            Level level, Eigen::VectorXd x);
 
   /// From now on errors add up over a window: `variance` is that of the sensors, and noise_variance that of the
-  /// simulator's errors at a window's end (WindowLikelihood::Growing).
+  /// simulator's errors at a window's end (WindowLikelihood::Growing). Readings that err as one count as one: the prior
+  /// weighs as much more, and what the logs hardly tell stays near its mean.
   void LetErrorsGrow(Eigen::VectorXd variance) { sensor_variance_ = std::move(variance); }
 
   /// While starts are held, windows start where their readings say: for logs that are exact but for rounding. Step once
@@ -128,7 +129,11 @@ class LevelFit {
                                      const WindowLikelihood& likelihood) const;
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
-  double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const;
+  /// Of all windows; without the prior.
+  double CostOfWindows(const std::vector<Eigen::VectorXd>& residuals) const;
+  double Cost(const std::vector<Eigen::VectorXd>& residuals, const Eigen::VectorXd& x) const {
+    return readings_per_error_ * prior_.HalfSquare(x) + CostOfWindows(residuals);
+  }
   /// Forward differences of these steps: (parameters), and of each window (state_dim), none where starts are held.
   struct Differences {
     Eigen::VectorXd x;
@@ -172,6 +177,7 @@ class LevelFit {
   Eigen::VectorXd variance_;         // of each channel's noise, or of what grows
   Eigen::VectorXd sensor_variance_;  // empty unless errors grow
   std::vector<double> weights_;      // of each window
+  double readings_per_error_ = 1;    // CorrelationTime, where errors grow
 };
 
 }  // namespace oted

@@ -114,4 +114,43 @@ TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {
   }
 }
 
+/// By how much a prior at nought moves the gain's x from where windows put it whose errors grow to a twentieth at their
+/// end, those of one window all alike or each by itself.
+double PullOfPrior(bool alike) {
+  Dataset logs = PointMassLogs(kTruth, 40);
+  Rng rng(1);
+  for (const Episode& episode : logs.Episodes()) {
+    for (int begin = episode.begin; begin + kSteps <= episode.end; begin += kSteps) {
+      for (size_t channel = 0; channel < 2; ++channel) {
+        double size = rng.Normal();
+        for (int t = 1; t <= kSteps; ++t) {
+          const int row = begin + t - 1;
+          if (!alike) size = rng.Normal();
+          const double error = 0.05 * size * t / kSteps;
+          logs.next_observations.row(row)[channel] += error;
+          if (t < kSteps) logs.observations.row(row + 1)[channel] += error;
+        }
+      }
+    }
+  }
+  WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), logs);
+  const ParameterSpace space = PointMass::MakeParameters();
+  const Eigen::VectorXd scale = ChannelScales(logs), sensor = Eigen::Vector2d(1e-4, 1e-4);
+  const auto settled = [&](const Prior& prior) {
+    LevelFit fit(replayer, space, prior, scale, WindowsOf(logs, replayer), TrueX(space));
+    fit.LetErrorsGrow(sensor.cwiseAbs2());
+    for (int i = 0; i < 12; ++i) fit.Step();
+    return fit.x();
+  };
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(3);
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(3, 3);
+  return (settled(Prior::Gaussian(zero, identity)) - settled(Prior::Gaussian(zero, 1e6 * identity)))[0];
+}
+
+TEST(LevelFit, WhereErrorsGrowReadingsThatErrAsOneCountAsOneBesideThePrior) {
+  const double by_itself = PullOfPrior(false), alike = PullOfPrior(true);
+  EXPECT_LT(by_itself, 0);
+  EXPECT_NEAR(alike / by_itself, kSteps, 3);
+}
+
 }  // namespace oted::level_fit_test

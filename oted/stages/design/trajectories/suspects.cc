@@ -68,7 +68,7 @@ VectorXd NearbySteps(const std::vector<ParameterSpec>& specs, const LevelFit& fi
 class WithEachAlone {
  public:
   WithEachAlone(Stretches evidence, const VectorXd& x, const Prior& prior)
-      : evidence_(std::move(evidence)), n_x_(x.size()), x_(n_x_ + 1), prior_(WithUniform(prior)) {
+      : evidence_(std::move(evidence)), n_x_(x.size()), x_(n_x_ + 1), prior_(WithOneMore(prior, 0)) {
     x_ << x, 0;
     MatrixXd of_x = prior_.precision.topLeftCorner(n_x_, n_x_);
     for (const StretchEvidence& s : evidence_) of_x += s.information.topLeftCorner(n_x_, n_x_);
@@ -117,14 +117,13 @@ double MovedBy(const ParameterSpec& spec, double from, double to) {
 
 }  // namespace
 
-Prior WithUniform(const Prior& prior) {
+Prior WithOneMore(const Prior& prior, double mean) {
   const int n = prior.size();
-  if (prior.uniform) return Prior::Uniform(n + 1);
-  VectorXd mean = VectorXd::Zero(n + 1);
+  VectorXd means(n + 1);
+  means << prior.mean, mean;
   MatrixXd covariance = Prior::Uniform(n + 1).Covariance();
-  mean.head(n) = prior.mean;
   covariance.topLeftCorner(n, n) = prior.Covariance();
-  return Prior::Gaussian(mean, covariance);
+  return Prior::Gaussian(means, covariance);
 }
 
 bool IsNoticeable(const ParameterSpec& spec, double z) {

@@ -10,8 +10,8 @@
 
 namespace oted {
 
-/// `prior`, and behind it a uniform one of a further parameter.
-Prior WithUniform(const Prior& prior);
+/// `prior`, and behind it one of a further parameter, as wide as the uniform one. @param mean  in its search coordinate
+Prior WithOneMore(const Prior& prior, double mean);
 
 /// Whether z is far enough from nominal to matter: a multiple by a tenth, a value by a fiftieth of its range.
 bool IsNoticeable(const ParameterSpec& spec, double z);
