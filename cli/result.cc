@@ -168,6 +168,14 @@ void PrintSuspects(const DesignRecord& design) {
     Print("suspects: none of those that are asked explains what remains\n");
   if (HasOne(design, ParameterVerdict::kAtBound) && !has_line) {
     Print("a value is at its bound, whatever is freed: widen its range, if it may be beyond\n");
+    return;
+  }
+  for (const DesignRecord::Parameter& p : design.parameters) {
+    if (!has_line || !EndsAtBound(p)) continue;
+    Print(
+        "or '{}' is beyond its range [{:g}, {:g}], at whose end its value is: widen that in place of freeing a "
+        "suspect\n",
+        p.name, p.low, p.high);
   }
 }
 

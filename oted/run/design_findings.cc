@@ -84,7 +84,9 @@ void AddConditions(const FitEvidence& fit, DesignRecord& record) {
   }
 }
 
-void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effect, DesignRecord& record) {
+/// @param asked_beyond  ParametersAtBounds of the best design
+void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effect, const std::vector<int>& asked_beyond,
+                 DesignRecord& record) {
   for (int i = 0; i < space.size(); ++i) {
     const ParameterSpec& spec = space[i];
     if (!has_effect[static_cast<size_t>(i)]) {
@@ -97,9 +99,10 @@ void AddWarnings(const ParameterSpace& space, const std::vector<bool>& has_effec
                       spec.name, spec.low, spec.high));
     } else if (EndsAtBound(spec, p.mode, p.mode)) {
       record.warnings.push_back(fmt::format(
-          "parameter '{}' has its value at the end of its range [{:g}, {:g}], though the logs hardly tell it; "
-          "widen the range, or fix the parameter where you trust it",
-          spec.name, spec.low, spec.high));
+          "parameter '{}' has its value at the end of its range [{:g}, {:g}], {}", spec.name, spec.low, spec.high,
+          std::ranges::count(asked_beyond, i) > 0
+              ? "though with a suspect freed it may be elsewhere; widen the range, or free that suspect"
+              : "though the logs hardly tell it; widen the range, or fix the parameter where you trust it"));
     }
   }
 }
@@ -253,7 +256,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   for (const GrowthRecord& round : run.growth) {
     for (const Suspect* rival : round.Rivals()) record.warnings.push_back(RivalSentence(*round.Freed(), *rival));
   }
-  AddWarnings(space, findings.has_effect, record);
+  AddWarnings(space, findings.has_effect, ParametersAtBounds(best.q), record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
   for (int i = 0; i < space.size(); ++i) {
     const Eigen::VectorXd row = correlation.row(i);

@@ -86,13 +86,7 @@ std::string ButLeftOut(const DesignRecord& record) {
 std::string AtBounds(const DesignRecord& record) {
   std::string names;
   for (const DesignRecord::Parameter& p : record.parameters) {
-    const ParameterSpec spec{.name = p.name,
-                             .field = p.field,
-                             .low = p.low,
-                             .high = p.high,
-                             .logarithmic = p.logarithmic,
-                             .nominal = p.nominal};
-    if (p.verdict == ParameterVerdict::kAtBound && EndsAtBound(spec, p.mode, p.mode))
+    if (p.verdict == ParameterVerdict::kAtBound && EndsAtBound(p))
       names += (names.empty() ? "'" : ", '") + p.name + "'";
   }
   return names;
@@ -154,6 +148,16 @@ const DesignRecord::Validation::Horizon& ShownHorizon(const DesignRecord::Valida
     if (is_brief && rank(horizon) >= rank(*shown)) shown = &horizon;
   }
   return *shown;
+}
+
+bool EndsAtBound(const DesignRecord::Parameter& p) {
+  const ParameterSpec spec{.name = p.name,
+                           .field = p.field,
+                           .low = p.low,
+                           .high = p.high,
+                           .logarithmic = p.logarithmic,
+                           .nominal = p.nominal};
+  return EndsAtBound(spec, p.mode, p.mode);
 }
 
 std::string InWords(const DesignRecord::Validation::Horizon& horizon) {

@@ -28,6 +28,9 @@ inline constexpr const char* kNothingShown =
     "these logs show nothing to judge a simulator by: none predicts them better than the mean of each channel does; "
     "record motion that is larger than the sensors' noise";
 
+/// Whether its value is at an end of its range, whatever its interval holds.
+bool EndsAtBound(const DesignRecord::Parameter& p);
+
 /// "0.5 s", or "10 control steps" where time has no unit.
 std::string InWords(const DesignRecord::Validation::Horizon& horizon);
 

@@ -63,6 +63,13 @@ class SuspectsTest(unittest.TestCase):
             jsonschema.validate(json.loads((self.folder / name / file).read_text()),
                                 json.loads((ROOT / f"docs/schemas/{schema}.schema.json").read_text()))
 
+    def test_a_range_that_ends_before_the_truth_is_told_beside_the_suspects(self):
+        result, design = self.design("narrow", "gain=actuator/*/gainprm[0]:0.2:1.1")
+        self.assertTrue(any(suspect["freed"]["kept"] for suspect in design["fit"]["suspects"]), design["fit"]["suspects"])
+        self.assertIn("\nor 'gain' is beyond its range [0.2, 1.1], at whose end its value is: widen that", result.stdout)
+        self.assertTrue(any("'gain'" in warning and "widen the range" in warning for warning in design["warnings"]),
+                        design["warnings"])
+
     def test_freed_it_is_found_and_nothing_else_is_suspected(self):
         result, design = self.design("both", GAIN, DAMPING)
         self.assertEqual(result.returncode, 0, result.stderr)

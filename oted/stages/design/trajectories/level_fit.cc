@@ -84,7 +84,7 @@ bool LevelFit::Step() {
       hessian += e.Information(factors[w]);
       gradient += e.Score(factors[w]);
     }
-    const VectorXd uncertainty = hessian.inverse().diagonal().cwiseSqrt();
+    const VectorXd uncertainty = (readings_per_error_ * hessian.inverse().diagonal()).cwiseSqrt();
     hessian.diagonal() *= 1 + damping_;
     VectorXd change = VectorXd::Zero(x_.size());
     if (!starts_alone) {
