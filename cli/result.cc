@@ -156,13 +156,19 @@ void PrintSuspects(const DesignRecord& design) {
   }
   if (!design.fit) return;
   bool has_line = false;
+  std::string of_no_use;
   for (const DesignRecord::Suspected& suspected : design.fit->suspects) {
     const std::optional<FreedTrial>& trial = suspected.suspect.trial;
     const bool is_kept = trial && trial->kept;
     has_line = has_line || is_kept;
+    if (trial && !is_kept && !(IsSure(trial->gain) && trial->gain.value > 0)) {
+      of_no_use += (of_no_use.empty() ? "" : ", ") + suspected.suspect.spec.field;
+      continue;
+    }
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
           is_kept ? "; add this line: " + suspected.line : "");
   }
+  if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;
   if (design.fit->suspects.empty() && NotTold(*design.validation).empty())
     Print("suspects: none of those that are asked explains what remains\n");
@@ -244,8 +250,8 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
       Print("\ndesigned model: {}", designed.string());
       if (!left_out.empty()) {
         Print(
-            "\n  without {}: MJCF cannot hold this, and the errors that are printed are with it; {}\n"
-            "  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports)",
+            "\n  without {}, which this file cannot hold: the errors that are printed are with it; {}\n"
+            "  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports, has the reasons)",
             left_out,
             design && AreOfSensors(*design, left_out) ? "the file moves as the robot does, read by other sensors"
                                                       : "alone the file predicts worse");

@@ -244,11 +244,13 @@ json ConstantToJson(const ParameterSpec& constant) {
 }
 
 json ParameterToJson(const ParameterSpec& spec) {
+  const bool is_absolute = spec.scale == ParameterScale::kAbsolute;
   json table = {{"field", spec.field},
                 {"range", {spec.low, spec.high}},
-                {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
-                {"log", spec.logarithmic},
-                {"unit", spec.unit}};
+                {"scale", is_absolute ? "absolute" : "nominal"},
+                {"log", spec.logarithmic}};
+  // A value whose unit nobody gave has the unit of its field, which the simulator knows.
+  if (!is_absolute || spec.unit != ParameterSpec().unit) table["unit"] = spec.unit;
   if (spec.prior) table["prior"] = {{"mean", spec.prior->mean}, {"std", spec.prior->std}};
   return table;
 }

@@ -14,6 +14,7 @@ namespace {
 constexpr double kLogStdMinX = -6.2;
 // Wider than this, draws crowd at both bounds.
 constexpr double kLogStdMaxX = 0.75;
+constexpr double kWideX = 2.0, kEndOfWide = 1.645;  // wider than a prior; standard deviations to the end of its 90 %
 
 /// Quantile of the standard normal by bisection on erfc; only for reports.
 double NormalQuantile(double p) {
@@ -103,11 +104,13 @@ std::vector<double> GaussianSearch::PriorStd() const {
 std::vector<double> GaussianSearch::StdOf(const std::vector<double>& mean, const std::vector<double>& std_of_x) const {
   std::vector<double> std(mean.size());
   for (size_t i = 0; i < mean.size(); ++i) {
-    // dz/dx by central difference through the transform and the parameter's own scale.
+    // dz/dx by central difference through the transform and the parameter's own scale. What the logs do not tell at an
+    // end of its range is so wide that the derivative there says nothing: then over the 90 % interval.
+    const double step = std_of_x[i] > kWideX ? kEndOfWide * std_of_x[i] : 1e-4;
     std::vector<double> up = mean, down = mean;
-    up[i] += 1e-4;
-    down[i] -= 1e-4;
-    const double slope = (LogitToZ(space_, up)[i] - LogitToZ(space_, down)[i]) / 2e-4;
+    up[i] += step;
+    down[i] -= step;
+    const double slope = (LogitToZ(space_, up)[i] - LogitToZ(space_, down)[i]) / (2 * step);
     const ParameterSpec& spec = space_[static_cast<int>(i)];
     std[i] = std::min(slope * std_of_x[i], (spec.high - spec.low) / std::sqrt(12.0));
   }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 #include <vector>
 
 #include "oted/base/words.h"
@@ -202,14 +203,16 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
   std::string unsure;
   const DesignRecord::Validation::Horizon* worst_at = nullptr;
   const DesignRecord::Validation::Channel* worst = nullptr;
+  std::set<std::string> worse;
   for (const auto& horizon : validation.horizons) {
     if (horizon.n_steps > shown.n_steps && shown.surely_better && !horizon.surely_better) {
       unsure += (unsure.empty() ? "" : " and ") + InWords(horizon);
     }
     for (const auto& channel : horizon.channels) {
       const auto ratio = [](const auto& c) { return c.designed / c.nominal; };
-      if (!channel.judged || !(ratio(channel) > kWorse) || (worst != nullptr && ratio(channel) <= ratio(*worst)))
-        continue;
+      if (!channel.judged || !(ratio(channel) > kWorse)) continue;
+      worse.insert(channel.name);
+      if (worst != nullptr && ratio(channel) <= ratio(*worst)) continue;
       worst = &channel;
       worst_at = &horizon;
     }
@@ -217,8 +220,11 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
   std::string text;
   if (!unsure.empty()) text = fmt::format("; over {} it is not surely better", unsure);
   if (worst == nullptr) return text;
-  return text + fmt::format("; it predicts {} worse than the nominal simulator over {}: {} against {:.2g}", worst->name,
-                            InWords(*worst_at), WithUnit(worst->designed, worst->unit), worst->nominal);
+  const size_t n_others = worse.size() - 1;
+  return text +
+         fmt::format("; it predicts {} worse than the nominal simulator over {}: {} against {:.2g}{}", worst->name,
+                     InWords(*worst_at), WithUnit(worst->designed, worst->unit), worst->nominal,
+                     n_others == 0 ? "" : fmt::format(", and {} other channel{}", n_others, n_others == 1 ? "" : "s"));
 }
 
 std::string ButOdd(const DesignRecord::Validation& validation) {

@@ -19,7 +19,6 @@ using Eigen::VectorXd;
 constexpr double kParameterStep = 1e-4;  // of forward differences, in x
 constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
 constexpr double kLongestStep = 1.0;     // of each coordinate of x
-constexpr double kFarthestX = 14.0;      // a millionth of the range
 constexpr int kAttempts = 5;
 constexpr int kFewestIterations = 3;                    // the starts need them where x does not
 constexpr double kSettled = 0.25;                       // of the uncertainty of x

@@ -14,6 +14,8 @@
 
 namespace oted {
 
+inline constexpr double kFarthestX = 14.0;  ///< a millionth of the range
+
 /// How low each x may go: |x| is at most kMaxX, but what may be nothing, such as friction, may come as near to 0 as a
 /// millionth of its range. Held where a sensor can tell it from nothing it would move the others.
 Eigen::VectorXd LowestX(const ParameterSpace& space);

@@ -107,6 +107,20 @@ class WithEachAlone {
   Eigen::LDLT<MatrixXd> of_x_;  // the information on x alone
 };
 
+/// z where x has moved by `change`, to first order in z, or in its logarithm: a damping and a servo's kv add up, and
+/// over so far the logit of a range bends.
+std::vector<double> Followed(const ParameterSpace& space, const VectorXd& x, const VectorXd& change) {
+  const std::vector<double> z = ToZ(space, x), nearby = ToZ(space, x + kShortestStep * change);
+  std::vector<double> followed;
+  for (size_t i = 0; i < z.size(); ++i) {
+    const ParameterSpec& spec = space[static_cast<int>(i)];
+    const double moved = spec.logarithmic ? z[i] * std::exp(std::log(nearby[i] / z[i]) / kShortestStep)
+                                          : z[i] + (nearby[i] - z[i]) / kShortestStep;
+    followed.push_back(std::clamp(moved, spec.low, spec.high));
+  }
+  return followed;
+}
+
 /// How far a parameter moved: logarithm of a multiple, or share of its range, in halves of what is noticeable.
 double MovedBy(const ParameterSpec& spec, double from, double to) {
   if (spec.scale == ParameterScale::kNominal || spec.logarithmic) {
@@ -169,8 +183,7 @@ std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, c
     // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.
     const double bend = std::max(2 * steps[static_cast<Eigen::Index>(k)], kSmallestSine);
     if (following.square_of_sine > bend * bend && reach < off) continue;  // the logs say that it is as in the model
-    const VectorXd x = fit.x() + off * following.x_per_unit;
-    const std::vector<double> moved = ToZ(space, x);
+    const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
     for (size_t i = 0; i < z.size(); ++i) {
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
       if (by > 1) of_each[i].emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});

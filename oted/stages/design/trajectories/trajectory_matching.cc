@@ -30,6 +30,7 @@ constexpr int kFewestPartWindows = 16;  // where fewer are left it is made anew
 constexpr int kValidationRows = 960;
 constexpr double kFarEnd = 0.95;    // of the range: an interval that goes so far is all of it
 constexpr double kElsewhere = 0.5;  // in x: an eighth of the range
+constexpr double kUntold = 0.9;     // of the prior's standard deviation, all else known
 constexpr int kRowsPerJudged = 3;   // of the last fit: what judges a fit needs it less exactly than who uses it
 constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
@@ -56,6 +57,19 @@ MatrixXd WithinRange(const Prior& prior, const VectorXd& x, const MatrixXd& cova
   VectorXd shrink(x.size());
   for (Eigen::Index i = 0; i < x.size(); ++i) shrink[i] = WithinRange(x[i], std[i], most[i]) / std[i];
   return shrink.asDiagonal() * covariance * shrink.asDiagonal();
+}
+
+/// How wide x is whose 90 % interval goes from where it is to the far end of the range.
+double WidthToFarEnd(double x) { return (std::log(kFarEnd / (1 - kFarEnd)) + std::abs(x)) / kEndOfInterval; }
+
+/// The parameters that the logs do not tell, whatever the others are.
+std::vector<int> Untold(const Prior& prior, const MatrixXd& covariance) {
+  const VectorXd alone = covariance.inverse().diagonal().cwiseInverse().cwiseSqrt(), of_prior = prior.Std();
+  std::vector<int> untold;
+  for (int i = 0; i < prior.size(); ++i) {
+    if (alone[i] > kUntold * of_prior[i]) untold.push_back(i);
+  }
+  return untold;
 }
 
 /// One run of the method, step by step.
@@ -88,14 +102,16 @@ class TrajectoryMatch {
     const bool explained = explains_all && !IsLong();
     MatrixXd covariance = explained ? fit().Finish() : fit().CovarianceOfParts() + SpreadOfAsGood();
     covariance = WithinRange(problem_.prior, fit().x(), covariance);
+    VectorXd x = fit().x();
+    LeaveUntold(x, covariance);
     if (problem_.judged) {
       evidence_.unseen = FitUnseen();
       // Only a value that may be called identified is worth its conditions.
-      const Designer q(space_, fit().x(), covariance);
+      const Designer q(space_, x, covariance);
       if (!NarrowParameters(q).empty()) evidence_.conditions = ConditionsOfFit();
     }
-    steps_.Finish(fit().x());
-    return {.mean = fit().x(), .covariance = covariance, .evidence = evidence_};
+    steps_.Finish(x);
+    return {.mean = x, .covariance = covariance, .evidence = evidence_};
   }
 
  private:
@@ -143,6 +159,24 @@ class TrajectoryMatch {
     long_->FinalCost();
     evidence_.errors_grow = true;
     evidence_.left_out = choice_.left_out;
+  }
+
+  /// What the logs do not tell stays at its nominal value, which the prior's mean is not where that is near an end of
+  /// the range; it may be anything from there to the other end. A prior of the user's stays as it is.
+  void LeaveUntold(VectorXd& x, MatrixXd& covariance) {
+    const Prior of_nominal = ForTrajectories(Prior::Uniform(space_.size()), space_);
+    const std::vector<double> nominal = ZToLogit(space_, space_.Nominal());
+    for (const int i : Untold(problem_.prior, covariance)) {
+      if (problem_.prior.mean[i] != of_nominal.mean[i]) continue;
+      x[i] = nominal[static_cast<size_t>(i)];
+      if (std::abs(x[i]) >= kMaxX) x[i] = std::copysign(kFarthestX, x[i]);  // a value on its bound has no finite logit
+      if (of_part_) (*of_part_)[i] = x[i];
+      if (std::abs(x[i]) <= std::abs(of_nominal.mean[i])) continue;
+      const double width = WidthToFarEnd(x[i]);
+      covariance.row(i).setZero();
+      covariance.col(i).setZero();
+      covariance(i, i) = width * width;
+    }
   }
 
   /// Mean square of how far the fits by other lengths of windows lie that predict as well: no length is the right one.

@@ -72,6 +72,20 @@ TEST(MatchTrajectories, WhatIsNothingIsFoundAndMovesNoOther) {
   EXPECT_NEAR(z[kDamping], 0.6, 1e-3);
 }
 
+TEST(MatchTrajectories, WhatTheLogsDoNotTellStaysNominalThoughThatIsAnEndOfItsRange) {
+  // Nothing depends on idle, whose nominal value, 1, ends its range; a prior's mean cannot lie there.
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), 0.01, RngKey(3));
+  const ParameterSpace space = PointMass::MakeParameters();
+  const ReplayFit fit = MatchUnder(ForTrajectories(Prior::Uniform(3), space), logs);
+  EXPECT_NEAR(Z(fit)[kIdle], 1, 1e-5);
+  EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.02);
+  const SearchInterval interval = Designer(space, fit.mean, fit.covariance).CentralInterval(0.9)[kIdle];
+  EXPECT_NEAR(interval.low, 0.05, 0.01) << "it may be anything";
+  // What the user believed is no nominal value.
+  const ReplayFit believed = MatchUnder(Prior::Gaussian(Eigen::Vector3d(0, 0, -1), Eigen::Matrix3d::Identity()), logs);
+  EXPECT_NEAR(believed.mean[kIdle], -1, 1e-3);
+}
+
 TEST(MatchTrajectories, WhatLiesBeyondABoundIsThatBoundAndNotBoth) {
   // Actions logged at a half ask for twice the gain: 3.6, where the range ends at 2.
   Dataset logs = WithSensorNoise(PointMassLogs({1.8, 0.6, 0.5}, 20), 0.01, RngKey(3));
