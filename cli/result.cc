@@ -168,6 +168,9 @@ void PrintSuspects(const DesignRecord& design) {
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
           is_kept ? "; add this line: " + suspected.line : "");
   }
+  const bool may_grow =
+      std::ranges::none_of(design.parameters, [](const DesignRecord::Parameter& p) { return EndsAtBound(p); });
+  if (has_line && may_grow) Print("  (--grow adds the best of these by itself, and begins again)\n");
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;
   if (design.fit->suspects.empty() && NotTold(*design.validation).empty())

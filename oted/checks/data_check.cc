@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <numbers>
 #include <set>
 
@@ -277,6 +278,10 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
     for (const int j : body.position) positions.erase(j);
   }
   facts.positions.assign(positions.begin(), positions.end());
+  std::ranges::copy_if(facts.positions, std::back_inserter(facts.radians), [&](int j) {
+    const size_t at = static_cast<size_t>(j);
+    return at < spec.observation_units.size() && spec.observation_units[at] == "rad";
+  });
   facts.control_period_s = spec.control_period_s;
   facts.action_low = spec.action_low;
   facts.action_high = spec.action_high;

@@ -211,6 +211,10 @@ void RunConfig::Set(const std::string& assignment) {
     names.push_back(section.section());
     if (section.section() == name) return section.Find(key, where).FromText(value, where);
   }
+  if (name == "parameters") {
+    throw UsageError(
+        fmt::format("{}: parameters are not set so; give --param NAME=PATH:LOW:HIGH, or change the file", where));
+  }
   throw UsageError(fmt::format("{}: [{}] is not a section{}; the sections are {}", where, name, DidYouMean(name, names),
                                fmt::join(names, ", ")));
 }

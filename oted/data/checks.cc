@@ -86,6 +86,7 @@ std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts
   CheckMissingRows(dataset, facts, findings);
   CheckStates(dataset, facts, findings);
   CheckWraps(dataset, facts, findings);
+  CheckTurns(dataset, facts, findings);
   CheckRates(dataset, facts, CheckTurning(dataset, facts, findings), findings);
   // No linear map explains numbers whose signs change.
   if (std::ranges::none_of(findings, [](const Finding& f) { return f.check == "quaternion_sign"; })) {

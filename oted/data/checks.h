@@ -19,6 +19,7 @@ struct TaskFacts {
   std::vector<int> rate_of = {};         ///< as SimulatorSpec's
   std::vector<TurningBody> bodies = {};  ///< the same
   std::vector<int> positions = {};       ///< observations that have a rate, observed or not
+  std::vector<int> radians = {};         ///< those of them that are angles
   double control_period_s = 0;
   bool flat_observations = true;   ///< a vector of quantities; false: an image, whose pixels are not checked one by one
   bool continuous_actions = true;  ///< false: numbers of discrete actions

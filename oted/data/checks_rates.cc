@@ -13,6 +13,7 @@
 namespace oted {
 namespace {
 
+constexpr double kMostPerRow = 1.0;                    // [rad]
 constexpr double kClear = 0.8;                         // correlation from which on one number is the rate of another
 constexpr double kVague = 0.6;                         // below it is not
 constexpr double kUnitSlack = 0.2;                     // of a factor
@@ -343,6 +344,32 @@ void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Find
                         .channels = {name},
                         .meaning = "the angle is kept within one turn; replays compare it with one that is not",
                         .remedy = fmt::format("name it in data.unwrap, in Python unwrap=[\"{}\"]", name)});
+  }
+}
+
+void CheckTurns(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
+  for (const int position : facts.radians) {
+    if (position >= dataset.obs_dim()) continue;
+    std::vector<double> steps;
+    for (const std::vector<double>& series : SeriesOf(dataset, position)) {
+      for (size_t i = 1; i < series.size(); ++i) steps.push_back(std::abs(series[i] - series[i - 1]));
+    }
+    const double typical = steps.empty() ? 0 : MedianOf(steps);
+    if (!(typical > kMostPerRow)) continue;
+    const std::string name = facts.ObservationName(position);
+    findings.push_back(
+        {.check = "large_turns",
+         .severity = Severity::kWarning,
+         .what = fmt::format("{} moves by {:.2g} rad in a typical row", name, typical),
+         .count = static_cast<int64_t>(steps.size()),
+         .channels = {name},
+         .meaning =
+             "the column is in degrees, or this joint turns too fast for so few rows: a fit takes it for another "
+             "motion, and other joints for the cause",
+         .remedy =
+             fmt::format("where it is in degrees, as its velocity is then: data.scale = {{ \"{}\" = 0.0174533 }}; "
+                         "else log faster",
+                         name)});
   }
 }
 

@@ -33,6 +33,9 @@ bool Wraps(double change);
 /// Positions that are kept within one turn.
 void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
 
+/// Angles that go so far in a typical row that they are hardly radians.
+void CheckTurns(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
+
 /// Signs, units, lags, swapped columns, the control rate.
 /// @param elsewhere  velocities that another check has explained (checks_turning.h)
 void CheckRates(const Dataset& dataset, const TaskFacts& facts, const std::vector<int>& elsewhere,

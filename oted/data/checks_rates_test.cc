@@ -176,6 +176,19 @@ TEST(Rates, DegreesThatMoveByATurnOfRadiansInEachRowAreNoWrappedAngle) {
   EXPECT_TRUE(Check(LogOf([](double t) { return std::vector<double>{600 * t + std::sin(3 * t)}; }), positions).empty());
 }
 
+TEST(Rates, AnAngleThatGoesARadianInATypicalRowIsHardlyOneInRadians) {
+  TaskFacts facts = {.observation_names = {"hip/qpos", "rail/qpos"}, .positions = {0, 1}, .control_period_s = kPeriod};
+  const auto logs = [](double unit) {
+    return LogOf([=](double t) { return std::vector<double>{unit * std::sin(6 * t), 40 * std::sin(6 * t)}; });
+  };
+  EXPECT_TRUE(Check(logs(180 / M_PI), facts).empty()) << "what is no angle may go any way";
+  facts.radians = {0};
+  const Finding f = Only(Check(logs(180 / M_PI), facts), "large_turns");
+  EXPECT_EQ(f.channels, std::vector<std::string>{"hip/qpos"});
+  EXPECT_NE(f.remedy.find("data.scale = { \"hip/qpos\" = 0.0174533 }"), std::string::npos) << f.remedy;
+  EXPECT_TRUE(Check(logs(1), facts).empty());
+}
+
 TEST(Frozen, ReadingsThatStandStillWhileTheRobotMovesAreNamed) {
   Dataset d = LogOf(Truth);
   for (int i = 200; i < 209; ++i) {  // ten equal readings of one channel

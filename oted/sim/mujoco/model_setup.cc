@@ -55,7 +55,7 @@ class Builder {
     const double periods = std::round(task_.control_period / step);
     if (task_.control_period <= 0) {
       throw UsageError(
-          fmt::format("task.control_period is missing: the time between two actions [s], a multiple of the "
+          fmt::format("task.control_period is missing, or 0: the time between two actions [s], a multiple of the "
                       "time step {} s of model '{}'",
                       step, setup_.model_path.string()));
     }

@@ -58,7 +58,7 @@ TEST_F(ModelSetup, AControlPeriodIsAMultipleOfTheTimeStep) {
   EXPECT_THAT(Refused([](ModelTask& t) { t.control_period = 0.0215; }),
               AllOf(HasSubstr("task.control_period is 0.0215"), HasSubstr("0.004"), HasSubstr("nearest is 0.02 s")));
   EXPECT_THAT(Refused([](ModelTask& t) { t.control_period = 0.001; }), HasSubstr("nearest is 0.004 s"));
-  EXPECT_THAT(Refused([](ModelTask& t) { t.control_period = 0; }), HasSubstr("task.control_period is missing"));
+  EXPECT_THAT(Refused([](ModelTask& t) { t.control_period = 0; }), HasSubstr("task.control_period is missing, or 0"));
 }
 
 TEST_F(ModelSetup, AControlWithoutARangeNeedsOne) {
