@@ -14,6 +14,7 @@
 #include "oted/data/checks_missing.h"
 #include "oted/data/checks_rates.h"
 #include "oted/data/checks_rows.h"
+#include "oted/data/checks_spikes.h"
 #include "oted/data/checks_states.h"
 #include "oted/data/checks_turning.h"
 #include "oted/data/loggable.h"
@@ -82,6 +83,7 @@ std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts
   CheckRows(dataset, facts, findings);
   CheckChannels(dataset, facts, findings);
   CheckFrozen(dataset, facts, findings);
+  CheckSpikes(dataset, facts, findings);
   CheckCopies(dataset, facts, findings);
   CheckMissingRows(dataset, facts, findings);
   CheckStates(dataset, facts, findings);

@@ -199,6 +199,22 @@ TEST(Frozen, ReadingsThatStandStillWhileTheRobotMovesAreNamed) {
   EXPECT_EQ(f.row, 200);
 }
 
+TEST(Spikes, AReadingThatIsOffForOneRowIsNamedAndAJumpIsNone) {
+  Dataset d = LogOf(Truth);
+  d.next_observations(199, 1) = d.observations(200, 1) = d.observations(200, 1) + 3;
+  const auto f = Only(Check(d), "spikes");
+  EXPECT_EQ(f.channels, std::vector<std::string>{"knee/qpos"});
+  EXPECT_EQ(f.row, 200);
+  EXPECT_EQ(f.count, 1);
+  Dataset jump = LogOf(Truth);
+  for (int i = 200; i < jump.size(); ++i) {
+    jump.observations(i, 1) += 3;
+    jump.next_observations(i, 1) += 3;
+  }
+  jump.next_observations(199, 1) += 3;
+  for (const Finding& finding : Check(jump)) EXPECT_NE(finding.check, "spikes");
+}
+
 TEST(Frozen, AReadingThatStandsWhileItsJointTurnsBackIsNamedThoughItDoesNotJump) {
   Dataset d = LogOf(Truth);
   int top = 20;  // of the knee, in the first episode

@@ -13,6 +13,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/data/csv.h"
 
 namespace oted {
 namespace {
