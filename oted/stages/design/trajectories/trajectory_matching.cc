@@ -31,6 +31,7 @@ constexpr int kValidationRows = 960;
 constexpr double kFarEnd = 0.95;    // of the range: an interval that goes so far is all of it
 constexpr double kElsewhere = 0.5;  // in x: an eighth of the range
 constexpr double kUntold = 0.9;     // of the prior's standard deviation, all else known
+constexpr double kAtPrior = 0.5;    // the prior's standard deviations about its mean, where what is not told ends
 constexpr int kRowsPerJudged = 3;   // of the last fit: what judges a fit needs it less exactly than who uses it
 constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
@@ -62,12 +63,14 @@ MatrixXd WithinRange(const Prior& prior, const VectorXd& x, const MatrixXd& cova
 /// How wide x is whose 90 % interval goes from where it is to the far end of the range.
 double WidthToFarEnd(double x) { return (std::log(kFarEnd / (1 - kFarEnd)) + std::abs(x)) / kEndOfInterval; }
 
-/// The parameters that the logs do not tell, whatever the others are.
-std::vector<int> Untold(const Prior& prior, const MatrixXd& covariance) {
+/// The parameters that the logs do not tell, whatever the others are. One that they drove to a bound is none, though
+/// derivatives say nothing there.
+std::vector<int> Untold(const Prior& prior, const VectorXd& x, const MatrixXd& covariance) {
   const VectorXd alone = covariance.inverse().diagonal().cwiseInverse().cwiseSqrt(), of_prior = prior.Std();
   std::vector<int> untold;
   for (int i = 0; i < prior.size(); ++i) {
-    if (alone[i] > kUntold * of_prior[i]) untold.push_back(i);
+    const bool is_at_prior = std::abs(x[i] - prior.mean[i]) < kAtPrior * of_prior[i];
+    if (is_at_prior && alone[i] > kUntold * of_prior[i]) untold.push_back(i);
   }
   return untold;
 }
@@ -166,7 +169,7 @@ class TrajectoryMatch {
   void LeaveUntold(VectorXd& x, MatrixXd& covariance) {
     const Prior of_nominal = ForTrajectories(Prior::Uniform(space_.size()), space_);
     const std::vector<double> nominal = ZToLogit(space_, space_.Nominal());
-    for (const int i : Untold(problem_.prior, covariance)) {
+    for (const int i : Untold(problem_.prior, x, covariance)) {
       if (problem_.prior.mean[i] != of_nominal.mean[i]) continue;
       x[i] = nominal[static_cast<size_t>(i)];
       if (std::abs(x[i]) >= kMaxX) x[i] = std::copysign(kFarthestX, x[i]);  // a value on its bound has no finite logit

@@ -81,6 +81,10 @@ TEST(MatchTrajectories, WhatTheLogsDoNotTellStaysNominalThoughThatIsAnEndOfItsRa
   EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.02);
   const SearchInterval interval = Designer(space, fit.mean, fit.covariance).CentralInterval(0.9)[kIdle];
   EXPECT_NEAR(interval.low, 0.05, 0.01) << "it may be anything";
+  // What the logs drove to a bound is told, though derivatives vanish there.
+  Dataset beyond = logs;
+  for (double& action : beyond.actions.values()) action *= 0.5;
+  EXPECT_GT(Z(MatchUnder(ForTrajectories(Prior::Uniform(3), space), beyond))[kGain], 1.97);
   // What the user believed is no nominal value.
   const ReplayFit believed = MatchUnder(Prior::Gaussian(Eigen::Vector3d(0, 0, -1), Eigen::Matrix3d::Identity()), logs);
   EXPECT_NEAR(believed.mean[kIdle], -1, 1e-3);
