@@ -169,7 +169,7 @@ void PrintSuspects(const DesignRecord& design) {
           is_kept ? "; add this line: " + suspected.line : "");
   }
   const bool may_grow =
-      std::ranges::none_of(design.parameters, [](const DesignRecord::Parameter& p) { return EndsAtBound(p); });
+      design.grown.empty() && std::ranges::none_of(design.parameters, [](const auto& p) { return EndsAtBound(p); });
   if (has_line && may_grow) Print("  (--grow adds the best of these by itself, and begins again)\n");
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;

@@ -18,8 +18,8 @@ constexpr double kMedianOfSquaredNormal = 0.4549;
 constexpr double kLeastFreedom = 1e-3;  // below it a residual is that of the fit and not of the reading
 constexpr int kLeverageRounds = 3;
 constexpr int kNoiseWindows = 240, kNoiseRounds = 3, kNoiseStartIterations = 3;
-constexpr double kFirstNoiseGuess = 0.01;  // of a channel's standard deviation
-constexpr double kHardlyCorrelated = 0.05;
+constexpr double kFirstNoiseGuess = 0.01;   // of a channel's standard deviation
+constexpr double kHardlyCorrelated = 0.05;  // of a variance: where a correlation time ends
 
 /// 1 - h_i of every number of a window. @param precision  of every number
 VectorXd Freedom(const FittedWindow& window, const VectorXd& precision) {
