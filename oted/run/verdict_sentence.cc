@@ -102,6 +102,11 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
+/// An error of which something is left is not "100 % less".
+std::string ShareInWords(double narrowed) {
+  return narrowed > 0.995 && narrowed < 1 ? "over 99 %" : fmt::format("{:.0f} %", 100 * narrowed);
+}
+
 std::string GapClosedForAClassifier(const DesignRecord& record) {
   double designed_common = record.nominal_common;
   for (const DesignRecord::Setting& setting : record.settings) {
@@ -255,7 +260,7 @@ std::string NotTold(const DesignRecord::Validation& validation) {
 std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& off) {
   if (!record.validation || record.validation->horizons.empty()) return WithoutPrediction(record);
   const auto& horizon = ShownHorizon(*record.validation);
-  const std::string over = "over " + InWords(horizon), share = fmt::format("{:.0f} %", 100 * horizon.narrowed);
+  const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
