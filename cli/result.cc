@@ -175,12 +175,13 @@ void PrintSuspects(const DesignRecord& design) {
   if (FloorIsReached(design.verdict) || !design.validation) return;
   if (design.fit->suspects.empty() && NotTold(*design.validation).empty())
     Print("suspects: none of those that are asked explains what remains\n");
-  if (HasOne(design, ParameterVerdict::kAtBound) && !has_line) {
-    Print("a value is at its bound, whatever is freed: widen its range, if it may be beyond\n");
+  if (!has_line) {
+    if (HasOne(design, ParameterVerdict::kAtBound))
+      Print("a value is at its bound, whatever is freed: widen its range, if it may be beyond\n");
     return;
   }
   for (const DesignRecord::Parameter& p : design.parameters) {
-    if (!has_line || !EndsAtBound(p)) continue;
+    if (!EndsAtBound(p)) continue;
     Print(
         "or '{}' is beyond its range [{:g}, {:g}], at whose end its value is: widen that in place of freeing a "
         "suspect\n",

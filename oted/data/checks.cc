@@ -66,6 +66,14 @@ void CheckFinite(const Dataset& dataset, std::vector<Finding>& findings) {
 std::string TaskFacts::ObservationName(int j) const { return NameOf(observation_names, "observations", j); }
 std::string TaskFacts::ActionName(int j) const { return NameOf(action_names, "actions", j); }
 
+std::set<int> TaskFacts::States() const {
+  std::set<int> states(positions.begin(), positions.end());
+  for (int j = 0; j < static_cast<int>(rate_of.size()); ++j) {
+    if (rate_of[static_cast<size_t>(j)] >= 0) states.insert({j, rate_of[static_cast<size_t>(j)]});
+  }
+  return states;
+}
+
 std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts) {
   std::vector<Finding> findings;
   CheckFinite(dataset, findings);

@@ -1,6 +1,7 @@
 #pragma once
 /// Checks of logged trajectories that need no simulator. Statistics and thresholds: docs/data_checks.md.
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,8 @@ struct TaskFacts {
   bool continuous_actions = true;  ///< false: numbers of discrete actions
   bool mujoco_observations = true;  ///< observations may be [qpos without the root's first numbers, qvel]
 
+  /// Observations of the state: positions and velocities.
+  std::set<int> States() const;
   /// The task's name of a column, or "observations[3]".
   std::string ObservationName(int j) const;
   std::string ActionName(int j) const;

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 namespace oted {
 namespace {
@@ -35,11 +34,7 @@ double Unexplained(const Array2<double>& seen, int j, const Array2<double>& done
 
 void CheckCopies(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
   if (!facts.flat_observations || !facts.continuous_actions) return;
-  std::set<int> states(facts.positions.begin(), facts.positions.end());
-  for (int j = 0; j < static_cast<int>(facts.rate_of.size()); ++j) {
-    if (facts.rate_of[static_cast<size_t>(j)] >= 0) states.insert({j, facts.rate_of[static_cast<size_t>(j)]});
-  }
-  for (const int j : states) {
+  for (const int j : facts.States()) {
     if (j >= dataset.obs_dim()) continue;
     for (int a = 0; a < dataset.act_dim(); ++a) {
       const bool here = Unexplained(dataset.observations, j, dataset.actions, a) < kSame;

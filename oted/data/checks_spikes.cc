@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "oted/data/channel_series.h"
 
@@ -72,14 +71,10 @@ bool IsOfFrozen(int channel, const TaskFacts& facts, const std::vector<Finding>&
 
 void CheckSpikes(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
   if (!facts.flat_observations) return;
-  std::set<int> states(facts.positions.begin(), facts.positions.end());
-  for (size_t j = 0; j < facts.rate_of.size(); ++j) {
-    if (facts.rate_of[j] >= 0) states.insert({static_cast<int>(j), facts.rate_of[j]});
-  }
   std::vector<std::string> shown, channels;
   int first = -1;
   int64_t n = 0;
-  for (const int j : states) {
+  for (const int j : facts.States()) {
     if (j >= dataset.obs_dim() || IsOfFrozen(j, facts, findings)) continue;
     const std::vector<Spike> spikes = SpikesOf(dataset, j);
     if (spikes.empty()) continue;

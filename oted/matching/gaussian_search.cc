@@ -14,7 +14,7 @@ namespace {
 constexpr double kLogStdMinX = -6.2;
 // Wider than this, draws crowd at both bounds.
 constexpr double kLogStdMaxX = 0.75;
-constexpr double kWideX = 2.0, kEndOfWide = 1.645;  // wider than a prior; standard deviations to the end of its 90 %
+constexpr double kWideX = 2.0;  // wider than a prior
 
 /// Quantile of the standard normal by bisection on erfc; only for reports.
 double NormalQuantile(double p) {
@@ -106,7 +106,7 @@ std::vector<double> GaussianSearch::StdOf(const std::vector<double>& mean, const
   for (size_t i = 0; i < mean.size(); ++i) {
     // dz/dx by central difference through the transform and the parameter's own scale. What the logs do not tell at an
     // end of its range is so wide that the derivative there says nothing: then over the 90 % interval.
-    const double step = std_of_x[i] > kWideX ? kEndOfWide * std_of_x[i] : 1e-4;
+    const double step = std_of_x[i] > kWideX ? kEndOfInterval * std_of_x[i] : 1e-4;
     std::vector<double> up = mean, down = mean;
     up[i] += step;
     down[i] -= step;

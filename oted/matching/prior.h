@@ -10,6 +10,9 @@
 
 namespace oted {
 
+/// From a normal's mean to an end of its central 90 % [standard deviations].
+inline constexpr double kEndOfInterval = 1.645;
+
 /// A Gaussian over x, and, where q is categorical, probabilities of its grid's values.
 struct Prior {
   /// Under N(0, 1.7^2) u is close to uniform over the bounds: its standard deviation is 0.29, the uniform one's.

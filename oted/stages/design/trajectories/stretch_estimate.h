@@ -8,9 +8,6 @@
 
 namespace oted {
 
-/// From a normal's mean to an end of its central 90 % [standard deviations].
-inline constexpr double kEndOfInterval = 1.645;
-
 /// One stretch's log likelihood of x, to second order about the present x, its own start states eliminated.
 struct StretchEvidence {
   Eigen::MatrixXd information;  ///< (d, d), positive semidefinite

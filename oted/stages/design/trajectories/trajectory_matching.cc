@@ -42,6 +42,10 @@ int RowsOf(const std::vector<LogWindow>& windows) {
                          [](int sum, const LogWindow& window) { return sum + window.n_steps; });
 }
 
+/// The standard deviation of x whose 90 % interval goes from where it is, near an end of the range, to `end`: a share
+/// of the range as seen from there.
+double WidthTo(double end, double x) { return (std::log(end / (1 - end)) + std::abs(x)) / kEndOfInterval; }
+
 /// How uncertain x is where its standard deviation `std` is a matter of derivatives, and z's range ends: u, the place
 /// in the range, is then u(x) +- std du/dx, and x as wide as reaches the inner end of that. At a bound du/dx is next to
 /// nothing, so std may be any number, and a Gaussian that wide would lie at both bounds.
@@ -49,8 +53,7 @@ int RowsOf(const std::vector<LogWindow>& windows) {
 double WithinRange(double x, double std, double most) {
   const double u = LogitToUnit(-std::abs(x)), step = kEndOfInterval * std * u * (1 - u);
   const double end = std::min(u + step, kFarEnd);
-  const double reach = (std::log(end / (1 - end)) + std::abs(x)) / kEndOfInterval;
-  return std::min(std, std::max(reach, most));
+  return std::min(std, std::max(WidthTo(end, x), most));
 }
 
 MatrixXd WithinRange(const Prior& prior, const VectorXd& x, const MatrixXd& covariance) {
@@ -59,9 +62,6 @@ MatrixXd WithinRange(const Prior& prior, const VectorXd& x, const MatrixXd& cova
   for (Eigen::Index i = 0; i < x.size(); ++i) shrink[i] = WithinRange(x[i], std[i], most[i]) / std[i];
   return shrink.asDiagonal() * covariance * shrink.asDiagonal();
 }
-
-/// How wide x is whose 90 % interval goes from where it is to the far end of the range.
-double WidthToFarEnd(double x) { return (std::log(kFarEnd / (1 - kFarEnd)) + std::abs(x)) / kEndOfInterval; }
 
 /// The parameters that the logs do not tell, whatever the others are. One that they drove to a bound is none, though
 /// derivatives say nothing there.
@@ -175,7 +175,7 @@ class TrajectoryMatch {
       if (std::abs(x[i]) >= kMaxX) x[i] = std::copysign(kFarthestX, x[i]);  // a value on its bound has no finite logit
       if (of_part_) (*of_part_)[i] = x[i];
       if (std::abs(x[i]) <= std::abs(of_nominal.mean[i])) continue;
-      const double width = WidthToFarEnd(x[i]);
+      const double width = WidthTo(kFarEnd, x[i]);
       covariance.row(i).setZero();
       covariance.col(i).setZero();
       covariance(i, i) = width * width;
