@@ -127,7 +127,19 @@ class Finder {
     return unused;
   }
 
-  [[noreturn]] void FailMissing(const char* what, const char* prefix, const char* setting) const {
+  /// @param names  what the task calls them
+  [[noreturn]] void FailMissing(const char* what, const char* prefix, const char* setting,
+                                const std::vector<std::string>& names) const {
+    const auto missing = std::ranges::find_if(names, [&](const std::string& name) { return !index_.contains(name); });
+    const bool has_others = std::ranges::any_of(names, [&](const std::string& name) { return index_.contains(name); });
+    if (has_others && missing != names.end()) {
+      std::vector<std::string> others = Unused();
+      std::erase_if(others, [&](const std::string& name) { return std::ranges::find(names, name) != names.end(); });
+      throw DataError(fmt::format(
+          "'{}' has columns of the task's {}, but none '{}'{}; rename the column, or name all of them in data.{} = "
+          "[...]. Its columns are {}",
+          file_, what, *missing, DidYouMean(*missing, others), setting, Shown()));
+    }
     throw DataError(fmt::format(
         "'{}' has no column of {}: none begins with '{}'; name them in data.{} = [...] of a task file, which "
         "'oted init MODEL.xml {}' writes. Its columns are {}",
@@ -208,8 +220,9 @@ CsvColumns FindColumns(const std::vector<std::string>& header, const DataOptions
   } else {
     columns.action_names = StripNames(layout.actions, kActionWords);
   }
-  if (columns.observations.empty()) finder.FailMissing("observations", "obs", "observations");
-  if (columns.actions.empty()) finder.FailMissing("actions", "act", "actions");
+  if (columns.observations.empty())
+    finder.FailMissing("observations", "obs", "observations", options.observation_names);
+  if (columns.actions.empty()) finder.FailMissing("actions", "act", "actions", options.action_names);
   std::vector<std::string> unnamed;
   columns.qpos = finder.ByPrefix(kQposWords, unnamed);
   columns.qvel = finder.ByPrefix(kQvelWords, unnamed);

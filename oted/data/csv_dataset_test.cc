@@ -105,6 +105,8 @@ TEST_F(CsvDataset, NamedColumnsComeInTheTasksOrderOrAreAnError) {
   EXPECT_EQ(d.observation_names, task.observation_names);
   EXPECT_THAT(Failure("obs.joint/b/qpos,obs.other,act.m2,act.m1\n1,2,3,4\n5,6,7,8\n", task),
               AllOf(HasSubstr("log.csv"), HasSubstr("joint/a/qpos"), HasSubstr("other")));
+  EXPECT_THAT(Failure("joint/a/qpos,joint/c/qpos,m1,m2\n1,2,3,4\n5,6,7,8\n", task),
+              AllOf(HasSubstr("none 'joint/b/qpos'"), HasSubstr("did you mean 'joint/c/qpos'")));
   // Names that mean nothing to the task are places.
   EXPECT_THAT(Read("obs_0,obs_1,act_0,act_1\n1,2,3,4\n5,6,7,8\n", task).observations.values(), ElementsAre(1, 2));
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "oted/matching/verdict.h"
+#include "oted/run/verdict_sentence.h"
 
 namespace oted {
 namespace {
@@ -30,7 +31,7 @@ std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Vali
   const auto most = std::ranges::max_element(off, {}, helped);
   const std::string horizon =
       trial.seconds > 0 ? fmt::format("{:.2g} s", trial.seconds) : fmt::format("{} control steps", trial.n_steps);
-  std::string text = fmt::format("{:.0f} % less error over {}", 100 * (1 - std::exp(-0.5 * trial.gain.value)), horizon);
+  std::string text = fmt::format("{} less error over {}", ShareInWords(1 - std::exp(-0.5 * trial.gain.value)), horizon);
   if (most != off.end() && helped(*most) > 1) {
     const auto c = static_cast<size_t>(*most);
     const std::string unit = channels[c].unit.empty() ? "" : " " + channels[c].unit;

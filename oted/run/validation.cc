@@ -87,8 +87,8 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
         InWords(shown), rest);
   }
   return fmt::format(
-             "over {} the designed simulator predicts these recordings with {:.0f} % less error than the nominal one{}",
-             InWords(shown), 100 * shown.narrowed, rest) +
+             "over {} the designed simulator predicts these recordings with {} less error than the nominal one{}",
+             InWords(shown), ShareInWords(shown.narrowed), rest) +
          ButElsewhere(result.validation) + ButAGuess(result.validation);
 }
 

@@ -102,11 +102,6 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
-/// An error of which something is left is not "100 % less".
-std::string ShareInWords(double narrowed) {
-  return narrowed > 0.995 && narrowed < 1 ? "over 99 %" : fmt::format("{:.0f} %", 100 * narrowed);
-}
-
 std::string GapClosedForAClassifier(const DesignRecord& record) {
   double designed_common = record.nominal_common;
   for (const DesignRecord::Setting& setting : record.settings) {
@@ -164,6 +159,10 @@ bool EndsAtBound(const DesignRecord::Parameter& p) {
                            .logarithmic = p.logarithmic,
                            .nominal = p.nominal};
   return EndsAtBound(spec, p.mode, p.mode);
+}
+
+std::string ShareInWords(double narrowed) {
+  return narrowed > 0.995 && narrowed < 1 ? "over 99 %" : fmt::format("{:.0f} %", 100 * narrowed);
 }
 
 std::string InWords(const DesignRecord::Validation::Horizon& horizon) {

@@ -31,6 +31,9 @@ inline constexpr const char* kNothingShown =
 /// Whether its value is at an end of its range, whatever its interval holds.
 bool EndsAtBound(const DesignRecord::Parameter& p);
 
+/// "64 %", of an error that is so much less; "over 99 %" where something is left of it.
+std::string ShareInWords(double narrowed);
+
 /// "0.5 s", or "10 control steps" where time has no unit.
 std::string InWords(const DesignRecord::Validation::Horizon& horizon);
 

@@ -15,7 +15,7 @@
 namespace oted {
 namespace {
 
-constexpr int kMostBodies = 12;  // whose masses are suspected one by one
+constexpr int kMostBodies = 12;  // whose masses and centres of mass are suspected one by one
 constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
 constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
@@ -61,8 +61,9 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
   for (int body = 1; body < model.nbody; ++body) {
     const std::string name = model.names + model.name_bodyadr[body];
     const std::string object = name.empty() ? fmt::format("#{}", body) : name;
-    places.push_back(
-        {name.empty() ? fmt::format("body{}_mass", body) : name + "_mass", fmt::format("body/{}/mass", object)});
+    const std::string called = name.empty() ? fmt::format("body{}", body) : name;
+    places.push_back({called + "_mass", fmt::format("body/{}/mass", object)});
+    places.push_back({called + "_com", fmt::format("body/{}/ipos", object)});
   }
   return places;
 }

@@ -11,7 +11,8 @@ namespace oted {
 
 /// Joint damping, armature, dry friction and stiffness, gears, a servo's stiffness and damping, contact friction and
 /// its time constant and damping (solref), inertia and gravity, each of the whole model at once, and every body's mass
-/// (in a model of more than a dozen bodies, all masses at once): as far as the model has them, in multiples of nominal.
+/// and how far its centre of mass is from its frame's origin (in a model of more than a dozen bodies, all masses at
+/// once): as far as the model has them, in multiples of nominal.
 /// Damping, armature and friction (dry, under load, at rest) that the model has nowhere are values of the driven joints
 /// (of all joints where none is driven), from 0 to what the model's masses and lengths suggest. Names are what a person
 /// would call them, and none of `searched`. What shares a place with `searched` is left out.

@@ -25,6 +25,7 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   const std::vector<std::string> fields = Fields(factory.Suspects());
   EXPECT_THAT(fields, Contains("joint/*/damping"));
   EXPECT_THAT(fields, Contains("body/torso/mass"));
+  EXPECT_THAT(fields, Contains("body/foot/ipos"));
   EXPECT_THAT(fields, Contains("geom/*/solref[0]"));
   EXPECT_THAT(fields, Contains("opt/gravity[0]"));  // a base or floor that is not level
   EXPECT_THAT(fields, Contains("action/delay"));
