@@ -41,14 +41,25 @@ ParameterSpec SpecFromJson(const json& record) {
           .nominal = absolute ? 0.0 : 1.0};
 }
 
+json InRecord(const std::vector<SearchInterval>& intervals) {
+  json record = json::array();
+  for (const SearchInterval& interval : intervals) record.push_back({interval.low, interval.high});
+  return record;
+}
+
+std::vector<SearchInterval> IntervalsOf(const json& record) {
+  std::vector<SearchInterval> intervals;
+  for (const json& interval : record) intervals.push_back({interval.at(0), interval.at(1)});
+  return intervals;
+}
+
 json ToJson(const FreedTrial& trial) {
   json record = {{"value", trial.value},     {"std", trial.std},           {"kept", trial.kept},
                  {"seconds", trial.seconds}, {"n_steps", trial.n_steps},   {"n_windows", trial.n_windows},
                  {"learned", trial.learned}, {"gain", ToJson(trial.gain)}, {"before", trial.before},
                  {"after", trial.after}};
   if (trial.nats) record["nats"] = ToJson(*trial.nats);
-  json& intervals = record["intervals90"] = json::array();
-  for (const SearchInterval& interval : trial.intervals90) intervals.push_back({interval.low, interval.high});
+  record["intervals90"] = InRecord(trial.intervals90);
   return record;
 }
 
@@ -66,7 +77,7 @@ FreedTrial TrialFromJson(const json& record) {
                    .before = NumbersFrom(record.at("before")),
                    .after = NumbersFrom(record.at("after"))};
   if (record.contains("nats")) trial.nats = EstimatedFromJson(record.at("nats"));
-  for (const json& interval : record.at("intervals90")) trial.intervals90.push_back({interval.at(0), interval.at(1)});
+  trial.intervals90 = IntervalsOf(record.at("intervals90"));
   return trial;
 }
 
@@ -141,6 +152,11 @@ json ToJson(const FitEvidence& evidence) {
     of.update({{"parameter", condition.parameter}, {"off", condition.off}, {"value", condition.value}});
     record["conditions"].push_back(std::move(of));
   }
+  for (const AskedBeside& asked : evidence.asked) {
+    json of = SpecToJson(asked.spec);
+    of.update({{"value", asked.value}, {"n_std", asked.n_std}, {"intervals90", InRecord(asked.intervals90)}});
+    record["asked"].push_back(std::move(of));
+  }
   return record;
 }
 
@@ -166,6 +182,9 @@ FitEvidence FitEvidenceFromJson(const json& record) {
   if (record.contains("left_out")) evidence.left_out = LeftOutFromJson(record.at("left_out"));
   for (const json& of : record.value("conditions", json::array())) {
     evidence.conditions.push_back({of.at("parameter"), SpecFromJson(of), of.at("off"), of.at("value")});
+  }
+  for (const json& of : record.value("asked", json::array())) {
+    evidence.asked.push_back({SpecFromJson(of), of.at("value"), of.at("n_std"), IntervalsOf(of.at("intervals90"))});
   }
   return evidence;
 }

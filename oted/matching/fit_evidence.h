@@ -56,6 +56,15 @@ struct Condition {
   double value = 0;    ///< z of the parameter, were it so: by a linear model
 };
 
+/// Something that is not searched and that the fit's own windows surely ask to be other than in the model, though their
+/// predictions may be as near to the logs as the sensors let them.
+struct AskedBeside {
+  ParameterSpec spec;                       ///< as it would be searched
+  double value = 1;                         ///< z by a linear model
+  double n_std = 0;                         ///< how far from nominal, in standard deviations
+  std::vector<SearchInterval> intervals90;  ///< of the parameters were it searched, in their order: of z
+};
+
 /// What predictions of the logs that were kept aside start from.
 struct UnseenFit {
   std::vector<double> z;  ///< fitted to the other logs alone; empty where none could be kept aside
@@ -99,6 +108,7 @@ struct FitEvidence {
   bool errors_grow = false;                    ///< over these windows: no simulator of the family explains the logs
   std::optional<LeftOutInTurn> left_out = {};  ///< where lengths of windows were chosen by it
   std::vector<Condition> conditions = {};      ///< of each parameter those that move it most
+  std::vector<AskedBeside> asked = {};         ///< the surest first
 };
 
 nlohmann::json ToJson(const Suspect& suspect);

@@ -5,6 +5,8 @@
 #include <optional>
 #include <utility>
 
+#include "oted/matching/designer.h"
+#include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
 
@@ -15,6 +17,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kDirected = 2.0;      // standard deviations
+constexpr double kAsked = 4.0;         // the same, where some thirty are asked at once
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
@@ -121,6 +124,25 @@ std::vector<double> Followed(const ParameterSpace& space, const VectorXd& x, con
   return followed;
 }
 
+/// What the logs ask one further parameter to be, and x with it; none where that is nominal beyond doubt or nearly.
+std::optional<AskedBeside> AskedOf(const ParameterSpec& spec, const StretchEstimate& estimate, const VectorXd& x,
+                                   const ParameterSpace& space) {
+  const auto n_x = x.size();
+  const double change = estimate.step[n_x], n_std = std::abs(change) / std::sqrt(estimate.covariance(n_x, n_x));
+  const double value = At(spec, change);
+  if (!(n_std > kAsked) || !IsNoticeable(spec, value)) return std::nullopt;
+  const Designer q(space, x + estimate.step.head(n_x), estimate.covariance.topLeftCorner(n_x, n_x));
+  return AskedBeside{spec, value, n_std, q.CentralInterval(kIntervalMass)};
+}
+
+/// The surest first, and those that explain at least half as many nats: their squares.
+void KeepSurest(std::vector<AskedBeside>& asked) {
+  std::ranges::stable_sort(asked, std::ranges::greater(), &AskedBeside::n_std);
+  std::erase_if(asked, [least = asked.empty() ? 0 : asked.front().n_std * asked.front().n_std / 2](const auto& one) {
+    return one.n_std * one.n_std < least;
+  });
+}
+
 /// How far a parameter moved: logarithm of a multiple, or share of its range, in halves of what is noticeable.
 double MovedBy(const ParameterSpec& spec, double from, double to) {
   if (spec.scale == ParameterScale::kNominal || spec.logarithmic) {
@@ -167,16 +189,19 @@ SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const Level
   return scores;
 }
 
-std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit,
-                                      WindowReplayer& wider, const Prior& prior, const ParameterSpace& space) {
+RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                       const Prior& prior, const ParameterSpace& space) {
   const VectorXd steps = NearbySteps(specs, fit, wider);
   const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior);
   const auto n_x = fit.x().size();
   const std::vector<double> z = ToZ(space, fit.x());
   std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
+  RestsOn found;
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
+    if (const std::optional<AskedBeside> asked = AskedOf(specs[k], *estimate, fit.x(), space))
+      found.asked.push_back(*asked);
     const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
     const double reach = std::abs(estimate->step[n_x]) + kEndOfInterval * std::sqrt(estimate->covariance(n_x, n_x));
     const WithEachAlone::Following following = with.FollowingOf(k);
@@ -189,13 +214,13 @@ std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, c
       if (by > 1) of_each[i].emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
     }
   }
-  std::vector<Condition> conditions;
+  KeepSurest(found.asked);
   for (auto& of : of_each) {
     std::ranges::stable_sort(of, [](const auto& a, const auto& b) { return a.first > b.first; });
     of.resize(std::min(of.size(), kMostConditions));
-    for (auto& [unused, condition] : of) conditions.push_back(std::move(condition));
+    for (auto& [unused, condition] : of) found.conditions.push_back(std::move(condition));
   }
-  return conditions;
+  return found;
 }
 
 }  // namespace oted

@@ -36,7 +36,14 @@ SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const Level
 /// nominal within that tenth, and that move a parameter by more than a twentieth (a hundredth of its range where it is
 /// no multiple); of each parameter the three that move it most.
 /// @param space  of x; the rest as ScoreSuspects
-std::vector<Condition> FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit,
-                                      WindowReplayer& wider, const Prior& prior, const ParameterSpace& space);
+///
+/// Asked are those that the logs show to be off noticeably and by four standard deviations, and not much less surely
+/// than the surest: their effects resemble each other.
+struct RestsOn {
+  std::vector<Condition> conditions;
+  std::vector<AskedBeside> asked;  ///< the surest first
+};
+RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                       const Prior& prior, const ParameterSpace& space);
 
 }  // namespace oted

@@ -149,15 +149,19 @@ TEST(TrySuspects, AsksOnlyWhatTheLogsDependOn) {
   EXPECT_EQ(asked, std::set<std::string>{"damping"}) << "none is favoured, so that all are asked";
 }
 
-std::vector<Condition> ConditionsOf(const std::vector<std::string>& suspects, double noise) {
-  const Dataset logs = WithSensorNoise(PointMassLogs({1.3, kDamping, kIdle}, 20), noise, RngKey(1));
+FitEvidence EvidenceOf(const std::vector<std::string>& suspects, double noise, double damping = kDamping) {
+  const Dataset logs = WithSensorNoise(PointMassLogs({1.3, damping, kIdle}, 20), noise, RngKey(1));
   NullSink log;
   const RunContext context{.log = &log, .n_threads = 1};
   const GainFactory factory(suspects);
   const Prior prior = Prior::Uniform(1);
   return MatchTrajectories({factory, logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
                            {.rows = 400, .starts = 2, .coarse = 16})
-      .evidence->conditions;
+      .evidence.value();
+}
+
+std::vector<Condition> ConditionsOf(const std::vector<std::string>& suspects, double noise) {
+  return EvidenceOf(suspects, noise).conditions;
 }
 
 TEST(FindConditions, NamesWhatTheLogsDoNotTellFromTheParameterAndWhereItWouldBe) {
@@ -174,6 +178,21 @@ TEST(FindConditions, NamesWhatTheLogsDoNotTellFromTheParameterAndWhereItWouldBe)
 TEST(FindConditions, NamesNothingThatTheLogsThemselvesShowToBeAsInTheModel) {
   for (const double noise : {1e-9, 0.002}) {
     EXPECT_TRUE(ConditionsOf({"damping", "idle"}, noise).empty()) << "the damping is told to less than a tenth";
+  }
+}
+
+TEST(FindConditions, SaysWhatTheWindowsAskBesideTheParameterAndWhereItWouldBe) {
+  for (const double noise : {0.002, 0.01}) {
+    EXPECT_TRUE(EvidenceOf({"damping", "idle"}, noise).asked.empty());
+    const FitEvidence off = EvidenceOf({"damping", "idle"}, noise, 1.4 * kDamping);
+    const std::vector<AskedBeside>& asked = off.asked;
+    ASSERT_EQ(asked.size(), 1);
+    EXPECT_EQ(asked[0].spec.field, "env/damping");
+    EXPECT_GT(asked[0].value, 1.25);
+    const SearchInterval gain = asked[0].intervals90[0];
+    EXPECT_NEAR((gain.low + gain.high) / 2, 1.3, 0.03) << "the gain, were the damping searched";
+    ASSERT_TRUE(off.unseen.has_value());
+    EXPECT_GT(std::abs(off.unseen->z[0] - 1.3), 0.06) << "the gain alone";
   }
 }
 

@@ -111,7 +111,11 @@ class TrajectoryMatch {
       evidence_.unseen = FitUnseen();
       // Only a value that may be called identified is worth its conditions.
       const Designer q(space_, x, covariance);
-      if (!NarrowParameters(q).empty()) evidence_.conditions = ConditionsOfFit();
+      if (!NarrowParameters(q).empty()) {
+        RestsOn rests_on = WhatFitRestsOn();
+        evidence_.conditions = std::move(rests_on.conditions);
+        evidence_.asked = std::move(rests_on.asked);
+      }
     }
     steps_.Finish(x);
     return {.mean = x, .covariance = covariance, .evidence = evidence_};
@@ -205,7 +209,7 @@ class TrajectoryMatch {
     return unseen;
   }
 
-  std::vector<Condition> ConditionsOfFit() {
+  RestsOn WhatFitRestsOn() {
     const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
     const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
     if (wide == nullptr) return {};
