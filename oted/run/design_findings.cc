@@ -201,12 +201,6 @@ std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Gro
   return all;
 }
 
-/// What the fit's own windows ask beside the parameters. Where more is left than the sensors explain, suspects are
-/// freed instead.
-std::vector<AskedBeside> AskedWhereNothingIsLeft(const Candidate& best, bool reaches_floor) {
-  return best.fit && reaches_floor ? best.fit->asked : std::vector<AskedBeside>();
-}
-
 }  // namespace
 
 DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec) {
@@ -250,10 +244,9 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
   std::vector<std::vector<SearchInterval>> otherwise = IntervalsOfFreed(findings.suspects);
   std::ranges::move(IntervalsOfRivals(run.growth, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
-  const std::vector<AskedBeside> asked = AskedWhereNothingIsLeft(best, judgement.reaches_floor);
-  std::ranges::transform(asked, std::back_inserter(otherwise), &AskedBeside::intervals90);
+  std::ranges::transform(findings.asked, std::back_inserter(otherwise), &AskedBeside::intervals90);
   // What else is off moves every value, also one that the linear model leaves in its place.
-  const bool is_whole = judgement.reaches_floor && asked.empty();
+  const bool is_whole = judgement.reaches_floor && findings.asked.empty();
   const auto summaries =
       SummarizeParameters(mixture.q, mixture.best, findings.has_effect, is_whole, open_ends, otherwise);
 
@@ -263,7 +256,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   AddParameters(space, summaries, record);
   if (best.fit) AddConditions(*best.fit, record);
   record.warnings = findings.corrections;
-  std::ranges::transform(asked, std::back_inserter(record.warnings), AskedSentence);
+  std::ranges::transform(findings.asked, std::back_inserter(record.warnings), AskedSentence);
   for (const GrowthRecord& round : run.growth) {
     for (const Suspect* rival : round.Rivals()) record.warnings.push_back(RivalSentence(*round.Freed(), *rival));
   }
