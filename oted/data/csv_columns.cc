@@ -220,8 +220,9 @@ CsvColumns FindColumns(const std::vector<std::string>& header, const DataOptions
   } else {
     columns.action_names = StripNames(layout.actions, kActionWords);
   }
-  if (columns.observations.empty())
+  if (columns.observations.empty()) {
     finder.FailMissing("observations", "obs", "observations", options.observation_names);
+  }
   if (columns.actions.empty()) finder.FailMissing("actions", "act", "actions", options.action_names);
   std::vector<std::string> unnamed;
   columns.qpos = finder.ByPrefix(kQposWords, unnamed);

@@ -200,8 +200,9 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
-    if (const std::optional<AskedBeside> asked = AskedOf(specs[k], *estimate, fit.x(), space))
-      found.asked.push_back(*asked);
+    if (std::optional<AskedBeside> asked = AskedOf(specs[k], *estimate, fit.x(), space)) {
+      found.asked.push_back(std::move(*asked));
+    }
     const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
     const double reach = std::abs(estimate->step[n_x]) + kEndOfInterval * std::sqrt(estimate->covariance(n_x, n_x));
     const WithEachAlone::Following following = with.FollowingOf(k);

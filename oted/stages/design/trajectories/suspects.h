@@ -31,18 +31,19 @@ struct SuspectScores {
 SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                             const Prior& prior);
 
-/// What the parameters' values rest on. Each of `specs` is taken alone, a tenth off (of its value, or of its range
-/// where it is no multiple), and x follows as the logs ask it to. Told are those that the logs do not show to be
-/// nominal within that tenth, and that move a parameter by more than a twentieth (a hundredth of its range where it is
-/// no multiple); of each parameter the three that move it most.
-/// @param space  of x; the rest as ScoreSuspects
-///
-/// Asked are those that the logs show to be off noticeably and by four standard deviations, and not much less surely
-/// than the surest: their effects resemble each other.
 struct RestsOn {
   std::vector<Condition> conditions;
   std::vector<AskedBeside> asked;  ///< the surest first
 };
+
+/// What the parameters' values rest on. Each of `specs` is taken alone, a tenth off (of its value, or of its range
+/// where it is no multiple), and x follows as the logs ask it to. Told are those that the logs do not show to be
+/// nominal within that tenth, and that move a parameter by more than a twentieth (a hundredth of its range where it is
+/// no multiple); of each parameter the three that move it most.
+///
+/// Asked are those that the logs show to be off noticeably and by four standard deviations, and that explain at least
+/// half as many nats as the surest: their effects resemble each other.
+/// @param space  of x; the rest as ScoreSuspects
 RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                        const Prior& prior, const ParameterSpace& space);
 
