@@ -46,17 +46,18 @@ from study_data import HIGH, LOW, MATCHING_ALONE, PARAMETERS, ROOT, TASKS, add_r
 FIELDS = PARAMETERS | {"gear": "actuator/*/gear[0]", "damping": "joint/*/damping", "armature": "joint/*/armature",
                        "torso": "body/torso/mass", "wind": "opt/wind[0]", "magnetic": "opt/magnetic[0]",
                        "contact": "geom/*/solref[0]", "inertia": "body/*/inertia", "delay": "action/delay",
-                       "friction_loss": "joint/@actuated/frictionloss"}
+                       "friction_loss": "joint/@actuated/frictionloss", "com": "body/fore/ipos"}
 ABSOLUTE = {"delay": (0, 4), "friction_loss": (0, 9)}
 THREE = tuple(PARAMETERS)
 SEARCHED = dict.fromkeys(TASKS, THREE) | {"arm": ("stiffness", "payload")}
 FIELDS |= grow.SEARCHED["arm"]
 IN_FAMILY = ("identified", "no_gap", "no_effect", "product")
 OF_LOGS = ("actuator_noise", "wrong_rate", "unplugged")  # the logs are not what they say: spoil() makes them so
-REJECTED = ("out_of_bounds", "out_of_family", "contact", "inertia", "delay", "friction_loss", *OF_LOGS)
-NAMED = ("out_of_family", "contact", "inertia", "delay", "friction_loss")  # one thing is off that suspects know
+REJECTED = ("out_of_bounds", "out_of_family", "contact", "inertia", "delay", "friction_loss", "com",
+            *OF_LOGS)
+NAMED = ("out_of_family", "contact", "inertia", "delay", "friction_loss", "com")  # one thing is off that suspects know
 CLASSES = IN_FAMILY + REJECTED
-NOT_OF_ARM = ("no_effect", "product", "contact")
+NOT_OF_ARM, OF_ARM_ALONE = ("no_effect", "product", "contact"), ("com",)
 VERDICTS = ("outside_family", "gap_narrowed", "gap_closed", "no_gap")
 
 
@@ -82,6 +83,8 @@ def draw_case(task, kind, rng):
         truth[rng.choice(off)] = round(rng.choice([0.4, 0.6, 1.6, 2.5]), 4)
     elif kind in ("contact", "inertia"):
         truth[kind] = rng.choice([0.3, 0.5, 2.0, 3.0])
+    elif kind == "com":
+        truth[kind] = rng.choice([0.5, 0.7, 1.3, 1.6])
     elif kind == "delay":
         truth[kind] = rng.choice([1, 2])
     elif kind == "friction_loss":
@@ -304,7 +307,7 @@ def main():
             jobs, there = {}, records(arguments.out)
             for case in range(arguments.first, arguments.first + arguments.cases):
                 for kind in arguments.classes:
-                    if arguments.task == "arm" and kind in NOT_OF_ARM:
+                    if kind in (NOT_OF_ARM if arguments.task == "arm" else OF_ARM_ALONE):
                         continue
                     for noise in arguments.noise:
                         name = f"{arguments.task}-{noise:g}-{arguments.episodes}-{kind}-{case}"

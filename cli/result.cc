@@ -16,6 +16,7 @@
 #include "oted/base/seal.h"
 #include "oted/base/words.h"
 #include "oted/exports/export.h"
+#include "oted/matching/verdict.h"
 #include "oted/run/design_record.h"
 #include "oted/run/policy_records.h"
 #include "oted/run/suspect_sentence.h"
@@ -173,8 +174,8 @@ void PrintSuspects(const DesignRecord& design) {
   if (has_line && may_grow) Print("  (--grow adds the best of these by itself, and begins again)\n");
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;
-  if (design.fit->suspects.empty() && NotTold(*design.validation).empty())
-    Print("suspects: none of those that are asked explains what remains\n");
+  if (design.fit->suspects.empty() && !ShowsNothing(design.validation->horizons))
+    Print("suspects: none was found that explains what remains\n");
   if (!has_line) {
     if (HasOne(design, ParameterVerdict::kAtBound))
       Print("a value is at its bound, whatever is freed: widen its range, if it may be beyond\n");

@@ -214,8 +214,8 @@ void PrintFindings(const ParameterCheck& check) {
   }
   for (const TradeOff& pair : check.trade_offs) {
     Print(
-        "\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the logs show only their combination; "
-        "fix one, or expect wide intervals\n",
+        "\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the noisier the logs, the less they tell "
+        "one from the other. The design's intervals say how well they do; if you know one of the two, fix it\n",
         check.parameters[static_cast<size_t>(pair.first)].spec.name,
         check.parameters[static_cast<size_t>(pair.second)].spec.name, pair.cosine > 0 ? "alike" : "oppositely alike",
         pair.cosine);

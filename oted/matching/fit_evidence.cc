@@ -152,11 +152,7 @@ json ToJson(const FitEvidence& evidence) {
     of.update({{"parameter", condition.parameter}, {"off", condition.off}, {"value", condition.value}});
     record["conditions"].push_back(std::move(of));
   }
-  for (const AskedBeside& asked : evidence.asked) {
-    json of = SpecToJson(asked.spec);
-    of.update({{"value", asked.value}, {"n_std", asked.n_std}, {"intervals90", InRecord(asked.intervals90)}});
-    record["asked"].push_back(std::move(of));
-  }
+  for (const Suspect& asked : evidence.asked) record["asked"].push_back(ToJson(asked));
   return record;
 }
 
@@ -183,9 +179,7 @@ FitEvidence FitEvidenceFromJson(const json& record) {
   for (const json& of : record.value("conditions", json::array())) {
     evidence.conditions.push_back({of.at("parameter"), SpecFromJson(of), of.at("off"), of.at("value")});
   }
-  for (const json& of : record.value("asked", json::array())) {
-    evidence.asked.push_back({SpecFromJson(of), of.at("value"), of.at("n_std"), IntervalsOf(of.at("intervals90"))});
-  }
+  for (const json& of : record.value("asked", json::array())) evidence.asked.push_back(SuspectFromJson(of));
   return evidence;
 }
 

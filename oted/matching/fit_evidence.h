@@ -43,9 +43,11 @@ bool IsLikelier(const FreedTrial& trial);
 /// Something that is not searched and that the logs ask to be other than it is.
 struct Suspect {
   ParameterSpec spec;                              ///< as it would be searched
-  double value = 1;                                ///< z by short windows of the logs
+  double value = 1;                                ///< z by windows of the logs
   double explains = 0;                             ///< nats by which these windows become likelier
   std::optional<FreedTrial> trial = std::nullopt;  ///< none where it was not freed
+  /// Whether the logs surely ask for it: the windows that named it, or those that it was freed by.
+  bool IsLikely() const { return explains > kFewestSureNats || (trial && trial->kept); }
 };
 
 /// What a parameter's value rests on: something that is not searched, and that the logs cannot tell from it.
@@ -54,15 +56,6 @@ struct Condition {
   ParameterSpec spec;  ///< what is not searched, as it would be
   double off = 1;      ///< z of that: a tenth more than nominal, of its value or of its range
   double value = 0;    ///< z of the parameter, were it so: by a linear model
-};
-
-/// Something that is not searched and that the fit's own windows surely ask to be other than in the model, though their
-/// predictions may be as near to the logs as the sensors let them.
-struct AskedBeside {
-  ParameterSpec spec;                       ///< as it would be searched
-  double value = 1;                         ///< z by a linear model
-  double n_std = 0;                         ///< how far from nominal, in standard deviations
-  std::vector<SearchInterval> intervals90;  ///< of the parameters were it searched, in their order: of z
 };
 
 /// What predictions of the logs that were kept aside start from.
@@ -108,7 +101,9 @@ struct FitEvidence {
   bool errors_grow = false;                    ///< over these windows: no simulator of the family explains the logs
   std::optional<LeftOutInTurn> left_out = {};  ///< where lengths of windows were chosen by it
   std::vector<Condition> conditions = {};      ///< of each parameter those that move it most
-  std::vector<AskedBeside> asked = {};         ///< the surest first
+  /// What the fit's own windows ask to be other than in the model, though their predictions may be as near to the logs
+  /// as the sensors let them. By a linear model; the surest first, none of them tried.
+  std::vector<Suspect> asked = {};
 };
 
 nlohmann::json ToJson(const Suspect& suspect);

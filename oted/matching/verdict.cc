@@ -6,19 +6,22 @@
 
 #include "oted/base/bisection.h"
 #include "oted/base/error.h"
+#include "oted/sim/channel_path.h"
 
 namespace oted {
 namespace {
 
 constexpr double kIdentifiedBelow = 0.25;  // of the prior's interval
 constexpr double kWeakBelow = 0.6;
-constexpr double kNoGapMargin = 0.1;       // nats of the common score
-constexpr double kNoGainMargin = 0.005;    // nats that a design must win over the nominal simulator
-constexpr double kNarrowedShare = 0.1;     // of the gap in nats
-constexpr double kNoticeable = 0.04;       // in x: a hundredth of the range at its middle
-constexpr double kMovedAbove = 0.05;       // of the range
-constexpr double kAtBound = 0.01;          // of the range
-constexpr double kWidthOfInterval = 3.29;  // standard deviations, of a normal distribution's central 90 %
+constexpr double kAnOrder = 3;              // times
+constexpr double kAsGoodAsNothing = 0.002;  // of the range
+constexpr double kNoGapMargin = 0.1;        // nats of the common score
+constexpr double kNoGainMargin = 0.005;     // nats that a design must win over the nominal simulator
+constexpr double kNarrowedShare = 0.1;      // of the gap in nats
+constexpr double kNoticeable = 0.04;        // in x: a hundredth of the range at its middle
+constexpr double kMovedAbove = 0.05;        // of the range
+constexpr double kAtBound = 0.01;           // of the range
+constexpr double kWidthOfInterval = 3.29;   // standard deviations, of a normal distribution's central 90 %
 
 // Logarithms of ratios of mean squares, and standard errors.
 constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
@@ -82,13 +85,22 @@ bool IsNarrower(const Designer& q, int p, double share) {
   return UnitWidth(q.space()[p], interval.low, interval.high) < share * PriorWidth(q, p);
 }
 
+/// Whether the logs tell only of what order a value is that the model has as nothing: the range alone gives it a size.
+bool IsOnlyAnOrder(const ParameterSpec& spec, const ParameterSummary& summary) {
+  if (spec.scale != ParameterScale::kAbsolute || spec.nominal != 0 || spec.low < 0) return false;
+  if (IsChannelPath(spec.field)) return false;  // control steps, seconds and readings have sizes of their own
+  const double low = summary.interval90_low, high = summary.interval90_high;
+  return high > kAnOrder * low && high - low > kAsGoodAsNothing * (spec.high - spec.low);
+}
+
 /// @param at_bound  the interval that q gives ends at one
 ParameterVerdict VerdictOf(const ParameterSpec& spec, const ParameterSummary& summary, double prior_width,
                            bool at_bound) {
   const double width = UnitWidth(spec, summary.interval90_low, summary.interval90_high) / prior_width;
   if (width >= kWeakBelow) return ParameterVerdict::kNotIdentified;
   if (at_bound) return ParameterVerdict::kAtBound;
-  return width < kIdentifiedBelow ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
+  const bool is_identified = width < kIdentifiedBelow && !IsOnlyAnOrder(spec, summary);
+  return is_identified ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
 }
 
 /// Whether the nominal parameters lie in the 99 % region of q, widened by a hundredth of each range, which nobody would

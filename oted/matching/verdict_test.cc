@@ -124,6 +124,25 @@ TEST(SummarizeParameters, WidthsAreThoseOfTheSearchsScale) {
   EXPECT_EQ(summary.verdict, ParameterVerdict::kWeak);
 }
 
+TEST(SummarizeParameters, AnOrderOfWhatTheModelLacksIsNoValue) {
+  const auto verdict = [](const char* field, double nominal, double mean, double std) {
+    Designer q(ParameterSpace({{.name = "a",
+                                .field = field,
+                                .low = 0,
+                                .high = 2,
+                                .scale = ParameterScale::kAbsolute,
+                                .nominal = nominal}}),
+               1.0);
+    q.Restore({mean}, {std::log(std)});
+    return SummarizeParameters({q}, 0, {true}, true)[0].verdict;
+  };
+  EXPECT_EQ(verdict("joint/*/damping", 0, -6, 1), ParameterVerdict::kWeak) << "0.001 to 0.025 of [0, 2]";
+  EXPECT_EQ(verdict("joint/*/damping", 0, -1, 0.2), ParameterVerdict::kIdentified) << "0.42 to 0.68";
+  EXPECT_EQ(verdict("joint/*/damping", 0, -12, 1), ParameterVerdict::kIdentified) << "nothing, as good as";
+  EXPECT_EQ(verdict("joint/*/damping", 1, -6, 1), ParameterVerdict::kIdentified) << "next to none of the model's";
+  EXPECT_EQ(verdict("action/delay", 0, -6, 1), ParameterVerdict::kIdentified) << "a control step has a size";
+}
+
 TEST(SummarizeParameters, AtABoundNothingIsIdentified) {
   const ParameterSpace space({{.name = "a", .field = "joint/*/damping", .low = 0.5, .high = 2},
                               {.name = "b", .field = "joint/*/frictionloss", .low = 0, .high = 2}});

@@ -244,9 +244,8 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
   std::vector<std::vector<SearchInterval>> otherwise = IntervalsOfFreed(findings.suspects);
   std::ranges::move(IntervalsOfRivals(run.growth, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
-  std::ranges::transform(findings.asked, std::back_inserter(otherwise), &AskedBeside::intervals90);
-  // What else is off moves every value, also one that the linear model leaves in its place.
-  const bool is_whole = judgement.reaches_floor && findings.asked.empty();
+  // What else is off moves every value, also one that the fit with it leaves in its place.
+  const bool is_whole = judgement.reaches_floor && std::ranges::none_of(findings.suspects, &Suspect::IsLikely);
   const auto summaries =
       SummarizeParameters(mixture.q, mixture.best, findings.has_effect, is_whole, open_ends, otherwise);
 
@@ -256,7 +255,6 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   AddParameters(space, summaries, record);
   if (best.fit) AddConditions(*best.fit, record);
   record.warnings = findings.corrections;
-  std::ranges::transform(findings.asked, std::back_inserter(record.warnings), AskedSentence);
   for (const GrowthRecord& round : run.growth) {
     for (const Suspect* rival : round.Rivals()) record.warnings.push_back(RivalSentence(*round.Freed(), *rival));
   }

@@ -16,9 +16,7 @@ struct DesignFindings {
   std::vector<MethodChoice> choices;     ///< of the settings whose method was left to auto
   std::vector<Suspect> suspects;         ///< of the design that ToldBy names
   std::vector<std::string> corrections;  ///< of the logs' columns, where more is left than the sensors explain
-  /// By the best design's windows, though its predictions reach the floor.
-  std::vector<AskedBeside> asked;
-  std::vector<bool> has_effect;  ///< per parameter, whether it changes anything that the logs show
+  std::vector<bool> has_effect;          ///< per parameter, whether it changes anything that the logs show
 };
 
 /// Index of the candidate whose fit and suspects the record shows: the best seed of the selected setting. Where auto

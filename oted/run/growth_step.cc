@@ -19,12 +19,11 @@
 namespace oted {
 namespace {
 
-/// Whether suspects tell anything: something is left to explain.
-bool AsksForMore(const std::optional<HeldOutPrediction>& prediction) { return prediction && LeavesGap(*prediction); }
-
+/// Where predictions leave something to explain, what explains it; elsewhere what the fit's own windows ask.
 /// @param design  what the method was given; q and fit are what it gave
 std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config, const FitEvidence& fit,
-                         const Designer& q) {
+                         const Designer& q, const std::optional<HeldOutPrediction>& prediction) {
+  if (!prediction) return {};
   const ParameterSpace& space = design.factory.parameters();
   const Prior prior = ForTrajectories(config.Start(space).prior(), space);
   const FreedProblem problem{.factory = design.factory,
@@ -34,7 +33,8 @@ std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config
                              .z = q.Mode(),
                              .kept_aside = design.KeptAsideKey(),
                              .context = design.context};
-  return TrySuspects(problem, config.trajectories.tried);
+  const auto free = LeavesGap(*prediction) ? TrySuspects : TryAsked;
+  return free(problem, config.trajectories.tried);
 }
 
 GrowthRecord MakeRound(const RunSetup& run, int round) {
@@ -50,8 +50,7 @@ GrowthRecord MakeRound(const RunSetup& run, int round) {
   const DesignResult design = LearnDesign(problem, config);
   // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
   if (!design.fit || !ParametersAtBounds(design.q).empty()) return {};
-  if (!AsksForMore(PredictKeptAside(problem, design.q, design.fit))) return {};
-  return {Try(problem, config, *design.fit, design.q)};
+  return {Try(problem, config, *design.fit, design.q, PredictKeptAside(problem, design.q, design.fit))};
 }
 
 /// Makes `run` one of a parameter more.
@@ -84,9 +83,9 @@ void GrowBy(RunSetup& run, const Next& next) {
 std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findings) {
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
   const Candidate& told = findings.candidates[ToldBy(findings)];
-  if (!told.fit || !AsksForMore(best.prediction)) return {};
+  if (!told.fit) return {};
   const DesignProblem problem = ProblemOf(run, told.setting, told.seed, nullptr, run.context);
-  return Try(problem, run.Designs(told.setting).config, *told.fit, told.q);
+  return Try(problem, run.Designs(told.setting).config, *told.fit, told.q, best.prediction);
 }
 
 void Grow(RunSetup& run) {

@@ -18,6 +18,7 @@ using nlohmann::json;
 using testing::AllOf;
 using testing::EndsWith;
 using testing::HasSubstr;
+using testing::Not;
 using testing::StartsWith;
 
 json Clone() {
@@ -180,6 +181,30 @@ TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
   EXPECT_THAT(sentence(), EndsWith("judged by 1 recording that it did not learn from"));
   validation.horizons[0].learned = true;
   EXPECT_THAT(sentence(), EndsWith("judged by the logs that it learned from"));
+}
+
+TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhatMakesValuesDoubtful) {
+  DesignRecord record = Narrowed();
+  record.verdict = DesignVerdict::kGapClosed;
+  record.validation->horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.01, 0.01, 1}}, {}});
+  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("off")));
+  DesignRecord::Parameter mass;
+  mass.name = "mass";
+  mass.field = "body/*/mass";
+  mass.nominal = 1;
+  mass.low = 0.5;
+  mass.high = mass.mode = 2;
+  mass.verdict = ParameterVerdict::kAtBound;
+  record.parameters = {mass};
+  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("the value of 'mass' is at the end of its range"));
+  record.parameters.clear();
+  record.fit.emplace();
+  Suspect gain{.spec = {.name = "gain", .field = "actuator/*/gear[0]"}, .value = 1.2, .explains = 5};
+  record.fit->suspects = {{gain, "", ""}};
+  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("off"))) << "few nats, and none tried";
+  gain.explains = 9;
+  record.fit->suspects = {{gain, "", ""}};
+  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("values may be off"));
 }
 
 TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {

@@ -13,7 +13,6 @@
 #include "oted/run/design_findings.h"
 #include "oted/run/growth_step.h"
 #include "oted/run/method_choice_step.h"
-#include "oted/run/suspect_sentence.h"
 
 namespace oted {
 namespace {
@@ -47,14 +46,6 @@ std::vector<std::string> CorrectionsOf(const RunSetup& run, const std::optional<
   return warnings;
 }
 
-/// What the fit's own windows ask beside the parameters. Where more is left than the sensors explain, suspects are
-/// freed instead.
-std::vector<AskedBeside> AskedOf(const RunSetup& run, const Candidate& best) {
-  if (!best.fit || !best.prediction || LeavesGap(*best.prediction)) return {};
-  for (const AskedBeside& asked : best.fit->asked) run.context.log->Warning(AskedSentence(asked));
-  return best.fit->asked;
-}
-
 DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& designs) {
   DesignFindings findings;
   for (const Design& design : designs) findings.candidates.push_back(AsCandidate(run, design));
@@ -73,7 +64,6 @@ DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& des
   Predict(run, findings.candidates[static_cast<size_t>(findings.result.best_candidate)]);
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
   findings.corrections = CorrectionsOf(run, best.prediction);
-  findings.asked = AskedOf(run, best);
   findings.suspects = SuspectsOf(run, findings);
   findings.has_effect = ParametersWithEffect(run);
   return MakeDesignRecord(run, findings);

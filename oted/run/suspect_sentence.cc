@@ -64,13 +64,6 @@ std::string RivalSentence(const Suspect& added, const Suspect& rival) {
       added.spec.name, rival.spec.field, ValueInWords(rival.spec, rival.trial->value));
 }
 
-std::string AskedSentence(const AskedBeside& asked) {
-  return fmt::format(
-      "the logs surely ask {} to be other than in the model ({}), and it is not searched: intervals hold what the "
-      "parameters would be with it, and values may be off; measure it, or add: {}",
-      asked.spec.field, ValueInWords(asked.spec, asked.value), ParameterLine(asked.spec));
-}
-
 std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignRecord::Validation::Channel>& channels,
                             const std::vector<int>& off) {
   const ParameterSpec& spec = suspect.spec;

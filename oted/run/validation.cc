@@ -53,6 +53,7 @@ HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, 
                    .narrow = {},
                    .key = RngKey(1).Stage("validation"),
                    .n_threads = context.n_threads,
+                   .noise_of_other_logs = true,
                    .n_whole = static_cast<int>(logs.Episodes().size()),
                    .tell = [&](int done, int total) {
                      context.log->Progress("predict", logs.path, done, total, "");

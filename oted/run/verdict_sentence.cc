@@ -93,6 +93,21 @@ std::string AtBounds(const DesignRecord& record) {
   return names;
 }
 
+/// What makes values doubtful though predictions are good, to be appended to a sentence that the floor is reached.
+std::string ButDoubtful(const DesignRecord& record) {
+  std::string text;
+  const std::string at_bounds = AtBounds(record);
+  if (!at_bounds.empty()) {
+    text = fmt::format(
+        "; the value of {} is at the end of its range: the true one may be beyond, and others off with it", at_bounds);
+  }
+  const auto is_likely = [](const DesignRecord::Suspected& s) { return s.suspect.IsLikely(); };
+  if (record.fit && std::ranges::any_of(record.fit->suspects, is_likely)) {
+    text += "; but values may be off: the logs ask for something that is not searched (see the suspects)";
+  }
+  return text;
+}
+
 /// Channels that no prediction tells anything of, to be appended to a sentence that the floor is reached.
 std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   std::string names;
@@ -261,28 +276,23 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
   const auto& horizon = ShownHorizon(*record.validation);
   const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
+  const std::string but = ButUntold(horizon) + ButDoubtful(record) + judged_by;  // where the floor is reached
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
-                         off.empty() ? "" : "; the designed one does not: keep the nominal one", ButUntold(horizon)) +
-             judged_by;
-    case DesignVerdict::kGapClosed:
-      if (!record.predicts_better) {
-        const std::string unsure =
-            horizon.narrowed > kMuchNarrowed
-                ? fmt::format("with {} less error than the nominal one, in too few windows for that to be sure", share)
-                : "its parameters are not the nominal ones, but that it predicts better is not sure";
-        return fmt::format(
-                   "gap closed: {} the designed simulator predicts the logs as well as the sensors let it; {}{}", over,
-                   unsure, ButUntold(horizon)) +
-               judged_by;
+                         off.empty() ? "" : "; the designed one does not: keep the nominal one", but);
+    case DesignVerdict::kGapClosed: {
+      const std::string closed =
+          fmt::format("gap closed: {} the designed simulator predicts the logs as well as the sensors let it", over);
+      if (record.predicts_better)
+        return closed + fmt::format(", with {} less error than the nominal one{}", share, but);
+      if (horizon.narrowed > kMuchNarrowed) {
+        return closed +
+               fmt::format("; with {} less error than the nominal one, in too few windows for that to be sure{}", share,
+                           but);
       }
-      return fmt::format(
-                 "gap closed: {} the designed simulator predicts the logs as well as the sensors let it, with {} less "
-                 "error "
-                 "than the nominal one{}",
-                 over, share, ButUntold(horizon)) +
-             judged_by;
+      return closed + "; its parameters are not the nominal ones, but that it predicts better is not sure" + but;
+    }
     case DesignVerdict::kGapNarrowed:
       if (off.empty()) {
         const std::string not_told = NotTold(*record.validation);

@@ -32,6 +32,7 @@ constexpr double kMoved = 0.25;    // of the range: what an identified parameter
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
+constexpr double kGuessOfOthers = 0.01;  // of a channel's spread: where the noise is told by other logs
 
 /// (obs_dim): what the sensors' noise does not exceed in any part of the logs.
 VectorXd LargestNoiseOf(const PredictionProblem& problem) {
@@ -77,10 +78,14 @@ class Evidence {
   Evidence(const PredictionProblem& problem, std::vector<double> other, const std::vector<int>& horizons,
            double period_s, Steps& steps)
       : problem_(problem), other_(std::move(other)), steps_(steps), largest_noise_(LargestNoiseOf(problem)) {
-    noise_ = problem.noise.cwiseMin(largest_noise_);
     AddPart(problem.kept_aside, problem.learned == nullptr && problem.n_whole == 0, horizons, period_s);
     if (problem.learned != nullptr) AddPart(*problem.learned, true, horizons, period_s);
     if (parts_.empty()) return;
+    noise_ = problem.noise;
+    // From none at all nothing can be corrected.
+    if (problem.noise_of_other_logs)
+      noise_ = noise_.cwiseMax(kGuessOfOthers * parts_.front()->judge().channels().spread);
+    noise_ = noise_.cwiseMin(largest_noise_).eval();
     for (const auto& part : parts_) designed_.push_back(part->judge().Predict(problem.z));
     of_other_.resize(parts_.size());
   }
@@ -220,7 +225,8 @@ class Evidence {
       // Leads are few: chance alone does not move what a fit of all windows told.
       const bool surely = std::abs(2 * std::log(factor[c])) > kSurely * leads.OfChannel(c).error;
       if (surely && std::isfinite(factor[c])) {
-        corrected[c] *= std::clamp(factor[c], kLeastCorrection, kLargestCorrection);
+        corrected[c] *=
+            problem_.noise_of_other_logs ? factor[c] : std::clamp(factor[c], kLeastCorrection, kLargestCorrection);
         corrected[c] = std::min(corrected[c], largest_noise_[c]);
       }
     }
@@ -408,6 +414,7 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
                             .narrow = asked.narrow,
                             .key = asked.key,
                             .n_threads = asked.n_threads,
+                            .noise_of_other_logs = asked.noise_of_other_logs,
                             .as_likely = asked.as_likely,
                             .kept_aside_in = asked.kept_aside_in,
                             .learned_in = asked.learned_in,

@@ -26,6 +26,7 @@ struct PredictionProblem {
   std::vector<int> narrow;          ///< parameters whose intervals have to be borne out (HeldOutPrediction::OpenEnd)
   RngKey key;
   int n_threads = 1;
+  bool noise_of_other_logs = false;  ///< `noise` is: these may be of any other noise, and their leads tell it
   /// Other z that are as likely as `z`: the noise alone may have put it there. None, and z is taken for certain.
   std::vector<std::vector<double>> as_likely = {};
   /// Of each row kept aside, and of each that was learned from, the episode of all logs that it is in; empty: of these.

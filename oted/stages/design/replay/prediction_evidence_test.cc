@@ -23,7 +23,7 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 /// Of these logs, judged at z, whose guess of the noise is `guess`. Every interval has to be borne out.
 HeldOutPrediction Evidence(const Dataset& logs, const std::vector<double>& z, double guess, uint64_t seed,
                            const SimulatorFactory& factory = PointMassFactory(),
-                           const std::vector<std::vector<double>>& as_likely = {}) {
+                           const std::vector<std::vector<double>>& as_likely = {}, bool noise_of_other_logs = false) {
   const VectorXd guessed = VectorXd::Constant(2, guess);
   const ReadingModel readings = ReadingModel::Of(factory.spec(), logs);
   const auto prediction = PredictLogs({.factory = factory,
@@ -35,6 +35,7 @@ HeldOutPrediction Evidence(const Dataset& logs, const std::vector<double>& z, do
                                        .narrow = {0, 1, 2},
                                        .key = RngKey(seed + 100),
                                        .n_threads = 1,
+                                       .noise_of_other_logs = noise_of_other_logs,
                                        .as_likely = as_likely});
   OTED_CHECK(prediction.has_value());
   return *prediction;
@@ -55,6 +56,25 @@ TEST(PredictLogs, TheTruthReachesTheFloorAtAnyNoiseAndFromAWrongGuessOfIt) {
       EXPECT_TRUE(ChannelsOff(prediction).empty()) << noise << " guessed " << guess << ", seed " << seed;
       EXPECT_TRUE(PredictsBetter(prediction));
       n_reached += ReachesFloor(prediction) ? 1 : 0;
+    }
+  }
+  EXPECT_GE(n_reached, 16) << "of 20: few windows need not tell it";
+}
+
+TEST(PredictLogs, NoiseThatOtherLogsToldIsNoBoundForThese) {
+  const PointMassFactory factory;
+  int n_reached = 0;
+  for (const auto& [noise, of_others] : {std::pair(0.0, 0.05), {0.05, 1e-9}, {0.05, 0.005}, {0.1, 0.01}, {0.02, 0.1}}) {
+    for (uint64_t seed = 1; seed <= 4; ++seed) {
+      const Dataset clean = PointMassLogs(kTruth, 25);
+      const Dataset logs = noise > 0 ? WithSensorNoise(clean, noise, RngKey(seed)) : clean;
+      const HeldOutPrediction prediction = Evidence(logs, kTruth, of_others, seed, factory, {}, true);
+      EXPECT_TRUE(ChannelsOff(prediction).empty()) << noise << ", others " << of_others << ", seed " << seed;
+      n_reached += ReachesFloor(prediction) ? 1 : 0;
+      const std::vector<double> off = {1.2, 0.6, 0.5};
+      if (noise > 0.02) continue;
+      EXPECT_FALSE(ReachesFloor(Evidence(logs, off, of_others, seed, factory, {}, true)))
+          << "an error is no noise: " << noise << ", others " << of_others << ", seed " << seed;
     }
   }
   EXPECT_GE(n_reached, 16) << "of 20: few windows need not tell it";

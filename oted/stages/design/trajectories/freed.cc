@@ -368,12 +368,8 @@ Estimated LeadOf(const FreedTrial& trial, const FreedTrial& other) {
   return {ours.value - theirs.value, std::hypot(ours.error, theirs.error)};
 }
 
-}  // namespace
-
-std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
-  if (!(problem.factory.spec().control_period_s > 0)) return {};
-  FreedTrials trials(problem);
-  std::vector<Suspect> suspects = trials.Find(n > 0);
+/// Of `suspects`, the likeliest first, as many as are named; the first `n` of them are freed.
+std::vector<Suspect> TryFirst(const FreedProblem& problem, FreedTrials& trials, std::vector<Suspect> suspects, int n) {
   suspects.resize(std::min(suspects.size(), std::max(kFewestNamed, static_cast<size_t>(n))));
   const auto n_tried = static_cast<int64_t>(std::min(suspects.size(), static_cast<size_t>(n)));
   for (int64_t k = 0; k < n_tried; ++k) {
@@ -383,6 +379,20 @@ std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
   }
   if (n_tried > 0) problem.context.log->Progress("freed", "tried", n_tried, n_tried, "");
   return suspects;
+}
+
+}  // namespace
+
+std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
+  if (!(problem.factory.spec().control_period_s > 0)) return {};
+  FreedTrials trials(problem);
+  return TryFirst(problem, trials, trials.Find(n > 0), n);
+}
+
+std::vector<Suspect> TryAsked(const FreedProblem& problem, int n) {
+  if (problem.fit.asked.empty() || !(problem.factory.spec().control_period_s > 0)) return {};
+  FreedTrials trials(problem);
+  return TryFirst(problem, trials, problem.fit.asked, n);
 }
 
 const Suspect* BestFreed(const std::vector<Suspect>& suspects) {

@@ -44,6 +44,9 @@ struct FreedProblem {
 /// @throws Interrupted when a stop was requested
 std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n);
 
+/// The same of those that the design's own windows ask, where its predictions leave nothing for others to explain.
+std::vector<Suspect> TryAsked(const FreedProblem& problem, int n);
+
 /// Of those that are kept, the one that makes the logs that were kept aside likeliest; where none tells that, the one
 /// that gains most. Null where none is kept.
 const Suspect* BestFreed(const std::vector<Suspect>& suspects);

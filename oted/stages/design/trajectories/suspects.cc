@@ -17,7 +17,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kDirected = 2.0;      // standard deviations
-constexpr double kAsked = 4.0;         // the same, where some thirty are asked at once
+constexpr double kAsked = 3.0;         // the same, where some thirty are asked at once: few are by chance
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
@@ -124,22 +124,23 @@ std::vector<double> Followed(const ParameterSpace& space, const VectorXd& x, con
   return followed;
 }
 
-/// What the logs ask one further parameter to be, and x with it; none where that is nominal beyond doubt or nearly.
-std::optional<AskedBeside> AskedOf(const ParameterSpec& spec, const StretchEstimate& estimate, const VectorXd& x,
-                                   const ParameterSpace& space) {
-  const auto n_x = x.size();
-  const double change = estimate.step[n_x], n_std = std::abs(change) / std::sqrt(estimate.covariance(n_x, n_x));
-  const double value = At(spec, change);
-  if (!(n_std > kAsked) || !IsNoticeable(spec, value)) return std::nullopt;
-  const Designer q(space, x + estimate.step.head(n_x), estimate.covariance.topLeftCorner(n_x, n_x));
-  return AskedBeside{spec, value, n_std, q.CentralInterval(kIntervalMass)};
+/// What a step says of the further parameter alone.
+struct Score {
+  double change, std, value;  ///< by the linear model; z there
+  double n_std() const { return std::abs(change) / std; }
+};
+
+Score ScoreOf(const ParameterSpec& spec, const StretchEstimate& estimate) {
+  const auto last = estimate.step.size() - 1;
+  const double change = estimate.step[last];
+  return {change, std::sqrt(estimate.covariance(last, last)), At(spec, change)};
 }
 
-/// The surest first, and those that explain at least half as many nats: their squares.
-void KeepSurest(std::vector<AskedBeside>& asked) {
-  std::ranges::stable_sort(asked, std::ranges::greater(), &AskedBeside::n_std);
-  std::erase_if(asked, [least = asked.empty() ? 0 : asked.front().n_std * asked.front().n_std / 2](const auto& one) {
-    return one.n_std * one.n_std < least;
+/// The surest first, and those that explain at least half as many nats.
+void KeepSurest(std::vector<Suspect>& asked) {
+  std::ranges::stable_sort(asked, std::ranges::greater(), &Suspect::explains);
+  std::erase_if(asked, [least = asked.empty() ? 0 : asked.front().explains / 2](const Suspect& suspect) {
+    return suspect.explains < least;
   });
 }
 
@@ -170,19 +171,17 @@ bool IsNoticeable(const ParameterSpec& spec, double z) {
 SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                             const Prior& prior) {
   const WithEachAlone with(EvidenceOf(specs, fit, wider), fit.x(), prior);
-  const auto n_x = fit.x().size();
   SuspectScores scores;
   std::vector<std::pair<double, Suspect>> scored;
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
-    const double change = estimate->step[n_x], std = std::sqrt(estimate->covariance(n_x, n_x));
-    const double value = At(specs[k], change);
-    if (!(std::abs(change) > kDirected * std) || value == specs[k].nominal) {
+    const Score score = ScoreOf(specs[k], *estimate);
+    if (!(score.n_std() > kDirected) || score.value == specs[k].nominal) {
       scores.undirected.push_back(specs[k]);
       continue;
     }
-    scored.emplace_back(std::abs(change) / std, Suspect{.spec = specs[k], .value = value});
+    scored.emplace_back(score.n_std(), Suspect{.spec = specs[k], .value = score.value});
   }
   std::ranges::stable_sort(scored, [](const auto& a, const auto& b) { return a.first > b.first; });
   for (auto& [unused, suspect] : scored) scores.directed.push_back(std::move(suspect));
@@ -193,18 +192,18 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
                        const Prior& prior, const ParameterSpace& space) {
   const VectorXd steps = NearbySteps(specs, fit, wider);
   const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior);
-  const auto n_x = fit.x().size();
   const std::vector<double> z = ToZ(space, fit.x());
   std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
   RestsOn found;
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
-    if (std::optional<AskedBeside> asked = AskedOf(specs[k], *estimate, fit.x(), space)) {
-      found.asked.push_back(std::move(*asked));
+    const Score score = ScoreOf(specs[k], *estimate);
+    if (score.n_std() > kAsked && IsNoticeable(specs[k], score.value)) {
+      found.asked.push_back({.spec = specs[k], .value = score.value, .explains = score.n_std() * score.n_std() / 2});
     }
     const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
-    const double reach = std::abs(estimate->step[n_x]) + kEndOfInterval * std::sqrt(estimate->covariance(n_x, n_x));
+    const double reach = std::abs(score.change) + kEndOfInterval * score.std;
     const WithEachAlone::Following following = with.FollowingOf(k);
     // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.
     const double bend = std::max(2 * steps[static_cast<Eigen::Index>(k)], kSmallestSine);

@@ -33,7 +33,7 @@ SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const Level
 
 struct RestsOn {
   std::vector<Condition> conditions;
-  std::vector<AskedBeside> asked;  ///< the surest first
+  std::vector<Suspect> asked;  ///< the surest first, none of them tried
 };
 
 /// What the parameters' values rest on. Each of `specs` is taken alone, a tenth off (of its value, or of its range
@@ -41,7 +41,7 @@ struct RestsOn {
 /// nominal within that tenth, and that move a parameter by more than a twentieth (a hundredth of its range where it is
 /// no multiple); of each parameter the three that move it most.
 ///
-/// Asked are those that the logs show to be off noticeably and by four standard deviations, and that explain at least
+/// Asked are those that the logs show to be off noticeably and by three standard deviations, and that explain at least
 /// half as many nats as the surest: their effects resemble each other.
 /// @param space  of x; the rest as ScoreSuspects
 RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,

@@ -181,16 +181,14 @@ TEST(FindConditions, NamesNothingThatTheLogsThemselvesShowToBeAsInTheModel) {
   }
 }
 
-TEST(FindConditions, SaysWhatTheWindowsAskBesideTheParameterAndWhereItWouldBe) {
+TEST(FindConditions, SaysWhatTheWindowsAskBesideTheParameter) {
   for (const double noise : {0.002, 0.01}) {
     EXPECT_TRUE(EvidenceOf({"damping", "idle"}, noise).asked.empty());
     const FitEvidence off = EvidenceOf({"damping", "idle"}, noise, 1.4 * kDamping);
-    const std::vector<AskedBeside>& asked = off.asked;
-    ASSERT_EQ(asked.size(), 1);
-    EXPECT_EQ(asked[0].spec.field, "env/damping");
-    EXPECT_GT(asked[0].value, 1.25);
-    const SearchInterval gain = asked[0].intervals90[0];
-    EXPECT_NEAR((gain.low + gain.high) / 2, 1.3, 0.03) << "the gain, were the damping searched";
+    ASSERT_EQ(off.asked.size(), 1);
+    EXPECT_EQ(off.asked[0].spec.field, "env/damping");
+    EXPECT_GT(off.asked[0].value, 1.25);
+    EXPECT_TRUE(off.asked[0].IsLikely());
     ASSERT_TRUE(off.unseen.has_value());
     EXPECT_GT(std::abs(off.unseen->z[0] - 1.3), 0.06) << "the gain alone";
   }
