@@ -65,8 +65,11 @@ void PrintConditions(const DesignRecord& design) {
 
 /// @param truth  of each parameter, where that is known
 void PrintParameters(const DesignRecord& design, const std::vector<double>& truth) {
+  const auto named = [](const DesignRecord::Parameter& p) {
+    return p.unit.empty() ? p.name : fmt::format("{} [{}]", p.name, p.unit);
+  };
   size_t width = 14;
-  for (const DesignRecord::Parameter& p : design.parameters) width = std::max(width, p.name.size());
+  for (const DesignRecord::Parameter& p : design.parameters) width = std::max(width, named(p).size());
   Print("\n{:<{}} {:>8} {}{:>20} {:>21}  {:<14}{}\n", "parameter", width, "nominal",
         truth.empty() ? "" : fmt::format("{:>8} ", "truth"), "designed", "90 % interval", "verdict",
         truth.empty() ? "" : "  error");
@@ -78,7 +81,7 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
       known = fmt::format("{:>8.{}f} ", truth.at(i), decimals);
       error = "  " + Small(std::abs(p.mode - truth[i]), decimals);
     }
-    Print("{:<{}} {:>8.{}f} {}{:>20} {:>21}  {:<14}{}\n", p.name, width, p.nominal, decimals, known,
+    Print("{:<{}} {:>8.{}f} {}{:>20} {:>21}  {:<14}{}\n", named(p), width, p.nominal, decimals, known,
           fmt::format("{:.{}f} +- {}", p.mode, decimals, Small(p.std, decimals)),
           fmt::format("[{:.{}f}, {:.{}f}]", p.interval90_low, decimals, p.interval90_high, decimals),
           ToString(p.verdict), error);
@@ -139,6 +142,7 @@ void PrintValidation(const DesignRecord& design) {
   }
   Print("{}", NotJudged(shown));
   if (shown.learned) Print("(on logs that the design learned from: none were kept aside)\n");
+  if (design.validation->longest) Print("{}\n", LongestInWords(*design.validation));
 }
 
 /// Which method of the design was taken where that was left open, and why.

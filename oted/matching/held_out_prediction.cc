@@ -29,66 +29,76 @@ Estimated EstimatedFromJson(const json& record) {
   return {NumberFrom(record.at("value")), NumberFrom(record.at("error"))};
 }
 
-json ToJson(const HeldOutPrediction& prediction) {
-  json horizons = json::array();
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    json channels = json::array();
-    for (const HeldOutPrediction::Channel& c : h.channels) {
-      channels.push_back({{"nominal", c.nominal},
-                          {"designed", c.designed},
-                          {"floor", c.floor},
-                          {"spread", c.spread},
-                          {"guess", c.guess},
-                          {"judged", c.judged},
-                          {"excess", ToJson(c.excess)},
-                          {"gain", ToJson(c.gain)}});
-    }
-    horizons.push_back({{"seconds", h.seconds},
-                        {"n_steps", h.n_steps},
-                        {"n_windows", h.n_windows},
-                        {"learned", h.learned},
-                        {"channels", channels},
-                        {"excess", ToJson(h.excess)},
-                        {"gain", ToJson(h.gain)},
-                        {"odd_episodes", h.odd_episodes},
-                        {"n_of_recordings", h.n_of_recordings},
-                        {"gain_of_recordings", ToJson(h.gain_of_recordings)}});
+namespace {
+
+json HorizonToJson(const HeldOutPrediction::Horizon& h) {
+  json channels = json::array();
+  for (const HeldOutPrediction::Channel& c : h.channels) {
+    channels.push_back({{"nominal", c.nominal},
+                        {"designed", c.designed},
+                        {"floor", c.floor},
+                        {"spread", c.spread},
+                        {"guess", c.guess},
+                        {"judged", c.judged},
+                        {"excess", ToJson(c.excess)},
+                        {"gain", ToJson(c.gain)}});
   }
-  json open_ends = json::array();
+  return {{"seconds", h.seconds},
+          {"n_steps", h.n_steps},
+          {"n_windows", h.n_windows},
+          {"learned", h.learned},
+          {"channels", channels},
+          {"excess", ToJson(h.excess)},
+          {"gain", ToJson(h.gain)},
+          {"odd_episodes", h.odd_episodes},
+          {"n_of_recordings", h.n_of_recordings},
+          {"gain_of_recordings", ToJson(h.gain_of_recordings)}};
+}
+
+HeldOutPrediction::Horizon HorizonFromJson(const json& h) {
+  HeldOutPrediction::Horizon horizon{.seconds = h.at("seconds"),
+                                     .n_steps = h.at("n_steps"),
+                                     .n_windows = h.at("n_windows"),
+                                     .learned = h.at("learned"),
+                                     .channels = {},
+                                     .excess = EstimatedFromJson(h.at("excess")),
+                                     .gain = EstimatedFromJson(h.at("gain")),
+                                     .odd_episodes = h.at("odd_episodes"),
+                                     .n_of_recordings = h.at("n_of_recordings"),
+                                     .gain_of_recordings = EstimatedFromJson(h.at("gain_of_recordings"))};
+  for (const json& c : h.at("channels")) {
+    horizon.channels.push_back({.nominal = NumberFrom(c.at("nominal")),
+                                .designed = NumberFrom(c.at("designed")),
+                                .floor = NumberFrom(c.at("floor")),
+                                .spread = NumberFrom(c.at("spread")),
+                                .judged = c.at("judged"),
+                                .excess = EstimatedFromJson(c.at("excess")),
+                                .gain = EstimatedFromJson(c.at("gain")),
+                                .guess = NumberFrom(c.at("guess"))});
+  }
+  return horizon;
+}
+
+}  // namespace
+
+json ToJson(const HeldOutPrediction& prediction) {
+  json horizons = json::array(), open_ends = json::array();
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons) horizons.push_back(HorizonToJson(h));
   for (const HeldOutPrediction::OpenEnd& end : prediction.open_ends) {
     open_ends.push_back({{"parameter", end.parameter}, {"above", end.above}});
   }
-  return {{"horizons", horizons},
-          {"n_recordings", prediction.n_recordings},
-          {"n_parts", prediction.n_parts},
-          {"open_ends", open_ends}};
+  json record = {{"horizons", horizons},
+                 {"n_recordings", prediction.n_recordings},
+                 {"n_parts", prediction.n_parts},
+                 {"open_ends", open_ends}};
+  if (prediction.longest) record["longest"] = HorizonToJson(*prediction.longest);
+  return record;
 }
 
 HeldOutPrediction HeldOutPredictionFromJson(const json& record) {
   HeldOutPrediction prediction;
-  for (const json& h : record.at("horizons")) {
-    HeldOutPrediction::Horizon horizon{.seconds = h.at("seconds"),
-                                       .n_steps = h.at("n_steps"),
-                                       .n_windows = h.at("n_windows"),
-                                       .learned = h.at("learned"),
-                                       .channels = {},
-                                       .excess = EstimatedFromJson(h.at("excess")),
-                                       .gain = EstimatedFromJson(h.at("gain")),
-                                       .odd_episodes = h.at("odd_episodes"),
-                                       .n_of_recordings = h.at("n_of_recordings"),
-                                       .gain_of_recordings = EstimatedFromJson(h.at("gain_of_recordings"))};
-    for (const json& c : h.at("channels")) {
-      horizon.channels.push_back({.nominal = NumberFrom(c.at("nominal")),
-                                  .designed = NumberFrom(c.at("designed")),
-                                  .floor = NumberFrom(c.at("floor")),
-                                  .spread = NumberFrom(c.at("spread")),
-                                  .judged = c.at("judged"),
-                                  .excess = EstimatedFromJson(c.at("excess")),
-                                  .gain = EstimatedFromJson(c.at("gain")),
-                                  .guess = NumberFrom(c.at("guess"))});
-    }
-    prediction.horizons.push_back(std::move(horizon));
-  }
+  for (const json& h : record.at("horizons")) prediction.horizons.push_back(HorizonFromJson(h));
+  if (record.contains("longest")) prediction.longest = HorizonFromJson(record.at("longest"));
   prediction.n_recordings = record.at("n_recordings");
   prediction.n_parts = record.at("n_parts");
   for (const json& end : record.at("open_ends")) {

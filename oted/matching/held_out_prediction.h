@@ -2,6 +2,7 @@
 /// How simulators predict logs, open loop, beside what the sensors' noise alone would leave: what verdicts rest on.
 
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <vector>
 
 namespace oted {
@@ -46,6 +47,9 @@ struct HeldOutPrediction {
     Estimated gain_of_recordings = {};  ///< and the gain in these alone
   };
   std::vector<Horizon> horizons;  ///< in ascending order; at least one
+  /// How far replays can be followed at all: the longest horizon beyond these over which either simulator's error is
+  /// below half of a guess's. No verdict rests on it, and no floor is looked for: floor and excess are 0.
+  std::optional<Horizon> longest = {};
 
   /// What was kept aside: whole recordings, and parts of those that the design learned from, whose motions it has seen.
   /// Both 0: nothing was.

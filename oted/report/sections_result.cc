@@ -184,6 +184,9 @@ Section ValidationSection(const json& report) {
   }
   section.html += PredictionFigure(Shown(horizons)) + table.Html();
   if (starred) section.html += fmt::format("<p>{}.</p>\n", kStarredChannels);
+  if (validation.contains("longest")) {
+    section.html += fmt::format("<p>Replays {}.</p>\n", Escape(TextAt(validation["longest"], "sentence")));
+  }
   return section;
 }
 

@@ -201,27 +201,31 @@ std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Gro
   return all;
 }
 
+DesignRecord::Validation::Horizon HorizonInRecord(const HeldOutPrediction::Horizon& h, const SimulatorSpec& spec) {
+  DesignRecord::Validation::Horizon horizon{
+      h.seconds,      h.n_steps, h.n_windows, h.learned,         1 - std::exp(-0.5 * h.gain.value),
+      IsSure(h.gain), {},        {},          MostTimesFloor(h), h.odd_episodes};
+  for (size_t c = 0; c < h.channels.size(); ++c) {
+    horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
+                                h.channels[c].designed, h.channels[c].floor, h.channels[c].spread, h.channels[c].judged,
+                                h.channels[c].guess});
+  }
+  if (h.n_of_recordings > 0) {
+    horizon.in_recordings = {h.n_of_recordings, 1 - std::exp(-0.5 * h.gain_of_recordings.value),
+                             IsSure(h.gain_of_recordings)};
+  }
+  return horizon;
+}
+
 }  // namespace
 
 DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec) {
   DesignRecord::Validation validation;
   validation.n_recordings = prediction.n_recordings;
   validation.n_parts = prediction.n_parts;
-  for (const HeldOutPrediction::Horizon& h : prediction.horizons) {
-    DesignRecord::Validation::Horizon horizon{
-        h.seconds,      h.n_steps, h.n_windows, h.learned,         1 - std::exp(-0.5 * h.gain.value),
-        IsSure(h.gain), {},        {},          MostTimesFloor(h), h.odd_episodes};
-    for (size_t c = 0; c < h.channels.size(); ++c) {
-      horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
-                                  h.channels[c].designed, h.channels[c].floor, h.channels[c].spread,
-                                  h.channels[c].judged, h.channels[c].guess});
-    }
-    if (h.n_of_recordings > 0) {
-      horizon.in_recordings = {h.n_of_recordings, 1 - std::exp(-0.5 * h.gain_of_recordings.value),
-                               IsSure(h.gain_of_recordings)};
-    }
-    validation.horizons.push_back(std::move(horizon));
-  }
+  for (const HeldOutPrediction::Horizon& h : prediction.horizons)
+    validation.horizons.push_back(HorizonInRecord(h, spec));
+  if (prediction.longest) validation.longest = HorizonInRecord(*prediction.longest, spec);
   return validation;
 }
 

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "oted/run/record_reader.h"
+#include "oted/run/verdict_sentence.h"
 #include "oted/stages/design/trajectories/freed.h"
 
 namespace oted {
@@ -76,36 +77,39 @@ DesignRecord::Fit FitFrom(const RecordReader& reader) {
   return fit;
 }
 
+DesignRecord::Validation::Horizon HorizonFrom(const RecordReader& h) {
+  DesignRecord::Validation::Horizon horizon{h.Number("seconds"),
+                                            h.Get<int>("n_steps"),
+                                            h.Get<int>("n_windows"),
+                                            h.Get<bool>("learned"),
+                                            h.Number("narrowed"),
+                                            h.Get<bool>("surely_better"),
+                                            {},
+                                            {},
+                                            h.Find<double>("most_times_floor").value_or(1),
+                                            {}};
+  for (const int number : h.Find<std::vector<int>>("odd_episodes").value_or(std::vector<int>())) {
+    horizon.odd_episodes.push_back(number - 1);
+  }
+  for (const RecordReader& c : h.List("channels")) {
+    horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
+                                c.Number("designed"), c.Has("floor") ? c.Number("floor") : 0, c.Number("spread"),
+                                c.Get<bool>("judged"), c.Number("guess")});
+  }
+  if (h.Has("in_recordings")) {
+    const RecordReader of = h.At("in_recordings");
+    horizon.in_recordings = {of.Get<int>("n_windows"), of.Number("narrowed"), of.Get<bool>("surely_better")};
+  }
+  return horizon;
+}
+
 DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
   DesignRecord::Validation validation;
   const RecordReader judges = reader.At("judged_by");
   validation.n_recordings = judges.Get<int>("recordings");
   validation.n_parts = judges.Get<int>("parts");
-  for (const RecordReader& h : reader.List("horizons")) {
-    DesignRecord::Validation::Horizon horizon{h.Number("seconds"),
-                                              h.Get<int>("n_steps"),
-                                              h.Get<int>("n_windows"),
-                                              h.Get<bool>("learned"),
-                                              h.Number("narrowed"),
-                                              h.Get<bool>("surely_better"),
-                                              {},
-                                              {},
-                                              h.Find<double>("most_times_floor").value_or(1),
-                                              {}};
-    for (const int number : h.Find<std::vector<int>>("odd_episodes").value_or(std::vector<int>())) {
-      horizon.odd_episodes.push_back(number - 1);
-    }
-    for (const RecordReader& c : h.List("channels")) {
-      horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
-                                  c.Number("designed"), c.Number("floor"), c.Number("spread"), c.Get<bool>("judged"),
-                                  c.Number("guess")});
-    }
-    if (h.Has("in_recordings")) {
-      const RecordReader of = h.At("in_recordings");
-      horizon.in_recordings = {of.Get<int>("n_windows"), of.Number("narrowed"), of.Get<bool>("surely_better")};
-    }
-    validation.horizons.push_back(std::move(horizon));
-  }
+  for (const RecordReader& h : reader.List("horizons")) validation.horizons.push_back(HorizonFrom(h));
+  if (reader.Has("longest")) validation.longest = HorizonFrom(reader.At("longest"));
   return validation;
 }
 
@@ -197,37 +201,45 @@ DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
   return p;
 }
 
+/// Without what is told of the floor.
+json HorizonToRecord(const DesignRecord::Validation::Horizon& h) {
+  json channels = json::array();
+  for (const auto& c : h.channels) {
+    channels.push_back({{"name", c.name},
+                        {"unit", c.unit},
+                        {"nominal", c.nominal},
+                        {"designed", c.designed},
+                        {"spread", c.spread},
+                        {"guess", c.guess},
+                        {"judged", c.judged}});
+  }
+  json record = {{"seconds", h.seconds}, {"n_steps", h.n_steps},   {"n_windows", h.n_windows},
+                 {"learned", h.learned}, {"narrowed", h.narrowed}, {"surely_better", h.surely_better},
+                 {"channels", channels}};
+  for (const int episode : h.odd_episodes) record["odd_episodes"].push_back(episode + 1);
+  if (h.in_recordings) {
+    record["in_recordings"] = {{"n_windows", h.in_recordings->n_windows},
+                               {"narrowed", h.in_recordings->narrowed},
+                               {"surely_better", h.in_recordings->surely_better}};
+  }
+  return record;
+}
+
 }  // namespace
 
 json ValidationToJson(const DesignRecord::Validation& validation) {
   json record = {{"horizons", json::array()},
                  {"judged_by", {{"recordings", validation.n_recordings}, {"parts", validation.n_parts}}}};
   for (const DesignRecord::Validation::Horizon& h : validation.horizons) {
-    json channels = json::array();
-    for (const auto& c : h.channels) {
-      channels.push_back({{"name", c.name},
-                          {"unit", c.unit},
-                          {"nominal", c.nominal},
-                          {"designed", c.designed},
-                          {"floor", c.floor},
-                          {"spread", c.spread},
-                          {"guess", c.guess},
-                          {"judged", c.judged}});
+    record["horizons"].push_back(HorizonToRecord(h));
+    for (size_t c = 0; c < h.channels.size(); ++c) {
+      record["horizons"].back()["channels"][c]["floor"] = h.channels[c].floor;
     }
-    record["horizons"].push_back({{"seconds", h.seconds},
-                                  {"n_steps", h.n_steps},
-                                  {"n_windows", h.n_windows},
-                                  {"learned", h.learned},
-                                  {"narrowed", h.narrowed},
-                                  {"surely_better", h.surely_better},
-                                  {"most_times_floor", h.most_times_floor},
-                                  {"channels", channels}});
-    for (const int episode : h.odd_episodes) record["horizons"].back()["odd_episodes"].push_back(episode + 1);
-    if (h.in_recordings) {
-      record["horizons"].back()["in_recordings"] = {{"n_windows", h.in_recordings->n_windows},
-                                                    {"narrowed", h.in_recordings->narrowed},
-                                                    {"surely_better", h.in_recordings->surely_better}};
-    }
+    record["horizons"].back()["most_times_floor"] = h.most_times_floor;
+  }
+  if (validation.longest) {
+    record["longest"] = HorizonToRecord(*validation.longest);
+    record["longest"]["sentence"] = LongestInWords(validation);
   }
   return record;
 }

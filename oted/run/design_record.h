@@ -99,7 +99,8 @@ struct DesignRecord {
       std::vector<int> odd_episodes = {};  ///< HeldOutPrediction::Horizon::odd_episodes
     };
     std::vector<Horizon> horizons;
-    int n_recordings = 0, n_parts = 0;  ///< that judge (HeldOutPrediction)
+    std::optional<Horizon> longest = {};  ///< HeldOutPrediction::longest; without a floor
+    int n_recordings = 0, n_parts = 0;    ///< that judge (HeldOutPrediction)
   };
   struct Seed : Member {
     double common = 0;

@@ -159,10 +159,12 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
                           .warnings = Doubts(logs, spec, learned),
                           .data_sha256 = logs.sha256,
                           .n_transitions = logs.size()};
-  if (!result.reaches_floor) {
-    std::ranges::move(CorrectionWarnings(*factory, logs, context.n_threads), std::back_inserter(result.warnings));
-  }
   result.sentence = SentenceOf(result, prediction);
+  if (!result.reaches_floor) {
+    const std::vector<std::string> corrections = CorrectionWarnings(*factory, logs, context.n_threads);
+    if (!corrections.empty()) result.sentence += "; but the recordings themselves may be wrong (see the warnings)";
+    std::ranges::copy(corrections, std::back_inserter(result.warnings));
+  }
   if (request.model.empty()) return result;
   context.ThrowIfStopped();
   TaskConfig other = config.task;

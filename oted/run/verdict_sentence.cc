@@ -16,6 +16,7 @@ constexpr double kShown = 0.5;        // [s]
 constexpr double kWorse = 1.1;        // times the nominal simulator's error
 constexpr double kVisiblyMore = 1.1;  // times the floor
 constexpr double kMuchNarrowed = 0.5;
+constexpr double kVisiblyLost = 0.05;  // of the nominal simulator's error
 constexpr const char* kGuesses = "its mean, that it stays, that it goes on as it began";
 
 /// "[rad/s]" behind a number.
@@ -117,6 +118,13 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
+/// That longer replays are worse than the nominal simulator's, to be appended to a good word.
+std::string ButOverLonger(const DesignRecord::Validation& validation) {
+  if (!validation.longest || !(validation.longest->narrowed < -kVisiblyLost)) return "";
+  return fmt::format("; over {} its error is {} than the nominal simulator's", InWords(*validation.longest),
+                     LessOrMore(validation.longest->narrowed));
+}
+
 std::string GapClosedForAClassifier(const DesignRecord& record) {
   double designed_common = record.nominal_common;
   for (const DesignRecord::Setting& setting : record.settings) {
@@ -180,6 +188,11 @@ std::string ShareInWords(double narrowed) {
   return narrowed > 0.995 && narrowed < 1 ? "over 99 %" : fmt::format("{:.0f} %", 100 * narrowed);
 }
 
+/// "64 % less", "12 % more".
+std::string LessOrMore(double narrowed) {
+  return narrowed < 0 ? fmt::format("{:.0f} % more", -100 * narrowed) : ShareInWords(narrowed) + " less";
+}
+
 std::string InWords(const DesignRecord::Validation::Horizon& horizon) {
   return horizon.seconds > 0 ? fmt::format("{:.2g} s", horizon.seconds)
                              : fmt::format("{} control steps", horizon.n_steps);
@@ -217,6 +230,15 @@ std::string ButAGuess(const DesignRecord::Validation& validation) {
   return text;
 }
 
+std::string LongestInWords(const DesignRecord::Validation& validation) {
+  if (!validation.longest) return "";
+  const DesignRecord::Validation::Horizon& longest = *validation.longest;
+  return fmt::format(
+      "followed for {}: there the designed simulator's error is {} than the nominal one's ({} window{}{})",
+      InWords(longest), LessOrMore(longest.narrowed), longest.n_windows, longest.n_windows == 1 ? "" : "s",
+      longest.learned ? " that it learned from" : "");
+}
+
 std::string ButElsewhere(const DesignRecord::Validation& validation) {
   const auto& shown = ShownHorizon(validation);
   std::string unsure;
@@ -238,6 +260,7 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
   }
   std::string text;
   if (!unsure.empty()) text = fmt::format("; over {} it is not surely better", unsure);
+  text += ButOverLonger(validation);
   if (worst == nullptr) return text;
   const size_t n_others = worse.size() - 1;
   return text +
@@ -276,7 +299,8 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
   const auto& horizon = ShownHorizon(*record.validation);
   const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
-  const std::string but = ButUntold(horizon) + ButDoubtful(record) + judged_by;  // where the floor is reached
+  // Where the floor is reached.
+  const std::string but = ButUntold(horizon) + ButOverLonger(*record.validation) + ButDoubtful(record) + judged_by;
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
@@ -313,9 +337,8 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
     return fmt::format(
         "outside the family: at no horizon does the designed simulator predict better than guesses do (of each "
         "channel, {}); "
-        "{} its error is {} {} than the nominal simulator's{}",
-        kGuesses, over, horizon.narrowed < 0 ? fmt::format("{:.0f} %", -100 * horizon.narrowed) : share,
-        horizon.narrowed < 0 ? "more" : "less",
+        "{} its error is {} than the nominal simulator's{}",
+        kGuesses, over, LessOrMore(horizon.narrowed),
         off.empty() ? "" : ": " + WhatRemains(*record.validation, horizon, off));
   }
   if (record.predicts_better) {

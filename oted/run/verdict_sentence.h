@@ -19,6 +19,8 @@ std::string ButElsewhere(const DesignRecord::Validation& validation);
 /// The channels that the design predicts no better than a guess, and over which horizons, to be appended to a sentence
 /// that it predicts better than the nominal simulator.
 std::string ButAGuess(const DesignRecord::Validation& validation);
+/// How far replays can be followed, and how the two simulators compare there; empty where the record has none.
+std::string LongestInWords(const DesignRecord::Validation& validation);
 /// That windows are too few, or too unlike each other, to show whether the floor is reached; empty where they show it.
 std::string NotTold(const DesignRecord::Validation& validation);
 /// Episodes that are predicted far worse than most, to be appended to a sentence.
@@ -33,6 +35,9 @@ bool EndsAtBound(const DesignRecord::Parameter& p);
 
 /// "64 %", of an error that is so much less; "over 99 %" where something is left of it.
 std::string ShareInWords(double narrowed);
+
+/// "64 % less" of an error, "12 % more" where it is larger.
+std::string LessOrMore(double narrowed);
 
 /// "0.5 s", or "10 control steps" where time has no unit.
 std::string InWords(const DesignRecord::Validation::Horizon& horizon);

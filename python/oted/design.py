@@ -42,6 +42,7 @@ class Validation:
         self.horizons: list[float] = [horizon["seconds"] for horizon in record["horizons"]]
         self.n_windows: list[int] = [horizon["n_windows"] for horizon in record["horizons"]]
         self.learned: list[bool] = [horizon["learned"] for horizon in record["horizons"]]
+        self.longest: dict[str, Any] | None = record.get("longest")  # how far replays can be followed (docs/file_formats.md)
 
     def rows(self) -> list[dict[str, Any]]:
         """Root mean square errors in the channel's unit: of the nominal and the designed simulator, and what the sensors'

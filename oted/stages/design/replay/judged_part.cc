@@ -16,7 +16,19 @@ using Eigen::VectorXd;
 
 namespace {
 constexpr int kMostPredicted = 60;  // windows at each horizon
+
+VectorXd RootMeanSquares(const MatrixXd& squares) {
+  VectorXd sum = VectorXd::Zero(squares.rows());
+  double n = 0;
+  for (Eigen::Index w = 0; w < squares.cols(); ++w) {
+    if (squares.col(w).hasNaN()) continue;
+    sum += squares.col(w);
+    ++n;
+  }
+  return (sum / n).cwiseSqrt();
 }
+
+}  // namespace
 
 JudgedPart::JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& horizons,
                        double period_s)
@@ -24,6 +36,13 @@ JudgedPart::JudgedPart(const PredictionProblem& problem, const Dataset& logs, co
       logs_(logs),
       replayer_(Replayer(logs)),
       judge_(replayer_, logs, problem.noise, horizons, period_s, kMostPredicted) {}
+
+JudgedPart::JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& rows, int n_steps,
+                       double period_s)
+    : problem_(problem),
+      logs_(logs),
+      replayer_(Replayer(logs)),
+      judge_(replayer_, logs, problem.noise, rows, n_steps, period_s) {}
 
 bool JudgedPart::IsPrompt(const std::vector<double>& z) const {
   const ParameterSpace& space = problem_.factory.parameters();
@@ -75,6 +94,33 @@ PredictionJudge::Squares JudgedPart::PredictItself(const std::vector<double>& z,
 
 WindowReplayer JudgedPart::Replayer(const Dataset& logs) const {
   return MakeReplayer(problem_.factory, 0, logs, problem_.readings, problem_.n_threads);
+}
+
+Estimated IfJudged(const PredictionJudge& judge, size_t c, const PredictionRatios& ratios) {
+  const auto row = static_cast<Eigen::Index>(c);
+  return judge.channels().weight[row] > 0 ? ratios.OfChannel(row) : Estimated{};
+}
+
+HeldOutPrediction::Horizon ErrorsOver(const PredictionJudge& judge, size_t h, double seconds, const MatrixXd& designed,
+                                      const MatrixXd& other) {
+  const PredictionRatios gain = RatiosOfSums(other, designed, judge.channels());
+  const VectorXd designed_rms = RootMeanSquares(designed), other_rms = RootMeanSquares(other), guess = judge.Guess(h);
+  HeldOutPrediction::Horizon horizon;
+  horizon.seconds = seconds;
+  horizon.n_steps = judge.horizons()[h];
+  horizon.n_windows = judge.n_windows(h);
+  horizon.gain = gain.OfAll();
+  for (Eigen::Index c = 0; c < designed_rms.size(); ++c) {
+    horizon.channels.push_back({.nominal = other_rms[c],
+                                .designed = designed_rms[c],
+                                .floor = 0,
+                                .spread = judge.channels().spread[c],
+                                .judged = judge.channels().weight[c] > 0,
+                                .excess = {},
+                                .gain = IfJudged(judge, static_cast<size_t>(c), gain),
+                                .guess = guess[c]});
+  }
+  return horizon;
 }
 
 MatrixXd Beside(const MatrixXd& a, const MatrixXd& b) {

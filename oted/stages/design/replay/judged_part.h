@@ -18,6 +18,10 @@ class JudgedPart {
   /// @param problem  what it refers to must outlive this object, as `logs` must
   JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& horizons, double period_s);
 
+  /// Of stretches of the caller's choice. @param rows  where they begin; @param n_steps  predicted behind the lead
+  JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& rows, int n_steps,
+             double period_s);
+
   const PredictionJudge& judge() const { return judge_; }
 
   /// How the simulator at z predicts the windows, as near as the ways to find their starts allow: fitted to the leads,
@@ -43,6 +47,14 @@ class JudgedPart {
   WindowReplayer replayer_;
   PredictionJudge judge_;
 };
+
+/// How errors over one of the judge's horizons compare, without a floor. @param h  into its horizons
+/// @param designed, other  (channels, windows): mean squared errors over it
+HeldOutPrediction::Horizon ErrorsOver(const PredictionJudge& judge, size_t h, double seconds,
+                                      const Eigen::MatrixXd& designed, const Eigen::MatrixXd& other);
+
+/// Nothing of a channel that is not judged.
+Estimated IfJudged(const PredictionJudge& judge, size_t c, const PredictionRatios& ratios);
 
 /// A simulator's predictions of logs that it made itself: by draw of the noise, by part.
 using Imitations = std::vector<std::vector<PredictionJudge::Squares>>;

@@ -11,6 +11,7 @@
 #include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/judged_part.h"
+#include "oted/stages/design/replay/longest_horizon.h"
 #include "oted/stages/design/replay/noise_bound.h"
 #include "oted/stages/design/replay/prediction.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
@@ -43,17 +44,6 @@ VectorXd LargestNoiseOf(const PredictionProblem& problem) {
 /// Of recordings that something was learned from.
 int NumberOfParts(const PredictionProblem& problem) {
   return static_cast<int>(problem.kept_aside.Episodes().size()) - problem.n_whole;
-}
-
-VectorXd RootMeanSquares(const MatrixXd& squares) {
-  VectorXd sum = VectorXd::Zero(squares.rows());
-  double n = 0;
-  for (Eigen::Index w = 0; w < squares.cols(); ++w) {
-    if (squares.col(w).hasNaN()) continue;
-    sum += squares.col(w);
-    ++n;
-  }
-  return (sum / n).cwiseSqrt();
 }
 
 /// Counts what is done for the caller.
@@ -242,25 +232,9 @@ class Evidence {
     };
     const MatrixXd &of_judged = designed_[judging].predicted[h], of_other = Other(judging).predicted[h];
     const PredictionJudge& judge = parts_[judging]->judge();
-    const PredictionRatios gain = RatiosOfSums(of_other, of_judged, judge.channels());
-    const VectorXd designed_rms = RootMeanSquares(of_judged), other_rms = RootMeanSquares(of_other);
-    HeldOutPrediction::Horizon horizon;
-    horizon.seconds = n_steps * problem_.factory.spec().control_period_s;
-    horizon.n_steps = n_steps;
-    horizon.n_windows = judge.n_windows(h);
+    HeldOutPrediction::Horizon horizon =
+        ErrorsOver(judge, h, n_steps * problem_.factory.spec().control_period_s, of_judged, of_other);
     horizon.learned = learned_[judging];
-    horizon.gain = gain.OfAll();
-    const VectorXd guess = judge.Guess(h);
-    for (Eigen::Index c = 0; c < designed_rms.size(); ++c) {
-      horizon.channels.push_back({.nominal = other_rms[c],
-                                  .designed = designed_rms[c],
-                                  .floor = 0,
-                                  .spread = judge.channels().spread[c],
-                                  .judged = judge.channels().weight[c] > 0,
-                                  .excess = {},
-                                  .gain = IfJudged(judge, static_cast<size_t>(c), gain),
-                                  .guess = guess[c]});
-    }
     const Eigen::Index n_of_recordings =
         learned_[judging] || NumberOfParts(problem_) == 0 ? 0 : judge.n_windows(h, problem_.n_whole);
     if (n_of_recordings > 0) {
@@ -336,12 +310,6 @@ class Evidence {
     std::vector<int> episodes;
     for (const int row : rows) episodes.push_back(in[static_cast<size_t>(row)]);
     return episodes;
-  }
-
-  /// Nothing of a channel that is not judged.
-  static Estimated IfJudged(const PredictionJudge& judge, size_t c, const PredictionRatios& ratios) {
-    const auto row = static_cast<Eigen::Index>(c);
-    return judge.channels().weight[row] > 0 ? ratios.OfChannel(row) : Estimated{};
   }
 
   const PredictionJudge::Squares& Other(size_t part) {
@@ -436,6 +404,7 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
     evidence.FindFloor(!PredictsBetter(prediction));  // of gains alone
     prediction = CompareAll(evidence, horizons);
   }
+  if (with_floor) prediction.longest = LongestPredicted(problem, WithoutNoise(space, other), horizons.back());
   prediction.open_ends = OpenEnds(evidence, problem, steps);
   prediction.n_recordings = problem.n_whole;
   prediction.n_parts = problem.learned == nullptr ? 0 : NumberOfParts(problem);
