@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
@@ -403,11 +402,10 @@ ParameterChoice ChooseParameters(
                     : fmt::format("over its range it moves the logs by {:.2g} standard deviations", effect)));
   }
   // An armature from nothing on can only add: a mass with the same effect goes both ways.
-  const auto is_added = [&](size_t i) {
-    return candidates[i].field.ends_with("/armature") && candidates[i].scale == ParameterScale::kAbsolute;
-  };
   for (size_t i = 0; i < candidates.size(); ++i) {
-    for (size_t mass = 0; is_added(i) && mass < candidates.size(); ++mass) {
+    const bool is_added =
+        candidates[i].field.ends_with("/armature") && candidates[i].scale == ParameterScale::kAbsolute;
+    for (size_t mass = 0; is_added && mass < candidates.size(); ++mass) {
       const bool is_mass = candidates[mass].field.starts_with("body/") && kept[mass];
       if (!kept[i] || !is_mass || !trade_off(i, mass)) continue;
       kept[i] = false;
@@ -424,13 +422,9 @@ ParameterChoice ChooseParameters(
                                             candidates[i].field, candidates[one].name));
     }
   }
-  // Twice the drives, masses, damping and friction move as once all of them: no pair tells that. An armature from
-  // nothing on is asked last, lest it takes a mass's place together with others.
-  std::vector<size_t> order(candidates.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::ranges::stable_partition(order, [&](size_t i) { return !is_added(i); });
+  // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
   Explained explained(cosines);
-  for (const size_t i : order) {
+  for (size_t i = 0; i < candidates.size(); ++i) {
     if (!kept[i]) continue;
     if (explained.Take(static_cast<int>(i), kOwnEffect) >= kOwnEffect) {
       choice.chosen.push_back(candidates[i]);
