@@ -29,8 +29,9 @@ struct Ranking {
   const char* key;   // of a setting in design.json
   const char* name;  // in tables
   bool highest;
+  bool needs_seeds = false;  ///< one seed deviates from nothing
 };
-constexpr Ranking kRankings[] = {{"design_deviation", "design deviation", false},
+constexpr Ranking kRankings[] = {{"design_deviation", "design deviation", false, true},
                                  {"learning_progress", "learning progress", true},
                                  {"c", "log ratios c(h)", true},
                                  {"common", "common judge", true}};
@@ -56,6 +57,11 @@ double TargetIn(const json& record, const std::string& name) {
 }
 
 double ErrorOfMiddle(double target) { return std::abs(0.5 * (kLow + kHigh) - target); }
+
+/// "0.026 (0.009)"; one seed has no spread.
+std::string WithSpread(double mean, double std, size_t n_seeds) {
+  return n_seeds > 1 ? fmt::format("{:.3f} ({:.3f})", mean, std) : fmt::format("{:.3f}", mean);
+}
 
 void CheckKnown(const char* what, const std::vector<std::string>& asked, const std::vector<std::string>& known) {
   for (const std::string& name : asked) {
@@ -203,6 +209,7 @@ json ScoreCell(const DesignStudy& study, const StudyCell& cell, const json& desi
   for (const Ranking& ranking : kRankings) {
     const auto has = [&](const json& setting) { return setting.contains(ranking.key); };
     if (!std::ranges::all_of(record["settings"], has)) continue;  // what only Algorithm 1 leaves
+    if (ranking.needs_seeds && study.n_seeds < 2) continue;
     size_t pick = 0;
     const auto score = [&](size_t i) { return record["settings"][i].at(ranking.key).get<double>(); };
     for (size_t i = 1; i < errors.size(); ++i) {
@@ -240,14 +247,17 @@ std::string Table2(const std::vector<json>& cells) {
       const json& pick = cell.at("picks").at(ranking.key);
       const double regret = pick.at("regret");
       zero_regret[ranking.key] += counts && regret == 0;
-      text += fmt::format(" {:.3f} ({:.3f}){} |", pick.at("error").get<double>(), pick.at("error_std").get<double>(),
+      const size_t n_seeds = cell.at("settings").at(0).at("modes").size();
+      text += fmt::format(" {}{} |", WithSpread(pick.at("error"), pick.at("error_std"), n_seeds),
                           regret == 0 ? "" : fmt::format(", regret {:.3f}", regret));
     }
     const auto paper = kPaperTable2.find(name);
     text += paper == kPaperTable2.end() ? " |\n" : fmt::format(" {} |\n", fmt::join(paper->second, ", "));
   }
   text += fmt::format("\nZero regret, of {} pools whose worst error is at least three times the best:", n_count);
-  for (const Ranking& ranking : kRankings) text += fmt::format(" {} {};", ranking.name, zero_regret[ranking.key]);
+  for (const Ranking& ranking : kRankings) {
+    if (zero_regret.contains(ranking.key)) text += fmt::format(" {} {};", ranking.name, zero_regret[ranking.key]);
+  }
   text.back() = '.';
   return text + "\n";
 }
@@ -268,7 +278,7 @@ std::string Figure2(const std::vector<json>& cells) {
       for (const json& mode : cell.at("settings").at(0).at("modes")) {
         errors.push_back(std::abs(mode.at(at).get<double>() - TargetIn(cell, name)));
       }
-      return fmt::format("{:.3f} ({:.3f})", Mean(errors), StandardDeviation(errors));
+      return WithSpread(Mean(errors), StandardDeviation(errors), errors.size());
     }
     return "";
   };

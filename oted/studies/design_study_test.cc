@@ -13,6 +13,7 @@ namespace oted::design_study_test {
 
 using nlohmann::json;
 using testing::HasSubstr;
+using testing::Not;
 
 json Setting(const char* name, std::vector<std::vector<double>> modes, double deviation, double progress, double c,
              double common) {
@@ -93,6 +94,19 @@ TEST(Table2, CountsZeroRegretAndShowsThePapersFigures) {
   EXPECT_THAT(table, HasSubstr("of 1 pools"));
   EXPECT_THAT(table, HasSubstr("log ratios c(h) 1;"));
   EXPECT_THAT(table, HasSubstr("common judge 0."));
+}
+
+TEST(Table2, OneSeedHasNoSpreadAndNoDeviationToPickBy) {
+  json design = Design();
+  design["settings"] = {Setting("near", {{1.1, 0.9}}, 0, 0.1, 0.6, 0.5),
+                        Setting("far", {{1.6, 1.6}}, 0, 0.3, 0.4, 0.4)};
+  DesignStudy study;
+  study.n_seeds = 1;
+  const json record = ScoreCell(study, {"hopper", "medium", "all"}, design);
+  EXPECT_FALSE(record["picks"].contains("design_deviation"));
+  const std::string table = Table2({record});
+  EXPECT_THAT(table, HasSubstr("| 0.350 | – | 0.600, regret 0.500 | 0.100 |"));
+  EXPECT_THAT(table, Not(HasSubstr("design deviation 0")));
 }
 
 TEST(Figure2, ShowsEachParameterAloneAndJointly) {

@@ -35,7 +35,7 @@ struct DesignProblem {
 struct DesignResult {
   Designer q;
   std::optional<Discriminator> g = {};           ///< only of Algorithm 1
-  std::optional<double> learning_progress = {};  ///< its mean reward over all iterations (Sec. 5.1)
+  std::optional<double> learning_progress = {};  ///< mean of -log(1 - g) on all experience (Sec. 5.1)
   std::optional<TanhGaussianPolicy> clone = {};  ///< as joint training left it; only with clone_updates
   std::optional<FitEvidence> fit = {};           ///< what is left unexplained; only of methods that replay windows
 };

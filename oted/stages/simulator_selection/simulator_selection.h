@@ -45,7 +45,7 @@ struct Candidate {
   Designer q;
   std::optional<Discriminator> g;           ///< only of Algorithm 1; likewise the next two
   EvidenceConfig evidence;                  ///< that g was trained on
-  std::optional<double> learning_progress;  ///< mean reward during training
+  std::optional<double> learning_progress;  ///< mean of -log(1 - g) during training, whatever the reward is
   std::shared_ptr<const Policy>
       clone;                       ///< of the design itself, where clone and design were trained jointly; else null
   std::optional<FitEvidence> fit;  ///< what the design's fit left unexplained; only of methods that replay windows

@@ -110,7 +110,7 @@ struct DesignState {
   Discriminator g;
   SampleReplay replay;
   int iteration = 0;
-  double reward_sum = 0;
+  double progress_sum = 0;
   std::vector<double> state_sum;  // of q.State() over the iterations that are averaged; empty before them
   int n_averaged = 0;
 
@@ -135,7 +135,7 @@ struct DesignState {
     arrays["q/state"] = NpyArray(q.State());
     arrays["q/state_sum"] = NpyArray(state_sum);
     arrays["counters"] =
-        NpyArray(std::vector<double>{static_cast<double>(iteration), reward_sum, static_cast<double>(n_averaged)});
+        NpyArray(std::vector<double>{static_cast<double>(iteration), progress_sum, static_cast<double>(n_averaged)});
     for (size_t i = 0; i < replay.iterations().size(); ++i) {
       const auto& lanes = replay.iterations()[i];
       for (size_t k = 0; k < lanes.size(); ++k) arrays[fmt::format("replay/{:03}/{:05}", i, k)] = NpyArray(lanes[k]);
@@ -150,7 +150,7 @@ struct DesignState {
     q.SetState(arrays.at("q/state").ToDouble());
     state_sum = arrays.at("q/state_sum").ToDouble();
     iteration = static_cast<int>(arrays.at("counters").ToDouble().at(0));
-    reward_sum = arrays.at("counters").ToDouble().at(1);
+    progress_sum = arrays.at("counters").ToDouble().at(1);
     n_averaged = static_cast<int>(arrays.at("counters").ToDouble().at(2));
     // Names sort by iteration, then lane.
     std::vector<Array2<double>> lanes;
@@ -253,6 +253,10 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
 
     // 2: estimate the discriminator's output on it, before g is updated.
     const std::vector<double> rewards = Rewards(experience, state.g, config.reward);
+    // Of one kind for all settings, so that these compare.
+    state.progress_sum += config.reward == DesignReward::kPaper
+                              ? Mean(rewards)
+                              : Mean(Rewards(experience, state.g, DesignReward::kPaper));
 
     // 3: update q. In the first iteration g is still blind and its rewards are noise.
     if (state.iteration > 0) {
@@ -276,7 +280,6 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
 
     ++state.iteration;
     if (state.iteration > (1 - config.average) * config.n_iterations) state.AddToAverage();
-    state.reward_sum += Mean(rewards);
     LogIteration(state, rewards, step, config.n_iterations, run_name, *context.log);
     if (context.StopRequested() || state.iteration % kCheckpointInterval == 0) {
       state.Save(checkpoint, joint ? &*joint : nullptr, problem);
@@ -284,7 +287,7 @@ DesignResult LearnAdversarially(const DesignProblem& problem, const AdversarialC
     context.ThrowIfStopped();
   }
   if (state.n_averaged > 0) state.Average();
-  DesignResult result{.q = state.q, .g = state.g, .learning_progress = state.reward_sum / config.n_iterations};
+  DesignResult result{.q = state.q, .g = state.g, .learning_progress = state.progress_sum / config.n_iterations};
   if (joint) result.clone = joint->policy();
   return result;
 }
