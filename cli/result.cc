@@ -166,12 +166,14 @@ void PrintSuspects(const DesignRecord& design) {
     const std::optional<FreedTrial>& trial = suspected.suspect.trial;
     const bool is_kept = trial && trial->kept;
     has_line = has_line || is_kept;
-    if (trial && !is_kept && !(IsSure(trial->gain) && trial->gain.value > 0)) {
+    // Where predictions leave nothing to gain, what the windows ask counts alone.
+    const bool is_asked = FloorIsReached(design.verdict) && suspected.suspect.IsLikely();
+    if (trial && !is_kept && !is_asked && !(IsSure(trial->gain) && trial->gain.value > 0)) {
       of_no_use += (of_no_use.empty() ? "" : ", ") + suspected.suspect.spec.field;
       continue;
     }
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
-          is_kept ? "; add this line: " + suspected.line : "");
+          is_kept || is_asked ? "; add this line: " + suspected.line : "");
   }
   const bool may_grow =
       design.grown.empty() && std::ranges::none_of(design.parameters, [](const auto& p) { return EndsAtBound(p); });

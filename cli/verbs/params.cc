@@ -217,8 +217,8 @@ void PrintFindings(const ParameterCheck& check) {
         "\ntrade-off: '{}' and '{}' move the observations {} (cosine {:.3f}): the noisier the logs, the less they tell "
         "one from the other. The design's intervals say how well they do; if you know one of the two, fix it\n",
         check.parameters[static_cast<size_t>(pair.first)].spec.name,
-        check.parameters[static_cast<size_t>(pair.second)].spec.name, pair.cosine > 0 ? "alike" : "oppositely alike",
-        pair.cosine);
+        check.parameters[static_cast<size_t>(pair.second)].spec.name,
+        pair.cosine > 0 ? "alike" : "alike, but for the sign", pair.cosine);
   }
   if (check.all_have_effect() && check.trade_offs.empty()) {
     Print(

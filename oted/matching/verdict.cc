@@ -13,15 +13,16 @@ namespace {
 
 constexpr double kIdentifiedBelow = 0.25;  // of the prior's interval
 constexpr double kWeakBelow = 0.6;
-constexpr double kAnOrder = 3;              // times
-constexpr double kAsGoodAsNothing = 0.002;  // of the range
-constexpr double kNoGapMargin = 0.1;        // nats of the common score
-constexpr double kNoGainMargin = 0.005;     // nats that a design must win over the nominal simulator
-constexpr double kNarrowedShare = 0.1;      // of the gap in nats
-constexpr double kNoticeable = 0.04;        // in x: a hundredth of the range at its middle
-constexpr double kMovedAbove = 0.05;        // of the range
-constexpr double kAtBound = 0.01;           // of the range
-constexpr double kWidthOfInterval = 3.29;   // standard deviations, of a normal distribution's central 90 %
+constexpr double kLoose = 1.5;                   // times: between the ends of an interval
+constexpr double kNextToNothing = 0.1;           // of the model's value
+constexpr double kNextToNothingOfRange = 0.002;  // where that is 0
+constexpr double kNoGapMargin = 0.1;             // nats of the common score
+constexpr double kNoGainMargin = 0.005;          // nats that a design must win over the nominal simulator
+constexpr double kNarrowedShare = 0.1;           // of the gap in nats
+constexpr double kNoticeable = 0.04;             // in x: a hundredth of the range at its middle
+constexpr double kMovedAbove = 0.05;             // of the range
+constexpr double kAtBound = 0.01;                // of the range
+constexpr double kWidthOfInterval = 3.29;        // standard deviations, of a normal distribution's central 90 %
 
 // Logarithms of ratios of mean squares, and standard errors.
 constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
@@ -85,12 +86,14 @@ bool IsNarrower(const Designer& q, int p, double share) {
   return UnitWidth(q.space()[p], interval.low, interval.high) < share * PriorWidth(q, p);
 }
 
-/// Whether the logs tell only of what order a value is that the model has as nothing: the range alone gives it a size.
-bool IsOnlyAnOrder(const ParameterSpec& spec, const ParameterSummary& summary) {
-  if (spec.scale != ParameterScale::kAbsolute || spec.nominal != 0 || spec.low < 0) return false;
-  if (IsChannelPath(spec.field)) return false;  // control steps, seconds and readings have sizes of their own
+/// Whether a value is known to no more than half of itself. Not asked of what has a size of its own: control steps,
+/// seconds, readings, a direction of gravity, and what is next to nothing.
+bool IsLoose(const ParameterSpec& spec, const ParameterSummary& summary) {
+  const bool is_multiple = spec.scale == ParameterScale::kNominal;
+  if ((!is_multiple && spec.nominal != 0) || spec.low < 0 || IsChannelPath(spec.field)) return false;
   const double low = summary.interval90_low, high = summary.interval90_high;
-  return high > kAnOrder * low && high - low > kAsGoodAsNothing * (spec.high - spec.low);
+  const double next_to_nothing = is_multiple ? kNextToNothing : kNextToNothingOfRange * (spec.high - spec.low);
+  return high > kLoose * low && high - low > next_to_nothing;
 }
 
 /// @param at_bound  the interval that q gives ends at one
@@ -99,7 +102,7 @@ ParameterVerdict VerdictOf(const ParameterSpec& spec, const ParameterSummary& su
   const double width = UnitWidth(spec, summary.interval90_low, summary.interval90_high) / prior_width;
   if (width >= kWeakBelow) return ParameterVerdict::kNotIdentified;
   if (at_bound) return ParameterVerdict::kAtBound;
-  const bool is_identified = width < kIdentifiedBelow && !IsOnlyAnOrder(spec, summary);
+  const bool is_identified = width < kIdentifiedBelow && !IsLoose(spec, summary);
   return is_identified ? ParameterVerdict::kIdentified : ParameterVerdict::kWeak;
 }
 

@@ -43,8 +43,8 @@ inline constexpr double kIntervalMass = 0.9;  ///< of q, in every interval that 
 /// parameter is at its bound when the interval reaches a hundredth of the range from an end of it (EndsAtBound),
 /// identified when it is narrower than a quarter of the prior's, weak below 0.6, otherwise not identified. Without
 /// measured effect nothing is identified. Where the family is rejected nothing is more than weak, nor is a parameter of
-/// which another design that predicts as well has a value outside its interval, nor a quantity that the model has as 0
-/// and whose interval's ends differ by more than a factor of three: only the range would give it a size.
+/// which another design that predicts as well has a value outside its interval, nor a multiple, or a quantity that the
+/// model has as 0, whose interval's ends differ by more than a factor of 1.5.
 /// @param reaches_floor  the design explains the logs (DesignVerdict is kNoGap or kGapClosed)
 /// @param open_ends      where intervals go to the end of the range: predictions do not tell
 /// @param otherwise      intervals by other designs that predict as well, held by what is told; none: low above high

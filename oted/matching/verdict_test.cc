@@ -9,10 +9,10 @@ namespace oted::verdict_test {
 
 constexpr double kLog2 = std::numbers::ln2;
 
-/// Two parameters in [0, 2] with nominal 1; q has the given means and spreads in x, the logits of the range.
+/// Two values in [0, 2], nominal 1; q has the given means and spreads in x, the logits of the range.
 Designer MakeDesigner(std::vector<double> mean, std::vector<double> std) {
-  Designer q(ParameterSpace({{.name = "a", .field = "env/a", .low = 0, .high = 2},
-                             {.name = "b", .field = "env/b", .low = 0, .high = 2}}),
+  Designer q(ParameterSpace({{.name = "a", .field = "env/a", .low = 0, .high = 2, .scale = ParameterScale::kAbsolute},
+                             {.name = "b", .field = "env/b", .low = 0, .high = 2, .scale = ParameterScale::kAbsolute}}),
              1.0);
   for (double& s : std) s = std::log(s);
   q.Restore(std::move(mean), std::move(std));
@@ -124,22 +124,24 @@ TEST(SummarizeParameters, WidthsAreThoseOfTheSearchsScale) {
   EXPECT_EQ(summary.verdict, ParameterVerdict::kWeak);
 }
 
-TEST(SummarizeParameters, AnOrderOfWhatTheModelLacksIsNoValue) {
+TEST(SummarizeParameters, AValueKnownToHalfOfItselfIsNotIdentified) {
   const auto verdict = [](const char* field, double nominal, double mean, double std) {
-    Designer q(ParameterSpace({{.name = "a",
-                                .field = field,
-                                .low = 0,
-                                .high = 2,
-                                .scale = ParameterScale::kAbsolute,
-                                .nominal = nominal}}),
-               1.0);
+    ParameterSpec spec;
+    spec.name = "a";
+    spec.field = field;
+    spec.low = 0;
+    spec.nominal = nominal;
+    if (nominal != 1) spec.scale = ParameterScale::kAbsolute;
+    Designer q(ParameterSpace({spec}), 1.0);
     q.Restore({mean}, {std::log(std)});
     return SummarizeParameters({q}, 0, {true}, true)[0].verdict;
   };
   EXPECT_EQ(verdict("joint/*/damping", 0, -6, 1), ParameterVerdict::kWeak) << "0.001 to 0.025 of [0, 2]";
-  EXPECT_EQ(verdict("joint/*/damping", 0, -1, 0.2), ParameterVerdict::kIdentified) << "0.42 to 0.68";
+  EXPECT_EQ(verdict("joint/*/damping", 0, -1, 0.1), ParameterVerdict::kIdentified) << "0.48 to 0.60";
   EXPECT_EQ(verdict("joint/*/damping", 0, -12, 1), ParameterVerdict::kIdentified) << "nothing, as good as";
   EXPECT_EQ(verdict("joint/*/damping", 1, -6, 1), ParameterVerdict::kIdentified) << "next to none of the model's";
+  EXPECT_EQ(verdict("joint/*/damping", 1, -1, 0.3), ParameterVerdict::kWeak) << "0.37 to 0.75 of the model's";
+  EXPECT_EQ(verdict("joint/*/damping", 1, -1, 0.1), ParameterVerdict::kIdentified);
   EXPECT_EQ(verdict("action/delay", 0, -6, 1), ParameterVerdict::kIdentified) << "a control step has a size";
 }
 

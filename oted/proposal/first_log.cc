@@ -146,14 +146,16 @@ double FirstLog::RowPeriod(const ColumnMap& map) const {
   const auto time = std::ranges::find(columns_, name, &LogColumn::name);
   if (time == columns_.end()) FailPeriod();
   std::vector<double> steps;
+  size_t n_down = 0;
   for (size_t i = 1; i < time->values.size(); ++i) {
     const double rows = (time->values[i] - time->values[i - 1]) * map.time_unit;
     if (rows > 0) steps.push_back(rows);
+    n_down += rows < 0 ? 1 : 0;
   }
-  if (steps.empty()) {
+  if (n_down >= steps.size()) {
     throw DataError(
-        fmt::format("'{}': column '{}' never goes up from row to row; sort the rows by time, or repair the clock",
-                    path_, time->name));
+        fmt::format("'{}': column '{}' goes up in {} rows and down in {}; sort the rows by time, or repair the clock",
+                    path_, time->name, steps.size(), n_down));
   }
   const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
   std::ranges::nth_element(steps, middle);

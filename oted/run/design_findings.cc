@@ -183,22 +183,37 @@ std::vector<std::vector<SearchInterval>> IntervalsOfFreed(const std::vector<Susp
   return intervals;
 }
 
-/// The same where --grow added one suspect and the logs are as likely with another: with that, the one added is as the
-/// model has it, and what was added later is not known.
-std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<GrowthRecord>& growth,
-                                                           size_t n_parameters) {
-  constexpr SearchInterval kNothing{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-  std::vector<std::vector<SearchInterval>> all;
+/// What a round of --grow added, and what explained the logs as well.
+struct Disputed {
+  const Suspect *added, *rival;
+};
+
+/// Those that no later round added as well: with both searched, nothing is disputed.
+std::vector<Disputed> DisputedIn(const std::vector<GrowthRecord>& growth) {
+  std::vector<Disputed> disputed;
   for (const GrowthRecord& round : growth) {
     for (const Suspect* rival : round.Rivals()) {
-      std::vector<SearchInterval> intervals = rival->trial->intervals90;
-      const double nominal = round.Freed()->spec.nominal;
-      intervals.push_back({nominal, nominal});
-      intervals.resize(n_parameters, kNothing);
-      all.push_back(std::move(intervals));
+      const bool is_added = std::ranges::any_of(growth, [&](const GrowthRecord& other) {
+        return other.Freed() != nullptr && other.Freed()->spec.field == rival->spec.field;
+      });
+      if (!is_added) disputed.push_back({round.Freed(), rival});
     }
   }
-  return all;
+  return disputed;
+}
+
+/// The same where --grow added one suspect and the logs are as likely with another: with that, the one added is as the
+/// model has it, and what was added later is not known.
+std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Disputed>& all, size_t n_parameters) {
+  constexpr SearchInterval kNothing{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+  std::vector<std::vector<SearchInterval>> intervals_of_all;
+  for (const auto& [added, rival] : all) {
+    std::vector<SearchInterval> intervals = rival->trial->intervals90;
+    intervals.push_back({added->spec.nominal, added->spec.nominal});
+    intervals.resize(n_parameters, kNothing);
+    intervals_of_all.push_back(std::move(intervals));
+  }
+  return intervals_of_all;
 }
 
 DesignRecord::Validation::Horizon HorizonInRecord(const HeldOutPrediction::Horizon& h, const SimulatorSpec& spec) {
@@ -247,7 +262,8 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common, run.dataset.size());
   const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
   std::vector<std::vector<SearchInterval>> otherwise = IntervalsOfFreed(findings.suspects);
-  std::ranges::move(IntervalsOfRivals(run.growth, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
+  const std::vector<Disputed> disputed = DisputedIn(run.growth);
+  std::ranges::move(IntervalsOfRivals(disputed, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
   // What else is off moves every value, also one that the fit with it leaves in its place.
   const bool is_whole = judgement.reaches_floor && std::ranges::none_of(findings.suspects, &Suspect::IsLikely);
   const auto summaries =
@@ -259,9 +275,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   AddParameters(space, summaries, record);
   if (best.fit) AddConditions(*best.fit, record);
   record.warnings = findings.corrections;
-  for (const GrowthRecord& round : run.growth) {
-    for (const Suspect* rival : round.Rivals()) record.warnings.push_back(RivalSentence(*round.Freed(), *rival));
-  }
+  for (const auto& [added, rival] : disputed) record.warnings.push_back(RivalSentence(*added, *rival));
   AddWarnings(space, findings.has_effect, ParametersAtBounds(best.q), record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();
   for (int i = 0; i < space.size(); ++i) {

@@ -73,6 +73,8 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   std::string likelier;
   if (trial.kept && IsLikelier(trial)) {
     likelier = fmt::format("; the logs are surely likelier with it (by {:.0f} nats)", trial.nats->value);
+  } else if (!trial.kept && suspect.IsLikely()) {
+    likelier = fmt::format("; but the windows that named it are likelier with it (by {:.0f} nats)", suspect.explains);
   }
   if (!(trial.gain.value > 0)) return freed + ": no better prediction" + likelier;
   const std::string text = fmt::format("{}: {}", freed, Bought(trial, channels, off));

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <tuple>
 
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
@@ -119,6 +120,26 @@ std::vector<std::string> Doubts(const Dataset& logs, const SimulatorSpec& spec,
   return doubts;
 }
 
+/// The simulator of another model of the same robot.
+/// @throws UsageError where its channels are not those of the task's model, by name and in order
+std::unique_ptr<SimulatorFactory> OtherModel(TaskConfig task, const std::string& model, const SimulatorSpec& spec,
+                                             const Dataset& logs) {
+  task.model.model = model;
+  auto factory = MakeSimulatorFactory(task, {}, logs.EpisodeStarts());
+  const SimulatorSpec& of_model = factory->spec();
+  for (const auto& [what, got, wanted] :
+       {std::tuple("observations", &of_model.observation_names, &spec.observation_names),
+        {"actions", &of_model.action_names, &spec.action_names}}) {
+    if (*got == *wanted) continue;
+    throw UsageError(
+        fmt::format("--model '{}' has the {} {}, wanted those of the task's model, {}, in this order; give its joints "
+                    "and actuators "
+                    "these names, or name the observations in the task file one by one",
+                    model, what, fmt::join(*got, ", "), fmt::join(*wanted, ", ")));
+  }
+  return factory;
+}
+
 }  // namespace
 
 ValidationResult Validate(const ValidationRequest& request, const RunContext& context) {
@@ -142,6 +163,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   const Dataset logs = ReadEpisodes(config.data, SpecOf(config.task));
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());
   const SimulatorSpec& spec = factory->spec();
+  const auto other = request.model.empty() ? nullptr : OtherModel(config.task, request.model, spec, logs);
   logs.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   if (!spec.can_replay()) {
     throw UsageError(
@@ -165,12 +187,9 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
     if (!corrections.empty()) result.sentence += "; but the recordings themselves may be wrong (see the warnings)";
     std::ranges::copy(corrections, std::back_inserter(result.warnings));
   }
-  if (request.model.empty()) return result;
+  if (other == nullptr) return result;
   context.ThrowIfStopped();
-  TaskConfig other = config.task;
-  other.model.model = request.model;
-  const auto other_factory = MakeSimulatorFactory(other, {}, logs.EpisodeStarts());
-  result.model = InRecord(Predict(*other_factory, logs, {}, noise, left_out, context), spec);
+  result.model = InRecord(Predict(*other, logs, {}, noise, left_out, context), spec);
   return result;
 }
 

@@ -222,6 +222,11 @@ class InitTest(ProgramTest):
         self.assertNotIn("learned from", later.stdout + later.stderr)
         known = self.succeed("validate", run, "--data", self.folder / "b.csv")
         self.assertIn("the design learned from", known.stdout + known.stderr)
+        joint = self.model.read_text().split('joint name="')[1].split('"')[0]
+        other = self.folder / "other.xml"  # the same robot, but for a name
+        other.write_text(self.model.read_text().replace(f'"{joint}"', '"another"'))
+        self.assertOneLine(program.oted("validate", run, "--data", self.folder / "later.csv", "--model", other), program.USAGE,
+                           "joint/another/qpos", f"joint/{joint}/qpos")
 
     def test_a_log_without_times_has_the_rate_of_the_others(self):
         first = self.csv(swing(1), file="a.csv")

@@ -30,6 +30,8 @@ using Eigen::VectorXd;
 
 constexpr int kFreedRows = 1600;         // of the windows that are fitted
 constexpr double kFreedPhysics = 1.5e5;  // steps of a linearization of them
+constexpr int kTellingRows = 4800;       // of the windows that tell which is likelier: their starts alone are fitted
+constexpr double kTellingPhysics = 4.5e5;
 constexpr int kFreedIterations = 12, kJoinedIterations = 5;
 constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
 constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
@@ -188,8 +190,9 @@ class FreedTrials {
       Descend(fit, by.n_iterations);
     };
     const int begins = by.begins > 0 ? by.begins : by.n_steps;
-    const std::unique_ptr<LevelFit> grown = FitGrowing(LongWindows(every, parts_.learn, begins, by.n_rows, period_), x_,
-                                                       by.n_steps, kFewestFreedWindows, make, descend);
+    const std::unique_ptr<LevelFit> grown =
+        FitGrowing(GrowingWindows(every, parts_.learn, begins, by.n_steps, by.n_rows, period_), x_, by.n_steps,
+                   kFewestFreedWindows, make, descend);
     if (grown == nullptr) return {};
     LevelFit& fit = *grown;
     const double cost = fit.FinalCost();
@@ -237,9 +240,12 @@ class FreedTrials {
   }
 
   /// Rows of so long windows: what makes enough of them, and what the physics affords.
-  int FreedRows(int n_steps) const {
-    const int enough = problem_.fit.errors_grow ? std::max(kFreedRows, kFewestLongWindows * n_steps) : kFreedRows;
-    return AffordableRows(enough, kFreedPhysics, problem_.factory, ReadingsOf(problem_.factory));
+  int FreedRows(int n_steps) const { return Affordable(kFreedRows, kFreedPhysics, n_steps); }
+  int TellingRows(int n_steps) const { return Affordable(kTellingRows, kTellingPhysics, n_steps); }
+
+  int Affordable(int wanted, double physics, int n_steps) const {
+    const int enough = problem_.fit.errors_grow ? std::max(wanted, kFewestLongWindows * n_steps) : wanted;
+    return AffordableRows(enough, physics, problem_.factory, ReadingsOf(problem_.factory));
   }
 
   /// x, and behind it what a further parameter of this value has.
@@ -278,8 +284,8 @@ class FreedTrials {
     // As the design itself: where long windows were taken, x stays where the descent came to; elsewhere windows grow
     // from short ones.
     const bool is_long = problem_.fit.errors_grow;
-    const Level level =
-        LongWindows(replayer, parts_.learn, is_long ? n_steps : ShortScreening().n_steps, FreedRows(n_steps), period_);
+    const Level level = GrowingWindows(replayer, parts_.learn, is_long ? n_steps : ShortScreening().n_steps, n_steps,
+                                       FreedRows(n_steps), period_);
     const auto make = [&](Level windows, VectorXd x) {
       auto fit = std::make_unique<LevelFit>(replayer, space, prior, scale, std::move(windows), std::move(x));
       if (is_long) fit->LetErrorsGrow(noise_.cwiseAbs2());
@@ -310,8 +316,8 @@ class FreedTrials {
     const VectorXd sensor = is_long ? noise_.cwiseAbs2().eval() : VectorXd();
     const auto nats_in = [&](const Dataset& logs) {
       WindowReplayer replayer = MakeReplayer(wider, 0, logs, readings, problem_.context.n_threads);
-      const Level level = LongWindows(replayer, logs, is_long ? with.n_steps : ShortScreening().n_steps,
-                                      FreedRows(with.n_steps), period_);
+      const Level level = GrowingWindows(replayer, logs, is_long ? with.n_steps : ShortScreening().n_steps,
+                                         with.n_steps, TellingRows(with.n_steps), period_);
       return NatsGained(replayer, level, with.n_steps, {with.variance, sensor}, ToZ(space, with.x), without);
     };
     const Estimated unseen = nats_in(parts_.judge);

@@ -81,6 +81,25 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
   return level;
 }
 
+Level GrowingWindows(WindowReplayer& replayer, const Dataset& dataset, int shortest, int n_steps, int n_rows,
+                     double period_s) {
+  int whole = shortest;
+  while (2 * whole <= n_steps) whole *= 2;
+  const Level longest = LongWindows(replayer, dataset, whole, n_rows, period_s);
+  Level pieces;
+  for (size_t w = 0; w < longest.windows.size(); ++w) {
+    const LogWindow& window = longest.windows[w];
+    for (int i = 0; i < whole; i += shortest) {
+      const LogWindow piece{window.begin + i, shortest, window.episode_begin};
+      if (!replayer.CanStart(piece)) continue;
+      pieces.windows.push_back(piece);
+      pieces.starts.push_back(replayer.Guess(piece));
+      pieces.stretch.push_back(longest.stretch[w]);
+    }
+  }
+  return pieces;
+}
+
 int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings) {
   const SimulatorSpec& spec = factory.spec();
   const double n_lanes = 1.0 + factory.parameters().size() + readings.state_dim();

@@ -24,6 +24,11 @@ inline constexpr double kShortestLongWindow = 0.1;  ///< [s]
 /// within the same second of an episode are one stretch: what a simulator has wrong there is wrong in all of them.
 Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps, int n_rows, double period_s);
 
+/// Windows of `shortest` steps that FitGrowing can join up to `n_steps`: those of LongWindows, cut into pieces. Short
+/// ones that were spread over long logs would have no neighbours to be joined with.
+Level GrowingWindows(WindowReplayer& replayer, const Dataset& dataset, int shortest, int n_steps, int n_rows,
+                     double period_s);
+
 /// How many rows of such windows to linearize: `wanted`, or as many as `n_steps` of the physics afford. What a model
 /// takes for a step counts, not the clock: the same logs give the same rows on any machine.
 int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings);

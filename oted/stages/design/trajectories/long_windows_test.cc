@@ -28,6 +28,20 @@ TEST(LongWindows, CoverTheLogsAndJoinThoseOfASecondIntoAStretch) {
   EXPECT_EQ(LongWindows(replayer, logs, 5, 20, 0.1).windows.size(), 4u) << "a budget of rows";
 }
 
+TEST(GrowingWindows, CanBeJoinedToTheLengthThatIsAskedHoweverFewRowsOfTheLogsTheyAre) {
+  const Dataset logs = PointMassLogs(kTruth, 10, {.max_episode_steps = 100});
+  WindowReplayer replayer(PointMassFactory().Make(1, 1), logs);
+  // 600 of 1000 rows: pieces that were drawn one by one would lie apart.
+  Level level = GrowingWindows(replayer, logs, 3, 25, 600, 0.1);
+  EXPECT_EQ(level.windows.size(), 25u * 8);
+  for (const int n_steps : {6, 12, 24}) {
+    level = Joined(level);
+    ASSERT_FALSE(level.windows.empty());
+    EXPECT_EQ(level.windows.front().n_steps, n_steps);
+    EXPECT_EQ(level.windows.size(), 25u * 24 / static_cast<size_t>(n_steps));
+  }
+}
+
 TEST(ChooseLongWindows, FindsTheParametersWhereNoiseHidesThemFromShortWindows) {
   // Noise as large as what a step changes; the short windows' answer is far off.
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 60), 0.2, RngKey(5));

@@ -242,8 +242,9 @@ class TrajectoryMatch {
       return fit;
     };
     const auto descend = [&](LevelFit& fit, bool) { Descend(fit, is_long ? kLongIterations : kPartIterations); };
-    const std::unique_ptr<LevelFit> fit = FitGrowing(LongWindows(learner, parts_.learn, begins, n_rows, period), from,
-                                                     evidence_.window, 1, make, descend);
+    const std::unique_ptr<LevelFit> fit =
+        FitGrowing(GrowingWindows(learner, parts_.learn, begins, evidence_.window, n_rows, period), from,
+                   evidence_.window, 1, make, descend);
     if (fit == nullptr) return from;
     rows_of_part_ = RowsOf(fit->level().windows);
     return fit->x();
