@@ -75,6 +75,13 @@ std::string Asked(const json& report) {
                      Enumerate(names), names.size() == 1 ? "s" : "", logs);
 }
 
+/// Whether the logs surely ask for something that is not among the parameters.
+bool AsksForMore(const json& report) {
+  if (!report.contains("design") || !report["design"].contains("fit")) return false;
+  const json& suspects = ListAt(report["design"]["fit"], "suspects");
+  return std::ranges::any_of(suspects, [](const json& suspect) { return suspect.value("likely", false); });
+}
+
 void AddParameters(const json& report, json* found) {
   const json& parameters = ListAt(report, "parameters");
   std::vector<std::string> identified;
@@ -92,9 +99,12 @@ void AddParameters(const json& report, json* found) {
   const std::vector<std::string> weak = NamesOf(parameters, "weak");
   if (!weak.empty()) {
     const char* be = weak.size() == 1 ? "is" : "are";
-    found->push_back(outside
-                         ? fmt::format("The values of {} are what the method found, not measurements.", Enumerate(weak))
-                         : fmt::format("The logs show only roughly what {} {}.", Enumerate(weak), be));
+    const std::string names = Enumerate(weak);
+    found->push_back(
+        outside ? fmt::format("The values of {} are what the method found, not measurements.", names)
+        : AsksForMore(report)
+            ? fmt::format("The values of {} may be off: the logs ask for something that is not searched.", names)
+            : fmt::format("The logs show only roughly what {} {}.", names, be));
   }
 }
 

@@ -50,7 +50,7 @@ json FitToJson(const DesignRecord::Fit& fit) {
   if (fit.left_out) record["left_out"] = ToJson(*fit.left_out);
   for (const DesignRecord::Suspected& s : fit.suspects) {
     record["suspects"].push_back(ToJson(s.suspect));
-    record["suspects"].back().update({{"sentence", s.sentence}, {"line", s.line}});
+    record["suspects"].back().update({{"sentence", s.sentence}, {"line", s.line}, {"likely", s.suspect.IsLikely()}});
   }
   for (const DesignRecord::Channel& c : fit.channels) {
     record["channels"].push_back({{"name", c.name},

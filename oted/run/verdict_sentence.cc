@@ -247,7 +247,8 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
   std::set<std::string> worse;
   for (const auto& horizon : validation.horizons) {
     if (horizon.n_steps > shown.n_steps && shown.surely_better && !horizon.surely_better) {
-      unsure += (unsure.empty() ? "" : " and ") + InWords(horizon);
+      unsure += fmt::format("{}{} ({} window{})", unsure.empty() ? "" : " and ", InWords(horizon), horizon.n_windows,
+                            horizon.n_windows == 1 ? "" : "s");
     }
     for (const auto& channel : horizon.channels) {
       const auto ratio = [](const auto& c) { return c.designed / c.nominal; };

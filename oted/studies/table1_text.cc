@@ -110,7 +110,9 @@ std::string OfflineNote(const std::vector<json>& records) {
       "on "
       "the whole v2 ones, of which each has a million transitions, medium-expert two.";
   if (!sizes.empty()) {
-    text += fmt::format(" Ours learn from {} to {} transitions: not comparable.", *sizes.begin(), *sizes.rbegin());
+    const std::string range = sizes.size() == 1 ? fmt::format("{}", *sizes.begin())
+                                                : fmt::format("{} to {}", *sizes.begin(), *sizes.rbegin());
+    text += fmt::format(" Ours learn from {} transitions: not comparable.", range);
   }
   return text;
 }
