@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <type_traits>
@@ -228,6 +229,7 @@ void FieldList::FromJson(const json& object, std::string_view where) const {
 }
 
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates) {
+  const auto lower = [](char c) { return std::tolower(static_cast<unsigned char>(c)); };
   const auto distance = [&](std::string_view other) {
     std::vector<size_t> row(other.size() + 1);
     for (size_t j = 0; j <= other.size(); ++j) row[j] = j;
@@ -236,7 +238,7 @@ std::string NearestName(std::string_view name, const std::vector<std::string>& c
       row[0] = i;
       for (size_t j = 1; j <= other.size(); ++j) {
         const size_t above = row[j];
-        row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (name[i - 1] != other[j - 1])});
+        row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (lower(name[i - 1]) != lower(other[j - 1]))});
         diagonal = above;
       }
     }
@@ -245,7 +247,9 @@ std::string NearestName(std::string_view name, const std::vector<std::string>& c
   std::string best;
   size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
   for (const std::string& candidate : candidates) {
-    if (const size_t d = distance(candidate); d < best_distance) {
+    const size_t d = distance(candidate);
+    // Of two short names every letter may differ.
+    if (d < best_distance && d < std::min(name.size(), candidate.size())) {
       best_distance = d;
       best = candidate;
     }

@@ -111,7 +111,7 @@ class FieldList {
   std::vector<Field> fields_;
 };
 
-/// The candidate nearest to `name` in edit distance, or "" when none is near.
+/// The candidate nearest to `name` in edit distance, whatever the case of letters, or "" when none is near.
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);
 /// " (did you mean 'x'?)" or "".
 std::string DidYouMean(std::string_view name, const std::vector<std::string>& candidates);

@@ -64,6 +64,8 @@ TEST(Fields, NearestNameTakesTheSmallestEditDistance) {
   EXPECT_EQ(NearestName("gian", names), "gain");
   EXPECT_EQ(NearestName("gravity", names), "gravity");
   EXPECT_EQ(NearestName("temperature", names), "");
+  EXPECT_EQ(NearestName("GRAVITY", names), "gravity");
+  EXPECT_EQ(NearestName("ep", {"1", "x"}), "") << "no letter is the same";
   EXPECT_EQ(NearestName("x", {}), "");
 }
 

@@ -409,8 +409,9 @@ ParameterChoice ChooseParameters(
       const bool is_mass = candidates[mass].field.starts_with("body/") && kept[mass];
       if (!kept[i] || !is_mass || !trade_off(i, mass)) continue;
       kept[i] = false;
-      choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from {}", candidates[i].name,
-                                            candidates[i].field, candidates[mass].name));
+      choice.left_out.push_back(
+          fmt::format("{} ({}): the logs can hardly tell it from {}; free the one that you trust less",
+                      candidates[i].name, candidates[i].field, candidates[mass].name));
     }
   }
   // In their order: what gives way to another has no other in its turn to give way to it.
@@ -418,8 +419,9 @@ ParameterChoice ChooseParameters(
     for (size_t one = 0; one < i; ++one) {
       if (!kept[one] || !kept[i] || !trade_off(one, i)) continue;
       kept[i] = false;
-      choice.left_out.push_back(fmt::format("{} ({}): the logs can hardly tell it from {}", candidates[i].name,
-                                            candidates[i].field, candidates[one].name));
+      choice.left_out.push_back(
+          fmt::format("{} ({}): the logs can hardly tell it from {}; free the one that you trust less",
+                      candidates[i].name, candidates[i].field, candidates[one].name));
     }
   }
   // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
@@ -430,8 +432,8 @@ ParameterChoice ChooseParameters(
       choice.chosen.push_back(candidates[i]);
     } else {
       choice.left_out.push_back(
-          fmt::format("{} ({}): those that are freed have nearly the same effect, taken together; it stays as in "
-                      "the model",
+          fmt::format("{} ({}): those that are freed have nearly the same effect, taken together; it stays as in the "
+                      "model, or free it in the place of one that you trust more",
                       candidates[i].name, candidates[i].field));
     }
   }

@@ -240,12 +240,14 @@ class FreedTrials {
   }
 
   /// Rows of so long windows: what makes enough of them, and what the physics affords.
-  int FreedRows(int n_steps) const { return Affordable(kFreedRows, kFreedPhysics, n_steps); }
-  int TellingRows(int n_steps) const { return Affordable(kTellingRows, kTellingPhysics, n_steps); }
-
-  int Affordable(int wanted, double physics, int n_steps) const {
-    const int enough = problem_.fit.errors_grow ? std::max(wanted, kFewestLongWindows * n_steps) : wanted;
-    return AffordableRows(enough, physics, problem_.factory, ReadingsOf(problem_.factory));
+  int FreedRows(int n_steps) const {
+    const int enough = problem_.fit.errors_grow ? std::max(kFreedRows, kFewestLongWindows * n_steps) : kFreedRows;
+    return AffordableRows(enough, kFreedPhysics, problem_.factory, ReadingsOf(problem_.factory));
+  }
+  /// The same of windows that tell which simulator is likelier. Where noise is all that they leave, more tell more.
+  int TellingRows(int n_steps) const {
+    if (problem_.fit.errors_grow) return FreedRows(n_steps);
+    return AffordableRows(kTellingRows, kTellingPhysics, problem_.factory, ReadingsOf(problem_.factory));
   }
 
   /// x, and behind it what a further parameter of this value has.
