@@ -408,7 +408,7 @@ class InitTest(ProgramTest):
                  ["line 2", "shoulder_cmd", "'off' is no number"]),
                 ("large action", with_field(7, "elbow_cmd", "1e308"), ["line 7", "elbow_cmd", "1e308", "repair"]),
                 ("action nan", with_field(7, "elbow_cmd", "nan"), ["line 7", "elbow_cmd", "nan", "repair"]),
-                ("reversed", "\n".join(lines[:1] + lines[:0:-1]), ["column 'time' never goes up", "sort the rows"]),
+                ("reversed", "\n".join(lines[:1] + lines[:0:-1]), ["column 'time' goes up in 0 rows and down in", "sort the rows"]),
                 ("header alone", lines[0] + "\n", ["has 0 rows"]),
                 ("empty", "", ["is empty"]),
                 ("open quote", with_field(5, "time", '"0'), ["line 5", "quote"])]:

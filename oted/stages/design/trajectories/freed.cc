@@ -367,13 +367,21 @@ class FreedTrials {
   std::optional<Fitted> fitted_without_;  ///< in the windows that freed suspects are fitted to
 };
 
-/// By how much likelier one trial makes the logs than another; by how much more it gains, where that is not known of
+/// Whether one trial makes the logs surely likelier than another; or surely gains more, where nats are not known of
 /// both. The errors are of the same windows: their difference is better known than this says.
-Estimated LeadOf(const FreedTrial& trial, const FreedTrial& other) {
+bool SurelyLeads(const FreedTrial& trial, const FreedTrial& other) {
   const bool both = trial.nats && other.nats;
   const Estimated& ours = both ? *trial.nats : trial.gain;
   const Estimated& theirs = both ? *other.nats : other.gain;
-  return {ours.value - theirs.value, std::hypot(ours.error, theirs.error)};
+  return ours.value - theirs.value > kSureErrors * std::hypot(ours.error, theirs.error);
+}
+
+std::vector<const Suspect*> Kept(const std::vector<Suspect>& suspects) {
+  std::vector<const Suspect*> kept;
+  for (const Suspect& suspect : suspects) {
+    if (suspect.trial && suspect.trial->kept) kept.push_back(&suspect);
+  }
+  return kept;
 }
 
 /// Of `suspects`, the likeliest first, as many as are named; the first `n` of them are freed.
@@ -404,22 +412,19 @@ std::vector<Suspect> TryAsked(const FreedProblem& problem, int n) {
 }
 
 const Suspect* BestFreed(const std::vector<Suspect>& suspects) {
-  const Suspect* best = nullptr;
-  for (const Suspect& suspect : suspects) {
-    if (!suspect.trial || !suspect.trial->kept) continue;
-    if (best == nullptr || LeadOf(*suspect.trial, *best->trial).value > 0) best = &suspect;
-  }
-  return best;
+  const std::vector<const Suspect*> kept = Kept(suspects);
+  const auto is_beaten = [&](const Suspect* one) {
+    return std::ranges::any_of(kept, [&](const Suspect* other) { return SurelyLeads(*other->trial, *one->trial); });
+  };
+  if (kept.empty()) return nullptr;
+  const auto best = std::ranges::find_if_not(kept, is_beaten);
+  return best == kept.end() ? kept.front() : *best;  // gains and nats may beat in a circle
 }
 
 std::vector<const Suspect*> RivalsOfBest(const std::vector<Suspect>& suspects) {
   const Suspect* best = BestFreed(suspects);
-  std::vector<const Suspect*> rivals;
-  for (const Suspect& suspect : suspects) {
-    if (&suspect == best || !suspect.trial || !suspect.trial->kept) continue;
-    const Estimated lead = LeadOf(*best->trial, *suspect.trial);
-    if (lead.value <= kSureErrors * lead.error) rivals.push_back(&suspect);
-  }
+  std::vector<const Suspect*> rivals = Kept(suspects);
+  std::erase_if(rivals, [&](const Suspect* one) { return one == best || SurelyLeads(*best->trial, *one->trial); });
   return rivals;
 }
 

@@ -132,8 +132,11 @@ TEST(RivalsOfBest, AreThoseThatExplainTheLogsAboutAsWell) {
                                          Freed("inertia", false, 35.1, 3),
                                          Freed("damping", true, 12, 3),
                                          {}};
-  ASSERT_EQ(BestFreed(suspects), &suspects[1]);
-  EXPECT_EQ(RivalsOfBest(suspects), std::vector<const Suspect*>{&suspects[0]});
+  ASSERT_EQ(BestFreed(suspects), &suspects[0]) << "the first, where the next is not surely likelier";
+  EXPECT_EQ(RivalsOfBest(suspects), std::vector<const Suspect*>{&suspects[1]});
+  const std::vector<Suspect> beaten = {Freed("gravity", true, 20, 3), Freed("armature", true, 35.3, 3)};
+  EXPECT_EQ(BestFreed(beaten), &beaten[1]);
+  EXPECT_TRUE(RivalsOfBest(beaten).empty());
   EXPECT_TRUE(RivalsOfBest({Freed("gravity", true, 35.2, 3)}).empty());
   EXPECT_TRUE(RivalsOfBest({}).empty());
 }
