@@ -52,7 +52,7 @@ class ReproduceTest(program.HopperTest):
         self.assertEqual(record["target"]["gain"], 1.3)
         self.assertEqual(record["names"], ["gain"])
         self.assertIn("reproduce figure2", record["command"])
-        self.assertIn("| hopper-expert |  | 0.300 (0.000) |", result.stdout)
+        self.assertIn("| hopper-expert |  | 0.300 |", result.stdout)
         self.assertTrue((out / "runs/hopper-expert-gain/report.html").exists())
         other = program.oted("reproduce", "figure2", "--task", "hopper", "--dataset", "expert", "--parameters", "gain",
                              "--data", data, "--out", out, "--quiet")
