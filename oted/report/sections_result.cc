@@ -156,8 +156,10 @@ Section ValidationSection(const json& report) {
     section.title = "How it predicts parts of its recordings that it did not see";
   }
   section.html = fmt::format(
-      "<p>{}, with the logged actions and nothing else: {} windows of {} s. The error is the root mean square over the "
-      "window, in the channel's unit. <em>Sensors</em> is what their noise alone would leave: the designed simulator "
+      "<p>{}. It gets the logged actions and nothing else, in {} windows of {} s and fewer longer ones. The error is "
+      "the "
+      "root mean square over the window, in the channel's unit. <em>Sensors</em> is what their noise alone would "
+      "leave: the designed simulator "
       "predicts logs of its own, with the same noise on them.</p>\n",
       learned ? "No logs were kept aside: the design predicts those that it learned from" : WhatJudged(validation),
       FormatCount(NumberAt(horizons[0], "n_windows")), FormatGiven(NumberAt(horizons[0], "seconds")));
@@ -185,7 +187,7 @@ Section ValidationSection(const json& report) {
   section.html += PredictionFigure(Shown(horizons)) + table.Html();
   if (starred) section.html += fmt::format("<p>{}.</p>\n", kStarredChannels);
   if (validation.contains("longest")) {
-    section.html += fmt::format("<p>Replays {}.</p>\n", Escape(TextAt(validation["longest"], "sentence")));
+    section.html += fmt::format("<p>{}.</p>\n", Escape(TextAt(validation["longest"], "sentence")));
   }
   return section;
 }

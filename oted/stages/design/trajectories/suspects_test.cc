@@ -76,8 +76,8 @@ class AskedNames : public NullSink {
 };
 
 /// What is suspected where the target's damping is `factor` times the model's, whose gain alone is searched.
-std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::string>* asked = nullptr,
-                                double high = 2.0) {
+std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::string>* asked = nullptr, double high = 2.0,
+                                std::vector<Suspect> (*free)(const FreedProblem&, int) = TrySuspects) {
   AskedNames log;
   const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, kIdle}, 20), 0.02, RngKey(seed));
   const RunContext context{.log = &log, .n_threads = 1};
@@ -93,7 +93,7 @@ std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::stri
                                 .z = ToZ(factory.parameters(), fit.mean),
                                 .kept_aside = RngKey(seed),
                                 .context = context};
-  const std::vector<Suspect> suspects = TrySuspects(problem, 3);
+  const std::vector<Suspect> suspects = free(problem, 3);
   if (asked != nullptr) *asked = log.names;
   return suspects;
 }
@@ -109,6 +109,17 @@ TEST(TrySuspects, NamesWhatIsOffAndByHowMuchAndSaysWhatFreeingItBuys) {
     EXPECT_LT(suspects[0].trial->after[0], suspects[0].trial->before[0]);
     EXPECT_EQ(BestFreed(suspects), suspects.data());
   }
+}
+
+TEST(TryAsked, FreesWhatTheWindowsOfTheFitAskAndNothingWhereTheyAskForNothing) {
+  const std::vector<Suspect> asked = SuspectsOf(1.4, 3, nullptr, 2.0, TryAsked);
+  ASSERT_EQ(asked.size(), 1);
+  EXPECT_EQ(asked[0].spec.field, "env/damping");
+  EXPECT_TRUE(asked[0].IsLikely());
+  ASSERT_TRUE(asked[0].trial.has_value());
+  EXPECT_TRUE(asked[0].trial->kept);
+  EXPECT_NEAR(asked[0].trial->value, 1.4, 0.1);
+  EXPECT_TRUE(SuspectsOf(1.0, 3, nullptr, 2.0, TryAsked).empty());
 }
 
 TEST(TrySuspects, KeepsNothingThatEndsAtItsBound) {
