@@ -133,8 +133,7 @@ std::unique_ptr<SimulatorFactory> OtherModel(TaskConfig task, const std::string&
     if (*got == *wanted) continue;
     throw UsageError(
         fmt::format("--model '{}' has the {} {}, wanted those of the task's model, {}, in this order; give its joints "
-                    "and actuators "
-                    "these names, or name the observations in the task file one by one",
+                    "and actuators these names, or name the observations in the task file one by one",
                     model, what, fmt::join(*got, ", "), fmt::join(*wanted, ", ")));
   }
   return factory;
