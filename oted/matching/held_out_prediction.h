@@ -47,8 +47,9 @@ struct HeldOutPrediction {
     Estimated gain_of_recordings = {};  ///< and the gain in these alone
   };
   std::vector<Horizon> horizons;  ///< in ascending order; at least one
-  /// How far replays can be followed at all: the longest horizon beyond these over which either simulator's error is
-  /// below half of a guess's. No verdict rests on it, and no floor is looked for: floor and excess are 0.
+  /// How far replays can be followed at all (longest_horizon.h): the longest horizon beyond these over which either
+  /// simulator's error is below half of a guess's, and in no channel as large. No verdict rests on it, and no floor is
+  /// looked for: floor and excess are 0.
   std::optional<Horizon> longest = {};
 
   /// What was kept aside: whole recordings, and parts of those that the design learned from, whose motions it has seen.

@@ -127,6 +127,12 @@ std::unique_ptr<SimulatorFactory> OtherModel(TaskConfig task, const std::string&
   task.model.model = model;
   auto factory = MakeSimulatorFactory(task, {}, logs.EpisodeStarts());
   const SimulatorSpec& of_model = factory->spec();
+  if (!of_model.can_replay()) {
+    throw UsageError(
+        fmt::format("--model '{}' has joints that these recordings do not show: it cannot be set to a logged state; "
+                    "take them out of it",
+                    model));
+  }
   for (const auto& [what, got, wanted] :
        {std::tuple("observations", &of_model.observation_names, &spec.observation_names),
         {"actions", &of_model.action_names, &spec.action_names}}) {

@@ -234,7 +234,8 @@ std::string LongestInWords(const DesignRecord::Validation& validation) {
   if (!validation.longest) return "";
   const DesignRecord::Validation::Horizon& longest = *validation.longest;
   return fmt::format(
-      "Replays can be followed for {}: over that the designed simulator's error is {} than the nominal one's ({} "
+      "Replays can be followed for at least {}: over that the designed simulator's error is {} than the nominal one's "
+      "({} "
       "window{}{})",
       InWords(longest), LessOrMore(longest.narrowed), longest.n_windows, longest.n_windows == 1 ? "" : "s",
       longest.learned ? " that it learned from" : "");

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/judged_part.h"
 #include "oted/stages/design/replay/replay_fit.h"
 
@@ -24,16 +25,18 @@ std::vector<int> BackToBack(WindowReplayer& replayer, const Dataset& logs, int l
   return rows;
 }
 
-/// Whether one of the two simulators is followed over the horizon.
-bool IsFollowed(const HeldOutPrediction::Horizon& horizon) {
-  double designed = 0, other = 0, n = 0;
+/// Whether a simulator is followed over the horizon: no channel is no better than a guess, and on average they are far
+/// better. One joint that a servo holds says nothing of a load that swings.
+/// @param error  its errors
+bool IsFollowed(const HeldOutPrediction::Horizon& horizon, double HeldOutPrediction::Channel::*error) {
+  double log_ratio = 0, n = 0;
   for (const HeldOutPrediction::Channel& c : horizon.channels) {
     if (!c.judged || !(c.guess > 0)) continue;
-    designed += std::log(c.designed / c.guess);
-    other += std::log(c.nominal / c.guess);
+    if (IsNoBetterThanGuess(c.*error, c.guess)) return false;
+    log_ratio += std::log(c.*error / c.guess);
     ++n;
   }
-  return n > 0 && (designed < n * std::log(kFollowsBelow) || other < n * std::log(kFollowsBelow));
+  return n > 0 && log_ratio < n * std::log(kFollowsBelow);
 }
 
 std::optional<HeldOutPrediction::Horizon> LongestIn(const PredictionProblem& problem, const Dataset& logs,
@@ -49,7 +52,10 @@ std::optional<HeldOutPrediction::Horizon> LongestIn(const PredictionProblem& pro
     const HeldOutPrediction::Horizon horizon =
         ErrorsOver(part.judge(), 0, n_steps * period, part.judge().Predict(problem.z).predicted[0],
                    part.PredictNearest(other).predicted[0]);
-    if (IsFollowed(horizon)) return horizon;
+    if (IsFollowed(horizon, &HeldOutPrediction::Channel::designed) ||
+        IsFollowed(horizon, &HeldOutPrediction::Channel::nominal)) {
+      return horizon;
+    }
   }
   return std::nullopt;
 }

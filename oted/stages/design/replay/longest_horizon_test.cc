@@ -55,6 +55,16 @@ TEST(LongestPredicted, IsNoneWhereNeitherSimulatorIsBetterThanAGuess) {
   EXPECT_FALSE(Longest(WithSensorNoise(LogsOf(60), 30.0, RngKey(1)), kTruth).has_value());
 }
 
+TEST(LongestPredicted, IsNoneWhereOneChannelIsNoBetterThanAGuess) {
+  Dataset logs = LogsOf(60);
+  Rng rng = RngKey(2).MakeRng();
+  for (int row = 0; row < logs.size(); ++row) {  // the position is as it was, the velocity anything
+    logs.observations(row, 1) = rng.Normal();
+    logs.next_observations(row, 1) = rng.Normal();
+  }
+  EXPECT_FALSE(Longest(logs, kTruth).has_value());
+}
+
 TEST(LongestPredicted, IsOfLearnedLogsWhereThoseKeptAsideAreTooShort) {
   const Dataset brief = LogsOf(15), learned = LogsOf(60);
   const auto longest = Longest(brief, kTruth, &learned);

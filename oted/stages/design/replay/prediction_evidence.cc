@@ -27,7 +27,7 @@ constexpr double kStepWithoutUnit = 0.05;                     // [s]
 constexpr size_t kFewestImitations = 2;
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
-constexpr int kNoiseCorrections = 2;
+constexpr int kNoiseCorrections = 2, kCorrectionsOfOthers = 4;
 constexpr double kNoNoise = 1e-6;  // of a channel's spread: such noise is none
 constexpr double kMoved = 0.25;    // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
@@ -72,9 +72,10 @@ class Evidence {
     if (problem.learned != nullptr) AddPart(*problem.learned, true, horizons, period_s);
     if (parts_.empty()) return;
     noise_ = problem.noise;
-    // From none at all nothing can be corrected.
-    if (problem.noise_of_other_logs)
-      noise_ = noise_.cwiseMax(kGuessOfOthers * parts_.front()->judge().channels().spread);
+    if (problem.noise_of_other_logs) {  // from none at all nothing can be corrected
+      const VectorXd& spread = parts_.front()->judge().channels().spread;
+      noise_ = (noise_.array() > kNoNoise * spread.array()).select(noise_, kGuessOfOthers * spread).eval();
+    }
     noise_ = noise_.cwiseMin(largest_noise_).eval();
     for (const auto& part : parts_) designed_.push_back(part->judge().Predict(problem.z));
     of_other_.resize(parts_.size());
@@ -161,9 +162,11 @@ class Evidence {
     learned_.push_back(learned);
   }
 
+  int Corrections() const { return problem_.noise_of_other_logs ? kCorrectionsOfOthers : kNoiseCorrections; }
+
   /// Of Imitate, at most.
   size_t ImitationSteps(size_t n_as_likely) const {
-    size_t n = kNoiseCorrections + std::max(kFewestImitations, n_as_likely);
+    size_t n = static_cast<size_t>(Corrections()) + std::max(kFewestImitations, n_as_likely);
     for (const auto& part : parts_) n += static_cast<size_t>(part->judge().FollowSteps());
     return n;
   }
@@ -189,7 +192,7 @@ class Evidence {
       return of_parts;
     };
     VectorXd noise = noise_;
-    for (int round = 0; round < kNoiseCorrections; ++round) {
+    for (int round = 0; round < Corrections(); ++round) {
       Rng rng = problem_.key.Stage("noise").Index(static_cast<uint64_t>(round)).MakeRng();
       MatrixXd made(noise.size(), 0);
       for (const PredictionJudge::Squares& squares : imitate(z, noise, rng)) made = Beside(made, squares.lead);
