@@ -157,10 +157,8 @@ Section ValidationSection(const json& report) {
   }
   section.html = fmt::format(
       "<p>{}. It gets the logged actions and nothing else, in {} windows of {} s and fewer longer ones. The error is "
-      "the "
-      "root mean square over the window, in the channel's unit. <em>Sensors</em> is what their noise alone would "
-      "leave: the designed simulator "
-      "predicts logs of its own, with the same noise on them.</p>\n",
+      "the root mean square over the window, in the channel's unit. <em>Sensors</em> is what their noise alone would "
+      "leave: the designed simulator predicts logs of its own, with the same noise on them.</p>\n",
       learned ? "No logs were kept aside: the design predicts those that it learned from" : WhatJudged(validation),
       FormatCount(NumberAt(horizons[0], "n_windows")), FormatGiven(NumberAt(horizons[0], "seconds")));
   HtmlTable table;

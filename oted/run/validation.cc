@@ -76,11 +76,10 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
                                ? "; " + NotTold(result.validation) + ButOdd(result.validation)
                                : "; what it leaves is more than the sensors explain" + ButOdd(result.validation);
   if (PredictsWorse(prediction)) {
-    return fmt::format("the designed simulator surely predicts these recordings worse than the nominal one{}{}",
-                       shown.narrowed < 0
-                           ? fmt::format(", over {} with {:.0f} % more error", InWords(shown), -100 * shown.narrowed)
-                           : "",
-                       rest);
+    return fmt::format(
+        "the designed simulator surely predicts these recordings worse than the nominal one{}{}",
+        shown.narrowed < 0 ? fmt::format(", over {} with {} error", InWords(shown), LessOrMore(shown.narrowed)) : "",
+        rest);
   }
   if (!result.predicts_better) {
     return fmt::format(
@@ -88,9 +87,8 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
         "beyond chance{}",
         InWords(shown), rest);
   }
-  return fmt::format(
-             "over {} the designed simulator predicts these recordings with {} less error than the nominal one{}",
-             InWords(shown), ShareInWords(shown.narrowed), rest) +
+  return fmt::format("over {} the designed simulator predicts these recordings with {} error than the nominal one{}",
+                     InWords(shown), LessOrMore(shown.narrowed), rest) +
          ButElsewhere(result.validation) + ButAGuess(result.validation);
 }
 

@@ -66,12 +66,9 @@ std::optional<HeldOutPrediction::Horizon> LongestPredicted(const PredictionProbl
                                                            const std::vector<double>& other, int beyond) {
   if (!(problem.factory.spec().control_period_s > 0)) return std::nullopt;
   std::optional<HeldOutPrediction::Horizon> longest = LongestIn(problem, problem.kept_aside, other, beyond);
-  if (!longest && problem.learned != nullptr) {
-    longest = LongestIn(problem, *problem.learned, other, beyond);
-    if (longest) longest->learned = true;
-  } else if (longest) {
-    longest->learned = problem.learned == nullptr && problem.n_whole == 0;
-  }
+  const bool is_of_learned = !longest && problem.learned != nullptr;
+  if (is_of_learned) longest = LongestIn(problem, *problem.learned, other, beyond);
+  if (longest) longest->learned = is_of_learned || problem.JudgesByLearned();
   return longest;
 }
 

@@ -68,7 +68,7 @@ class Evidence {
   Evidence(const PredictionProblem& problem, std::vector<double> other, const std::vector<int>& horizons,
            double period_s, Steps& steps)
       : problem_(problem), other_(std::move(other)), steps_(steps), largest_noise_(LargestNoiseOf(problem)) {
-    AddPart(problem.kept_aside, problem.learned == nullptr && problem.n_whole == 0, horizons, period_s);
+    AddPart(problem.kept_aside, problem.JudgesByLearned(), horizons, period_s);
     if (problem.learned != nullptr) AddPart(*problem.learned, true, horizons, period_s);
     if (parts_.empty()) return;
     noise_ = problem.noise;

@@ -33,6 +33,9 @@ struct PredictionProblem {
   std::vector<int> kept_aside_in = {}, learned_in = {};
   int n_whole = 0;  ///< of the episodes kept aside, the first ones: recordings of which nothing was learned
   std::function<void(int done, int total)> tell = {};  ///< how far the predictions are; may stop them by an exception
+
+  /// Whether nothing was kept aside: the logs that judge are those that it learned from.
+  bool JudgesByLearned() const { return learned == nullptr && n_whole == 0; }
 };
 
 /// Predictions over 0.1, 0.5 and 1 s (2, 10 and 20 control steps where time has no unit), as far as episodes last that
