@@ -49,10 +49,6 @@ bool HasOne(const DesignRecord& design, ParameterVerdict verdict) {
   return std::ranges::find(design.parameters, verdict, &DesignRecord::Parameter::verdict) != design.parameters.end();
 }
 
-bool FloorIsReached(DesignVerdict verdict) {
-  return verdict == DesignVerdict::kNoGap || verdict == DesignVerdict::kGapClosed;
-}
-
 /// What identified values rest on.
 void PrintConditions(const DesignRecord& design) {
   for (const DesignRecord::Parameter& p : design.parameters) {
@@ -160,6 +156,7 @@ void PrintSuspects(const DesignRecord& design) {
     Print("added to the parameters: {}, by --grow\n", ParameterLine(grown.spec));
   }
   if (!design.fit) return;
+  const bool leaves_nothing = std::ranges::none_of(design.fit->channels, &DesignRecord::Channel::disagrees);
   bool has_line = false;
   std::string of_no_use;
   for (const DesignRecord::Suspected& suspected : design.fit->suspects) {
@@ -167,7 +164,7 @@ void PrintSuspects(const DesignRecord& design) {
     const bool is_kept = trial && trial->kept;
     has_line = has_line || is_kept;
     // Where predictions leave nothing to gain, what the windows ask counts alone.
-    const bool is_asked = FloorIsReached(design.verdict) && suspected.suspect.IsLikely();
+    const bool is_asked = leaves_nothing && suspected.suspect.IsLikely();
     if (trial && !is_kept && !is_asked && !(IsSure(trial->gain) && trial->gain.value > 0)) {
       of_no_use += (of_no_use.empty() ? "" : ", ") + suspected.suspect.spec.field;
       continue;

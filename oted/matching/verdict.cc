@@ -155,6 +155,20 @@ bool GainsNoticeably(const HeldOutPrediction& prediction) {
                              [](const HeldOutPrediction::Horizon& h) { return h.gain.value > kLeastExcess; });
 }
 
+DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& prediction,
+                                const std::vector<int>& at_bounds) {
+  if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
+  const bool better = PredictsBetter(prediction);
+  if (ReachesFloor(prediction)) {
+    const bool as_well = !better && !GainsNoticeably(prediction);
+    const bool is_nominal = ContainsNominal(q) && !NominalIsFarOff(prediction);
+    return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
+  }
+  if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
+  if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
+  return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
+}
+
 }  // namespace
 
 const NamedValues<ParameterVerdict>& ParameterVerdictNames() {
@@ -314,18 +328,12 @@ bool PredictsWorse(const HeldOutPrediction& prediction) {
   });
 }
 
-DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction,
-                              const std::vector<int>& at_bounds) {
-  if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
+DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction, const FitDoubts& doubts) {
   const bool better = PredictsBetter(prediction);
-  if (ReachesFloor(prediction)) {
-    const bool as_well = !better && !GainsNoticeably(prediction);
-    const bool is_nominal = ContainsNominal(q) && !NominalIsFarOff(prediction);
-    return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
-  }
-  if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
-  if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
-  return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
+  const DesignVerdict verdict = ByPredictionAlone(q, prediction, doubts.at_bounds);
+  if (verdict == DesignVerdict::kGapClosed && doubts.fails_in_a_recording) return DesignVerdict::kGapNarrowed;
+  if (!FloorIsReached(verdict) || !doubts.asks_for_more) return verdict;
+  return better ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
 bool CannotTell(double common) { return std::numbers::ln2 - common < kNoGapMargin; }

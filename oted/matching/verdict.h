@@ -23,6 +23,10 @@ enum class DesignVerdict {
   kGapNarrowed,    ///< the designed simulator predicts better than the nominal one; more is left than sensors explain
   kOutsideFamily,  ///< no simulator in this family predicts better than the nominal one, or none within the bounds
 };
+/// Whether that is no gap or a closed one.
+constexpr bool FloorIsReached(DesignVerdict verdict) {
+  return verdict == DesignVerdict::kNoGap || verdict == DesignVerdict::kGapClosed;
+}
 std::string ToString(ParameterVerdict verdict);
 std::string ToString(DesignVerdict verdict);
 const NamedValues<ParameterVerdict>& ParameterVerdictNames();
@@ -61,6 +65,16 @@ std::vector<int> NarrowParameters(const Designer& q);
 /// value lies itself.
 bool EndsAtBound(const ParameterSpec& spec, double low, double high);
 
+/// What the fit says against a design, beside how well it predicts.
+struct FitDoubts {
+  /// Parameters that ended at a bound: of ParametersAtBounds(q), those that no other explanation of the logs leaves
+  /// open.
+  std::vector<int> at_bounds = {};
+  bool fails_in_a_recording =
+      false;                   ///< the fit that leaves one out predicts it surely worse than the nominal simulator
+  bool asks_for_more = false;  ///< the logs surely ask for something that is not searched
+};
+
 /// From held-out prediction, where states can be set:
 ///
 ///   no_gap          the floor is reached, and the nominal simulator does as well: its parameters lie in the 99 %
@@ -71,10 +85,9 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high);
 ///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have; or
 ///                   the logs show nothing (ShowsNothing), so that no other word is earned
 ///
-/// @param at_bounds  parameters that ended at a bound: of ParametersAtBounds(q), those that no other explanation of the
-///                   logs leaves open
-DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction,
-                              const std::vector<int>& at_bounds);
+/// Under noise predictions may reach the floor though something else is off: the fit's windows tell more. Where they
+/// ask for more, the verdict is gap_narrowed or outside_family; where the fit fails in a recording, no gap is closed.
+DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction, const FitDoubts& doubts);
 
 /// Whether an error is no less than that of a guess (but for a tenth).
 bool IsNoBetterThanGuess(double error, double guess);

@@ -209,7 +209,7 @@ HeldOutPrediction Predicted(Estimated excess, Estimated gain, Estimated of_first
 
 /// By q alone.
 DesignVerdict Judged(const Designer& q, const HeldOutPrediction& prediction) {
-  return JudgePrediction(q, prediction, ParametersAtBounds(q));
+  return JudgePrediction(q, prediction, {.at_bounds = ParametersAtBounds(q)});
 }
 
 const Estimated kNothing = {0, 0.01}, kMuch = {1, 0.1};
@@ -362,6 +362,16 @@ TEST(JudgePrediction, AnEstimateAtABoundAsksForTheUserUnlessTheFloorIsReached) {
   const ParameterSpace from_nominal({{.name = "a", .field = "env/a", .low = 1, .high = 2}});
   const Designer at_nominal(from_nominal, Eigen::VectorXd::Constant(1, -6.0), Eigen::MatrixXd::Identity(1, 1));
   EXPECT_TRUE(ParametersAtBounds(at_nominal).empty());
+}
+
+TEST(JudgePrediction, PredictionsAtTheFloorAreNotTheLastWordWhereTheFitAsksForMore) {
+  const Designer moved = MakeDesigner({1, 1}, {0.1, 0.1});
+  const HeldOutPrediction better = Predicted(kNothing, kMuch), as_well = Predicted(kNothing, kNothing);
+  ASSERT_EQ(Judged(moved, better), DesignVerdict::kGapClosed);
+  ASSERT_EQ(Judged(moved, as_well), DesignVerdict::kNoGap);
+  EXPECT_EQ(JudgePrediction(moved, better, {.asks_for_more = true}), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(JudgePrediction(moved, as_well, {.asks_for_more = true}), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(JudgePrediction(moved, better, {.fails_in_a_recording = true}), DesignVerdict::kGapNarrowed);
 }
 
 TEST(JudgePrediction, NoGapWhereTheNominalParametersCannotBeTold) {

@@ -75,13 +75,6 @@ std::string Asked(const json& report) {
                      Enumerate(names), names.size() == 1 ? "s" : "", logs);
 }
 
-/// Whether the logs surely ask for something that is not among the parameters.
-bool AsksForMore(const json& report) {
-  if (!report.contains("design") || !report["design"].contains("fit")) return false;
-  const json& suspects = ListAt(report["design"]["fit"], "suspects");
-  return std::ranges::any_of(suspects, [](const json& suspect) { return suspect.value("likely", false); });
-}
-
 void AddParameters(const json& report, json* found) {
   const json& parameters = ListAt(report, "parameters");
   std::vector<std::string> identified;
@@ -100,11 +93,8 @@ void AddParameters(const json& report, json* found) {
   if (!weak.empty()) {
     const char* be = weak.size() == 1 ? "is" : "are";
     const std::string names = Enumerate(weak);
-    found->push_back(
-        outside ? fmt::format("The values of {} are what the method found, not measurements.", names)
-        : AsksForMore(report)
-            ? fmt::format("The values of {} may be off: the logs ask for something that is not searched.", names)
-            : fmt::format("The logs show only roughly what {} {}.", names, be));
+    found->push_back(outside ? fmt::format("The values of {} are what the method found, not measurements.", names)
+                             : fmt::format("The logs show only roughly what {} {}.", names, be));
   }
 }
 

@@ -145,31 +145,36 @@ bool FailsInARecording(const Candidate& best) {
   return best.fit && best.fit->left_out && !best.fit->left_out->WorseRecordings().empty();
 }
 
+/// Whether the logs surely ask for something that is not searched.
+bool AskForMore(const std::vector<Suspect>& suspects) { return std::ranges::any_of(suspects, &Suspect::IsLikely); }
+
 /// What does not depend on how far each parameter is known; with the verdict where a classifier decides.
-Judgement Judge(const Candidate& best, double nominal_common, double designed_common, int n_transitions) {
+/// @param suspects  of the best design
+Judgement Judge(const Candidate& best, const std::vector<Suspect>& suspects, double nominal_common,
+                double designed_common, int n_transitions) {
   Judgement judgement;
   if (best.prediction) {
     judgement.better = PredictsBetter(*best.prediction);
-    judgement.reaches_floor = ReachesFloor(*best.prediction) && !FailsInARecording(best);
+    // What else is off moves every value, also one that the fit with it leaves in its place.
+    judgement.reaches_floor = ReachesFloor(*best.prediction) && !FailsInARecording(best) && !AskForMore(suspects);
     judgement.off = ChannelsOff(*best.prediction);
     return judgement;
   }
   judgement.verdict = JudgeDesign(nominal_common, designed_common, n_transitions);
   judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
-  judgement.reaches_floor =
-      judgement.verdict == DesignVerdict::kNoGap || judgement.verdict == DesignVerdict::kGapClosed;
+  judgement.reaches_floor = FloorIsReached(judgement.verdict);
   return judgement;
 }
 
-/// @param best  with its prediction
-DesignVerdict PredictedVerdict(const Candidate& best, const std::vector<ParameterSummary>& summaries) {
+/// @param suspects  of the best design
+FitDoubts DoubtsOf(const Candidate& best, const std::vector<Suspect>& suspects,
+                   const std::vector<ParameterSummary>& summaries) {
+  FitDoubts doubts{ParametersAtBounds(best.q), FailsInARecording(best), AskForMore(suspects)};
   // Where the logs are as likely with something else freed, and the value inside its range then, they ask for nothing
   // beyond it.
-  std::vector<int> at_bounds = ParametersAtBounds(best.q);
-  std::erase_if(at_bounds,
+  std::erase_if(doubts.at_bounds,
                 [&](int i) { return summaries[static_cast<size_t>(i)].verdict != ParameterVerdict::kAtBound; });
-  const DesignVerdict verdict = JudgePrediction(best.q, *best.prediction, at_bounds);
-  return verdict == DesignVerdict::kGapClosed && FailsInARecording(best) ? DesignVerdict::kGapNarrowed : verdict;
+  return doubts;
 }
 
 /// What parameters may be as well: with each suspect freed that does not surely predict worse. Which of them is off, or
@@ -259,15 +264,14 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const SettingScore& selected = findings.result.settings[static_cast<size_t>(findings.result.selected_setting)];
   const Mixture mixture = SelectedMixture(findings);
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
-  const Judgement judgement = Judge(best, findings.result.nominal_common, selected.common, run.dataset.size());
+  const Judgement judgement =
+      Judge(best, findings.suspects, findings.result.nominal_common, selected.common, run.dataset.size());
   const auto open_ends = best.prediction ? best.prediction->open_ends : std::vector<HeldOutPrediction::OpenEnd>();
   std::vector<std::vector<SearchInterval>> otherwise = IntervalsOfFreed(findings.suspects);
   const std::vector<Disputed> disputed = DisputedIn(run.growth);
   std::ranges::move(IntervalsOfRivals(disputed, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
-  // What else is off moves every value, also one that the fit with it leaves in its place.
-  const bool is_whole = judgement.reaches_floor && std::ranges::none_of(findings.suspects, &Suspect::IsLikely);
   const auto summaries =
-      SummarizeParameters(mixture.q, mixture.best, findings.has_effect, is_whole, open_ends, otherwise);
+      SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends, otherwise);
 
   DesignRecord record;
   record.task = run.config.task.name;
@@ -286,7 +290,9 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.mixture = mixture.members;
   record.score_name = run.config.selection.score;
   record.score = record.score_name == SelectionScore::kPaper ? selected.c.value() : selected.common;
-  record.verdict = best.prediction ? PredictedVerdict(best, summaries) : judgement.verdict;
+  record.verdict = best.prediction
+                       ? JudgePrediction(best.q, *best.prediction, DoubtsOf(best, findings.suspects, summaries))
+                       : judgement.verdict;
   // The judge may be blind to a gap that the parameters show.
   const bool moved_unseen = !best.prediction && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
   if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;

@@ -183,7 +183,7 @@ TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
   EXPECT_THAT(sentence(), EndsWith("judged by the logs that it learned from"));
 }
 
-TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhatMakesValuesDoubtful) {
+TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhichValueIsAtTheEndOfItsRange) {
   DesignRecord record = Narrowed();
   record.verdict = DesignVerdict::kGapClosed;
   record.validation->horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.01, 0.01, 1}}, {}});
@@ -197,14 +197,22 @@ TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhatMakesValuesDoubtful) {
   mass.verdict = ParameterVerdict::kAtBound;
   record.parameters = {mass};
   EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("the value of 'mass' is at the end of its range"));
-  record.parameters.clear();
+}
+
+TEST(VerdictSentence, SaysThatTheLogsAskForMoreWhereTheSensorsExplainWhatRemains) {
+  DesignRecord record = Narrowed();
+  record.validation->horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.01, 0.01, 1}}, {}});
   record.fit.emplace();
   Suspect gain{.spec = {.name = "gain", .field = "actuator/*/gear[0]"}, .value = 1.2, .explains = 5};
   record.fit->suspects = {{gain, "", ""}};
-  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("off"))) << "few nats, and none tried";
+  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("but not in every recording")) << "few nats, and none tried";
   gain.explains = 9;
   record.fit->suspects = {{gain, "", ""}};
-  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("values may be off"));
+  EXPECT_THAT(VerdictSentence(record, {}),
+              HasSubstr("there the sensors explain what remains, but the logs surely ask for something that is not"));
+  record.verdict = DesignVerdict::kOutsideFamily;
+  record.predicts_better = false;
+  EXPECT_THAT(VerdictSentence(record, {}), AllOf(HasSubstr("does not surely predict better"), HasSubstr("surely ask")));
 }
 
 TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {

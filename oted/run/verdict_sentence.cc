@@ -17,6 +17,8 @@ constexpr double kWorse = 1.1;        // times the nominal simulator's error
 constexpr double kVisiblyMore = 1.1;  // times the floor
 constexpr double kMuchNarrowed = 0.5;
 constexpr double kVisiblyLost = 0.05;  // of the nominal simulator's error
+constexpr const char* kAsksForMore =
+    "the logs surely ask for something that is not searched (see the suspects): values may be off";
 constexpr const char* kGuesses = "its mean, that it stays, that it goes on as it began";
 
 /// "[rad/s]" behind a number.
@@ -94,19 +96,26 @@ std::string AtBounds(const DesignRecord& record) {
   return names;
 }
 
-/// What makes values doubtful though predictions are good, to be appended to a sentence that the floor is reached.
-std::string ButDoubtful(const DesignRecord& record) {
-  std::string text;
-  const std::string at_bounds = AtBounds(record);
-  if (!at_bounds.empty()) {
-    text = fmt::format(
-        "; the value of {} is at the end of its range: the true one may be beyond, and others off with it", at_bounds);
-  }
+/// Values that may be off though predictions are good, to be appended to a sentence that the floor is reached.
+std::string ButAtBounds(const DesignRecord& record) {
+  const std::string names = AtBounds(record);
+  if (names.empty()) return "";
+  return fmt::format("; the value of {} is at the end of its range: the true one may be beyond, and others off with it",
+                     names);
+}
+
+/// Whether the sensors explain what the design leaves, and the logs surely ask for something that is not searched.
+bool AsksForMore(const DesignRecord& record) {
   const auto is_likely = [](const DesignRecord::Suspected& s) { return s.suspect.IsLikely(); };
-  if (record.fit && std::ranges::any_of(record.fit->suspects, is_likely)) {
-    text += "; but values may be off: the logs ask for something that is not searched (see the suspects)";
-  }
-  return text;
+  return record.fit && NotTold(*record.validation).empty() && std::ranges::any_of(record.fit->suspects, is_likely);
+}
+
+/// Why the gap is not closed though at no horizon more is left than the sensors explain.
+std::string WhyOnlyNarrowed(const DesignRecord& record) {
+  const std::string not_told = NotTold(*record.validation);
+  if (!not_told.empty()) return "; " + not_told;
+  return std::string(": there the sensors explain what remains, but ") +
+         (AsksForMore(record) ? kAsksForMore : "not in every recording");
 }
 
 /// Channels that no prediction tells anything of, to be appended to a sentence that the floor is reached.
@@ -303,7 +312,7 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
   const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
   // Where the floor is reached.
-  const std::string but = ButUntold(horizon) + ButOverLonger(*record.validation) + ButDoubtful(record) + judged_by;
+  const std::string but = ButUntold(horizon) + ButOverLonger(*record.validation) + ButAtBounds(record) + judged_by;
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
@@ -322,10 +331,7 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
     }
     case DesignVerdict::kGapNarrowed:
       if (off.empty()) {
-        const std::string not_told = NotTold(*record.validation);
-        return fmt::format("gap narrowed by {} {}{}", share, over,
-                           not_told.empty() ? ": there the sensors explain what remains, but not in every recording"
-                                            : "; " + not_told) +
+        return fmt::format("gap narrowed by {} {}{}", share, over, WhyOnlyNarrowed(record)) +
                ButOdd(*record.validation) + judged_by + ButLeftOut(record);
       }
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
@@ -352,6 +358,12 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
                off.empty() ? "; " + NotTold(*record.validation)
                            : ", and more than the sensors explain: " + WhatRemains(*record.validation, horizon, off)) +
            ButAGuess(*record.validation) + ButOdd(*record.validation);
+  }
+  if (off.empty() && AsksForMore(record)) {
+    return fmt::format(
+        "outside the family: {} the sensors explain what remains, but the designed simulator does not surely predict "
+        "better than the nominal one, and {}",
+        over, kAsksForMore);
   }
   if (off.empty()) {
     const std::string odd = ButOdd(*record.validation);

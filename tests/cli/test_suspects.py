@@ -35,10 +35,10 @@ class SuspectsTest(unittest.TestCase):
     def tearDownClass(cls):
         cls.temporary.cleanup()
 
-    def design(self, name, *parameters, more=()):
+    def design(self, name, *parameters, more=(), data=None):
         words = [word for parameter in parameters for word in ("--param", parameter)]
-        result = program.oted("design", "--task", "Hopper-v5", "--data", self.demos, "--out", self.folder / name, "--quiet",
-                          *words, *QUICK, *more)
+        result = program.oted("design", "--task", "Hopper-v5", "--data", data or self.demos, "--out", self.folder / name,
+                          "--quiet", *words, *QUICK, *more)
         return result, json.loads((self.folder / name / "design.json").read_text())
 
     def test_the_damping_that_nobody_searches_is_freed_and_the_line_that_adds_it_is_told(self):
@@ -62,6 +62,23 @@ class SuspectsTest(unittest.TestCase):
         for file, schema in (("design.json", "oted.design.1"), ("design/default/1/q.json", "oted.q.1")):
             jsonschema.validate(json.loads((self.folder / name / file).read_text()),
                                 json.loads((ROOT / f"docs/schemas/{schema}.schema.json").read_text()))
+
+    def test_no_gap_is_closed_where_noise_hides_what_is_off_from_predictions_but_not_from_the_fit(self):
+        noisy = self.folder / "noisy.npz"
+        result = program.oted("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
+                          "--episodes", "2", "--seed", "1", "--param", GAIN, "--truth", "gain=1.2", "--param", DAMPING,
+                          "--truth", "damping=0.7", "--noise", "0.05", "--out", noisy)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        result, design = self.design("noisy", GAIN, data=noisy)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(design["verdict"], "gap_narrowed", design["sentence"])
+        self.assertFalse(any(channel["disagrees"] for channel in design["fit"]["channels"]), "else it tests nothing")
+        self.assertIn("the logs surely ask for something that is not searched", design["sentence"])
+        self.assertNotIn("identified", [parameter["verdict"] for parameter in design["parameters"]])
+        first = design["fit"]["suspects"][0]
+        self.assertEqual(first["field"], "joint/*/damping")
+        self.assertAlmostEqual(first["freed"]["value"], 0.7, delta=0.05)
+        self.assertIn(f"suspect, not among the parameters: {first['sentence']}; add this line: ", result.stdout)
 
     def test_a_range_that_ends_before_the_truth_is_told_beside_the_suspects(self):
         result, design = self.design("narrow", "gain=actuator/*/gainprm[0]:0.2:1.1")
