@@ -188,25 +188,6 @@ std::vector<std::vector<SearchInterval>> IntervalsOfFreed(const std::vector<Susp
   return intervals;
 }
 
-/// What a round of --grow added, and what explained the logs as well.
-struct Disputed {
-  const Suspect *added, *rival;
-};
-
-/// Those that no later round added as well: with both searched, nothing is disputed.
-std::vector<Disputed> DisputedIn(const std::vector<GrowthRecord>& growth) {
-  std::vector<Disputed> disputed;
-  for (const GrowthRecord& round : growth) {
-    for (const Suspect* rival : round.Rivals()) {
-      const bool is_added = std::ranges::any_of(growth, [&](const GrowthRecord& other) {
-        return other.Freed() != nullptr && other.Freed()->spec.field == rival->spec.field;
-      });
-      if (!is_added) disputed.push_back({round.Freed(), rival});
-    }
-  }
-  return disputed;
-}
-
 /// The same where --grow added one suspect and the logs are as likely with another: with that, the one added is as the
 /// model has it, and what was added later is not known.
 std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Disputed>& all, size_t n_parameters) {

@@ -1,5 +1,6 @@
 #include "oted/run/design_record.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -33,6 +34,19 @@ std::vector<Suspect> SuspectsFrom(const RecordReader& reader, const char* field)
 
 const Suspect* GrowthRecord::Freed() const { return BestFreed(suspects); }
 std::vector<const Suspect*> GrowthRecord::Rivals() const { return RivalsOfBest(suspects); }
+
+std::vector<Disputed> DisputedIn(const std::vector<GrowthRecord>& growth) {
+  std::vector<Disputed> disputed;
+  for (const GrowthRecord& round : growth) {
+    for (const Suspect* rival : round.Rivals()) {
+      const bool is_added = std::ranges::any_of(growth, [&](const GrowthRecord& other) {
+        return other.Freed() != nullptr && other.Freed()->spec.field == rival->spec.field;
+      });
+      if (!is_added) disputed.push_back({round.Freed(), rival});
+    }
+  }
+  return disputed;
+}
 
 json GrowthRecord::ToJson() const { return {{"schema", kSchema}, {"suspects", SuspectsToJson(suspects)}}; }
 

@@ -27,6 +27,13 @@ struct GrowthRecord {
   static GrowthRecord FromJson(const nlohmann::json& record, const std::string& where);
 };
 
+/// What a round of --grow added, and what explained the logs as well.
+struct Disputed {
+  const Suspect *added, *rival;
+};
+/// Those that no later round added as well: with both searched, nothing is disputed. They point into `growth`.
+std::vector<Disputed> DisputedIn(const std::vector<GrowthRecord>& growth);
+
 /// design.json: what the design found and how far to trust it.
 struct DesignRecord {
   static constexpr const char* kSchema = "oted.design/1";

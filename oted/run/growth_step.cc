@@ -1,6 +1,5 @@
 #include "oted/run/growth_step.h"
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -66,16 +65,21 @@ void AddParameter(RunSetup& run, const Suspect& freed) {
 
 /// Rounds until one frees nothing. @param next  gives a round's record; none: not made yet
 template <class Next>
-void GrowBy(RunSetup& run, const Next& next) {
-  if (!run.grows()) return;
+void AddRounds(RunSetup& run, const Next& next) {
   while (run.growth.size() < static_cast<size_t>(kMostRounds)) {
     if (!run.growth.empty() && run.growth.back().Freed() == nullptr) return;
     std::optional<GrowthRecord> record = next(static_cast<int>(run.growth.size()) + 1);
     if (!record) return;
     if (const Suspect* freed = record->Freed()) AddParameter(run, *freed);
-    for (const Suspect* rival : record->Rivals()) run.context.log->Warning(RivalSentence(*record->Freed(), *rival));
     run.growth.push_back(*std::move(record));
   }
+}
+
+template <class Next>
+void GrowBy(RunSetup& run, const Next& next) {
+  if (!run.grows()) return;
+  AddRounds(run, next);
+  for (const auto& [added, rival] : DisputedIn(run.growth)) run.context.log->Warning(RivalSentence(*added, *rival));
 }
 
 }  // namespace
