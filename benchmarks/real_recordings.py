@@ -41,6 +41,8 @@ RIVAL = "mujoco.sysid"
 INIT = "init"
 SETS = {  # control period [s], held-out recordings by name
     "double_pendulum": (0.002, {"sine": ("143524", "143704", "144003"), "swing-up": ("154548",)}),
+    "double_pendulum_a0": (0.002, {"all": None}),
+    "double_pendulum_c0": (0.002, {"all": None}),
     "simple_pendulum": (0.005, {"all": None}),
     "so101_arm": (0.02, {"waypoints": ("fast_transitions", "figure_eight", "diagonal_sweep", "symmetric_motion"),
                          "jumps": ("prbs_excitation",)}),

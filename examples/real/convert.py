@@ -1,10 +1,12 @@
-"""Makes the logs of so101_arm and servo_pendulum from their makers' repositories (README.md names commits and licences).
+"""Makes the logs of a set from its makers' repository (README.md names commits and licences).
 
-    examples/real/convert.py so101_arm SAGE        # a checkout of isaac-sim2real/sage at 4ffd262
-    examples/real/convert.py servo_pendulum BAM    # a checkout of Rhoban/bam at af22604
+    examples/real/convert.py so101_arm SAGE                      # a checkout of isaac-sim2real/sage at 4ffd262
+    examples/real/convert.py servo_pendulum BAM                  # a checkout of Rhoban/bam at af22604
+    examples/real/convert.py double_pendulum_a0 DOUBLE_PENDULUM  # of dfki-ric-underactuated-lab/double_pendulum at 1e8544e
+    examples/real/convert.py double_pendulum_c0 DOUBLE_PENDULUM
 
-The arm's rows are even as they are. The servo's come onto an even grid: commands hold until the next row, readings are
-interpolated. Needs numpy.
+The arm's rows are even as they are. The others come onto an even grid: commands hold until the next row, readings are
+interpolated; a recording is cut where no row came for more than 20 ms. Needs numpy.
 """
 
 import csv
@@ -28,6 +30,13 @@ SERVO = {  # motion, firmware gain
     "held_out": [(motion, 200) for motion in ("sin_sin", "up_and_down", "sin_time_square")] +
                 [("sin_time_square", gain) for gain in (100, 400, 800)],
 }
+
+
+DOUBLE_PENDULUMS = {  # recordings by their numbers
+    "double_pendulum_a0": ("design_A.0/20220815", {"fit": "00 01 02 04 11 12", "held_out": "03 05 13"}),
+    "double_pendulum_c0": ("design_C.0/20220914", {"fit": "00 01 02 04 06 12", "held_out": "03 05 13"}),
+}
+SHORTEST_PART = 1.5  # [s]
 
 
 def even(times, read, held, period):
@@ -81,7 +90,30 @@ def servo(checkout):
         write(HERE / f"servo_pendulum/{part}.csv.gz", head, [episode(*one) for one in wanted])
 
 
+def double_pendulum(checkout, name):
+    folder, parts = DOUBLE_PENDULUMS[name]
+    columns = ["time", "pos_meas1", "pos_meas2", "vel_meas1", "vel_meas2", "tau_con1", "tau_con2"]
+
+    def episodes(number):
+        path = checkout / "data/experiment_records" / folder / f"sys_id/trajectory_{number}.csv"
+        with open(path) as file:
+            rows = np.array([[float(row[column]) for column in columns] for row in csv.DictReader(file)])
+        unbroken = np.split(rows, np.flatnonzero(np.diff(rows[:, 0]) > 0.02) + 1)
+        long = [part for part in unbroken if part[-1, 0] - part[0, 0] > SHORTEST_PART]
+        return [(number if len(long) == 1 else f"{number}-{k + 1}", even(part[:, 0], part[:, 1:5], part[:, 5:], 0.002))
+                for k, part in enumerate(long)]
+
+    head = ["episode", "time"] + [f"joint/{joint}/{field}" for field in ("qpos", "qvel") for joint in ("shoulder", "elbow")]
+    head += ["actuator/shoulder", "actuator/elbow"]
+    for part, numbers in parts.items():
+        write(HERE / name / f"{part}.csv.gz", head, [one for number in numbers.split() for one in episodes(number)])
+
+
 if __name__ == "__main__":
-    if len(sys.argv) != 3 or sys.argv[1] not in ("so101_arm", "servo_pendulum"):
+    if len(sys.argv) != 3 or sys.argv[1] not in ("so101_arm", "servo_pendulum", *DOUBLE_PENDULUMS):
         raise SystemExit(__doc__)
-    (so101 if sys.argv[1] == "so101_arm" else servo)(pathlib.Path(sys.argv[2]))
+    source = pathlib.Path(sys.argv[2])
+    if sys.argv[1] in DOUBLE_PENDULUMS:
+        double_pendulum(source, sys.argv[1])
+    else:
+        (so101 if sys.argv[1] == "so101_arm" else servo)(source)
