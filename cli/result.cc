@@ -136,7 +136,7 @@ void PrintValidation(const DesignRecord& design) {
   if (shown.channels.size() > kMostChannels) {
     Print("... {} more channels and other horizons in the report\n", shown.channels.size() - kMostChannels);
   }
-  Print("{}", NotJudged(shown));
+  Print("{}", NotesOf(shown));
   if (shown.learned) Print("(on logs that the design learned from: none were kept aside)\n");
   if (design.validation->longest) Print("{}\n", LongestInWords(*design.validation));
 }

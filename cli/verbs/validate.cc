@@ -28,7 +28,7 @@ void PrintHorizons(const ValidationResult& result, const std::string& model) {
             channel.floor, other != nullptr ? fmt::format("  {:.2g}", other->channels[c].designed) : "");
     }
   }
-  Print("{}", NotJudged(result.validation.horizons.front()));
+  Print("{}", NotesOf(result.validation.horizons.front()));
   if (result.validation.longest) Print("\n{}\n", LongestInWords(result.validation));
   Print("\n{}\n", result.sentence);
 }

@@ -22,6 +22,14 @@ inline std::string Enumerate(const std::vector<std::string>& items) {
 /// Under a table some of whose channels have a star.
 inline constexpr const char* kStarredChannels = "* computed from positions, or late: no verdict rests on it";
 
+/// Why a percentage may be less than a table shows. @param channels  in which an error is larger than their spread
+inline std::string CountedAtMost(const std::vector<std::string>& channels) {
+  return fmt::format(
+      "Percentages count an error as the channel's spread over the logs at most, which the nominal simulator's exceeds "
+      "in {}",
+      Enumerate(channels));
+}
+
 /// What a star means to whoever uses a policy.
 inline std::string StarredForPolicies(const std::vector<std::string>& channels) {
   return fmt::format(

@@ -15,6 +15,8 @@
 namespace oted {
 namespace {
 
+constexpr int kOnlyOne = 50, kByOrder = 100;  // penalties of columns that their names do not place
+
 using Words = std::vector<std::string>;
 
 /// What the reader finds by itself (docs/file_formats.md).
@@ -329,7 +331,9 @@ class Mapper {
     for (size_t i = 1; i < places.size(); ++i) in_order = in_order && places[i].first == places[i - 1].first + 1;
     for (size_t i = 0; i < places.size(); ++i) {
       if (in_order) {
-        claims_[paths[i]].push_back({places[i].second, 100, MeaningOf(WordsOf(columns_[places[i].second])).in_degrees});
+        const bool is_only = places.size() == 1 && places[0].first < 0;  // no number: the one column of its kind
+        claims_[paths[i]].push_back({places[i].second, is_only ? kOnlyOne : kByOrder,
+                                     MeaningOf(WordsOf(columns_[places[i].second])).in_degrees});
       } else {
         Unused(places[i].second,
                fmt::format("{} numbered {}, and the model has {}", places.size(), what, paths.size()));
@@ -357,7 +361,7 @@ class Mapper {
       }
       std::ranges::stable_sort(found->second, {}, &Claim::penalty);
       const Claim& best = found->second.front();
-      entries.push_back({columns_[best.column], path, best.penalty >= 100, best.in_degrees});
+      entries.push_back({columns_[best.column], path, best.penalty >= kByOrder, best.in_degrees});
       for (size_t i = 1; i < found->second.size(); ++i) {
         Unused(found->second[i].column, fmt::format("'{}' is {} already", columns_[best.column], path));
       }

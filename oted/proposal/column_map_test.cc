@@ -69,6 +69,20 @@ TEST(MapColumns, NumbersAreTheOrderWhereThereAreAsMany) {
   EXPECT_EQ(Matched({"obs_0", "obs_1", "obs_2", "obs_3"})[3], "obs_3 -> joint/elbow_joint/qvel");
 }
 
+TEST(MapColumns, TheOnlyCommandIsOfTheOnlyActuatorAndARateIsAVelocity) {
+  ModelOutline balancer;
+  balancer.joints = {{.name = "pitch", .body = "chassis"}};
+  balancer.actuators = {{.name = "wheels"}};
+  balancer.qpos = {"joint/pitch/qpos"};
+  balancer.qvel = {"joint/pitch/qvel"};
+  const ColumnMap map = MapColumns({"pitch", "pitch_rate", "motor_cmd"}, balancer);
+  ASSERT_EQ(map.observations.size(), 2u);
+  EXPECT_EQ(map.observations[1].path, "joint/pitch/qvel");
+  ASSERT_EQ(map.actions.size(), 1u);
+  EXPECT_EQ(map.actions[0].path, "actuator/wheels");
+  EXPECT_FALSE(map.actions[0].by_order) << "no number was taken";
+}
+
 TEST(MapColumns, ThePlainerOfTwoNamesWins) {
   const ColumnMap map = MapColumns({"elbow_pos_filtered", "elbow_pos"}, Arm());
   ASSERT_EQ(map.observations.size(), 1u);

@@ -11,8 +11,9 @@ using WordSet = std::set<std::string>;
 
 const WordSet kPositionWords = {"q",      "qpos",  "pos", "position", "positions", "angle",
                                 "angles", "theta", "enc", "encoder",  "jointpos"};
-const WordSet kVelocityWords = {"qd",    "dq",       "qvel",   "qdot",     "vel", "velocity", "velocities", "speed",
-                                "omega", "thetadot", "dtheta", "jointvel", "dot", "vx",       "vy",         "vz"};
+const WordSet kVelocityWords = {"qd",         "dq",    "qvel",  "qdot",     "vel",    "velocity",
+                                "velocities", "speed", "omega", "thetadot", "dtheta", "jointvel",
+                                "dot",        "vx",    "vy",    "vz",       "rate",   "rates"};
 const WordSet kMovingWords = {"vx", "vy", "vz"};
 const WordSet kOrientationWords = {"quat", "quaternion", "orientation", "qw", "qx", "qy", "qz"};
 const WordSet kTurningWords = {"omega", "angvel", "angular", "gyro", "wx", "wy", "wz"};

@@ -5,13 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <optional>
 #include <set>
 #include <utility>
 
 #include "oted/base/error.h"
 #include "oted/base/statistics.h"
-#include "oted/checks/parameter_check.h"
 #include "oted/proposal/log_facts.h"
 #include "oted/proposal/widened_fit.h"
 #include "oted/sim/channel_path.h"
@@ -20,12 +18,9 @@
 namespace oted {
 namespace {
 
-constexpr size_t kFewJoints = 3;       // that get parameters of their own
-constexpr size_t kMostOwnJoints = 8;   // the same of values: joints of different sizes have no common friction
-constexpr double kMoves = 1e-3;        // [rad, m], standard deviation of a joint that moves
-constexpr double kLeastEffect = 0.05;  // standard deviations of an observation, between the bounds
-constexpr double kOwnEffect = 0.01;    // share of an effect's square that others together must leave unexplained
-constexpr int kEpisodes = 3, kEpisodeRows = 2000;  // that effects are measured on
+constexpr size_t kFewJoints = 3;      // that get parameters of their own
+constexpr size_t kMostOwnJoints = 8;  // the same of values: joints of different sizes have no common friction
+constexpr double kMoves = 1e-3;       // [rad, m], standard deviation of a joint that moves
 constexpr double kLongestDelay_s = 0.03;
 
 /// The value below which 95 % of the sizes lie.
@@ -51,18 +46,19 @@ struct Moving {
   bool driven = true;
 };
 
-class Chooser {
+class CandidateList {
  public:
-  Chooser(const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model)
-      : nominal_(nominal), spec_(nominal.spec()), dataset_(dataset), model_(model) {
+  CandidateList(const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model,
+                std::vector<std::string>& left_out)
+      : nominal_(nominal), spec_(nominal.spec()), dataset_(dataset), model_(model), left_out_(left_out) {
     for (size_t j = 0; j < model.joints.size(); ++j) AddJoint(j);
   }
 
-  /// Everything that the model has, in the order of how often it is off.
-  std::vector<ParameterSpec> Candidates() {
+  std::vector<ParameterSpec> All() {
     if (moving_.empty() && floating_.empty()) {
       left_out_.emplace_back("joints: none of those in the logs moves");
     }
+    Tendons();
     if (!moving_.empty()) {
       PerJoint("frictionloss", [](const Moving& m) { return 0.5 * m.force; }, {0, 10});
       PerJoint("damping", [](const Moving& m) { return m.force / m.speed; }, {0, 10});
@@ -81,8 +77,6 @@ class Chooser {
     Add({"delay", kDelayPath, 0, steps, ParameterScale::kAbsolute});
     return std::move(candidates_);
   }
-
-  std::vector<std::string>& left_out() { return left_out_; }
 
  private:
   int ChannelOf(const std::string& path) const {
@@ -112,6 +106,11 @@ class Chooser {
     moving.force = 5 * joint.inertia * moving.speed;
     for (const ModelOutline::Actuator& actuator : model_.actuators) {
       if (actuator.joint == static_cast<int>(j)) moving.force = std::max(moving.force, ForceOf(actuator));
+      if (actuator.tendon < 0) continue;
+      for (const auto& part : model_.tendons[static_cast<size_t>(actuator.tendon)].joints) {
+        if (part.joint != static_cast<int>(j)) continue;
+        moving.force = std::max(moving.force, std::abs(part.length) * ForceOf(actuator));
+      }
     }
     if (model_.actuators.empty()) {
       moving.force = std::max(moving.force, LoggedForce(fmt::format("actuator/{}", joint.name)));
@@ -238,6 +237,46 @@ class Chooser {
     }
   }
 
+  /// Friction and damping of a gearbox that turns one part against another: of the tendon, not of the joints.
+  void Tendons() {
+    std::vector<const ModelOutline::Actuator*> drives;
+    for (const ModelOutline::Actuator& actuator : model_.actuators) {
+      if (actuator.tendon >= 0 && SpeedOf(TendonOf(actuator)) > 0) drives.push_back(&actuator);
+    }
+    if (drives.size() > kFewJoints) {
+      const auto by_force = [&](const auto* drive) { return ForceOf(*drive); };
+      AddTendon("*", "tendon", **std::ranges::max_element(drives, {}, by_force));
+      return;
+    }
+    for (const ModelOutline::Actuator* drive : drives) {
+      const std::string& tendon = TendonOf(*drive).name;
+      AddTendon(tendon, drives.size() == 1 ? "tendon" : tendon, *drive);
+    }
+  }
+
+  /// @param which  tendons, as a path names them
+  void AddTendon(const std::string& which, const std::string& name, const ModelOutline::Actuator& drive) {
+    const double force = ForceOf(drive);
+    if (!(force > 0)) return;
+    AddField(name + "_frictionloss", fmt::format("tendon/{}/frictionloss", which), 0.5 * force, {0, 10});
+    AddField(name + "_damping", fmt::format("tendon/{}/damping", which), force / SpeedOf(TendonOf(drive)), {0, 10});
+  }
+
+  const ModelOutline::Tendon& TendonOf(const ModelOutline::Actuator& actuator) const {
+    return model_.tendons[static_cast<size_t>(actuator.tendon)];
+  }
+
+  /// At most, by the joints of a fixed tendon that move in the logs; 0: none does.
+  double SpeedOf(const ModelOutline::Tendon& tendon) const {
+    double speed = 0;
+    for (const auto& part : tendon.joints) {
+      for (const Moving& m : moving_) {
+        if (m.joint == &model_.joints[static_cast<size_t>(part.joint)]) speed += std::abs(part.length) * m.speed;
+      }
+    }
+    return speed;
+  }
+
   void Drives() {
     std::vector<std::string> motors, servos, speed_servos;
     bool all_motors = true;
@@ -266,7 +305,10 @@ class Chooser {
   void Surroundings() {
     AddMultiple("stiffness", "joint/*/stiffness");
     AddMultiple("tendon_stiffness", "tendon/*/stiffness");
-    AddMultiple("tendon_damping", "tendon/*/damping");
+    const auto is_tendon_damping = [](const ParameterSpec& spec) {
+      return spec.field.starts_with("tendon/") && spec.field.ends_with("/damping");
+    };
+    if (std::ranges::none_of(candidates_, is_tendon_damping)) AddMultiple("tendon_damping", "tendon/*/damping");
     AddMultiple("viscosity", "opt/viscosity");
     AddMultiple("density", "opt/density");
   }
@@ -327,117 +369,14 @@ class Chooser {
   std::vector<Moving> moving_;
   std::vector<const ModelOutline::Joint*> floating_;  ///< joints of more than one number that move
   std::vector<ParameterSpec> candidates_;
-  std::vector<std::string> left_out_;
-};
-
-/// The beginnings of the first episodes.
-Dataset Beginnings(const Dataset& dataset) {
-  std::vector<Episode> episodes = dataset.Episodes();
-  episodes.resize(std::min<size_t>(episodes.size(), kEpisodes));
-  for (Episode& episode : episodes) {
-    if (episode.size() <= kEpisodeRows) continue;
-    episode.end = episode.begin + kEpisodeRows;
-    episode.terminated = false;
-  }
-  return dataset.Select(episodes);
-}
-
-/// Takes effects one by one and says of each how much of it those taken before do not explain: Cholesky's
-/// decomposition of the matrix of cosines, row by row.
-class Explained {
- public:
-  explicit Explained(const Array2<double>& cosines) : cosines_(cosines) {}
-
-  /// The share of the square of effect i that is its own. Keeps it among those taken if that is at least `least`.
-  double Take(int i, double least) {
-    std::vector<double> row;
-    double own = cosines_(i, i);
-    for (size_t k = 0; k < taken_.size(); ++k) {
-      double rest = cosines_(i, taken_[k]);
-      for (size_t m = 0; m < k; ++m) rest -= row[m] * rows_[k][m];
-      row.push_back(rest / rows_[k][k]);
-      own -= row.back() * row.back();
-    }
-    if (own < least) return own;
-    row.push_back(std::sqrt(own));
-    rows_.push_back(std::move(row));
-    taken_.push_back(i);
-    return own;
-  }
-
- private:
-  const Array2<double>& cosines_;
-  std::vector<int> taken_;
-  std::vector<std::vector<double>> rows_;
+  std::vector<std::string>& left_out_;
 };
 
 }  // namespace
 
-ParameterChoice ChooseParameters(
-    const SimulatorFactory& nominal, const Dataset& dataset, const ModelOutline& model, RngKey key,
-    const RunContext& context,
-    const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake) {
-  Chooser chooser(nominal, dataset, model);
-  std::vector<ParameterSpec> candidates = chooser.Candidates();
-  ParameterChoice choice;
-  choice.left_out = std::move(chooser.left_out());
-  const Dataset logs = Beginnings(dataset);
-  const std::optional<TrialFit> trial = FitWidened(candidates, dataset, key.Stage("trial"), context, remake);
-  const ParameterCheck check = CheckParameters(*remake(candidates), &logs, key, context.n_threads);
-  // What the robot is like the fit knows better. But it sees short windows: what longer replays at the nominal values
-  // tell apart is told apart, too.
-  const Array2<double>& cosines = trial ? trial->cosines : check.cosines;
-  const auto trade_off = [&](size_t one, size_t other) {
-    const int i = static_cast<int>(one), k = static_cast<int>(other);
-    return std::min(std::abs(cosines(i, k)), std::abs(check.cosines(i, k))) >= kTradeOffCosine;
-  };
-  std::vector<bool> kept(candidates.size(), true);
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const double effect = check.parameters[i].effect.largest_change;
-    if (effect >= kLeastEffect) continue;
-    kept[i] = false;
-    choice.left_out.push_back(fmt::format(
-        "{} ({}): {}", candidates[i].name, candidates[i].field,
-        effect == 0 ? "the logs do not show it"
-                    : fmt::format("over its range it moves the logs by {:.2g} standard deviations", effect)));
-  }
-  // An armature from nothing on can only add: a mass with the same effect goes both ways.
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const bool is_added =
-        candidates[i].field.ends_with("/armature") && candidates[i].scale == ParameterScale::kAbsolute;
-    for (size_t mass = 0; is_added && mass < candidates.size(); ++mass) {
-      const bool is_mass = candidates[mass].field.starts_with("body/") && kept[mass];
-      if (!kept[i] || !is_mass || !trade_off(i, mass)) continue;
-      kept[i] = false;
-      choice.left_out.push_back(
-          fmt::format("{} ({}): the logs can hardly tell it from {}; free the one that you trust less",
-                      candidates[i].name, candidates[i].field, candidates[mass].name));
-    }
-  }
-  // In their order: what gives way to another has no other in its turn to give way to it.
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    for (size_t one = 0; one < i; ++one) {
-      if (!kept[one] || !kept[i] || !trade_off(one, i)) continue;
-      kept[i] = false;
-      choice.left_out.push_back(
-          fmt::format("{} ({}): the logs can hardly tell it from {}; free the one that you trust less",
-                      candidates[i].name, candidates[i].field, candidates[one].name));
-    }
-  }
-  // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
-  Explained explained(cosines);
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    if (!kept[i]) continue;
-    if (explained.Take(static_cast<int>(i), kOwnEffect) >= kOwnEffect) {
-      choice.chosen.push_back(candidates[i]);
-    } else {
-      choice.left_out.push_back(
-          fmt::format("{} ({}): those that are freed have nearly the same effect, taken together; it stays as in the "
-                      "model, or free it in the place of one that you trust more",
-                      candidates[i].name, candidates[i].field));
-    }
-  }
-  return choice;
+std::vector<ParameterSpec> ParameterCandidates(const SimulatorFactory& nominal, const Dataset& dataset,
+                                               const ModelOutline& model, std::vector<std::string>& left_out) {
+  return CandidateList(nominal, dataset, model, left_out).All();
 }
 
 }  // namespace oted

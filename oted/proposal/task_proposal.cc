@@ -16,7 +16,7 @@
 #include "oted/data/dataset_files.h"
 #include "oted/proposal/first_log.h"
 #include "oted/proposal/log_facts.h"
-#include "oted/proposal/parameter_candidates.h"
+#include "oted/proposal/parameter_choice.h"
 #include "oted/proposal/task_text.h"
 #include "oted/run/run_inputs.h"
 #include "oted/sim/mujoco/model_outline.h"

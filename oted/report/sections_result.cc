@@ -77,6 +77,18 @@ const json& Shown(const json& horizons) {
   return *shown;
 }
 
+/// Where the table shows more of a difference than the verdict's percentage.
+std::string NoteOfPercentages(const json& horizon) {
+  std::vector<std::string> far_off;
+  for (const json& channel : ListAt(horizon, "channels")) {
+    const std::optional<double> nominal = NumberAt(channel, "nominal"), spread = NumberAt(channel, "spread");
+    if (channel.value("judged", true) && nominal && spread && *nominal > *spread) {
+      far_off.push_back(TextAt(channel, "name"));
+    }
+  }
+  return far_off.empty() ? "" : fmt::format("<p>{}.</p>\n", Escape(CountedAtMost(far_off)));
+}
+
 bool AnyHas(const json& list, const char* key) {
   return std::any_of(list.begin(), list.end(), [&](const json& item) { return NumberAt(item, key).has_value(); });
 }
@@ -184,6 +196,7 @@ Section ValidationSection(const json& report) {
   }
   section.html += PredictionFigure(Shown(horizons)) + table.Html();
   if (starred) section.html += fmt::format("<p>{}.</p>\n", kStarredChannels);
+  section.html += NoteOfPercentages(Shown(horizons));
   if (validation.contains("longest")) {
     section.html += fmt::format("<p>{}.</p>\n", Escape(TextAt(validation["longest"], "sentence")));
   }

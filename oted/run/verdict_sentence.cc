@@ -211,9 +211,15 @@ std::string InWords(const DesignRecord::Validation::Channel& channel) {
   return channel.name + (channel.unit.empty() ? "" : fmt::format(" [{}]", channel.unit)) + (channel.judged ? "" : " *");
 }
 
-std::string NotJudged(const DesignRecord::Validation::Horizon& horizon) {
+std::string NotesOf(const DesignRecord::Validation::Horizon& horizon) {
   const bool all = std::ranges::all_of(horizon.channels, &DesignRecord::Validation::Channel::judged);
-  return all ? "" : fmt::format("{}\n", kStarredChannels);
+  std::string notes = all ? "" : fmt::format("{}\n", kStarredChannels);
+  std::vector<std::string> far_off;
+  for (const auto& c : horizon.channels) {
+    if (c.judged && c.nominal > c.spread) far_off.push_back(c.name);
+  }
+  if (!far_off.empty()) notes += CountedAtMost(far_off) + "\n";
+  return notes;
 }
 
 std::string ButAGuess(const DesignRecord::Validation& validation) {

@@ -45,8 +45,9 @@ std::string InWords(const DesignRecord::Validation::Horizon& horizon);
 /// "joint/hip/qvel [rad/s]"; one that is not judged has a star behind it.
 std::string InWords(const DesignRecord::Validation::Channel& channel);
 
-/// A line that says what the star means; empty where no channel has one.
-std::string NotJudged(const DesignRecord::Validation::Horizon& horizon);
+/// Lines under a table of errors: what a star means, and where percentages show less than the table. Empty where there
+/// is neither.
+std::string NotesOf(const DesignRecord::Validation::Horizon& horizon);
 
 /// @param off  channels in which more is left than the sensors explain, the farthest off first
 std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& off);

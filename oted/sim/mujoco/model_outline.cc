@@ -42,6 +42,7 @@ ModelOutline::Actuator OutlineOfActuator(const mjModel& model, int id) {
   actuator.name = ObjectName(model, mjOBJ_ACTUATOR, id);
   const int type = model.actuator_trntype[id];
   if (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) actuator.joint = model.actuator_trnid[2 * id];
+  if (type == mjTRN_TENDON) actuator.tendon = model.actuator_trnid[2 * id];
   actuator.drive = DriveOf(model, id);
   actuator.n_controls = model.actuator_ctrlnum[id];
   const double gear = std::abs(model.actuator_gear[6 * model.actuator_outadr[id]]);
@@ -52,6 +53,14 @@ ModelOutline::Actuator OutlineOfActuator(const mjModel& model, int id) {
   }
   if (model.actuator_forcelimited[id] != 0) actuator.most_force = gear * model.actuator_forcerange[2 * id + 1];
   return actuator;
+}
+
+ModelOutline::Tendon OutlineOfTendon(const mjModel& model, int id) {
+  ModelOutline::Tendon tendon{ObjectName(model, mjOBJ_TENDON, id)};
+  for (int w = model.tendon_adr[id]; w < model.tendon_adr[id] + model.tendon_num[id]; ++w) {
+    if (model.wrap_type[w] == mjWRAP_JOINT) tendon.joints.push_back({model.wrap_objid[w], model.wrap_prm[w]});
+  }
+  return tendon;
 }
 
 }  // namespace
@@ -82,6 +91,7 @@ ModelOutline OutlineOf(const std::string& model_file) {
     joint.inertia = model.dof_M0[model.jnt_dofadr[i]];
     outline.joints.push_back(joint);
   }
+  for (int i = 0; i < model.ntendon; ++i) outline.tendons.push_back(OutlineOfTendon(model, i));
   for (int i = 0; i < model.nactuator; ++i) {
     outline.actuators.push_back(OutlineOfActuator(model, i));
     const int joint = outline.actuators.back().joint;

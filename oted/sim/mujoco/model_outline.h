@@ -20,18 +20,27 @@ struct ModelOutline {
     bool limited = false;
     double low = 0, high = 0;  ///< [rad, m] where limited
     bool force_limited = false;
-    double inertia = 0;  ///< about it in the start state [kg m^2, kg]
-    bool actuated = false;
+    double inertia = 0;     ///< about it in the start state [kg m^2, kg]
+    bool actuated = false;  ///< by itself, not through a tendon
     bool has_one_number() const { return kind == JointKind::kHinge || kind == JointKind::kSlide; }
   };
   struct Actuator {
     std::string name;
-    int joint = -1;  ///< that it drives; -1: a tendon or something else
+    int joint = -1;   ///< that it drives; -1: a tendon or something else
+    int tendon = -1;  ///< the same
     DriveKind drive = DriveKind::kOther;
     int n_controls = 1;
     bool has_range = false;
-    double force_per_control = 1;                                 ///< on the joint, of a motor
-    double most_force = std::numeric_limits<double>::infinity();  ///< on the joint
+    double force_per_control = 1;                                 ///< on the joint or tendon, of a motor
+    double most_force = std::numeric_limits<double>::infinity();  ///< on the joint or tendon
+  };
+  struct Tendon {
+    struct Part {
+      int joint = 0;
+      double length = 0;  ///< by which it grows per unit of the joint
+    };
+    std::string name;
+    std::vector<Part> joints = {};  ///< of a fixed one; a spatial one has none here
   };
   struct Sensor {
     std::string name;
@@ -41,6 +50,7 @@ struct ModelOutline {
   };
   std::vector<Joint> joints;
   std::vector<Actuator> actuators;
+  std::vector<Tendon> tendons;
   std::vector<Sensor> sensors;
   std::vector<std::string> keyframes;
   std::vector<std::string> qpos, qvel;  ///< the paths of every number of the state: "joint/hip/qpos"

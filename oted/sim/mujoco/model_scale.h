@@ -11,4 +11,8 @@ double RoundBound(double value);
 /// [N m] what holds a mean body at the model's length against gravity.
 double HoldingTorque(const mjModel_& model);
 
+/// [N, or N m where a length is an angle] what holds a mean body by a tendon against gravity: of the model's tendons
+/// the one that it takes most. 0 without a tendon.
+double HoldingTension(const mjModel_& model);
+
 }  // namespace oted

@@ -50,8 +50,20 @@ TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
   const std::vector<std::string> fields = Fields(ModelSuspects(*loaded.model, ParameterSpace()));
   EXPECT_THAT(fields, Contains("actuator/*/dynprm[0]"));
   EXPECT_THAT(fields, Contains("tendon/*/stiffness"));
+  EXPECT_THAT(fields, Contains("tendon/*/damping"));
+  EXPECT_THAT(fields, Contains("tendon/*/frictionloss"));  // 0 in the model: a value
   EXPECT_THAT(fields, Contains("opt/viscosity"));
   EXPECT_THAT(fields, Not(Contains("opt/density")));
+}
+
+TEST(ModelSuspects, AreOfTheOtherJointsWhereOneIsSearched) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "knee", .field = "joint/leg_joint/damping"}});
+  const std::vector<std::string> fields = Fields(factory.Suspects());
+  EXPECT_THAT(fields, Contains("joint/thigh_joint/damping"));
+  EXPECT_THAT(fields, Contains("joint/foot_joint/damping"));
+  EXPECT_THAT(fields, Not(Contains("joint/leg_joint/damping")));
+  EXPECT_THAT(fields, Not(Contains("joint/*/damping")));
+  EXPECT_THAT(fields, Contains("joint/*/armature")) << "of which none is searched";
 }
 
 TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {
