@@ -49,10 +49,10 @@ bool HasOne(const DesignRecord& design, ParameterVerdict verdict) {
   return std::ranges::find(design.parameters, verdict, &DesignRecord::Parameter::verdict) != design.parameters.end();
 }
 
-/// What identified values rest on.
-void PrintConditions(const DesignRecord& design) {
+/// What values of that verdict rest on.
+void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
   for (const DesignRecord::Parameter& p : design.parameters) {
-    if (p.verdict != ParameterVerdict::kIdentified || p.rests_on.empty()) continue;
+    if (p.verdict != verdict || p.rests_on.empty()) continue;
     std::vector<std::string> sentences;
     for (const DesignRecord::RestsOn& of : p.rests_on) sentences.push_back(of.sentence);
     Print("  {} would be {}; the logs do not tell\n", p.name, fmt::join(sentences, ", "));
@@ -84,7 +84,14 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
   }
   if (HasOne(design, ParameterVerdict::kIdentified)) {
     Print("identified: if what is not among the parameters is as in the model\n");
-    PrintConditions(design);
+    PrintConditions(design, ParameterVerdict::kIdentified);
+  }
+  const auto is_doubted = [](const DesignRecord::Parameter& p) {
+    return p.verdict == ParameterVerdict::kWeak && !p.rests_on.empty();
+  };
+  if (!design.grown.empty() && std::ranges::any_of(design.parameters, is_doubted)) {
+    Print("weak: in place of what --grow added something else may be off\n");
+    PrintConditions(design, ParameterVerdict::kWeak);
   }
   if (!FloorIsReached(design.verdict) && design.validation) {
     const bool is_known = NotTold(*design.validation).empty();

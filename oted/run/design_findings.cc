@@ -16,6 +16,8 @@
 namespace oted {
 namespace {
 
+constexpr double kMuchMoved = 0.2;
+
 /// The designs of the selected setting.
 struct Mixture {
   std::vector<DesignRecord::Member> members;
@@ -230,6 +232,18 @@ DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const Sim
   return validation;
 }
 
+void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record) {
+  if (record.grown.empty()) return;
+  for (int i = 0; i < space.size(); ++i) {
+    DesignRecord::Parameter& p = record.parameters[static_cast<size_t>(i)];
+    const bool is_multiple = space[i].scale == ParameterScale::kNominal;
+    const double much = kMuchMoved * (is_multiple ? std::abs(p.mode) : kMuchMoved * (p.high - p.low));
+    const bool is_moved = std::ranges::any_of(
+        p.rests_on, [&](const DesignRecord::RestsOn& other) { return std::abs(other.value - p.mode) > much; });
+    if (is_moved && p.verdict == ParameterVerdict::kIdentified) p.verdict = ParameterVerdict::kWeak;
+  }
+}
+
 size_t ToldBy(const DesignFindings& findings) {
   const SelectionResult& result = findings.result;
   std::string setting = result.settings[static_cast<size_t>(result.selected_setting)].setting;
@@ -283,6 +297,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   for (const GrowthRecord& round : run.growth) {
     if (const Suspect* freed = round.Freed()) record.grown.push_back(*freed);
   }
+  WeakenWhereGrown(space, record);
   if (best.prediction) record.validation = InRecord(*best.prediction, run.spec());
   record.predicts_better = judgement.better;
   record.method_choices = findings.choices;

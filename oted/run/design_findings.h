@@ -28,6 +28,11 @@ size_t ToldBy(const DesignFindings& findings);
 /// suspects are those of ToldBy.
 DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& findings);
 
+/// After --grow: something was off that nobody had searched, and what else resembles it may have been in its place. A
+/// parameter that such a condition (rests_on) would move by more than a fifth, of its value or of a fifth of its range
+/// where it is no multiple, is at most weak.
+void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record);
+
 /// A prediction with the names and units of the observations.
 DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec);
 

@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
+#include "oted/run/design_findings.h"
 #include "oted/run/design_record.h"
 #include "oted/run/policy_records.h"
 #include "oted/run/verdict_sentence.h"
@@ -197,6 +198,25 @@ TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhichValueIsAtTheEndOfItsRange) 
   mass.verdict = ParameterVerdict::kAtBound;
   record.parameters = {mass};
   EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("the value of 'mass' is at the end of its range"));
+}
+
+TEST(WeakenWhereGrown, LeavesNothingIdentifiedThatSomethingElseOffWouldMoveFar) {
+  const ParameterSpace space(
+      {{.name = "hand", .field = "body/hand/mass"}, {.name = "fore", .field = "body/fore/mass"}});
+  DesignRecord record;
+  record.parameters.resize(2);
+  for (DesignRecord::Parameter& p : record.parameters) {
+    p.mode = 2;
+    p.verdict = ParameterVerdict::kIdentified;
+  }
+  record.parameters[0].rests_on = {{"hand_pos", "body/hand/pos", 1.1, 1.5, ""}};  // a quarter less
+  record.parameters[1].rests_on = {{"gear", "actuator/*/gear[0]", 1.1, 1.8, ""}};
+  WeakenWhereGrown(space, record);
+  EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kIdentified) << "nothing was added";
+  record.grown = {Suspect{.spec = {.name = "fore_mass", .field = "body/fore/mass"}}};
+  WeakenWhereGrown(space, record);
+  EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kWeak);
+  EXPECT_EQ(record.parameters[1].verdict, ParameterVerdict::kIdentified);
 }
 
 TEST(VerdictSentence, SaysThatTheLogsAskForMoreWhereTheSensorsExplainWhatRemains) {

@@ -1,13 +1,9 @@
 #include "oted/run/sensor_noise_of.h"
 
+#include "oted/stages/design/replay/noise_estimate.h"
 #include "oted/stages/design/replay/replay_fit.h"
 
 namespace oted {
-namespace {
-
-constexpr double kNoiseGuess = 0.01;  // of a channel's spread; what predicts with it corrects it
-
-}  // namespace
 
 Eigen::VectorXd SensorNoiseOf(const DesignRecord& design, const Dataset& logs) {
   const Eigen::VectorXd scale = ChannelScales(logs);

@@ -16,7 +16,7 @@
 namespace oted {
 namespace {
 
-constexpr int kMostBodies = 12;  // whose masses and centres of mass are suspected one by one
+constexpr int kMostBodies = 12;  // whose masses, centres of mass and places are suspected one by one
 constexpr int kMostSingly = 8;   // joints, drives or tendons that are, where others of them are searched
 constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
@@ -72,6 +72,8 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
     const std::string called = name.empty() ? fmt::format("body{}", body) : name;
     places.push_back({called + "_mass", fmt::format("body/{}/mass", object)});
     places.push_back({called + "_com", fmt::format("body/{}/ipos", object)});
+    // The length of the link before it.
+    if (model.body_parentid[body] > 0) places.push_back({called + "_pos", fmt::format("body/{}/pos", object)});
   }
   return places;
 }

@@ -26,6 +26,8 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   EXPECT_THAT(fields, Contains("joint/*/damping"));
   EXPECT_THAT(fields, Contains("body/torso/mass"));
   EXPECT_THAT(fields, Contains("body/foot/ipos"));
+  EXPECT_THAT(fields, Contains("body/foot/pos"));        // how long the leg is
+  EXPECT_THAT(fields, Not(Contains("body/torso/pos")));  // where the joints say
   EXPECT_THAT(fields, Contains("geom/*/solref[0]"));
   EXPECT_THAT(fields, Contains("opt/gravity[0]"));  // a base or floor that is not level
   EXPECT_THAT(fields, Contains("action/delay"));

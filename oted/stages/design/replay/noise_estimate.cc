@@ -18,7 +18,6 @@ constexpr double kMedianOfSquaredNormal = 0.4549;
 constexpr double kLeastFreedom = 1e-3;  // below it a residual is that of the fit and not of the reading
 constexpr int kLeverageRounds = 3;
 constexpr int kNoiseWindows = 240, kNoiseRounds = 3, kNoiseStartIterations = 3;
-constexpr double kFirstNoiseGuess = 0.01;   // of a channel's standard deviation
 constexpr double kHardlyCorrelated = 0.05;  // of a variance: where a correlation time ends
 
 /// 1 - h_i of every number of a window. @param precision  of every number
@@ -126,7 +125,7 @@ VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const
   }
   const VectorXd scale = ChannelScales(logs), smallest = (kSmallestNoise * scale.cwiseMax(1.0)).cwiseAbs2();
   const VectorXd step = readings.StartStep();
-  VectorXd variance = (kFirstNoiseGuess * scale).cwiseAbs2();
+  VectorXd variance = (kNoiseGuess * scale).cwiseAbs2();
   std::vector<VectorXd> starts = LoggedStarts(replayer, windows);
   for (int round = 0; round < kNoiseRounds; ++round) {
     const WindowLikelihood likelihood(readings, variance, n_steps);

@@ -10,6 +10,8 @@
 
 namespace oted {
 
+inline constexpr double kNoiseGuess = 0.01;  ///< of a channel's standard deviation, where nothing is known yet
+
 /// What one window tells, as WindowReplayer has it.
 struct FittedWindow {
   Eigen::VectorXd residual;  ///< (n), logged minus simulated; empty where there is none

@@ -13,6 +13,7 @@
 #include "oted/stages/design/replay/judged_part.h"
 #include "oted/stages/design/replay/longest_horizon.h"
 #include "oted/stages/design/replay/noise_bound.h"
+#include "oted/stages/design/replay/noise_estimate.h"
 #include "oted/stages/design/replay/prediction.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
 
@@ -33,7 +34,6 @@ constexpr double kMoved = 0.25;    // of the range: what an identified parameter
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
-constexpr double kGuessOfOthers = 0.01;  // of a channel's spread: where the noise is told by other logs
 
 /// (obs_dim): what the sensors' noise does not exceed in any part of the logs.
 VectorXd LargestNoiseOf(const PredictionProblem& problem) {
@@ -74,7 +74,7 @@ class Evidence {
     noise_ = problem.noise;
     if (problem.noise_of_other_logs) {  // from none at all nothing can be corrected
       const VectorXd& spread = parts_.front()->judge().channels().spread;
-      noise_ = (noise_.array() > kNoNoise * spread.array()).select(noise_, kGuessOfOthers * spread).eval();
+      noise_ = (noise_.array() > kNoNoise * spread.array()).select(noise_, kNoiseGuess * spread).eval();
     }
     noise_ = noise_.cwiseMin(largest_noise_).eval();
     for (const auto& part : parts_) designed_.push_back(part->judge().Predict(problem.z));

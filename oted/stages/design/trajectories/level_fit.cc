@@ -17,7 +17,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kParameterStep = 1e-4;  // of forward differences, in x
-constexpr double kNoiseGuess = 0.01;     // of a channel's standard deviation, before anything is known
 constexpr double kLongestStep = 1.0;     // of each coordinate of x
 constexpr int kAttempts = 5;
 constexpr int kFewestIterations = 3;                    // the starts need them where x does not
