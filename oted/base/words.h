@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cctype>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,17 @@ inline std::string Enumerate(const std::vector<std::string>& items) {
     text += items[i];
   }
   return text;
+}
+
+/// Clauses between semicolons as sentences of their own: "a; b" becomes "a. B".
+inline std::string Sentences(std::string clauses) {
+  for (size_t at = clauses.find("; "); at != std::string::npos; at = clauses.find("; ", at)) {
+    clauses[at] = '.';
+    if (at + 2 < clauses.size()) {
+      clauses[at + 2] = static_cast<char>(std::toupper(static_cast<unsigned char>(clauses[at + 2])));
+    }
+  }
+  return clauses;
 }
 
 /// Under a table some of whose channels have a star.

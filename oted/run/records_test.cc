@@ -170,18 +170,18 @@ TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
     return VerdictSentence(record, {0});
   };
   validation.n_parts = 6;
-  EXPECT_THAT(sentence(), HasSubstr("judged by other parts of the recordings that it learned from: other motions were "
+  EXPECT_THAT(sentence(), HasSubstr("Judged by other parts of the recordings that it learned from: other motions were "
                                     "not tested"));
   validation.n_recordings = 1;
   validation.horizons[0].in_recordings = {4, 0.5, true};
-  EXPECT_THAT(sentence(), EndsWith("judged by 1 recording that it did not learn from, and by other parts of those that "
+  EXPECT_THAT(sentence(), EndsWith("Judged by 1 recording that it did not learn from, and by other parts of those that "
                                    "it did"));
   validation.horizons[0].in_recordings = {4, -0.1, false};
   EXPECT_THAT(sentence(), EndsWith("in that recording alone it is 10 % worse than the nominal one"));
   validation.n_parts = 0;
-  EXPECT_THAT(sentence(), EndsWith("judged by 1 recording that it did not learn from"));
+  EXPECT_THAT(sentence(), EndsWith("Judged by 1 recording that it did not learn from"));
   validation.horizons[0].learned = true;
-  EXPECT_THAT(sentence(), EndsWith("judged by the logs that it learned from"));
+  EXPECT_THAT(sentence(), EndsWith("Judged by the logs that it learned from"));
 }
 
 TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhichValueIsAtTheEndOfItsRange) {
@@ -197,7 +197,7 @@ TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhichValueIsAtTheEndOfItsRange) 
   mass.high = mass.mode = 2;
   mass.verdict = ParameterVerdict::kAtBound;
   record.parameters = {mass};
-  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("the value of 'mass' is at the end of its range"));
+  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("The value of 'mass' is at the end of its range"));
 }
 
 TEST(WeakenWhereGrown, LeavesNothingIdentifiedThatSomethingElseOffWouldMoveFar) {
@@ -243,9 +243,9 @@ TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {
   record.settings = {
       {.name = "default", .method = "paper", .common = 0.69, .c = {}, .learning_progress = {}, .seeds = {}}};
   record.nominal_common = 0.3;
-  EXPECT_THAT(VerdictSentence(record, {}), EndsWith("; it can tell the nominal one"));
+  EXPECT_THAT(VerdictSentence(record, {}), EndsWith(". It can tell the nominal one"));
   record.nominal_common = 0.65;
-  EXPECT_THAT(VerdictSentence(record, {}), EndsWith("; it can hardly tell the nominal one"));
+  EXPECT_THAT(VerdictSentence(record, {}), EndsWith(". It can hardly tell the nominal one"));
   record.nominal_common = 0.688;
   EXPECT_THAT(VerdictSentence(record, {}),
               EndsWith("tell neither simulator from the logs, but an identified parameter lies "
@@ -263,7 +263,7 @@ TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
   record.validation->horizons.push_back(
       {0.5, 50, 9, false, 0.3, true, {{"hip", "rad", 0.7, 0.5, 0.01, 0.9, true, 0.4}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}),
-              HasSubstr("; over 0.5 s it predicts hip no better than a guess (its mean, "));
+              HasSubstr(". Over 0.5 s it predicts hip no better than a guess (its mean, "));
   record.validation->horizons.push_back(
       {1, 100, 9, false, 0.1, true, {{"hip", "rad", 0.9, 0.8, 0.01, 0.9, true, 0.4}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("goes on as it began), over 1 s likewise"));
@@ -287,7 +287,7 @@ TEST(VerdictSentence, OfADesignThatGuessesSayAsMuchAsClaimsNothing) {
   EXPECT_THAT(VerdictSentence(record, {0}),
               HasSubstr("at no horizon does the designed simulator predict better than guesses"));
   EXPECT_THAT(VerdictSentence(record, {0}),
-              HasSubstr("over 0.1 s its error is 94 % less than the nominal simulator's: elbow"));
+              HasSubstr("Over 0.1 s its error is 94 % less than the nominal simulator's: elbow"));
   EXPECT_THAT(VerdictSentence(record, {}), EndsWith("94 % less than the nominal simulator's"))
       << "its floor is as uncertain";
   record.validation->horizons.push_back(
@@ -300,14 +300,15 @@ TEST(VerdictSentence, WhereWindowsDoNotTellTheFloorItSaysHowFarTheErrorMayGoAndW
   record.validation->horizons.push_back(
       {0.5, 50, 9, false, 0.4, true, {{"servo", "rad", 0.1, 0.06, 0.05, 1}}, {}, 2.1, {1, 4}});
   const char* may_be =
-      "these logs do not tell whether the sensors explain what remains: over 0.5 s it may be up to 2.1 times";
-  EXPECT_THAT(VerdictSentence(record, {}), AllOf(StartsWith("gap narrowed by 40 % over 0.5 s; "), HasSubstr(may_be),
-                                                 HasSubstr("episodes 2, 5 of the logs are far off")));
+      " logs do not tell whether the sensors explain what remains: over 0.5 s it may be up to 2.1 times";
+  EXPECT_THAT(VerdictSentence(record, {}),
+              AllOf(StartsWith("gap narrowed by 40 % over 0.5 s. These logs do not tell"), HasSubstr(may_be),
+                    HasSubstr("Episodes 2, 5 of the logs are far off")));
   record.verdict = DesignVerdict::kOutsideFamily;
   record.predicts_better = false;
   EXPECT_THAT(VerdictSentence(record, {}), AllOf(HasSubstr("does not surely predict better"), HasSubstr(may_be)));
   record.validation->horizons[0].odd_episodes.clear();
-  EXPECT_THAT(VerdictSentence(record, {}), EndsWith("; log more"));
+  EXPECT_THAT(VerdictSentence(record, {}), EndsWith(". Log more"));
   record.validation->horizons[0].most_times_floor = 1.4;
   record.verdict = DesignVerdict::kGapNarrowed;
   EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("do not tell")));

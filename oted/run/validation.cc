@@ -12,6 +12,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
+#include "oted/base/words.h"
 #include "oted/checks/data_check.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/design_findings.h"
@@ -190,6 +191,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
     if (!corrections.empty()) result.sentence += "; but the recordings themselves may be wrong (see the warnings)";
     std::ranges::copy(corrections, std::back_inserter(result.warnings));
   }
+  result.sentence = Sentences(std::move(result.sentence));
   if (other == nullptr) return result;
   context.ThrowIfStopped();
   result.model = InRecord(Predict(*other, logs, {}, noise, left_out, context), spec);

@@ -312,7 +312,10 @@ std::string NotTold(const DesignRecord::Validation& validation) {
       InWords(*worst), times);
 }
 
-std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& off) {
+namespace {
+
+/// The verdict and what is to be said of it, between semicolons.
+std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
   if (!record.validation || record.validation->horizons.empty()) return WithoutPrediction(record);
   const auto& horizon = ShownHorizon(*record.validation);
   const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
@@ -330,8 +333,8 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
         return closed + fmt::format(", with {} less error than the nominal one{}", share, but);
       if (horizon.narrowed > kMuchNarrowed) {
         return closed +
-               fmt::format("; with {} less error than the nominal one, in too few windows for that to be sure{}", share,
-                           but);
+               fmt::format("; its error is {} less than the nominal one's, in too few windows for that to be sure{}",
+                           share, but);
       }
       return closed + "; its parameters are not the nominal ones, but that it predicts better is not sure" + but;
     }
@@ -382,6 +385,12 @@ std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& 
              "remains is more than the sensors explain: {}",
              over, WhatRemains(*record.validation, horizon, off)) +
          ButOdd(*record.validation);
+}
+
+}  // namespace
+
+std::string VerdictSentence(const DesignRecord& record, const std::vector<int>& off) {
+  return Sentences(Clauses(record, off));
 }
 
 }  // namespace oted
