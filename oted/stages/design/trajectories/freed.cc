@@ -32,7 +32,7 @@ constexpr int kFreedRows = 1600;           // of the windows that are fitted
 constexpr double kFreedPhysics = 1.5e5;    // steps of a linearization of them
 constexpr int kTellingRows = 4800;         // of the windows that tell which is likelier: their starts alone are fitted
 constexpr double kTellingPhysics = 4.5e5;  // steps, as above
-constexpr int kFreedIterations = 12, kJoinedIterations = 5;
+constexpr int kFreedIterations = 24, kJoinedIterations = 10;
 constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
 constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
 constexpr double kShownSeconds = 0.5;
