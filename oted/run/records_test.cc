@@ -267,6 +267,9 @@ TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
   record.validation->horizons.push_back(
       {1, 100, 9, false, 0.1, true, {{"hip", "rad", 0.9, 0.8, 0.01, 0.9, true, 0.4}}, {}});
   EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("goes on as it began), over 1 s likewise"));
+  EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("Nor could any simulator")));
+  for (auto& horizon : record.validation->horizons) horizon.channels[0].floor = 0.4;
+  EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr("Nor could any simulator"));
 }
 
 TEST(VerdictSentence, SaysOverWhichHorizonMoreIsLeftThanSensorsExplain) {

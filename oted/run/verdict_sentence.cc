@@ -225,10 +225,13 @@ std::string NotesOf(const DesignRecord::Validation::Horizon& horizon) {
 std::string ButAGuess(const DesignRecord::Validation& validation) {
   std::string text;
   std::vector<std::string> first;
+  bool can_be_better = false;
   for (const auto& horizon : validation.horizons) {
     std::vector<std::string> names;
     for (const auto& c : horizon.channels) {
-      if (c.judged && IsNoBetterThanGuess(c.designed, c.guess)) names.push_back(c.name);
+      if (!c.judged || !IsNoBetterThanGuess(c.designed, c.guess)) continue;
+      names.push_back(c.name);
+      can_be_better |= !IsNoBetterThanGuess(c.floor, c.guess);
     }
     if (names.empty()) continue;
     if (text.empty()) {
@@ -242,7 +245,7 @@ std::string ButAGuess(const DesignRecord::Validation& validation) {
           names == first ? "likewise" : fmt::format("{} channel{}", names.size(), names.size() == 1 ? "" : "s"));
     }
   }
-  return text;
+  return text.empty() || can_be_better ? text : text + "; nor could any simulator: noise alone leaves as much";
 }
 
 std::string LongestInWords(const DesignRecord::Validation& validation) {
