@@ -130,8 +130,8 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
 /// That longer replays are worse than the nominal simulator's, to be appended to a good word.
 std::string ButOverLonger(const DesignRecord::Validation& validation) {
   if (!validation.longest || !(validation.longest->narrowed < -kVisiblyLost)) return "";
-  return fmt::format("; over {} its error is {} than the nominal simulator's", InWords(*validation.longest),
-                     LessOrMore(validation.longest->narrowed));
+  return fmt::format("; over {} the designed simulator's error is {} than the nominal one's",
+                     InWords(*validation.longest), LessOrMore(validation.longest->narrowed));
 }
 
 std::string GapClosedForAClassifier(const DesignRecord& record) {
