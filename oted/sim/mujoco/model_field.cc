@@ -140,15 +140,26 @@ ModelField Collect(const ModelArray& array, std::string expand_name, const std::
   return field;
 }
 
+// Whether a tendon's length is one: of a spatial one, or of joints that all slide. With a hinge in it, it is an angle.
+bool IsLength(const mjModel& model, int tendon) {
+  const int first = model.tendon_adr[tendon];
+  for (int w = first; w < first + model.tendon_num[tendon]; ++w) {
+    if (model.wrap_type[w] == mjWRAP_JOINT && model.jnt_type[model.wrap_objid[w]] == mjJNT_HINGE) return false;
+  }
+  return true;
+}
+
 // Of two units, sliding and turning, the one that holds for all of `ids`; both where they differ.
 std::string UnitFor(const mjModel& model, const Owner& owner, const std::vector<int>& ids, const std::string& unit) {
   const auto slides = [&](int id) {
     if (owner.type == mjOBJ_JOINT) return model.jnt_type[id] == mjJNT_SLIDE;
+    if (owner.type == mjOBJ_TENDON) return IsLength(model, id);
     const int transmission = model.actuator_trntype[id], target = model.actuator_trnid[2 * id];
-    return transmission != mjTRN_JOINT && transmission != mjTRN_JOINTINPARENT ? transmission == mjTRN_TENDON
-                                                                              : model.jnt_type[target] == mjJNT_SLIDE;
+    if (transmission == mjTRN_TENDON) return IsLength(model, target);
+    const bool of_joint = transmission == mjTRN_JOINT || transmission == mjTRN_JOINTINPARENT;
+    return of_joint && model.jnt_type[target] == mjJNT_SLIDE;
   };
-  if (owner.type != mjOBJ_JOINT && owner.type != mjOBJ_ACTUATOR) return unit;
+  if (owner.type != mjOBJ_JOINT && owner.type != mjOBJ_ACTUATOR && owner.type != mjOBJ_TENDON) return unit;
   const auto n_sliding = std::count_if(ids.begin(), ids.end(), slides);
   const bool alike = n_sliding == 0 || n_sliding == static_cast<ptrdiff_t>(ids.size());
   return alike ? PickUnit(unit, n_sliding > 0) : unit;

@@ -8,6 +8,8 @@
 #include <sstream>
 
 #include "oted/base/error.h"
+#include "oted/base/files.h"
+#include "oted/base/testing.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/task.h"
 
@@ -73,6 +75,23 @@ TEST_F(ModelFieldTest, OptionsHaveNoObjects) {
   EXPECT_THAT(field.nominal, ElementsAre(-9.81));
   EXPECT_EQ(field.unit, "m/s^2");
   EXPECT_THAT(Resolve("opt/viscosity").indices, ElementsAre(0));
+}
+
+TEST(ModelFieldUnits, ATendonWithAHingeInItHasThoseOfAnAngle) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "two.xml", R"(<mujoco>
+    <worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size="0.1"/>
+      <body><joint name="pitch"/><geom size="0.1"/></body></body></worldbody>
+    <tendon>
+      <fixed name="wheels"><joint joint="x" coef="20"/><joint joint="pitch" coef="-1"/></fixed>
+      <fixed name="rail"><joint joint="x" coef="1"/></fixed>
+    </tendon>
+  </mujoco>)");
+  const LoadedModel loaded = LoadModel(folder / "two.xml");
+  EXPECT_EQ(ResolvePath(*loaded.model, "tendon/wheels/frictionloss").front().unit, "N m");
+  EXPECT_EQ(ResolvePath(*loaded.model, "tendon/wheels/damping").front().unit, "N m s/rad");
+  EXPECT_EQ(ResolvePath(*loaded.model, "tendon/rail/frictionloss").front().unit, "N");
+  EXPECT_EQ(ResolvePath(*loaded.model, "tendon/*/frictionloss").front().unit, "N | N m");
 }
 
 TEST_F(ModelFieldTest, MassesAndInertiasAndGearsNeedFreshConstants) {
