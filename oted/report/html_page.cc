@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <cctype>
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -45,14 +45,11 @@ std::string Header(const json& report) {
                                                  : "good";
   // The verdict in large letters, what it rests on in small ones.
   const std::string sentence = TextAt(summary, "headline");
-  const size_t end = sentence.find("; ");
-  std::string rest = end == std::string::npos ? "" : sentence.substr(end + 2);
-  if (!rest.empty()) {
-    rest[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(rest[0])));
-    rest = fmt::format("<p class=\"rest\">{}</p>\n", Escape(rest));
-  }
+  const size_t end = std::min(sentence.find(". "), sentence.size() - 1) + 1;
+  const std::string rest =
+      end >= sentence.size() ? "" : fmt::format("<p class=\"rest\">{}</p>\n", Escape(sentence.substr(end + 1)));
   return fmt::format("<header class=\"{}\" id=\"top\"><p class=\"eyebrow\">{}</p><h1>{}</h1>\n", tone,
-                     Escape(TextAt(report, "title")), Escape(rest.empty() ? sentence : sentence.substr(0, end) + ".")) +
+                     Escape(TextAt(report, "title")), Escape(sentence.substr(0, end))) +
          rest +
          fmt::format("<p class=\"asked\">{}</p>\n<div class=\"answer\">{}{}{}</div></header>\n",
                      Escape(TextAt(summary, "asked")), list("What came out", summary.at("found")),
