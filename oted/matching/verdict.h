@@ -70,8 +70,8 @@ struct FitDoubts {
   /// Parameters that ended at a bound: of ParametersAtBounds(q), those that no other explanation of the logs leaves
   /// open.
   std::vector<int> at_bounds = {};
-  bool fails_in_a_recording =
-      false;                   ///< the fit that leaves one out predicts it surely worse than the nominal simulator
+  /// The fit that leaves a recording out predicts it surely worse than the nominal simulator.
+  bool fails_in_a_recording = false;
   bool asks_for_more = false;  ///< the logs surely ask for something that is not searched
 };
 
