@@ -97,8 +97,8 @@ std::string AtBounds(const DesignRecord& record) {
 }
 
 /// Values that may be off though predictions are good, to be appended to a sentence that the floor is reached.
-std::string ButAtBounds(const DesignRecord& record) {
-  const std::string names = AtBounds(record);
+/// @param names  AtBounds
+std::string ButAtBounds(const std::string& names) {
   if (names.empty()) return "";
   return fmt::format("; the value of {} is at the end of its range: the true one may be beyond, and others off with it",
                      names);
@@ -253,8 +253,7 @@ std::string LongestInWords(const DesignRecord::Validation& validation) {
   const DesignRecord::Validation::Horizon& longest = *validation.longest;
   return fmt::format(
       "Replays can be followed for at least {}: over that the designed simulator's error is {} than the nominal one's "
-      "({} "
-      "window{}{})",
+      "({} window{}{})",
       InWords(longest), LessOrMore(longest.narrowed), longest.n_windows, longest.n_windows == 1 ? "" : "s",
       longest.learned ? " that it learned from" : "");
 }
@@ -324,7 +323,7 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
   const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
   // Where the floor is reached.
-  const std::string but = ButUntold(horizon) + ButOverLonger(*record.validation) + ButAtBounds(record) + judged_by;
+  const std::string but = ButUntold(horizon) + ButOverLonger(*record.validation) + ButAtBounds(at_bounds) + judged_by;
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,

@@ -25,8 +25,8 @@ constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean bo
 
 struct SuspectedField {
   std::string name, path;
-  std::vector<std::string> if_zero =
-      {};           ///< the first of these whose value is suspected where the model has zeros alone
+  /// Where the model has zeros alone: paths, of which the first that it has is suspected as a value.
+  std::vector<std::string> if_zero = {};
   double most = 0;  ///< of it; without such a path: `path` itself, from minus that to that
 };
 
@@ -123,8 +123,8 @@ std::vector<SuspectedField> OneByOne(const mjModel& model, const SuspectedField&
   for (const int id : ids) {
     const std::string name = ObjectName(model, kind->type, id);
     const std::string own = path.substr(0, first + 1) + name + path.substr(last);
-    each.push_back({name + "_" + place.name, own, {}, place.most});
-    if (!place.if_zero.empty()) each.back().if_zero = {own};
+    const std::vector<std::string> if_zero(place.if_zero.empty() ? 0 : 1, own);
+    each.push_back({name + "_" + place.name, own, if_zero, place.most});
   }
   return each;
 }
