@@ -57,7 +57,7 @@ json ToJson(const FreedTrial& trial) {
   json record = {{"value", trial.value},     {"std", trial.std},           {"kept", trial.kept},
                  {"seconds", trial.seconds}, {"n_steps", trial.n_steps},   {"n_windows", trial.n_windows},
                  {"learned", trial.learned}, {"gain", ToJson(trial.gain)}, {"before", trial.before},
-                 {"after", trial.after}};
+                 {"after", trial.after},     {"led_by", trial.led_by}};
   if (trial.nats) record["nats"] = ToJson(*trial.nats);
   record["intervals90"] = InRecord(trial.intervals90);
   return record;
@@ -74,6 +74,7 @@ FreedTrial TrialFromJson(const json& record) {
                    .learned = record.at("learned"),
                    .gain = EstimatedFromJson(record.at("gain")),
                    .nats = std::nullopt,
+                   .led_by = record.at("led_by"),
                    .before = NumbersFrom(record.at("before")),
                    .after = NumbersFrom(record.at("after"))};
   if (record.contains("nats")) trial.nats = EstimatedFromJson(record.at("nats"));

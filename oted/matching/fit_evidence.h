@@ -29,6 +29,9 @@ struct FreedTrial {
   /// By which windows become likelier, their starts fitted: of the logs that were kept aside and, where the design's
   /// windows are short ones and those agree, of the others too. None where nothing was kept aside.
   std::optional<Estimated> nats;
+  /// Other suspects, by name, with which the same windows surely become likelier still; or which surely predict better,
+  /// where that is not known of both.
+  std::vector<std::string> led_by;
   /// (obs_dim): root mean square errors without it and with it, in the channel's unit. NaN where the physics broke
   /// down.
   std::vector<double> before, after;

@@ -99,7 +99,7 @@ class FreedTrials {
     const auto prediction = Beside(*wider, readings, q.Mode(), before);
     if (!prediction) return std::nullopt;
     const HeldOutPrediction::Horizon& told = ToldOf(prediction->horizons);
-    const std::optional<Estimated> nats = NatsOf(*wider, readings, *best);
+    const std::optional<Estimated> nats = NatsOf(suspect, *wider, readings, *best);
     const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSureErrors * told.gain.error;
     // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
     const bool is_no_worse = !PredictsWorse(*prediction) && (!problem_.fit.errors_grow || told.gain.value > 0);
@@ -117,6 +117,7 @@ class FreedTrials {
                      .learned = told.learned || LearnsFromAll(),
                      .gain = told.gain,
                      .nats = nats,
+                     .led_by = {},
                      .before = {},
                      .after = {}};
     trial.kept = !is_at_bound && (predicts_better || (IsLikelier(trial) && is_no_worse));
@@ -128,7 +129,29 @@ class FreedTrials {
     return trial;
   }
 
+  /// Names, of those that were tried, which surely lead this one (FreedTrial::led_by).
+  std::vector<std::string> LeadersOf(const Suspect& one, const std::vector<Suspect>& suspects) const {
+    std::vector<std::string> leaders;
+    for (const Suspect& other : suspects) {
+      if (!other.trial || other.spec.name == one.spec.name) continue;
+      const Estimated lead = LeadOf(other, one);
+      if (lead.value > kSureErrors * lead.error) leaders.push_back(other.spec.name);
+    }
+    return leaders;
+  }
+
  private:
+  /// By how many nats one of two that were tried makes the same windows likelier than the other, each by the noise that
+  /// it leaves; or by how much more it gains, where that is not known of both.
+  Estimated LeadOf(const Suspect& one, const Suspect& other) const {
+    const auto ours = costs_.find(one.spec.name), theirs = costs_.find(other.spec.name);
+    if (ours != costs_.end() && theirs != costs_.end()) {
+      if (const std::optional<Estimated> nats = NatsGained(ours->second, theirs->second)) return *nats;
+    }
+    const Estimated &a = one.trial->gain, &b = other.trial->gain;
+    return {.value = a.value - b.value, .error = std::hypot(a.error, b.error)};
+  }
+
   /// Whether a fit with one parameter more ends above the fit without it, where it could be as well.
   bool IsCaught(const Fitted& with) const {
     return !fitted_without_ || with.n_steps != fitted_without_->n_steps || with.cost > fitted_without_->cost + kNoWorse;
@@ -304,29 +327,35 @@ class FreedTrials {
     return Fitted{fit->level().windows.front().n_steps, fit->x(), cost, covariance, fit->noise_variance()};
   }
 
-  /// Nats by which windows of the logs become likelier: of those that were kept aside, and, where windows are noise's,
-  /// of the others too. One number more cannot follow hundreds of windows, so that these tell as honestly, and they are
-  /// four times as many; but they have no say against what was kept aside. None where nothing was, and where the fit
-  /// without it is of other windows.
-  std::optional<Estimated> NatsOf(const SimulatorFactory& wider, const ReadingModel& readings,
-                                  const Fitted& with) const {
+  /// Nats by which windows of the logs become likelier: of those that were kept aside and, where windows are noise's
+  /// and those agree, of the others too. One number more cannot follow hundreds of windows, so that these tell as
+  /// honestly, and they are four times as many. None where nothing was kept aside, and where the fit without it is of
+  /// other windows.
+  std::optional<Estimated> NatsOf(const Suspect& suspect, const SimulatorFactory& wider, const ReadingModel& readings,
+                                  const Fitted& with) {
     if (LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) return std::nullopt;
     const ParameterSpace& space = wider.parameters();
-    std::vector<double> without = ToZ(problem_.factory.parameters(), fitted_without_->x);
-    without.push_back(space[space.size() - 1].nominal);
+    std::vector<double> nominal = ToZ(problem_.factory.parameters(), fitted_without_->x);
+    nominal.push_back(space[space.size() - 1].nominal);
     const bool is_long = problem_.fit.errors_grow;
-    const VectorXd sensor = is_long ? noise_.cwiseAbs2().eval() : VectorXd();
-    const auto nats_in = [&](const Dataset& logs) {
+    const WindowNoise noise{with.variance, is_long ? noise_.cwiseAbs2().eval() : VectorXd()};
+    WindowCosts freed, without;
+    const auto ask = [&](const Dataset& logs) {
       WindowReplayer replayer = MakeReplayer(wider, 0, logs, readings, problem_.context.n_threads);
       const Level level = GrowingWindows(replayer, logs, is_long ? with.n_steps : ShortScreening().n_steps,
                                          with.n_steps, TellingRows(with.n_steps), period_);
-      return NatsGained(replayer, level, with.n_steps, {with.variance, sensor}, ToZ(space, with.x), without);
+      const auto of = [&](const std::vector<double>& z) {
+        return CostsOf(replayer, level, with.n_steps, noise, z).parts.front();
+      };
+      freed.parts.push_back(of(ToZ(space, with.x)));
+      without.parts.push_back(of(nominal));
+      return *NatsGained(freed, without);
     };
-    const Estimated unseen = nats_in(parts_.judge);
-    if (!std::isfinite(unseen.error)) return std::nullopt;
-    if (is_long || !(unseen.value > 0)) return unseen;
-    const Estimated learned = nats_in(parts_.learn);
-    return Estimated{unseen.value + learned.value, std::hypot(unseen.error, learned.error)};
+    Estimated nats = ask(parts_.judge);
+    if (!std::isfinite(nats.error)) return std::nullopt;
+    if (!is_long && nats.value > 0) nats = ask(parts_.learn);
+    costs_[suspect.spec.name] = freed;
+    return nats;
   }
 
   /// Of what the design found in the part of the logs that learns, and what that part gives in the windows that freed
@@ -364,17 +393,9 @@ class FreedTrials {
   VectorXd x_;                                ///< what the design found without the part that judges
   std::map<std::string, VectorXd> screened_;  ///< what short windows gave with each suspect
   std::optional<VectorXd> without_;
-  std::optional<Fitted> fitted_without_;  ///< in the windows that freed suspects are fitted to
+  std::optional<Fitted> fitted_without_;      ///< in the windows that freed suspects are fitted to
+  std::map<std::string, WindowCosts> costs_;  ///< with each suspect that was tried, where they are known
 };
-
-/// Whether one trial makes the logs surely likelier than another; or surely gains more, where nats are not known of
-/// both. The errors are of the same windows: their difference is better known than this says.
-bool SurelyLeads(const FreedTrial& trial, const FreedTrial& other) {
-  const bool both = trial.nats && other.nats;
-  const Estimated& ours = both ? *trial.nats : trial.gain;
-  const Estimated& theirs = both ? *other.nats : other.gain;
-  return ours.value - theirs.value > kSureErrors * std::hypot(ours.error, theirs.error);
-}
 
 std::vector<const Suspect*> Kept(const std::vector<Suspect>& suspects) {
   std::vector<const Suspect*> kept;
@@ -382,6 +403,11 @@ std::vector<const Suspect*> Kept(const std::vector<Suspect>& suspects) {
     if (suspect.trial && suspect.trial->kept) kept.push_back(&suspect);
   }
   return kept;
+}
+
+/// Of two that were tried.
+bool IsLedBy(const Suspect& one, const Suspect& other) {
+  return std::ranges::count(one.trial->led_by, other.spec.name) > 0;
 }
 
 /// Of `suspects`, the likeliest first, as many as are named; the first `n` of them are freed.
@@ -394,6 +420,9 @@ std::vector<Suspect> TryFirst(const FreedProblem& problem, FreedTrials& trials, 
     suspect.trial = trials.Try(suspect);
   }
   if (n_tried > 0) problem.context.log->Progress("freed", "tried", n_tried, n_tried, "");
+  for (Suspect& suspect : suspects) {
+    if (suspect.trial) suspect.trial->led_by = trials.LeadersOf(suspect, suspects);
+  }
   return suspects;
 }
 
@@ -413,18 +442,18 @@ std::vector<Suspect> TryAsked(const FreedProblem& problem, int n) {
 
 const Suspect* BestFreed(const std::vector<Suspect>& suspects) {
   const std::vector<const Suspect*> kept = Kept(suspects);
-  const auto is_beaten = [&](const Suspect* one) {
-    return std::ranges::any_of(kept, [&](const Suspect* other) { return SurelyLeads(*other->trial, *one->trial); });
+  const auto is_led = [&](const Suspect* one) {
+    return std::ranges::any_of(kept, [&](const Suspect* other) { return IsLedBy(*one, *other); });
   };
   if (kept.empty()) return nullptr;
-  const auto best = std::ranges::find_if_not(kept, is_beaten);
-  return best == kept.end() ? kept.front() : *best;  // gains and nats may beat in a circle
+  const auto best = std::ranges::find_if_not(kept, is_led);
+  return best == kept.end() ? kept.front() : *best;  // gains and nats may lead in a circle
 }
 
 std::vector<const Suspect*> RivalsOfBest(const std::vector<Suspect>& suspects) {
   const Suspect* best = BestFreed(suspects);
   std::vector<const Suspect*> rivals = Kept(suspects);
-  std::erase_if(rivals, [&](const Suspect* one) { return one == best || SurelyLeads(*best->trial, *one->trial); });
+  std::erase_if(rivals, [&](const Suspect* one) { return one == best || IsLedBy(*one, *best); });
   return rivals;
 }
 

@@ -5,6 +5,8 @@
 
 #include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
@@ -130,25 +132,27 @@ TEST(TrySuspects, KeepsNothingThatEndsAtItsBound) {
   EXPECT_FALSE(suspects[0].trial->kept);
 }
 
-Suspect Freed(const std::string& name, bool kept, double nats, double error) {
+Suspect Freed(const std::string& name, bool kept, std::vector<std::string> led_by = {}) {
   FreedTrial trial;
   trial.kept = kept;
-  trial.nats = {nats, error};
+  trial.led_by = std::move(led_by);
   return {.spec = {.name = name, .field = "env/" + name}, .trial = trial};
 }
 
-TEST(RivalsOfBest, AreThoseThatExplainTheLogsAboutAsWell) {
-  const std::vector<Suspect> suspects = {Freed("gravity", true, 35.2, 3),
-                                         Freed("armature", true, 35.3, 3),
-                                         Freed("inertia", false, 35.1, 3),
-                                         Freed("damping", true, 12, 3),
+TEST(RivalsOfBest, AreThoseKeptThatTheBestDoesNotSurelyLead) {
+  const std::vector<Suspect> suspects = {Freed("gravity", true),
+                                         Freed("armature", true),
+                                         Freed("inertia", false),
+                                         Freed("damping", true, {"gravity"}),
                                          {}};
-  ASSERT_EQ(BestFreed(suspects), &suspects[0]) << "the first, where the next is not surely likelier";
+  ASSERT_EQ(BestFreed(suspects), &suspects[0]) << "the first, where the next does not surely lead it";
   EXPECT_EQ(RivalsOfBest(suspects), std::vector<const Suspect*>{&suspects[1]});
-  const std::vector<Suspect> beaten = {Freed("gravity", true, 20, 3), Freed("armature", true, 35.3, 3)};
-  EXPECT_EQ(BestFreed(beaten), &beaten[1]);
-  EXPECT_TRUE(RivalsOfBest(beaten).empty());
-  EXPECT_TRUE(RivalsOfBest({Freed("gravity", true, 35.2, 3)}).empty());
+  const std::vector<Suspect> led = {Freed("gravity", true, {"armature"}), Freed("armature", true)};
+  EXPECT_EQ(BestFreed(led), &led[1]);
+  EXPECT_TRUE(RivalsOfBest(led).empty());
+  const std::vector<Suspect> by_one_left = {Freed("gravity", true, {"inertia"}), Freed("inertia", false)};
+  EXPECT_EQ(BestFreed(by_one_left), by_one_left.data()) << "what is not kept takes no place";
+  EXPECT_TRUE(RivalsOfBest({Freed("gravity", true)}).empty());
   EXPECT_TRUE(RivalsOfBest({}).empty());
 }
 

@@ -1,6 +1,7 @@
 #include "oted/stages/design/trajectories/unseen_likelihood.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "oted/stages/design/replay/prediction_ratios.h"
@@ -19,38 +20,40 @@ WindowLikelihood LikelihoodOf(const ReadingModel& readings, const WindowNoise& n
   return {readings, noise.variance, n_steps};
 }
 
-/// (windows): negative log densities of the windows that `level` grows into.
-VectorXd CostsOf(WindowReplayer& replayer, Level level, int n_steps, const WindowNoise& noise,
-                 const std::vector<double>& z) {
-  const VectorXd start_step = replayer.readings().StartStep();
-  while (!level.windows.empty()) {
-    const int n = level.windows.front().n_steps;
-    const WindowLikelihood likelihood = LikelihoodOf(replayer.readings(), noise, n);
-    FittedStarts fitted =
-        FitStarts(replayer, std::move(level.starts), {level.windows, z, likelihood, start_step, kUnseenIterations});
-    level.starts = std::move(fitted.starts);
-    if (2 * n > n_steps) {
-      VectorXd costs(static_cast<Eigen::Index>(level.windows.size()));
-      for (Eigen::Index w = 0; w < costs.size(); ++w) {
-        const double cost = likelihood.Cost(fitted.residuals[static_cast<size_t>(w)]);
-        costs[w] = std::min(cost, likelihood.CostOfWorstExplained());
-      }
-      return costs;
-    }
-    level = Joined(level);
-  }
-  return {};
-}
-
 }  // namespace
 
-Estimated NatsGained(WindowReplayer& replayer, const Level& level, int n_steps, const WindowNoise& noise,
-                     const std::vector<double>& a, const std::vector<double>& b) {
-  const VectorXd gained = CostsOf(replayer, level, n_steps, noise, b) - CostsOf(replayer, level, n_steps, noise, a);
-  if (gained.size() < 2) return {.value = 0, .error = std::numeric_limits<double>::infinity()};
-  const Estimated mean = MeansOf(gained.transpose(), VectorXd::Ones(1)).OfAll();
-  const double n = static_cast<double>(gained.size());
-  return {.value = n * mean.value, .error = n * mean.error};
+WindowCosts CostsOf(WindowReplayer& replayer, const Level& level, int n_steps, const WindowNoise& noise,
+                    const std::vector<double>& z) {
+  const VectorXd start_step = replayer.readings().StartStep();
+  for (Level grown = level; !grown.windows.empty(); grown = Joined(grown)) {
+    const int n = grown.windows.front().n_steps;
+    const WindowLikelihood likelihood = LikelihoodOf(replayer.readings(), noise, n);
+    FittedStarts fitted =
+        FitStarts(replayer, std::move(grown.starts), {grown.windows, z, likelihood, start_step, kUnseenIterations});
+    grown.starts = std::move(fitted.starts);
+    if (2 * n <= n_steps) continue;
+    WindowCosts::Part part{{}, VectorXd(static_cast<Eigen::Index>(grown.windows.size()))};
+    for (size_t w = 0; w < grown.windows.size(); ++w) {
+      const double cost = std::min(likelihood.Cost(fitted.residuals[w]), likelihood.CostOfWorstExplained());
+      part.rows.push_back(grown.windows[w].begin);
+      part.costs[static_cast<Eigen::Index>(w)] = cost + likelihood.LogScale();
+    }
+    return {{part}};
+  }
+  return {{WindowCosts::Part{}}};
+}
+
+std::optional<Estimated> NatsGained(const WindowCosts& a, const WindowCosts& b) {
+  Estimated sum{.value = 0, .error = 0};
+  for (size_t k = 0; k < std::min(a.parts.size(), b.parts.size()); ++k) {
+    if (a.parts[k].rows != b.parts[k].rows) return std::nullopt;
+    const VectorXd gained = b.parts[k].costs - a.parts[k].costs;
+    if (gained.size() < 2) return Estimated{.value = 0, .error = std::numeric_limits<double>::infinity()};
+    const Estimated mean = MeansOf(gained.transpose(), VectorXd::Ones(1)).OfAll();
+    const double n = static_cast<double>(gained.size());
+    sum = {.value = sum.value + n * mean.value, .error = std::hypot(sum.error, n * mean.error)};
+  }
+  return sum;
 }
 
 }  // namespace oted

@@ -24,7 +24,9 @@ Estimated Nats(const std::vector<double>& a, const std::vector<double>& b, uint6
                const WindowNoise& noise = kWhite) {
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), kNoise, RngKey(seed));
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 32, 1), logs);
-  return NatsGained(replayer, LongWindows(replayer, logs, begins, 100000, 0.05), kSteps, noise, a, b);
+  const Level windows = LongWindows(replayer, logs, begins, 100000, 0.05);
+  const auto costs = [&](const std::vector<double>& z) { return CostsOf(replayer, windows, kSteps, noise, z); };
+  return *NatsGained(costs(a), costs(b));
 }
 
 TEST(NatsGained, TheLogsOwnSimulatorIsSurelyLikelierThanAnother) {
@@ -63,6 +65,29 @@ TEST(NatsGained, EqualSimulatorsAreHardlyEverSurelyLikelier) {
   EXPECT_EQ(n_sure, 0);
 }
 
+/// Two simulators that leave equal residuals, one of which takes more of them for noise.
+TEST(NatsGained, NoiseThatTheLogsDoNotHaveMakesThemLessLikely) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), kNoise, RngKey(1));
+  WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 32, 1), logs);
+  const Level windows = LongWindows(replayer, logs, kBrief, 100000, 0.05);
+  const auto costs = [&](double times) {
+    return CostsOf(replayer, windows, kSteps, {times * kWhite.variance}, kTruth);
+  };
+  const std::optional<Estimated> nats = NatsGained(costs(1), costs(2));
+  EXPECT_GT(nats->value, 8);
+  EXPECT_GT(nats->value, 3 * nats->error);
+}
+
+TEST(NatsGained, ComparesThePartsThatBothHaveAndOnlyTheSameWindows) {
+  const WindowCosts both = {{{{0, 8}, VectorXd::Constant(2, 3.0)}, {{0, 8, 16}, VectorXd::Constant(3, 1.0)}}};
+  const WindowCosts one = {{{{0, 8}, VectorXd::Constant(2, 2.0)}}};
+  const WindowCosts less = {{{{0, 8}, VectorXd::Constant(2, 2.0)}, {{0, 8, 16}, VectorXd::Constant(3, 0.5)}}};
+  EXPECT_DOUBLE_EQ(NatsGained(less, both)->value, 3.5);
+  EXPECT_DOUBLE_EQ(NatsGained(one, both)->value, 2);
+  EXPECT_DOUBLE_EQ(NatsGained(both, one)->value, -2);
+  EXPECT_FALSE(NatsGained(both, {{{{0, 9}, VectorXd::Constant(2, 2.0)}}}).has_value());
+}
+
 TEST(NatsGained, OneWindowTellsNothingOfChance) {
   const Dataset logs = PointMassLogs(kTruth, 1);
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 32, 1), logs);
@@ -70,8 +95,8 @@ TEST(NatsGained, OneWindowTellsNothingOfChance) {
   one.windows.resize(1);
   one.starts.resize(1);
   one.stretch.resize(1);
-  const Estimated nats = NatsGained(replayer, one, kSteps, kWhite, kTruth, kWrong);
-  EXPECT_TRUE(std::isinf(nats.error));
+  const WindowCosts costs = CostsOf(replayer, one, kSteps, kWhite, kTruth);
+  EXPECT_TRUE(std::isinf(NatsGained(costs, costs)->error));
 }
 
 }  // namespace oted::unseen_likelihood_test
