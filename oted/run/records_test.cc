@@ -61,7 +61,7 @@ json Design() {
   suspect.explains = 20;
   design.grown = {suspect};
   suspect.trial =
-      FreedTrial{1.25, 0.1, {{0.9, 1.1}}, true, 0.5, 25, 7, false, {0.3, 0.1}, Estimated{40, 5}, {0.2}, {NAN}};
+      FreedTrial{1.25, 0.1, {{0.9, 1.1}}, true, 0.5, 25, 7, false, {0.3, 0.1}, Estimated{40, 5}, {"com"}, {0.2}, {NAN}};
   design.fit = {16, 0.9, {{"x", 0.1, 0.2, 0.3, true}}, {{suspect, "with mass freed", "mass = {}"}}};
   design.method_choices = {
       {.setting = "default", .method = DesignMethod::kTrajectories, .picked = "default", .reason = "why", .tried = {}}};

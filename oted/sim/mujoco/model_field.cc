@@ -18,6 +18,7 @@
 #include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/joint_residual.h"
 #include "oted/sim/mujoco/object_path.h"
+#include "oted/sim/mujoco/tendon_joints.h"
 
 namespace oted {
 namespace {
@@ -142,11 +143,8 @@ ModelField Collect(const ModelArray& array, std::string expand_name, const std::
 
 // Whether a tendon's length is one: of a spatial one, or of joints that all slide. With a hinge in it, it is an angle.
 bool IsLength(const mjModel& model, int tendon) {
-  const int first = model.tendon_adr[tendon];
-  for (int w = first; w < first + model.tendon_num[tendon]; ++w) {
-    if (model.wrap_type[w] == mjWRAP_JOINT && model.jnt_type[model.wrap_objid[w]] == mjJNT_HINGE) return false;
-  }
-  return true;
+  return std::ranges::none_of(JointsOfTendon(model, tendon),
+                              [&](const TendonJoint& joint) { return model.jnt_type[joint.id] == mjJNT_HINGE; });
 }
 
 // Of two units, sliding and turning, the one that holds for all of `ids`; both where they differ.

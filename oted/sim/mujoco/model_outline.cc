@@ -8,6 +8,7 @@
 #include "oted/sim/mujoco/mujoco_errors.h"
 #include "oted/sim/mujoco/object_path.h"
 #include "oted/sim/mujoco/observables.h"
+#include "oted/sim/mujoco/tendon_joints.h"
 
 namespace oted {
 namespace {
@@ -57,9 +58,7 @@ ModelOutline::Actuator OutlineOfActuator(const mjModel& model, int id) {
 
 ModelOutline::Tendon OutlineOfTendon(const mjModel& model, int id) {
   ModelOutline::Tendon tendon{ObjectName(model, mjOBJ_TENDON, id)};
-  for (int w = model.tendon_adr[id]; w < model.tendon_adr[id] + model.tendon_num[id]; ++w) {
-    if (model.wrap_type[w] == mjWRAP_JOINT) tendon.joints.push_back({model.wrap_objid[w], model.wrap_prm[w]});
-  }
+  for (const TendonJoint& joint : JointsOfTendon(model, id)) tendon.joints.push_back({joint.id, joint.coefficient});
   return tendon;
 }
 

@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
+
+#include "oted/sim/mujoco/tendon_joints.h"
 
 namespace oted {
 namespace {
@@ -24,12 +27,12 @@ double HoldingTension(const mjModel& model) {
   const double weight = model.stat.meanmass * kGravity;
   double most = 0;
   for (int tendon = 0; tendon < model.ntendon; ++tendon) {
-    for (int w = model.tendon_adr[tendon]; w < model.tendon_adr[tendon] + model.tendon_num[tendon]; ++w) {
-      const bool is_fixed = model.wrap_type[w] == mjWRAP_JOINT;
-      if (is_fixed && model.wrap_prm[w] == 0) continue;
-      const bool turns = is_fixed && model.jnt_type[model.wrap_objid[w]] == mjJNT_HINGE;
-      const double length_per_move = is_fixed ? std::abs(model.wrap_prm[w]) : 1;
-      most = std::max(most, (turns ? HoldingTorque(model) : weight) / length_per_move);
+    const std::vector<TendonJoint> joints = JointsOfTendon(model, tendon);
+    if (joints.empty()) most = std::max(most, weight);  // spatial: its length is one
+    for (const TendonJoint& joint : joints) {
+      if (joint.coefficient == 0) continue;
+      const bool turns = model.jnt_type[joint.id] == mjJNT_HINGE;
+      most = std::max(most, (turns ? HoldingTorque(model) : weight) / std::abs(joint.coefficient));
     }
   }
   return most;

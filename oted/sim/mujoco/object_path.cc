@@ -9,6 +9,7 @@
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
 #include "oted/base/glob.h"
+#include "oted/sim/mujoco/tendon_joints.h"
 
 namespace oted {
 
@@ -21,9 +22,7 @@ std::vector<int> ActuatedJoints(const mjModel& model) {
     const int type = model.actuator_trntype[i], target = model.actuator_trnid[2 * i];
     if (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) joints.push_back(target);
     if (type != mjTRN_TENDON) continue;
-    for (int w = model.tendon_adr[target]; w < model.tendon_adr[target] + model.tendon_num[target]; ++w) {
-      if (model.wrap_type[w] == mjWRAP_JOINT) joints.push_back(model.wrap_objid[w]);
-    }
+    for (const TendonJoint& joint : JointsOfTendon(model, target)) joints.push_back(joint.id);
   }
   return joints;
 }

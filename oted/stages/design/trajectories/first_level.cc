@@ -39,7 +39,7 @@ std::unique_ptr<LevelFit> FitGrowing(Level level, VectorXd x, int n_steps, size_
                                      const std::function<void(LevelFit&, bool)>& descend) {
   std::unique_ptr<LevelFit> fit;
   while (level.windows.size() >= n_fewest) {
-    const bool is_last = 2 * level.windows.front().n_steps > n_steps, is_first = fit == nullptr;
+    const bool is_last = !CanGrow(level.windows.front().n_steps, n_steps), is_first = fit == nullptr;
     fit = make(std::move(level), x);
     descend(*fit, is_first);
     x = fit->x();

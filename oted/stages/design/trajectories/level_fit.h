@@ -27,6 +27,9 @@ struct Level {
   std::vector<int> stretch;  ///< which stretch of the log each window is part of
 };
 
+/// Whether windows of `n_steps` can be joined and be no longer than `longest`: they grow by doubling.
+constexpr bool CanGrow(int n_steps, int longest) { return 2 * n_steps <= longest; }
+
 /// Windows of twice the length, each from two neighbours; it starts where the first of them does.
 Level Joined(const Level& level);
 

@@ -84,7 +84,7 @@ Level LongWindows(WindowReplayer& replayer, const Dataset& dataset, int n_steps,
 Level GrowingWindows(WindowReplayer& replayer, const Dataset& dataset, int shortest, int n_steps, int n_rows,
                      double period_s) {
   int whole = shortest;
-  while (2 * whole <= n_steps) whole *= 2;
+  while (CanGrow(whole, n_steps)) whole *= 2;
   const Level longest = LongWindows(replayer, dataset, whole, n_rows, period_s);
   Level pieces;
   for (size_t w = 0; w < longest.windows.size(); ++w) {

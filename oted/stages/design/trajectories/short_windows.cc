@@ -60,7 +60,7 @@ void ShortWindows::Read(const std::vector<char>& computed) {
   const int bound =
       all_read ? config_.window : std::max(config_.window, static_cast<int>(kLongestUnread / spec.control_period_s));
   for (const Episode& episode : logs.Episodes()) {
-    while (longest_ * 2 <= std::min(bound, episode.size())) longest_ *= 2;
+    while (CanGrow(longest_, std::min(bound, episode.size()))) longest_ *= 2;
   }
   const int wanted = all_read ? config_.rows : std::max(config_.rows, kFewestStretches * longest_);
   const int n_rows = std::max(std::min(wanted, kFewestRows), static_cast<int>(wanted / spec.step_weight));

@@ -171,20 +171,22 @@ bool IsNoticeable(const ParameterSpec& spec, double z) {
 SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                             const Prior& prior) {
   const WithEachAlone with(EvidenceOf(specs, fit, wider), fit.x(), prior);
-  SuspectScores scores;
   std::vector<std::pair<double, Suspect>> scored;
   for (size_t k = 0; k < specs.size(); ++k) {
-    const std::optional<StretchEstimate> estimate = with.Of(k);
-    if (!estimate) continue;
-    const Score score = ScoreOf(specs[k], *estimate);
-    if (!(score.n_std() > kDirected) || score.value == specs[k].nominal) {
-      scores.undirected.push_back(specs[k]);
-      continue;
+    if (const std::optional<StretchEstimate> estimate = with.Of(k)) {
+      const Score score = ScoreOf(specs[k], *estimate);
+      scored.emplace_back(score.n_std(), Suspect{.spec = specs[k], .value = score.value});
     }
-    scored.emplace_back(score.n_std(), Suspect{.spec = specs[k], .value = score.value});
   }
   std::ranges::stable_sort(scored, [](const auto& a, const auto& b) { return a.first > b.first; });
-  for (auto& [unused, suspect] : scored) scores.directed.push_back(std::move(suspect));
+  SuspectScores scores;
+  for (auto& [n_std, suspect] : scored) {
+    if (n_std > kDirected && suspect.value != suspect.spec.nominal) {
+      scores.directed.push_back(std::move(suspect));
+    } else {
+      scores.undirected.push_back(std::move(suspect.spec));
+    }
+  }
   return scores;
 }
 

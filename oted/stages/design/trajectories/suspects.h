@@ -17,8 +17,8 @@ Prior WithOneMore(const Prior& prior, double mean);
 bool IsNoticeable(const ParameterSpec& spec, double z);
 
 struct SuspectScores {
-  std::vector<Suspect> directed;  ///< the most certain first, with the value that the step leads to
-  std::vector<ParameterSpec> undirected;
+  std::vector<Suspect> directed;          ///< the most certain first, with the value that the step leads to
+  std::vector<ParameterSpec> undirected;  ///< the most certain first
 };
 
 /// A score test of each of `specs` in turn: one Newton step on it and on x together, from what the windows' derivatives

@@ -31,7 +31,7 @@ WindowCosts CostsOf(WindowReplayer& replayer, const Level& level, int n_steps, c
     FittedStarts fitted =
         FitStarts(replayer, std::move(grown.starts), {grown.windows, z, likelihood, start_step, kUnseenIterations});
     grown.starts = std::move(fitted.starts);
-    if (2 * n <= n_steps) continue;
+    if (CanGrow(n, n_steps)) continue;
     WindowCosts::Part part{{}, VectorXd(static_cast<Eigen::Index>(grown.windows.size()))};
     for (size_t w = 0; w < grown.windows.size(); ++w) {
       const double cost = std::min(likelihood.Cost(fitted.residuals[w]), likelihood.CostOfWorstExplained());
