@@ -6,7 +6,7 @@
 
 #include "oted/run/record_reader.h"
 #include "oted/run/verdict_sentence.h"
-#include "oted/stages/design/trajectories/freed.h"
+#include "oted/stages/design/trajectories/best_freed.h"
 
 namespace oted {
 

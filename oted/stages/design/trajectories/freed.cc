@@ -32,7 +32,7 @@ constexpr int kFreedRows = 1600;           // of the windows that are fitted
 constexpr double kFreedPhysics = 1.5e5;    // steps of a linearization of them
 constexpr int kTellingRows = 4800;         // of the windows that tell which is likelier: their starts alone are fitted
 constexpr double kTellingPhysics = 4.5e5;  // steps, as above
-constexpr int kFreedIterations = 24, kJoinedIterations = 10;
+constexpr int kFreedIterations = 24, kJoinedIterations = 10, kProbeIterations = 3;
 constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
 constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
 constexpr double kShownSeconds = 0.5;
@@ -297,6 +297,21 @@ class FreedTrials {
     fit.Descend(n_iterations, [&](const VectorXd&) { problem_.context.ThrowIfStopped(); });
   }
 
+  /// x by windows that grow from the shortest to a quarter second, their errors taken for noise.
+  VectorXd FitShort(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior,
+                    const VectorXd& from) const {
+    const VectorXd scale = ChannelScales(parts_.learn);
+    const int n_steps = LongScreening().n_steps, begins = std::min(n_steps, replayer.readings().ShortestWindow());
+    const auto make = [&](Level windows, VectorXd x) {
+      return std::make_unique<LevelFit>(replayer, space, prior, scale, std::move(windows), std::move(x));
+    };
+    const auto descend = [&](LevelFit& fit, bool) { Descend(fit, kScreenedIterations); };
+    const std::unique_ptr<LevelFit> fit =
+        FitGrowing(GrowingWindows(replayer, parts_.learn, begins, n_steps, kScreenedRows, period_), from, n_steps,
+                   kFewestFreedWindows, make, descend);
+    return fit == nullptr ? from : fit->x();
+  }
+
   std::optional<Fitted> Fit(const SimulatorFactory& factory, const Prior& prior, const ReadingModel& readings,
                             const VectorXd& from) const {
     const ParameterSpace& space = factory.parameters();
@@ -319,7 +334,18 @@ class FreedTrials {
     const auto descend = [&](LevelFit& fit, bool is_first) {
       Descend(fit, is_first ? kFreedIterations : kJoinedIterations);
     };
-    const std::unique_ptr<LevelFit> fit = FitGrowing(level, from, n_steps, kFewestFreedWindows, make, descend);
+    VectorXd x = from;
+    if (is_long && !level.windows.empty()) {
+      // Long windows whose x is far off are soon caught, and short ones come from farther.
+      const auto cost_near = [&](const VectorXd& start) {
+        const std::unique_ptr<LevelFit> near = make(level, start);
+        Descend(*near, kProbeIterations);
+        return near->FinalCost();
+      };
+      const VectorXd by_short = FitShort(replayer, space, prior, from);
+      if (cost_near(by_short) < cost_near(from)) x = by_short;
+    }
+    const std::unique_ptr<LevelFit> fit = FitGrowing(level, x, n_steps, kFewestFreedWindows, make, descend);
     if (fit == nullptr) return std::nullopt;
     const double cost = fit->FinalCost();
     if (!std::isfinite(cost)) return std::nullopt;
@@ -397,19 +423,6 @@ class FreedTrials {
   std::map<std::string, WindowCosts> costs_;  ///< with each suspect that was tried, where they are known
 };
 
-std::vector<const Suspect*> Kept(const std::vector<Suspect>& suspects) {
-  std::vector<const Suspect*> kept;
-  for (const Suspect& suspect : suspects) {
-    if (suspect.trial && suspect.trial->kept) kept.push_back(&suspect);
-  }
-  return kept;
-}
-
-/// Of two that were tried.
-bool IsLedBy(const Suspect& one, const Suspect& other) {
-  return std::ranges::count(one.trial->led_by, other.spec.name) > 0;
-}
-
 /// Of `suspects`, the likeliest first, as many as are named; the first `n` of them are freed.
 std::vector<Suspect> TryFirst(const FreedProblem& problem, FreedTrials& trials, std::vector<Suspect> suspects, int n) {
   suspects.resize(std::min(suspects.size(), std::max(kFewestNamed, static_cast<size_t>(n))));
@@ -438,23 +451,6 @@ std::vector<Suspect> TryAsked(const FreedProblem& problem, int n) {
   if (problem.fit.asked.empty() || !(problem.factory.spec().control_period_s > 0)) return {};
   FreedTrials trials(problem);
   return TryFirst(problem, trials, problem.fit.asked, n);
-}
-
-const Suspect* BestFreed(const std::vector<Suspect>& suspects) {
-  const std::vector<const Suspect*> kept = Kept(suspects);
-  const auto is_led = [&](const Suspect* one) {
-    return std::ranges::any_of(kept, [&](const Suspect* other) { return IsLedBy(*one, *other); });
-  };
-  if (kept.empty()) return nullptr;
-  const auto best = std::ranges::find_if_not(kept, is_led);
-  return best == kept.end() ? kept.front() : *best;  // gains and nats may lead in a circle
-}
-
-std::vector<const Suspect*> RivalsOfBest(const std::vector<Suspect>& suspects) {
-  const Suspect* best = BestFreed(suspects);
-  std::vector<const Suspect*> rivals = Kept(suspects);
-  std::erase_if(rivals, [&](const Suspect* one) { return one == best || IsLedBy(*one, *best); });
-  return rivals;
 }
 
 }  // namespace oted

@@ -47,11 +47,4 @@ std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n);
 /// The same of those that the design's own windows ask, where its predictions leave nothing for others to explain.
 std::vector<Suspect> TryAsked(const FreedProblem& problem, int n);
 
-/// Of those that are kept, the first that no other surely beats, in the logs that were kept aside; null where none is
-/// kept. They stand in the order of the windows that named them, which are more.
-const Suspect* BestFreed(const std::vector<Suspect>& suspects);
-
-/// The others that are kept and that the best one does not surely beat. Which of them is off, the logs do not say.
-std::vector<const Suspect*> RivalsOfBest(const std::vector<Suspect>& suspects);
-
 }  // namespace oted

@@ -11,6 +11,7 @@
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/trajectories/best_freed.h"
 #include "oted/stages/design/trajectories/freed.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 
