@@ -86,11 +86,16 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
     Print("identified: if what is not among the parameters is as in the model\n");
     PrintConditions(design, ParameterVerdict::kIdentified);
   }
-  const auto is_doubted = [](const DesignRecord::Parameter& p) {
-    return p.verdict == ParameterVerdict::kWeak && !p.rests_on.empty();
+  const auto is_doubted = [&](const DesignRecord::Parameter& p) {
+    const bool is_grown =
+        std::ranges::any_of(design.grown, [&](const Suspect& added) { return added.spec.name == p.name; });
+    return p.verdict == ParameterVerdict::kWeak && (is_grown || !p.rests_on.empty());
   };
   if (!design.grown.empty() && std::ranges::any_of(design.parameters, is_doubted)) {
-    Print("weak: in place of what --grow added something else may be off\n");
+    Print(
+        "weak: in place of what --grow added something else may be off (a body's mass, inertia, length and centre of "
+        "mass "
+        "imitate each other)\n");
     PrintConditions(design, ParameterVerdict::kWeak);
   }
   if (!FloorIsReached(design.verdict) && design.validation) {

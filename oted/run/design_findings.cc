@@ -236,11 +236,14 @@ void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record) {
   if (record.grown.empty()) return;
   for (int i = 0; i < space.size(); ++i) {
     DesignRecord::Parameter& p = record.parameters[static_cast<size_t>(i)];
+    const bool is_grown =
+        std::ranges::any_of(record.grown, [&](const Suspect& added) { return added.spec.name == space[i].name; });
+    const bool is_imitated = is_grown && space[i].field.starts_with("body/");
     const bool is_multiple = space[i].scale == ParameterScale::kNominal;
     const double much = kMuchMoved * (is_multiple ? std::abs(p.mode) : kMuchMoved * (p.high - p.low));
     const bool is_moved = std::ranges::any_of(
         p.rests_on, [&](const DesignRecord::RestsOn& other) { return std::abs(other.value - p.mode) > much; });
-    if (is_moved && p.verdict == ParameterVerdict::kIdentified) p.verdict = ParameterVerdict::kWeak;
+    if ((is_moved || is_imitated) && p.verdict == ParameterVerdict::kIdentified) p.verdict = ParameterVerdict::kWeak;
   }
 }
 

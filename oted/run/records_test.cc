@@ -219,6 +219,22 @@ TEST(WeakenWhereGrown, LeavesNothingIdentifiedThatSomethingElseOffWouldMoveFar) 
   EXPECT_EQ(record.parameters[1].verdict, ParameterVerdict::kIdentified);
 }
 
+/// A body that is heavier with its inertia was taken for a smaller mass farther out, both of them sure.
+TEST(WeakenWhereGrown, LeavesNoNumberOfABodyIdentifiedThatWasAdded) {
+  const ParameterSpace space(
+      {{.name = "upper_mass", .field = "body/upper/mass"}, {.name = "damping", .field = "joint/*/damping"}});
+  DesignRecord record;
+  record.parameters.resize(2);
+  for (DesignRecord::Parameter& p : record.parameters) p.verdict = ParameterVerdict::kIdentified;
+  record.grown = {Suspect{.spec = space[1]}};
+  WeakenWhereGrown(space, record);
+  EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kIdentified) << "searched from the start";
+  record.grown.push_back(Suspect{.spec = space[0]});
+  WeakenWhereGrown(space, record);
+  EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kWeak);
+  EXPECT_EQ(record.parameters[1].verdict, ParameterVerdict::kIdentified);
+}
+
 TEST(VerdictSentence, SaysThatTheLogsAskForMoreWhereTheSensorsExplainWhatRemains) {
   DesignRecord record = Narrowed();
   record.validation->horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.01, 0.01, 1}}, {}});

@@ -36,7 +36,7 @@ constexpr int kFreedIterations = 24, kJoinedIterations = 10, kProbeIterations = 
 constexpr int kFewestFreedWindows = 4, kFewestFreedSteps = 4;
 constexpr double kLargestStartX = 4.5;  // of what is freed: a start on a bound would hardly move
 constexpr double kShownSeconds = 0.5;
-constexpr int kScreenedRows = 960, kScreenedIterations = 12;
+constexpr int kScreenedRows = 960, kShortRows = 480, kScreenedIterations = 12;
 constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
 constexpr int kFewestLongWindows = 16, kLongScreenedIterations = 6;
@@ -297,17 +297,19 @@ class FreedTrials {
     fit.Descend(n_iterations, [&](const VectorXd&) { problem_.context.ThrowIfStopped(); });
   }
 
-  /// x by windows that grow from the shortest to a quarter second, their errors taken for noise.
+  /// x by the shortest windows and those twice as long, their errors taken for noise.
   VectorXd FitShort(WindowReplayer& replayer, const ParameterSpace& space, const Prior& prior,
                     const VectorXd& from) const {
     const VectorXd scale = ChannelScales(parts_.learn);
-    const int n_steps = LongScreening().n_steps, begins = std::min(n_steps, replayer.readings().ShortestWindow());
+    const int begins = replayer.readings().ShortestWindow(), n_steps = 2 * begins;
     const auto make = [&](Level windows, VectorXd x) {
       return std::make_unique<LevelFit>(replayer, space, prior, scale, std::move(windows), std::move(x));
     };
-    const auto descend = [&](LevelFit& fit, bool) { Descend(fit, kScreenedIterations); };
+    const auto descend = [&](LevelFit& fit, bool is_first) {
+      Descend(fit, is_first ? kScreenedIterations : kLongScreenedIterations);
+    };
     const std::unique_ptr<LevelFit> fit =
-        FitGrowing(GrowingWindows(replayer, parts_.learn, begins, n_steps, kScreenedRows, period_), from, n_steps,
+        FitGrowing(GrowingWindows(replayer, parts_.learn, begins, n_steps, kShortRows, period_), from, n_steps,
                    kFewestFreedWindows, make, descend);
     return fit == nullptr ? from : fit->x();
   }
@@ -335,7 +337,7 @@ class FreedTrials {
       Descend(fit, is_first ? kFreedIterations : kJoinedIterations);
     };
     VectorXd x = from;
-    if (is_long && !level.windows.empty()) {
+    if (is_long && space.size() > x_.size() && !level.windows.empty()) {
       // Long windows whose x is far off are soon caught, and short ones come from farther.
       const auto cost_near = [&](const VectorXd& start) {
         const std::unique_ptr<LevelFit> near = make(level, start);
