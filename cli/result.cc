@@ -94,8 +94,7 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
   if (!design.grown.empty() && std::ranges::any_of(design.parameters, is_doubted)) {
     Print(
         "weak: in place of what --grow added something else may be off (a body's mass, inertia, length and centre of "
-        "mass "
-        "imitate each other)\n");
+        "mass imitate each other)\n");
     PrintConditions(design, ParameterVerdict::kWeak);
   }
   if (!FloorIsReached(design.verdict) && design.validation) {

@@ -7,8 +7,8 @@
 
 namespace oted {
 
-/// Of those that are kept, the first that no other surely leads (FreedTrial::led_by); null where none is
-/// kept. They stand in the order of the windows that named them, which are more.
+/// Of those that are kept, the first that no other surely leads (FreedTrial::led_by); null where none is kept. They
+/// stand in the order of the windows that named them, which are more.
 const Suspect* BestFreed(const std::vector<Suspect>& suspects);
 
 /// The others that are kept and that the best one does not surely lead. Which of them is off, the logs do not say.
