@@ -87,9 +87,7 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
     PrintConditions(design, ParameterVerdict::kIdentified);
   }
   const auto is_doubted = [&](const DesignRecord::Parameter& p) {
-    const bool is_grown =
-        std::ranges::any_of(design.grown, [&](const Suspect& added) { return added.spec.name == p.name; });
-    return p.verdict == ParameterVerdict::kWeak && (is_grown || !p.rests_on.empty());
+    return p.verdict == ParameterVerdict::kWeak && (design.WasGrown(p.name) || !p.rests_on.empty());
   };
   if (!design.grown.empty() && std::ranges::any_of(design.parameters, is_doubted)) {
     Print(

@@ -236,9 +236,7 @@ void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record) {
   if (record.grown.empty()) return;
   for (int i = 0; i < space.size(); ++i) {
     DesignRecord::Parameter& p = record.parameters[static_cast<size_t>(i)];
-    const bool is_grown =
-        std::ranges::any_of(record.grown, [&](const Suspect& added) { return added.spec.name == space[i].name; });
-    const bool is_imitated = is_grown && space[i].field.starts_with("body/");
+    const bool is_imitated = record.WasGrown(space[i].name) && space[i].field.starts_with("body/");
     const bool is_multiple = space[i].scale == ParameterScale::kNominal;
     const double much = kMuchMoved * (is_multiple ? std::abs(p.mode) : kMuchMoved * (p.high - p.low));
     const bool is_moved = std::ranges::any_of(

@@ -35,6 +35,10 @@ std::vector<Suspect> SuspectsFrom(const RecordReader& reader, const char* field)
 const Suspect* GrowthRecord::Freed() const { return BestFreed(suspects); }
 std::vector<const Suspect*> GrowthRecord::Rivals() const { return RivalsOfBest(suspects); }
 
+bool DesignRecord::WasGrown(const std::string& parameter) const {
+  return std::ranges::any_of(grown, [&](const Suspect& added) { return added.spec.name == parameter; });
+}
+
 std::vector<Disputed> DisputedIn(const std::vector<GrowthRecord>& growth) {
   std::vector<Disputed> disputed;
   for (const GrowthRecord& round : growth) {

@@ -138,7 +138,9 @@ struct DesignRecord {
   /// it where there is no gap.
   bool predicts_better = false;
   std::optional<Fit> fit;
-  std::vector<Suspect> grown;                ///< what design.grow added to the parameters, in this order
+  std::vector<Suspect> grown;  ///< what design.grow added to the parameters, in this order
+  /// Whether `parameter` is one of these.
+  bool WasGrown(const std::string& parameter) const;
   std::optional<Validation> validation;      ///< none where nothing can be predicted
   std::vector<MethodChoice> method_choices;  ///< of settings whose method was left to auto
   double nominal_common = 0;
