@@ -10,9 +10,7 @@ namespace {
 
 constexpr std::array<double, 4> kFactors = {0.5, 0.7, 1.4, 2.0};
 
-bool IsMultiple(const ParameterSpec& spec) {
-  return spec.scale == ParameterScale::kNominal && !IsChannelPath(spec.field);
-}
+bool IsMultiple(const ParameterSpec& spec) { return spec.IsMultiple() && !IsChannelPath(spec.field); }
 
 }  // namespace
 

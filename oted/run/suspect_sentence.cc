@@ -12,7 +12,11 @@ namespace {
 
 /// "about 1.9 control steps", "0.70 times the model's value".
 std::string ValueInWords(const ParameterSpec& spec, double value) {
-  if (spec.scale == ParameterScale::kNominal) return fmt::format("{:.2g} times the model's value", value);
+  if (spec.IsMultiple()) {
+    const bool is_of_model = spec.unit == ParameterSpec().unit;
+    const std::string of = is_of_model ? "the model's value" : fmt::format("what '{}' gives", spec.unit.substr(2));
+    return fmt::format("{:.2g} times {}", value, of);
+  }
   const bool is_tilt = spec.field == "opt/gravity[0]" || spec.field == "opt/gravity[1]";
   return fmt::format("{:.2g}{}{}", value, spec.unit.empty() ? "" : " " + spec.unit,
                      is_tilt ? ": a base or floor that is not level" : "");

@@ -110,6 +110,12 @@ std::vector<ParameterSpec> ChannelSimulatorFactory::Suspects() const {
   return suspects;
 }
 
+std::vector<ParameterSpec> ChannelSimulatorFactory::PartsOf(const ParameterSpec& suspect) const {
+  std::vector<ParameterSpec> parts = plant_->PartsOf(suspect);
+  for (ParameterSpec& part : parts) part.name = SuspectName(part.name, setup_->space);
+  return parts;
+}
+
 std::unique_ptr<SimulatorFactory> ChannelSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
   std::vector<ParameterSpec> all = setup_->space.specs();
   all.insert(all.end(), more.begin(), more.end());

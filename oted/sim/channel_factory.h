@@ -31,6 +31,7 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   bool has_expert() const override { return plant_->has_expert(); }
   std::unique_ptr<Renderer> MakeRenderer(int width, int height, std::string* why_not) const override;
   std::vector<ParameterSpec> Suspects() const override;
+  std::vector<ParameterSpec> PartsOf(const ParameterSpec& suspect) const override;
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
   std::optional<std::vector<std::string>> NotInMjcf() const override;
   bool mjcf_delays_actions() const override { return plant_->mjcf_delays_actions(); }

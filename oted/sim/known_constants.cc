@@ -1,7 +1,6 @@
 #include "oted/sim/known_constants.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -39,32 +38,13 @@ void CheckField(const ParameterSpec& constant) {
                   constant.name, constant.field));
 }
 
-bool IsMultiple(const ParameterSpec& spec) { return spec.scale == ParameterScale::kNominal; }
-
-/// Takes the constant's paths out of the parameter that has all of them. @return which one, or -1
-int TakePaths(const ParameterSpec& constant, std::vector<ParameterSpec>& parameters) {
-  if (!IsMultiple(constant)) return -1;
-  const std::vector<std::string> taken = TiedPaths(constant.field);
-  const auto is_taken = [&taken](const std::string& path) { return std::ranges::find(taken, path) != taken.end(); };
-  for (size_t i = 0; i < parameters.size(); ++i) {
-    std::vector<std::string> paths = TiedPaths(parameters[i].field);
-    if (!IsMultiple(parameters[i]) || std::ranges::count_if(paths, is_taken) != std::ssize(taken)) continue;
-    std::erase_if(paths, is_taken);
-    parameters[i].field = fmt::format("{}", fmt::join(paths, " + "));
-    return static_cast<int>(i);
-  }
-  return -1;
-}
-
 }  // namespace
 
 std::vector<double> ConstantsSetup::Join(std::span<const double> z, std::span<const double> known) const {
   OTED_CHECK(known.empty() || known.size() == nominal.size());
-  std::vector<double> all;
-  for (const int i : left_to_it) all.push_back(z[static_cast<size_t>(i)]);
+  std::vector<double> all(z.begin(), z.end());
   for (size_t k = 0; k < nominal.size(); ++k) {
-    const double value = known.empty() || std::isnan(known[k]) ? nominal[k] : known[k];
-    all.push_back(scale_of[k] < 0 ? value : value * z[static_cast<size_t>(scale_of[k])]);
+    all.push_back(known.empty() || std::isnan(known[k]) ? nominal[k] : known[k]);
   }
   return all;
 }
@@ -130,32 +110,23 @@ void ConstantsSimulator::Step(std::span<const int> lanes, std::span<const double
   inside().Step(lanes, actions);
 }
 
-ConstantsSimulatorFactory::ConstantsSimulatorFactory(std::vector<ParameterSpec> parameters,
+ConstantsSimulatorFactory::ConstantsSimulatorFactory(const std::vector<ParameterSpec>& parameters,
                                                      std::vector<ParameterSpec> constants, Maker make)
     : constants_(std::move(constants)), make_(std::move(make)) {
   std::ranges::for_each(constants_, CheckField);
-  auto setup = std::make_shared<ConstantsSetup>();
-  std::vector<ParameterSpec> rest = parameters;
-  for (const ParameterSpec& constant : constants_) setup->scale_of.push_back(TakePaths(constant, rest));
-  std::vector<ParameterSpec> all;
-  for (size_t i = 0; i < rest.size(); ++i) {
-    if (rest[i].field.empty()) continue;
-    setup->left_to_it.push_back(static_cast<int>(i));
-    all.push_back(rest[i]);
-  }
+  std::vector<ParameterSpec> all = parameters;
   all.insert(all.end(), constants_.begin(), constants_.end());
   inside_ = make_(all);
   // The factory inside completes what it has.
-  for (size_t k = 0; k < setup->left_to_it.size(); ++k) {
-    ParameterSpec& spec = parameters[static_cast<size_t>(setup->left_to_it[k])];
-    const std::string field = std::exchange(spec, inside_->parameters()[static_cast<int>(k)]).field;
-    spec.field = field;
-  }
-  const std::vector<double> nominal = inside_->parameters().Nominal();
+  const std::vector<ParameterSpec>& completed = inside_->parameters().specs();
+  const auto first_constant = completed.begin() + std::ssize(parameters);
+  auto setup = std::make_shared<ConstantsSetup>();
   setup->spec = inside_->spec();
-  for (const ParameterSpec& constant : constants_) setup->spec.constant_names.push_back(constant.name);
-  setup->space = ParameterSpace(std::move(parameters));
-  setup->nominal.assign(nominal.begin() + std::ssize(setup->left_to_it), nominal.end());
+  setup->space = ParameterSpace({completed.begin(), first_constant});
+  for (auto constant = first_constant; constant != completed.end(); ++constant) {
+    setup->spec.constant_names.push_back(constant->name);
+    setup->nominal.push_back(constant->nominal);
+  }
   setup_ = std::move(setup);
 }
 
@@ -166,7 +137,7 @@ std::unique_ptr<Simulator> ConstantsSimulatorFactory::Make(int n_lanes, int n_th
 std::unique_ptr<SimulatorFactory> ConstantsSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
   std::vector<ParameterSpec> all = setup_->space.specs();
   all.insert(all.end(), more.begin(), more.end());
-  return std::make_unique<ConstantsSimulatorFactory>(std::move(all), constants_, make_);
+  return std::make_unique<ConstantsSimulatorFactory>(all, constants_, make_);
 }
 
 std::unique_ptr<Renderer> ConstantsSimulatorFactory::MakeRenderer(int width, int height, std::string* why_not) const {

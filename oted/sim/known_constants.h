@@ -1,6 +1,6 @@
 #pragma once
 /// What is known of each recording and differs between them: a payload, a gain of the firmware, the zero of a sensor.
-/// Paths are those of parameters, values come with the logs (LoggedHistory::constants). Where a parameter has the paths
+/// Paths are those of parameters, values come with the logs (LoggedHistory::constants). Where a parameter has numbers
 /// of a constant too, and both are multiples of the nominal value, the constant multiplies what the parameter gives.
 
 #include <functional>
@@ -17,8 +17,6 @@ struct ConstantsSetup {
   SimulatorSpec spec;           ///< with constant_names
   ParameterSpace space;         ///< what is searched
   std::vector<double> nominal;  ///< of the constants: as in the model
-  std::vector<int> left_to_it;  ///< the parameters that the simulator inside has
-  std::vector<int> scale_of;    ///< of the constants: the parameter that is searched on the same numbers, or -1
   /// z and the constants, as the simulator inside has them. @param known  empty, or one each; NaN: as in the model
   std::vector<double> Join(std::span<const double> z, std::span<const double> known) const;
 };
@@ -55,11 +53,12 @@ class ConstantsSimulator : public WrappedSimulator {
 
 class ConstantsSimulatorFactory : public SimulatorFactory {
  public:
-  /// Makes the factory inside, of the parameters and then the constants: no number is set by two of them.
+  /// Makes the factory inside, of the parameters and then the constants.
   using Maker = std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>;
 
   /// @param constants  fields of the model, or obs/NAME/bias. @throws UsageError for others, and as `make` does
-  ConstantsSimulatorFactory(std::vector<ParameterSpec> parameters, std::vector<ParameterSpec> constants, Maker make);
+  ConstantsSimulatorFactory(const std::vector<ParameterSpec>& parameters, std::vector<ParameterSpec> constants,
+                            Maker make);
 
   const SimulatorSpec& spec() const override { return setup_->spec; }
   const ParameterSpace& parameters() const override { return setup_->space; }
@@ -67,6 +66,7 @@ class ConstantsSimulatorFactory : public SimulatorFactory {
   std::vector<ParameterOffer> Offers() const override { return inside_->Offers(); }
   PathInfo Describe(const std::string& path) const override { return inside_->Describe(path); }
   std::vector<ParameterSpec> Suspects() const override { return inside_->Suspects(); }
+  std::vector<ParameterSpec> PartsOf(const ParameterSpec& suspect) const override { return inside_->PartsOf(suspect); }
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
   std::string model_sha256() const override { return inside_->model_sha256(); }
   std::string why_not_settable() const override { return inside_->why_not_settable(); }

@@ -55,6 +55,8 @@ void ParameterSpec::Check() const {
   }
 }
 
+std::string UnitOfMultiple(const std::string& other) { return "x " + other; }
+
 std::vector<std::string> TiedPaths(const std::string& field) {
   constexpr std::string_view kTie = " + ";
   std::vector<std::string> paths;

@@ -23,7 +23,7 @@ struct ParameterSpec {
   double high = 2.0;
   ParameterScale scale = ParameterScale::kNominal;
   bool logarithmic = false;        ///< search in log z; needs low > 0
-  std::string unit = "x nominal";  ///< shown in reports
+  std::string unit = "x nominal";  ///< shown in reports; "x damping" where it multiplies what that parameter gives
   double nominal = 1.0;            ///< z of the nominal simulator; filled in by the simulator for kAbsolute
   /// What a parameter file takes the nominal value of a kAbsolute to be: a model with another is refused.
   std::optional<double> wanted_nominal = std::nullopt;
@@ -34,10 +34,14 @@ struct ParameterSpec {
   std::optional<Belief> prior = std::nullopt;
   bool is_known = false;  ///< a constant, whose values come with the recordings: the bounds are no range
 
+  bool IsMultiple() const { return scale == ParameterScale::kNominal; }
   /// @throws UsageError: empty name or field, bounds not finite or not low < high, log of a non-positive bound,
   /// a prior whose mean is not between the bounds or whose std is not positive.
   void Check() const;
 };
+
+/// "x damping": of a multiple of what another parameter gives.
+std::string UnitOfMultiple(const std::string& other);
 
 /// The paths that a field ties together: "body/hand/mass + body/hand/inertia" names two.
 std::vector<std::string> TiedPaths(const std::string& field);

@@ -194,6 +194,8 @@ class SimulatorFactory {
   /// What else is often off in such a simulator, in multiples of nominal: parameters that touch nothing that its own
   /// ones do. None where it does not know.
   virtual std::vector<ParameterSpec> Suspects() const { return {}; }
+  /// Of one of Suspects, each joint, drive or tendon alone, where it is of several.
+  virtual std::vector<ParameterSpec> PartsOf(const ParameterSpec& /*suspect*/) const { return {}; }
   /// The same simulator with further parameters after its own; null where it cannot have any.
   virtual std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& /*more*/) const { return nullptr; }
   /// The SHA-256 of the model file that is simulated, or another text that changes when the simulated thing does: what

@@ -80,6 +80,27 @@ class SuspectsTest(unittest.TestCase):
         self.assertAlmostEqual(first["freed"]["value"], 0.7, delta=0.05)
         self.assertIn(f"suspect, not among the parameters: {first['sentence']}; add this line: ", result.stdout)
 
+    def test_where_one_joint_is_off_it_is_named_beside_what_is_searched_of_all_of_them(self):
+        knee = self.folder / "knee.npz"
+        result = program.oted("collect", "--task", "Hopper-v5", "--policy", ROOT / "examples/policies/hopper/medium.npz",
+                          "--episodes", "2", "--seed", "1", "--param", GAIN, "--truth", "gain=1.2", "--param",
+                          "knee=joint/leg_joint/damping:0.2:3.0", "--truth", "knee=2.1", "--param", DAMPING, "--truth",
+                          "damping=0.7", "--out", knee)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        result, design = self.design("knee", GAIN, DAMPING, data=knee)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(design["verdict"], "gap_narrowed", design["sentence"])
+        first = design["fit"]["suspects"][0]
+        self.assertEqual(first["field"], "joint/leg_joint/damping")
+        self.assertTrue(first["freed"]["kept"])
+        self.assertAlmostEqual(first["freed"]["value"], 2.1, delta=0.1)
+        self.assertIn("with joint/leg_joint/damping freed (2.1 times what 'damping' gives): ", first["sentence"])
+        result, design = self.design("knee_added", GAIN, DAMPING, "leg_joint_damping=joint/leg_joint/damping:0.1:10:log",
+                                     data=knee)
+        self.assertEqual([p["unit"] for p in design["parameters"]], ["x nominal", "x nominal", "x damping"])
+        for parameter, truth in zip(design["parameters"], (1.2, 0.7, 2.1)):
+            self.assertAlmostEqual(parameter["mode"], truth, delta=1e-3)
+
     def test_a_range_that_ends_before_the_truth_is_told_beside_the_suspects(self):
         result, design = self.design("narrow", "gain=actuator/*/gainprm[0]:0.2:1.1")
         self.assertTrue(any(suspect["freed"]["kept"] for suspect in design["fit"]["suspects"]), design["fit"]["suspects"])

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_field.h"
@@ -32,6 +34,9 @@ struct SuspectedField {
 
 std::vector<std::string> OfJoints(const std::string& field) { return {"joint/@actuated/" + field, "joint/*/" + field}; }
 
+/// A body that is heavier is as a rule heavier all over.
+std::string MassWithInertia(const std::string& body) { return fmt::format("body/{0}/mass + body/{0}/inertia", body); }
+
 std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
   const double torque = RoundBound(kFrictionShare * HoldingTorque(model));
   const double tension = RoundBound(kFrictionShare * HoldingTension(model));
@@ -41,7 +46,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"frictionloss", "joint/*/frictionloss", OfJoints("frictionloss"), torque},
       {"load_friction", "joint/@actuated/load_friction", OfJoints("load_friction"), kMostLoadFriction},
       {"stribeck_torque", "joint/@actuated/stribeck_torque", OfJoints("stribeck_torque"), torque},
-      {"stiffness", "joint/*/stiffness"},
+      {"stiffness", "joint/*/stiffness", OfJoints("stiffness"), RoundBound(HoldingTorque(model))},
       {"gear", "actuator/*/gear[0]"},
       {"kp", "actuator/*/kp"},
       {"kv", "actuator/*/kv"},
@@ -64,6 +69,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
   }
   if (model.nbody - 1 > kMostBodies) {
     places.push_back({"mass", "body/*/mass"});
+    places.push_back({"mass_and_inertia", MassWithInertia("*")});
     return places;
   }
   for (int body = 1; body < model.nbody; ++body) {
@@ -71,6 +77,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
     const std::string object = name.empty() ? fmt::format("#{}", body) : name;
     const std::string called = name.empty() ? fmt::format("body{}", body) : name;
     places.push_back({called + "_mass", fmt::format("body/{}/mass", object)});
+    places.push_back({called + "_mass_and_inertia", MassWithInertia(object)});
     places.push_back({called + "_com", fmt::format("body/{}/ipos", object)});
     // The length of the link before it.
     if (model.body_parentid[body] > 0) places.push_back({called + "_pos", fmt::format("body/{}/pos", object)});
@@ -109,16 +116,17 @@ std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Susp
   return std::nullopt;
 }
 
-/// The same of each joint, drive or tendon alone, for those of which the rest is searched: "joint/elbow/damping".
+/// The same of each joint, drive or tendon alone: "joint/elbow/damping".
 std::vector<SuspectedField> OneByOne(const mjModel& model, const SuspectedField& place, const std::string& path) {
   const std::vector<ObjectKind> kinds = {{"joint", mjOBJ_JOINT, static_cast<int>(model.njnt)},
+                                         {"body", mjOBJ_BODY, static_cast<int>(model.nbody)},
                                          {"actuator", mjOBJ_ACTUATOR, static_cast<int>(model.nactuator)},
                                          {"tendon", mjOBJ_TENDON, static_cast<int>(model.ntendon)}};
   const size_t first = path.find('/'), last = path.rfind('/');
   const auto kind = std::ranges::find(kinds, path.substr(0, first), &ObjectKind::word);
-  if (kind == kinds.end()) return {};
+  if (kind == kinds.end() || TiedPaths(path).size() > 1) return {};
   const std::vector<int> ids = MatchObjects(model, *kind, path.substr(first + 1, last - first - 1), path);
-  if (ids.size() > static_cast<size_t>(kMostSingly)) return {};
+  if (ids.size() < 2 || ids.size() > static_cast<size_t>(kMostSingly)) return {};
   std::vector<SuspectedField> each;
   for (const int id : ids) {
     const std::string name = ObjectName(model, kind->type, id);
@@ -129,34 +137,97 @@ std::vector<SuspectedField> OneByOne(const mjModel& model, const SuspectedField&
   return each;
 }
 
-}  // namespace
+using Places = std::set<std::pair<std::string, int>>;
 
-std::vector<ParameterSpec> ModelSuspects(const mjModel& model, const ParameterSpace& searched) {
-  std::vector<ModelField> taken;
-  for (const ParameterSpec& spec : searched.specs())
-    std::ranges::move(ResolvePath(model, spec.field), std::back_inserter(taken));
-  std::vector<ParameterSpec> suspects;
-  const auto is_taken = [&](const ModelField& field) {
-    return std::ranges::any_of(taken, [&](const ModelField& other) { return SharePlace(field, other); });
-  };
-  const auto add = [&](const SuspectedField& place, ParameterSpec spec) {
-    spec.name = SuspectName(place.name, searched);
-    suspects.push_back(std::move(spec));
-  };
-  for (const SuspectedField& place : SuspectedFields(model)) {
-    ParameterSpec spec;
-    const auto fields = FieldsOf(model, place, spec);
-    if (!fields) continue;
-    if (std::ranges::none_of(*fields, is_taken)) {
-      add(place, spec);
-      continue;
-    }
-    for (const SuspectedField& one : OneByOne(model, place, spec.field)) {
-      const auto own = FieldsOf(model, one, spec);
-      if (own && std::ranges::none_of(*own, is_taken)) add(one, spec);
+Places PlacesOf(const std::vector<ModelField>& fields) {
+  Places places;
+  for (const ModelField& field : fields) {
+    for (const int index : field.indices) places.emplace(field.array, index);
+  }
+  return places;
+}
+
+/// What is searched, and which numbers of the model.
+struct Searched {
+  const ParameterSpec& spec;
+  Places places;
+
+  bool Has(const Places& suspected) const {
+    return std::ranges::any_of(suspected, [&](const auto& place) { return places.contains(place); });
+  }
+  /// Whether a suspect may multiply a part of what it gives.
+  bool LeavesPart(const ParameterSpec& suspect, const Places& suspected) const {
+    return spec.IsMultiple() && suspect.IsMultiple() && suspected.size() < places.size() &&
+           std::ranges::includes(places, suspected);
+  }
+};
+
+/// What may be suspected beside the parameters of `space`.
+class Suspecting {
+ public:
+  Suspecting(const mjModel& model, const ParameterSpace& space) : model_(model), space_(space) {
+    for (const ParameterSpec& spec : space.specs()) {
+      // What is known of each recording nobody doubts, and it may multiply what is.
+      if (spec.is_known && spec.IsMultiple()) continue;
+      searched_.push_back({spec, PlacesOf(ResolvePath(model, spec.field))});
     }
   }
-  return suspects;
+
+  std::vector<ParameterSpec> All() const {
+    std::vector<ParameterSpec> suspects;
+    for (const SuspectedField& place : SuspectedFields(model_)) {
+      ParameterSpec spec;
+      if (!FieldsOf(model_, place, spec)) continue;
+      if (!Add(place, suspects)) AddEach(place, spec.field, suspects);
+    }
+    return suspects;
+  }
+
+  std::vector<ParameterSpec> PartsOf(const ParameterSpec& whole) const {
+    std::vector<ParameterSpec> parts;
+    const auto is_of = [&](const SuspectedField& place) {
+      return place.path == whole.field || std::ranges::find(place.if_zero, whole.field) != place.if_zero.end();
+    };
+    const std::vector<SuspectedField> all = SuspectedFields(model_);
+    if (const auto place = std::ranges::find_if(all, is_of); place != all.end()) AddEach(*place, whole.field, parts);
+    return parts;
+  }
+
+ private:
+  /// @return whether it may be
+  bool Add(const SuspectedField& place, std::vector<ParameterSpec>& suspects) const {
+    ParameterSpec spec;
+    const auto fields = FieldsOf(model_, place, spec);
+    if (!fields) return false;
+    const Places places = PlacesOf(*fields);
+    for (const Searched& searched : searched_) {
+      if (!searched.Has(places)) continue;
+      if (!searched.LeavesPart(spec, places)) return false;
+      spec.unit = UnitOfMultiple(searched.spec.name);
+    }
+    spec.name = SuspectName(place.name, space_);
+    suspects.push_back(spec);
+    return true;
+  }
+
+  void AddEach(const SuspectedField& place, const std::string& path, std::vector<ParameterSpec>& suspects) const {
+    for (const SuspectedField& one : OneByOne(model_, place, path)) Add(one, suspects);
+  }
+
+  const mjModel& model_;
+  const ParameterSpace& space_;
+  std::vector<Searched> searched_;
+};
+
+}  // namespace
+
+std::vector<ParameterSpec> ModelSuspects(const mjModel& model, const ParameterSpace& space) {
+  return Suspecting(model, space).All();
+}
+
+std::vector<ParameterSpec> PartsOfSuspect(const mjModel& model, const ParameterSpace& space,
+                                          const ParameterSpec& suspect) {
+  return Suspecting(model, space).PartsOf(suspect);
 }
 
 }  // namespace oted

@@ -16,6 +16,10 @@ namespace oted {
 /// Damping, armature and friction (dry, under load, at rest) that the model has nowhere are values of the driven joints
 /// (of all joints where none is driven), from 0 to what the model's masses and lengths suggest. Names are what a person
 /// would call them, and none of `searched`. What shares a place with `searched` is left out.
-std::vector<ParameterSpec> ModelSuspects(const mjModel& model, const ParameterSpace& searched);
+std::vector<ParameterSpec> ModelSuspects(const mjModel& model, const ParameterSpace& space);
+
+/// One of ModelSuspects of each of its joints, drives or tendons alone; none where it has one, or more than eight.
+std::vector<ParameterSpec> PartsOfSuspect(const mjModel& model, const ParameterSpace& space,
+                                          const ParameterSpec& suspect);
 
 }  // namespace oted

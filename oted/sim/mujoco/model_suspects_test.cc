@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <string>
+#include <vector>
+
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/sim/mujoco/model.h"
@@ -11,6 +15,7 @@
 namespace oted::model_suspects_test {
 
 using testing::Contains;
+using testing::ElementsAre;
 using testing::Not;
 
 std::vector<std::string> Fields(const std::vector<ParameterSpec>& specs) {
@@ -25,6 +30,7 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   const std::vector<std::string> fields = Fields(factory.Suspects());
   EXPECT_THAT(fields, Contains("joint/*/damping"));
   EXPECT_THAT(fields, Contains("body/torso/mass"));
+  EXPECT_THAT(fields, Contains("body/torso/mass + body/torso/inertia"));
   EXPECT_THAT(fields, Contains("body/foot/ipos"));
   EXPECT_THAT(fields, Contains("body/foot/pos"));        // how long the leg is
   EXPECT_THAT(fields, Not(Contains("body/torso/pos")));  // where the joints say
@@ -34,10 +40,10 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   EXPECT_THAT(fields, Contains("obs/thigh_joint_pos/bias"));
   EXPECT_THAT(fields, Contains("joint/@actuated/frictionloss"));  // all of them 0: a value, not a multiple
   EXPECT_THAT(fields, Contains("joint/@actuated/stribeck_torque"));
-  EXPECT_THAT(fields, Not(Contains("joint/*/stiffness")));   // all 0 as well, and a spring has a rest position
-  EXPECT_THAT(fields, Not(Contains("actuator/*/kp")));       // motors
-  EXPECT_THAT(fields, Not(Contains("opt/gravity[2]")));      // searched
-  EXPECT_THAT(fields, Not(Contains("geom/*/friction[0]")));  // searched in part
+  EXPECT_THAT(fields, Contains("joint/@actuated/stiffness"));  // all 0 as well
+  EXPECT_THAT(fields, Not(Contains("actuator/*/kp")));         // motors
+  EXPECT_THAT(fields, Not(Contains("opt/gravity[2]")));        // searched
+  EXPECT_THAT(fields, Not(Contains("geom/*/friction[0]")));    // searched in part
 }
 
 TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
@@ -66,6 +72,42 @@ TEST(ModelSuspects, AreOfTheOtherJointsWhereOneIsSearched) {
   EXPECT_THAT(fields, Not(Contains("joint/leg_joint/damping")));
   EXPECT_THAT(fields, Not(Contains("joint/*/damping")));
   EXPECT_THAT(fields, Contains("joint/*/armature")) << "of which none is searched";
+}
+
+const ParameterSpec* With(const std::vector<ParameterSpec>& specs, const std::string& field) {
+  const auto found = std::ranges::find(specs, field, &ParameterSpec::field);
+  return found == specs.end() ? nullptr : &*found;
+}
+
+TEST(ModelSuspects, OfWhatIsSearchedOfAllJointsEachAloneMultipliesWhatThatGives) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "all", .field = "joint/*/damping"}});
+  const std::vector<ParameterSpec> suspects = factory.Suspects();
+  EXPECT_EQ(With(suspects, "joint/*/damping"), nullptr);
+  const ParameterSpec* knee = With(suspects, "joint/leg_joint/damping");
+  ASSERT_NE(knee, nullptr);
+  EXPECT_EQ(knee->unit, "x all");
+  EXPECT_EQ(factory.With({*knee})->parameters()[1].unit, "x all");
+  EXPECT_EQ(With(suspects, "joint/*/armature")->unit, "x nominal");
+  const MujocoSimulatorFactory values("Hopper-v5", {{.name = "all",
+                                                     .field = "joint/@actuated/frictionloss",
+                                                     .low = 0,
+                                                     .high = 2,
+                                                     .scale = ParameterScale::kAbsolute}});
+  EXPECT_EQ(With(values.Suspects(), "joint/leg_joint/frictionloss"), nullptr) << "a value is not to be multiplied";
+}
+
+TEST(ModelSuspects, HavePartsWhereTheyAreOfSeveralObjects) {
+  const MujocoSimulatorFactory factory("Hopper-v5", {});
+  const std::vector<ParameterSpec> suspects = factory.Suspects();
+  const auto parts = [&](const std::string& field) { return Fields(factory.PartsOf(*With(suspects, field))); };
+  EXPECT_THAT(
+      parts("joint/@actuated/frictionloss"),
+      ElementsAre("joint/thigh_joint/frictionloss", "joint/leg_joint/frictionloss", "joint/foot_joint/frictionloss"));
+  EXPECT_THAT(parts("joint/*/damping"), Contains("joint/leg_joint/damping"));
+  EXPECT_THAT(parts("body/*/inertia"), Contains("body/thigh/inertia"));
+  EXPECT_THAT(parts("body/thigh/mass + body/thigh/inertia"), ElementsAre());
+  EXPECT_THAT(parts("opt/gravity[2]"), ElementsAre());
+  EXPECT_THAT(parts("action/delay"), ElementsAre());
 }
 
 TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {

@@ -73,14 +73,22 @@ std::string CommonPlace(const ModelField& a, const ModelField& b) {
   return a.array;
 }
 
-// Two parameters on one place would make the result depend on their order.
-void CheckDisjoint(const ParameterSpace& space, const std::vector<ModelField>& fields) {
+// Multiples of one place multiply each other, and the narrower is one of what the wider gives. With a value there the
+// result would depend on their order.
+void CheckShared(std::vector<ParameterSpec>& specs, const std::vector<ModelField>& fields) {
   for (size_t i = 0; i < fields.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (fields[i].parameter == fields[j].parameter || !SharePlace(fields[i], fields[j])) continue;
-      const ParameterSpec &one = space.specs()[fields[j].parameter], &other = space.specs()[fields[i].parameter];
-      throw UsageError(fmt::format("parameters '{}' ({}) and '{}' ({}) both set {}; narrow one of the paths", one.name,
-                                   one.field, other.name, other.field, CommonPlace(fields[i], fields[j])));
+      ParameterSpec &one = specs[fields[j].parameter], &other = specs[fields[i].parameter];
+      if (!one.IsMultiple() || !other.IsMultiple()) {
+        throw UsageError(
+            fmt::format("parameters '{}' ({}) and '{}' ({}) both set {}; narrow one of the paths, or make "
+                        "both multiples of nominal",
+                        one.name, one.field, other.name, other.field, CommonPlace(fields[i], fields[j])));
+      }
+      if (one.is_known || other.is_known) continue;
+      const bool is_narrower = fields[j].indices.size() < fields[i].indices.size();
+      (is_narrower ? one : other).unit = UnitOfMultiple((is_narrower ? other : one).name);
     }
   }
 }
@@ -108,8 +116,8 @@ void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup) {
       setup.fields.push_back(std::move(field));
     }
   }
+  CheckShared(specs, setup.fields);
   setup.space = ParameterSpace(std::move(specs));
-  CheckDisjoint(setup.space, setup.fields);
   // Bounding boxes are not kept up to date with sizes; without the middle phase nothing reads them.
   if (std::ranges::any_of(setup.fields, [](const ModelField& f) { return f.array == "geom_size"; })) {
     setup.loaded.model->opt.disableflags |= mjDSBL_MIDPHASE;

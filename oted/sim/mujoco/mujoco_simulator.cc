@@ -150,15 +150,20 @@ void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   std::vector<double>& present = parameters_[static_cast<size_t>(lane)];
   if (!present.empty() && std::ranges::equal(present, z)) return;
   present.clear();
+  const auto values_of = [&](size_t i) { return fields_[i].values + static_cast<ptrdiff_t>(lane) * fields_[i].size; };
+  for (size_t i = 0; i < fields_.size(); ++i) {
+    const ModelField& field = setup_->fields[i];
+    for (size_t k = 0; k < field.indices.size(); ++k) values_of(i)[field.indices[k]] = field.nominal[k];
+  }
   for (size_t i = 0; i < fields_.size(); ++i) {
     const ModelField& field = setup_->fields[i];
     const double value = z[field.parameter];
     const bool multiple = setup_->space.specs()[field.parameter].scale == ParameterScale::kNominal;
-    double* values = fields_[i].values + static_cast<ptrdiff_t>(lane) * fields_[i].size;
-    for (size_t k = 0; k < field.indices.size(); ++k) {
-      values[field.indices[k]] = multiple ? field.nominal[k] * value : field.sign * value;
+    for (const int at : field.indices) {
+      double& place = values_of(i)[at];
+      place = multiple ? place * value : field.sign * value;
     }
-    if (field.array == "geom_size") UpdateBoundingRadii(lane, values);
+    if (field.array == "geom_size") UpdateBoundingRadii(lane, values_of(i));
   }
   // It reads the fields written above and nothing that an earlier call computed, so that twice is the same as once.
   if (changes_constants_ && mjb_setConst(batch_.get(), &lane, 1) != 0) {

@@ -56,6 +56,10 @@ std::vector<ParameterSpec> MujocoSimulatorFactory::Suspects() const {
   return suspects;
 }
 
+std::vector<ParameterSpec> MujocoSimulatorFactory::PartsOf(const ParameterSpec& suspect) const {
+  return PartsOfSuspect(*setup_->loaded.model, setup_->space, suspect);
+}
+
 std::unique_ptr<SimulatorFactory> MujocoSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
   std::vector<ParameterSpec> all = setup_->space.specs();
   all.insert(all.end(), more.begin(), more.end());

@@ -51,6 +51,7 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   std::vector<ParameterOffer> Offers() const override;
   PathInfo Describe(const std::string& path) const override;
   std::vector<ParameterSpec> Suspects() const override;
+  std::vector<ParameterSpec> PartsOf(const ParameterSpec& suspect) const override;
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
   std::optional<std::vector<std::string>> NotInMjcf() const override;
   bool mjcf_delays_actions() const override;

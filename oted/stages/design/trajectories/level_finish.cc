@@ -83,7 +83,30 @@ MatrixXd LevelFit::CovarianceOfParts() {
 }
 
 MatrixXd LevelFit::CovarianceOfNoise() const {
-  return EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_).inverse_information;
+  if (sensor_variance_.size() == 0) {
+    return EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_).inverse_information;
+  }
+  // The weights are those of errors that grow, what is asked is how far sensors alone move the x that they lead to:
+  // the simulator's own errors are none of the noise's doing.
+  const VectorXd precision = Likelihood().precision();
+  const Eigen::Index n_unread = replayer_.readings().n_unread();
+  VectorXd variance(precision.size());
+  variance << sensor_variance_.replicate(n_steps() + 1, 1), precision.tail(n_unread).cwiseInverse();
+  const std::vector<NormalEquations> equations = Equations(linear_);
+  MatrixXd information = readings_per_error_ * prior_.precision;
+  MatrixXd of_noise = MatrixXd::Zero(x_.size(), x_.size());
+  for (size_t w = 0; w < equations.size(); ++w) {
+    const NormalEquations& e = equations[w];
+    if (!e.valid) continue;
+    const NormalEquations::Factor factor(e.start_start);
+    information += e.Information(factor);
+    // x by each number of the window, its start following.
+    const MatrixXd followed = linear_[w].d_parameters - linear_[w].d_start * factor.solve(e.start_x);
+    const VectorXd weighted = (weights_[w] * precision).cwiseAbs2().cwiseProduct(variance);
+    of_noise += followed.transpose() * weighted.asDiagonal() * followed;
+  }
+  const MatrixXd inverse = information.inverse();
+  return inverse * of_noise * inverse;
 }
 
 LevelFit::LastStep LevelFit::TakeLastStep() {

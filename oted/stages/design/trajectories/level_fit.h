@@ -87,7 +87,8 @@ class LevelFit {
   /// In place of the last step, where the family does not explain the logs (EstimateFromParts): x was chosen by what it
   /// predicts, and stays. @return the covariance of x
   Eigen::MatrixXd CovarianceOfParts();
-  /// Behind Finish or CovarianceOfParts: the covariance of x as far as the sensors' noise makes it.
+  /// Behind Finish or CovarianceOfParts: the covariance of x as far as the sensors' noise makes it. Where errors grow,
+  /// the simulator's errors have no part in it.
   Eigen::MatrixXd CovarianceOfNoise() const;
   /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x. By the
   /// secants of Finish, and by one step of each of these.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "oted/base/statistics.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/testing.h"
@@ -114,9 +115,8 @@ TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {
   }
 }
 
-/// By how much a prior at nought moves the gain's x from where windows put it whose errors grow to a twentieth at their
-/// end, those of one window all alike or each by itself.
-double PullOfPrior(bool alike) {
+/// Logs of windows whose errors grow to a twentieth at their end, those of one window all alike or each by itself.
+Dataset LogsThatErr(bool alike) {
   Dataset logs = PointMassLogs(kTruth, 40);
   Rng rng(1);
   for (const Episode& episode : logs.Episodes()) {
@@ -133,6 +133,12 @@ double PullOfPrior(bool alike) {
       }
     }
   }
+  return logs;
+}
+
+/// By how much a prior at nought moves the gain's x from where such windows put it.
+double PullOfPrior(bool alike) {
+  const Dataset logs = LogsThatErr(alike);
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), logs);
   const ParameterSpace space = PointMass::MakeParameters();
   const Eigen::VectorXd scale = ChannelScales(logs), sensor = Eigen::Vector2d(1e-4, 1e-4);
@@ -151,6 +157,34 @@ TEST(LevelFit, WhereErrorsGrowReadingsThatErrAsOneCountAsOneBesideThePrior) {
   const double by_itself = PullOfPrior(false), alike = PullOfPrior(true);
   EXPECT_LT(by_itself, 0);
   EXPECT_NEAR(alike / by_itself, kSteps, 3);
+}
+
+/// What one fit of such windows says of the gain's x, with this much noise of the sensors beside their own errors.
+struct Noisy {
+  double x, std_of_noise, std_of_parts;
+};
+
+Noisy FitNoisy(double noise, uint64_t seed) {
+  const Dataset logs = WithSensorNoise(LogsThatErr(true), noise, RngKey(seed));
+  WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), logs);
+  const ParameterSpace space = PointMass::MakeParameters();
+  const Prior prior = Prior::Uniform(3);
+  const Eigen::VectorXd scale = ChannelScales(logs), sensor = Eigen::Vector2d(noise, noise);
+  LevelFit fit(replayer, space, prior, scale, WindowsOf(logs, replayer), TrueX(space));
+  fit.LetErrorsGrow(sensor.cwiseAbs2());
+  for (int i = 0; i < 12; ++i) fit.Step();
+  const double of_parts = std::sqrt(fit.CovarianceOfParts()(0, 0));
+  return {fit.x()[0], std::sqrt(fit.CovarianceOfNoise()(0, 0)), of_parts};
+}
+
+TEST(LevelFit, WhereErrorsGrowTheCovarianceOfNoiseIsHowFarNoiseAloneMovesX) {
+  for (const double noise : {1e-4, 1e-3}) {
+    std::vector<double> x;
+    for (uint64_t seed = 1; seed <= 40; ++seed) x.push_back(FitNoisy(noise, seed).x);
+    const Noisy one = FitNoisy(noise, 1);
+    EXPECT_NEAR(one.std_of_noise / StandardDeviation(x), 1, 0.4) << noise;
+    EXPECT_LT(one.std_of_noise, 0.5 * one.std_of_parts) << "the windows' own errors are none of the noise's doing";
+  }
 }
 
 }  // namespace oted::level_fit_test

@@ -13,6 +13,7 @@ using Eigen::VectorXd;
 
 constexpr double kTimesTheMean = 6;     // a stretch's share of the information on any direction
 constexpr double kLargestShare = 0.25;  // at most
+constexpr double kTimesFair = 2;        // of its part, where there are too few for that
 constexpr double kPriorsShare = 0.1;    // where it is more, too few stretches tell of a direction for such a share
 constexpr int kShareRounds = 50;        // the shares settle in a few
 constexpr size_t kParts = 8;            // of a log that the family does not explain
@@ -53,20 +54,21 @@ std::vector<double> Weights(const std::vector<StretchEvidence>& stretches, const
 }
 
 /// The smallest share that leaves every direction to the logs: what few stretches show, these may decide.
-std::vector<double> Weights(const std::vector<StretchEvidence>& stretches, const MatrixXd& prior) {
+std::vector<double> WeightsUpTo(double largest, const std::vector<StretchEvidence>& stretches, const MatrixXd& prior) {
   for (double share = kTimesTheMean / static_cast<double>(stretches.size());; share *= 2) {
-    const std::vector<double> weights = Weights(stretches, prior, std::min(share, kLargestShare));
+    const std::vector<double> weights = Weights(stretches, prior, std::min(share, largest));
     const LLT<MatrixXd> factor(Hessian(stretches, weights, prior));
-    if (share >= kLargestShare || LargestEigenvalue(Whitened(factor, prior)) < kPriorsShare) return weights;
+    if (share >= largest || LargestEigenvalue(Whitened(factor, prior)) < kPriorsShare) return weights;
   }
 }
 
 /// What the stretches say together, each counted by its weight.
 class WeightedStretches {
  public:
-  WeightedStretches(std::vector<StretchEvidence> stretches, const VectorXd& x, const Prior& prior)
+  WeightedStretches(std::vector<StretchEvidence> stretches, const VectorXd& x, const Prior& prior,
+                    double largest_share = kLargestShare)
       : stretches_(std::move(stretches)) {
-    const std::vector<double> weights = Weights(stretches_, prior.precision);
+    const std::vector<double> weights = WeightsUpTo(largest_share, stretches_, prior.precision);
     hessian_ = Hessian(stretches_, weights, prior.precision);
     VectorXd score = -prior.precision * (x - prior.mean);
     for (size_t k = 0; k < stretches_.size(); ++k) {
@@ -136,6 +138,13 @@ class WeightedStretches {
 StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const VectorXd& x,
                                       const Prior& prior) {
   const WeightedStretches weighted(stretches, x, prior);
+  return weighted.Estimate(weighted.Jackknife());
+}
+
+StretchEstimate GuessFromStretches(const std::vector<StretchEvidence>& stretches, const VectorXd& x,
+                                   const Prior& prior) {
+  const double fair = 1.0 / static_cast<double>(std::max<size_t>(1, stretches.size()));
+  const WeightedStretches weighted(stretches, x, prior, std::max(kLargestShare, kTimesFair * fair));
   return weighted.Estimate(weighted.Jackknife());
 }
 

@@ -35,6 +35,11 @@ struct StretchEstimate {
 StretchEstimate EstimateFromStretches(const std::vector<StretchEvidence>& stretches, const Eigen::VectorXd& x,
                                       const Prior& prior);
 
+/// The same for a first look, which nothing rests on: where there are fewer than eight stretches, each may decide twice
+/// its part. With a quarter at most, two of them leave half to the prior, and ask for nothing.
+StretchEstimate GuessFromStretches(const std::vector<StretchEvidence>& stretches, const Eigen::VectorXd& x,
+                                   const Prior& prior);
+
 /// The same where the family does not explain the logs. What fits best then differs from one part of a log to the next,
 /// and from this log to another, so more rows make the estimate no surer. The covariance is how far the estimates from
 /// single eighths of the log scatter, and at least H^-1: what another log may ask for.

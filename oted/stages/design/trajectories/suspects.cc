@@ -67,11 +67,17 @@ VectorXd NearbySteps(const std::vector<ParameterSpec>& specs, const LevelFit& fi
   return (kStepOfStd * std).cwiseMax(kShortestStep).cwiseMin(kSuspectStep);
 }
 
+using FromStretches = StretchEstimate(const std::vector<StretchEvidence>&, const VectorXd& x, const Prior&);
+
 /// What the logs say of x and one further parameter, which is at its nominal value; none where nothing depends on it.
 class WithEachAlone {
  public:
-  WithEachAlone(Stretches evidence, const VectorXd& x, const Prior& prior)
-      : evidence_(std::move(evidence)), n_x_(x.size()), x_(n_x_ + 1), prior_(WithOneMore(prior, 0)) {
+  WithEachAlone(Stretches evidence, const VectorXd& x, const Prior& prior, const FromStretches& from_stretches)
+      : from_stretches_(from_stretches),
+        evidence_(std::move(evidence)),
+        n_x_(x.size()),
+        x_(n_x_ + 1),
+        prior_(WithOneMore(prior, 0)) {
     x_ << x, 0;
     MatrixXd of_x = prior_.precision.topLeftCorner(n_x_, n_x_);
     for (const StretchEvidence& s : evidence_) of_x += s.information.topLeftCorner(n_x_, n_x_);
@@ -81,7 +87,7 @@ class WithEachAlone {
   std::optional<StretchEstimate> Of(size_t k) const {
     const auto of_one = WithOne(evidence_, n_x_, static_cast<Eigen::Index>(k));
     if (std::ranges::all_of(of_one, [&](const auto& s) { return s.information(n_x_, n_x_) == 0; })) return std::nullopt;
-    return EstimateFromStretches(of_one, x_, prior_);
+    return from_stretches_(of_one, x_, prior_);
   }
 
   /// How x follows the further parameter, by a linear model, and what its effect has that no change of x has: the
@@ -103,6 +109,7 @@ class WithEachAlone {
   }
 
  private:
+  const FromStretches& from_stretches_;
   Stretches evidence_;
   Eigen::Index n_x_;
   VectorXd x_;
@@ -125,15 +132,18 @@ std::vector<double> Followed(const ParameterSpace& space, const VectorXd& x, con
 }
 
 /// What a step says of the further parameter alone.
-struct Score {
-  double change, std, value;  ///< by the linear model; z there
-  double n_std() const { return std::abs(change) / std; }
+struct Step {
+  double change, std;
 };
 
-Score ScoreOf(const ParameterSpec& spec, const StretchEstimate& estimate) {
+Step LastOf(const StretchEstimate& estimate) {
   const auto last = estimate.step.size() - 1;
-  const double change = estimate.step[last];
-  return {change, std::sqrt(estimate.covariance(last, last)), At(spec, change)};
+  return {estimate.step[last], std::sqrt(estimate.covariance(last, last))};
+}
+
+Suspect ScoreOf(const ParameterSpec& spec, const StretchEstimate& estimate) {
+  const auto [change, std] = LastOf(estimate);
+  return {.spec = spec, .value = At(spec, change), .explains = change * change / (2 * std * std)};
 }
 
 /// The surest first, and those that explain at least half as many nats.
@@ -163,49 +173,40 @@ Prior WithOneMore(const Prior& prior, double mean) {
   return Prior::Gaussian(means, covariance);
 }
 
-bool IsNoticeable(const ParameterSpec& spec, double z) {
-  if (spec.scale == ParameterScale::kNominal) return std::abs(std::log(z)) > kNoticeableLog;
-  return std::abs(z - spec.nominal) > kNoticeableShare * (spec.high - spec.low);
+bool IsNoticeable(const ParameterSpec& spec, double z, double share) {
+  if (spec.IsMultiple()) return std::abs(std::log(z)) > share * kNoticeableLog;
+  return std::abs(z - spec.nominal) > share * kNoticeableShare * (spec.high - spec.low);
 }
 
-SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
-                            const Prior& prior) {
-  const WithEachAlone with(EvidenceOf(specs, fit, wider), fit.x(), prior);
-  std::vector<std::pair<double, Suspect>> scored;
+bool IsDirected(const Suspect& scored) {
+  return scored.explains > kDirected * kDirected / 2 && scored.value != scored.spec.nominal;
+}
+
+std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                                   const Prior& prior) {
+  const WithEachAlone with(EvidenceOf(specs, fit, wider), fit.x(), prior, GuessFromStretches);
+  std::vector<Suspect> scored;
   for (size_t k = 0; k < specs.size(); ++k) {
-    if (const std::optional<StretchEstimate> estimate = with.Of(k)) {
-      const Score score = ScoreOf(specs[k], *estimate);
-      scored.emplace_back(score.n_std(), Suspect{.spec = specs[k], .value = score.value});
-    }
+    if (const std::optional<StretchEstimate> estimate = with.Of(k)) scored.push_back(ScoreOf(specs[k], *estimate));
   }
-  std::ranges::stable_sort(scored, [](const auto& a, const auto& b) { return a.first > b.first; });
-  SuspectScores scores;
-  for (auto& [n_std, suspect] : scored) {
-    if (n_std > kDirected && suspect.value != suspect.spec.nominal) {
-      scores.directed.push_back(std::move(suspect));
-    } else {
-      scores.undirected.push_back(std::move(suspect.spec));
-    }
-  }
-  return scores;
+  return scored;
 }
 
 RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                        const Prior& prior, const ParameterSpace& space) {
   const VectorXd steps = NearbySteps(specs, fit, wider);
-  const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior);
+  const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior, EstimateFromStretches);
   const std::vector<double> z = ToZ(space, fit.x());
   std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
   RestsOn found;
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
-    const Score score = ScoreOf(specs[k], *estimate);
-    if (score.n_std() > kAsked && IsNoticeable(specs[k], score.value)) {
-      found.asked.push_back({.spec = specs[k], .value = score.value, .explains = score.n_std() * score.n_std() / 2});
-    }
+    const Suspect scored = ScoreOf(specs[k], *estimate);
+    if (scored.explains > kAsked * kAsked / 2 && IsNoticeable(specs[k], scored.value)) found.asked.push_back(scored);
     const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
-    const double reach = std::abs(score.change) + kEndOfInterval * score.std;
+    const auto [change, std] = LastOf(*estimate);
+    const double reach = std::abs(change) + kEndOfInterval * std;
     const WithEachAlone::Following following = with.FollowingOf(k);
     // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.
     const double bend = std::max(2 * steps[static_cast<Eigen::Index>(k)], kSmallestSine);

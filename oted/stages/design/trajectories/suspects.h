@@ -13,23 +13,22 @@ namespace oted {
 /// `prior`, and behind it one of a further parameter, as wide as the uniform one. @param mean  in its search coordinate
 Prior WithOneMore(const Prior& prior, double mean);
 
-/// Whether z is far enough from nominal to matter: a multiple by a tenth, a value by a fiftieth of its range.
-bool IsNoticeable(const ParameterSpec& spec, double z);
+/// Whether a score favours it, by two standard deviations.
+bool IsDirected(const Suspect& scored);
 
-struct SuspectScores {
-  std::vector<Suspect> directed;          ///< the most certain first, with the value that the step leads to
-  std::vector<ParameterSpec> undirected;  ///< the most certain first
-};
+/// Whether z is far enough from nominal to matter: a multiple by a tenth, a value by a fiftieth of its range.
+/// @param share  of that
+bool IsNoticeable(const ParameterSpec& spec, double z, double share = 1);
 
 /// A score test of each of `specs` in turn: one Newton step on it and on x together, from what the windows' derivatives
-/// say (as LevelFit::Finish). A direction is one of two standard deviations. Those that no window depends on are left
-/// out, such as a contact's stiffness where nothing touches. Told by a linear model from the nominal value: what is far
-/// from it is rough.
+/// say (as LevelFit::Finish). Those that no window depends on are left out, such as a contact's stiffness where nothing
+/// touches. Told by a linear model from the nominal value: what is far from it is rough.
 /// @param fit    after FinalCost
 /// @param wider  of a simulator that has `specs` behind the parameters of x
 /// @param prior  of x
-SuspectScores ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
-                            const Prior& prior);
+/// @return with the value that the step leads to, and the nats that it explains
+std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
+                                   const Prior& prior);
 
 struct RestsOn {
   std::vector<Condition> conditions;

@@ -1,0 +1,211 @@
+#include "oted/stages/design/trajectories/screening.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <iterator>
+#include <memory>
+#include <span>
+#include <utility>
+
+#include "oted/matching/verdict.h"
+#include "oted/sim/channel_path.h"
+#include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/first_level.h"
+#include "oted/stages/design/trajectories/suspects.h"
+
+namespace oted {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr int kScreenedRows = 960;
+constexpr double kLongScreenedSeconds = 0.25;
+constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
+constexpr size_t kMostScreened = 8, kMostLongScreened = 12;
+constexpr double kLittle = 0.2;  // of what is noticeable, where windows become much likelier by it
+
+/// One that no score favours, and where its fit begins.
+Suspect Undirected(const ParameterSpec& spec) {
+  const bool at_bound = spec.nominal == spec.low;
+  return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal};
+}
+
+bool Has(std::span<const Suspect> suspects, const Suspect& one) {
+  return std::ranges::any_of(suspects, [&](const Suspect& suspect) { return suspect.spec.field == one.spec.field; });
+}
+
+/// `suspects` cut to the first n, of which the last half is left to those of `more` that a score favours.
+void AddFavoured(const std::vector<Suspect>& more, size_t n, std::vector<Suspect>& suspects) {
+  const auto first_half = std::span(suspects).first(std::min(suspects.size(), n / 2));
+  std::vector<Suspect> added;
+  for (const Suspect& suspect : more) {
+    if (added.size() < n / 2 && IsDirected(suspect) && !Has(first_half, suspect)) added.push_back(suspect);
+  }
+  std::erase_if(suspects, [&](const Suspect& suspect) { return Has(added, suspect); });
+  suspects.resize(std::min(suspects.size(), n - added.size()));
+  std::ranges::move(added, std::back_inserter(suspects));
+}
+
+}  // namespace
+
+/// That suspects are screened by.
+struct SuspectScreening::Windows {
+  int n_steps, n_rows, n_iterations;
+  size_t n_asked;  ///< suspects, at most
+  bool errors_grow;
+  bool asks_all;   ///< no score is sure: suspects without one are fitted as well
+  int begins = 0;  ///< they grow from so many steps; 0: they do not
+};
+
+/// The parameters, fitted to windows of the logs that learn.
+class SuspectScreening::Fit {
+ public:
+  Fit(const SuspectFits& fits, const Windows& by)
+      : fits_(fits),
+        by_(by),
+        // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
+        readings_(fits.ReadingsOf(fits.problem().factory)),
+        alone_(fits.Replayer(fits.problem().factory, readings_)),
+        scale_(ChannelScales(fits.parts().learn)) {
+    const FreedProblem& problem = fits.problem();
+    const auto make = [&](Level windows, VectorXd x) {
+      return std::make_unique<LevelFit>(alone_, problem.factory.parameters(), problem.prior, scale_, std::move(windows),
+                                        std::move(x));
+    };
+    const int begins = by.begins > 0 ? by.begins : by.n_steps;
+    fit_ = FitGrowing(GrowingWindows(alone_, fits.parts().learn, begins, by.n_steps, by.n_rows, fits.period_s()),
+                      fits.x(), by.n_steps, kFewestFreedWindows, make, [this](LevelFit& fit, bool) { Descend(fit); });
+    if (fit_ != nullptr) cost_ = fit_->FinalCost();
+  }
+
+  /// Whether there are windows enough.
+  explicit operator bool() const { return fit_ != nullptr; }
+  const LevelFit& operator*() const { return *fit_; }
+  const ReadingModel& readings() const { return readings_; }
+
+  /// The same windows, fitted with the suspect as well, from where it stands.
+  /// @return x and the suspect's coordinate; value and nats go to the suspect
+  VectorXd With(Suspect& suspect) const {
+    const std::unique_ptr<SimulatorFactory> wider = fits_.problem().factory.With({suspect.spec});
+    WindowReplayer replayer = fits_.Replayer(*wider, readings_);
+    const Prior prior = fits_.PriorIn(wider->parameters());
+    LevelFit with(replayer, wider->parameters(), prior, scale_, fit_->level(),
+                  SuspectFits::StartOf(*wider, fit_->x(), suspect.value));
+    Descend(with);
+    suspect.explains = cost_ - with.FinalCost();
+    suspect.value = ToZ(wider->parameters(), with.x()).back();
+    return with.x();
+  }
+
+ private:
+  void Descend(LevelFit& fit) const {
+    if (by_.errors_grow) fit.LetErrorsGrow(fits_.noise().cwiseAbs2());
+    fits_.Descend(fit, by_.n_iterations);
+  }
+
+  const SuspectFits& fits_;
+  Windows by_;
+  ReadingModel readings_;
+  WindowReplayer alone_;
+  VectorXd scale_;
+  std::unique_ptr<LevelFit> fit_;
+  double cost_ = 0;
+};
+
+SuspectScreening::Windows SuspectScreening::ShortWindows() const {
+  return {fits_.ShortSteps(), kScreenedRows, kFirstIterations, kMostScreened, false, false};
+}
+
+/// As long as the design's, up to a quarter second: where noise hides in short ones what adds up.
+SuspectScreening::Windows SuspectScreening::GrownWindows() const {
+  const int longest = static_cast<int>(std::lround(kLongScreenedSeconds / fits_.period_s()));
+  return {std::min(fits_.problem().fit.window, longest),
+          kFreedRows,
+          kFirstIterations,
+          kMostLongScreened,
+          false,
+          true,
+          fits_.ShortSteps()};
+}
+
+SuspectScreening::Windows SuspectScreening::LongWindows() const {
+  const int longest = static_cast<int>(std::lround(kLongScreenedSeconds / fits_.period_s()));
+  const int n_steps = std::max(std::min(fits_.problem().fit.window, longest),
+                               fits_.ReadingsOf(fits_.problem().factory).longest_age() + kFewestFreedSteps);
+  return {n_steps, std::max(kScreenedRows, kFewestLongWindows * n_steps), kLaterIterations, kMostLongScreened, true,
+          true};
+}
+
+std::vector<Suspect> SuspectScreening::Find(bool thoroughly) {
+  if (fits_.problem().factory.Suspects().empty()) return {};
+  if (fits_.problem().fit.errors_grow) {
+    // On clean logs short windows tell what long ones, over which effects bend, do not.
+    const Fit brief(fits_, ShortWindows());
+    return FindBy(LongWindows(), brief ? Scores(brief) : std::vector<Suspect>());
+  }
+  std::vector<Suspect> found = FindBy(ShortWindows());
+  return found.empty() && thoroughly ? FindBy(GrownWindows()) : found;
+}
+
+const VectorXd* SuspectScreening::FittedWith(const Suspect& suspect) const {
+  const auto fitted = fitted_.find(suspect.spec.name);
+  return fitted == fitted_.end() ? nullptr : &fitted->second;
+}
+
+/// @param more  by other windows, the surest first: those that they favour take up to half of the places
+std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vector<Suspect>& more) {
+  const Fit fit(fits_, by);
+  if (!fit) return {};
+  std::vector<Suspect> suspects = Scores(fit);
+  const auto undirected = std::ranges::stable_partition(suspects, IsDirected);
+  if (!by.asks_all) suspects.erase(undirected.begin(), undirected.end());
+  std::for_each(undirected.begin(), suspects.end(), [](Suspect& suspect) { suspect = Undirected(suspect.spec); });
+  AddFavoured(more, by.n_asked, suspects);
+  const auto n_asked = static_cast<int64_t>(suspects.size());
+  const auto tell = [&](int64_t n_done, const Suspect& suspect) {
+    fits_.problem().context.log->Progress("suspects", "asked", n_done, n_asked, suspect.spec.name);
+  };
+  for (int64_t k = 0; k < n_asked; ++k) {
+    Suspect& suspect = suspects[static_cast<size_t>(k)];
+    tell(k, suspect);
+    fitted_[suspect.spec.name] = fit.With(suspect);
+  }
+  if (n_asked > 0) tell(n_asked, suspects.back());
+  std::ranges::stable_sort(suspects, std::ranges::greater(), &Suspect::explains);
+  const double half = suspects.empty() ? 0 : suspects.front().explains / 2;
+  std::erase_if(suspects, [half](const Suspect& s) {
+    return !(s.explains > kFewestSureNats) || !IsNoticeable(s.spec, s.value, s.explains < half ? 1 : kLittle);
+  });
+  return suspects;
+}
+
+/// Each suspect and, where it is of several joints, drives or tendons, each of these alone; the surest first.
+std::vector<Suspect> SuspectScreening::Scores(const Fit& fit) const {
+  const SimulatorFactory& factory = fits_.problem().factory;
+  std::vector<Suspect> scored;
+  const auto score = [&](std::vector<ParameterSpec> specs) {
+    std::erase_if(specs, [&](const ParameterSpec& spec) { return IsOfReadingsLeftOut(spec, fit.readings()); });
+    const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : factory.With(specs);
+    if (wide == nullptr) return;
+    WindowReplayer every = fits_.Replayer(*wide, fit.readings());
+    std::ranges::move(ScoreSuspects(specs, *fit, every, fits_.problem().prior), std::back_inserter(scored));
+  };
+  const std::vector<ParameterSpec> wholes = factory.Suspects();
+  score(wholes);
+  std::vector<ParameterSpec> parts;
+  for (const ParameterSpec& whole : wholes) std::ranges::move(factory.PartsOf(whole), std::back_inserter(parts));
+  score(parts);
+  std::ranges::stable_sort(scored, std::ranges::greater(), &Suspect::explains);
+  return scored;
+}
+
+/// Whether it acts on readings alone that the fit leaves out: nothing tells of it.
+bool SuspectScreening::IsOfReadingsLeftOut(const ParameterSpec& spec, const ReadingModel& readings) const {
+  if (!IsChannelPath(spec.field)) return false;
+  const ChannelField field = ResolveChannel(fits_.problem().factory.spec(), spec.field);
+  return field.quantity != ChannelQuantity::kActionDelay &&
+         std::ranges::all_of(field.observations, [&](int c) { return readings.computed[static_cast<size_t>(c)] != 0; });
+}
+
+}  // namespace oted

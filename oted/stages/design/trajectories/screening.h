@@ -1,0 +1,38 @@
+#pragma once
+/// Which suspects the logs ask for: a score test of all, then a fit with each that it favours. Not in the paper.
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "oted/matching/fit_evidence.h"
+#include "oted/stages/design/trajectories/suspect_fits.h"
+
+namespace oted {
+
+class SuspectScreening {
+ public:
+  explicit SuspectScreening(const SuspectFits& fits) : fits_(fits) {}
+
+  /// The likeliest first. Where long windows took the place of short ones, those tell of little but noise.
+  /// @param thoroughly  as TrySuspects has it
+  std::vector<Suspect> Find(bool thoroughly);
+
+  /// x and the suspect's coordinate as the windows gave them; null where it was not screened.
+  const Eigen::VectorXd* FittedWith(const Suspect& suspect) const;
+
+ private:
+  struct Windows;
+  class Fit;
+  std::vector<Suspect> FindBy(const Windows& by, const std::vector<Suspect>& more = {});
+  Windows ShortWindows() const;
+  Windows GrownWindows() const;
+  Windows LongWindows() const;
+  std::vector<Suspect> Scores(const Fit& fit) const;
+  bool IsOfReadingsLeftOut(const ParameterSpec& spec, const ReadingModel& readings) const;
+
+  const SuspectFits& fits_;
+  std::map<std::string, Eigen::VectorXd> fitted_;
+};
+
+}  // namespace oted
