@@ -78,7 +78,8 @@ void WriteTask(std::ostream& out, const Proposal& proposal, const std::filesyste
   out << fmt::format("control_period = {:.10g}  # [s]\n", task.control_period);
   out << "observations = " << Toml(task.observations) << "\n";
   if (!task.unobserved.empty()) {
-    out << "unobserved = " << Toml(task.unobserved) << "  # not in the logs: they keep their start values\n";
+    out << "unobserved = " << Toml(task.unobserved)
+        << "  # not in the logs: they keep their start values, or follow by an equality\n";
   }
   if (!task.motors.empty()) out << "motors = " << Toml(task.motors) << "  # the model has no actuators\n";
   if (task.actions != plain.actions) out << "actions = " << Toml(task.actions) << "\n";

@@ -92,6 +92,7 @@ bool ModelRules::Determines(std::span<const double> observation) const {
 
 void ModelRules::SetState(std::span<const double> observation, const LaneState& state) const {
   Write(plan_->targets, observation, state);
+  for (const Follower& follower : plan_->followers) Follow(follower, state);
   // Logged quaternions are rounded.
   mj_normalizeQuat(plan_->model, state.qpos.data());
 }

@@ -12,6 +12,7 @@
 
 #include "oted/base/array2.h"
 #include "oted/sim/mujoco/expression.h"
+#include "oted/sim/mujoco/followers.h"
 #include "oted/sim/mujoco/observables.h"
 #include "oted/sim/mujoco/task_rules.h"
 
@@ -41,6 +42,7 @@ struct ModelPlan {
   std::vector<Element> observation;
   std::vector<Target> targets;                  ///< parallel to `observation`
   std::vector<Target> hidden;                   ///< parallel to the spec's hidden coordinates
+  std::vector<Follower> followers;              ///< of what is observed or hidden
   std::vector<std::array<int, 4>> quaternions;  ///< positions in the observation of those that are seen as a whole
   std::vector<Quantity> quantities;
   std::string reward, terminate;  ///< "" for none

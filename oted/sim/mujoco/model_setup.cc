@@ -198,6 +198,10 @@ class Builder {
     setup_.driven = DrivenActivations(model_, setup_.controls, [&](int act) {
       return known.contains({StatePart::kAct, act});
     });
+    plan_.followers = FollowersOf(model_, [&](int qpos) { return known.contains({StatePart::kQpos, qpos}); });
+    const auto follows = [&](const Observable& o) {
+      return std::ranges::any_of(plan_.followers, [&](const Follower& f) { return f.Sets(o.part, o.index); });
+    };
     for (const std::string& path : task_.unobserved) {
       const std::string what = At("unobserved", path);
       for (const Observable& o : ResolveObservable(model_, path, what)) {
@@ -206,7 +210,7 @@ class Builder {
                            ": wanted a coordinate of the state: joint/NAME/qpos, joint/NAME/qvel or "
                            "actuator/NAME/act");
         }
-        if (!known.insert({o.part, o.index}).second) {
+        if (!known.insert({o.part, o.index}).second && !follows(o)) {
           throw UsageError(fmt::format("{}: '{}' is observed, or listed twice; remove it here", what, o.name));
         }
       }
@@ -216,7 +220,7 @@ class Builder {
     for (const char* all : {"joint/*/qpos", "joint/*/qvel", "actuator/*/act"}) {
       if (all[0] == 'j' ? model_.njnt == 0 : model_.na == 0) continue;
       for (const Observable& o : ResolveObservable(model_, all, "")) {
-        if (known.contains({o.part, o.index}) || IsUnseenPlace(o)) continue;
+        if (known.contains({o.part, o.index}) || follows(o) || IsUnseenPlace(o)) continue;
         missing.push_back(o);
       }
     }

@@ -45,7 +45,9 @@ void CheckUnobserved(const MujocoSetup& setup, const ModelPlan& plan, MujocoSimu
     const auto is_it = [&](const ModelPlan::Target& t) {
       return t.part == part && t.index == static_cast<size_t>(index);
     };
-    return std::ranges::any_of(plan.targets, is_it) || std::ranges::any_of(plan.hidden, is_it);
+    const auto follows = [&](const Follower& follower) { return follower.Sets(part, index); };
+    return std::ranges::any_of(plan.targets, is_it) || std::ranges::any_of(plan.hidden, is_it) ||
+           std::ranges::any_of(plan.followers, follows);
   };
   const std::vector<double> before = FirstSteps(simulator, start);
   for (const char* all : {"joint/*/qpos", "joint/*/qvel"}) {
