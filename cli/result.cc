@@ -90,9 +90,10 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
     return p.verdict == ParameterVerdict::kWeak && (design.WasGrown(p.name) || !p.rests_on.empty());
   };
   if (!design.grown.empty() && std::ranges::any_of(design.parameters, is_doubted)) {
-    Print(
-        "weak: in place of what --grow added something else may be off (a body's mass, inertia, length and centre of "
-        "mass imitate each other)\n");
+    const bool is_of_body =
+        std::ranges::any_of(design.grown, [](const auto& g) { return g.spec.field.starts_with("body/"); });
+    Print("weak: in place of what --grow added something else may be off{}\n",
+          is_of_body ? " (a body's mass, inertia, length and centre of mass imitate each other)" : "");
     PrintConditions(design, ParameterVerdict::kWeak);
   }
   if (!FloorIsReached(design.verdict) && design.validation) {
@@ -183,7 +184,8 @@ void PrintSuspects(const DesignRecord& design) {
   }
   const bool may_grow =
       design.grown.empty() && std::ranges::none_of(design.parameters, [](const auto& p) { return EndsAtBound(p); });
-  if (has_line && may_grow) Print("  (--grow adds the best of these by itself, and begins again)\n");
+  if (has_line && may_grow)
+    Print("  (--grow adds the best of these by itself, and begins again: give it an --out of its own)\n");
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;
   if (design.fit->suspects.empty() && !ShowsNothing(design.validation->horizons))

@@ -77,9 +77,7 @@ void AddRounds(RunSetup& run, const Next& next) {
 
 template <class Next>
 void GrowBy(RunSetup& run, const Next& next) {
-  if (!run.grows()) return;
-  AddRounds(run, next);
-  for (const auto& [added, rival] : DisputedIn(run.growth)) run.context.log->Warning(RivalSentence(*added, *rival));
+  if (run.grows()) AddRounds(run, next);
 }
 
 }  // namespace
@@ -96,6 +94,7 @@ void Grow(RunSetup& run) {
   GrowBy(run, [&](int round) -> std::optional<GrowthRecord> {
     return OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
   });
+  for (const auto& [added, rival] : DisputedIn(run.growth)) run.context.log->Warning(RivalSentence(*added, *rival));
 }
 
 void TakeFinishedGrowth(RunSetup& run) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "oted/matching/verdict.h"
 #include "oted/run/verdict_sentence.h"
@@ -15,7 +16,8 @@ std::string ValueInWords(const ParameterSpec& spec, double value) {
   if (spec.IsMultiple()) {
     const bool is_of_model = spec.unit == ParameterSpec().unit;
     const std::string of = is_of_model ? "the model's value" : fmt::format("what '{}' gives", spec.unit.substr(2));
-    return fmt::format("{:.2g} times {}", value, of);
+    // 1.04, but 2.1.
+    return fmt::format("{:.{}g} times {}", value, std::abs(value - 1) < 0.1 ? 3 : 2, of);
   }
   const bool is_tilt = spec.field == "opt/gravity[0]" || spec.field == "opt/gravity[1]";
   return fmt::format("{:.2g}{}{}", value, spec.unit.empty() ? "" : " " + spec.unit,
@@ -47,8 +49,8 @@ std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Vali
 }  // namespace
 
 std::string ParameterLine(const ParameterSpec& spec) {
-  return fmt::format("{} = {{ field = \"{}\", range = [{:g}, {:g}]{}{} }}", spec.name, spec.field, spec.low, spec.high,
-                     spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",
+  return fmt::format("{} = {{ field = {}, range = [{:g}, {:g}]{}{} }}", spec.name, nlohmann::json(spec.field).dump(),
+                     spec.low, spec.high, spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",
                      spec.logarithmic ? ", log = true" : "");
 }
 

@@ -106,14 +106,12 @@ std::vector<ParameterSpec> ChannelSimulatorFactory::Suspects() const {
   if (suspects.empty()) return suspects;
   std::erase_if(suspects, [](const ParameterSpec& suspect) { return IsChannelPath(suspect.field); });
   std::ranges::move(ChannelSuspects(plant_->spec(), setup_->space), std::back_inserter(suspects));
-  for (ParameterSpec& suspect : suspects) suspect.name = SuspectName(suspect.name, setup_->space);
+  NameApart(suspects, setup_->space);
   return suspects;
 }
 
 std::vector<ParameterSpec> ChannelSimulatorFactory::PartsOf(const ParameterSpec& suspect) const {
-  std::vector<ParameterSpec> parts = plant_->PartsOf(suspect);
-  for (ParameterSpec& part : parts) part.name = SuspectName(part.name, setup_->space);
-  return parts;
+  return plant_->PartsOf(suspect);
 }
 
 std::unique_ptr<SimulatorFactory> ChannelSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {

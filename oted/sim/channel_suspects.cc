@@ -8,7 +8,6 @@
 
 #include "oted/base/error.h"
 #include "oted/sim/channel_path.h"
-#include "oted/sim/suspect_name.h"
 
 namespace oted {
 namespace {
@@ -19,10 +18,8 @@ constexpr double kFarthest = 0.3;         // [rad], [m]: of a sensor's zero
 constexpr size_t kMostLatePositions = 16;
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
 
-ParameterSpec Spec(const std::string& name, const std::string& path, double low, double high,
-                   const ParameterSpace& searched) {
-  return {
-      .name = SuspectName(name, searched), .field = path, .low = low, .high = high, .scale = ParameterScale::kAbsolute};
+ParameterSpec Spec(const std::string& name, const std::string& path, double low, double high) {
+  return {.name = name, .field = path, .low = low, .high = high, .scale = ParameterScale::kAbsolute};
 }
 
 /// Observations in metres or radians, by name.
@@ -40,16 +37,16 @@ std::vector<std::string> PositionsOf(const SimulatorSpec& spec) {
 std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const ParameterSpace& searched) {
   if (spec.observation_shape.size() != 1 || spec.n_discrete_actions > 0 || !(spec.control_period_s > 0)) return {};
   const double longest = std::max(kLongest, std::ceil(kLongestSeconds / spec.control_period_s));
-  std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, longest, searched)};
-  candidates.push_back(Spec("rates_delay", kRates, 0, kLongest, searched));
+  std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, longest)};
+  candidates.push_back(Spec("rates_delay", kRates, 0, kLongest));
   const std::vector<std::string> positions = PositionsOf(spec);
   for (const std::string& name : positions) {
-    candidates.push_back(Spec(name + "_bias", fmt::format("obs/{}/bias", name), -kFarthest, kFarthest, searched));
+    candidates.push_back(Spec(name + "_bias", fmt::format("obs/{}/bias", name), -kFarthest, kFarthest));
   }
   // All of them late is an action's delay, one alone is none: a camera beside an encoder.
   if (positions.size() > 1 && positions.size() <= kMostLatePositions) {
     for (const std::string& name : positions) {
-      candidates.push_back(Spec(name + "_delay", fmt::format("obs/{}/delay", name), 0, kLongest, searched));
+      candidates.push_back(Spec(name + "_delay", fmt::format("obs/{}/delay", name), 0, kLongest));
     }
   }
   std::vector<ChannelField> taken;

@@ -1,6 +1,7 @@
 #include "oted/sim/parameter_space.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -55,7 +56,9 @@ void ParameterSpec::Check() const {
   }
 }
 
-std::string UnitOfMultiple(const std::string& other) { return "x " + other; }
+std::string UnitOfMultiple(const std::vector<std::string>& others) {
+  return others.empty() ? ParameterSpec().unit : fmt::format("x {}", fmt::join(others, " x "));
+}
 
 std::vector<std::string> TiedPaths(const std::string& field) {
   constexpr std::string_view kTie = " + ";

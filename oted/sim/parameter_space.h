@@ -40,8 +40,8 @@ struct ParameterSpec {
   void Check() const;
 };
 
-/// "x damping": of a multiple of what another parameter gives.
-std::string UnitOfMultiple(const std::string& other);
+/// "x damping": of a multiple of what other parameters give; "x nominal" without them.
+std::string UnitOfMultiple(const std::vector<std::string>& others);
 
 /// The paths that a field ties together: "body/hand/mass + body/hand/inertia" names two.
 std::vector<std::string> TiedPaths(const std::string& field);

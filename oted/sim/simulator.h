@@ -194,7 +194,7 @@ class SimulatorFactory {
   /// What else is often off in such a simulator, in multiples of nominal: parameters that touch nothing that its own
   /// ones do. None where it does not know.
   virtual std::vector<ParameterSpec> Suspects() const { return {}; }
-  /// Of one of Suspects, each joint, drive or tendon alone, where it is of several.
+  /// Of one of Suspects, each joint, drive or tendon alone, where it is of several. Others may have the same names.
   virtual std::vector<ParameterSpec> PartsOf(const ParameterSpec& /*suspect*/) const { return {}; }
   /// The same simulator with further parameters after its own; null where it cannot have any.
   virtual std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& /*more*/) const { return nullptr; }

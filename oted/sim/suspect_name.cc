@@ -1,7 +1,7 @@
 #include "oted/sim/suspect_name.h"
 
-#include <algorithm>
 #include <cctype>
+#include <set>
 #include <utility>
 
 namespace oted {
@@ -13,10 +13,16 @@ std::string BareKey(std::string name) {
   return name;
 }
 
-std::string SuspectName(std::string wanted, const ParameterSpace& searched) {
-  wanted = BareKey(std::move(wanted));
-  while (std::ranges::find(searched.specs(), wanted, &ParameterSpec::name) != searched.specs().end()) wanted += '_';
-  return wanted;
+void NameApart(std::vector<ParameterSpec>& suspects, const ParameterSpace& searched,
+               const std::vector<ParameterSpec>& others) {
+  std::set<std::string> taken;
+  for (const auto& specs : {searched.specs(), others}) {
+    for (const ParameterSpec& spec : specs) taken.insert(spec.name);
+  }
+  for (ParameterSpec& suspect : suspects) {
+    suspect.name = BareKey(std::move(suspect.name));
+    while (!taken.insert(suspect.name).second) suspect.name += '_';
+  }
 }
 
 }  // namespace oted

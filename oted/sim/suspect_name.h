@@ -2,6 +2,7 @@
 /// Names of what may be freed.
 
 #include <string>
+#include <vector>
 
 #include "oted/sim/parameter_space.h"
 
@@ -10,8 +11,9 @@ namespace oted {
 /// A name as [parameters] has it without quotes: other characters become underscores.
 std::string BareKey(std::string name);
 
-/// `wanted` as a bare key of a parameter file, and with an underscore behind it where a searched parameter has that
-/// name.
-std::string SuspectName(std::string wanted, const ParameterSpace& searched);
+/// Makes names bare keys of a parameter file, and puts underscores behind those that a searched parameter, one of
+/// `others` or one before them has.
+void NameApart(std::vector<ParameterSpec>& suspects, const ParameterSpace& searched,
+               const std::vector<ParameterSpec>& others = {});
 
 }  // namespace oted

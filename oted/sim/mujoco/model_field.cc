@@ -304,6 +304,14 @@ bool SharePlace(const ModelField& a, const ModelField& b) {
   return std::ranges::any_of(a.indices, [&](int i) { return std::ranges::binary_search(b.indices, i); });
 }
 
+Places PlacesOf(const std::vector<ModelField>& fields) {
+  Places places;
+  for (const ModelField& field : fields) {
+    for (const int index : field.indices) places.emplace(field.array, index);
+  }
+  return places;
+}
+
 double BoundingRadius(int geom_type, const double* size, double otherwise) {
   switch (geom_type) {
     case mjGEOM_SPHERE:

@@ -14,7 +14,9 @@
 
 #include <mujoco/mujoco.h>
 
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "oted/sim/parameter_space.h"
@@ -39,6 +41,10 @@ std::vector<ModelField> ResolvePath(const mjModel& model, const std::string& pat
 
 /// Whether both write some number.
 bool SharePlace(const ModelField& a, const ModelField& b);
+
+/// The numbers that all of these write: array and index.
+using Places = std::set<std::pair<std::string, int>>;
+Places PlacesOf(const std::vector<ModelField>& fields);
 
 /// The radius of the sphere around a geom's centre that contains it, as MuJoCo's compiler computes geom_rbound, for the
 /// shapes that geom_size alone describes; `otherwise` for planes, meshes and height fields. `size` has 3 numbers [m].

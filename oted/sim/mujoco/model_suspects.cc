@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <set>
 #include <string>
 #include <utility>
 
@@ -13,7 +12,6 @@
 #include "oted/sim/mujoco/model_field.h"
 #include "oted/sim/mujoco/model_scale.h"
 #include "oted/sim/mujoco/object_path.h"
-#include "oted/sim/suspect_name.h"
 
 namespace oted {
 namespace {
@@ -137,16 +135,6 @@ std::vector<SuspectedField> OneByOne(const mjModel& model, const SuspectedField&
   return each;
 }
 
-using Places = std::set<std::pair<std::string, int>>;
-
-Places PlacesOf(const std::vector<ModelField>& fields) {
-  Places places;
-  for (const ModelField& field : fields) {
-    for (const int index : field.indices) places.emplace(field.array, index);
-  }
-  return places;
-}
-
 /// What is searched, and which numbers of the model.
 struct Searched {
   const ParameterSpec& spec;
@@ -200,12 +188,14 @@ class Suspecting {
     const auto fields = FieldsOf(model_, place, spec);
     if (!fields) return false;
     const Places places = PlacesOf(*fields);
+    std::vector<std::string> multiplied;
     for (const Searched& searched : searched_) {
       if (!searched.Has(places)) continue;
       if (!searched.LeavesPart(spec, places)) return false;
-      spec.unit = UnitOfMultiple(searched.spec.name);
+      multiplied.push_back(searched.spec.name);
     }
-    spec.name = SuspectName(place.name, space_);
+    if (!multiplied.empty()) spec.unit = UnitOfMultiple(multiplied);
+    spec.name = place.name;
     suspects.push_back(spec);
     return true;
   }

@@ -10,6 +10,7 @@
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/sim/mujoco/model.h"
+#include "oted/sim/mujoco/model_task.h"
 #include "oted/sim/mujoco/mujoco_simulator_factory.h"
 
 namespace oted::model_suspects_test {
@@ -94,6 +95,40 @@ TEST(ModelSuspects, OfWhatIsSearchedOfAllJointsEachAloneMultipliesWhatThatGives)
                                                      .high = 2,
                                                      .scale = ParameterScale::kAbsolute}});
   EXPECT_EQ(With(values.Suspects(), "joint/leg_joint/frictionloss"), nullptr) << "a value is not to be multiplied";
+}
+
+TEST(ModelSuspects, HaveNamesThatDifferWhereThoseOfTheModelHardlyDo) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "names.xml", R"(<mujoco>
+    <worldbody><body><joint name="j 1" axis="0 1 0" damping="1"/><geom size="0.1 0.1" type="capsule"/>
+      <body name="body1" pos="0 0 1"><joint name="j_1" axis="0 1 0" damping="1"/><geom size="0.1 0.1" type="capsule"/>
+        <body name="腰" pos="0 0 1"><joint name="a_tendon" axis="0 1 0" damping="1"/><geom size="0.1 0.1" type="capsule"/>
+    </body></body></body></worldbody>
+    <tendon><fixed name="a" damping="1"><joint joint="j_1" coef="1"/></fixed></tendon>
+    <actuator><motor joint="j 1" ctrlrange="-1 1"/></actuator>
+  </mujoco>)");
+  ModelTask task;
+  task.name = "names";
+  task.model = folder / "names.xml";
+  task.control_period = 0.01;
+  task.observations = {"joint/*/qpos", "joint/*/qvel"};
+  task.actions = {"actuator/*"};
+  const MujocoSimulatorFactory factory(task, {});
+  EXPECT_NE(factory.With(factory.Suspects()), nullptr);
+}
+
+TEST(ModelSuspects, OneThatSharesSomeNumbersWithWhatIsSearchedIsNoPartOfIt) {
+  const auto units = [](const std::string& one, const std::string& other) {
+    const MujocoSimulatorFactory factory("Hopper-v5",
+                                         {{.name = "one", .field = one}, {.name = "other", .field = other}});
+    return std::vector{factory.parameters()[0].unit, factory.parameters()[1].unit};
+  };
+  const std::string knee = "joint/leg_joint/damping", hip = "joint/thigh_joint/damping",
+                    foot = "joint/foot_joint/damping";
+  EXPECT_THAT(units("joint/*/damping", knee), ElementsAre("x nominal", "x one"));
+  EXPECT_THAT(units(knee, "joint/*/damping"), ElementsAre("x other", "x nominal"));
+  EXPECT_THAT(units(knee + " + " + hip, knee + " + " + foot), ElementsAre("x nominal", "x nominal"));
+  EXPECT_THAT(units(knee, knee), ElementsAre("x nominal", "x one"));
 }
 
 TEST(ModelSuspects, HavePartsWhereTheyAreOfSeveralObjects) {

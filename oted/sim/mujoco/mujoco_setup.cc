@@ -73,23 +73,31 @@ std::string CommonPlace(const ModelField& a, const ModelField& b) {
   return a.array;
 }
 
-// Multiples of one place multiply each other, and the narrower is one of what the wider gives. With a value there the
-// result would depend on their order.
-void CheckShared(std::vector<ParameterSpec>& specs, const std::vector<ModelField>& fields) {
+// Multiples of one place multiply each other. With a value there the result would depend on their order.
+void CheckShared(const std::vector<ParameterSpec>& specs, const std::vector<ModelField>& fields) {
   for (size_t i = 0; i < fields.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
+      const ParameterSpec &one = specs[fields[j].parameter], &other = specs[fields[i].parameter];
+      if (one.IsMultiple() && other.IsMultiple()) continue;
       if (fields[i].parameter == fields[j].parameter || !SharePlace(fields[i], fields[j])) continue;
-      ParameterSpec &one = specs[fields[j].parameter], &other = specs[fields[i].parameter];
-      if (!one.IsMultiple() || !other.IsMultiple()) {
-        throw UsageError(
-            fmt::format("parameters '{}' ({}) and '{}' ({}) both set {}; narrow one of the paths, or make "
-                        "both multiples of nominal",
-                        one.name, one.field, other.name, other.field, CommonPlace(fields[i], fields[j])));
-      }
-      if (one.is_known || other.is_known) continue;
-      const bool is_narrower = fields[j].indices.size() < fields[i].indices.size();
-      (is_narrower ? one : other).unit = UnitOfMultiple((is_narrower ? other : one).name);
+      throw UsageError(
+          fmt::format("parameters '{}' ({}) and '{}' ({}) both set {}; narrow one of the paths, or make "
+                      "both multiples of nominal",
+                      one.name, one.field, other.name, other.field, CommonPlace(fields[i], fields[j])));
     }
+  }
+}
+
+/// A multiple of which every number is another one's too is one of what that gives. Of two alike the later is.
+void NameWhatIsMultiplied(const std::vector<Places>& places, std::vector<ParameterSpec>& specs) {
+  for (size_t i = 0; i < specs.size(); ++i) {
+    std::vector<std::string> multiplied;
+    for (size_t j = 0; j < specs.size(); ++j) {
+      if (i == j || !specs[j].IsMultiple() || specs[j].is_known) continue;
+      const bool is_wider = places[j].size() > places[i].size() || (places[j] == places[i] && j < i);
+      if (is_wider && std::ranges::includes(places[j], places[i])) multiplied.push_back(specs[j].name);
+    }
+    if (specs[i].IsMultiple() && !specs[i].is_known) specs[i].unit = UnitOfMultiple(multiplied);
   }
 }
 
@@ -110,13 +118,17 @@ double StepWeight(const mjModel& model) {
 }
 
 void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup) {
+  std::vector<Places> places;
   for (size_t i = 0; i < specs.size(); ++i) {
-    for (ModelField& field : ResolveParameter(*setup.loaded.model, specs[i])) {
+    std::vector<ModelField> fields = ResolveParameter(*setup.loaded.model, specs[i]);
+    places.push_back(PlacesOf(fields));
+    for (ModelField& field : fields) {
       field.parameter = i;
       setup.fields.push_back(std::move(field));
     }
   }
   CheckShared(specs, setup.fields);
+  NameWhatIsMultiplied(places, specs);
   setup.space = ParameterSpace(std::move(specs));
   // Bounding boxes are not kept up to date with sizes; without the middle phase nothing reads them.
   if (std::ranges::any_of(setup.fields, [](const ModelField& f) { return f.array == "geom_size"; })) {

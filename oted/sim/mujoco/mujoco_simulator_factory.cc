@@ -15,6 +15,7 @@
 #include "oted/sim/mujoco/model_suspects.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
 #include "oted/sim/mujoco/render.h"
+#include "oted/sim/suspect_name.h"
 
 namespace oted {
 
@@ -53,6 +54,7 @@ PathInfo MujocoSimulatorFactory::Describe(const std::string& path) const {
 std::vector<ParameterSpec> MujocoSimulatorFactory::Suspects() const {
   std::vector<ParameterSpec> suspects = ModelSuspects(*setup_->loaded.model, setup_->space);
   std::ranges::move(ChannelSuspects(setup_->spec, setup_->space), std::back_inserter(suspects));
+  NameApart(suspects, setup_->space);
   return suspects;
 }
 

@@ -28,11 +28,12 @@ struct FreedProblem {
 /// alone: what one explains, another often explains nearly as well.
 ///
 /// Which are likely. The parameters are fitted to short windows (some 0.06 s, four to eight steps) of the logs that
-/// were not kept aside. A score test there favours eight suspects. Each is fitted with the parameters to the same
-/// windows. Those that make the windows likelier beyond chance, and whose value is noticeable, are ranked by how much.
-/// If there are none, windows that grow from the short ones to a quarter second are fitted with each of a dozen; not if
-/// `n` is 0, as it takes long. Where the design took long windows, windows of up to a quarter second are fitted with
-/// each of a dozen, and short ones are not asked.
+/// were not kept aside. A score test there asks each suspect, and of those that are of several joints, drives, tendons
+/// or bodies each of these. The eight that it favours, and parts that stand out, are fitted with the parameters to the
+/// same windows. Those that make the windows likelier beyond chance, and whose value is noticeable, are ranked by how
+/// much. If there are none, windows that grow from the short ones to a quarter second are fitted with each of a dozen;
+/// not if `n` is 0, as it takes long. Where the design took long windows, windows of up to a quarter second are fitted
+/// with each of a dozen, and with those that stand out in short ones.
 ///
 /// What they are worth. The first `n` are fitted with the parameters, from where the design ended, to windows of 0.1 to
 /// 0.5 s, as long as the design's. Each such fit and the design without the suspect predict the part that was kept

@@ -82,16 +82,18 @@ MatrixXd LevelFit::CovarianceOfParts() {
   return estimate.covariance + estimate.step * estimate.step.transpose();  // about x, not about the estimate
 }
 
-MatrixXd LevelFit::CovarianceOfNoise() const {
-  if (sensor_variance_.size() == 0) {
+MatrixXd LevelFit::CovarianceOfNoise(const VectorXd& largest_noise) const {
+  const VectorXd& found = sensor_variance_.size() > 0 ? sensor_variance_ : variance_;
+  const VectorXd noise = found.cwiseMin(largest_noise.cwiseAbs2());
+  if (sensor_variance_.size() == 0 && noise == found) {
     return EstimateFromStretches(Evidence(linear_, x_.size()), x_, prior_).inverse_information;
   }
-  // The weights are those of errors that grow, what is asked is how far sensors alone move the x that they lead to:
-  // the simulator's own errors are none of the noise's doing.
+  // The weights are those of the simulator's errors as well. What is asked is how far sensors alone move the x that
+  // they lead to.
   const VectorXd precision = Likelihood().precision();
   const Eigen::Index n_unread = replayer_.readings().n_unread();
   VectorXd variance(precision.size());
-  variance << sensor_variance_.replicate(n_steps() + 1, 1), precision.tail(n_unread).cwiseInverse();
+  variance << noise.replicate(n_steps() + 1, 1), precision.tail(n_unread).cwiseInverse();
   const std::vector<NormalEquations> equations = Equations(linear_);
   MatrixXd information = readings_per_error_ * prior_.precision;
   MatrixXd of_noise = MatrixXd::Zero(x_.size(), x_.size());

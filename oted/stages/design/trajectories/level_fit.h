@@ -88,8 +88,9 @@ class LevelFit {
   /// predicts, and stays. @return the covariance of x
   Eigen::MatrixXd CovarianceOfParts();
   /// Behind Finish or CovarianceOfParts: the covariance of x as far as the sensors' noise makes it. Where errors grow,
-  /// the simulator's errors have no part in it.
-  Eigen::MatrixXd CovarianceOfNoise() const;
+  /// the simulator's errors have no part in it; nor has what sensors surely do not err by.
+  /// @param largest_noise  (obs_dim): that, as standard deviations (LargestNoise)
+  Eigen::MatrixXd CovarianceOfNoise(const Eigen::VectorXd& largest_noise) const;
   /// What each stretch of the log says of x and, behind it, of the parameters that `wider` has after those of x. By the
   /// secants of Finish, and by one step of each of these.
   /// @param nominal, moved  their z before the step, and after it

@@ -174,7 +174,7 @@ Noisy FitNoisy(double noise, uint64_t seed) {
   fit.LetErrorsGrow(sensor.cwiseAbs2());
   for (int i = 0; i < 12; ++i) fit.Step();
   const double of_parts = std::sqrt(fit.CovarianceOfParts()(0, 0));
-  return {fit.x()[0], std::sqrt(fit.CovarianceOfNoise()(0, 0)), of_parts};
+  return {fit.x()[0], std::sqrt(fit.CovarianceOfNoise(2 * sensor)(0, 0)), of_parts};
 }
 
 TEST(LevelFit, WhereErrorsGrowTheCovarianceOfNoiseIsHowFarNoiseAloneMovesX) {

@@ -5,11 +5,14 @@
 #include <functional>
 #include <iterator>
 #include <memory>
+#include <set>
 #include <span>
+#include <string>
 #include <utility>
 
 #include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
+#include "oted/sim/suspect_name.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/suspects.h"
@@ -22,8 +25,7 @@ using Eigen::VectorXd;
 constexpr int kScreenedRows = 960;
 constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
-constexpr size_t kMostScreened = 8, kMostLongScreened = 12;
-constexpr double kLittle = 0.2;  // of what is noticeable, where windows become much likelier by it
+constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4;
 
 /// One that no score favours, and where its fit begins.
 Suspect Undirected(const ParameterSpec& spec) {
@@ -31,23 +33,59 @@ Suspect Undirected(const ParameterSpec& spec) {
   return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal};
 }
 
-bool Has(std::span<const Suspect> suspects, const Suspect& one) {
-  return std::ranges::any_of(suspects, [&](const Suspect& suspect) { return suspect.spec.field == one.spec.field; });
+/// Whether one of `others` has one of its paths: a mass, and that mass with the inertia.
+bool SharesPath(const Suspect& one, const std::vector<Suspect>& others) {
+  const std::vector<std::string> paths = TiedPaths(one.spec.field);
+  return std::ranges::any_of(others, [&](const Suspect& other) {
+    return std::ranges::any_of(TiedPaths(other.spec.field),
+                               [&](const std::string& path) { return std::ranges::find(paths, path) != paths.end(); });
+  });
 }
 
-/// `suspects` cut to the first n, of which the last half is left to those of `more` that a score favours.
-void AddFavoured(const std::vector<Suspect>& more, size_t n, std::vector<Suspect>& suspects) {
-  const auto first_half = std::span(suspects).first(std::min(suspects.size(), n / 2));
-  std::vector<Suspect> added;
-  for (const Suspect& suspect : more) {
-    if (added.size() < n / 2 && IsDirected(suspect) && !Has(first_half, suspect)) added.push_back(suspect);
+/// The first n of which no two share a path.
+std::vector<Suspect> FirstApart(const std::vector<Suspect>& suspects, size_t n) {
+  std::vector<Suspect> first;
+  for (const Suspect& suspect : suspects) {
+    if (first.size() < n && !SharesPath(suspect, first)) first.push_back(suspect);
   }
-  std::erase_if(suspects, [&](const Suspect& suspect) { return Has(added, suspect); });
-  suspects.resize(std::min(suspects.size(), n - added.size()));
-  std::ranges::move(added, std::back_inserter(suspects));
+  return first;
 }
+
+/// Of what "body/foot/mass" and "body/leg/mass + body/leg/inertia" are: "body", "mass".
+std::pair<std::string, std::string> KindOf(const Suspect& suspect) {
+  const std::string path = TiedPaths(suspect.spec.field).front();
+  return {path.substr(0, path.find('/')), path.substr(path.rfind('/') + 1)};
+}
+
+/// As no score tells them apart, one of a kind.
+void AddUndirected(std::span<const Suspect> undirected, std::vector<Suspect>& suspects) {
+  std::set<std::pair<std::string, std::string>> kinds;
+  for (const Suspect& suspect : undirected) {
+    if (kinds.insert(KindOf(suspect)).second) suspects.push_back(Undirected(suspect.spec));
+  }
+}
+
+/// Of one joint, drive, tendon or body, where what all of them have is searched.
+bool IsPart(const ParameterSpec& spec) { return spec.IsMultiple() && spec.unit != ParameterSpec().unit; }
 
 }  // namespace
+
+/// The surest first.
+struct SuspectScreening::Scored {
+  std::vector<Suspect> wholes, parts;
+
+  /// Those that stand out: favoured, and by half as much at least as the surest of all. There are many parts, and of
+  /// many some seem likely by chance.
+  std::vector<Suspect> Outstanding() const {
+    std::vector<Suspect> all = wholes;
+    all.insert(all.end(), parts.begin(), parts.end());
+    std::ranges::stable_sort(all, std::ranges::greater(), &Suspect::explains);
+    std::erase_if(all, [least = all.empty() ? 0 : all.front().explains / 2](const Suspect& suspect) {
+      return !IsDirected(suspect) || suspect.explains < least;
+    });
+    return FirstApart(all, kMostOutstanding);
+  }
+};
 
 /// That suspects are screened by.
 struct SuspectScreening::Windows {
@@ -76,7 +114,12 @@ class SuspectScreening::Fit {
     const int begins = by.begins > 0 ? by.begins : by.n_steps;
     fit_ = FitGrowing(GrowingWindows(alone_, fits.parts().learn, begins, by.n_steps, by.n_rows, fits.period_s()),
                       fits.x(), by.n_steps, kFewestFreedWindows, make, [this](LevelFit& fit, bool) { Descend(fit); });
-    if (fit_ != nullptr) cost_ = fit_->FinalCost();
+    if (fit_ == nullptr) return;
+    fit_->FinalCost();
+    // Fits with a suspect go on from here: what as many steps gain without one no suspect explains.
+    const std::unique_ptr<LevelFit> without = make(fit_->level(), fit_->x());
+    Descend(*without);
+    cost_ = without->FinalCost();
   }
 
   /// Whether there are windows enough.
@@ -142,7 +185,7 @@ std::vector<Suspect> SuspectScreening::Find(bool thoroughly) {
   if (fits_.problem().fit.errors_grow) {
     // On clean logs short windows tell what long ones, over which effects bend, do not.
     const Fit brief(fits_, ShortWindows());
-    return FindBy(LongWindows(), brief ? Scores(brief) : std::vector<Suspect>());
+    return FindBy(LongWindows(), brief ? Score(brief).Outstanding() : std::vector<Suspect>());
   }
   std::vector<Suspect> found = FindBy(ShortWindows());
   return found.empty() && thoroughly ? FindBy(GrownWindows()) : found;
@@ -153,15 +196,21 @@ const VectorXd* SuspectScreening::FittedWith(const Suspect& suspect) const {
   return fitted == fitted_.end() ? nullptr : &fitted->second;
 }
 
-/// @param more  by other windows, the surest first: those that they favour take up to half of the places
-std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vector<Suspect>& more) {
+/// @param outstanding  by other windows: fitted as well
+std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vector<Suspect>& outstanding) {
   const Fit fit(fits_, by);
   if (!fit) return {};
-  std::vector<Suspect> suspects = Scores(fit);
-  const auto undirected = std::ranges::stable_partition(suspects, IsDirected);
-  if (!by.asks_all) suspects.erase(undirected.begin(), undirected.end());
-  std::for_each(undirected.begin(), suspects.end(), [](Suspect& suspect) { suspect = Undirected(suspect.spec); });
-  AddFavoured(more, by.n_asked, suspects);
+  Scored scored = Score(fit);
+  const auto undirected = std::ranges::stable_partition(scored.wholes, IsDirected);
+  std::vector<Suspect> favoured(scored.wholes.begin(), undirected.begin());
+  if (by.asks_all) AddUndirected(undirected, favoured);
+  std::vector<Suspect> suspects = FirstApart(favoured, by.n_asked);
+  for (const auto& more : {scored.Outstanding(), outstanding}) {
+    for (const Suspect& suspect : more) {
+      const auto is_it = [&](const Suspect& other) { return other.spec.field == suspect.spec.field; };
+      if (std::ranges::none_of(suspects, is_it)) suspects.push_back(suspect);
+    }
+  }
   const auto n_asked = static_cast<int64_t>(suspects.size());
   const auto tell = [&](int64_t n_done, const Suspect& suspect) {
     fits_.problem().context.log->Progress("suspects", "asked", n_done, n_asked, suspect.spec.name);
@@ -173,30 +222,32 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
   }
   if (n_asked > 0) tell(n_asked, suspects.back());
   std::ranges::stable_sort(suspects, std::ranges::greater(), &Suspect::explains);
-  const double half = suspects.empty() ? 0 : suspects.front().explains / 2;
-  std::erase_if(suspects, [half](const Suspect& s) {
-    return !(s.explains > kFewestSureNats) || !IsNoticeable(s.spec, s.value, s.explains < half ? 1 : kLittle);
-  });
+  std::erase_if(suspects,
+                [](const Suspect& s) { return !(s.explains > kFewestSureNats) || !IsNoticeable(s.spec, s.value); });
   return suspects;
 }
 
-/// Each suspect and, where it is of several joints, drives or tendons, each of these alone; the surest first.
-std::vector<Suspect> SuspectScreening::Scores(const Fit& fit) const {
+/// Each suspect and, where it is of several joints, drives, tendons or bodies, each of these alone.
+SuspectScreening::Scored SuspectScreening::Score(const Fit& fit) const {
   const SimulatorFactory& factory = fits_.problem().factory;
-  std::vector<Suspect> scored;
-  const auto score = [&](std::vector<ParameterSpec> specs) {
+  Scored scored;
+  const auto score = [&](std::vector<ParameterSpec> specs, std::vector<Suspect>& into) {
     std::erase_if(specs, [&](const ParameterSpec& spec) { return IsOfReadingsLeftOut(spec, fit.readings()); });
     const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : factory.With(specs);
     if (wide == nullptr) return;
     WindowReplayer every = fits_.Replayer(*wide, fit.readings());
-    std::ranges::move(ScoreSuspects(specs, *fit, every, fits_.problem().prior), std::back_inserter(scored));
+    for (Suspect& suspect : ScoreSuspects(specs, *fit, every, fits_.problem().prior)) {
+      (IsPart(suspect.spec) ? scored.parts : into).push_back(std::move(suspect));
+    }
   };
   const std::vector<ParameterSpec> wholes = factory.Suspects();
-  score(wholes);
+  score(wholes, scored.wholes);
   std::vector<ParameterSpec> parts;
   for (const ParameterSpec& whole : wholes) std::ranges::move(factory.PartsOf(whole), std::back_inserter(parts));
-  score(parts);
-  std::ranges::stable_sort(scored, std::ranges::greater(), &Suspect::explains);
+  NameApart(parts, factory.parameters(), wholes);
+  score(parts, scored.parts);
+  std::ranges::stable_sort(scored.wholes, std::ranges::greater(), &Suspect::explains);
+  std::ranges::stable_sort(scored.parts, std::ranges::greater(), &Suspect::explains);
   return scored;
 }
 

@@ -23,12 +23,13 @@ class SuspectScreening {
 
  private:
   struct Windows;
+  struct Scored;
   class Fit;
-  std::vector<Suspect> FindBy(const Windows& by, const std::vector<Suspect>& more = {});
+  std::vector<Suspect> FindBy(const Windows& by, const std::vector<Suspect>& outstanding = {});
   Windows ShortWindows() const;
   Windows GrownWindows() const;
   Windows LongWindows() const;
-  std::vector<Suspect> Scores(const Fit& fit) const;
+  Scored Score(const Fit& fit) const;
   bool IsOfReadingsLeftOut(const ParameterSpec& spec, const ReadingModel& readings) const;
 
   const SuspectFits& fits_;

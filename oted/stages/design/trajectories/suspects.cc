@@ -20,7 +20,7 @@ constexpr double kDirected = 2.0;      // standard deviations
 constexpr double kAsked = 3.0;         // the same, where some thirty are asked at once: few are by chance
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
-constexpr double kNoticeableLog = 0.1, kNoticeableShare = 0.02;
+constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableShare = 0.02;
 constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
 constexpr double kOff = 0.1;           // of conditions: of a multiple, of the range of a value
 constexpr size_t kMostConditions = 3;  // of each parameter
@@ -173,9 +173,10 @@ Prior WithOneMore(const Prior& prior, double mean) {
   return Prior::Gaussian(means, covariance);
 }
 
-bool IsNoticeable(const ParameterSpec& spec, double z, double share) {
-  if (spec.IsMultiple()) return std::abs(std::log(z)) > share * kNoticeableLog;
-  return std::abs(z - spec.nominal) > share * kNoticeableShare * (spec.high - spec.low);
+bool IsNoticeable(const ParameterSpec& spec, double z) {
+  const bool is_length = spec.field.ends_with("/pos") || spec.field.ends_with("/ipos");
+  if (spec.IsMultiple()) return std::abs(std::log(z)) > (is_length ? kNoticeableLength : kNoticeableLog);
+  return std::abs(z - spec.nominal) > kNoticeableShare * (spec.high - spec.low);
 }
 
 bool IsDirected(const Suspect& scored) {

@@ -16,9 +16,9 @@ Prior WithOneMore(const Prior& prior, double mean);
 /// Whether a score favours it, by two standard deviations.
 bool IsDirected(const Suspect& scored);
 
-/// Whether z is far enough from nominal to matter: a multiple by a tenth, a value by a fiftieth of its range.
-/// @param share  of that
-bool IsNoticeable(const ParameterSpec& spec, double z, double share = 1);
+/// Whether z is far enough from nominal to matter: a multiple by a tenth, that of a length by a fiftieth, a value by a
+/// fiftieth of its range. Of strengths and frictions a few per cent are as often the trace of something else.
+bool IsNoticeable(const ParameterSpec& spec, double z);
 
 /// A score test of each of `specs` in turn: one Newton step on it and on x together, from what the windows' derivatives
 /// say (as LevelFit::Finish). Those that no window depends on are left out, such as a contact's stiffness where nothing

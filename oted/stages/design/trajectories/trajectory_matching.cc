@@ -11,6 +11,7 @@
 #include "oted/matching/held_out.h"
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/kept_aside.h"
+#include "oted/stages/design/replay/noise_bound.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/level_fit.h"
@@ -204,7 +205,7 @@ class TrajectoryMatch {
     unseen.z = ToZ(space_, *of_part_);
     // The part has fewer rows than what the covariance is of.
     const double times_fewer = std::max(1.0, evidence_.rows / static_cast<double>(rows_of_part_));
-    const MatrixXd covariance = times_fewer * fit().CovarianceOfNoise();
+    const MatrixXd covariance = times_fewer * fit().CovarianceOfNoise(LargestNoise(problem_.dataset));
     unseen.covariance.assign(covariance.data(), covariance.data() + covariance.size());
     return unseen;
   }
