@@ -191,10 +191,11 @@ class SimulatorFactory {
   virtual std::vector<ParameterOffer> Offers() const { return {}; }
   /// What one path stands for. @throws UsageError when it names nothing.
   virtual PathInfo Describe(const std::string& path) const;
-  /// What else is often off in such a simulator, in multiples of nominal: parameters that touch nothing that its own
-  /// ones do. None where it does not know.
+  /// What else is often off in such a simulator: parameters that touch nothing that its own ones do, or multiply a part
+  /// of what one of them gives. None where it does not know.
   virtual std::vector<ParameterSpec> Suspects() const { return {}; }
-  /// Of one of Suspects, each joint, drive or tendon alone, where it is of several. Others may have the same names.
+  /// Of one of Suspects, each joint, drive, tendon or body alone, where it is of several. Others may have the same
+  /// names.
   virtual std::vector<ParameterSpec> PartsOf(const ParameterSpec& /*suspect*/) const { return {}; }
   /// The same simulator with further parameters after its own; null where it cannot have any.
   virtual std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& /*more*/) const { return nullptr; }

@@ -114,7 +114,7 @@ std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Susp
   return std::nullopt;
 }
 
-/// The same of each joint, drive or tendon alone: "joint/elbow/damping".
+/// The same of each joint, drive, tendon or body alone: "joint/elbow/damping".
 std::vector<SuspectedField> OneByOne(const mjModel& model, const SuspectedField& place, const std::string& path) {
   const std::vector<ObjectKind> kinds = {{"joint", mjOBJ_JOINT, static_cast<int>(model.njnt)},
                                          {"body", mjOBJ_BODY, static_cast<int>(model.nbody)},
