@@ -54,7 +54,7 @@ nlohmann::json IdentityOf(const BehaviorTraining& training) {
   nlohmann::json parameters = nlohmann::json::object();
   for (int i = 0; i < factory.parameters().size(); ++i) {
     const ParameterSpec& spec = factory.parameters()[i];
-    const bool is_multiple = spec.scale == ParameterScale::kNominal;
+    const bool is_multiple = spec.IsMultiple();
     parameters[spec.field + (is_multiple ? "" : " (absolute)")] = training.z[static_cast<size_t>(i)];
   }
   return {{"schema", "oted.behavior/1"}, {"task", training.task}, {"model", factory.model_sha256()},

@@ -89,7 +89,7 @@ bool IsNarrower(const Designer& q, int p, double share) {
 /// Whether a value is known to no more than half of itself. Not asked of what has a size of its own: control steps,
 /// seconds, readings, a direction of gravity, and what is next to nothing.
 bool IsLoose(const ParameterSpec& spec, const ParameterSummary& summary) {
-  const bool is_multiple = spec.scale == ParameterScale::kNominal;
+  const bool is_multiple = spec.IsMultiple();
   if ((!is_multiple && spec.nominal != 0) || spec.low < 0 || IsChannelPath(spec.field)) return false;
   const double low = summary.interval90_low, high = summary.interval90_high;
   const double next_to_nothing = is_multiple ? kNextToNothing : kNextToNothingOfRange * (spec.high - spec.low);

@@ -237,7 +237,7 @@ void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record) {
   for (int i = 0; i < space.size(); ++i) {
     DesignRecord::Parameter& p = record.parameters[static_cast<size_t>(i)];
     const bool is_imitated = record.WasGrown(space[i].name) && space[i].field.starts_with("body/");
-    const bool is_multiple = space[i].scale == ParameterScale::kNominal;
+    const bool is_multiple = space[i].IsMultiple();
     const double much = kMuchMoved * (is_multiple ? std::abs(p.mode) : kMuchMoved * (p.high - p.low));
     const bool is_moved = std::ranges::any_of(
         p.rests_on, [&](const DesignRecord::RestsOn& other) { return std::abs(other.value - p.mode) > much; });

@@ -31,7 +31,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
 /// After --grow: something was off that nobody had searched, and what else resembles it may have been in its place. A
 /// parameter that such a condition (rests_on) would move by more than a fifth, of its value or of a fifth of its range
 /// where it is no multiple, is at most weak. So is what was added, if it is of a body: mass, inertia, length and centre
-/// of mass imitate each other, and no suspect is a mass with its inertia.
+/// of mass imitate each other.
 void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record);
 
 /// A prediction with the names and units of the observations.

@@ -63,9 +63,11 @@ void AddParameter(RunSetup& run, const Suspect& freed) {
   run.has_effect.clear();
 }
 
-/// Rounds until one frees nothing. @param next  gives a round's record; none: not made yet
+/// Rounds until one frees nothing; none where the run does not grow. @param next  gives a round's record; none: not
+/// made yet
 template <class Next>
 void AddRounds(RunSetup& run, const Next& next) {
+  if (!run.grows()) return;
   while (run.growth.size() < static_cast<size_t>(kMostRounds)) {
     if (!run.growth.empty() && run.growth.back().Freed() == nullptr) return;
     std::optional<GrowthRecord> record = next(static_cast<int>(run.growth.size()) + 1);
@@ -73,11 +75,6 @@ void AddRounds(RunSetup& run, const Next& next) {
     if (const Suspect* freed = record->Freed()) AddParameter(run, *freed);
     run.growth.push_back(*std::move(record));
   }
-}
-
-template <class Next>
-void GrowBy(RunSetup& run, const Next& next) {
-  if (run.grows()) AddRounds(run, next);
 }
 
 }  // namespace
@@ -91,14 +88,14 @@ std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findi
 }
 
 void Grow(RunSetup& run) {
-  GrowBy(run, [&](int round) -> std::optional<GrowthRecord> {
+  AddRounds(run, [&](int round) -> std::optional<GrowthRecord> {
     return OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
   });
   for (const auto& [added, rival] : DisputedIn(run.growth)) run.context.log->Warning(RivalSentence(*added, *rival));
 }
 
 void TakeFinishedGrowth(RunSetup& run) {
-  GrowBy(run, [&](int round) -> std::optional<GrowthRecord> {
+  AddRounds(run, [&](int round) -> std::optional<GrowthRecord> {
     const Artifact artifact = GrowthArtifact(run, round);
     if (!run.directory.IsComplete(artifact)) return std::nullopt;
     return OnceAs<GrowthRecord>(run.directory, artifact, [] { return GrowthRecord{}; });

@@ -14,8 +14,8 @@ namespace {
 /// "about 1.9 control steps", "0.70 times the model's value".
 std::string ValueInWords(const ParameterSpec& spec, double value) {
   if (spec.IsMultiple()) {
-    const bool is_of_model = spec.unit == ParameterSpec().unit;
-    const std::string of = is_of_model ? "the model's value" : fmt::format("what '{}' gives", spec.unit.substr(2));
+    const std::string of =
+        spec.MultipliesOthers() ? fmt::format("what '{}' gives", spec.unit.substr(2)) : "the model's value";
     // 1.04, but 2.1.
     return fmt::format("{:.{}g} times {}", value, std::abs(value - 1) < 0.1 ? 3 : 2, of);
   }
@@ -56,10 +56,9 @@ std::string ParameterLine(const ParameterSpec& spec) {
 
 std::string ConditionSentence(const Condition& condition) {
   const ParameterSpec& spec = condition.spec;
-  const std::string more =
-      spec.scale == ParameterScale::kNominal
-          ? fmt::format("{:.0f} %", 100 * (condition.off - 1))
-          : fmt::format("{:.2g}{}", condition.off - spec.nominal, spec.unit.empty() ? "" : " " + spec.unit);
+  const std::string more = spec.IsMultiple() ? fmt::format("{:.0f} %", 100 * (condition.off - 1))
+                                             : fmt::format("{:.2g}{}", condition.off - spec.nominal,
+                                                           spec.unit.empty() ? "" : " " + spec.unit);
   return fmt::format("{:.3g} if {} were {} more", condition.value, spec.field, more);
 }
 

@@ -12,10 +12,10 @@
 namespace oted {
 namespace {
 
-constexpr double kLongest = 3.0;          // [control steps]
-constexpr double kLongestSeconds = 0.03;  // [s]: of actions, where that is more
-constexpr double kFarthest = 0.3;         // [rad], [m]: of a sensor's zero
-constexpr size_t kMostLatePositions = 16;
+constexpr double kLongest = 3.0;                  // [control steps]
+constexpr double kLongestSeconds = 0.03;          // [s]: of actions, where that is more
+constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's zero
+constexpr size_t kMostLatePositions = 16;         // whose lags are suspected one by one
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
 
 ParameterSpec Spec(const std::string& name, const std::string& path, double low, double high) {

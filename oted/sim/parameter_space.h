@@ -35,6 +35,8 @@ struct ParameterSpec {
   bool is_known = false;  ///< a constant, whose values come with the recordings: the bounds are no range
 
   bool IsMultiple() const { return scale == ParameterScale::kNominal; }
+  /// Whether it is a multiple of what other parameters give: UnitOfMultiple names them.
+  bool MultipliesOthers() const { return IsMultiple() && unit != ParameterSpec().unit; }
   /// @throws UsageError: empty name or field, bounds not finite or not low < high, log of a non-positive bound,
   /// a prior whose mean is not between the bounds or whose std is not positive.
   void Check() const;

@@ -185,7 +185,7 @@ std::vector<ParameterSpec> MergeSysid(const std::vector<SysidParameter>& file, c
           "file",
           file_name, spec.name, spec.name));
     }
-    if (spec.scale == ParameterScale::kNominal && !Near(spec.nominal, 1)) {
+    if (spec.IsMultiple() && !Near(spec.nominal, 1)) {
       throw UsageError(
           fmt::format("'{}': the nominal value of parameter '{}' is {}, but that of a multiple of the model's value is "
                       "1; set scale = \"absolute\" for it",

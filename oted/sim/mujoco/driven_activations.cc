@@ -43,7 +43,7 @@ int StepsToForget(const mjModel& model, const std::vector<DrivenActivation>& dri
     for (const ModelField& field : fields) {
       if (field.array != "actuator_dynprm" || std::ranges::find(field.indices, entry) == field.indices.end()) continue;
       const ParameterSpec& spec = specs[field.parameter];
-      time_constant = spec.high * (spec.scale == ParameterScale::kNominal ? time_constant : 1);
+      time_constant = spec.high * (spec.IsMultiple() ? time_constant : 1);
     }
     slowest = std::max(slowest, time_constant);
   }

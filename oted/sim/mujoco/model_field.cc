@@ -312,6 +312,10 @@ Places PlacesOf(const std::vector<ModelField>& fields) {
   return places;
 }
 
+bool IsPartOf(const Places& part, const Places& whole) {
+  return part.size() < whole.size() && std::ranges::includes(whole, part);
+}
+
 double BoundingRadius(int geom_type, const double* size, double otherwise) {
   switch (geom_type) {
     case mjGEOM_SPHERE:
@@ -349,7 +353,7 @@ void CheckSign(const ParameterSpec& spec, const std::vector<ModelField>& fields)
 std::vector<ModelField> ResolveParameter(const mjModel& model, ParameterSpec& spec) {
   const std::vector<ModelField> fields = ResolvePath(model, spec.field);
   CheckSign(spec, fields);
-  if (spec.scale == ParameterScale::kNominal) {
+  if (spec.IsMultiple()) {
     for (const ModelField& field : fields) {
       if (std::ranges::any_of(field.nominal, [](double value) { return value != 0; })) continue;
       throw UsageError(

@@ -45,6 +45,8 @@ bool SharePlace(const ModelField& a, const ModelField& b);
 /// The numbers that all of these write: array and index.
 using Places = std::set<std::pair<std::string, int>>;
 Places PlacesOf(const std::vector<ModelField>& fields);
+/// Whether `whole` has all of them, and more.
+bool IsPartOf(const Places& part, const Places& whole);
 
 /// The radius of the sphere around a geom's centre that contains it, as MuJoCo's compiler computes geom_rbound, for the
 /// shapes that geom_size alone describes; `otherwise` for planes, meshes and height fields. `size` has 3 numbers [m].

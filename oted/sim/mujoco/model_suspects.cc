@@ -145,8 +145,7 @@ struct Searched {
   }
   /// Whether a suspect may multiply a part of what it gives.
   bool LeavesPart(const ParameterSpec& suspect, const Places& suspected) const {
-    return spec.IsMultiple() && suspect.IsMultiple() && suspected.size() < places.size() &&
-           std::ranges::includes(places, suspected);
+    return spec.IsMultiple() && suspect.IsMultiple() && IsPartOf(suspected, places);
   }
 };
 

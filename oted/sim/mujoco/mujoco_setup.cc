@@ -94,8 +94,8 @@ void NameWhatIsMultiplied(const std::vector<Places>& places, std::vector<Paramet
     std::vector<std::string> multiplied;
     for (size_t j = 0; j < specs.size(); ++j) {
       if (i == j || !specs[j].IsMultiple() || specs[j].is_known) continue;
-      const bool is_wider = places[j].size() > places[i].size() || (places[j] == places[i] && j < i);
-      if (is_wider && std::ranges::includes(places[j], places[i])) multiplied.push_back(specs[j].name);
+      const bool is_repeated = places[j] == places[i] && j < i;
+      if (is_repeated || IsPartOf(places[i], places[j])) multiplied.push_back(specs[j].name);
     }
     if (specs[i].IsMultiple() && !specs[i].is_known) specs[i].unit = UnitOfMultiple(multiplied);
   }

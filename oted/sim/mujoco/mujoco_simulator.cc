@@ -158,7 +158,7 @@ void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   for (size_t i = 0; i < fields_.size(); ++i) {
     const ModelField& field = setup_->fields[i];
     const double value = z[field.parameter];
-    const bool multiple = setup_->space.specs()[field.parameter].scale == ParameterScale::kNominal;
+    const bool multiple = setup_->space.specs()[field.parameter].IsMultiple();
     for (const int at : field.indices) {
       double& place = values_of(i)[at];
       place = multiple ? place * value : field.sign * value;

@@ -1,7 +1,5 @@
 #include "oted/stages/design/trajectories/freed.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -12,10 +10,7 @@
 
 #include "oted/matching/designer.h"
 #include "oted/matching/verdict.h"
-#include "oted/sim/channel_path.h"
-#include "oted/stages/design/replay/kept_aside.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
-#include "oted/stages/design/replay/reading_model.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/long_windows.h"

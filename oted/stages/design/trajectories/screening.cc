@@ -65,9 +65,6 @@ void AddUndirected(std::span<const Suspect> undirected, std::vector<Suspect>& su
   }
 }
 
-/// Of one joint, drive, tendon or body, where what all of them have is searched.
-bool IsPart(const ParameterSpec& spec) { return spec.IsMultiple() && spec.unit != ParameterSpec().unit; }
-
 }  // namespace
 
 /// The surest first.
@@ -237,7 +234,8 @@ SuspectScreening::Scored SuspectScreening::Score(const Fit& fit) const {
     if (wide == nullptr) return;
     WindowReplayer every = fits_.Replayer(*wide, fit.readings());
     for (Suspect& suspect : ScoreSuspects(specs, *fit, every, fits_.problem().prior)) {
-      (IsPart(suspect.spec) ? scored.parts : into).push_back(std::move(suspect));
+      // A part of what is searched is one of many parts, too.
+      (suspect.spec.MultipliesOthers() ? scored.parts : into).push_back(std::move(suspect));
     }
   };
   const std::vector<ParameterSpec> wholes = factory.Suspects();

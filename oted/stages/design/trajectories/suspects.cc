@@ -27,7 +27,7 @@ constexpr size_t kMostConditions = 3;  // of each parameter
 
 /// z where the linear model has moved by `change`.
 double At(const ParameterSpec& spec, double change) {
-  if (spec.scale == ParameterScale::kNominal) return std::exp(std::clamp(change, -kLargestLog, kLargestLog));
+  if (spec.IsMultiple()) return std::exp(std::clamp(change, -kLargestLog, kLargestLog));
   return std::clamp(spec.nominal + change * (spec.high - spec.low), spec.low, spec.high);
 }
 
@@ -156,7 +156,7 @@ void KeepSurest(std::vector<Suspect>& asked) {
 
 /// How far a parameter moved: logarithm of a multiple, or share of its range, in halves of what is noticeable.
 double MovedBy(const ParameterSpec& spec, double from, double to) {
-  if (spec.scale == ParameterScale::kNominal || spec.logarithmic) {
+  if (spec.IsMultiple() || spec.logarithmic) {
     return std::abs(std::log(to / from)) / (0.5 * kNoticeableLog);
   }
   return std::abs(to - from) / (0.5 * kNoticeableShare * (spec.high - spec.low));
@@ -205,7 +205,7 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     if (!estimate) continue;
     const Suspect scored = ScoreOf(specs[k], *estimate);
     if (scored.explains > kAsked * kAsked / 2 && IsNoticeable(specs[k], scored.value)) found.asked.push_back(scored);
-    const double off = specs[k].scale == ParameterScale::kNominal ? std::log(1 + kOff) : kOff;
+    const double off = specs[k].IsMultiple() ? std::log(1 + kOff) : kOff;
     const auto [change, std] = LastOf(*estimate);
     const double reach = std::abs(change) + kEndOfInterval * std;
     const WithEachAlone::Following following = with.FollowingOf(k);
