@@ -96,6 +96,7 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
           is_of_body ? " (a body's mass, inertia, length and centre of mass imitate each other)" : "");
     PrintConditions(design, ParameterVerdict::kWeak);
   }
+  if (design.fit && design.fit->own_logs) Print("{}\n", design.fit->own_logs->sentence);
   if (!FloorIsReached(design.verdict) && design.validation) {
     const bool is_known = NotTold(*design.validation).empty();
     Print("something that is not searched {} off as well: any value may be farther off than its interval says\n",

@@ -68,6 +68,14 @@ std::string Conditions(const json& parameters) {
          items + "</ul>\n";
 }
 
+/// What the same method makes of logs of the design's own, where the intervals rest on that.
+std::string OwnLogs(const json& report) {
+  if (!report.contains("design") || !report["design"].contains("fit")) return "";
+  const json& fit = report["design"]["fit"];
+  if (!fit.contains("own_logs")) return "";
+  return fmt::format("<p>Checked on its own logs: {}.</p>\n", Escape(Sentences(TextAt(fit["own_logs"], "sentence"))));
+}
+
 /// The horizon that is drawn: the longest up to half a second.
 const json& Shown(const json& horizons) {
   const json* shown = &horizons[0];
@@ -149,7 +157,7 @@ Section ParametersSection(const json& report) {
     if (error) cells.push_back(FormatAtScale(NumberAt(parameter, "absolute_error"), spread));
     table.Row(std::move(cells));
   }
-  section.html += table.Html() + Conditions(parameters) + IntervalFigure(parameters);
+  section.html += table.Html() + Conditions(parameters) + OwnLogs(report) + IntervalFigure(parameters);
   return section;
 }
 

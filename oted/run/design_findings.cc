@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <ranges>
 
 #include "oted/matching/verdict.h"
 #include "oted/run/fingerprint.h"
@@ -42,6 +43,20 @@ std::string ChannelName(const SimulatorSpec& spec, size_t c) {
 
 std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
   return c < spec.observation_units.size() ? spec.observation_units[c] : "";
+}
+
+/// What designs from the design's own logs found of each parameter.
+std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::vector<double>>& found) {
+  std::vector<std::string> ranges;
+  for (int i = 0; i < space.size(); ++i) {
+    const auto value = [i](const std::vector<double>& z) { return z[static_cast<size_t>(i)]; };
+    const auto [least, most] = std::ranges::minmax(found | std::views::transform(value));
+    ranges.push_back(fmt::format("{} {:.3g} to {:.3g}", space[i].name, least, most));
+  }
+  return fmt::format(
+      "from {} logs that the designed simulator made at these values the same method finds {}; the intervals are as "
+      "wide",
+      found.size(), fmt::join(ranges, ", "));
 }
 
 DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<Suspect>& suspects, const std::vector<int>& off,
@@ -294,6 +309,9 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;
   if (const std::optional<FitEvidence>& fit = findings.candidates[ToldBy(findings)].fit) {
     record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec());
+    if (best.fit && !best.fit->own_logs.empty()) {
+      record.fit->own_logs = {best.fit->own_logs, OwnLogsSentence(space, best.fit->own_logs)};
+    }
   }
   for (const GrowthRecord& round : run.growth) {
     if (const Suspect* freed = round.Freed()) record.grown.push_back(*freed);

@@ -66,6 +66,7 @@ json FitToJson(const DesignRecord::Fit& fit) {
   json record = {
       {"window", fit.window}, {"explained", fit.explained}, {"channels", json::array()}, {"suspects", json::array()}};
   if (fit.left_out) record["left_out"] = ToJson(*fit.left_out);
+  if (const auto& own = fit.own_logs) record["own_logs"] = {{"found", own->found}, {"sentence", own->sentence}};
   for (const DesignRecord::Suspected& s : fit.suspects) {
     record["suspects"].push_back(ToJson(s.suspect));
     record["suspects"].back().update({{"sentence", s.sentence}, {"line", s.line}, {"likely", s.suspect.IsLikely()}});
@@ -92,6 +93,10 @@ DesignRecord::Fit FitFrom(const RecordReader& reader) {
     fit.suspects.push_back({std::move(suspects[k++]), s.Get<std::string>("sentence"), s.Get<std::string>("line")});
   }
   if (reader.Has("left_out")) fit.left_out = reader.Read("left_out", LeftOutFromJson);
+  if (reader.Has("own_logs")) {
+    const RecordReader own = reader.At("own_logs");
+    fit.own_logs = {own.Get<std::vector<std::vector<double>>>("found"), own.Get<std::string>("sentence")};
+  }
   return fit;
 }
 

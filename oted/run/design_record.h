@@ -67,12 +67,18 @@ struct DesignRecord {
     std::string sentence;  ///< what the logs say of it, and what freeing it bought
     std::string line;      ///< that adds it to the parameters of a task file
   };
+  /// Designs from logs that the designed simulator made, where they lie so far off that the intervals rest on them.
+  struct OwnLogs {
+    std::vector<std::vector<double>> found;  ///< z by each
+    std::string sentence;
+  };
   struct Fit {
     int window = 0;
     double explained = 0;
     std::vector<Channel> channels;
     std::vector<Suspected> suspects;
     std::optional<LeftOutInTurn> left_out = {};
+    std::optional<OwnLogs> own_logs = {};
   };
   /// How the design predicts logs that it did not see, open loop. The designed simulator here is one that was fitted to
   /// the other logs alone.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/stages/design/replay/start_fit.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 
 namespace oted {
@@ -20,6 +21,8 @@ constexpr double kLongestSecantOfUnread = 0.05;  // in standard deviations of th
 constexpr double kHardlyTold = 0.3;              // in x: a direction with such a standard deviation
 constexpr double kLongestLastStep = 3.0;         // in standard deviations of x; further, the quadratic model is a guess
 constexpr int kMostLastSteps = 3;                // where that cuts it short
+constexpr int kSettlingIterations = 6;           // of starts
+constexpr double kSameMinimum = 0.5;             // nats that two fits of a start may differ by
 
 }  // namespace
 
@@ -126,6 +129,31 @@ LevelFit::LastStep LevelFit::TakeLastStep() {
   }
   x_ = (x_ + axes.eigenvectors() * along / length).cwiseMax(LowestX(space_)).cwiseMin(kMaxX);
   return {.covariance = estimate.covariance, .arrived = length == 1};
+}
+
+double LevelFit::ShareAtOtherMinima(Rng& rng) const {
+  const WindowLikelihood likelihood = Likelihood();
+  const std::vector<NormalEquations> equations = Equations(linear_);
+  const auto settled = [&](std::vector<VectorXd> starts) {
+    return FitStarts(replayer_, std::move(starts),
+                     {level_.windows, ToZ(space_, x_), likelihood, StartSteps(), kSettlingIterations});
+  };
+  const FittedStarts own = settled(level_.starts);
+  std::vector<VectorXd> moved = own.starts;
+  for (size_t w = 0; w < moved.size(); ++w) {
+    if (!equations[w].valid || !(weights_[w] > 0)) continue;
+    VectorXd draw(moved[w].size());
+    for (double& number : draw) number = rng.Normal();
+    // start_start is weighted; the start is as uncertain as noise makes it.
+    const Eigen::LLT<MatrixXd> factor(equations[w].start_start / weights_[w]);
+    if (factor.info() == Eigen::Success) moved[w] += factor.matrixU().solve(draw);
+  }
+  const FittedStarts again = settled(std::move(moved));
+  double elsewhere = 0;
+  for (size_t w = 0; w < again.residuals.size(); ++w) {
+    elsewhere += std::abs(likelihood.Cost(again.residuals[w]) - likelihood.Cost(own.residuals[w])) > kSameMinimum;
+  }
+  return elsewhere / static_cast<double>(again.residuals.size());
 }
 
 std::vector<StretchEvidence> LevelFit::EvidenceIn(WindowReplayer& wider, const std::vector<double>& nominal,

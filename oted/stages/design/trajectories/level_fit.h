@@ -55,6 +55,7 @@ class LevelFit {
   const Eigen::VectorXd& x() const { return x_; }
   const Level& level() const { return level_; }
   const ReadingModel& readings() const { return replayer_.readings(); }
+  int n_rows() const { return static_cast<int>(level_.windows.size()) * n_steps(); }  ///< that it rests on
   const Eigen::VectorXd& noise_variance() const { return variance_; }
 
   /// One Gauss-Newton step on x and all starts. Windows whose derivatives foretold the last step keep them; where the
@@ -97,8 +98,13 @@ class LevelFit {
   /// @param steps           what each step is called: the unit of what is told of them
   std::vector<StretchEvidence> EvidenceIn(WindowReplayer& wider, const std::vector<double>& nominal,
                                           const std::vector<double>& moved, const Eigen::VectorXd& steps) const;
+  /// Whether noise alone explains a window, after FinalCost.
+  bool Explains(size_t w) const { return Likelihood().Explains(residuals_[w]); }
   /// Share of windows that noise alone explains, after FinalCost.
   double ShareExplained() const;
+  /// Share of windows whose start has another local minimum near: moved by as much as it is uncertain and fitted again,
+  /// it comes to rest elsewhere, better or worse. After Finish.
+  double ShareAtOtherMinima(Rng& rng) const;
   /// Share of windows of which no reading is farther off than its channel's `tolerance`.
   double ShareWithin(const Eigen::VectorXd& tolerance) const;
   /// Mean and standard deviation, over the windows, of each unread coordinate's start, its own uncertainty included;

@@ -34,7 +34,7 @@ Level NextLevel(const Level& level, bool is_known) {
 }  // namespace
 
 ShortWindows::ShortWindows(const ReplayProblem& problem, const TrajectoriesConfig& config, int n_steps_behind,
-                           FitSteps& steps, FitEvidence& evidence)
+                           FitSteps& steps, FitEvidence& evidence, const std::vector<char>& computed)
     : problem_(problem),
       config_(config),
       space_(problem.factory.parameters()),
@@ -43,7 +43,7 @@ ShortWindows::ShortWindows(const ReplayProblem& problem, const TrajectoriesConfi
       evidence_(evidence),
       scale_(ChannelScales(problem.dataset)),
       rng_(problem.key.MakeRng()) {
-  Read({});
+  Read(computed);
   steps_.Expect((1 + config.starts) * kStartIterations + StepsOfLevels(shortest_) +
                 std::max(n_steps_behind, StepsOfLevels(shortest_)));
 }

@@ -20,8 +20,9 @@ class ShortWindows {
   /// What it is given must outlive it.
   /// @param n_steps_behind  steps that others take behind these, at most: for the progress that is told
   /// @param evidence        filled in: the windows' length, the share that is explained, the noise
+  /// @param computed        readings that are left out from the beginning, as ReadingModel has them
   ShortWindows(const ReplayProblem& problem, const TrajectoriesConfig& config, int n_steps_behind, FitSteps& steps,
-               FitEvidence& evidence);
+               FitEvidence& evidence, const std::vector<char>& computed = {});
 
   /// @return whether windows of all lengths are explained
   bool Fit() { return FitLengths(FindStart(), false); }
@@ -33,6 +34,7 @@ class ShortWindows {
   /// The longest windows that are explained, fitted.
   LevelFit& fit() { return *fit_; }
   WindowReplayer& replayer() { return *replayer_; }
+  const ReadingModel& readings() const { return replayer_->readings(); }
   int shortest() const { return shortest_; }  ///< control steps
   /// Whether the logs are exact but for rounding: their readings are the states.
   bool is_exact() const { return is_exact_; }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <functional>
 #include <memory>
-#include <numeric>
 #include <optional>
 
 #include "oted/matching/designer.h"
@@ -16,6 +15,7 @@
 #include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
+#include "oted/stages/design/trajectories/own_logs.h"
 #include "oted/stages/design/trajectories/short_windows.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
 #include "oted/stages/design/trajectories/suspects.h"
@@ -37,11 +37,6 @@ constexpr int kRowsPerJudged = 3;   // of the last fit: what judges a fit needs 
 constexpr int kLongIterations = 20, kMostLongRows = 30000;
 constexpr double kMostFinalPhysics = 8e5;  // steps of a linearization of them
 constexpr int kLongSteps = kMostLongTries + 2 * kLongIterations;
-
-int RowsOf(const std::vector<LogWindow>& windows) {
-  return std::accumulate(windows.begin(), windows.end(), 0,
-                         [](int sum, const LogWindow& window) { return sum + window.n_steps; });
-}
 
 /// The standard deviation of x whose 90 % interval goes from where it is, near an end of the range, to `end`: a share
 /// of the range as seen from there.
@@ -81,6 +76,7 @@ class TrajectoryMatch {
  public:
   TrajectoryMatch(const ReplayProblem& problem, const TrajectoriesConfig& config)
       : problem_(problem),
+        config_(config),
         space_(problem.factory.parameters()),
         scale_(ChannelScales(problem.dataset)),
         parts_(KeepAside(problem.dataset, problem.factory.spec().control_period_s, problem.kept_aside)),
@@ -105,6 +101,7 @@ class TrajectoryMatch {
     if (problem_.judged && !AllLearn() && !of_part_) of_part_ = FitToPart();
     const bool explained = explains_all && !IsLong();
     MatrixXd covariance = explained ? fit().Finish() : fit().CovarianceOfParts() + SpreadOfAsGood();
+    if (explained && problem_.judged) covariance = CheckedOnOwnLogs(covariance);
     covariance = WithinRange(problem_.prior, fit().x(), covariance);
     VectorXd x = fit().x();
     LeaveUntold(x, covariance);
@@ -140,7 +137,7 @@ class TrajectoryMatch {
 
   void CountRows() {
     evidence_.logged_rows = problem_.dataset.size();
-    evidence_.rows = RowsOf(fit().level().windows);
+    evidence_.rows = fit().n_rows();
   }
 
   /// Windows of tenths of a second, where they predict better.
@@ -167,6 +164,17 @@ class TrajectoryMatch {
     long_->FinalCost();
     evidence_.errors_grow = true;
     evidence_.left_out = choice_.left_out;
+  }
+
+  /// Wider where designs from logs of this design's own come to rest elsewhere.
+  MatrixXd CheckedOnOwnLogs(const MatrixXd& covariance) {
+    std::vector<VectorXd> off;
+    const OwnDesigns own = DesignsFromOwnLogs(problem_, config_, short_, evidence_, covariance, steps_);
+    for (const VectorXd& x : own.x) {
+      off.push_back(Off(x, fit().x()));
+      evidence_.own_logs.push_back(ToZ(space_, x));
+    }
+    return AsWideAs(off, own.times_fewer, covariance);
   }
 
   /// What the logs do not tell stays at its nominal value, which the prior's mean is not where that is near an end of
@@ -247,7 +255,7 @@ class TrajectoryMatch {
         FitGrowing(GrowingWindows(learner, parts_.learn, begins, evidence_.window, n_rows, period), from,
                    evidence_.window, 1, make, descend);
     if (fit == nullptr) return from;
-    rows_of_part_ = RowsOf(fit->level().windows);
+    rows_of_part_ = fit->n_rows();
     return fit->x();
   }
 
@@ -266,7 +274,7 @@ class TrajectoryMatch {
     Descend(rest, kPartIterations);
     rest.FinalCost();
     rest.Finish();
-    rows_of_part_ = RowsOf(rest.level().windows);
+    rows_of_part_ = rest.n_rows();
     return rest.x();
   }
 
@@ -276,6 +284,7 @@ class TrajectoryMatch {
   const ReadingModel& readings() { return short_.replayer().readings(); }
 
   const ReplayProblem& problem_;
+  const TrajectoriesConfig& config_;
   const ParameterSpace& space_;
   VectorXd scale_;
   HeldOutParts parts_;

@@ -141,6 +141,7 @@ TEST(MatchTrajectories, NinetyPercentIntervalsHoldTheTruthInNineCasesOfTen) {
     const Designer q(PointMass::MakeParameters(), fit.mean, fit.covariance);
     const auto intervals = q.CentralInterval(0.9);
     for (size_t i : {kGain, kDamping}) held[i] += intervals[i].low <= truth[i] && truth[i] <= intervals[i].high;
+    EXPECT_TRUE(fit.evidence->own_logs.empty()) << "starts have no local minima";
   }
   // 54 of 60 are expected; five binomial standard deviations are 12. The same excitation serves all cases.
   for (const int n : held) {
