@@ -155,18 +155,17 @@ bool GainsNoticeably(const HeldOutPrediction& prediction) {
                              [](const HeldOutPrediction::Horizon& h) { return h.gain.value > kLeastExcess; });
 }
 
-DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& prediction,
-                                const std::vector<int>& at_bounds) {
+DesignVerdict ByPrediction(const Designer& q, const HeldOutPrediction& prediction, const FitDoubts& doubts) {
   if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
-    const bool as_well = !better && !GainsNoticeably(prediction);
+    const bool as_well = !better && !GainsNoticeably(prediction) && !doubts.has_moved;
     const bool is_nominal = ContainsNominal(q) && !NominalIsFarOff(prediction);
     return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
-  return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
+  return better && doubts.at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
 }  // namespace
@@ -330,7 +329,7 @@ bool PredictsWorse(const HeldOutPrediction& prediction) {
 
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction, const FitDoubts& doubts) {
   const bool better = PredictsBetter(prediction);
-  const DesignVerdict verdict = ByPredictionAlone(q, prediction, doubts.at_bounds);
+  const DesignVerdict verdict = ByPrediction(q, prediction, doubts);
   if (verdict == DesignVerdict::kGapClosed && doubts.fails_in_a_recording) return DesignVerdict::kGapNarrowed;
   if (!FloorIsReached(verdict) || !doubts.asks_for_more) return verdict;
   return better ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;

@@ -186,7 +186,8 @@ Judgement Judge(const Candidate& best, const std::vector<Suspect>& suspects, dou
 /// @param suspects  of the best design
 FitDoubts DoubtsOf(const Candidate& best, const std::vector<Suspect>& suspects,
                    const std::vector<ParameterSummary>& summaries) {
-  FitDoubts doubts{ParametersAtBounds(best.q), FailsInARecording(best), AskForMore(suspects)};
+  FitDoubts doubts{ParametersAtBounds(best.q), FailsInARecording(best), AskForMore(suspects),
+                   HasMoved(best.q.space(), summaries)};
   // Where the logs are as likely with something else freed, and the value inside its range then, they ask for nothing
   // beyond it.
   std::erase_if(doubts.at_bounds,

@@ -148,6 +148,9 @@ TEST(ShownHorizon, IsOneOverWhichTheGainIsSure) {
   EXPECT_EQ(ShownHorizon(validation).seconds, 0.5) << "the longest, up to half a second";
   validation.horizons[1].surely_better = false;
   EXPECT_EQ(ShownHorizon(validation).seconds, 0.1);
+  validation.horizons[0].surely_better = false;
+  EXPECT_EQ(ShownHorizon(validation).seconds, 1.0) << "over which alone it is sure";
+  validation.horizons[2].surely_better = false;
   validation.horizons[0].learned = true;
   EXPECT_EQ(ShownHorizon(validation).seconds, 0.5) << "what was learned from tells least";
 }

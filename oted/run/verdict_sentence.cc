@@ -178,7 +178,8 @@ const DesignRecord::Validation::Horizon& ShownHorizon(const DesignRecord::Valida
   const auto* shown = &validation.horizons.front();
   for (const auto& horizon : validation.horizons) {
     const bool is_brief = horizon.seconds > 0 && horizon.seconds <= kShown + 1e-9;
-    if (is_brief && rank(horizon) >= rank(*shown)) shown = &horizon;
+    // A gain that is sure over a longer time alone is what the verdict rests on.
+    if (is_brief ? rank(horizon) >= rank(*shown) : rank(horizon) > rank(*shown)) shown = &horizon;
   }
   return *shown;
 }

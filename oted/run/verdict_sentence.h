@@ -8,8 +8,9 @@
 
 namespace oted {
 
-/// The horizon that is talked of, up to half a second: the longest over which the design is surely better than the
-/// nominal simulator, of windows that were kept aside; where there is none, the longest of such windows, if any was.
+/// The horizon that is talked of: the longest up to half a second over which the design is surely better than the
+/// nominal simulator, of windows that were kept aside. Where there is none, a longer one; else the longest up to half a
+/// second of such windows, if any was.
 const DesignRecord::Validation::Horizon& ShownHorizon(const DesignRecord::Validation& validation);
 
 /// What a shown horizon leaves out, to be appended to a sentence about it: longer horizons over which the design is not
