@@ -41,6 +41,10 @@ bool StderrTakesMore() {
     ::__fpurge(stdout);  // the end of the program would wait for it again
     throw Interrupted();
   }
+  if (error == EPIPE) {
+    ::__fpurge(stdout);
+    throw OutputClosed();
+  }
   throw DataError(fmt::format(
       "cannot write to standard output: {}; what was computed is in its files: send the output elsewhere and "
       "run the command again",

@@ -14,13 +14,17 @@ namespace oted::cli {
 /// or file that takes no more be an error instead of a signal. To be called first.
 void PrepareStreams();
 
-/// Writes to stdout. @throws DataError when it takes no more, Interrupted when there is a stop, too
+/// Who read the output has enough of it, as `| head` has: nothing is left to tell.
+struct OutputClosed {};
+
+/// Writes to stdout. @throws OutputClosed when nobody reads it any more, DataError when it takes no more, Interrupted
+/// when there is a stop, too
 void PrintText(std::string_view text);
 template <class... Args>
 void Print(fmt::format_string<Args...> format, Args&&... args) {
   PrintText(fmt::format(format, std::forward<Args>(args)...));
 }
-/// Brings what was printed to where stdout leads. @throws DataError
+/// Brings what was printed to where stdout leads. @throws as PrintText
 void FinishOutput();
 
 /// Writes to stderr, if that is possible. A pipe or terminal that takes nothing is waited for until there is a stop.

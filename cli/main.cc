@@ -109,6 +109,8 @@ int FailOfException(const CLI::App& app) {
     return Fail(ExitCode::kUsage, fmt::format("{}{}; {}", e.what(), WhatWasMeant(app), WhereHelpIs(app)));
   } catch (const CLI::ParseError& e) {
     return Fail(ExitCode::kUsage, fmt::format("{}; {}", e.what(), WhereHelpIs(app)));
+  } catch (const oted::cli::OutputClosed&) {
+    return static_cast<int>(ExitCode::kDataOrModel);
   } catch (const oted::Error& e) {
     return Fail(e.exit_code(), e.what());
   } catch (const std::filesystem::filesystem_error& e) {

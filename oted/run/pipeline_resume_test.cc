@@ -106,7 +106,9 @@ TEST_F(PipelineTest, AStoppedRunGoesOnAsIfItHadNot) {
     RunConfig other = tiny;
     other.Set("design.adversarial.lambda=0.02");
     other.Set("sac.gamma=0.98");
-    EXPECT_THROW(RunPipeline(other, out), UsageError) << "work of other settings would be gone on with: " << stage;
+    EXPECT_THAT(MessageOf<UsageError>([&] { RunPipeline(other, out); }),
+                HasSubstr("different from its run.toml: design.adversarial.lambda = 0.02 (was 0.01), sac.gamma = 0.98"))
+        << "work of other settings would be gone on with: " << stage;
   }
   RunPipeline(tiny, out);
   const auto whole = Bytes(undisturbed), stopped = Bytes(out);

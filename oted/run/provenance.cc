@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -101,6 +103,32 @@ void WriteProvenance(const RunSetup& run) {
               {"remarks", dataset.remarks},
               {"warnings", dataset.warnings}},
              {});
+}
+
+std::vector<std::string> ChangedSettings(const RunSetup& run) {
+  json kept;
+  try {
+    kept = ReadKeptConfig(run.directory.root()).ToJson().flatten();
+  } catch (const Error&) {
+    return {};
+  }
+  const json now = AskedConfig(run).ToJson().flatten();
+  std::set<std::string> names;
+  for (const auto& [name, unused] : kept.items()) names.insert(name);
+  for (const auto& [name, unused] : now.items()) names.insert(name);
+  std::vector<std::string> changed;
+  for (const std::string& name : names) {
+    const bool is_file = name.starts_with("/data/") || name.starts_with("/task/") || name.ends_with("/prior");
+    const bool is_no_result = name.starts_with("/report/") || name == "/run/threads";
+    if (is_file || is_no_result || kept.value(name, json()) == now.value(name, json())) continue;
+    const auto text = [&](const json& settings) {
+      return settings.contains(name) ? settings.at(name).dump() : std::string("not set");
+    };
+    std::string dotted = name.substr(1);
+    std::ranges::replace(dotted, '/', '.');
+    changed.push_back(fmt::format("{} = {} (was {})", dotted, text(now), text(kept)));
+  }
+  return changed;
 }
 
 RunConfig ReadKeptConfig(const fs::path& run_directory) {

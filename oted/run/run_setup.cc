@@ -1,12 +1,16 @@
 #include "oted/run/run_setup.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "oted/base/error.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/growth_step.h"
+#include "oted/run/provenance.h"
 #include "oted/run/replay_step.h"
 #include "oted/run/run_inputs.h"
 #include "oted/stages/design/design_method.h"
@@ -141,6 +145,26 @@ std::filesystem::path RunSetup::AgentFolder(Ground ground, int index) const {
 
 ActionNoise RunSetup::JudgedNoise() const { return config.Algorithm(spec()).noise(config.algorithms); }
 
+namespace {
+
+/// Whether what lies in the run directory is of these settings. @throws UsageError naming those that are not
+void CheckDirectory(const RunSetup& run) {
+  constexpr size_t kMostNamed = 4;
+  try {
+    run.directory.Check(AllArtifacts(run));
+  } catch (const UsageError& refused) {
+    std::vector<std::string> changed = ChangedSettings(run);
+    if (changed.empty()) throw;
+    if (changed.size() > kMostNamed) {
+      changed.resize(kMostNamed);
+      changed.emplace_back("...");
+    }
+    throw UsageError(fmt::format("{}; different from its run.toml: {}", refused.what(), fmt::join(changed, ", ")));
+  }
+}
+
+}  // namespace
+
 RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext context) {
   RunConfig config = ExpandAndCheck(std::move(given), context);
   context.n_threads = config.Threads();
@@ -152,7 +176,7 @@ RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext 
   CheckRequest(run);
   run.directory = RunDirectory(out, run.context.log);
   TakeFinishedGrowth(run);
-  run.directory.Check(AllArtifacts(run));
+  CheckDirectory(run);
   if (const auto unread = run.config.UnreadSetting()) context.log->Warning(*unread);
   return run;
 }

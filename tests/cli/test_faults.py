@@ -93,6 +93,12 @@ class TestStreams(RunTest):
                 self.assertEqual(result.returncode, DATA_OR_MODEL, redirection)
                 self.assertRegex(result.stderr, r"\A(warning: not exported: [^\n]+\n)?oted: cannot write to standard output: [^\n]+\n\Z")
         self.assertEqual(self.run_with(">/dev/full", "--help").returncode, DATA_OR_MODEL)
+        # A reader that has gone is told nothing.
+        read_end, write_end = os.pipe()
+        os.close(read_end)
+        gone = subprocess.run([program.OTED, "--help"], stdout=write_end, stderr=subprocess.PIPE, text=True)
+        os.close(write_end)
+        self.assertEqual((gone.returncode, gone.stderr), (DATA_OR_MODEL, ""))
         self.assertAsFinished()
 
 
