@@ -35,6 +35,9 @@ void AddExportVerb(Program& program) {
          {std::pair("--mjcf", &words->mjcf), {"--q", &words->q}, {"--sysid", &words->sysid}}) {
       if (verb->count(option) > 0 && value->empty())
         throw UsageError(fmt::format("{} names no file; give one", option));
+      if (*value == "-") {
+        throw UsageError(fmt::format("{} got '-', wanted a file's name; exports are not printed", option));
+      }
     }
     CheckRecords(words->run);
     ExportRequest request{.mjcf = words->mjcf, .q = words->q, .sysid = words->sysid};

@@ -142,6 +142,7 @@ class TestModel(ExportTest):
         self.assertTrue(stream.is_symlink())
         self.assertOneLine(program.oted("export", self.designed, "--q", self.designed / "q.json"), program.USAGE, "files of the run")
         self.assertOneLine(program.oted("export", self.designed, "--mjcf", ""), program.USAGE, "--mjcf names no file")
+        self.assertOneLine(program.oted("export", self.designed, "--q", "-"), program.USAGE, "--q got '-', wanted a file")
 
     def test_a_link_leads_to_the_file_that_is_written(self):
         target, link = self.folder / "target.json", self.folder / "link"

@@ -25,6 +25,8 @@ using Eigen::VectorXd;
 constexpr int kScreenedRows = 960;
 constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
+constexpr int kToldOfWindows = 3;     // fitted, all of a kind scored, each alone
+constexpr const char* kFitted = "windows";
 constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4;
 
 /// One that no score favours, and where its fit begins.
@@ -177,15 +179,24 @@ SuspectScreening::Windows SuspectScreening::LongWindows() const {
           true};
 }
 
+void SuspectScreening::Tell(const char* what) {
+  fits_.problem().context.log->Progress("suspects", "scored", n_told_++, n_to_tell_, what);
+}
+
 std::vector<Suspect> SuspectScreening::Find(bool thoroughly) {
   if (fits_.problem().factory.Suspects().empty()) return {};
+  n_to_tell_ = kToldOfWindows;
   if (fits_.problem().fit.errors_grow) {
+    n_to_tell_ *= 2;
     // On clean logs short windows tell what long ones, over which effects bend, do not.
+    Tell(kFitted);
     const Fit brief(fits_, ShortWindows());
     return FindBy(LongWindows(), brief ? Score(brief).Outstanding() : std::vector<Suspect>());
   }
   std::vector<Suspect> found = FindBy(ShortWindows());
-  return found.empty() && thoroughly ? FindBy(GrownWindows()) : found;
+  if (!found.empty() || !thoroughly) return found;
+  n_to_tell_ = n_told_ + kToldOfWindows;
+  return FindBy(GrownWindows());
 }
 
 const VectorXd* SuspectScreening::FittedWith(const Suspect& suspect) const {
@@ -195,6 +206,7 @@ const VectorXd* SuspectScreening::FittedWith(const Suspect& suspect) const {
 
 /// @param outstanding  by other windows: fitted as well
 std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vector<Suspect>& outstanding) {
+  Tell(kFitted);
   const Fit fit(fits_, by);
   if (!fit) return {};
   Scored scored = Score(fit);
@@ -225,7 +237,7 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
 }
 
 /// Each suspect and, where it is of several joints, drives, tendons or bodies, each of these alone.
-SuspectScreening::Scored SuspectScreening::Score(const Fit& fit) const {
+SuspectScreening::Scored SuspectScreening::Score(const Fit& fit) {
   const SimulatorFactory& factory = fits_.problem().factory;
   Scored scored;
   const auto score = [&](std::vector<ParameterSpec> specs, std::vector<Suspect>& into) {
@@ -239,7 +251,9 @@ SuspectScreening::Scored SuspectScreening::Score(const Fit& fit) const {
     }
   };
   const std::vector<ParameterSpec> wholes = factory.Suspects();
+  Tell("all joints, drives and bodies");
   score(wholes, scored.wholes);
+  Tell("each alone");
   std::vector<ParameterSpec> parts;
   for (const ParameterSpec& whole : wholes) std::ranges::move(factory.PartsOf(whole), std::back_inserter(parts));
   NameApart(parts, factory.parameters(), wholes);

@@ -29,11 +29,14 @@ class SuspectScreening {
   Windows ShortWindows() const;
   Windows GrownWindows() const;
   Windows LongWindows() const;
-  Scored Score(const Fit& fit) const;
+  Scored Score(const Fit& fit);
+  /// Windows are being fitted, or all suspects scored in them.
+  void Tell(const char* what);
   bool IsOfReadingsLeftOut(const ParameterSpec& spec, const ReadingModel& readings) const;
 
   const SuspectFits& fits_;
   std::map<std::string, Eigen::VectorXd> fitted_;
+  int n_told_ = 0, n_to_tell_ = 0;
 };
 
 }  // namespace oted
