@@ -148,7 +148,7 @@ json ToJson(const FitEvidence& evidence) {
                         {"covariance", unseen->covariance}};
   }
   if (evidence.left_out) record["left_out"] = ToJson(*evidence.left_out);
-  if (!evidence.own_logs.empty()) record["own_logs"] = evidence.own_logs;
+  if (!evidence.own_logs.empty()) record.update({{"own_logs", evidence.own_logs}, {"unsettled", evidence.unsettled}});
   for (const Condition& condition : evidence.conditions) {
     json of = SpecToJson(condition.spec);
     of.update({{"parameter", condition.parameter}, {"off", condition.off}, {"value", condition.value}});
@@ -178,7 +178,10 @@ FitEvidence FitEvidenceFromJson(const json& record) {
                        .covariance = unseen.at("covariance")};
   }
   if (record.contains("left_out")) evidence.left_out = LeftOutFromJson(record.at("left_out"));
-  if (record.contains("own_logs")) evidence.own_logs = record.at("own_logs");
+  if (record.contains("own_logs")) {
+    evidence.own_logs = record.at("own_logs");
+    evidence.unsettled = record.at("unsettled").get<std::vector<int>>();
+  }
   for (const json& of : record.value("conditions", json::array())) {
     evidence.conditions.push_back({of.at("parameter"), SpecFromJson(of), of.at("off"), of.at("value")});
   }

@@ -106,6 +106,8 @@ struct FitEvidence {
   /// z of designs from logs of the design's own simulator, by the same method; only where they lie farther from the
   /// design's than its covariance was, which is as wide as these since then.
   std::vector<std::vector<double>> own_logs = {};
+  /// Parameters whose standard deviation these more than double.
+  std::vector<int> unsettled = {};
   std::vector<Condition> conditions = {};  ///< of each parameter those that move it most
   /// What the fit's own windows ask to be other than in the model, though their predictions may be as near to the logs
   /// as the sensors let them. By a linear model; the surest first, none of them tried.

@@ -155,17 +155,18 @@ bool GainsNoticeably(const HeldOutPrediction& prediction) {
                              [](const HeldOutPrediction::Horizon& h) { return h.gain.value > kLeastExcess; });
 }
 
-DesignVerdict ByPrediction(const Designer& q, const HeldOutPrediction& prediction, const FitDoubts& doubts) {
+DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& prediction,
+                                const std::vector<int>& at_bounds) {
   if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
-    const bool as_well = !better && !GainsNoticeably(prediction) && !doubts.has_moved;
+    const bool as_well = !better && !GainsNoticeably(prediction);
     const bool is_nominal = ContainsNominal(q) && !NominalIsFarOff(prediction);
     return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
-  return better && doubts.at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
+  return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
 }  // namespace
@@ -329,7 +330,7 @@ bool PredictsWorse(const HeldOutPrediction& prediction) {
 
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction, const FitDoubts& doubts) {
   const bool better = PredictsBetter(prediction);
-  const DesignVerdict verdict = ByPrediction(q, prediction, doubts);
+  const DesignVerdict verdict = ByPredictionAlone(q, prediction, doubts.at_bounds);
   if (verdict == DesignVerdict::kGapClosed && doubts.fails_in_a_recording) return DesignVerdict::kGapNarrowed;
   if (!FloorIsReached(verdict) || !doubts.asks_for_more) return verdict;
   return better ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
@@ -356,12 +357,15 @@ std::vector<int> ParametersAtBounds(const Designer& q) {
   return at_bounds;
 }
 
+bool LiesOff(double mode, double nominal, double std, double range) {
+  return std::abs(mode - nominal) > std::max(3 * std, kMovedAbove * range);
+}
+
 bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries) {
   for (int i = 0; i < space.size(); ++i) {
     const ParameterSummary& s = summaries[static_cast<size_t>(i)];
-    const double distance = std::abs(s.mode - space[i].nominal);
-    if (s.verdict == ParameterVerdict::kIdentified && distance > 3 * s.std &&
-        distance > kMovedAbove * (space[i].high - space[i].low)) {
+    if (s.verdict == ParameterVerdict::kIdentified &&
+        LiesOff(s.mode, space[i].nominal, s.std, space[i].high - space[i].low)) {
       return true;
     }
   }

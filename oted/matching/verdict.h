@@ -73,15 +73,13 @@ struct FitDoubts {
   /// The fit that leaves a recording out predicts it surely worse than the nominal simulator.
   bool fails_in_a_recording = false;
   bool asks_for_more = false;  ///< the logs surely ask for something that is not searched
-  bool has_moved = false;      ///< HasMoved: the logs surely ask for other parameters than the nominal ones
 };
 
 /// From held-out prediction, where states can be set:
 ///
 ///   no_gap          the floor is reached, and the nominal simulator does as well: its parameters lie in the 99 %
-///                   region of q, widened by a hundredth of each range, or the design gains nothing noticeable (at no
-///                   horizon a tenth, of mean squares) and no parameter has surely moved. Or the nominal simulator
-///                   alone reaches the floor
+///                   region of q, widened by a hundredth of each range, or the design gains nothing noticeable: at no
+///                   horizon a tenth (of mean squares). Or the nominal simulator alone reaches the floor
 ///   gap_closed      the floor is reached
 ///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
 ///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have; or
@@ -178,8 +176,11 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common, int n_t
 /// the logs hardly tell is none, wherever it ended.
 std::vector<int> ParametersAtBounds(const Designer& q);
 
-/// Whether an identified parameter lies off its nominal value: by more than three of its spreads, and by more than a
+/// Whether a value lies off the nominal one: by more than three of its standard deviations, and by more than a
 /// twentieth of its range, which the seeds' errors may reach.
+/// @param range  its length
+bool LiesOff(double mode, double nominal, double std, double range);
+/// Whether an identified parameter lies off its nominal value.
 bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries);
 
 }  // namespace oted

@@ -374,13 +374,6 @@ TEST(JudgePrediction, PredictionsAtTheFloorAreNotTheLastWordWhereTheFitAsksForMo
   EXPECT_EQ(JudgePrediction(moved, better, {.fails_in_a_recording = true}), DesignVerdict::kGapNarrowed);
 }
 
-TEST(JudgePrediction, PredictionsTooNoisyToShowAGapDoNotDenyTheOneThatParametersShow) {
-  const Designer moved = MakeDesigner({1, 1}, {0.1, 0.1});
-  const HeldOutPrediction as_well = Predicted(kNothing, kNothing);
-  ASSERT_EQ(Judged(moved, as_well), DesignVerdict::kNoGap);
-  EXPECT_EQ(JudgePrediction(moved, as_well, {.has_moved = true}), DesignVerdict::kGapClosed);
-}
-
 TEST(JudgePrediction, NoGapWhereTheNominalParametersCannotBeTold) {
   const HeldOutPrediction at_floor = Predicted(kNothing, kMuch);
   // The 99 % region of two parameters reaches to 3.03 standard deviations.

@@ -186,8 +186,7 @@ Judgement Judge(const Candidate& best, const std::vector<Suspect>& suspects, dou
 /// @param suspects  of the best design
 FitDoubts DoubtsOf(const Candidate& best, const std::vector<Suspect>& suspects,
                    const std::vector<ParameterSummary>& summaries) {
-  FitDoubts doubts{ParametersAtBounds(best.q), FailsInARecording(best), AskForMore(suspects),
-                   HasMoved(best.q.space(), summaries)};
+  FitDoubts doubts{ParametersAtBounds(best.q), FailsInARecording(best), AskForMore(suspects)};
   // Where the logs are as likely with something else freed, and the value inside its range then, they ask for nothing
   // beyond it.
   std::erase_if(doubts.at_bounds,
@@ -218,6 +217,20 @@ std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Dis
     intervals_of_all.push_back(std::move(intervals));
   }
   return intervals_of_all;
+}
+
+/// What is not borne out is at most weak: a value off its nominal one where predictions are as good by that, and one
+/// from which designs from own logs lie much farther than noise explains.
+void WeakenDoubted(const ParameterSpace& space, const Candidate& best, const Judgement& judgement,
+                   std::vector<ParameterSummary>& summaries) {
+  const bool cannot_tell = best.prediction && judgement.reaches_floor && !judgement.better;
+  for (int i = 0; i < space.size(); ++i) {
+    ParameterSummary& s = summaries[static_cast<size_t>(i)];
+    const bool is_unsettled = best.fit && std::ranges::count(best.fit->unsettled, i) > 0;
+    const bool is_doubted =
+        is_unsettled || (cannot_tell && LiesOff(s.mode, space[i].nominal, s.std, space[i].high - space[i].low));
+    if (is_doubted && s.verdict == ParameterVerdict::kIdentified) s.verdict = ParameterVerdict::kWeak;
+  }
 }
 
 DesignRecord::Validation::Horizon HorizonInRecord(const HeldOutPrediction::Horizon& h, const SimulatorSpec& spec) {
@@ -282,8 +295,9 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   std::vector<std::vector<SearchInterval>> otherwise = IntervalsOfFreed(findings.suspects);
   const std::vector<Disputed> disputed = DisputedIn(run.growth);
   std::ranges::move(IntervalsOfRivals(disputed, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
-  const auto summaries =
+  auto summaries =
       SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends, otherwise);
+  WeakenDoubted(space, best, judgement, summaries);
 
   DesignRecord record;
   record.task = run.config.task.name;

@@ -203,6 +203,27 @@ TEST(VerdictSentence, WhereTheFloorIsReachedSaysWhichValueIsAtTheEndOfItsRange) 
   EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("The value of 'mass' is at the end of its range"));
 }
 
+TEST(VerdictSentence, OfNoGapNamesValuesThatTheFitAsksForAllTheSame) {
+  DesignRecord record = Narrowed();
+  record.verdict = DesignVerdict::kNoGap;
+  record.validation->horizons.push_back({0.5, 50, 9, false, 0.02, false, {{"servo", "rad", 0.1, 0.1, 0.1, 1}}, {}});
+  DesignRecord::Parameter damping;
+  damping.name = "damping";
+  damping.nominal = 1;
+  damping.low = 0.1;
+  damping.high = 3;
+  damping.mode = 1.5;
+  damping.std = 0.09;
+  damping.verdict = ParameterVerdict::kWeak;
+  DesignRecord::Parameter mass = damping;
+  mass.name = "mass";
+  mass.mode = 1.1;  // a standard deviation
+  record.parameters = {damping, mass};
+  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("The fit asks for another value of 'damping' though"));
+  record.parameters = {mass};
+  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("asks for")));
+}
+
 TEST(WeakenWhereGrown, LeavesNothingIdentifiedThatSomethingElseOffWouldMoveFar) {
   const ParameterSpace space(
       {{.name = "hand", .field = "body/hand/mass"}, {.name = "fore", .field = "body/fore/mass"}});

@@ -127,6 +127,20 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
+/// Values off the nominal ones though predictions are as good by these, to be appended to a sentence that there is no
+/// gap.
+std::string ButValuesOff(const DesignRecord& record) {
+  std::vector<std::string> names;
+  for (const DesignRecord::Parameter& p : record.parameters) {
+    const bool is_told = p.verdict == ParameterVerdict::kWeak || p.verdict == ParameterVerdict::kIdentified;
+    if (is_told && LiesOff(p.mode, p.nominal, p.std, p.high - p.low)) names.push_back("'" + p.name + "'");
+  }
+  if (names.empty()) return "";
+  return fmt::format(
+      "; the fit asks for {} of {} though: a gap that noise hides from predictions, or an error of the fit",
+      names.size() == 1 ? "another value" : "other values", Enumerate(names));
+}
+
 /// That longer replays are worse than the nominal simulator's, to be appended to a good word.
 std::string ButOverLonger(const DesignRecord::Validation& validation) {
   if (!validation.longest || !(validation.longest->narrowed < -kVisiblyLost)) return "";
@@ -328,7 +342,8 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
-                         off.empty() ? "" : "; the designed one does not: keep the nominal one", but);
+                         off.empty() ? "" : "; the designed one does not: keep the nominal one",
+                         ButValuesOff(record) + but);
     case DesignVerdict::kGapClosed: {
       const std::string closed =
           fmt::format("gap closed: {} the designed simulator predicts the logs as well as the sensors let it", over);

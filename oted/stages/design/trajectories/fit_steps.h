@@ -17,10 +17,6 @@ class FitSteps {
   /// So many steps are left, at most: the bar leaps ahead where fewer are needed than could have been.
   void Expect(int n) { n_total_ = n_total_ == 0 ? n : std::min(n_total_, n_done_ + n); }
 
-  /// As many more are needed after all.
-  void ExpectMore(int n) { n_total_ = n_done_ + n; }
-  int n_done() const { return n_done_; }
-
   /// Another step is done. @throws Interrupted when a stop was requested
   void Tell(const Eigen::VectorXd& x) {
     ++n_done_;

@@ -131,6 +131,18 @@ LevelFit::LastStep LevelFit::TakeLastStep() {
   return {.covariance = estimate.covariance, .arrived = length == 1};
 }
 
+double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
+  const WindowLikelihood likelihood = Likelihood();
+  const auto cost = [&](const VectorXd& at) {
+    const std::vector<double> z = ToZ(space_, at);
+    if (starts_are_held_) return CostOfWindows(replayer_.Residuals(level_.windows, level_.starts, z));
+    return CostOfWindows(
+        FitStarts(replayer_, level_.starts, {level_.windows, z, likelihood, StartSteps(), kSettlingIterations})
+            .residuals);
+  };
+  return (cost(x) - cost(than)) / readings_per_error_;
+}
+
 double LevelFit::ShareAtOtherMinima(Rng& rng) const {
   const WindowLikelihood likelihood = Likelihood();
   const std::vector<NormalEquations> equations = Equations(linear_);

@@ -102,6 +102,9 @@ class LevelFit {
   bool Explains(size_t w) const { return Likelihood().Explains(residuals_[w]); }
   /// Share of windows that noise alone explains, after FinalCost.
   double ShareExplained() const;
+  /// By how many nats windows are less likely at `x` than at `than`, their starts fitted anew at both. Behind Finish or
+  /// CovarianceOfParts.
+  double NatsLostAt(const Eigen::VectorXd& x, const Eigen::VectorXd& than) const;
   /// Share of windows whose start has another local minimum near: moved by as much as it is uncertain and fitted again,
   /// it comes to rest elsewhere, better or worse. After Finish.
   double ShareAtOtherMinima(Rng& rng) const;

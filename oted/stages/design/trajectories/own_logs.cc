@@ -1,9 +1,12 @@
 #include "oted/stages/design/trajectories/own_logs.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 #include <utility>
 
+#include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 
 namespace oted {
@@ -74,19 +77,19 @@ Dataset OwnLogs(const Dataset& logs, WindowReplayer& replayer, const LevelFit& f
 }
 
 OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesConfig& config, ShortWindows& design,
-                              const FitEvidence& evidence, const MatrixXd& covariance, FitSteps& steps) {
+                              const FitEvidence& evidence, const MatrixXd& covariance) {
   const RngKey key = problem.key.Stage("own logs");
   Rng of_starts = key.MakeRng();
   if (!design.IsNoisy() || design.fit().ShareAtOtherMinima(of_starts) < kOtherMinima) return {};
   const VectorXd x = design.fit().x();
   const std::vector<double> z = ToZ(problem.factory.parameters(), x);
   const Eigen::Map<const VectorXd> noise(evidence.noise_std.data(), problem.dataset.obs_dim());
-  const FitProgress tell = [&](int, int, const VectorXd&) { steps.Tell(x); };
-  const int n_steps = steps.n_done() / 2;  // of one of them, about
   OwnDesigns own;
   std::vector<VectorXd> off;
   while (own.x.size() < kMostLogs) {
-    steps.ExpectMore(n_steps * static_cast<int>((off.size() < kFirstLogs ? kFirstLogs : kMostLogs) - off.size()));
+    const FitProgress tell = [&, name = fmt::format("log {}", off.size() + 1)](int done, int total, const VectorXd&) {
+      problem.context.log->Progress("own logs", name, done, total, "");
+    };
     Rng rng = key.Index(off.size()).MakeRng();
     const Dataset logs = OwnLogs(problem.dataset, design.replayer(), design.fit(), z, noise, rng);
     const ReplayProblem again{problem.factory, logs,  problem.prior,     problem.key, tell,
@@ -96,6 +99,7 @@ OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesCo
     ShortWindows windows(again, config, 0, own_steps, unused, design.readings().computed);
     windows.Fit();
     windows.fit().Finish();
+    own_steps.Finish(windows.fit().x());
     own.times_fewer = std::max(1.0, static_cast<double>(design.fit().n_rows()) / windows.fit().n_rows());
     own.x.push_back(windows.fit().x());
     off.push_back(Off(own.x.back(), x));

@@ -13,7 +13,6 @@
 #include "oted/data/dataset.h"
 #include "oted/matching/fit_evidence.h"
 #include "oted/stages/design/replay/replay_fit.h"
-#include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/short_windows.h"
 #include "oted/stages/design/trajectories/trajectories_config.h"
 
@@ -36,7 +35,7 @@ struct OwnDesigns {
 /// @param evidence  of the design: its noise
 /// @return none where windows have no local minima, or the two are near
 OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesConfig& config, ShortWindows& design,
-                              const FitEvidence& evidence, const Eigen::MatrixXd& covariance, FitSteps& steps);
+                              const FitEvidence& evidence, const Eigen::MatrixXd& covariance);
 
 /// How far x lies from that of the design, what lies at or beyond a bound of its range as at it.
 Eigen::VectorXd Off(const Eigen::VectorXd& x, const Eigen::VectorXd& of_design);

@@ -32,6 +32,8 @@ constexpr int kValidationRows = 960;
 constexpr double kFarEnd = 0.95;    // of the range: an interval that goes so far is all of it
 constexpr double kElsewhere = 0.5;  // in x: an eighth of the range
 constexpr double kUntold = 0.9;     // of the prior's standard deviation, all else known
+constexpr double kUnsettled = 2.0;  // times the standard deviation of the fit
+constexpr double kTold = 4.0;       // nats that a value's nominal one would lose where it is told after all
 constexpr double kAtPrior = 0.5;    // the prior's standard deviations about its mean, where what is not told ends
 constexpr int kRowsPerJudged = 3;   // of the last fit: what judges a fit needs it less exactly than who uses it
 constexpr int kLongIterations = 20, kMostLongRows = 30000;
@@ -169,23 +171,32 @@ class TrajectoryMatch {
   /// Wider where designs from logs of this design's own come to rest elsewhere.
   MatrixXd CheckedOnOwnLogs(const MatrixXd& covariance) {
     std::vector<VectorXd> off;
-    const OwnDesigns own = DesignsFromOwnLogs(problem_, config_, short_, evidence_, covariance, steps_);
+    const OwnDesigns own = DesignsFromOwnLogs(problem_, config_, short_, evidence_, covariance);
     for (const VectorXd& x : own.x) {
       off.push_back(Off(x, fit().x()));
       evidence_.own_logs.push_back(ToZ(space_, x));
     }
-    return AsWideAs(off, own.times_fewer, covariance);
+    const MatrixXd wider = AsWideAs(off, own.times_fewer, covariance);
+    for (int i = 0; i < space_.size(); ++i) {
+      if (wider(i, i) > kUnsettled * kUnsettled * covariance(i, i)) evidence_.unsettled.push_back(i);
+    }
+    return wider;
   }
 
   /// What the logs do not tell stays at its nominal value, which the prior's mean is not where that is near an end of
-  /// the range; it may be anything from there to the other end. A prior of the user's stays as it is.
+  /// the range; it may be anything from there to the other end. A prior of the user's stays as it is. So does a value
+  /// that nothing depends on but that the nominal one is worse than: friction below that of the floor.
   void LeaveUntold(VectorXd& x, MatrixXd& covariance) {
     const Prior of_nominal = ForTrajectories(Prior::Uniform(space_.size()), space_);
     const std::vector<double> nominal = ZToLogit(space_, space_.Nominal());
     for (const int i : Untold(problem_.prior, x, covariance)) {
       if (problem_.prior.mean[i] != of_nominal.mean[i]) continue;
-      x[i] = nominal[static_cast<size_t>(i)];
-      if (std::abs(x[i]) >= kMaxX) x[i] = std::copysign(kFarthestX, x[i]);  // a value on its bound has no finite logit
+      VectorXd left = x;
+      left[i] = nominal[static_cast<size_t>(i)];
+      // A value on its bound has no finite logit.
+      if (std::abs(left[i]) >= kMaxX) left[i] = std::copysign(kFarthestX, left[i]);
+      if (fit().NatsLostAt(left, x) > kTold) continue;
+      x = left;
       if (of_part_) (*of_part_)[i] = x[i];
       if (std::abs(x[i]) <= std::abs(of_nominal.mean[i])) continue;
       const double width = WidthTo(kFarEnd, x[i]);

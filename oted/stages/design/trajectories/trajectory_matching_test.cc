@@ -90,6 +90,45 @@ TEST(MatchTrajectories, WhatTheLogsDoNotTellStaysNominalThoughThatIsAnEndOfItsRa
   EXPECT_NEAR(believed.mean[kIdle], -1, 1e-3);
 }
 
+/// The point mass with an offset of the action where idle is near 1, its nominal value, and none below: nothing depends
+/// on it on either side, as on the smaller one of two frictions.
+constexpr double kEdge = 0.99;
+class Offset : public PointMass {
+ public:
+  Offset(int n_lanes, int n_threads) : PointMass({}, n_lanes, n_threads), offset_(static_cast<size_t>(n_lanes)) {}
+  void SetParameters(int lane, std::span<const double> z) override {
+    PointMass::SetParameters(lane, z);
+    offset_[static_cast<size_t>(lane)] = z[2] > kEdge ? 0.1 : 0;
+  }
+  void Step(std::span<const int> lanes, std::span<const double> actions) override {
+    std::vector<double> moved(actions.begin(), actions.end());
+    for (size_t k = 0; k < lanes.size(); ++k) moved[k] += offset_[static_cast<size_t>(lanes[k])];
+    PointMass::Step(lanes, moved);
+  }
+
+ private:
+  std::vector<double> offset_;
+};
+class OffsetFactory : public PointMassFactory {
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<Offset>(n_lanes, n_threads);
+  }
+};
+
+TEST(MatchTrajectories, AValueThatNothingDependsOnDoesNotGiveWayToAWorseNominalOne) {
+  const Dataset logs = WithSensorNoise(PointMassLogs({1.5, 0.6, 0.3}, 20), 0.01, RngKey(3));
+  const ParameterSpace space = PointMass::MakeParameters();
+  NullSink log;
+  const Prior prior = ForTrajectories(Prior::Uniform(3), space);
+  const ReplayFit fit = MatchTrajectories(
+      {OffsetFactory(), logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, {.log = &log}},
+      {.rows = 400, .starts = 1, .coarse = 1});
+  EXPECT_LT(Z(fit)[kIdle], kEdge);
+  EXPECT_NEAR(Z(fit)[kGain], 1.5, 0.02);
+  EXPECT_LT(fit.evidence->unseen->z[kIdle], kEdge) << "nor where a part of the logs learns";
+}
+
 TEST(MatchTrajectories, WhatLiesBeyondABoundIsThatBoundAndNotBoth) {
   // Actions logged at a half ask for twice the gain: 3.6, where the range ends at 2.
   Dataset logs = WithSensorNoise(PointMassLogs({1.8, 0.6, 0.5}, 20), 0.01, RngKey(3));
