@@ -155,6 +155,10 @@ bool GainsNoticeably(const HeldOutPrediction& prediction) {
                              [](const HeldOutPrediction::Horizon& h) { return h.gain.value > kLeastExcess; });
 }
 
+bool LiesOffNominal(const ParameterSpec& spec, const ParameterSummary& s) {
+  return LiesOff(s.mode, spec.nominal, s.std, spec.high - spec.low);
+}
+
 DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& prediction,
                                 const std::vector<int>& at_bounds) {
   if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
@@ -361,13 +365,19 @@ bool LiesOff(double mode, double nominal, double std, double range) {
   return std::abs(mode - nominal) > std::max(3 * std, kMovedAbove * range);
 }
 
+void WeakenDoubted(const ParameterSpace& space, bool can_tell, const std::vector<int>& unsettled,
+                   std::vector<ParameterSummary>& summaries) {
+  for (int i = 0; i < space.size(); ++i) {
+    ParameterSummary& s = summaries[static_cast<size_t>(i)];
+    const bool is_doubted = std::ranges::count(unsettled, i) > 0 || (!can_tell && LiesOffNominal(space[i], s));
+    if (is_doubted && s.verdict == ParameterVerdict::kIdentified) s.verdict = ParameterVerdict::kWeak;
+  }
+}
+
 bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries) {
   for (int i = 0; i < space.size(); ++i) {
     const ParameterSummary& s = summaries[static_cast<size_t>(i)];
-    if (s.verdict == ParameterVerdict::kIdentified &&
-        LiesOff(s.mode, space[i].nominal, s.std, space[i].high - space[i].low)) {
-      return true;
-    }
+    if (s.verdict == ParameterVerdict::kIdentified && LiesOffNominal(space[i], s)) return true;
   }
   return false;
 }

@@ -180,6 +180,11 @@ std::vector<int> ParametersAtBounds(const Designer& q);
 /// twentieth of its range, which the seeds' errors may reach.
 /// @param range  its length
 bool LiesOff(double mode, double nominal, double std, double range);
+/// What is not borne out is at most weak: a value that LiesOff the nominal one where predictions are as good by that,
+/// and those that are `unsettled` (FitEvidence).
+/// @param can_tell  predictions tell the design from the nominal simulator, or there are none
+void WeakenDoubted(const ParameterSpace& space, bool can_tell, const std::vector<int>& unsettled,
+                   std::vector<ParameterSummary>& summaries);
 /// Whether an identified parameter lies off its nominal value.
 bool HasMoved(const ParameterSpace& space, const std::vector<ParameterSummary>& summaries);
 

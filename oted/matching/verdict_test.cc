@@ -406,6 +406,22 @@ TEST(Verdicts, HaveTheNamesOfDesignJson) {
   EXPECT_EQ(ToString(DesignVerdict::kOutsideFamily), "outside_family");
 }
 
+TEST(WeakenDoubted, LeavesNothingIdentifiedThatPredictionsOrOwnLogsDoNotBearOut) {
+  const ParameterSpace space({{.name = "gain", .field = "env/gain", .low = 0.2, .high = 2.2},
+                              {.name = "mass", .field = "env/mass", .low = 0.2, .high = 2.2}});
+  // The first is off its nominal value, the second is at it.
+  const auto labels = [&](bool can_tell, const std::vector<int>& unsettled) {
+    std::vector<ParameterSummary> summaries = {{.mode = 1.3, .std = 0.01, .verdict = ParameterVerdict::kIdentified},
+                                               {.mode = 1.0, .std = 0.01, .verdict = ParameterVerdict::kIdentified}};
+    WeakenDoubted(space, can_tell, unsettled, summaries);
+    return std::pair(summaries[0].verdict, summaries[1].verdict);
+  };
+  const auto kSure = ParameterVerdict::kIdentified, kWeak = ParameterVerdict::kWeak;
+  EXPECT_EQ(labels(true, {}), std::pair(kSure, kSure));
+  EXPECT_EQ(labels(false, {}), std::pair(kWeak, kSure));
+  EXPECT_EQ(labels(true, {1}), std::pair(kSure, kWeak));
+}
+
 TEST(HasMoved, OnlyAnIdentifiedParameterWellOffItsNominalValue) {
   const ParameterSpace space({{.name = "gain", .field = "env/gain", .low = 0.2, .high = 2.2}});
   const auto moved = [&](double mode, double std, ParameterVerdict verdict) {

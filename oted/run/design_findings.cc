@@ -219,20 +219,6 @@ std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Dis
   return intervals_of_all;
 }
 
-/// What is not borne out is at most weak: a value off its nominal one where predictions are as good by that, and one
-/// from which designs from own logs lie much farther than noise explains.
-void WeakenDoubted(const ParameterSpace& space, const Candidate& best, const Judgement& judgement,
-                   std::vector<ParameterSummary>& summaries) {
-  const bool cannot_tell = best.prediction && judgement.reaches_floor && !judgement.better;
-  for (int i = 0; i < space.size(); ++i) {
-    ParameterSummary& s = summaries[static_cast<size_t>(i)];
-    const bool is_unsettled = best.fit && std::ranges::count(best.fit->unsettled, i) > 0;
-    const bool is_doubted =
-        is_unsettled || (cannot_tell && LiesOff(s.mode, space[i].nominal, s.std, space[i].high - space[i].low));
-    if (is_doubted && s.verdict == ParameterVerdict::kIdentified) s.verdict = ParameterVerdict::kWeak;
-  }
-}
-
 DesignRecord::Validation::Horizon HorizonInRecord(const HeldOutPrediction::Horizon& h, const SimulatorSpec& spec) {
   DesignRecord::Validation::Horizon horizon{
       h.seconds,      h.n_steps, h.n_windows, h.learned,         1 - std::exp(-0.5 * h.gain.value),
@@ -297,7 +283,8 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   std::ranges::move(IntervalsOfRivals(disputed, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
   auto summaries =
       SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends, otherwise);
-  WeakenDoubted(space, best, judgement, summaries);
+  const bool can_tell = !best.prediction || judgement.better || !judgement.reaches_floor;
+  WeakenDoubted(space, can_tell, best.fit ? best.fit->unsettled : std::vector<int>(), summaries);
 
   DesignRecord record;
   record.task = run.config.task.name;

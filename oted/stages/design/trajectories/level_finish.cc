@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "oted/stages/design/replay/start_fit.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 
 namespace oted {
@@ -131,26 +130,22 @@ LevelFit::LastStep LevelFit::TakeLastStep() {
   return {.covariance = estimate.covariance, .arrived = length == 1};
 }
 
-double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
+FittedStarts LevelFit::Settled(std::vector<VectorXd> starts, const VectorXd& x) const {
+  const std::vector<double> z = ToZ(space_, x);
   const WindowLikelihood likelihood = Likelihood();
-  const auto cost = [&](const VectorXd& at) {
-    const std::vector<double> z = ToZ(space_, at);
-    if (starts_are_held_) return CostOfWindows(replayer_.Residuals(level_.windows, level_.starts, z));
-    return CostOfWindows(
-        FitStarts(replayer_, level_.starts, {level_.windows, z, likelihood, StartSteps(), kSettlingIterations})
-            .residuals);
-  };
+  return FitStarts(replayer_, std::move(starts),
+                   {level_.windows, z, likelihood, StartSteps(), starts_are_held_ ? 0 : kSettlingIterations});
+}
+
+double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
+  const auto cost = [&](const VectorXd& at) { return CostOfWindows(Settled(level_.starts, at).residuals); };
   return (cost(x) - cost(than)) / readings_per_error_;
 }
 
 double LevelFit::ShareAtOtherMinima(Rng& rng) const {
   const WindowLikelihood likelihood = Likelihood();
   const std::vector<NormalEquations> equations = Equations(linear_);
-  const auto settled = [&](std::vector<VectorXd> starts) {
-    return FitStarts(replayer_, std::move(starts),
-                     {level_.windows, ToZ(space_, x_), likelihood, StartSteps(), kSettlingIterations});
-  };
-  const FittedStarts own = settled(level_.starts);
+  const FittedStarts own = Settled(level_.starts, x_);
   std::vector<VectorXd> moved = own.starts;
   for (size_t w = 0; w < moved.size(); ++w) {
     if (!equations[w].valid || !(weights_[w] > 0)) continue;
@@ -160,7 +155,7 @@ double LevelFit::ShareAtOtherMinima(Rng& rng) const {
     const Eigen::LLT<MatrixXd> factor(equations[w].start_start / weights_[w]);
     if (factor.info() == Eigen::Success) moved[w] += factor.matrixU().solve(draw);
   }
-  const FittedStarts again = settled(std::move(moved));
+  const FittedStarts again = Settled(std::move(moved), x_);
   double elsewhere = 0;
   for (size_t w = 0; w < again.residuals.size(); ++w) {
     elsewhere += std::abs(likelihood.Cost(again.residuals[w]) - likelihood.Cost(own.residuals[w])) > kSameMinimum;

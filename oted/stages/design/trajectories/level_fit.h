@@ -8,6 +8,7 @@
 
 #include "oted/matching/prior.h"
 #include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/replay/start_fit.h"
 #include "oted/stages/design/replay/window_likelihood.h"
 #include "oted/stages/design/replay/windows.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
@@ -143,6 +144,8 @@ class LevelFit {
   /// @return which windows' new start is better
   std::vector<char> TakeBetterStarts(std::vector<Eigen::VectorXd>& moved, const Eigen::VectorXd& x,
                                      const WindowLikelihood& likelihood) const;
+  /// The windows' starts at x, from `starts` on; these where they are held.
+  FittedStarts Settled(std::vector<Eigen::VectorXd> starts, const Eigen::VectorXd& x) const;
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   /// Of all windows; without the prior.
