@@ -106,6 +106,21 @@ inline ModelTask HingeTask(const TestFolder& folder, const std::string& xml) {
   return task;
 }
 
+/// An episode of lane 0 from its present state on, appended to `logs`. @param action  of each step
+template <class Action>
+void AppendEpisode(Simulator& simulator, int n_steps, const Action& action, Dataset& logs) {
+  for (int i = 0; i < n_steps; ++i) {
+    const std::vector<double> acted = action(i);
+    logs.observations.AppendRow(simulator.observation(0));
+    logs.actions.AppendRow(acted);
+    const int lane = 0;
+    simulator.Step({&lane, 1}, acted);
+    logs.next_observations.AppendRow(simulator.observation(0));
+    logs.terminals.push_back(0);
+    logs.timeouts.push_back(i == n_steps - 1);
+  }
+}
+
 /// Two episodes of 400 control steps under slow and fast torques. @param slow  the slow torque's amplitude [N m]
 inline Dataset LogsUnderTorques(const SimulatorFactory& factory, const std::vector<double>& z, double slow) {
   const auto simulator = factory.Make(1, 1);
@@ -114,16 +129,10 @@ inline Dataset LogsUnderTorques(const SimulatorFactory& factory, const std::vect
   for (const double rate : {0.021, 0.034}) {
     Rng rng(1);
     simulator->Reset(0, rng);
-    for (int i = 0; i < 400; ++i) {
-      const std::vector<double> torque = {slow * std::sin(rate * i) + 0.5 * std::sin(5.3 * rate * i)};
-      logs.observations.AppendRow(simulator->observation(0));
-      logs.actions.AppendRow(torque);
-      const int lane = 0;
-      simulator->Step({&lane, 1}, torque);
-      logs.next_observations.AppendRow(simulator->observation(0));
-      logs.terminals.push_back(0);
-      logs.timeouts.push_back(i == 399);
-    }
+    const auto torque = [&](int i) {
+      return std::vector<double>{slow * std::sin(rate * i) + 0.5 * std::sin(5.3 * rate * i)};
+    };
+    AppendEpisode(*simulator, 400, torque, logs);
   }
   return logs;
 }

@@ -46,16 +46,10 @@ class Jumper {
     for (int episode = 0; episode < 5; ++episode) {
       simulator->Reset(0, rng);
       const double rate = rng.Uniform(0.1, 0.3), phase = rng.Uniform(0, 6);
-      for (int i = 0; i < 120; ++i) {
-        const std::vector<double> action = {std::sin(rate * i + phase), 0.5 * std::sin(0.37 * rate * i)};
-        logs.observations.AppendRow(simulator->observation(0));
-        logs.actions.AppendRow(action);
-        const int lane = 0;
-        simulator->Step({&lane, 1}, action);
-        logs.next_observations.AppendRow(simulator->observation(0));
-        logs.terminals.push_back(0);
-        logs.timeouts.push_back(i == 119);
-      }
+      const auto action = [&](int i) {
+        return std::vector<double>{std::sin(rate * i + phase), 0.5 * std::sin(0.37 * rate * i)};
+      };
+      AppendEpisode(*simulator, 120, action, logs);
     }
     return logs;
   }

@@ -108,16 +108,10 @@ TEST(DesignsFromOwnLogs, TellHowFarAFitRestsFromTheTruthWhereWindowsHaveLocalMin
   for (int episode = 0; episode < 4; ++episode) {
     target->Reset(0, rng);
     const double rate = rng.Uniform(0.16, 0.29);
-    for (int i = 0; i < 100; ++i) {
-      const std::vector<double> action = {0.5 + 0.3 * std::sin(rate * i), -1.0 - 0.6 * std::sin(rate * i)};
-      logs.observations.AppendRow(target->observation(0));
-      logs.actions.AppendRow(action);
-      const int lane = 0;
-      target->Step({&lane, 1}, action);
-      logs.next_observations.AppendRow(target->observation(0));
-      logs.terminals.push_back(0);
-      logs.timeouts.push_back(i == 99);
-    }
+    const auto action = [&](int i) {
+      return std::vector<double>{0.5 + 0.3 * std::sin(rate * i), -1.0 - 0.6 * std::sin(rate * i)};
+    };
+    AppendEpisode(*target, 100, action, logs);
   }
   logs = WithSensorNoise(logs, 0.01, RngKey(9));
   NullSink log;
