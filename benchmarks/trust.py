@@ -58,7 +58,7 @@ REJECTED = ("out_of_bounds", "out_of_family", "contact", "inertia", "delay", "fr
 NAMED = ("out_of_family", "contact", "inertia", "delay", "friction_loss", "com")  # one thing is off that suspects know
 CLASSES = IN_FAMILY + REJECTED
 NOT_OF_ARM, OF_ARM_ALONE = ("no_effect", "product", "contact"), ("com",)
-VERDICTS = ("outside_family", "gap_narrowed", "gap_closed", "no_gap")
+VERDICTS = ("undecided", "outside_family", "gap_narrowed", "gap_closed", "no_gap")
 
 
 def draw_case(task, kind, rng):

@@ -283,8 +283,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
   const bool all_identified = std::ranges::none_of(design->parameters, [](const DesignRecord::Parameter& p) {
     return p.verdict == ParameterVerdict::kNotIdentified || p.verdict == ParameterVerdict::kAtBound;
   });
-  const bool negative =
-      design->verdict == DesignVerdict::kOutsideFamily || (options.require_identified && !all_identified);
+  const bool negative = IsNegative(design->verdict) || (options.require_identified && !all_identified);
   return static_cast<int>(negative ? ExitCode::kNoSimulatorMatches : ExitCode::kDone);
 }
 

@@ -257,8 +257,7 @@ void CheckIsWorthExporting(const fs::path& run_directory) {
       design.validation &&
       std::ranges::any_of(design.validation->horizons,
                           [](const DesignRecord::Validation::Horizon& h) { return h.narrowed < -0.1; });
-  const bool is_off =
-      design.verdict == DesignVerdict::kOutsideFamily || (design.verdict == DesignVerdict::kNoGap && has_larger_error);
+  const bool is_off = IsNegative(design.verdict) || (design.verdict == DesignVerdict::kNoGap && has_larger_error);
   if (!is_off || design.predicts_better) return;
   throw DataError(
       fmt::format("the design does not surely predict better than the nominal model; 'oted export {} --mjcf FILE' "

@@ -161,7 +161,6 @@ bool LiesOffNominal(const ParameterSpec& spec, const ParameterSummary& s) {
 
 DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& prediction,
                                 const std::vector<int>& at_bounds) {
-  if (ShowsNothing(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   const bool better = PredictsBetter(prediction);
   if (ReachesFloor(prediction)) {
     const bool as_well = !better && !GainsNoticeably(prediction);
@@ -170,6 +169,7 @@ DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& pred
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
+  if (!better && !ExceedsFloor(prediction)) return DesignVerdict::kUndecided;
   return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
@@ -187,7 +187,8 @@ const NamedValues<DesignVerdict>& DesignVerdictNames() {
   static const NamedValues<DesignVerdict> names = {{DesignVerdict::kNoGap, "no_gap"},
                                                    {DesignVerdict::kGapClosed, "gap_closed"},
                                                    {DesignVerdict::kGapNarrowed, "gap_narrowed"},
-                                                   {DesignVerdict::kOutsideFamily, "outside_family"}};
+                                                   {DesignVerdict::kOutsideFamily, "outside_family"},
+                                                   {DesignVerdict::kUndecided, "undecided"}};
   return names;
 }
 
@@ -333,17 +334,19 @@ bool PredictsWorse(const HeldOutPrediction& prediction) {
 }
 
 DesignVerdict JudgePrediction(const Designer& q, const HeldOutPrediction& prediction, const FitDoubts& doubts) {
+  if (ShowsNothing(prediction.horizons)) return DesignVerdict::kUndecided;
   const bool better = PredictsBetter(prediction);
   const DesignVerdict verdict = ByPredictionAlone(q, prediction, doubts.at_bounds);
   if (verdict == DesignVerdict::kGapClosed && doubts.fails_in_a_recording) return DesignVerdict::kGapNarrowed;
-  if (!FloorIsReached(verdict) || !doubts.asks_for_more) return verdict;
+  const bool may_be_fine = FloorIsReached(verdict) || verdict == DesignVerdict::kUndecided;
+  if (!may_be_fine || !doubts.asks_for_more) return verdict;
   return better ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
 bool CannotTell(double common) { return std::numbers::ln2 - common < kNoGapMargin; }
 
 DesignVerdict JudgeDesign(double nominal_common, double designed_common, int n_transitions) {
-  if (n_transitions < kFewestJudged) return DesignVerdict::kOutsideFamily;
+  if (n_transitions < kFewestJudged) return DesignVerdict::kUndecided;
   const double nominal_gap = std::numbers::ln2 - nominal_common, designed_gap = std::numbers::ln2 - designed_common;
   if (CannotTell(nominal_common) && nominal_gap - designed_gap < kNoGainMargin) return DesignVerdict::kNoGap;
   if (CannotTell(designed_common)) return DesignVerdict::kGapClosed;

@@ -22,7 +22,12 @@ enum class DesignVerdict {
   kGapClosed,      ///< the designed simulator does, the nominal one does not
   kGapNarrowed,    ///< the designed simulator predicts better than the nominal one; more is left than sensors explain
   kOutsideFamily,  ///< no simulator in this family predicts better than the nominal one, or none within the bounds
+  kUndecided,      ///< the logs show too little to tell
 };
+/// Whether nothing speaks for using the design as it is.
+constexpr bool IsNegative(DesignVerdict verdict) {
+  return verdict == DesignVerdict::kOutsideFamily || verdict == DesignVerdict::kUndecided;
+}
 /// Whether that is no gap or a closed one.
 constexpr bool FloorIsReached(DesignVerdict verdict) {
   return verdict == DesignVerdict::kNoGap || verdict == DesignVerdict::kGapClosed;
@@ -82,8 +87,9 @@ struct FitDoubts {
 ///                   horizon a tenth (of mean squares). Or the nominal simulator alone reaches the floor
 ///   gap_closed      the floor is reached
 ///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
-///   outside_family  it does not, or a parameter ended at a bound: the logs ask for what the family does not have; or
-///                   the logs show nothing (ShowsNothing), so that no other word is earned
+///   outside_family  more is left than sensors explain, and it does not, or a parameter ended at a bound: the logs ask
+///                   for what the family does not have
+///   undecided       nothing of it is sure: the logs show too little, or nothing at all (ShowsNothing)
 ///
 /// Under noise predictions may reach the floor though something else is off: the fit's windows tell more. Where they
 /// ask for more, the verdict is gap_narrowed or outside_family; where the fit fails in a recording, no gap is closed.

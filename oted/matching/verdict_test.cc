@@ -188,8 +188,8 @@ TEST(JudgeDesign, OutsideTheFamilyWhereTheDesignIsNoNearerThanTheNominalSimulato
   EXPECT_EQ(JudgeDesign(kLog2 - 0.5, kLog2 - 0.6, 1000), DesignVerdict::kOutsideFamily) << "worse than no design";
 }
 
-TEST(JudgeDesign, AHandfulOfTransitionsSupportsNoGoodWord) {
-  EXPECT_EQ(JudgeDesign(kLog2, kLog2, kFewestJudged - 1), DesignVerdict::kOutsideFamily);
+TEST(JudgeDesign, AHandfulOfTransitionsSupportsNoWord) {
+  EXPECT_EQ(JudgeDesign(kLog2, kLog2, kFewestJudged - 1), DesignVerdict::kUndecided);
   EXPECT_EQ(JudgeDesign(kLog2, kLog2, kFewestJudged), DesignVerdict::kNoGap);
 }
 
@@ -230,7 +230,7 @@ TEST(ReachesFloor, WindowsThatWouldNotShowAnExcessDoNotBearItOut) {
   EXPECT_TRUE(ChannelsOff(few).empty());
   const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
   EXPECT_EQ(Judged(moved, few), DesignVerdict::kGapNarrowed);
-  EXPECT_EQ(Judged(moved, Predicted({0.1, 0.6}, {0.1, 0.3})), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(moved, Predicted({0.1, 0.6}, {0.1, 0.3})), DesignVerdict::kUndecided);
 }
 
 TEST(ReachesFloor, EveryHorizonThatIsToldHasToShowIt) {
@@ -293,6 +293,18 @@ TEST(JudgePrediction, TheFloorAndTheGainDecide) {
   EXPECT_EQ(Judged(moved, Predicted(kMuch, kNothing)), DesignVerdict::kOutsideFamily);
 }
 
+TEST(JudgePrediction, UndecidedWhereWindowsTellNeitherWhetherItIsBetterNorWhetherTheFloorIsReached) {
+  const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  const Estimated unsure_excess = {0.3, 0.6}, unsure_gain = {0.9, 0.7};
+  const HeldOutPrediction few = Predicted(unsure_excess, unsure_gain);
+  ASSERT_FALSE(IsFloorTold(few));
+  EXPECT_EQ(Judged(moved, few), DesignVerdict::kUndecided);
+  EXPECT_EQ(JudgePrediction(moved, few, {.asks_for_more = true}), DesignVerdict::kOutsideFamily)
+      << "something is surely off";
+  EXPECT_EQ(Judged(moved, Predicted(unsure_excess, kMuch)), DesignVerdict::kGapNarrowed) << "it is surely better";
+  EXPECT_EQ(Judged(moved, Predicted(kMuch, unsure_gain)), DesignVerdict::kOutsideFamily) << "surely off";
+}
+
 TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
   const Designer q = MakeDesigner({0, 0}, {0.01, 0.01});
   HeldOutPrediction noise = Predicted(kNothing, kNothing);
@@ -301,7 +313,8 @@ TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
   EXPECT_FALSE(ReachesFloor(noise)) << "what cannot be judged has not passed";
   EXPECT_FALSE(LeavesGap(noise)) << "nor is there anything to find";
   EXPECT_TRUE(ChannelsOff(noise).empty());
-  EXPECT_EQ(Judged(q, noise), DesignVerdict::kOutsideFamily);
+  EXPECT_EQ(Judged(q, noise), DesignVerdict::kUndecided);
+  EXPECT_EQ(JudgePrediction(q, noise, {.asks_for_more = true}), DesignVerdict::kUndecided);
   noise.horizons[0].channels[1].spread = 5;
   EXPECT_FALSE(ShowsNothing(noise.horizons)) << "one channel is predicted";
   EXPECT_EQ(Judged(q, noise), DesignVerdict::kNoGap);
@@ -404,6 +417,7 @@ TEST(Verdicts, HaveTheNamesOfDesignJson) {
   EXPECT_EQ(ToString(ParameterVerdict::kAtBound), "at_bound");
   EXPECT_EQ(ToString(DesignVerdict::kGapNarrowed), "gap_narrowed");
   EXPECT_EQ(ToString(DesignVerdict::kOutsideFamily), "outside_family");
+  EXPECT_EQ(ToString(DesignVerdict::kUndecided), "undecided");
 }
 
 TEST(WeakenDoubted, LeavesNothingIdentifiedThatPredictionsOrOwnLogsDoNotBearOut) {

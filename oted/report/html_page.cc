@@ -39,10 +39,10 @@ std::string Header(const json& report) {
     for (const json& item : items) html += fmt::format("<p>{}</p>", Escape(AsText(item)));
     return html.empty() ? "" : fmt::format("<div><h2>{}</h2>{}</div>\n", title, html);
   };
-  const char* tone = verdict == "outside_family" ? "poor"
-                     : verdict == "gap_narrowed" ? "fair"
-                     : verdict.empty()           ? "open"
-                                                 : "good";
+  const char* tone = verdict == "outside_family"                 ? "poor"
+                     : verdict == "gap_narrowed"                 ? "fair"
+                     : verdict.empty() || verdict == "undecided" ? "open"
+                                                                 : "good";
   // The verdict in large letters, what it rests on in small ones.
   const std::string sentence = TextAt(summary, "headline");
   const size_t end = std::min(sentence.find(". "), sentence.size() - 1) + 1;

@@ -84,7 +84,7 @@ void AddParameters(const json& report, json* found) {
                                      FormatSpread(NumberAt(parameter, "mode"), NumberAt(parameter, "std"))));
   }
   const std::string whole = report.contains("design") ? TextAt(report["design"], "verdict") : "";
-  const bool outside = whole == "outside_family" || whole == "gap_narrowed";
+  const bool outside = whole == "outside_family" || whole == "gap_narrowed" || whole == "undecided";
   if (!identified.empty()) {
     found->push_back(fmt::format("{} logs determine {}, if what was not searched is as in the model.",
                                  outside ? "Within this family, the" : "The", Enumerate(identified)));
@@ -272,9 +272,9 @@ json Unknown(const json& report, const std::string& verdict) {
         "A difference may remain: motions that the logs do not contain, and effects that no parameter describes, are "
         "untested.");
   }
-  if (verdict == "outside_family" || verdict == "gap_narrowed") {
+  if (verdict == "outside_family" || verdict == "gap_narrowed" || verdict == "undecided") {
     const bool has_fit = report.contains("design") && report["design"].contains("fit");
-    const bool is_told = !has_fit || !Disagreeing(report["design"]["fit"]).empty();
+    const bool is_told = verdict != "undecided" && (!has_fit || !Disagreeing(report["design"]["fit"]).empty());
     unknown.push_back(is_told
                           ? "More error is left than the sensors explain. Something beside these parameters may "
                             "differ, or the method has not found them exactly."

@@ -178,7 +178,7 @@ Judgement Judge(const Candidate& best, const std::vector<Suspect>& suspects, dou
     return judgement;
   }
   judgement.verdict = JudgeDesign(nominal_common, designed_common, n_transitions);
-  judgement.better = judgement.verdict != DesignVerdict::kOutsideFamily;
+  judgement.better = !IsNegative(judgement.verdict);
   judgement.reaches_floor = FloorIsReached(judgement.verdict);
   return judgement;
 }

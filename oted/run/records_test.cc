@@ -290,9 +290,10 @@ TEST(VerdictSentence, OfAClassifierSaysOfTheNominalSimulatorNoMoreThanItTells) {
   EXPECT_THAT(VerdictSentence(record, {}),
               EndsWith("tell neither simulator from the logs, but an identified parameter lies "
                        "off its nominal value"));
-  record.verdict = DesignVerdict::kOutsideFamily;
+  record.verdict = DesignVerdict::kUndecided;
   record.dataset.n_transitions = 3;
-  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("3 transitions, of which none can be predicted, are too few"));
+  EXPECT_THAT(VerdictSentence(record, {}),
+              StartsWith("undecided: 3 transitions, of which none can be predicted, are too few"));
 }
 
 TEST(VerdictSentence, NamesChannelsThatAreNoBetterThanAGuess) {
@@ -347,11 +348,14 @@ TEST(VerdictSentence, WhereWindowsDoNotTellTheFloorItSaysHowFarTheErrorMayGoAndW
   EXPECT_THAT(VerdictSentence(record, {}),
               AllOf(StartsWith("gap narrowed by 40 % over 0.5 s. These logs do not tell"), HasSubstr(may_be),
                     HasSubstr("Episodes 2, 5 of the logs are far off")));
-  record.verdict = DesignVerdict::kOutsideFamily;
+  record.verdict = DesignVerdict::kUndecided;
   record.predicts_better = false;
-  EXPECT_THAT(VerdictSentence(record, {}), AllOf(HasSubstr("does not surely predict better"), HasSubstr(may_be)));
+  EXPECT_THAT(VerdictSentence(record, {}),
+              AllOf(StartsWith("undecided: "), HasSubstr("does not surely predict better"), HasSubstr(may_be)));
   record.validation->horizons[0].odd_episodes.clear();
   EXPECT_THAT(VerdictSentence(record, {}), EndsWith(". Log more"));
+  record.verdict = DesignVerdict::kOutsideFamily;
+  EXPECT_THAT(VerdictSentence(record, {}), AllOf(Not(HasSubstr("sensors explain")), HasSubstr("ask for something")));
   record.validation->horizons[0].most_times_floor = 1.4;
   record.verdict = DesignVerdict::kGapNarrowed;
   EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("do not tell")));

@@ -104,10 +104,10 @@ std::string ButAtBounds(const std::string& names) {
                      names);
 }
 
-/// Whether the sensors explain what the design leaves, and the logs surely ask for something that is not searched.
+/// Whether the logs surely ask for something that is not searched.
 bool AsksForMore(const DesignRecord& record) {
   const auto is_likely = [](const DesignRecord::Suspected& s) { return s.suspect.IsLikely(); };
-  return record.fit && NotTold(*record.validation).empty() && std::ranges::any_of(record.fit->suspects, is_likely);
+  return record.fit && std::ranges::any_of(record.fit->suspects, is_likely);
 }
 
 /// Why the gap is not closed though at no horizon more is left than the sensors explain.
@@ -173,14 +173,13 @@ std::string WithoutPrediction(const DesignRecord& record) {
     case DesignVerdict::kGapNarrowed:
       return "gap narrowed: a classifier tells the designed simulator from the logs, but less surely than the nominal "
              "one";
+    case DesignVerdict::kUndecided:
+      return fmt::format(
+          "undecided: {} transitions, of which none can be predicted, are too few to judge a simulator by; log longer "
+          "episodes",
+          record.dataset.n_transitions);
     case DesignVerdict::kOutsideFamily:
       break;
-  }
-  if (record.dataset.n_transitions < kFewestJudged) {
-    return fmt::format(
-        "outside the family: {} transitions, of which none can be predicted, are too few to judge a simulator by; log "
-        "longer episodes",
-        record.dataset.n_transitions);
   }
   return "outside the family: a classifier tells the designed simulator from the logs as surely as the nominal one";
 }
@@ -365,10 +364,16 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
                          WhatRemains(*record.validation, horizon, off)) +
              ButElsewhere(*record.validation) + ButAGuess(*record.validation) + ButOdd(*record.validation) + judged_by +
              ButLeftOut(record);
+    case DesignVerdict::kUndecided: {
+      if (ShowsNothing(record.validation->horizons)) return std::string("undecided: ") + kNothingShown;
+      const std::string odd = ButOdd(*record.validation);
+      return fmt::format(
+          "undecided: {} the designed simulator does not surely predict better than the nominal one, and {}{}", over,
+          NotTold(*record.validation), odd.empty() ? "; log more" : odd);
+    }
     case DesignVerdict::kOutsideFamily:
       break;
   }
-  if (ShowsNothing(record.validation->horizons)) return std::string("outside the family: ") + kNothingShown;
   if (GuessesAsWell(record.validation->horizons)) {
     return fmt::format(
         "outside the family: at no horizon does the designed simulator predict better than guesses do (of each "
@@ -386,17 +391,10 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
                            : ", and more than the sensors explain: " + WhatRemains(*record.validation, horizon, off)) +
            ButAGuess(*record.validation) + ButOdd(*record.validation);
   }
-  if (off.empty() && AsksForMore(record)) {
-    return fmt::format(
-        "outside the family: {} the sensors explain what remains, but the designed simulator does not surely predict "
-        "better than the nominal one, and {}",
-        over, kAsksForMore);
-  }
   if (off.empty()) {
-    const std::string odd = ButOdd(*record.validation);
     return fmt::format(
-        "outside the family: {} the designed simulator does not surely predict better than the nominal one, and {}{}",
-        over, NotTold(*record.validation), odd.empty() ? "; log more" : odd);
+        "outside the family: {} {}the designed simulator does not surely predict better than the nominal one, and {}",
+        over, NotTold(*record.validation).empty() ? "the sensors explain what remains, but " : "", kAsksForMore);
   }
   return fmt::format(
              "outside the family: {} the designed simulator does not surely predict better than the nominal one; what "

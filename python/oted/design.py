@@ -31,6 +31,7 @@ class Verdict(enum.StrEnum):
     GAP_CLOSED = "gap_closed"
     GAP_NARROWED = "gap_narrowed"
     OUTSIDE_FAMILY = "outside_family"
+    UNDECIDED = "undecided"
 
 
 class Validation:
