@@ -10,6 +10,7 @@
 #include "cli/numbers.h"
 #include "cli/options.h"
 #include "cli/session.h"
+#include "cli/terminal.h"
 #include "oted/plan/child_program.h"
 #include "oted/proposal/task_proposal.h"
 
@@ -55,7 +56,7 @@ void AddInitVerb(Program& program) {
     ProposalRequest request;
     std::string out = "task.toml";
     int threads = -1;
-    bool json = false;
+    bool json = false, quiet = false;
   };
   auto words = std::make_shared<Words>();
   verb->add_option("MODEL", words->request.model, "MJCF or URDF file, or package:NAME/...")->required();
@@ -70,12 +71,13 @@ void AddInitVerb(Program& program) {
                  "write the schema of task files beside it, and name it in the first line: editors complete and check");
   AddThreads(*verb, words->threads);
   verb->add_flag("--json", words->json, "print the result as JSON");
+  verb->add_flag("--quiet", words->quiet, "no progress on stderr");
   verb->footer(
       "Columns are matched by the names of joints, actuators and sensors: hip_pos, hip_vel, hip_cmd, q0, tau1, ...\n"
       "docs/your_own_robot.md has an example.");
   verb->callback([words] {
     words->request.out = words->out;
-    NullSink log;
+    TerminalSink log(words->json || words->quiet);
     const Proposal proposal = ProposeTask(words->request, MakeContext(log, std::max(0, words->threads)));
     if (words->json) {
       Print("{}\n", proposal.ToJson(words->out).dump(2));

@@ -20,7 +20,7 @@ constexpr int kRows = 320;
 }  // namespace
 
 std::optional<TrialFit> FitBriefly(const SimulatorFactory& factory, const Dataset& logs, RngKey key,
-                                   const RunContext& context) {
+                                   const RunContext& context, std::string_view stage) {
   const SimulatorSpec& spec = factory.spec();
   if (!spec.can_replay()) return std::nullopt;
   TrajectoriesConfig config{.rows = kRows, .starts = 1, .coarse = 16};
@@ -29,19 +29,22 @@ std::optional<TrialFit> FitBriefly(const SimulatorFactory& factory, const Datase
         std::clamp(static_cast<int>(std::lround(kTrialWindow_s / spec.control_period_s)), kFewestSteps, kMostSteps);
   }
   const Prior prior = ForTrajectories(Prior::Uniform(factory.parameters().size()), factory.parameters());
-  const FitProgress silent = [](int, int, const Eigen::VectorXd&) {};
+  const FitProgress tell = [&](int done, int total, const Eigen::VectorXd&) {
+    context.log->Progress(stage, "", done, total, "");
+  };
   const ReplayProblem problem{.factory = factory,
                               .dataset = logs,
                               .prior = prior,
                               .key = key,
-                              .progress = silent,
+                              .progress = tell,
                               .context = context,
                               .judged = false};
-  FitSteps steps(silent, context);
+  FitSteps steps(tell, context);
   FitEvidence evidence;
   try {
     ShortWindows windows(problem, config, 0, steps, evidence);
     windows.Fit();
+    steps.Finish(windows.fit().x());
     Array2<double> information(prior.size(), prior.size(), 0.0);
     for (const StretchEvidence& stretch : windows.fit().EvidenceIn(windows.replayer(), {}, {}, {})) {
       for (int i = 0; i < prior.size(); ++i) {

@@ -2,6 +2,7 @@
 /// A brief fit of all parameters that may be off, to see which of them the logs can tell from the others.
 
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "oted/base/array2.h"
@@ -21,8 +22,9 @@ struct TrialFit {
 /// Short windows of the logs, as trajectory matching begins with them
 /// (oted/stages/design/trajectories/short_windows.h). Where the nominal model falls over or stands still, what
 /// parameters do there says little of what they do in the robot.
+/// @param stage  what the progress bar calls it
 /// @return none where the simulator cannot be set to logged states, or no window explains anything
 std::optional<TrialFit> FitBriefly(const SimulatorFactory& factory, const Dataset& logs, RngKey key,
-                                   const RunContext& context);
+                                   const RunContext& context, std::string_view stage);
 
 }  // namespace oted

@@ -11,7 +11,7 @@ namespace {
 
 std::optional<TrialFit> Fit(const PointMassOptions& options, const Dataset& logs) {
   NullSink log;
-  return FitBriefly(PointMassFactory(options), logs, RngKey(1), {.log = &log});
+  return FitBriefly(PointMassFactory(options), logs, RngKey(1), {.log = &log}, "fit");
 }
 
 TEST(FitBriefly, FindsTheValuesAndTellsWhatActsAlikeFromWhatDoesNot) {

@@ -314,13 +314,15 @@ class Proposer {
   }
 
   void Look() {
+    context_.log->Progress("check", "", 0, 1, "whether something is wrong with the logs");
     for (const Finding& finding : CheckDataset(dataset_, FactsOf(factory_->spec()))) {
-      if (finding.severity == Severity::kNote) continue;
+      if (finding.severity == Severity::kNote || finding.only_discriminated) continue;  // the default needs no remedy
       proposal_.suspicious.push_back(fmt::format("{}: {}; {}", finding.check, finding.what, finding.remedy));
     }
     for (std::string& fact : SuspiciousFacts(*factory_, dataset_, model_, context_.n_threads)) {
       proposal_.suspicious.push_back(std::move(fact));
     }
+    context_.log->Progress("check", "", 1, 1, "");
   }
 
   void ChooseWhatToDoubt() {

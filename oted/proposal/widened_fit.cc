@@ -35,7 +35,7 @@ std::optional<TrialFit> FitWidened(
     const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake) {
   for (int round = 0;; ++round) {
     const auto factory = remake(candidates);
-    std::optional<TrialFit> trial = FitBriefly(*factory, dataset, key, context);
+    std::optional<TrialFit> trial = FitBriefly(*factory, dataset, key, context, round == 0 ? "fit" : "refit");
     if (!trial || round == kWidenings) return trial;
     const std::vector<double> unit = factory->parameters().ToUnit(trial->z);
     bool widened = false;
