@@ -199,9 +199,9 @@ class FreedTrials {
   }
 
   /// Nats by which windows of the logs become likelier: of those that were kept aside and, where windows are noise's
-  /// and those agree, of the others too. One number more cannot follow hundreds of windows, so that these tell as
-  /// honestly, and they are four times as many. None where nothing was kept aside, and where the fit without it is of
-  /// other windows.
+  /// and those agree, of the others too; of the others alone where fewer than two such windows were kept aside. One
+  /// number more cannot follow hundreds of windows, so that these tell as honestly, and they are four times as many.
+  /// None where nothing was kept aside, and where the fit without it is of other windows.
   std::optional<Estimated> NatsOf(const Suspect& suspect, const SimulatorFactory& wider, const ReadingModel& readings,
                                   const Fitted& with) {
     if (fits_.LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) return std::nullopt;
@@ -223,8 +223,10 @@ class FreedTrials {
       return *NatsGained(freed, without);
     };
     Estimated nats = ask(fits_.parts().judge);
+    const bool can_tell = std::isfinite(nats.error);
+    if (!can_tell) freed = without = {};
+    if (!can_tell || (!is_long && nats.value > 0)) nats = ask(fits_.parts().learn);
     if (!std::isfinite(nats.error)) return std::nullopt;
-    if (!is_long && nats.value > 0) nats = ask(fits_.parts().learn);
     costs_[suspect.spec.name] = freed;
     return nats;
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
+#include <limits>
 #include <memory>
 #include <set>
 #include <span>
@@ -73,13 +74,13 @@ void AddUndirected(std::span<const Suspect> undirected, std::vector<Suspect>& su
 struct SuspectScreening::Scored {
   std::vector<Suspect> wholes, parts;
 
-  /// Those that stand out: favoured, and by half as much at least as the surest of all. There are many parts, and of
-  /// many some seem likely by chance.
-  std::vector<Suspect> Outstanding() const {
+  /// Those that stand out: favoured, and by half as much at least as the surest of all, or by `sure` nats. There are
+  /// many parts, and of many some seem likely by chance.
+  std::vector<Suspect> Outstanding(double sure = std::numeric_limits<double>::infinity()) const {
     std::vector<Suspect> all = wholes;
     all.insert(all.end(), parts.begin(), parts.end());
     std::ranges::stable_sort(all, std::ranges::greater(), &Suspect::explains);
-    std::erase_if(all, [least = all.empty() ? 0 : all.front().explains / 2](const Suspect& suspect) {
+    std::erase_if(all, [least = all.empty() ? 0 : std::min(all.front().explains / 2, sure)](const Suspect& suspect) {
       return !IsDirected(suspect) || suspect.explains < least;
     });
     return FirstApart(all, kMostOutstanding);
@@ -191,7 +192,7 @@ std::vector<Suspect> SuspectScreening::Find(bool thoroughly) {
     // On clean logs short windows tell what long ones, over which effects bend, do not.
     Tell(kFitted);
     const Fit brief(fits_, ShortWindows());
-    return FindBy(LongWindows(), brief ? Score(brief).Outstanding() : std::vector<Suspect>());
+    return FindBy(LongWindows(), brief ? Score(brief).Outstanding(kFewestSureNats) : std::vector<Suspect>());
   }
   std::vector<Suspect> found = FindBy(ShortWindows());
   if (!found.empty() || !thoroughly) return found;

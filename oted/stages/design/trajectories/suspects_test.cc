@@ -11,6 +11,7 @@
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/replay/kept_aside.h"
 #include "oted/stages/design/trajectories/best_freed.h"
 #include "oted/stages/design/trajectories/freed.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
@@ -78,11 +79,17 @@ class AskedNames : public NullSink {
   std::set<std::string> names;
 };
 
-/// What is suspected where the target's damping is `factor` times the model's, whose gain alone is searched.
-std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::string>* asked = nullptr, double high = 2.0,
-                                std::vector<Suspect> (*free)(const FreedProblem&, int) = TrySuspects) {
+/// Noisy logs of a target whose damping is `factor` times the model's.
+Dataset LogsWith(double factor, int n_episodes, uint64_t seed) {
+  return WithSensorNoise(PointMassLogs({1.3, factor * kDamping, kIdle}, n_episodes), 0.02, RngKey(seed));
+}
+
+using Freeing = std::vector<Suspect> (*)(const FreedProblem&, int);
+
+/// What is suspected where the model's gain alone is searched.
+std::vector<Suspect> SuspectsIn(const Dataset& logs, uint64_t seed, std::set<std::string>* asked = nullptr,
+                                double high = 2.0, Freeing free = TrySuspects) {
   AskedNames log;
-  const Dataset logs = WithSensorNoise(PointMassLogs({1.3, factor * kDamping, kIdle}, 20), 0.02, RngKey(seed));
   const RunContext context{.log = &log, .n_threads = 1};
   const GainFactory factory({"damping", "idle"}, {}, high);
   const Prior prior = Prior::Uniform(1);
@@ -99,6 +106,11 @@ std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::stri
   const std::vector<Suspect> suspects = free(problem, 3);
   if (asked != nullptr) *asked = log.names;
   return suspects;
+}
+
+std::vector<Suspect> SuspectsOf(double factor, uint64_t seed, std::set<std::string>* asked = nullptr, double high = 2.0,
+                                Freeing free = TrySuspects) {
+  return SuspectsIn(LogsWith(factor, 20, seed), seed, asked, high, free);
 }
 
 TEST(TrySuspects, NamesWhatIsOffAndByHowMuchAndSaysWhatFreeingItBuys) {
@@ -123,6 +135,28 @@ TEST(TryAsked, FreesWhatTheWindowsOfTheFitAskAndNothingWhereTheyAskForNothing) {
   EXPECT_TRUE(asked[0].trial->kept);
   EXPECT_NEAR(asked[0].trial->value, 1.4, 0.1);
   EXPECT_TRUE(SuspectsOf(1.0, 3, nullptr, 2.0, TryAsked).empty());
+}
+
+/// Five episodes, of which the one that is kept aside ends after half a second.
+Dataset WithAShortJudge(const Dataset& logs, RngKey kept_aside) {
+  const std::vector<Episode> episodes = logs.Episodes();
+  for (size_t e = 0; e < episodes.size(); ++e) {
+    std::vector<Episode> cut = episodes;
+    cut[e] = {cut[e].begin, cut[e].begin + 6, false};
+    Dataset with_cut = logs.Select(cut);
+    if (KeepAside(with_cut, 0.1, kept_aside).judge.size() == 6) return with_cut;
+  }
+  throw DataError("no episode judges alone");
+}
+
+TEST(TrySuspects, AsksTheWindowsThatLearnedWhereTooFewWereKeptAside) {
+  const std::vector<Suspect> suspects = SuspectsIn(WithAShortJudge(LogsWith(1.6, 5, 3), RngKey(3)), 3);
+  ASSERT_FALSE(suspects.empty());
+  EXPECT_EQ(suspects[0].spec.field, "env/damping");
+  ASSERT_TRUE(suspects[0].trial.has_value());
+  ASSERT_TRUE(suspects[0].trial->nats.has_value());
+  EXPECT_TRUE(IsLikelier(*suspects[0].trial));
+  EXPECT_TRUE(suspects[0].trial->kept);
 }
 
 TEST(TrySuspects, KeepsNothingThatEndsAtItsBound) {
