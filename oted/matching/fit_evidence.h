@@ -103,10 +103,10 @@ struct FitEvidence {
   std::optional<UnseenFit> unseen = {};        ///< of methods that keep a part of the logs aside
   bool errors_grow = false;                    ///< over these windows: no simulator of the family explains the logs
   std::optional<LeftOutInTurn> left_out = {};  ///< where lengths of windows were chosen by it
-  /// z of designs from logs of the design's own simulator, by the same method; only where they lie farther from the
-  /// design's than its covariance was, which is as wide as these since then.
+  /// z of designs from logs of the design's own simulator, by the same method; where they lie farther from the design's
+  /// than its covariance was, that is as wide as these since then.
   std::vector<std::vector<double>> own_logs = {};
-  /// Parameters whose standard deviation these more than double.
+  /// Parameters whose standard deviation these more than double; all of them where rates are unread as well.
   std::vector<int> unsettled = {};
   std::vector<Condition> conditions = {};  ///< of each parameter those that move it most
   /// What the fit's own windows ask to be other than in the model, though their predictions may be as near to the logs

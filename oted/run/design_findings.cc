@@ -46,17 +46,21 @@ std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
 }
 
 /// What designs from the design's own logs found of each parameter.
-std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::vector<double>>& found) {
+/// @param none_is_settled  FitEvidence::unsettled has all of them
+std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::vector<double>>& found,
+                            bool none_is_settled) {
   std::vector<std::string> ranges;
   for (int i = 0; i < space.size(); ++i) {
     const auto value = [i](const std::vector<double>& z) { return z[static_cast<size_t>(i)]; };
     const auto [least, most] = std::ranges::minmax(found | std::views::transform(value));
     ranges.push_back(fmt::format("{} {:.3g} to {:.3g}", space[i].name, least, most));
   }
-  return fmt::format(
-      "from {} logs that the designed simulator made at these values the same method finds {}; the intervals are as "
-      "wide",
-      found.size(), fmt::join(ranges, ", "));
+  return fmt::format("from {} logs that the designed simulator made at these values the same method finds {}; {}",
+                     found.size(), fmt::join(ranges, ", "),
+                     none_is_settled
+                         ? "with contacts and noise many stretches may as well have begun otherwise: any value may be "
+                           "farther off than its interval says"
+                         : "no interval is narrower");
 }
 
 DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<Suspect>& suspects, const std::vector<int>& off,
@@ -312,7 +316,8 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   if (const std::optional<FitEvidence>& fit = findings.candidates[ToldBy(findings)].fit) {
     record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec());
     if (best.fit && !best.fit->own_logs.empty()) {
-      record.fit->own_logs = {best.fit->own_logs, OwnLogsSentence(space, best.fit->own_logs)};
+      const bool none_is_settled = best.fit->unsettled.size() == static_cast<size_t>(space.size());
+      record.fit->own_logs = {best.fit->own_logs, OwnLogsSentence(space, best.fit->own_logs, none_is_settled)};
     }
   }
   for (const GrowthRecord& round : run.growth) {

@@ -103,8 +103,9 @@ OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesCo
     own.times_fewer = std::max(1.0, static_cast<double>(design.fit().n_rows()) / windows.fit().n_rows());
     own.x.push_back(windows.fit().x());
     off.push_back(Off(own.x.back(), x));
-    if (off.size() == kFirstLogs && MeanSquare(off, own.times_fewer * covariance) <= 1) return {};
+    if (off.size() == kFirstLogs && MeanSquare(off, own.times_fewer * covariance) <= 1) return own;
   }
+  own.are_near = false;
   return own;
 }
 

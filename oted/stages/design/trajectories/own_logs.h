@@ -27,13 +27,14 @@ Dataset OwnLogs(const Dataset& logs, WindowReplayer& replayer, const LevelFit& f
 /// Designs from logs of a design's own.
 struct OwnDesigns {
   std::vector<Eigen::VectorXd> x;
+  bool are_near = true;    ///< no farther from the design's x than its covariance says
   double times_fewer = 1;  ///< than the design's: the rows that they rest on
 };
 
 /// By the same method from the same starting points, without the last levels of more rows. Two of them; four where
 /// these lie farther off than `covariance` says.
 /// @param evidence  of the design: its noise
-/// @return none where windows have no local minima, or the two are near
+/// @return none where windows have no local minima
 OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesConfig& config, ShortWindows& design,
                               const FitEvidence& evidence, const Eigen::MatrixXd& covariance);
 

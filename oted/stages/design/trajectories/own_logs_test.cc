@@ -120,6 +120,7 @@ TEST(DesignsFromOwnLogs, TellHowFarAFitRestsFromTheTruthWhereWindowsHaveLocalMin
                         {.rows = 400, .starts = 2, .coarse = 16});
   const auto intervals = Designer(factory.parameters(), fit.mean, fit.covariance).CentralInterval(0.9);
   EXPECT_EQ(fit.evidence->own_logs.size(), 4U) << "two lie farther off than the covariance says";
+  EXPECT_EQ(fit.evidence->unsettled.size(), 2U) << "nothing is identified where velocities are unread as well";
   for (size_t i = 0; i < 2; ++i) {
     EXPECT_LE(intervals[i].low, truth[i]);
     EXPECT_GE(intervals[i].high, truth[i]);

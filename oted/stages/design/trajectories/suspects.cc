@@ -154,6 +154,13 @@ void KeepSurest(std::vector<Suspect>& asked) {
   });
 }
 
+/// Whether a parameter sets all that a suspect is: of a mass that is searched with its inertia, the mass alone.
+bool IsPartOf(const ParameterSpec& suspect, const ParameterSpec& parameter) {
+  const std::vector<std::string> set = TiedPaths(parameter.field);
+  return std::ranges::all_of(TiedPaths(suspect.field),
+                             [&](const std::string& path) { return std::ranges::find(set, path) != set.end(); });
+}
+
 /// How far a parameter moved: logarithm of a multiple, or share of its range, in halves of what is noticeable.
 double MovedBy(const ParameterSpec& spec, double from, double to) {
   if (spec.IsMultiple() || spec.logarithmic) {
@@ -171,6 +178,10 @@ Prior WithOneMore(const Prior& prior, double mean) {
   MatrixXd covariance = Prior::Uniform(n + 1).Covariance();
   covariance.topLeftCorner(n, n) = prior.Covariance();
   return Prior::Gaussian(means, covariance);
+}
+
+bool IsExcluded(double off, double change, double std) {
+  return off * (off - 2 * std::abs(change)) > kEndOfInterval * kEndOfInterval * std * std;
 }
 
 bool IsNoticeable(const ParameterSpec& spec, double z) {
@@ -207,13 +218,13 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     if (scored.explains > kAsked * kAsked / 2 && IsNoticeable(specs[k], scored.value)) found.asked.push_back(scored);
     const double off = specs[k].IsMultiple() ? std::log(1 + kOff) : kOff;
     const auto [change, std] = LastOf(*estimate);
-    const double reach = std::abs(change) + kEndOfInterval * std;
     const WithEachAlone::Following following = with.FollowingOf(k);
     // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.
     const double bend = std::max(2 * steps[static_cast<Eigen::Index>(k)], kSmallestSine);
-    if (following.square_of_sine > bend * bend && reach < off) continue;  // the logs say that it is as in the model
+    if (following.square_of_sine > bend * bend && IsExcluded(off, change, std)) continue;
     const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
     for (size_t i = 0; i < z.size(); ++i) {
+      if (IsPartOf(specs[k], space[static_cast<int>(i)])) continue;
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
       if (by > 1) of_each[i].emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
     }

@@ -16,6 +16,10 @@ Prior WithOneMore(const Prior& prior, double mean);
 /// Whether a score favours it, by two standard deviations.
 bool IsDirected(const Suspect& scored);
 
+/// Whether the logs exclude that it is off by `off`: that is less likely than its nominal value, by as much as an end
+/// of a 90 % interval is. @param change, std  what they make of it, from the nominal value on
+bool IsExcluded(double off, double change, double std);
+
 /// Whether z is far enough from nominal to matter: a multiple by a tenth, that of a length by a fiftieth, a value by a
 /// fiftieth of its range. Of strengths and frictions a few per cent are as often the trace of something else.
 bool IsNoticeable(const ParameterSpec& spec, double z);

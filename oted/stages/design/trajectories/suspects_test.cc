@@ -217,6 +217,15 @@ std::vector<Condition> ConditionsOf(const std::vector<std::string>& suspects, do
   return EvidenceOf(suspects, noise).conditions;
 }
 
+TEST(IsExcluded, WhereATenthOffIsMuchLessLikelyThanTheModelsValue) {
+  EXPECT_TRUE(IsExcluded(0.0953, 0, 0.0953 / 1.7));
+  EXPECT_FALSE(IsExcluded(0.0953, 0, 0.0953 / 1.6)) << "the interval of what is as in the model reaches it";
+  // A servo's kv was a tenth off: all six values with it, and the interval about the likeliest kv just missed the
+  // truth.
+  EXPECT_FALSE(IsExcluded(0.0953, 0.0412, 0.026)) << "as likely as the model's value";
+  EXPECT_FALSE(IsExcluded(0.0953, -0.0412, 0.026)) << "to either side";
+}
+
 TEST(FindConditions, NamesWhatTheLogsDoNotTellFromTheParameterAndWhereItWouldBe) {
   for (const double noise : {1e-9, 0.002}) {
     const std::vector<Condition> conditions = ConditionsOf({"gear", "damping", "idle"}, noise);

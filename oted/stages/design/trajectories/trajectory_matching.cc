@@ -168,7 +168,8 @@ class TrajectoryMatch {
     evidence_.left_out = choice_.left_out;
   }
 
-  /// Wider where designs from logs of this design's own come to rest elsewhere.
+  /// Wider where designs from logs of this design's own come to rest elsewhere. They begin with its own starts. Where
+  /// rates are unread, and each start may be another, that they rest near it therefore proves nothing.
   MatrixXd CheckedOnOwnLogs(const MatrixXd& covariance) {
     std::vector<VectorXd> off;
     const OwnDesigns own = DesignsFromOwnLogs(problem_, config_, short_, evidence_, covariance);
@@ -176,9 +177,11 @@ class TrajectoryMatch {
       off.push_back(Off(x, fit().x()));
       evidence_.own_logs.push_back(ToZ(space_, x));
     }
-    const MatrixXd wider = AsWideAs(off, own.times_fewer, covariance);
+    const MatrixXd wider = own.are_near ? covariance : AsWideAs(off, own.times_fewer, covariance);
+    const bool are_open = !off.empty() && !readings().unread.empty();
     for (int i = 0; i < space_.size(); ++i) {
-      if (wider(i, i) > kUnsettled * kUnsettled * covariance(i, i)) evidence_.unsettled.push_back(i);
+      const bool is_wider = wider(i, i) > kUnsettled * kUnsettled * covariance(i, i);
+      if (are_open || is_wider) evidence_.unsettled.push_back(i);
     }
     return wider;
   }
