@@ -158,15 +158,15 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
 
 void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
   const JudgeScore& s = *check.gap;
+  check.is_little = n_transitions < kFewTransitions;
   const GapVerdict verdict = check.Verdict();
-  const bool is_little = n_transitions < kFewTransitions;
   const bool is_unsure = s.auc < kWorseThanBlind;
   const std::string meaning =
-      verdict == GapVerdict::kNone && is_unsure   ? "a classifier that guesses worse than a blind one has learned what "
-                                                    "does not last: it cannot tell; make a design"
-      : verdict == GapVerdict::kNone && is_little ? "so few transitions cannot tell: a classifier learns little from "
-                                                    "them; look at the one-step errors, and make "
-                                                    "a design"
+      verdict == GapVerdict::kNone && is_unsure ? "a classifier that guesses worse than a blind one has learned what "
+                                                  "does not last: it cannot tell; make a design"
+      : verdict == GapVerdict::kUnknown && check.is_little ? "so few transitions cannot tell: a classifier learns "
+                                                             "little from them; look at the one-step errors, and make "
+                                                             "a design"
       : verdict == GapVerdict::kNone ? "no gap was seen in single rows; a design shows one that so few transitions "
                                        "hide, or that adds up over many rows"
       : verdict == GapVerdict::kUnknown
@@ -183,9 +183,9 @@ void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
                            spec.task, s.auc, s.accuracy, s.common, std::numbers::ln2, n_transitions),
        .count = n_transitions,
        .meaning = meaning,
-       .remedy = verdict == GapVerdict::kNone
-                     ? is_little ? "log more" : "none needed; more episodes make the statement stronger"
-                     : "oted design"});
+       .remedy = verdict == GapVerdict::kNone ? "none needed; more episodes make the statement stronger"
+                 : verdict == GapVerdict::kUnknown && check.is_little ? "log more"
+                                                                      : "oted design"});
 }
 
 void CheckEffects(const SimulatorFactory& factory, const Dataset& dataset, RngKey key, int n_threads,
@@ -238,7 +238,7 @@ std::string ToString(GapVerdict verdict) {
 
 GapVerdict DataCheck::Verdict() const {
   if (!gap) return GapVerdict::kUnknown;
-  if (gap->auc < kSmallAuc) return GapVerdict::kNone;
+  if (gap->auc < kSmallAuc) return is_little ? GapVerdict::kUnknown : GapVerdict::kNone;
   if (gap_by_clone) return GapVerdict::kUnknown;
   return gap->auc < kClearAuc ? GapVerdict::kSmall : GapVerdict::kClear;
 }
@@ -296,6 +296,7 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
   std::vector<std::string> warnings;
   for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
     if (f.only_discriminated && !discriminated) continue;
+    if (f.check == kImpossibleMotion) throw DataError(fmt::format("{}; {}", f.what, f.remedy));
     if (f.severity != Severity::kNote) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.meaning));
   }
   return warnings;

@@ -25,7 +25,9 @@ struct DataCheck {
   std::optional<OneStepError> one_step;  ///< where the task is known and its states can be set
   std::optional<JudgeScore> gap;         ///< where the task is known, unless rates are hidden that only a fit finds
   bool gap_by_clone = false;             ///< a clone acted, whose own errors count, too
-  /// None below an area under the curve of 0.55, clear from 0.75 on; from 0.55 on unknown where a clone acted.
+  bool is_little = false;                ///< so few transitions that a classifier which tells nothing means nothing
+  /// None below an area under the curve of 0.55, unknown where there is little data; clear from 0.75 on; from 0.55 on
+  /// unknown where a clone acted.
   GapVerdict Verdict() const;
 };
 
@@ -33,6 +35,7 @@ struct DataCheck {
 TaskFacts FactsOf(const SimulatorSpec& spec);
 
 /// What the checks that need no simulator warn of, a sentence each.
+/// @throws DataError where readings are of no robot (kImpossibleMotion): nothing can be said of such logs
 /// @param discriminated  whether the design learns to tell these logs from a simulator
 std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated);
 

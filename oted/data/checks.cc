@@ -96,6 +96,7 @@ std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts
   CheckMissingRows(dataset, facts, findings);
   CheckStates(dataset, facts, findings);
   CheckWraps(dataset, facts, findings);
+  CheckJumps(dataset, facts, findings);
   CheckTurns(dataset, facts, findings);
   CheckRates(dataset, facts, CheckTurning(dataset, facts, findings), findings);
   // No linear map explains numbers whose signs change.

@@ -33,6 +33,9 @@ struct TaskFacts {
   std::string ActionName(int j) const;
 };
 
+/// The check that logs have to pass before anything is fitted to them.
+inline constexpr const char* kImpossibleMotion = "impossible_motion";
+
 /// All checks (checks_*.h), cheap ones: linear in the number of rows but for sorting. Never throws for what the data
 /// hold: values that are not finite and arrays that disagree are findings, and then the only ones.
 std::vector<Finding> CheckDataset(const Dataset& dataset, const TaskFacts& facts);

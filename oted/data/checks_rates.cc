@@ -13,6 +13,7 @@
 namespace oted {
 namespace {
 
+constexpr double kImpossiblePerRow = 1000;             // [rad], [m]
 constexpr double kMostPerRow = 1.0;                    // [rad]
 constexpr double kClear = 0.8;                         // correlation from which on one number is the rate of another
 constexpr double kVague = 0.6;                         // below it is not
@@ -344,6 +345,34 @@ void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Find
                         .channels = {name},
                         .meaning = "the angle is kept within one turn; replays compare it with one that is not",
                         .remedy = fmt::format("name it in data.unwrap, in Python unwrap=[\"{}\"]", name)});
+  }
+}
+
+void CheckJumps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
+  for (const int position : facts.positions) {
+    if (position >= dataset.obs_dim()) continue;
+    const std::vector<std::vector<double>> recordings = SeriesOf(dataset, position);
+    for (size_t k = 0; k < recordings.size(); ++k) {
+      std::vector<double> steps;
+      for (size_t i = 1; i < recordings[k].size(); ++i) {
+        steps.push_back(std::abs(recordings[k][i] - recordings[k][i - 1]));
+      }
+      const double typical = steps.empty() ? 0 : MedianOf(steps);
+      if (!(typical > kImpossiblePerRow)) continue;
+      const std::string name = facts.ObservationName(position);
+      findings.push_back(
+          {.check = kImpossibleMotion,
+           .severity = Severity::kError,
+           .what = fmt::format("{} moves by {:.2g} in a typical row of episode {}, wanted at most {:g} (rad or m)",
+                               name, typical, k + 1, kImpossiblePerRow),
+           .count = static_cast<int64_t>(steps.size()),
+           .channels = {name},
+           .meaning =
+               "no robot moves so: beside such readings all others seem to stand still, and predictions of these "
+               "mean nothing",
+           .remedy = fmt::format("leave the recording out, or give its unit: data.scale = {{ \"{}\" = ... }}", name)});
+      break;
+    }
   }
 }
 

@@ -33,6 +33,9 @@ bool Wraps(double change);
 /// Positions that are kept within one turn.
 void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
 
+/// Positions that go farther in a typical row than any robot does (kImpossibleMotion).
+void CheckJumps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
+
 /// Angles that go so far in a typical row that they are hardly radians.
 void CheckTurns(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings);
 
