@@ -52,10 +52,13 @@ std::vector<Disputed> DisputedIn(const std::vector<GrowthRecord>& growth) {
   return disputed;
 }
 
-json GrowthRecord::ToJson() const { return {{"schema", kSchema}, {"suspects", SuspectsToJson(suspects)}}; }
+json GrowthRecord::ToJson() const {
+  return {{"schema", kSchema}, {"suspects", SuspectsToJson(suspects)}, {"at_bounds", at_bounds}};
+}
 
 GrowthRecord GrowthRecord::FromJson(const json& record, const std::string& where) {
-  return {SuspectsFrom(RecordReader(record, kSchema, where), "suspects")};
+  const RecordReader reader(record, kSchema, where);
+  return {SuspectsFrom(reader, "suspects"), reader.Get<std::vector<std::string>>("at_bounds")};
 }
 
 // ---------------------------------------------------------------- design.json

@@ -16,8 +16,9 @@ namespace oted {
 /// growth/ROUND/growth.json: a design that was made to find what its parameters lack.
 struct GrowthRecord {
   static constexpr const char* kSchema = "oted.growth/1";
-  /// Empty where the design leaves no more than the sensors explain, or ends at a bound.
-  std::vector<Suspect> suspects;
+  std::vector<Suspect>
+      suspects;  ///< empty where the design leaves no more than the sensors explain, or ends at a bound
+  std::vector<std::string> at_bounds = {};  ///< parameters that end at one: nothing is tried
 
   /// What joins the parameters; null where nothing does.
   const Suspect* Freed() const;

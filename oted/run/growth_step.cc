@@ -1,5 +1,8 @@
 #include "oted/run/growth_step.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -48,7 +51,9 @@ GrowthRecord MakeRound(const RunSetup& run, int round) {
   problem.run_name = run.directory.NameOf(problem.folder);
   const DesignResult design = LearnDesign(problem, config);
   // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
-  if (!design.fit || !ParametersAtBounds(design.q).empty()) return {};
+  GrowthRecord record;
+  for (const int i : ParametersAtBounds(design.q)) record.at_bounds.push_back(problem.factory.parameters()[i].name);
+  if (!design.fit || !record.at_bounds.empty()) return record;
   return {Try(problem, config, *design.fit, design.q, PredictKeptAside(problem, design.q, design.fit))};
 }
 
@@ -61,6 +66,15 @@ void AddParameter(RunSetup& run, const Suspect& freed) {
   if (!config.agents.nominal_at.empty()) config.agents.nominal_at.push_back(freed.spec.nominal);
   run.factory = MakeSimulatorFactory(config.task, config.parameters, run.dataset.EpisodeStarts());
   run.has_effect.clear();
+}
+
+/// Why a round added nothing; empty where the sensors explain what is left, and nothing was to be added.
+std::string WhyNothing(const GrowthRecord& round) {
+  if (!round.at_bounds.empty()) {
+    return fmt::format("nothing was added: '{}' ends at a bound of its range; widen it first",
+                       fmt::join(round.at_bounds, "', '"));
+  }
+  return round.suspects.empty() ? "" : "nothing was added: no suspect surely predicts better";
 }
 
 /// Rounds until one frees nothing; none where the run does not grow. @param next  gives a round's record; none: not
@@ -91,6 +105,9 @@ void Grow(RunSetup& run) {
   AddRounds(run, [&](int round) -> std::optional<GrowthRecord> {
     return OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
   });
+  if (run.growth.size() == 1 && run.growth.front().Freed() == nullptr) {
+    if (const std::string why = WhyNothing(run.growth.front()); !why.empty()) run.context.log->Warning(why);
+  }
   for (const auto& [added, rival] : DisputedIn(run.growth)) run.context.log->Warning(RivalSentence(*added, *rival));
 }
 

@@ -286,7 +286,7 @@ void RunDirectory::Begin(const Artifact& artifact) const {
   if (!fs::exists(folder / "checkpoint.npz")) {
     // The work begins anew, and so do its curves, which had been noted with a checkpoint.
     if (fs::exists(folder / "checkpoint.curves")) {
-      Warn(fmt::format("'{}' is missing: the work of its stage begins anew", (folder / "checkpoint.npz").string()));
+      Warn(fmt::format("'{}' has no saved state: its stage begins anew", folder.string()));
     }
     RemoveFile(folder / "checkpoint.curves");
     RemoveFile(folder / kCurves);

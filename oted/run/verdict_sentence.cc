@@ -127,6 +127,14 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
   return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
 }
 
+/// Channels that no verdict rests on, to be appended to a sentence that the floor is reached.
+std::string ButStarred(const DesignRecord::Validation::Horizon& horizon) {
+  const auto n = std::ranges::count_if(horizon.channels, [](const auto& c) { return !c.judged; });
+  if (n == 0) return "";
+  return fmt::format("; {} of {} channels judge nothing, as {} computed from positions or late", n,
+                     horizon.channels.size(), n == 1 ? "it is" : "they are");
+}
+
 /// Values off the nominal ones though predictions are as good by these, to be appended to a sentence that there is no
 /// gap.
 std::string ButValuesOff(const DesignRecord& record) {
@@ -337,7 +345,8 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
   const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
   // Where the floor is reached.
-  const std::string but = ButUntold(horizon) + ButOverLonger(*record.validation) + ButAtBounds(at_bounds) + judged_by;
+  const std::string but =
+      ButUntold(horizon) + ButStarred(horizon) + ButOverLonger(*record.validation) + ButAtBounds(at_bounds) + judged_by;
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
