@@ -83,6 +83,8 @@ def draw_case(task, kind, rng):
         truth[rng.choice(off)] = round(rng.choice([0.4, 0.6, 1.6, 2.5]), 4)
     elif kind in ("contact", "inertia"):
         truth[kind] = rng.choice([0.3, 0.5, 2.0, 3.0])
+        if kind == "contact" and task == "halfcheetah" and truth[kind] < 1:
+            truth[kind] = {0.3: 3.0, 0.5: 2.0}[truth[kind]]  # MuJoCo takes none below two physics steps, its nominal one
     elif kind == "com":
         truth[kind] = rng.choice([0.5, 0.7, 1.3, 1.6])
     elif kind == "delay":

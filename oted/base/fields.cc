@@ -213,6 +213,10 @@ const Field& FieldList::Find(std::string_view name, std::string_view where) cons
     if (field.name == name) return field;
     names.push_back(field.name);
   }
+  if (IsStructure(name)) {
+    throw UsageError(fmt::format("{}: {}.{} is no single value; write it in a task file", where, section_, name));
+  }
+  names.insert(names.end(), structures_.begin(), structures_.end());
   throw UsageError(fmt::format("{}: {}.{} is not a setting{}; the settings of [{}] are: {}", where, section_, name,
                                DidYouMean(name, names), section_, fmt::join(names, ", ")));
 }

@@ -10,6 +10,7 @@
 ///     }
 ///   };
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -98,8 +99,12 @@ class FieldList {
                        std::move(choices)});
   }
 
+  /// A setting of the section that is no field, as its value is a structure: others read it.
+  void AddStructure(std::string name) { structures_.push_back(std::move(name)); }
+
   const std::string& section() const { return section_; }
   const std::vector<Field>& fields() const { return fields_; }
+  bool IsStructure(std::string_view name) const { return std::ranges::find(structures_, name) != structures_.end(); }
   /// @throws UsageError with the nearest name when there is no such field.
   const Field& Find(std::string_view name, std::string_view where) const;
   nlohmann::json ToJson() const;
@@ -109,6 +114,7 @@ class FieldList {
  private:
   std::string section_;
   std::vector<Field> fields_;
+  std::vector<std::string> structures_;
 };
 
 /// The candidate nearest to `name` in edit distance, whatever the case of letters, or "" when none is near.

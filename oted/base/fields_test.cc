@@ -38,6 +38,7 @@ struct Config {
     fields.Add("hidden", &hidden, "units per layer", AtLeast(1));
     fields.Add("lambdas", &lambdas, "weights", Between(0, 10));
     fields.Add("columns", &columns, "names of columns");
+    fields.AddStructure("recordings");
     return fields;
   }
 };
@@ -56,6 +57,8 @@ TEST(Fields, AnUnknownKeyIsAnErrorWithTheNearestName) {
               AllOf(HasSubstr("hopper.toml"), HasSubstr("clone.batchsize"), HasSubstr("did you mean 'batch_size'?")));
   EXPECT_THAT(message({{"zzzzzzzzz", 3}}), AllOf(Not(HasSubstr("did you mean")), HasSubstr("learning_rate")));
   EXPECT_THAT(message(json::array({1})), HasSubstr("[clone] is not a table"));
+  EXPECT_THAT(message({{"recording", 3}}), HasSubstr("did you mean 'recordings'?"));
+  EXPECT_THAT(TextMessage("recordings", "3"), HasSubstr("clone.recordings is no single value; write it in a task"));
 }
 
 TEST(Fields, NearestNameTakesTheSmallestEditDistance) {

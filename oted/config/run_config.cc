@@ -65,6 +65,7 @@ FieldList DataConfig::Fields() {
   fields.Add("scale", &rescaling.scale, "factors of observations and actions, by name or pattern with *: units, signs");
   fields.Add("offset", &rescaling.offset, "what is then added to them: a sensor's zero");
   fields.Add("unwrap", &unwrap, "observations [rad] that the log keeps within one turn: names, or patterns with *");
+  fields.AddStructure("recordings");
   return fields;
 }
 

@@ -35,6 +35,8 @@ FieldList TaskConfig::Fields() {
   fields.Add("reward", &model.reward, "expression, paid every control step; only agents need it");
   fields.Add("terminate", &model.terminate, "expression; the episode ends when it is not 0");
   fields.Add("max_episode_steps", &model.max_episode_steps, "control steps after which an episode is cut", AtLeast(1));
+  fields.AddStructure("quantities");
+  fields.AddStructure("constants");
   return fields;
 }
 

@@ -60,8 +60,8 @@ std::vector<DataConfig::Recording> ReadRecordings(const toml::node& node, const 
 
 void ReadSection(const toml::table& table, const std::string& file_name, FieldList& section) {
   for (const auto& [key, node] : table) {
-    const std::string setting = fmt::format("{}.{}", section.section(), key.str()), at = TomlPlace(file_name, node);
-    if (setting == "task.quantities" || setting == "task.constants" || setting == "data.recordings") continue;
+    if (section.IsStructure(key.str())) continue;
+    const std::string at = TomlPlace(file_name, node);
     RefuseFormerName(section.section(), key.str(), at);
     json value = TomlToJson(node, at);
     const OtherType other = OtherTypeOf(section.section(), key.str());

@@ -333,18 +333,18 @@ class CandidateList {
     }
   }
 
+  /// @param most  multiple of it
+  void AddMass(const std::string& name, const std::string& body, double most) {
+    Add({name, fmt::format("body/{0}/mass + body/{0}/inertia", body), 0.5, most, ParameterScale::kNominal, true});
+  }
+
   void Masses() {
-    const auto path = [](const std::string& body) { return fmt::format("body/{0}/mass + body/{0}/inertia", body); };
+    constexpr double kMost = 2, kMostOfHand = 5;  // a light hand may carry several times its own mass
     for (const ModelOutline::Joint* joint : floating_) {
       // What flies, drives or walks carries most of its mass, and its payload, there.
-      Add({moving_.empty() && floating_.size() == 1 ? "mass" : "mass_" + joint->body, path(joint->body), 0.5, 2,
-           ParameterScale::kNominal, true});
+      AddMass(moving_.empty() && floating_.size() == 1 ? "mass" : "mass_" + joint->body, joint->body, kMost);
     }
     if (moving_.empty()) return;
-    if (moving_.size() > kFewJoints) {
-      Add({"mass", path(Shared()), 0.5, 2, ParameterScale::kNominal, true});
-      return;
-    }
     std::vector<std::string> bodies;
     std::set<std::string> fastened;
     for (const Moving& m : moving_) {
@@ -353,12 +353,17 @@ class CandidateList {
       std::ranges::copy(m.joint->fastened, std::back_inserter(bodies));
       fastened.insert(m.joint->fastened.begin(), m.joint->fastened.end());
     }
+    const bool are_many = moving_.size() > kFewJoints;
+    if (are_many) {
+      AddMass("mass", Shared(), kMost);
+      std::erase_if(bodies, [&](const std::string& body) { return !fastened.contains(body); });
+      if (bodies.size() > kFewJoints) return;
+    }
     // The last first: what it carries is known least.
     std::ranges::reverse(bodies);
     for (const std::string& body : bodies) {
-      // A light hand may carry several times its own mass.
-      Add({bodies.size() == 1 ? "mass" : "mass_" + body, path(body), 0.5, fastened.contains(body) ? 5.0 : 2.0,
-           ParameterScale::kNominal, true});
+      AddMass(bodies.size() == 1 && !are_many ? "mass" : "mass_" + body, body,
+              fastened.contains(body) ? kMostOfHand : kMost);
     }
   }
 

@@ -232,6 +232,27 @@ std::vector<ModelField> ServoFields(const mjModel& model, const Owner& owner, co
   return fields;
 }
 
+// Where the springs of the joints `ids` rest: MuJoCo keeps that by positions.
+ModelField SpringReference(const mjModel& model, const Owner& owner, const std::vector<int>& ids, int index,
+                           const std::string& path) {
+  std::vector<int> joints, rows;
+  for (const int id : ids) {
+    if (model.jnt_type[id] != mjJNT_HINGE && model.jnt_type[id] != mjJNT_SLIDE) continue;
+    joints.push_back(id);
+    rows.push_back(model.jnt_qposadr[id]);
+  }
+  if (rows.empty()) throw UsageError(fmt::format("parameter path '{}': no such joint slides or is a hinge", path));
+  const auto prefix = [&](int row) {
+    const auto at = std::ranges::find(rows, row) - rows.begin();
+    return "joint/" + ObjectName(model, mjOBJ_JOINT, joints[static_cast<size_t>(at)]);
+  };
+  const ModelArray array{
+      .name = "qpos_spring", .values = model.qpos_spring, .n = static_cast<int>(model.nq), .width = 1};
+  ModelField field = Collect(array, array.name, rows, index, "springref", prefix, path);
+  field.unit = UnitFor(model, owner, joints, "m | rad");
+  return field;
+}
+
 // One path, without ties.
 std::vector<ModelField> ResolveOne(const mjModel& model, const std::string& path) {
   const size_t first = path.find('/');
@@ -266,6 +287,9 @@ std::vector<ModelField> ResolveOne(const mjModel& model, const std::string& path
   if (owner->type == mjOBJ_ACTUATOR && (ref.name == "kp" || ref.name == "kv")) {
     if (ref.index >= 0) throw UsageError(fmt::format("parameter path '{}': {} has no index", path, ref.name));
     return ServoFields(model, *owner, ids, ref.name, path);
+  }
+  if (owner->type == mjOBJ_JOINT && ref.name == "springref") {
+    return {SpringReference(model, *owner, ids, ref.index, path)};
   }
   const std::vector<ModelArray> arrays = ModelArrays(model);
   const ModelArray& array = FindArray(arrays, owner->prefixes, ref.name, path);

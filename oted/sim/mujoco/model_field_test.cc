@@ -219,6 +219,23 @@ TEST(Servos, StiffnessAndDampingAreWhatMujocosCompilerMakesOfThem) {
   EXPECT_THROW(ResolvePath(*nominal.model, "actuator/#2/kp"), UsageError) << "a velocity servo has none";
 }
 
+TEST(SpringReference, IsWhereMujocosCompilerPutsTheRestOfASpring) {
+  const std::filesystem::path file = std::filesystem::path(testing::TempDir()) / "oted_springs.xml";
+  std::ofstream(file) << R"(<mujoco><compiler angle="radian"/><worldbody>
+    <body><freejoint/><geom size=".1"/><body><joint name="a" springref=".2"/><geom size=".1"/>
+    <body><joint name="b" type="slide" springref=".3"/><geom size=".1"/></body></body></body></worldbody></mujoco>)";
+  const LoadedModel loaded = LoadModel(file);
+  std::filesystem::remove(file);
+  const auto resolve = [&](const std::string& path) { return ResolvePath(*loaded.model, path).front(); };
+  EXPECT_THAT(resolve("joint/b/springref").nominal, ElementsAre(0.3));
+  EXPECT_THAT(resolve("joint/b/springref").indices, ElementsAre(8));
+  EXPECT_EQ(resolve("joint/b/springref").unit, "m");
+  EXPECT_THAT(resolve("joint/*/springref").nominal, ElementsAre(0.2, 0.3)) << "a free joint has no spring";
+  EXPECT_THAT(resolve("joint/*/springref").places, ElementsAre("joint/a/springref", "joint/b/springref"));
+  EXPECT_THAT([&] { ResolvePath(*loaded.model, "joint/#0/springref"); },
+              ThrowsMessage<UsageError>(HasSubstr("no such joint slides or is a hinge")));
+}
+
 TEST(TiedPaths, AMassAndItsInertiaGrowAsAtAnotherDensity) {
   const LoadedModel light = Compiled("light", "<geom size=\".1\" density=\"500\"/>", "");
   const LoadedModel heavy = Compiled("heavy", "<geom size=\".1\" density=\"750\"/>", "");

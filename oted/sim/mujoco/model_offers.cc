@@ -47,13 +47,16 @@ int CommonIndex(const std::vector<std::string>& places) {
   return common;
 }
 
-/// What a servo has beside its actuator's arrays (model_field.h).
-struct Servo {
+/// What an object has beside its arrays (model_field.h).
+struct Beside {
+  const char* owner;
   std::string_view ending;
   const char* meaning;
 };
-constexpr Servo kServos[] = {{"/kp", "stiffness of a position servo: gainprm[0], and -biasprm[1]"},
-                             {"/kv", "damping of a servo: -biasprm[2], and gainprm[0] of a velocity servo"}};
+constexpr Beside kBeside[] = {
+    {"actuator", "/kp", "stiffness of a position servo: gainprm[0], and -biasprm[1]"},
+    {"actuator", "/kv", "damping of a servo: -biasprm[2], and gainprm[0] of a velocity servo"},
+    {"joint", "/springref", "where its spring rests"}};
 
 }  // namespace
 
@@ -66,8 +69,8 @@ PathInfo DescribeModelPath(const mjModel& model, const std::string& path) {
     info.unit = field.unit;
     info.meaning = DescribeField(TableName(field.array), CommonIndex(field.places)).meaning;
   }
-  for (const Servo& servo : kServos) {
-    if (path.ends_with(servo.ending)) info.meaning = servo.meaning;
+  for (const Beside& beside : kBeside) {
+    if (path.ends_with(beside.ending)) info.meaning = beside.meaning;
   }
   return info;
 }
@@ -100,11 +103,10 @@ std::vector<ParameterOffer> ModelOffers(const mjModel& model) {
       offers.push_back(std::move(offer));
     }
   }
-  for (const Servo& servo : kServos) {
+  for (const auto& [owner, ending, meaning] : kBeside) {
     try {
-      PathInfo info = DescribeModelPath(model, fmt::format("actuator/*{}", servo.ending));
-      offers.push_back(
-          {"actuator", fmt::format("actuator/NAME{}", servo.ending), info.unit, info.meaning, std::move(info.places)});
+      PathInfo info = DescribeModelPath(model, fmt::format("{}/*{}", owner, ending));
+      offers.push_back({owner, fmt::format("{}/NAME{}", owner, ending), info.unit, meaning, std::move(info.places)});
     } catch (const UsageError&) {
       // this model has none
     }
