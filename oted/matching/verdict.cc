@@ -13,16 +13,17 @@ namespace {
 
 constexpr double kIdentifiedBelow = 0.25;  // of the prior's interval
 constexpr double kWeakBelow = 0.6;
-constexpr double kLoose = 1.5;                   // times: between the ends of an interval
-constexpr double kNextToNothing = 0.1;           // of the model's value
-constexpr double kNextToNothingOfRange = 0.002;  // where that is 0
-constexpr double kNoGapMargin = 0.1;             // nats of the common score
-constexpr double kNoGainMargin = 0.005;          // nats that a design must win over the nominal simulator
-constexpr double kNarrowedShare = 0.1;           // of the gap in nats
-constexpr double kNoticeable = 0.04;             // in x: a hundredth of the range at its middle
-constexpr double kMovedAbove = 0.05;             // of the range
-constexpr double kAtBound = 0.01;                // of the range
-constexpr double kWidthOfInterval = 3.29;        // standard deviations, of a normal distribution's central 90 %
+constexpr double kLoose = 1.5;                              // times: between the ends of an interval
+constexpr double kNextToNothing = 0.1;                      // of the model's value
+constexpr double kNextToNothingOfRange = 0.002;             // where that is 0
+constexpr double kSmallShare = 0.05, kSmallOfRange = 0.01;  // of a value, of its range
+constexpr double kNoGapMargin = 0.1;                        // nats of the common score
+constexpr double kNoGainMargin = 0.005;                     // nats that a design must win over the nominal simulator
+constexpr double kNarrowedShare = 0.1;                      // of the gap in nats
+constexpr double kNoticeable = 0.04;                        // in x: a hundredth of the range at its middle
+constexpr double kMovedAbove = 0.05;                        // of the range
+constexpr double kAtBound = 0.01;                           // of the range
+constexpr double kWidthOfInterval = 3.29;  // standard deviations, of a normal distribution's central 90 %
 
 // Logarithms of ratios of mean squares, and standard errors.
 constexpr double kLeastExcess = 0.1, kExcessErrors = 2.5;
@@ -30,6 +31,8 @@ constexpr double kLeastChannelExcess = 0.4, kChannelExcessErrors = 4.0;
 constexpr double kLeastGain = 0.05, kGainErrors = 2.0;
 constexpr double kGuess = 0.9;         // of a channel's spread
 constexpr double kFarFromGuess = 1.1;  // times a guess's error
+
+Estimated Sum(const Estimated& a, const Estimated& b) { return {a.value + b.value, std::hypot(a.error, b.error)}; }
 
 bool IsExcess(const Estimated& e) { return e.value > std::max(kLeastExcess, kExcessErrors * e.error); }
 bool IsChannelExcess(const Estimated& e) {
@@ -86,11 +89,16 @@ bool IsNarrower(const Designer& q, int p, double share) {
   return UnitWidth(q.space()[p], interval.low, interval.high) < share * PriorWidth(q, p);
 }
 
-/// Whether a value is known to no more than half of itself. Not asked of what has a size of its own: control steps,
-/// seconds, readings, a direction of gravity, and what is next to nothing.
+/// Whether a value is no share of another: control steps, seconds, readings, a direction of gravity.
+bool HasOwnSize(const ParameterSpec& spec) {
+  return (!spec.IsMultiple() && spec.nominal != 0) || spec.low < 0 || IsChannelPath(spec.field);
+}
+
+/// Whether a value is known to no more than half of itself. Not asked of what has a size of its own, or is next to
+/// nothing.
 bool IsLoose(const ParameterSpec& spec, const ParameterSummary& summary) {
+  if (HasOwnSize(spec)) return false;
   const bool is_multiple = spec.IsMultiple();
-  if ((!is_multiple && spec.nominal != 0) || spec.low < 0 || IsChannelPath(spec.field)) return false;
   const double low = summary.interval90_low, high = summary.interval90_high;
   const double next_to_nothing = is_multiple ? kNextToNothing : kNextToNothingOfRange * (spec.high - spec.low);
   return high > kLoose * low && high - low > next_to_nothing;
@@ -138,6 +146,15 @@ bool ExceedsFloor(const HeldOutPrediction& prediction) {
   });
 }
 
+/// The same of the nominal simulator.
+bool NominalExceedsFloor(const HeldOutPrediction& prediction) {
+  return std::ranges::any_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
+    return IsExcess(Sum(h.excess, h.gain)) || std::ranges::any_of(h.channels, [](const auto& channel) {
+             return IsChannelExcess(Sum(channel.excess, channel.gain));
+           });
+  });
+}
+
 /// Whether the design leaves something to find. Where guesses are far nearer than it is, so may its floor be uncertain.
 bool IsOff(const HeldOutPrediction& prediction) {
   return ExceedsFloor(prediction) || GuessesAsWell(prediction.horizons, kFarFromGuess);
@@ -168,6 +185,7 @@ DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& pred
     return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
+  if (!better && !NominalExceedsFloor(prediction)) return DesignVerdict::kUndecided;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   if (!better && !ExceedsFloor(prediction)) return DesignVerdict::kUndecided;
   return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
@@ -352,6 +370,13 @@ DesignVerdict JudgeDesign(double nominal_common, double designed_common, int n_t
   if (CannotTell(designed_common)) return DesignVerdict::kGapClosed;
   if (designed_gap < (1 - kNarrowedShare) * nominal_gap) return DesignVerdict::kGapNarrowed;
   return DesignVerdict::kOutsideFamily;
+}
+
+double SmallChange(const ParameterSpec& spec, double z) {
+  const double share = kSmallShare * std::abs(z), range = spec.high - spec.low;
+  if (spec.IsMultiple() || spec.logarithmic) return share;
+  const double of_range = kSmallOfRange * range;
+  return HasOwnSize(spec) ? of_range : std::clamp(share, kNextToNothingOfRange * range, of_range);
 }
 
 std::vector<int> ParametersAtBounds(const Designer& q) {

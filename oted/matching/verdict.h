@@ -178,6 +178,11 @@ inline constexpr int kFewestJudged = 50;
 /// narrowed: it wins a tenth of the gap. Otherwise outside the family.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common, int n_transitions);
 
+/// What a value of a parameter has to change by for that to be told: a twentieth of it. Of a value that may be none,
+/// such as a friction that the model lacks, that is at least a five hundredth of its range; of one with a size of its
+/// own (control steps, readings, angles of gravity) it is a hundredth.
+double SmallChange(const ParameterSpec& spec, double z);
+
 /// The parameters whose estimate lies at one of its bounds (EndsAtBound): what the logs ask for is beyond it. One that
 /// the logs hardly tell is none, wherever it ended.
 std::vector<int> ParametersAtBounds(const Designer& q);

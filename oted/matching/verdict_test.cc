@@ -303,6 +303,21 @@ TEST(JudgePrediction, UndecidedWhereWindowsTellNeitherWhetherItIsBetterNorWhethe
       << "something is surely off";
   EXPECT_EQ(Judged(moved, Predicted(unsure_excess, kMuch)), DesignVerdict::kGapNarrowed) << "it is surely better";
   EXPECT_EQ(Judged(moved, Predicted(kMuch, unsure_gain)), DesignVerdict::kOutsideFamily) << "surely off";
+  const HeldOutPrediction worse = Predicted(kMuch, {-0.6, 0.3});
+  ASSERT_FALSE(NominalReachesFloor(worse));
+  EXPECT_EQ(Judged(moved, worse), DesignVerdict::kUndecided) << "the nominal simulator may be right";
+}
+
+TEST(SmallChange, IsATwentiethOfWhatMayBeNoneHoweverWideItsRange) {
+  const ParameterSpec friction{
+      .name = "f", .field = "joint/a/frictionloss", .low = 0, .high = 20, .scale = ParameterScale::kAbsolute};
+  EXPECT_DOUBLE_EQ(SmallChange(friction, 0.9), 0.045);
+  EXPECT_DOUBLE_EQ(SmallChange(friction, 0), 0.04);
+  EXPECT_DOUBLE_EQ(SmallChange(friction, 15), 0.2);
+  const ParameterSpec delay{
+      .name = "d", .field = "action/delay", .low = 0, .high = 3, .scale = ParameterScale::kAbsolute};
+  EXPECT_DOUBLE_EQ(SmallChange(delay, 0.02), 0.03);
+  EXPECT_DOUBLE_EQ(SmallChange({.name = "m", .field = "body/a/mass"}, 1.6), 0.08);
 }
 
 TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {

@@ -84,8 +84,7 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
   }
   if (!result.predicts_better) {
     return fmt::format(
-        "over {} the designed simulator predicts these recordings no better than the nominal one, "
-        "beyond chance{}",
+        "over {} it is not sure that the designed simulator predicts these recordings better than the nominal one{}",
         InWords(shown), rest);
   }
   return fmt::format("over {} the designed simulator predicts these recordings with {} error than the nominal one{}",

@@ -221,6 +221,7 @@ std::string ShareInWords(double narrowed) {
 
 /// "64 % less", "12 % more".
 std::string LessOrMore(double narrowed) {
+  if (std::abs(narrowed) < 0.005) return narrowed < 0 ? "under 1 % more" : "under 1 % less";
   return narrowed < 0 ? fmt::format("{:.0f} % more", -100 * narrowed) : ShareInWords(narrowed) + " less";
 }
 
@@ -375,10 +376,11 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
              ButLeftOut(record);
     case DesignVerdict::kUndecided: {
       if (ShowsNothing(record.validation->horizons)) return std::string("undecided: ") + kNothingShown;
-      const std::string odd = ButOdd(*record.validation);
+      const std::string odd = ButOdd(*record.validation), not_told = NotTold(*record.validation);
       return fmt::format(
           "undecided: {} the designed simulator does not surely predict better than the nominal one, and {}{}", over,
-          NotTold(*record.validation), odd.empty() ? "; log more" : odd);
+          not_told.empty() ? "that one may predict as well as the sensors let it" : not_told,
+          odd.empty() ? "; log more" : odd);
     }
     case DesignVerdict::kOutsideFamily:
       break;

@@ -86,6 +86,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                     .narrow = narrow,
                     .key = key,
                     .n_threads = n_threads,
+                    .noise_rows = logs.size(),
                     .tell = tell});
   }
   const UnseenFit& unseen = *fit->unseen;
@@ -103,6 +104,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
                   .narrow = narrow,
                   .key = key,
                   .n_threads = n_threads,
+                  .noise_rows = fit->rows,
                   .as_likely = AsLikely(problem.factory.parameters(), unseen, key),
                   .kept_aside_in = EpisodesOf(parts.judged_rows, episodes),
                   .learned_in = EpisodesOf(parts.learned_rows, episodes),

@@ -46,6 +46,28 @@ TEST(NoiseVariance, TellsTheNoiseOfEveryChannelFromWindowsThatAreWeighedRightly)
   EXPECT_NEAR(found[1] / 0.5, 1, 0.05);
 }
 
+/// What prediction_evidence.cc takes it for: 5.44 over the number of readings that starts leave free.
+TEST(NoiseVariance, ScattersAsAMedianOfSoManySquaresDoes) {
+  constexpr int kLogs = 400, kReadings = 300;
+  const VectorXd truth = VectorXd::Ones(1);
+  Rng rng(3);
+  double sum = 0, of_squares = 0;
+  for (int log = 0; log < kLogs; ++log) {
+    std::vector<FittedWindow> windows;
+    for (int w = 0; w < kReadings / 3; ++w) {
+      VectorXd residual(3);
+      for (double& r : residual) r = rng.Normal();
+      windows.push_back({residual, MatrixXd(3, 0)});
+    }
+    const double found =
+        std::log(NoiseVariance(ReadingModel::Plain(1), windows, truth, VectorXd::Constant(1, 1e-16))[0]);
+    sum += found;
+    of_squares += found * found;
+  }
+  const double mean = sum / kLogs;
+  EXPECT_NEAR((of_squares / kLogs - mean * mean) * kReadings, 5.44, 1.2);
+}
+
 // Fit and estimate in turn, from a guess that is off by a factor of 25 in either direction.
 TEST(NoiseVariance, ComesToTheTruthFromAWrongGuessWithoutAChannelThatCollapses) {
   for (const VectorXd& guess : {Vector(0.5, 0.02), Vector(0.02, 0.02), Vector(0.5, 0.5)}) {

@@ -25,12 +25,16 @@ using Eigen::VectorXd;
 
 constexpr std::array<double, 3> kHorizons = {0.1, 0.5, 1.0};  // [s]
 constexpr double kStepWithoutUnit = 0.05;                     // [s]
-constexpr size_t kFewestImitations = 2;
+// Of few windows more, whose scatter tells of chance what few blocks do not.
+constexpr size_t kFewestImitations = 2, kFewestOfFew = 6;
+constexpr int kFewWindows = 100;
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2, kCorrectionsOfOthers = 4;
-constexpr double kNoNoise = 1e-6;  // of a channel's spread: such noise is none
-constexpr double kMoved = 0.25;    // of the range: what an identified parameter is known to
+constexpr double kNoNoise = 1e-6;           // of a channel's spread: such noise is none
+constexpr double kVarianceOfMedian = 5.44;  // of the logarithm of a median of n squared normal numbers, times n
+constexpr double kLeastFreedomOfRow = 0.2;  // starts take the rest
+constexpr double kMoved = 0.25;             // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
 constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
@@ -84,8 +88,9 @@ class Evidence {
   /// Compare knows of it from here on. It takes most of the time.
   /// @param of_other  how the other simulator predicts logs of its own counts as well (Compare)
   void FindFloor(bool of_other) {
-    const bool is_exact = (noise_.array() <= kNoNoise * parts_.front()->judge().channels().spread.array()).all();
-    if (is_exact && problem_.readings.ShowsState()) {
+    const bool is_rounding = (noise_.array() <= kNoNoise * parts_.front()->judge().channels().spread.array()).all();
+    is_exact_ = is_rounding && problem_.readings.ShowsState();
+    if (is_exact_) {
       // The design's own logs would be predicted without error.
       imitated_ = {designed_};
       for (PredictionJudge::Squares& squares : imitated_.front()) {
@@ -164,9 +169,15 @@ class Evidence {
 
   int Corrections() const { return problem_.noise_of_other_logs ? kCorrectionsOfOthers : kNoiseCorrections; }
 
+  size_t FewestImitations() const {
+    int n_windows = 0;
+    for (const auto& part : parts_) n_windows += part->judge().n_windows();
+    return n_windows < kFewWindows ? kFewestOfFew : kFewestImitations;
+  }
+
   /// Of Imitate, at most.
   size_t ImitationSteps(size_t n_as_likely) const {
-    size_t n = static_cast<size_t>(Corrections()) + std::max(kFewestImitations, n_as_likely);
+    size_t n = static_cast<size_t>(Corrections()) + std::max(FewestImitations(), n_as_likely);
     for (const auto& part : parts_) n += static_cast<size_t>(part->judge().FollowSteps());
     return n;
   }
@@ -203,7 +214,7 @@ class Evidence {
     Rng rng = problem_.key.Stage("imitations").MakeRng();
     Imitations imitations;
     for (const std::vector<double>& off : as_likely) imitations.push_back(imitate(off, noise, rng));
-    while (imitations.size() < kFewestImitations) imitations.push_back(imitate(z, noise, rng));
+    while (imitations.size() < FewestImitations()) imitations.push_back(imitate(z, noise, rng));
     return imitations;
   }
 
@@ -224,6 +235,17 @@ class Evidence {
       }
     }
     return corrected;
+  }
+
+  /// (channels): standard errors of the logarithm of the sensors' variance, which a median of squared residuals tells
+  /// (NoiseVariance), where starts took freedom from these.
+  VectorXd ErrorOfNoise() const {
+    const Eigen::Index n_channels = noise_.size();
+    if (is_exact_ || problem_.noise_rows == 0) return VectorXd::Zero(n_channels);
+    const double n_steps = problem_.readings.ShortestWindow();
+    const double of_starts = problem_.readings.state_dim() / static_cast<double>(n_channels);
+    const double freedom = problem_.noise_rows * std::max(kLeastFreedomOfRow, (n_steps + 1 - of_starts) / n_steps);
+    return VectorXd::Constant(n_channels, std::sqrt(kVarianceOfMedian / freedom));
   }
 
   HeldOutPrediction::Horizon Compare(int n_steps, const std::vector<size_t>& parts, const std::vector<size_t>& at) {
@@ -262,6 +284,7 @@ class Evidence {
     const MatrixXd floor = floor_of(draws);
     PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
     excess.Widen(ScatterOfDraws(draws, judge.channels()));
+    excess.Add(ErrorOfNoise(), judge.channels().weight);
     // The design may be so wrong that it does not predict even its own logs. Where the other one predicts these logs no
     // worse, and logs of its own surely better, sensors leave no more than that.
     std::optional<PredictionRatios> lower, excess_over_lower;
@@ -269,6 +292,7 @@ class Evidence {
       const MatrixXd floor_of_other = floor_of(draws_of(imitated_by_other_));
       lower = TypicalRatios(floor, floor_of_other, designed.cols(), judge.channels());
       excess_over_lower = TypicalRatios(designed, floor_of_other, designed.cols(), judge.channels());
+      excess_over_lower->Add(ErrorOfNoise(), judge.channels().weight);
     }
     const auto excess_in = [&](Eigen::Index c) {
       return lower && IsSure(lower->OfChannel(c)) ? excess_over_lower->OfChannel(c) : excess.OfChannel(c);
@@ -332,6 +356,7 @@ class Evidence {
   std::vector<std::optional<PredictionJudge::Squares>> of_other_;
   Imitations imitated_, imitated_by_other_;
   VectorXd noise_, largest_noise_;  // of the sensors
+  bool is_exact_ = false;           // readings are the state
 };
 
 /// z with sensors that add no noise: a prediction is of what they would read without.

@@ -26,6 +26,7 @@ struct PredictionProblem {
   std::vector<int> narrow;          ///< parameters whose intervals have to be borne out (HeldOutPrediction::OpenEnd)
   RngKey key;
   int n_threads = 1;
+  int noise_rows = 0;                ///< of the logs, that tell `noise`; 0: it is certain
   bool noise_of_other_logs = false;  ///< `noise` is: these may be of any other noise, and their leads tell it
   /// Other z that are as likely as `z`: the noise alone may have put it there. None, and z is taken for certain.
   std::vector<std::vector<double>> as_likely = {};
@@ -58,7 +59,8 @@ struct PredictionProblem {
 /// is off by as much: at one of `as_likely`.
 ///
 /// Standard errors: delete-one jackknife over ten blocks of neighbouring windows; that of the excess is at least how
-/// far predictions of the logs that were made scatter among each other.
+/// far predictions of the logs that were made scatter among each other. Few rows tell the noise, and with it the floor,
+/// only roughly: that of the excess has the noise's own in it.
 std::optional<HeldOutPrediction> PredictLogs(const PredictionProblem& problem);
 
 /// How the simulator predicts at problem.z beside the same one at `other`, which takes the nominal one's place. No

@@ -80,6 +80,32 @@ TEST(PredictLogs, NoiseThatOtherLogsToldIsNoBoundForThese) {
   EXPECT_GE(n_reached, 16) << "of 20: few windows need not tell it";
 }
 
+TEST(PredictLogs, FewRowsTellTheFloorRoughly) {
+  const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 25), 0.05, RngKey(1));
+  const PointMassFactory factory;
+  const ReadingModel readings = ReadingModel::Of(factory.spec(), logs);
+  const VectorXd noise = VectorXd::Constant(2, 0.05);
+  const auto excess = [&](int noise_rows) {
+    const auto prediction = PredictLogs({.factory = factory,
+                                         .kept_aside = logs,
+                                         .learned = nullptr,
+                                         .z = kTruth,
+                                         .noise = noise,
+                                         .readings = readings,
+                                         .narrow = {},
+                                         .key = RngKey(1),
+                                         .noise_rows = noise_rows});
+    return prediction->horizons[0];
+  };
+  const HeldOutPrediction::Horizon certain = excess(0), few = excess(50);
+  EXPECT_EQ(few.excess.value, certain.excess.value);
+  // The state is what is read: windows of three rows leave the freedom of two, and so many rows have half as many.
+  const double of_noise = 5.44 / 50;
+  EXPECT_NEAR(few.channels[0].excess.error, std::sqrt(std::pow(certain.channels[0].excess.error, 2) + of_noise), 1e-12);
+  EXPECT_NEAR(few.excess.error, std::sqrt(std::pow(certain.excess.error, 2) + of_noise / 2), 1e-12)
+      << "the mean of two channels";
+}
+
 TEST(PredictLogs, AFaultInOneOfFiveEpisodesLeavesNoFloorThatIsReachedAndIsNamed) {
   const Dataset sound = WithSensorNoise(PointMassLogs(kTruth, 25), 0.02, RngKey(1));
   const std::vector<Episode> episodes = sound.Episodes();
@@ -184,9 +210,9 @@ TEST(PredictionRatios, DrawsThatDifferByAFactorScatterByItsLogarithm) {
     draws.push_back(Eigen::MatrixXd::Constant(2, 20, 1e9 * std::exp(log_ratio)));
     draws.back().row(1).setConstant(1e9);
   }
-  // Standard deviations 1 and 0, of one more draw about the mean of three.
+  // Standard deviations 1 and 0, of one more draw about the mean of three; of two degrees of freedom Student's t.
   const VectorXd scatter = ScatterOfDraws(draws, channels);
-  EXPECT_NEAR(scatter[0], std::sqrt(4.0 / 3), 2e-3);
+  EXPECT_NEAR(scatter[0], 6.965 / 2.326 * std::sqrt(4.0 / 3), 6e-3);
   EXPECT_NEAR(scatter[1], 0, 1e-12);
   EXPECT_NEAR(scatter[2], 0.5 * scatter[0], 1e-12) << "both channels together";
   draws.pop_back();

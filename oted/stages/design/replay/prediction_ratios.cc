@@ -19,7 +19,8 @@ constexpr double kUnknownError = 100.0;  // of a logarithm: one block says nothi
 double Widening(Eigen::Index freedom) {
   constexpr std::array<double, kBlocksOfWindows - 1> kStudent = {31.82, 6.965, 4.541, 3.747, 3.365,
                                                                  3.143, 2.998, 2.896, 2.821};
-  return freedom < 1 ? 1.0 : kStudent[static_cast<size_t>(freedom - 1)] / 2.326;
+  if (freedom < 1) return 1;
+  return kStudent[std::min(static_cast<size_t>(freedom), kStudent.size()) - 1] / 2.326;
 }
 
 /// (rows, blocks) of (rows, windows).
@@ -67,6 +68,12 @@ PredictionRatios::PredictionRatios(VectorXd value, Eigen::Index n_blocks,
   if (n_blocks < 2) error_.setConstant(kUnknownError);
 }
 
+void PredictionRatios::Add(const VectorXd& errors, const VectorXd& weight) {
+  VectorXd all(errors.size() + 1);
+  all << errors, weight.cwiseProduct(errors).norm();
+  error_ = (error_.cwiseAbs2() + all.cwiseAbs2()).cwiseSqrt();
+}
+
 PredictionRatios MeansOf(const MatrixXd& of_windows, const VectorXd& weight) {
   const MatrixXd all = WithMean(of_windows, weight);
   const MatrixXd sums = BlockSums(all), counts = BlockSums(MatrixXd::Ones(1, all.cols()));
@@ -94,7 +101,7 @@ VectorXd ScatterOfDraws(const std::vector<MatrixXd>& draws, const JudgedChannels
   }
   const double draws_more = static_cast<double>(n + 1) / static_cast<double>(n), freedom = static_cast<double>(n - 1);
   const VectorXd square = (values.colwise() - values.rowwise().mean()).cwiseAbs2().rowwise().sum() / freedom;
-  return (draws_more * square).cwiseSqrt();
+  return Widening(n - 1) * (draws_more * square).cwiseSqrt();
 }
 
 PredictionRatios RatiosOfSums(const MatrixXd& a, const MatrixXd& b, const JudgedChannels& channels) {

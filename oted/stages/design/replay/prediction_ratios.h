@@ -27,6 +27,8 @@ class PredictionRatios {
 
   /// (channels + 1): errors that are at least these.
   void Widen(const Eigen::VectorXd& errors) { error_ = error_.cwiseMax(errors); }
+  /// (channels): errors beside these, of independent numbers. @param weight  (channels): as JudgedChannels
+  void Add(const Eigen::VectorXd& errors, const Eigen::VectorXd& weight);
   Estimated OfChannel(Eigen::Index c) const { return {value_[c], error_[c]}; }
   Estimated OfAll() const { return OfChannel(value_.size() - 1); }
 
@@ -48,7 +50,7 @@ Eigen::VectorXd LogRatios(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Ei
                           const JudgedChannels& channels);
 
 /// (channels + 1): how far one more draw of all windows may lie from the mean of these, as a standard error of
-/// TypicalRatios; 0 of fewer than three draws, which do not tell.
+/// TypicalRatios, wider where draws are few; 0 of fewer than three, which do not tell.
 /// @param draws  (channels, windows) each
 Eigen::VectorXd ScatterOfDraws(const std::vector<Eigen::MatrixXd>& draws, const JudgedChannels& channels);
 
