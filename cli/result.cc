@@ -89,16 +89,17 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
   const auto is_doubted = [&](const DesignRecord::Parameter& p) {
     return p.verdict == ParameterVerdict::kWeak && (design.WasGrown(p.name) || !p.rests_on.empty());
   };
-  if (!design.grown.empty() && std::ranges::any_of(design.parameters, is_doubted)) {
+  if (std::ranges::any_of(design.parameters, is_doubted)) {
     const bool is_of_body =
         std::ranges::any_of(design.grown, [](const auto& g) { return g.spec.field.starts_with("body/"); });
-    Print("weak: in place of what --grow added something else may be off{}\n",
+    Print("weak: {} may be off{}\n",
+          design.grown.empty() ? "what is not searched" : "in place of what --grow added something else",
           is_of_body ? " (a body's mass, inertia, length and centre of mass imitate each other)" : "");
     PrintConditions(design, ParameterVerdict::kWeak);
   }
   if (design.fit && design.fit->own_logs) Print("{}\n", design.fit->own_logs->sentence);
   if (!FloorIsReached(design.verdict) && design.validation) {
-    const bool is_known = NotTold(*design.validation).empty();
+    const bool is_known = design.verdict != DesignVerdict::kUndecided && NotTold(*design.validation).empty();
     Print("something that is not searched {} off as well: any value may be farther off than its interval says\n",
           is_known ? "is" : "may be");
   }
@@ -205,13 +206,17 @@ void PrintSuspects(const DesignRecord& design) {
   }
 }
 
-/// Whether all that a file lacks is of sensors: the motion is then that of the designed simulator.
-/// @param left_out  names, between commas
-bool AreOfSensors(const DesignRecord& design, const std::string& left_out) {
+/// Of a file that lacks these. @param left_out  names, between commas
+std::string WhatItLacks(const DesignRecord& design, const std::string& left_out) {
   const std::string names = ", " + left_out + ", ";
-  return std::ranges::all_of(design.parameters, [&](const DesignRecord::Parameter& p) {
-    return names.find(", " + p.name + ", ") == std::string::npos || p.field.starts_with("obs/");
-  });
+  bool are_sensors = true, may_be_none = true;
+  for (const DesignRecord::Parameter& p : design.parameters) {
+    if (names.find(", " + p.name + ", ") == std::string::npos) continue;
+    are_sensors = are_sensors && p.field.starts_with("obs/");
+    may_be_none = may_be_none && p.interval90_low <= p.nominal && p.nominal <= p.interval90_high;
+  }
+  if (may_be_none) return "the intervals hold the values that the file has";
+  return are_sensors ? "the file moves as the robot does, read by other sensors" : "alone the file predicts worse";
 }
 
 template <class Record>
@@ -272,9 +277,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
         Print(
             "\n  without {}, which this file cannot hold: the errors that are printed are with it; {}\n"
             "  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports, has the reasons)",
-            left_out,
-            design && AreOfSensors(*design, left_out) ? "the file moves as the robot does, read by other sensors"
-                                                      : "alone the file predicts worse");
+            left_out, design ? WhatItLacks(*design, left_out) : "alone the file predicts worse");
       }
     }
     Print("\nreport: {}\n", (report / "report.html").string());

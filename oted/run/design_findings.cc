@@ -17,7 +17,7 @@
 namespace oted {
 namespace {
 
-constexpr double kMuchMoved = 0.2;
+constexpr double kFar = 10, kFarWhereGrown = 4;  // small changes: a half, a fifth of a value
 
 /// The designs of the selected setting.
 struct Mixture {
@@ -251,15 +251,14 @@ DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const Sim
   return validation;
 }
 
-void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record) {
-  if (record.grown.empty()) return;
+void WeakenWhatMovesFar(const ParameterSpace& space, DesignRecord& record) {
+  const double far = record.grown.empty() ? kFar : kFarWhereGrown;
   for (int i = 0; i < space.size(); ++i) {
     DesignRecord::Parameter& p = record.parameters[static_cast<size_t>(i)];
     const bool is_imitated = record.WasGrown(space[i].name) && space[i].field.starts_with("body/");
-    const bool is_multiple = space[i].IsMultiple();
-    const double much = kMuchMoved * (is_multiple ? std::abs(p.mode) : kMuchMoved * (p.high - p.low));
+    const double most = far * SmallChange(space[i], p.mode);
     const bool is_moved = std::ranges::any_of(
-        p.rests_on, [&](const DesignRecord::RestsOn& other) { return std::abs(other.value - p.mode) > much; });
+        p.rests_on, [&](const DesignRecord::RestsOn& other) { return std::abs(other.value - p.mode) > most; });
     if ((is_moved || is_imitated) && p.verdict == ParameterVerdict::kIdentified) p.verdict = ParameterVerdict::kWeak;
   }
 }
@@ -323,7 +322,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   for (const GrowthRecord& round : run.growth) {
     if (const Suspect* freed = round.Freed()) record.grown.push_back(*freed);
   }
-  WeakenWhereGrown(space, record);
+  WeakenWhatMovesFar(space, record);
   if (best.prediction) record.validation = InRecord(*best.prediction, run.spec());
   record.predicts_better = judgement.better;
   record.method_choices = findings.choices;

@@ -28,11 +28,11 @@ size_t ToldBy(const DesignFindings& findings);
 /// suspects are those of ToldBy.
 DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& findings);
 
-/// After --grow: something was off that nobody had searched, and what else resembles it may have been in its place. A
-/// parameter that such a condition (rests_on) would move by more than a fifth, of its value or of a fifth of its range
-/// where it is no multiple, is at most weak. So is what was added, if it is of a body: mass, inertia, length and centre
-/// of mass imitate each other.
-void WeakenWhereGrown(const ParameterSpace& space, DesignRecord& record);
+/// A parameter is at most weak that a condition (rests_on) would move by more than ten small changes (SmallChange), a
+/// half of its value. After --grow by more than four, a fifth: something was off that nobody had searched, and what
+/// else resembles it may have been in its place. So is what was added, if it is of a body: mass, inertia, length and
+/// centre of mass imitate each other.
+void WeakenWhatMovesFar(const ParameterSpace& space, DesignRecord& record);
 
 /// A prediction with the names and units of the observations.
 DesignRecord::Validation InRecord(const HeldOutPrediction& prediction, const SimulatorSpec& spec);

@@ -234,7 +234,7 @@ TEST(VerdictSentence, OfNoGapNamesValuesThatTheFitAsksForAllTheSame) {
   EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("asks for")));
 }
 
-TEST(WeakenWhereGrown, LeavesNothingIdentifiedThatSomethingElseOffWouldMoveFar) {
+TEST(WeakenWhatMovesFar, LeavesNothingIdentifiedThatSomethingElseOffWouldMoveFar) {
   const ParameterSpace space(
       {{.name = "hand", .field = "body/hand/mass"}, {.name = "fore", .field = "body/fore/mass"}});
   DesignRecord record;
@@ -245,26 +245,30 @@ TEST(WeakenWhereGrown, LeavesNothingIdentifiedThatSomethingElseOffWouldMoveFar) 
   }
   record.parameters[0].rests_on = {{"hand_pos", "body/hand/pos", 1.1, 1.5, ""}};  // a quarter less
   record.parameters[1].rests_on = {{"gear", "actuator/*/gear[0]", 1.1, 1.8, ""}};
-  WeakenWhereGrown(space, record);
+  WeakenWhatMovesFar(space, record);
   EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kIdentified) << "nothing was added";
+  DesignRecord far = record;
+  far.parameters[0].rests_on[0].value = 0.9;
+  WeakenWhatMovesFar(space, far);
+  EXPECT_EQ(far.parameters[0].verdict, ParameterVerdict::kWeak) << "more than a half";
   record.grown = {Suspect{.spec = {.name = "fore_mass", .field = "body/fore/mass"}}};
-  WeakenWhereGrown(space, record);
+  WeakenWhatMovesFar(space, record);
   EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kWeak);
   EXPECT_EQ(record.parameters[1].verdict, ParameterVerdict::kIdentified);
 }
 
 /// A body that is heavier with its inertia was taken for a smaller mass farther out, both of them sure.
-TEST(WeakenWhereGrown, LeavesNoNumberOfABodyIdentifiedThatWasAdded) {
+TEST(WeakenWhatMovesFar, LeavesNoNumberOfABodyIdentifiedThatWasAdded) {
   const ParameterSpace space(
       {{.name = "upper_mass", .field = "body/upper/mass"}, {.name = "damping", .field = "joint/*/damping"}});
   DesignRecord record;
   record.parameters.resize(2);
   for (DesignRecord::Parameter& p : record.parameters) p.verdict = ParameterVerdict::kIdentified;
   record.grown = {Suspect{.spec = space[1]}};
-  WeakenWhereGrown(space, record);
+  WeakenWhatMovesFar(space, record);
   EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kIdentified) << "searched from the start";
   record.grown.push_back(Suspect{.spec = space[0]});
-  WeakenWhereGrown(space, record);
+  WeakenWhatMovesFar(space, record);
   EXPECT_EQ(record.parameters[0].verdict, ParameterVerdict::kWeak);
   EXPECT_EQ(record.parameters[1].verdict, ParameterVerdict::kIdentified);
 }

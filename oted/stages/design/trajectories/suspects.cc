@@ -5,7 +5,6 @@
 #include <optional>
 #include <utility>
 
-#include "oted/matching/designer.h"
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
@@ -24,6 +23,7 @@ constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableShar
 constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
 constexpr double kOff = 0.1;           // of conditions: of a multiple, of the range of a value
 constexpr size_t kMostConditions = 3;  // of each parameter
+constexpr double kTrace = 0.1;         // of a small change
 
 /// z where the linear model has moved by `change`.
 double At(const ParameterSpec& spec, double change) {
@@ -161,12 +161,9 @@ bool IsPartOf(const ParameterSpec& suspect, const ParameterSpec& parameter) {
                              [&](const std::string& path) { return std::ranges::find(set, path) != set.end(); });
 }
 
-/// How far a parameter moved: logarithm of a multiple, or share of its range, in halves of what is noticeable.
+/// How far a parameter moved, in small changes.
 double MovedBy(const ParameterSpec& spec, double from, double to) {
-  if (spec.IsMultiple() || spec.logarithmic) {
-    return std::abs(std::log(to / from)) / (0.5 * kNoticeableLog);
-  }
-  return std::abs(to - from) / (0.5 * kNoticeableShare * (spec.high - spec.low));
+  return std::abs(to - from) / SmallChange(spec, from);
 }
 
 }  // namespace
@@ -205,7 +202,9 @@ std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, cons
 }
 
 RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
-                       const Prior& prior, const ParameterSpace& space) {
+                       const Prior& prior, const Designer& q) {
+  const ParameterSpace& space = q.space();
+  const std::vector<Designer::Interval> intervals = q.CentralInterval(0.9);
   const VectorXd steps = NearbySteps(specs, fit, wider);
   const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior, EstimateFromStretches);
   const std::vector<double> z = ToZ(space, fit.x());
@@ -221,12 +220,15 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     const WithEachAlone::Following following = with.FollowingOf(k);
     // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.
     const double bend = std::max(2 * steps[static_cast<Eigen::Index>(k)], kSmallestSine);
-    if (following.square_of_sine > bend * bend && IsExcluded(off, change, std)) continue;
+    const bool is_alike = following.square_of_sine <= bend * bend;
+    if (!is_alike && IsExcluded(off, change, std)) continue;
     const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
     for (size_t i = 0; i < z.size(); ++i) {
       if (IsPartOf(specs[k], space[static_cast<int>(i)])) continue;
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
-      if (by > 1) of_each[i].emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
+      const bool is_outside = moved[i] < intervals[i].low || moved[i] > intervals[i].high;
+      if (by > (is_alike || is_outside ? kTrace : 1))
+        of_each[i].emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
     }
   }
   KeepSurest(found.asked);

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "oted/matching/designer.h"
 #include "oted/matching/fit_evidence.h"
 #include "oted/matching/prior.h"
 #include "oted/stages/design/trajectories/level_fit.h"
@@ -40,14 +41,15 @@ struct RestsOn {
 };
 
 /// What the parameters' values rest on. Each of `specs` is taken alone, a tenth off (of its value, or of its range
-/// where it is no multiple), and x follows as the logs ask it to. Told are those that the logs do not show to be
-/// nominal within that tenth, and that move a parameter by more than a twentieth (a hundredth of its range where it is
-/// no multiple); of each parameter the three that move it most.
+/// where it is no multiple), and x follows as the logs ask it to. Told are those that the logs do not exclude to be
+/// that far off, and that move a parameter by a small change (SmallChange) or more. A fifth of that is enough where the
+/// logs do not tell the two apart at all, whatever either is, or where it leads out of the parameter's interval. Of
+/// each parameter the three that move it most.
 ///
 /// Asked are those that the logs show to be off noticeably and by three standard deviations, and that explain at least
 /// half as many nats as the surest: their effects resemble each other.
-/// @param space  of x; the rest as ScoreSuspects
+/// @param q  with the intervals; the rest as ScoreSuspects
 RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
-                       const Prior& prior, const ParameterSpace& space);
+                       const Prior& prior, const Designer& q);
 
 }  // namespace oted

@@ -112,7 +112,7 @@ class TrajectoryMatch {
       // Only a value that may be called identified is worth its conditions.
       const Designer q(space_, x, covariance);
       if (!NarrowParameters(q).empty()) {
-        RestsOn rests_on = WhatFitRestsOn();
+        RestsOn rests_on = WhatFitRestsOn(q);
         evidence_.conditions = std::move(rests_on.conditions);
         evidence_.asked = std::move(rests_on.asked);
       }
@@ -232,13 +232,13 @@ class TrajectoryMatch {
     return unseen;
   }
 
-  RestsOn WhatFitRestsOn() {
+  RestsOn WhatFitRestsOn(const Designer& q) {
     const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
     const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
     if (wide == nullptr) return {};
     WindowReplayer wider =
         MakeReplayer(*wide, wide->parameters().size(), problem_.dataset, readings(), problem_.context.n_threads);
-    return FindConditions(specs, fit(), wider, problem_.prior, space_);
+    return FindConditions(specs, fit(), wider, problem_.prior, q);
   }
 
   /// Whether nothing could be kept aside.
