@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <string_view>
 
 #include "oted/base/files.h"
 
@@ -37,7 +38,9 @@ void ThrowSystemError(const char* what, const std::filesystem::path& path, int e
     throw UsageError(
         fmt::format("cannot {} '{}': {}; choose a shorter name", what, path.string(), std::strerror(error)));
   }
-  throw FileError(fmt::format("cannot {} '{}': {}; {}", what, path.string(), std::strerror(error), RemedyOf(error)));
+  const bool is_folder = error == EISDIR && std::string_view(what) == "read";
+  throw FileError(fmt::format("cannot {} '{}': {}; {}", what, path.string(), std::strerror(error),
+                              is_folder ? "give a file" : RemedyOf(error)));
 }
 
 }  // namespace oted

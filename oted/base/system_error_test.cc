@@ -39,7 +39,9 @@ TEST(ThrowSystemError, AFolderOrALinkToItselfInAFilesPlaceIsNamed) {
   std::filesystem::create_directories(folder / "name.json");
   std::filesystem::create_symlink("itself.json", folder / "itself.json");
   EXPECT_THAT(MessageOf<Error>([&] { ReadFile(folder / "name.json"); }),
-              AllOf(HasSubstr("name.json"), HasSubstr("folder that has the file's name")));
+              AllOf(HasSubstr("name.json"), HasSubstr("give a file")));
+  EXPECT_THAT(MessageOf<Error>([&] { WriteFileAtomically(folder / "name.json", "{}"); }),
+              HasSubstr("folder that has the file's name"));
   EXPECT_THAT(MessageOf<Error>([&] { ReadFile(folder / "itself.json"); }),
               AllOf(HasSubstr("itself.json"), HasSubstr("it leads to itself")));
 }

@@ -424,11 +424,10 @@ class Search {
              period > 0 ? fmt::format(" of {:.3g} s", replays_.n_steps() * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
-         .meaning = rival
-                        ? fmt::format("a zero, or a constant of the model that is off: {} x {:.2g} alone leaves {:.2g}",
-                                      rival->field, rival->factor, std::sqrt(rival->error))
-                        : "the columns are not what the model means by them; a design would bend parameters to fit "
-                          "that",
+         .meaning = rival ? fmt::format("a zero, or a constant of the model that is off: {} alone leaves {:.2g}",
+                                        rival->words, std::sqrt(rival->error))
+                          : "the columns are not what the model means by them; a design would bend parameters to fit "
+                            "that",
          .remedy = where + remedy + (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
     return !rival;
   }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <limits>
 #include <numbers>
 #include <set>
 
@@ -27,6 +28,7 @@ constexpr int kOneStepRows = 2000;
 constexpr double kExact = 1e-3;     // median ratio below which the simulator is the logs' own
 constexpr double kUseless = 0.5;    // above which it predicts a step hardly better than "nothing changes"
 constexpr double kFarBetter = 0.5;  // of its error: what a linear fit of the logs leaves where it predicts far better
+constexpr double kAsNear = 1.1;     // of what a linear fit leaves
 constexpr int kGapSteps = 3000;     // control steps of each half
 constexpr int kJudgeSteps = 400;    // as selection.judge_steps
 constexpr double kSmallAuc = 0.55, kClearAuc = 0.75;
@@ -49,6 +51,17 @@ bool IsLineFarBetter(const OneStepError& e, const std::vector<ChannelNoise>& noi
     if (noise[j].rms_residual < kFarBetter * e.rms_error[j]) ++n_better;
   }
   return 2 * n_better >= n;
+}
+
+/// Whether the nominal simulator misses a step by no more than a linear fit of the logs, in most channels.
+bool IsAsNearAsLine(const OneStepError& e, const std::vector<ChannelNoise>& noise) {
+  int n = 0, n_near = 0;
+  for (size_t j = 0; j < noise.size(); ++j) {
+    if (noise[j].rms_change <= 0) continue;
+    ++n;
+    if (e.rms_error[j] < kAsNear * noise[j].rms_residual) ++n_near;
+  }
+  return n > 0 && 2 * n_near > n;
 }
 
 void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, const std::vector<ChannelNoise>& noise,
@@ -126,7 +139,9 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
                  "most: wrong parameters alone rarely do that; units, order of columns, control rate or delay do"
            : poor ? "a linear fit of the logs does little better: noise, or motion that is fast for these rows, hides "
                     "what one row tells"
-                  : "model or parameters differ from the target: that is what a design is for",
+           : IsAsNearAsLine(e, noise)
+               ? "a linear fit of the logs does no better: noise may be all of it, and a design tells"
+               : "model or parameters differ from the target: that is what a design is for",
        .remedy = useless         ? "look at the channels one by one before you design"
                  : exact || poor ? "none needed"
                                  : "none needed; channels that miss much more than others point at what differs"});
@@ -237,8 +252,8 @@ std::string ToString(GapVerdict verdict) {
 }
 
 GapVerdict DataCheck::Verdict() const {
-  if (!gap) return GapVerdict::kUnknown;
-  if (gap->auc < kSmallAuc) return is_little ? GapVerdict::kUnknown : GapVerdict::kNone;
+  if (!gap || is_little) return GapVerdict::kUnknown;
+  if (gap->auc < kSmallAuc) return GapVerdict::kNone;
   if (gap_by_clone) return GapVerdict::kUnknown;
   return gap->auc < kClearAuc ? GapVerdict::kSmall : GapVerdict::kClear;
 }
@@ -285,6 +300,11 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
   facts.control_period_s = spec.control_period_s;
   facts.action_low = spec.action_low;
   facts.action_high = spec.action_high;
+  for (size_t k = 0; k < spec.bounds_action.size(); ++k) {
+    if (spec.bounds_action[k] != 0) continue;
+    facts.action_low[k] = -std::numeric_limits<double>::infinity();
+    facts.action_high[k] = std::numeric_limits<double>::infinity();
+  }
   facts.max_episode_steps = spec.max_episode_steps;
   facts.flat_observations =
       spec.observation_shape.size() == 1 && spec.image_shape.empty() && spec.observation_levels.empty();

@@ -25,8 +25,8 @@ struct DataCheck {
   std::optional<OneStepError> one_step;  ///< where the task is known and its states can be set
   std::optional<JudgeScore> gap;         ///< where the task is known, unless rates are hidden that only a fit finds
   bool gap_by_clone = false;             ///< a clone acted, whose own errors count, too
-  bool is_little = false;                ///< so few transitions that a classifier which tells nothing means nothing
-  /// None below an area under the curve of 0.55, unknown where there is little data; clear from 0.75 on; from 0.55 on
+  bool is_little = false;                ///< so few transitions that what a classifier tells means nothing
+  /// Unknown where there is little data. None below an area under the curve of 0.55, clear from 0.75 on; from 0.55 on
   /// unknown where a clone acted.
   GapVerdict Verdict() const;
 };

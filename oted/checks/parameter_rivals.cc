@@ -1,5 +1,7 @@
 #include "oted/checks/parameter_rivals.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 
@@ -9,14 +11,29 @@ namespace oted {
 namespace {
 
 constexpr std::array<double, 4> kFactors = {0.5, 0.7, 1.4, 2.0};
+constexpr std::array<double, 6> kSpringOff = {-0.5, -0.25, -0.1, 0.1, 0.25, 0.5};  // [rad], [m]
 
-bool IsMultiple(const ParameterSpec& spec) { return spec.IsMultiple() && !IsChannelPath(spec.field); }
+/// Values to try; none of what a zero is not mistaken for.
+std::vector<double> Tried(const ParameterSpec& spec) {
+  std::vector<double> values;
+  if (spec.IsMultiple() && !IsChannelPath(spec.field)) {
+    for (const double factor : kFactors) values.push_back(factor * spec.nominal);
+  } else if (spec.field.ends_with("/springref")) {
+    for (const double off : kSpringOff) values.push_back(spec.nominal + off);
+  }
+  return values;
+}
+
+std::string InWords(const ParameterSpec& spec, double value) {
+  return spec.IsMultiple() ? fmt::format("{} x {:.2g}", spec.field, value / spec.nominal)
+                           : fmt::format("{} at {:.2g}", spec.field, value);
+}
 
 }  // namespace
 
 ParameterRivals::ParameterRivals(const SimulatorFactory& factory, int n_threads) {
   std::vector<ParameterSpec> suspects = factory.Suspects();
-  std::erase_if(suspects, [](const ParameterSpec& spec) { return !IsMultiple(spec); });
+  std::erase_if(suspects, [](const ParameterSpec& spec) { return Tried(spec).empty(); });
   if (suspects.empty()) return;
   wider_ = factory.With(suspects);
   if (wider_ != nullptr) replays_.emplace(*wider_, n_threads);
@@ -28,16 +45,15 @@ std::optional<ParameterRival> ParameterRivals::Best(const ReplayedWindows& windo
   const ParameterSpace& space = wider_->parameters();
   std::optional<ParameterRival> best;
   for (int i = 0; i < space.size(); ++i) {
-    if (!IsMultiple(space[i])) continue;  // a parameter that is searched may be none
-    for (const double factor : kFactors) {
+    for (const double tried : Tried(space[i])) {
       std::vector<double> z = space.Nominal();
-      double& value = z[static_cast<size_t>(i)];
-      value = std::clamp(factor * value, space[i].low, space[i].high);
+      const double value = std::clamp(tried, space[i].low, space[i].high);
+      z[static_cast<size_t>(i)] = value;
       replays_->SetParameters(z);
       const std::optional<ChannelErrors> errors = replays_->Errors(windows, stride);
       if (!errors) continue;
       const double error = MeanOf(*errors, judged);
-      if (error < (best ? best->error : most)) best = {space[i].field, value / space[i].nominal, error};
+      if (error < (best ? best->error : most)) best = {InWords(space[i], value), error};
     }
   }
   return best;

@@ -13,13 +13,12 @@ namespace oted {
 
 /// A constant of the model, with another value than the model's.
 struct ParameterRival {
-  std::string field;  ///< "actuator/*/kp"
-  double factor = 1;
-  double error = 0;  ///< mean of ChannelErrors over the channels that it was chosen by
+  std::string words;  ///< "actuator/*/kp x 0.7", "joint/elbow/springref at 0.25"
+  double error = 0;   ///< mean of ChannelErrors over the channels that it was chosen by
 };
 
 /// Tries what is often off in such a model (SimulatorFactory::Suspects), one constant after another, each with a few
-/// factors. None where the simulator knows no suspects.
+/// factors; of where a spring rests, a few places. None where the simulator knows no suspects.
 class ParameterRivals {
  public:
   ParameterRivals(const SimulatorFactory& factory, int n_threads);

@@ -22,6 +22,7 @@ constexpr size_t kFewJoints = 3;      // that get parameters of their own
 constexpr size_t kMostOwnJoints = 8;  // the same of values: joints of different sizes have no common friction
 constexpr double kMoves = 1e-3;       // [rad, m], standard deviation of a joint that moves
 constexpr double kLongestDelay_s = 0.03;
+constexpr double kMostSpringOff = 0.5;  // [rad, m], of where it rests
 
 /// The value below which 95 % of the sizes lie.
 double MostOf(std::vector<double> values) {
@@ -304,6 +305,7 @@ class CandidateList {
   /// What else the model has of springs, and of what it moves in.
   void Surroundings() {
     AddMultiple("stiffness", "joint/*/stiffness");
+    Springs();
     AddMultiple("tendon_stiffness", "tendon/*/stiffness");
     const auto is_tendon_damping = [](const ParameterSpec& spec) {
       return spec.field.starts_with("tendon/") && spec.field.ends_with("/damping");
@@ -313,12 +315,30 @@ class CandidateList {
     AddMultiple("density", "opt/density");
   }
 
+  /// Where springs rest, of few joints that move.
+  void Springs() {
+    std::vector<const Moving*> sprung;
+    for (const Moving& m : moving_) {
+      if (HasSome(fmt::format("joint/{}/stiffness", m.joint->name))) sprung.push_back(&m);
+    }
+    if (sprung.size() > kFewJoints) return;
+    for (const Moving* m : sprung) {
+      const std::string path = fmt::format("joint/{}/springref", m->joint->name);
+      const double rests = nominal_.Describe(path).places.front().nominal;
+      Add({sprung.size() == 1 ? "springref" : "springref_" + m->joint->name, path, rests - kMostSpringOff,
+           rests + kMostSpringOff, ParameterScale::kAbsolute});
+    }
+  }
+
+  bool HasSome(const std::string& path) const {
+    if (!Exists(path)) return false;
+    const PathInfo info = nominal_.Describe(path);
+    return std::ranges::any_of(info.places, [](const ParameterPlace& place) { return place.nominal != 0; });
+  }
+
   /// Multiples of a field, where the model has any of it.
   void AddMultiple(const std::string& name, const std::string& path) {
-    if (!Exists(path)) return;
-    const PathInfo info = nominal_.Describe(path);
-    const auto is_some = [](const ParameterPlace& place) { return place.nominal != 0; };
-    if (std::ranges::any_of(info.places, is_some)) Add({name, path, 0.3, 3, ParameterScale::kNominal, true});
+    if (HasSome(path)) Add({name, path, 0.3, 3, ParameterScale::kNominal, true});
   }
 
   /// One for each of few drives, one for all of many.

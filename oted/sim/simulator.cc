@@ -25,7 +25,8 @@ void Simulator::ResetTo(int, std::span<const double>, std::span<const double>, R
 }
 
 double SimulatorSpec::MeanAction(size_t k, double before, double now, double share) const {
-  const auto bounded = [&](double a) { return std::clamp(a, action_low[k], action_high[k]); };
+  const bool is_bounded = bounds_action.empty() || bounds_action[k] != 0;
+  const auto bounded = [&](double a) { return is_bounded ? std::clamp(a, action_low[k], action_high[k]) : a; };
   return share * bounded(before) + (1 - share) * bounded(now);
 }
 

@@ -41,6 +41,8 @@ struct SimulatorSpec {
   int n_discrete_actions = 0;                  ///< 0: continuous in [action_low, action_high]
   std::vector<double> action_low;
   std::vector<double> action_high;
+  /// (act_dim): whether the simulator itself holds an action within that range; empty: each.
+  std::vector<char> bounds_action = {};
   double control_period_s = 0;  ///< time between two actions [s]; 0 where time has no unit
   int physics_steps = 1;        ///< of the simulator between two actions
   double step_weight = 1;      ///< what one of them costs beside those of small robots: what takes long uses fewer rows

@@ -27,4 +27,15 @@ TEST(SimulatorSpec, TheScoreIs0ForTheRandomAnd100ForTheExpertReturn) {
   EXPECT_DOUBLE_EQ(spec.NormalizedScore((3234.3 - 20.272305) / 2), 50);
 }
 
+/// A drive without limits takes what was logged, whatever agents may use.
+TEST(SimulatorSpec, TheMeanOfTwoActionsIsOfWhatTheSimulatorTakesThemFor) {
+  SimulatorSpec spec;
+  spec.action_low = {-1, -1};
+  spec.action_high = {1, 1};
+  EXPECT_DOUBLE_EQ(spec.MeanAction(0, 3, 0.5, 0.25), 0.625);
+  spec.bounds_action = {1, 0};
+  EXPECT_DOUBLE_EQ(spec.MeanAction(0, 3, 0.5, 0.25), 0.625);
+  EXPECT_DOUBLE_EQ(spec.MeanAction(1, 3, 0.5, 0.25), 1.125);
+}
+
 }  // namespace oted::simulator_test

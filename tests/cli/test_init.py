@@ -172,6 +172,19 @@ class InitTest(ProgramTest):
         self.assertIn("armature_shoulder_joint", task["parameters"])
         self.assertNotIn("elbow_joint/armature", text)
 
+    def test_where_a_spring_rests_is_told_in_place_of_a_zero(self):
+        sprung = ARM.replace('name="elbow_joint"', 'name="elbow_joint" stiffness="3"')
+        self.model.write_text(sprung)
+        rows, model = swing(1), mujoco.MjModel.from_xml_string(sprung)
+        model.qpos_spring[model.joint("elbow_joint").qposadr] = 0.3
+        data = mujoco.MjData(model)
+        for row in rows:
+            row[1:5] = [*data.qpos, *data.qvel]
+            data.ctrl[:] = row[5:]
+            mujoco.mj_step(model, data, 4)
+        text, task = self.init(self.csv(rows))
+        self.assertEqual(task["parameters"]["springref"]["field"], "joint/elbow_joint/springref", text)
+
     def test_a_stiffness_at_the_end_of_its_range_widens_it(self):
         servos = ARM.replace('<motor name="shoulder" joint="shoulder_joint" ctrlrange="-20 20"/>',
                              '<position name="shoulder" joint="shoulder_joint" kp="40" kv="2" ctrlrange="-3 3"/>')

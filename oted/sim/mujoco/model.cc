@@ -32,8 +32,13 @@ SpecPtr Parse(const std::filesystem::path& path) {
     throw DataError(fmt::format("no model file at '{}'; set OTED_ASSETS to the folder that holds it", path.string()));
   }
   std::array<char, 1000> reason{};
+  const MujocoWarnings warnings;
   SpecPtr spec(mj_parseXML(path.c_str(), nullptr, reason.data(), static_cast<int>(reason.size())));
   if (spec == nullptr) FailToLoad(path, reason.data());
+  for (const std::string& warning : warnings.told()) {
+    // MuJoCo takes its default in place of a number that is none.
+    if (warning.find("NaN") != std::string::npos) FailToLoad(path, warning);
+  }
   FindMeshFiles(*spec, path);
   return spec;
 }

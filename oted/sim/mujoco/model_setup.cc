@@ -146,6 +146,7 @@ class Builder {
       spec_.action_names.push_back(n == 1 ? name : fmt::format("{}[{}]", name, k));
       spec_.action_low.push_back(low);
       spec_.action_high.push_back(high);
+      spec_.bounds_action.push_back(model_.actuator_ctrllimited[control] != 0 ? 1 : 0);
     }
   }
 

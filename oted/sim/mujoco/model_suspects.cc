@@ -20,6 +20,7 @@ constexpr int kMostBodies = 12;  // whose masses, centres of mass and places are
 constexpr int kMostSingly = 8;   // joints, drives or tendons that are, where others of them are searched
 constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
+constexpr double kMostSpringOff = 1.0;     // [rad], [m]: of where a spring rests
 constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
 constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
 
@@ -27,13 +28,37 @@ struct SuspectedField {
   std::string name, path;
   /// Where the model has zeros alone: paths, of which the first that it has is suspected as a value.
   std::vector<std::string> if_zero = {};
-  double most = 0;  ///< of it; without such a path: `path` itself, from minus that to that
+  double most = 0;  ///< of it; without such a path: `path` itself, from that much less than in the model to more
 };
 
 std::vector<std::string> OfJoints(const std::string& field) { return {"joint/@actuated/" + field, "joint/*/" + field}; }
 
 /// A body that is heavier is as a rule heavier all over.
 std::string MassWithInertia(const std::string& body) { return fmt::format("body/{0}/mass + body/{0}/inertia", body); }
+
+/// What a drive's gear is: of one that acts at a site any of six numbers.
+std::string GearPath(const mjModel& model) {
+  const auto acts_otherwise = [&](int actuator) {
+    const mjtNum* gear = model.actuator_gear + 6 * actuator;
+    return std::any_of(gear + 1, gear + 6, [](mjtNum g) { return g != 0; });
+  };
+  for (int actuator = 0; actuator < model.nactuator; ++actuator) {
+    if (acts_otherwise(actuator)) return "actuator/*/gear";
+  }
+  return "actuator/*/gear[0]";
+}
+
+/// Where the springs of single joints rest.
+void AddSprings(const mjModel& model, std::vector<SuspectedField>& places) {
+  const auto n_springs = std::count_if(model.jnt_stiffness, model.jnt_stiffness + model.njnt,
+                                       [](double stiffness) { return stiffness != 0; });
+  if (n_springs > kMostSingly) return;
+  for (int joint = 0; joint < model.njnt; ++joint) {
+    if (model.jnt_stiffness[joint] == 0) continue;
+    const std::string name = ObjectName(model, mjOBJ_JOINT, joint);
+    places.push_back({name + "_springref", fmt::format("joint/{}/springref", name), {}, kMostSpringOff});
+  }
+}
 
 std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
   const double torque = RoundBound(kFrictionShare * HoldingTorque(model));
@@ -45,7 +70,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"load_friction", "joint/@actuated/load_friction", OfJoints("load_friction"), kMostLoadFriction},
       {"stribeck_torque", "joint/@actuated/stribeck_torque", OfJoints("stribeck_torque"), torque},
       {"stiffness", "joint/*/stiffness", OfJoints("stiffness"), RoundBound(HoldingTorque(model))},
-      {"gear", "actuator/*/gear[0]"},
+      {"gear", GearPath(model)},
       {"kp", "actuator/*/kp"},
       {"kv", "actuator/*/kv"},
       {"friction", "geom/*/friction[0]"},
@@ -59,15 +84,16 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"inertia", "body/*/inertia"},
       {"gravity", "opt/gravity[2]"}};
   if (model.na > 0) places.push_back({"drive_lag", "actuator/*/dynprm[0]"});
+  AddSprings(model, places);
   if (const double down = std::abs(model.opt.gravity[2]);
       down > 0 && model.opt.gravity[0] == 0 && model.opt.gravity[1] == 0) {
     // A base that does not stand level, and a floor that is none.
     places.push_back({"tilt_x", "opt/gravity[0]", {}, RoundBound(kMostTilt * down)});
     places.push_back({"tilt_y", "opt/gravity[1]", {}, RoundBound(kMostTilt * down)});
   }
+  if (model.nbody > 2) places.push_back({"mass_and_inertia", MassWithInertia("*")});
   if (model.nbody - 1 > kMostBodies) {
     places.push_back({"mass", "body/*/mass"});
-    places.push_back({"mass_and_inertia", MassWithInertia("*")});
     return places;
   }
   for (int body = 1; body < model.nbody; ++body) {
@@ -101,7 +127,12 @@ std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Susp
             .low = -place.most,
             .high = place.most,
             .scale = ParameterScale::kAbsolute};
-    return Resolved(model, spec);
+    std::optional<std::vector<ModelField>> fields = Resolved(model, spec);
+    if (fields) {
+      spec.low += spec.nominal;
+      spec.high += spec.nominal;
+    }
+    return fields;
   }
   spec = {.name = place.name, .field = place.path, .low = kLow, .high = kHigh, .logarithmic = true};
   std::optional<std::vector<ModelField>> fields = Resolved(model, spec);

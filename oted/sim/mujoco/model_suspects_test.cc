@@ -65,6 +65,36 @@ TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
   EXPECT_THAT(fields, Not(Contains("opt/density")));
 }
 
+TEST(ModelSuspects, AreAllNumbersOfAThrustersGearAndAllMassesAtOnce) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "drone.xml", R"(<mujoco>
+    <worldbody><body name="frame"><freejoint/><geom size="0.1"/><site name="rotor"/>
+    <body name="camera"><geom size="0.02"/></body></body></worldbody>
+    <actuator><motor site="rotor" gear="0 0 2 0 0 0.1"/></actuator>
+  </mujoco>)");
+  const LoadedModel loaded = LoadModel(folder / "drone.xml");
+  const std::vector<std::string> fields = Fields(ModelSuspects(*loaded.model, ParameterSpace()));
+  EXPECT_THAT(fields, Contains("actuator/*/gear"));
+  EXPECT_THAT(fields, Contains("body/*/mass + body/*/inertia"));
+  EXPECT_THAT(fields, Contains("body/frame/mass"));
+}
+
+TEST(ModelSuspects, AreWhereSpringsRest) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "leg.xml", R"(<mujoco><compiler angle="radian"/>
+    <worldbody><body><joint name="hip" stiffness="2" springref="0.3"/><geom size="0.1"/>
+    <body><joint name="knee"/><geom size="0.1"/></body></body></worldbody>
+  </mujoco>)");
+  const LoadedModel loaded = LoadModel(folder / "leg.xml");
+  const std::vector<ParameterSpec> suspects = ModelSuspects(*loaded.model, ParameterSpace());
+  EXPECT_THAT(Fields(suspects), Not(Contains("joint/knee/springref")));
+  const auto hip = std::ranges::find(suspects, "joint/hip/springref", &ParameterSpec::field);
+  ASSERT_NE(hip, suspects.end());
+  EXPECT_DOUBLE_EQ(hip->nominal, 0.3);
+  EXPECT_DOUBLE_EQ(hip->low, -0.7);
+  EXPECT_DOUBLE_EQ(hip->high, 1.3);
+}
+
 TEST(ModelSuspects, AreOfTheOtherJointsWhereOneIsSearched) {
   const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "knee", .field = "joint/leg_joint/damping"}});
   const std::vector<std::string> fields = Fields(factory.Suspects());

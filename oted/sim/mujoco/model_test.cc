@@ -57,6 +57,8 @@ TEST(LoadModel, SaysWhyAFileDoesNotCompileInOneLine) {
               ThrowsMessage<DataError>(AllOf(HasSubstr(path.string()), HasSubstr("size"), Not(HasSubstr("\n")))));
   std::ofstream(path, std::ios::trunc) << "<mujoco><worldbody>";
   EXPECT_THAT([&] { LoadModel(path); }, ThrowsMessage<DataError>(Not(HasSubstr("\n"))));
+  std::ofstream(path, std::ios::trunc) << "<mujoco><worldbody><geom size='.1' mass='nan'/></worldbody></mujoco>";
+  EXPECT_THAT([&] { LoadModel(path); }, ThrowsMessage<DataError>(HasSubstr("NaN"))) << "MuJoCo takes the density";
   std::filesystem::remove(path);
   EXPECT_THROW(LoadModel(path), DataError);
 }

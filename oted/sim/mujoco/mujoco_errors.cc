@@ -19,12 +19,20 @@ namespace {
                               is_memory ? "free memory, or take fewer threads (--threads)" : "correct the model"));
 }
 
+thread_local std::vector<std::string>* listening = nullptr;
+
 }  // namespace
+
+MujocoWarnings::MujocoWarnings() { listening = &told_; }
+MujocoWarnings::~MujocoWarnings() { listening = nullptr; }
 
 void TakeOverMujocoErrors() {
   static std::once_flag once;
   std::call_once(once, [] {
-    if (mju_user_warning == nullptr) mju_user_warning = [](const char*) {};
+    if (mju_user_warning == nullptr)
+      mju_user_warning = [](const char* message) {
+        if (listening != nullptr) listening->emplace_back(message);
+      };
     if (mju_user_error == nullptr) mju_user_error = [](const char* message) { ThrowError(message); };
   });
 }
