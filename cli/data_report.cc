@@ -142,7 +142,8 @@ void PrintDataCheck(const Dataset& dataset, const SimulatorSpec* spec, const Dat
   PrintFindings(dataset, check, Severity::kNote, "notes");
   if (check.gap) {
     Print("\n{:<14}{}: area under the curve {:.3f} (0.5: logs and simulator cannot be told apart), {} transitions\n",
-          "gap", ToString(check.Verdict()), check.gap->auc, dataset.size());
+          "gap", check.Verdict() == GapVerdict::kNone ? "none seen in single rows" : ToString(check.Verdict()),
+          check.gap->auc, dataset.size());
   } else if (spec == nullptr) {
     Print("\nwith --task, the check also compares the logs with the simulator\n");
   }
