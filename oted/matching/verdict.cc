@@ -185,8 +185,8 @@ DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& pred
     return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
-  if (!better && !NominalExceedsFloor(prediction)) return DesignVerdict::kUndecided;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
+  if (!better && !NominalExceedsFloor(prediction)) return DesignVerdict::kUndecided;
   if (!better && !ExceedsFloor(prediction)) return DesignVerdict::kUndecided;
   return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }

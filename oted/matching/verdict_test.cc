@@ -309,8 +309,12 @@ TEST(JudgePrediction, UndecidedWhereWindowsTellNeitherWhetherItIsBetterNorWhethe
 }
 
 TEST(SmallChange, IsATwentiethOfWhatMayBeNoneHoweverWideItsRange) {
-  const ParameterSpec friction{
-      .name = "f", .field = "joint/a/frictionloss", .low = 0, .high = 20, .scale = ParameterScale::kAbsolute};
+  const ParameterSpec friction{.name = "f",
+                               .field = "joint/a/frictionloss",
+                               .low = 0,
+                               .high = 20,
+                               .scale = ParameterScale::kAbsolute,
+                               .nominal = 0};
   EXPECT_DOUBLE_EQ(SmallChange(friction, 0.9), 0.045);
   EXPECT_DOUBLE_EQ(SmallChange(friction, 0), 0.04);
   EXPECT_DOUBLE_EQ(SmallChange(friction, 15), 0.2);

@@ -36,11 +36,12 @@ TEST(MujocoErrors, AnErrorOfACallIsADataErrorAndTheSimulationGoesOn) {
 
 TEST(MujocoErrors, OptionsThatNoSimulationEndsWithAreRefused) {
   const TestFolder folder;
-  for (const auto& [option, needle] : {std::pair{"timestep='nan'", "time step"},
+  for (const auto& [option, needle] : {std::pair{"timestep='nan'", "NaN"},
                                        {"timestep='inf'", "time step"},
                                        {"timestep='0'", "time step"},
                                        {"timestep='-1'", "time step"},
-                                       {"gravity='0 0 nan'", "gravity"},
+                                       {"gravity='0 0 nan'", "NaN"},
+                                       {"gravity='0 0 inf'", "gravity"},
                                        {"viscosity='inf'", "viscosity"},
                                        {"iterations='-5'", "iterations"},
                                        {"iterations='2000000000'", "iterations"}}) {

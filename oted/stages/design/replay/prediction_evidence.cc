@@ -27,7 +27,7 @@ constexpr std::array<double, 3> kHorizons = {0.1, 0.5, 1.0};  // [s]
 constexpr double kStepWithoutUnit = 0.05;                     // [s]
 // Of few windows more, whose scatter tells of chance what few blocks do not.
 constexpr size_t kFewestImitations = 2, kFewestOfFew = 6;
-constexpr int kFewWindows = 100;
+constexpr int kFewWindows = 30;
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2, kCorrectionsOfOthers = 4;
@@ -410,6 +410,7 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
                             .narrow = asked.narrow,
                             .key = asked.key,
                             .n_threads = asked.n_threads,
+                            .noise_rows = asked.noise_rows,
                             .noise_of_other_logs = asked.noise_of_other_logs,
                             .as_likely = asked.as_likely,
                             .kept_aside_in = asked.kept_aside_in,
