@@ -98,8 +98,9 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
     PrintConditions(design, ParameterVerdict::kWeak);
   }
   if (design.fit && design.fit->own_logs) Print("{}\n", design.fit->own_logs->sentence);
-  if (!FloorIsReached(design.verdict) && design.validation) {
-    const bool is_known = design.verdict != DesignVerdict::kUndecided && NotTold(*design.validation).empty();
+  const bool may_be_right = FloorIsReached(design.verdict) || design.verdict == DesignVerdict::kUndecided;
+  if (!may_be_right && design.validation) {
+    const bool is_known = NotTold(*design.validation).empty();
     Print("something that is not searched {} off as well: any value may be farther off than its interval says\n",
           is_known ? "is" : "may be");
   }
@@ -190,7 +191,7 @@ void PrintSuspects(const DesignRecord& design) {
     Print("  (--grow adds the best of these by itself, and begins again: give it an --out of its own)\n");
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;
-  if (design.fit->suspects.empty() && !ShowsNothing(design.validation->horizons))
+  if (design.fit->suspects.empty() && design.verdict != DesignVerdict::kUndecided)
     Print("suspects: none was found that explains what remains\n");
   if (!has_line) {
     if (HasOne(design, ParameterVerdict::kAtBound))

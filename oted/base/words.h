@@ -32,7 +32,8 @@ inline std::string Sentences(std::string clauses) {
 }
 
 /// Under a table some of whose channels have a star.
-inline constexpr const char* kStarredChannels = "* computed from positions, or late: no verdict rests on it";
+inline constexpr const char* kStarredChannels =
+    "* as it seems computed from positions, or late: no verdict rests on it";
 
 /// Why a percentage may be less than a table shows. @param channels  in which an error is larger than their spread
 inline std::string CountedAtMost(const std::vector<std::string>& channels) {

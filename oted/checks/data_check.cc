@@ -139,6 +139,7 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
                  "most: wrong parameters alone rarely do that; units, order of columns, control rate or delay do"
            : poor ? "a linear fit of the logs does little better: noise, or motion that is fast for these rows, hides "
                     "what one row tells"
+           : noise.empty() ? "so few rows do not tell noise from what differs: a design may"
            : IsAsNearAsLine(e, noise)
                ? "a linear fit of the logs does no better: noise may be all of it, and a design tells"
                : "model or parameters differ from the target: that is what a design is for",

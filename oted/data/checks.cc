@@ -47,7 +47,7 @@ void CheckFinite(const Dataset& dataset, std::vector<Finding>& findings) {
     if (n_values == 0) return;
     f.check = "not_finite";
     f.severity = Severity::kError;
-    f.what = fmt::format("{}: {} of {} numbers in {} rows are NaN, infinite or above 1e100, the first ({}) in row {}",
+    f.what = fmt::format("{}: {} of {} numbers in {} rows are NaN, infinite or above 1e20, the first ({}) in row {}",
                          name, n_values, values.size(), f.count, first, f.row);
     f.meaning = "no stage reads such a file, and the other checks were not made";
     f.remedy = "cut the episodes at these rows (a timeout before each, the row itself removed) or repair the values";

@@ -74,7 +74,7 @@ class CsvReader {
     const std::optional<double> value = ParseNumber(fields[static_cast<size_t>(column)]);
     if (!value.has_value() || !IsLoggable(*value)) {
       throw DataError(fmt::format(
-          "'{}' line {}, column '{}': '{}' is no finite number below 1e100; repair or remove the row", path_,
+          "'{}' line {}, column '{}': '{}' is no finite number below 1e20; repair or remove the row", path_,
           lines_.back(), header_[static_cast<size_t>(column)], fields[static_cast<size_t>(column)].substr(0, 40)));
     }
     return *value;

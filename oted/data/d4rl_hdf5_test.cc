@@ -144,7 +144,7 @@ TEST(D4rlHdf5, GivesBackWhatWasWrittenAndWritesEqualBytes) {
 TEST(D4rlHdf5, ValuesBeyondFloat32AreKept) {
   const TestFolder folder;
   Dataset dataset = MakeTestDataset(20, 10);
-  dataset.actions(3, 0) = 1e60;
+  dataset.actions(3, 0) = 1e-60;
   dataset.rewards[5] = 1e-300;
   WriteD4rlHdf5(dataset, folder / "a.hdf5");
   EXPECT_TRUE(SameTransitions(ReadD4rlHdf5(folder / "a.hdf5"), dataset));

@@ -5,8 +5,8 @@
 
 namespace oted {
 
-/// The largest: of larger ones the squares are soon infinite.
-inline constexpr double kLargestLogged = 1e100;
+/// The largest: above the nanoseconds of any clock. Beside larger ones all else is rounding.
+inline constexpr double kLargestLogged = 1e20;
 
 /// Whether a number is finite and not larger.
 inline bool IsLoggable(double value) { return std::abs(value) <= kLargestLogged; }

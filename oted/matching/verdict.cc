@@ -160,10 +160,12 @@ bool IsOff(const HeldOutPrediction& prediction) {
   return ExceedsFloor(prediction) || GuessesAsWell(prediction.horizons, kFarFromGuess);
 }
 
-/// Whether the nominal simulator is grossly off, be it sure or not: few windows tell no standard error.
+/// Whether the nominal simulator is grossly off, be it sure or not: few windows tell no standard error. A floor that is
+/// high because the parameters are uncertain is none of that simulator.
 bool NominalIsFarOff(const HeldOutPrediction& prediction) {
-  return std::ranges::any_of(
-      prediction.horizons, [](const HeldOutPrediction::Horizon& h) { return h.excess.value + h.gain.value > kFarOff; });
+  return std::ranges::any_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
+    return std::max(0.0, h.excess.value) + h.gain.value > kFarOff;
+  });
 }
 
 /// Surely or not: few windows leave large gains unsure.

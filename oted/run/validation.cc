@@ -72,10 +72,11 @@ HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, 
 std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& prediction) {
   if (ShowsNothing(prediction.horizons)) return kNothingShown;
   const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
+  const std::vector<int> off = ChannelsOff(prediction);
   const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain"
-                           : ChannelsOff(prediction).empty()
-                               ? "; " + NotTold(result.validation) + ButOdd(result.validation)
-                               : "; what it leaves is more than the sensors explain" + ButOdd(result.validation);
+                           : off.empty()        ? "; " + NotTold(result.validation) + ButOdd(result.validation)
+                                                : "; what it leaves is more than the sensors explain: " +
+                                               WhatRemains(result.validation, shown, off) + ButOdd(result.validation);
   if (PredictsWorse(prediction)) {
     return fmt::format(
         "the designed simulator surely predicts these recordings worse than the nominal one{}{}",

@@ -26,8 +26,8 @@ std::string WithUnit(double value, const std::string& unit) {
   return unit.empty() ? fmt::format("{:.2g}", value) : fmt::format("{:.2g} {}", value, unit);
 }
 
-/// "elbow 0.021 rad (sensors alone: 0.003) and 2 other channels"; of another horizon than the shown one, named, where
-/// it is there that the channel is off.
+}  // namespace
+
 std::string WhatRemains(const DesignRecord::Validation& validation, const DesignRecord::Validation::Horizon& shown,
                         const std::vector<int>& off) {
   const auto first_of = [&](const auto& horizon) { return horizon.channels[static_cast<size_t>(off.front())]; };
@@ -40,6 +40,8 @@ std::string WhatRemains(const DesignRecord::Validation& validation, const Design
   if (off.size() > 2) text += fmt::format(" and {} other channels", off.size() - 1);
   return text;
 }
+
+namespace {
 
 /// What judged, to be appended to a sentence with a good word: it claims no more than that.
 std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRecord::Validation::Horizon& shown) {

@@ -20,6 +20,11 @@ std::string ButElsewhere(const DesignRecord::Validation& validation);
 /// The channels that the design predicts no better than a guess, and over which horizons, to be appended to a sentence
 /// that it predicts better than the nominal simulator.
 std::string ButAGuess(const DesignRecord::Validation& validation);
+/// "elbow 0.021 rad (sensors alone: 0.003) and 2 other channels"; of another horizon than the shown one, named, where
+/// it is there that the channel is off.
+/// @param off  as VerdictSentence, at least one
+std::string WhatRemains(const DesignRecord::Validation& validation, const DesignRecord::Validation::Horizon& shown,
+                        const std::vector<int>& off);
 /// How far replays can be followed, and how the two simulators compare there; empty where the record has none.
 std::string LongestInWords(const DesignRecord::Validation& validation);
 /// That windows are too few, or too unlike each other, to show whether the floor is reached; empty where they show it.

@@ -139,6 +139,12 @@ class SuspectsTest(unittest.TestCase):
             (run / "design.json").unlink()
         self.assertEqual(program.oted("export", run, "--mjcf", self.folder / "grown.xml").returncode, program.DATA_OR_MODEL)
 
+    def test_where_a_value_ends_at_its_bound_nothing_is_added_and_it_says_why(self):
+        result, design = self.design("bound", GAIN.replace(":2.0", ":1.1"), DAMPING, more=["--grow", "--episodes", "1", "--set",
+                                                                                       "design.trajectories.tried=0"])
+        self.assertNotIn("grown", design)
+        self.assertIn("nothing was added: 'gain' ends at a bound of its range; widen it first", result.stderr)
+
     def test_an_action_of_the_other_sign_is_told_and_the_remedy_with_it(self):
         flipped = self.folder / "flipped.npz"
         with numpy.load(self.demos) as logs:

@@ -28,12 +28,14 @@ constexpr double kStepWithoutUnit = 0.05;                     // [s]
 // Of few windows more, whose scatter tells of chance what few blocks do not.
 constexpr size_t kFewestImitations = 2, kFewestOfFew = 6;
 constexpr int kFewWindows = 30;
+constexpr double kTailOfSix = 1.45;  // Student's t of six draws over the normal, 99 %
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2, kCorrectionsOfOthers = 4;
 constexpr double kNoNoise = 1e-6;           // of a channel's spread: such noise is none
 constexpr double kVarianceOfMedian = 5.44;  // of the logarithm of a median of n squared normal numbers, times n
 constexpr double kLeastFreedomOfRow = 0.2;  // starts take the rest
+constexpr double kNoiseAllowed = 0.1;       // the least excess of a channel that counts is four such errors already
 constexpr double kMoved = 0.25;             // of the range: what an identified parameter is known to
 // Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
 // hardly ever is the guess too low.
@@ -169,11 +171,12 @@ class Evidence {
 
   int Corrections() const { return problem_.noise_of_other_logs ? kCorrectionsOfOthers : kNoiseCorrections; }
 
-  size_t FewestImitations() const {
+  bool HasFewWindows() const {
     int n_windows = 0;
     for (const auto& part : parts_) n_windows += part->judge().n_windows();
-    return n_windows < kFewWindows ? kFewestOfFew : kFewestImitations;
+    return n_windows < kFewWindows;
   }
+  size_t FewestImitations() const { return HasFewWindows() ? kFewestOfFew : kFewestImitations; }
 
   /// Of Imitate, at most.
   size_t ImitationSteps(size_t n_as_likely) const {
@@ -238,14 +241,15 @@ class Evidence {
   }
 
   /// (channels): standard errors of the logarithm of the sensors' variance, which a median of squared residuals tells
-  /// (NoiseVariance), where starts took freedom from these.
+  /// (NoiseVariance), where starts took freedom from these; beyond what the least excess that counts allows for.
   VectorXd ErrorOfNoise() const {
     const Eigen::Index n_channels = noise_.size();
     if (is_exact_ || problem_.noise_rows == 0) return VectorXd::Zero(n_channels);
     const double n_steps = problem_.readings.ShortestWindow();
     const double of_starts = problem_.readings.state_dim() / static_cast<double>(n_channels);
     const double freedom = problem_.noise_rows * std::max(kLeastFreedomOfRow, (n_steps + 1 - of_starts) / n_steps);
-    return VectorXd::Constant(n_channels, std::sqrt(kVarianceOfMedian / freedom));
+    const double error = std::sqrt(kVarianceOfMedian / freedom);
+    return VectorXd::Constant(n_channels, std::max(0.0, error - kNoiseAllowed));
   }
 
   HeldOutPrediction::Horizon Compare(int n_steps, const std::vector<size_t>& parts, const std::vector<size_t>& at) {
@@ -283,7 +287,7 @@ class Evidence {
     const std::vector<MatrixXd> draws = draws_of(imitated_);
     const MatrixXd floor = floor_of(draws);
     PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
-    excess.Widen(ScatterOfDraws(draws, judge.channels()));
+    excess.Widen((HasFewWindows() ? kTailOfSix : 1) * ScatterOfDraws(draws, judge.channels()));
     excess.Add(ErrorOfNoise(), judge.channels().weight);
     // The design may be so wrong that it does not predict even its own logs. Where the other one predicts these logs no
     // worse, and logs of its own surely better, sensors leave no more than that.

@@ -100,10 +100,11 @@ TEST(PredictLogs, FewRowsTellTheFloorRoughly) {
   const HeldOutPrediction::Horizon certain = excess(0), few = excess(50);
   EXPECT_EQ(few.excess.value, certain.excess.value);
   // The state is what is read: windows of three rows leave the freedom of two, and so many rows have half as many.
-  const double of_noise = 5.44 / 50;
+  const double of_noise = std::pow(std::sqrt(5.44 / 50) - 0.1, 2);
   EXPECT_NEAR(few.channels[0].excess.error, std::sqrt(std::pow(certain.channels[0].excess.error, 2) + of_noise), 1e-12);
   EXPECT_NEAR(few.excess.error, std::sqrt(std::pow(certain.excess.error, 2) + of_noise / 2), 1e-12)
       << "the mean of two channels";
+  EXPECT_EQ(excess(600).excess.error, certain.excess.error);
 }
 
 TEST(PredictLogs, AFaultInOneOfFiveEpisodesLeavesNoFloorThatIsReachedAndIsNamed) {
@@ -210,11 +211,11 @@ TEST(PredictionRatios, DrawsThatDifferByAFactorScatterByItsLogarithm) {
     draws.push_back(Eigen::MatrixXd::Constant(2, 20, 1e9 * std::exp(log_ratio)));
     draws.back().row(1).setConstant(1e9);
   }
-  // Standard deviations 1 and 0, of one more draw about the mean of three; of two degrees of freedom Student's t.
+  // Standard deviations 1 and 0, of one more draw about the mean of three.
   const VectorXd scatter = ScatterOfDraws(draws, channels);
-  EXPECT_NEAR(scatter[0], 6.965 / 2.326 * std::sqrt(4.0 / 3), 6e-3);
+  EXPECT_NEAR(scatter[0], std::sqrt(4.0 / 3), 2e-3);
   EXPECT_NEAR(scatter[1], 0, 1e-12);
-  EXPECT_NEAR(scatter[2], 0.5 * std::sqrt(4.0 / 3), 2e-3) << "both channels together";
+  EXPECT_NEAR(scatter[2], 0.5 * scatter[0], 1e-12) << "both channels together";
   draws.pop_back();
   EXPECT_EQ(ScatterOfDraws(draws, channels), VectorXd::Zero(3)) << "two draws do not tell";
 }

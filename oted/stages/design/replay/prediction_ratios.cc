@@ -101,10 +101,7 @@ VectorXd ScatterOfDraws(const std::vector<MatrixXd>& draws, const JudgedChannels
   }
   const double draws_more = static_cast<double>(n + 1) / static_cast<double>(n), freedom = static_cast<double>(n - 1);
   const VectorXd square = (values.colwise() - values.rowwise().mean()).cwiseAbs2().rowwise().sum() / freedom;
-  VectorXd scatter = (draws_more * square).cwiseSqrt();
-  // Single channels are asked for four standard errors, where the few draws' tail lies far out.
-  scatter.head(channels.weight.size()) *= Widening(n - 1);
-  return scatter;
+  return (draws_more * square).cwiseSqrt();
 }
 
 PredictionRatios RatiosOfSums(const MatrixXd& a, const MatrixXd& b, const JudgedChannels& channels) {

@@ -50,7 +50,7 @@ Eigen::VectorXd LogRatios(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, Ei
                           const JudgedChannels& channels);
 
 /// (channels + 1): how far one more draw of all windows may lie from the mean of these, as a standard error of
-/// TypicalRatios, of single channels wider where draws are few; 0 of fewer than three, which do not tell.
+/// TypicalRatios; 0 of fewer than three draws, which do not tell.
 /// @param draws  (channels, windows) each
 Eigen::VectorXd ScatterOfDraws(const std::vector<Eigen::MatrixXd>& draws, const JudgedChannels& channels);
 

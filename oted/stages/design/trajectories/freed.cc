@@ -106,22 +106,23 @@ class FreedTrials {
     std::vector<std::string> leaders;
     for (const Suspect& other : suspects) {
       if (!other.trial || other.spec.name == one.spec.name) continue;
-      const Estimated lead = LeadOf(other, one);
-      if (lead.value > kSureErrors * lead.error) leaders.push_back(other.spec.name);
+      if (Leads(other, one)) leaders.push_back(other.spec.name);
     }
     return leaders;
   }
 
  private:
-  /// By how many nats one of two that were tried makes the same windows likelier than the other, each by the noise that
-  /// it leaves; or by how much more it gains, where that is not known of both.
-  Estimated LeadOf(const Suspect& one, const Suspect& other) const {
+  /// Whether one of two that were tried makes the same windows surely likelier than the other, each by the noise that
+  /// it leaves; or surely gains more, where that is not known of both. A few nats tell nothing, however sure: where two
+  /// are one to the logs, as a servo's kv and all that it moves, the fits end that near each other.
+  bool Leads(const Suspect& one, const Suspect& other) const {
     const auto ours = costs_.find(one.spec.name), theirs = costs_.find(other.spec.name);
     if (ours != costs_.end() && theirs != costs_.end()) {
-      if (const std::optional<Estimated> nats = NatsGained(ours->second, theirs->second)) return *nats;
+      const std::optional<Estimated> nats = NatsGained(ours->second, theirs->second);
+      if (nats) return nats->value > std::max(kFewestSureNats, kSureErrors * nats->error);
     }
     const Estimated &a = one.trial->gain, &b = other.trial->gain;
-    return {.value = a.value - b.value, .error = std::hypot(a.error, b.error)};
+    return a.value - b.value > kSureErrors * std::hypot(a.error, b.error);
   }
 
   /// Whether a fit with one parameter more ends above the fit without it, where it could be as well.
