@@ -41,27 +41,29 @@ std::vector<double> NoiseAtMost(const std::vector<ChannelNoise>& noise, int obs_
   return most;
 }
 
-/// Whether a linear fit predicts a step far better than the nominal simulator, in most channels: what that one misses
-/// is then no noise. True where no fit was made.
-bool IsLineFarBetter(const OneStepError& e, const std::vector<ChannelNoise>& noise) {
-  int n = 0, n_better = 0;
+/// The share of the channels that move whose `is_so(j)` is true; none where no linear fit was made.
+template <class Predicate>
+std::optional<double> ShareOfMoving(const std::vector<ChannelNoise>& noise, const Predicate& is_so) {
+  double n = 0, n_so = 0;
   for (size_t j = 0; j < noise.size(); ++j) {
     if (noise[j].rms_change <= 0) continue;
     ++n;
-    if (noise[j].rms_residual < kFarBetter * e.rms_error[j]) ++n_better;
+    if (is_so(j)) ++n_so;
   }
-  return 2 * n_better >= n;
+  return n > 0 ? std::optional(n_so / n) : std::nullopt;
+}
+
+/// Whether a linear fit predicts a step far better than the nominal simulator, in most channels: what that one misses
+/// is then no noise. True where no fit was made.
+bool IsLineFarBetter(const OneStepError& e, const std::vector<ChannelNoise>& noise) {
+  const auto is_better = [&](size_t j) { return noise[j].rms_residual < kFarBetter * e.rms_error[j]; };
+  return ShareOfMoving(noise, is_better).value_or(1) >= 0.5;
 }
 
 /// Whether the nominal simulator misses a step by no more than a linear fit of the logs, in most channels.
 bool IsAsNearAsLine(const OneStepError& e, const std::vector<ChannelNoise>& noise) {
-  int n = 0, n_near = 0;
-  for (size_t j = 0; j < noise.size(); ++j) {
-    if (noise[j].rms_change <= 0) continue;
-    ++n;
-    if (e.rms_error[j] < kAsNear * noise[j].rms_residual) ++n_near;
-  }
-  return n > 0 && 2 * n_near > n;
+  const auto is_near = [&](size_t j) { return e.rms_error[j] < kAsNear * noise[j].rms_residual; };
+  return ShareOfMoving(noise, is_near).value_or(0) > 0.5;
 }
 
 void CheckTerminals(const SimulatorFactory& factory, const Dataset& dataset, const std::vector<ChannelNoise>& noise,

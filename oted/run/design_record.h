@@ -16,9 +16,9 @@ namespace oted {
 /// growth/ROUND/growth.json: a design that was made to find what its parameters lack.
 struct GrowthRecord {
   static constexpr const char* kSchema = "oted.growth/1";
-  std::vector<Suspect>
-      suspects;  ///< empty where the design leaves no more than the sensors explain, or ends at a bound
-  std::vector<std::string> at_bounds = {};  ///< parameters that end at one: nothing is tried
+  /// Empty where the design leaves no more than the sensors explain, or ends at a bound.
+  std::vector<Suspect> suspects;
+  std::vector<std::string> at_bounds = {};  ///< parameters that end at one
 
   /// What joins the parameters; null where nothing does.
   const Suspect* Freed() const;
@@ -68,7 +68,7 @@ struct DesignRecord {
     std::string sentence;  ///< what the logs say of it, and what freeing it bought
     std::string line;      ///< that adds it to the parameters of a task file
   };
-  /// Designs from logs that the designed simulator made, where they lie so far off that the intervals rest on them.
+  /// Designs from logs that the designed simulator made.
   struct OwnLogs {
     std::vector<std::vector<double>> found;  ///< z by each
     std::string sentence;

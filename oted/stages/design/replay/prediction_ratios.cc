@@ -19,8 +19,7 @@ constexpr double kUnknownError = 100.0;  // of a logarithm: one block says nothi
 double Widening(Eigen::Index freedom) {
   constexpr std::array<double, kBlocksOfWindows - 1> kStudent = {31.82, 6.965, 4.541, 3.747, 3.365,
                                                                  3.143, 2.998, 2.896, 2.821};
-  if (freedom < 1) return 1;
-  return kStudent[std::min(static_cast<size_t>(freedom), kStudent.size()) - 1] / 2.326;
+  return freedom < 1 ? 1.0 : kStudent[static_cast<size_t>(freedom - 1)] / 2.326;
 }
 
 /// (rows, blocks) of (rows, windows).
