@@ -182,9 +182,9 @@ void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
   const std::string meaning =
       verdict == GapVerdict::kNone && is_unsure ? "a classifier that guesses worse than a blind one has learned what "
                                                   "does not last: it cannot tell; make a design"
-      : verdict == GapVerdict::kUnknown && check.is_little ? "so few transitions cannot tell: a classifier learns "
-                                                             "little from them; look at the one-step errors, and make "
-                                                             "a design"
+      : check.is_little                         ? "so few transitions cannot tell: a classifier learns "
+                                                  "little from them; look at the one-step errors, and make "
+                                                  "a design"
       : verdict == GapVerdict::kNone ? "no gap was seen in single rows; a design shows one that so few transitions "
                                        "hide, or that adds up over many rows"
       : verdict == GapVerdict::kUnknown
@@ -202,8 +202,8 @@ void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
        .count = n_transitions,
        .meaning = meaning,
        .remedy = verdict == GapVerdict::kNone ? "none needed; more episodes make the statement stronger"
-                 : verdict == GapVerdict::kUnknown && check.is_little ? "log more"
-                                                                      : "oted design"});
+                 : check.is_little            ? "log more"
+                                              : "oted design"});
 }
 
 void CheckEffects(const SimulatorFactory& factory, const Dataset& dataset, RngKey key, int n_threads,

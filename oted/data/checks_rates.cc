@@ -30,6 +30,21 @@ constexpr double kLagStep = 0.25;  // [rows]
 constexpr double kNoLag = 0.5, kLag = 1;
 constexpr double kLagGain = 0.6;  // what a lag must leave of the squared difference
 
+/// How far a channel moves from row to row.
+struct RowSteps {
+  int64_t count = 0;
+  double typical = 0;  ///< median size; 0 without any
+
+  explicit RowSteps(const std::vector<std::vector<double>>& recordings) {
+    std::vector<double> sizes;
+    for (const std::vector<double>& series : recordings) {
+      for (size_t i = 1; i < series.size(); ++i) sizes.push_back(std::abs(series[i] - series[i - 1]));
+    }
+    count = static_cast<int64_t>(sizes.size());
+    if (count > 0) typical = MedianOf(sizes);
+  }
+};
+
 /// What else positions are logged in.
 struct Unit {
   const char* name;
@@ -353,11 +368,8 @@ void CheckJumps(const Dataset& dataset, const TaskFacts& facts, std::vector<Find
     if (position >= dataset.obs_dim()) continue;
     const std::vector<std::vector<double>> recordings = SeriesOf(dataset, position);
     for (size_t k = 0; k < recordings.size(); ++k) {
-      std::vector<double> steps;
-      for (size_t i = 1; i < recordings[k].size(); ++i) {
-        steps.push_back(std::abs(recordings[k][i] - recordings[k][i - 1]));
-      }
-      const double typical = steps.empty() ? 0 : MedianOf(steps);
+      const RowSteps steps({recordings[k]});
+      const double typical = steps.typical;
       if (!(typical > kImpossiblePerRow)) continue;
       const std::string name = facts.ObservationName(position);
       findings.push_back(
@@ -365,7 +377,7 @@ void CheckJumps(const Dataset& dataset, const TaskFacts& facts, std::vector<Find
            .severity = Severity::kError,
            .what = fmt::format("{} moves by {:.2g} in a typical row of episode {}, wanted at most {:g} (rad or m)",
                                name, typical, k + 1, kImpossiblePerRow),
-           .count = static_cast<int64_t>(steps.size()),
+           .count = steps.count,
            .channels = {name},
            .meaning =
                "no robot moves so: beside such readings all others seem to stand still, and predictions of these "
@@ -379,18 +391,15 @@ void CheckJumps(const Dataset& dataset, const TaskFacts& facts, std::vector<Find
 void CheckTurns(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
   for (const int position : facts.radians) {
     if (position >= dataset.obs_dim()) continue;
-    std::vector<double> steps;
-    for (const std::vector<double>& series : SeriesOf(dataset, position)) {
-      for (size_t i = 1; i < series.size(); ++i) steps.push_back(std::abs(series[i] - series[i - 1]));
-    }
-    const double typical = steps.empty() ? 0 : MedianOf(steps);
+    const RowSteps steps(SeriesOf(dataset, position));
+    const double typical = steps.typical;
     if (!(typical > kMostPerRow)) continue;
     const std::string name = facts.ObservationName(position);
     findings.push_back(
         {.check = "large_turns",
          .severity = Severity::kWarning,
          .what = fmt::format("{} moves by {:.2g} rad in a typical row", name, typical),
-         .count = static_cast<int64_t>(steps.size()),
+         .count = steps.count,
          .channels = {name},
          .meaning =
              "the column is in degrees, or this joint turns too fast for so few rows: a fit takes it for another "

@@ -32,8 +32,6 @@ constexpr double kLeastGain = 0.05, kGainErrors = 2.0;
 constexpr double kGuess = 0.9;         // of a channel's spread
 constexpr double kFarFromGuess = 1.1;  // times a guess's error
 
-Estimated Sum(const Estimated& a, const Estimated& b) { return {a.value + b.value, std::hypot(a.error, b.error)}; }
-
 bool IsExcess(const Estimated& e) { return e.value > std::max(kLeastExcess, kExcessErrors * e.error); }
 bool IsChannelExcess(const Estimated& e) {
   return e.value > std::max(kLeastChannelExcess, kChannelExcessErrors * e.error);
@@ -138,26 +136,24 @@ bool ContainsNominal(const Designer& q) {
   return distance <= n * std::pow(1.0 - third + 2.3263 * std::sqrt(third), 3);
 }
 
-/// Whether somewhere the design leaves more than the floor, noticeably and beyond chance.
-bool ExceedsFloor(const HeldOutPrediction& prediction) {
-  return std::ranges::any_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
-    return IsExcess(h.excess) ||
-           std::ranges::any_of(h.channels, [](const auto& channel) { return IsChannelExcess(channel.excess); });
-  });
-}
+/// What a simulator leaves more than the floor, over a horizon or in one of its channels.
+constexpr auto kExcessOfDesign = [](const auto& of) { return of.excess; };
+constexpr auto kExcessOfNominal = [](const auto& of) {
+  return Estimated{of.excess.value + of.gain.value, std::hypot(of.excess.error, of.gain.error)};
+};
 
-/// The same of the nominal simulator.
-bool NominalExceedsFloor(const HeldOutPrediction& prediction) {
-  return std::ranges::any_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
-    return IsExcess(Sum(h.excess, h.gain)) || std::ranges::any_of(h.channels, [](const auto& channel) {
-             return IsChannelExcess(Sum(channel.excess, channel.gain));
-           });
+/// Whether that is somewhere noticeable and beyond chance.
+template <class ExcessOf>
+bool ExceedsFloor(const HeldOutPrediction& prediction, const ExcessOf& excess_of) {
+  return std::ranges::any_of(prediction.horizons, [&](const HeldOutPrediction::Horizon& h) {
+    return IsExcess(excess_of(h)) ||
+           std::ranges::any_of(h.channels, [&](const auto& channel) { return IsChannelExcess(excess_of(channel)); });
   });
 }
 
 /// Whether the design leaves something to find. Where guesses are far nearer than it is, so may its floor be uncertain.
 bool IsOff(const HeldOutPrediction& prediction) {
-  return ExceedsFloor(prediction) || GuessesAsWell(prediction.horizons, kFarFromGuess);
+  return ExceedsFloor(prediction, kExcessOfDesign) || GuessesAsWell(prediction.horizons, kFarFromGuess);
 }
 
 /// Whether the nominal simulator is grossly off, be it sure or not: few windows tell no standard error. A floor that is
@@ -188,8 +184,8 @@ DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& pred
   }
   if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
-  if (!better && !NominalExceedsFloor(prediction)) return DesignVerdict::kUndecided;
-  if (!better && !ExceedsFloor(prediction)) return DesignVerdict::kUndecided;
+  if (!better && !ExceedsFloor(prediction, kExcessOfNominal)) return DesignVerdict::kUndecided;
+  if (!better && !ExceedsFloor(prediction, kExcessOfDesign)) return DesignVerdict::kUndecided;
   return better && at_bounds.empty() ? DesignVerdict::kGapNarrowed : DesignVerdict::kOutsideFamily;
 }
 
@@ -298,10 +294,10 @@ bool ReachesFloor(const HeldOutPrediction& prediction) {
 }
 
 bool NominalReachesFloor(const HeldOutPrediction& prediction) {
-  const auto excess = [](const auto& of) { return of.excess.value + of.gain.value; };
-  return std::ranges::all_of(prediction.horizons, [&](const HeldOutPrediction::Horizon& h) {
-    return excess(h) <= kLeastExcess &&
-           std::ranges::all_of(h.channels, [&](const auto& c) { return excess(c) <= kLeastChannelExcess; });
+  return std::ranges::all_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
+    return kExcessOfNominal(h).value <= kLeastExcess && std::ranges::all_of(h.channels, [](const auto& c) {
+             return kExcessOfNominal(c).value <= kLeastChannelExcess;
+           });
   });
 }
 
@@ -310,7 +306,7 @@ bool LeavesGap(const HeldOutPrediction& prediction) {
 }
 
 std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
-  if (!ExceedsFloor(prediction) || ShowsNothing(prediction.horizons)) return {};
+  if (!ExceedsFloor(prediction, kExcessOfDesign) || ShowsNothing(prediction.horizons)) return {};
   const size_t n = prediction.horizons.front().channels.size();
   std::vector<double> excess(n, 0.0), of_off(n, 0.0);
   for (const HeldOutPrediction::Horizon& h : prediction.horizons) {

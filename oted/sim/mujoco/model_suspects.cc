@@ -38,12 +38,8 @@ std::string MassWithInertia(const std::string& body) { return fmt::format("body/
 
 /// What a drive's gear is: of one that acts at a site any of six numbers.
 std::string GearPath(const mjModel& model) {
-  const auto acts_otherwise = [&](int actuator) {
-    const mjtNum* gear = model.actuator_gear + 6 * actuator;
-    return std::any_of(gear + 1, gear + 6, [](mjtNum g) { return g != 0; });
-  };
-  for (int actuator = 0; actuator < model.nactuator; ++actuator) {
-    if (acts_otherwise(actuator)) return "actuator/*/gear";
+  for (int i = 0; i < 6 * model.nactuator; ++i) {
+    if (i % 6 != 0 && model.actuator_gear[i] != 0) return "actuator/*/gear";
   }
   return "actuator/*/gear[0]";
 }
