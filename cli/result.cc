@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -51,11 +53,17 @@ bool HasOne(const DesignRecord& design, ParameterVerdict verdict) {
 
 /// What values of that verdict rest on.
 void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
+  std::vector<std::string> conditions;  // in the order that they come in
+  std::map<std::string, std::vector<std::string>> moved;
   for (const DesignRecord::Parameter& p : design.parameters) {
-    if (p.verdict != verdict || p.rests_on.empty()) continue;
-    std::vector<std::string> sentences;
-    for (const DesignRecord::RestsOn& of : p.rests_on) sentences.push_back(of.sentence);
-    Print("  {} would be {}; the logs do not tell\n", p.name, fmt::join(sentences, ", "));
+    if (p.verdict != verdict) continue;
+    for (const DesignRecord::RestsOn& of : p.rests_on) {
+      if (!moved.contains(of.condition)) conditions.push_back(of.condition);
+      moved[of.condition].push_back(fmt::format("{} would be {:.3g}", p.name, of.value));
+    }
+  }
+  for (const std::string& condition : conditions) {
+    Print("  the logs do not tell: if {}, {}\n", condition, fmt::join(moved[condition], ", "));
   }
 }
 
@@ -134,6 +142,23 @@ void PrintPick(const PolicySelectionRecord& picked, const DesignRecord& design, 
   if (!starred.empty()) Print("  {}\n", StarredForPolicies(starred));
 }
 
+using Channels = std::vector<DesignRecord::Validation::Channel>;
+
+/// Those that verdicts may name, in the order of the model.
+Channels FarthestFromFloor(Channels channels, size_t most) {
+  if (channels.size() <= most) return channels;
+  std::vector<double> excess;
+  for (const auto& c : channels) excess.push_back(c.judged && c.floor > 0 ? c.designed / c.floor : 0);
+  std::vector<double> largest = excess;
+  std::ranges::nth_element(largest, largest.begin() + static_cast<ptrdiff_t>(most) - 1, std::ranges::greater());
+  const double least = largest[most - 1];
+  Channels shown;
+  for (size_t i = 0; i < channels.size(); ++i) {
+    if (excess[i] >= least && shown.size() < most) shown.push_back(channels[i]);
+  }
+  return shown;
+}
+
 /// How the design predicts logs that it did not see.
 void PrintValidation(const DesignRecord& design) {
   constexpr size_t kMostChannels = 8;
@@ -142,8 +167,7 @@ void PrintValidation(const DesignRecord& design) {
   Print("\n{:<34} {:>10} {:>10} {:>10}\n",
         fmt::format("{} over {}", shown.learned ? "error" : "held-out error", InWords(shown)), "nominal", "designed",
         "sensors");
-  for (size_t i = 0; i < std::min(kMostChannels, shown.channels.size()); ++i) {
-    const auto& c = shown.channels[i];
+  for (const auto& c : FarthestFromFloor(shown.channels, kMostChannels)) {
     Print("{:<34} {:>10.2g} {:>10.2g} {:>10.2g}\n", InWords(c), c.nominal, c.designed, c.floor);
   }
   if (shown.channels.size() > kMostChannels) {
@@ -201,8 +225,8 @@ void PrintSuspects(const DesignRecord& design) {
   for (const DesignRecord::Parameter& p : design.parameters) {
     if (!EndsAtBound(p)) continue;
     Print(
-        "or '{}' is beyond its range [{:g}, {:g}], at whose end its value is: widen that in place of freeing a "
-        "suspect\n",
+        "'{}' is at the end of its range [{:g}, {:g}]: that range is too narrow, or a suspect is off; widen the one or "
+        "free the other\n",
         p.name, p.low, p.high);
   }
 }
@@ -216,7 +240,7 @@ std::string WhatItLacks(const DesignRecord& design, const std::string& left_out)
     are_sensors = are_sensors && p.field.starts_with("obs/");
     may_be_none = may_be_none && p.interval90_low <= p.nominal && p.nominal <= p.interval90_high;
   }
-  if (may_be_none) return "the intervals hold the values that the file has";
+  if (may_be_none) return "but its interval holds the nominal value, which the file has";
   return are_sensors ? "the file moves as the robot does, read by other sensors" : "alone the file predicts worse";
 }
 
@@ -276,7 +300,7 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
       Print("\ndesigned model: {}", designed.string());
       if (!left_out.empty()) {
         Print(
-            "\n  without {}, which this file cannot hold: the errors that are printed are with it; {}\n"
+            "\n  without {}, which this file cannot hold. The errors above are with it; {}\n"
             "  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports, has the reasons)",
             left_out, design ? WhatItLacks(*design, left_out) : "alone the file predicts worse");
       }

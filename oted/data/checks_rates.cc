@@ -26,8 +26,9 @@ constexpr int kFewestPairs = 20;
 constexpr double kFewestCarry = 20;  // rows that must carry a correlation or factor for a finding
 constexpr double kLongestLag_s = 0.05;
 constexpr double kLagStep = 0.25;  // [rows]
-// A velocity at the end of a row, or from differences, is half a row off; so much is no lag.
-constexpr double kNoLag = 0.5, kLag = 1;
+// A velocity at the end of a row, or from differences, is half a row off; so much is no lag. Between rows noise
+// averages out: a lag of one row is found somewhat below.
+constexpr double kNoLag = 0.5, kLag = 0.75;
 constexpr double kLagGain = 0.6;  // what a lag must leave of the squared difference
 
 /// How far a channel moves from row to row.

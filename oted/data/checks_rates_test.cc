@@ -121,6 +121,18 @@ TEST(Rates, AVelocityThatLagsIsNamedWithItsLag) {
   EXPECT_NE(f.what.find("knee/qvel by 2.5 rows"), std::string::npos) << f.what;
 }
 
+TEST(Rates, ALagThatNoiseDrawsBetweenRowsIsOneWhereItExplainsMuch) {
+  const auto is_shifted = [](double lag, double gain) {
+    RateAgreement rate;
+    rate.lag = lag;
+    rate.lag_gain = gain;
+    return rate.IsShifted();
+  };
+  EXPECT_TRUE(is_shifted(-0.75, 0.3));
+  EXPECT_FALSE(is_shifted(-0.5, 0.3));  // the velocity of a difference
+  EXPECT_FALSE(is_shifted(-0.75, 0.9));
+}
+
 TEST(Rates, ARecordingOfAnotherRateIsNamedWithItsOwn) {
   Dataset mixed = LogOf(Truth);
   const Dataset slow = LogOf(Truth, 2 * kPeriod);

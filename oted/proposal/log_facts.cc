@@ -151,7 +151,9 @@ std::vector<std::string> SuspiciousFacts(const SimulatorFactory& factory, const 
   std::vector<std::string> facts;
   AddLimitFacts(dataset, factory.spec(), model, facts);
   for (const Finding& f : FindCorrections(factory, dataset, n_threads)) {
-    facts.push_back(fmt::format("{}: {}; {}", f.check, f.what, f.remedy));
+    // A note has a rival, which its meaning names.
+    const std::string meaning = f.severity == Severity::kNote ? f.meaning + "; " : "";
+    facts.push_back(fmt::format("{}: {}; {}{}", f.check, f.what, meaning, f.remedy));
   }
   if (factory.spec().can_set_state) AddReplayFacts(factory, dataset, n_threads, facts);
   return facts;

@@ -119,7 +119,8 @@ ParameterChoice ChooseParameters(
     } else {
       choice.left_out.push_back(
           fmt::format("{} ({}): those that are freed have nearly the same effect, taken together; it stays as in the "
-                      "model, or free it in the place of one that you trust more",
+                      "model, and the design suspects it if the logs ask; or free it in the place of one that you "
+                      "trust more",
                       candidates[i].name, candidates[i].field));
     }
   }

@@ -302,8 +302,9 @@ class Proposer {
       const SimulatorSpec spec = SpecOf(proposal_.config.task);
       if (spec.can_replay()) return;
       proposal_.suspicious.push_back(
-          fmt::format("the logs do not show {}, and the rest depends on it: states cannot be set, and the design falls "
-                      "back to the method paper, which is weaker; log it, or take it out of the model",
+          fmt::format("the logs do not show {}, and the rest depends on some of it: states cannot be set, and the "
+                      "design falls back to the method paper, which is weaker; log it (of a floating base all but "
+                      "where on the floor it stands), or take it out of the model",
                       Some(hidden)));
     }
   }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 
 #include "oted/base/words.h"
 #include "oted/report/interval_figure.h"
@@ -51,21 +52,25 @@ std::string SeedRange(const json& parameter) {
   return least ? fmt::format("{} to {}", FormatAtScale(least, spread), FormatAtScale(greatest, spread)) : "–";
 }
 
-/// What identified values rest on.
-std::string Conditions(const json& parameters) {
-  std::string items;
+/// What values of this verdict rest on.
+std::string Conditions(const json& parameters, const char* verdict, const char* introduction) {
+  std::vector<std::string> conditions;  // in the order that they come in
+  std::map<std::string, std::string> moved;
   for (const json& parameter : parameters) {
-    const json& rests_on = ListAt(parameter, "rests_on");
-    if (TextAt(parameter, "verdict") != "identified" || rests_on.empty()) continue;
-    std::string sentences;
-    for (const json& of : rests_on) sentences += (sentences.empty() ? "" : ", ") + Escape(TextAt(of, "sentence"));
-    items += fmt::format("<li><b>{}</b> would be {}.</li>\n", Escape(TextAt(parameter, "name")), sentences);
+    if (TextAt(parameter, "verdict") != verdict) continue;
+    for (const json& of : ListAt(parameter, "rests_on")) {
+      const std::string condition = TextAt(of, "condition");
+      std::string& names = moved[condition];
+      if (names.empty()) conditions.push_back(condition);
+      names += fmt::format("{}<b>{}</b> {}", names.empty() ? "" : ", ", Escape(TextAt(parameter, "name")),
+                           FormatNumber(NumberAt(of, "value")));
+    }
   }
-  if (items.empty()) return "";
-  return "<p>The logs do not tell the following from the parameters. An <em>identified</em> value holds if the model "
-         "has "
-         "them right:</p>\n<ul>\n" +
-         items + "</ul>\n";
+  std::string items;
+  for (const std::string& condition : conditions) {
+    items += fmt::format("<li>If {}: {}.</li>\n", Escape(condition), moved[condition]);
+  }
+  return items.empty() ? "" : fmt::format("<p>{}:</p>\n<ul>\n{}</ul>\n", introduction, items);
 }
 
 /// What the same method makes of logs of the design's own, where the intervals rest on that.
@@ -157,7 +162,14 @@ Section ParametersSection(const json& report) {
     if (error) cells.push_back(FormatAtScale(NumberAt(parameter, "absolute_error"), spread));
     table.Row(std::move(cells));
   }
-  section.html += table.Html() + Conditions(parameters) + OwnLogs(report) + IntervalFigure(parameters);
+  section.html +=
+      table.Html() +
+      Conditions(parameters, "identified",
+                 "The logs do not tell the following from the parameters. An <em>identified</em> value "
+                 "holds if the model has them right. Otherwise it would be") +
+      Conditions(parameters, "weak",
+                 "A <em>weak</em> value moves with the following, which the logs do not tell from it. It would be") +
+      OwnLogs(report) + IntervalFigure(parameters);
   return section;
 }
 

@@ -93,8 +93,10 @@ void AddParameters(const json& report, json* found) {
   if (!weak.empty()) {
     const char* be = weak.size() == 1 ? "is" : "are";
     const std::string names = Enumerate(weak);
-    found->push_back(outside ? fmt::format("The values of {} are what the method found, not measurements.", names)
-                             : fmt::format("The logs show only roughly what {} {}.", names, be));
+    found->push_back(
+        outside ? fmt::format(
+                      "Something that is not searched may be off: {} may be farther off than the intervals say.", names)
+                : fmt::format("The logs show only roughly what {} {}.", names, be));
   }
 }
 

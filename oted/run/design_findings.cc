@@ -101,7 +101,7 @@ void AddParameters(const ParameterSpace& space, const std::vector<ParameterSumma
 void AddConditions(const FitEvidence& fit, DesignRecord& record) {
   for (const Condition& condition : fit.conditions) {
     record.parameters[static_cast<size_t>(condition.parameter)].rests_on.push_back(
-        {condition.spec.name, condition.spec.field, condition.off, condition.value, ConditionSentence(condition)});
+        {condition.spec.name, condition.spec.field, condition.off, condition.value, ConditionInWords(condition)});
   }
 }
 

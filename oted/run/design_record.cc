@@ -186,7 +186,7 @@ json RestsOnToJson(const std::vector<DesignRecord::RestsOn>& rests_on) {
   json list = json::array();
   for (const DesignRecord::RestsOn& of : rests_on) {
     list.push_back(
-        {{"name", of.name}, {"field", of.field}, {"off", of.off}, {"value", of.value}, {"sentence", of.sentence}});
+        {{"name", of.name}, {"field", of.field}, {"off", of.off}, {"value", of.value}, {"condition", of.condition}});
   }
   return list;
 }
@@ -221,7 +221,7 @@ DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
   p.interval90_low = interval[0], p.interval90_high = interval[1];
   for (const RecordReader& of : reader.List("rests_on")) {
     p.rests_on.push_back({of.Get<std::string>("name"), of.Get<std::string>("field"), of.Number("off"),
-                          of.Number("value"), of.Get<std::string>("sentence")});
+                          of.Number("value"), of.Get<std::string>("condition")});
   }
   p.verdict = reader.GetNamed<ParameterVerdict>("verdict", ParameterVerdictNames());
   return p;

@@ -42,7 +42,7 @@ struct DesignRecord {
   struct RestsOn {
     std::string name, field;
     double off = 0, value = 0;
-    std::string sentence;  ///< ConditionSentence
+    std::string condition;  ///< ConditionInWords
   };
   struct Parameter {
     std::string name, field, unit;

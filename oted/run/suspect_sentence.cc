@@ -54,12 +54,12 @@ std::string ParameterLine(const ParameterSpec& spec) {
                      spec.logarithmic ? ", log = true" : "");
 }
 
-std::string ConditionSentence(const Condition& condition) {
+std::string ConditionInWords(const Condition& condition) {
   const ParameterSpec& spec = condition.spec;
   const std::string more = spec.IsMultiple() ? fmt::format("{:.0f} %", 100 * (condition.off - 1))
                                              : fmt::format("{:.2g}{}", condition.off - spec.nominal,
                                                            spec.unit.empty() ? "" : " " + spec.unit);
-  return fmt::format("{:.3g} if {} were {} more", condition.value, spec.field, more);
+  return fmt::format("{} were {} more", spec.field, more);
 }
 
 std::string RivalSentence(const Suspect& added, const Suspect& rival) {

@@ -20,7 +20,7 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
 /// That --grow added one where the logs are as likely with another.
 std::string RivalSentence(const Suspect& added, const Suspect& rival);
 
-/// "1.37 if actuator/*/gear[0] were 10 % more": the value of a parameter, were something else not as in the model.
-std::string ConditionSentence(const Condition& condition);
+/// "actuator/*/gear[0] were 10 % more".
+std::string ConditionInWords(const Condition& condition);
 
 }  // namespace oted

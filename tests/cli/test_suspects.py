@@ -9,6 +9,7 @@ import tempfile
 import unittest
 
 import jsonschema
+import log_robots
 import numpy
 import program
 
@@ -16,6 +17,19 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 GAIN, DAMPING = "gain=actuator/*/gainprm[0]:0.2:2.0", "damping=joint/*/damping:0.2:2.0"
 QUICK = program.sets(program.TINY + ["design.trajectories.rows=96", "design.trajectories.window=16", "selection.n_seeds=1",
                              "design.trajectories.tried=3", "report.motion=false"])
+# A link with a position servo, whose force has a limit.
+SERVO = """<mujoco model="servo link">
+  <compiler angle="radian"/>
+  <option timestep="0.005" integrator="implicitfast"/>
+  <worldbody>
+    <body name="arm">
+      <joint name="hip" axis="0 1 0" damping="0.2" armature="0.02" frictionloss="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="1" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <actuator><position name="hip" joint="hip" kp="40" kv="1.5" ctrlrange="-1.2 1.2" forcerange="-24 24"/></actuator>
+</mujoco>
+"""
 
 
 class SuspectsTest(unittest.TestCase):
@@ -104,7 +118,7 @@ class SuspectsTest(unittest.TestCase):
     def test_a_range_that_ends_before_the_truth_is_told_beside_the_suspects(self):
         result, design = self.design("narrow", "gain=actuator/*/gainprm[0]:0.2:1.1")
         self.assertTrue(any(suspect["freed"]["kept"] for suspect in design["fit"]["suspects"]), design["fit"]["suspects"])
-        self.assertIn("\nor 'gain' is beyond its range [0.2, 1.1], at whose end its value is: widen that", result.stdout)
+        self.assertIn("\n'gain' is at the end of its range [0.2, 1.1]: that range is too narrow, or a suspect is off", result.stdout)
         self.assertTrue(any("'gain'" in warning and "widen the range" in warning for warning in design["warnings"]),
                         design["warnings"])
 
@@ -169,6 +183,55 @@ class SuspectsTest(unittest.TestCase):
             self.assertEqual(result.returncode, 2)
             self.assertIn(words, result.stderr)
             self.assertFalse((self.folder / "refused").exists())
+
+
+class OwnRobotTest(unittest.TestCase):
+    """A link with a position servo, logged by MuJoCo's own Python; its joint's damping is 1.6 times the model's."""
+
+    def design(self, plant=None, change=None):
+        def target(model):
+            model.dof_damping[:] *= 1.6
+            if change is not None:
+                change(model)
+
+        robot = log_robots.Robot(SERVO, 0.02)
+        log = log_robots.drive(robot, change=target, noise=1e-3)
+        if plant is not None:
+            plant(log.rows)
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            result = program.oted("design", log_robots.write(robot, log, folder), "--out", folder / "run", "--quiet",
+                                  "--param", "damping=joint/hip/damping:0.2:5:log", "--param",
+                                  "stiffness=actuator/hip/kp:0.3:3:log", "--set", "report.motion=false")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            return json.loads((folder / "run/design.json").read_text()), result.stdout
+
+    def test_a_force_limit_that_the_model_does_not_reach_is_the_first_suspect(self):
+        def weaken(model):
+            model.actuator_forcerange[:] /= 6  # the model's own drive never comes near 24 N m
+
+        design, said = self.design(change=weaken)
+        self.assertEqual(design["verdict"], "gap_narrowed", design["sentence"])
+        first = design["fit"]["suspects"][0]
+        self.assertEqual(first["field"], "actuator/*/forcerange", said)
+        self.assertTrue(first["freed"]["kept"])
+        self.assertAlmostEqual(first["freed"]["value"], 1 / 6, delta=0.01)
+
+    def test_a_position_that_comes_a_row_late_beside_a_prompt_velocity_is_the_first_suspect(self):
+        def delay(rows):
+            rows[:, 1:, 0] = rows[:, :-1, 0].copy()
+
+        design, said = self.design(plant=delay)
+        self.assertEqual(design["verdict"], "gap_narrowed", design["sentence"])
+        first = design["fit"]["suspects"][0]
+        self.assertEqual(first["field"], "obs/joint/hip/qpos/delay", said)
+        self.assertTrue(first["freed"]["kept"])
+        self.assertAlmostEqual(first["freed"]["value"], 1, delta=0.1)
+
+    def test_with_neither_nothing_is_suspected(self):
+        design, said = self.design()
+        self.assertEqual(design["verdict"], "gap_closed", design["sentence"])
+        self.assertEqual(design["fit"]["suspects"], [], said)
 
 
 if __name__ == "__main__":

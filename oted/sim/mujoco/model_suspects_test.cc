@@ -79,6 +79,24 @@ TEST(ModelSuspects, AreAllNumbersOfAThrustersGearAndAllMassesAtOnce) {
   EXPECT_THAT(fields, Contains("body/frame/mass"));
 }
 
+TEST(ModelSuspects, AreLimitsOfForcesAndHowSoftAnEqualityIs) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "gripper.xml", R"(<mujoco>
+    <worldbody><body><joint name="left" actuatorfrcrange="-3 3"/><geom size="0.1"/></body>
+    <body><joint name="right"/><geom size="0.1"/></body></worldbody>
+    <equality><joint joint1="left" joint2="right"/></equality>
+    <actuator><motor joint="left" forcerange="-2 2"/></actuator>
+  </mujoco>)");
+  const LoadedModel loaded = LoadModel(folder / "gripper.xml");
+  const std::vector<std::string> fields = Fields(ModelSuspects(*loaded.model, ParameterSpace()));
+  EXPECT_THAT(fields, Contains("actuator/*/forcerange"));
+  EXPECT_THAT(fields, Contains("joint/*/actfrcrange"));
+  EXPECT_THAT(fields, Contains("equality/*/solref[0]"));
+  EXPECT_THAT(fields, Contains("equality/*/solref[1]"));
+  const MujocoSimulatorFactory hopper("Hopper-v5", {});
+  EXPECT_THAT(Fields(hopper.Suspects()), Not(Contains("actuator/*/forcerange")));  // its motors have none
+}
+
 TEST(ModelSuspects, AreWhereSpringsRest) {
   const TestFolder folder;
   WriteFileAtomically(folder / "leg.xml", R"(<mujoco><compiler angle="radian"/>

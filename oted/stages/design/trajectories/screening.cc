@@ -99,11 +99,12 @@ struct SuspectScreening::Windows {
 /// The parameters, fitted to windows of the logs that learn.
 class SuspectScreening::Fit {
  public:
-  Fit(const SuspectFits& fits, const Windows& by)
+  // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
+  Fit(const SuspectFits& fits, const Windows& by) : Fit(fits, by, fits.ReadingsOf(fits.problem().factory)) {}
+  Fit(const SuspectFits& fits, const Windows& by, ReadingModel readings)
       : fits_(fits),
         by_(by),
-        // A sensor that may lag shows the state itself at a window's start: all fits hold the same readings.
-        readings_(fits.ReadingsOf(fits.problem().factory)),
+        readings_(std::move(readings)),
         alone_(fits.Replayer(fits.problem().factory, readings_)),
         scale_(ChannelScales(fits.parts().learn)) {
     const FreedProblem& problem = fits.problem();
@@ -127,21 +128,41 @@ class SuspectScreening::Fit {
   const LevelFit& operator*() const { return *fit_; }
   const ReadingModel& readings() const { return readings_; }
 
-  /// The same windows, fitted with the suspect as well, from where it stands.
+  /// The same windows, fitted with the suspect as well, from where it stands. Where it is a sensor's lag, fits with it
+  /// and without leave out what tells of the time before a window.
   /// @return x and the suspect's coordinate; value and nats go to the suspect
   VectorXd With(Suspect& suspect) const {
     const std::unique_ptr<SimulatorFactory> wider = fits_.problem().factory.With({suspect.spec});
-    WindowReplayer replayer = fits_.Replayer(*wider, readings_);
-    const Prior prior = fits_.PriorIn(wider->parameters());
-    LevelFit with(replayer, wider->parameters(), prior, scale_, fit_->level(),
-                  SuspectFits::StartOf(*wider, fit_->x(), suspect.value));
-    Descend(with);
-    suspect.explains = cost_ - with.FinalCost();
-    suspect.value = ToZ(wider->parameters(), with.x()).back();
-    return with.x();
+    ReadingModel readings = fits_.ReadingsOf(*wider);
+    if (readings.ages == readings_.ages) return With(suspect, *wider);
+    const Fit of_later(fits_, by_, std::move(readings));
+    return of_later ? of_later.With(suspect, *wider) : With(suspect, *wider);
   }
 
  private:
+  /// A sensor that is late by rows is far from one that is late by a part of one: it has a second start.
+  VectorXd With(Suspect& suspect, const SimulatorFactory& wider) const {
+    WindowReplayer replayer = fits_.Replayer(wider, readings_);
+    const Prior prior = fits_.PriorIn(wider.parameters());
+    std::vector<double> values = {suspect.value};
+    if (IsChannelPath(suspect.spec.field) && suspect.spec.nominal == suspect.spec.low) {
+      values.push_back(Undirected(suspect.spec).value);
+    }
+    VectorXd best;
+    suspect.explains = -std::numeric_limits<double>::infinity();
+    for (const double value : values) {
+      LevelFit with(replayer, wider.parameters(), prior, scale_, fit_->level(),
+                    SuspectFits::StartOf(wider, fit_->x(), value));
+      Descend(with);
+      const double explains = cost_ - with.FinalCost();
+      if (best.size() > 0 && !(explains > suspect.explains)) continue;
+      best = with.x();
+      suspect.explains = explains;
+      suspect.value = ToZ(wider.parameters(), best).back();
+    }
+    return best;
+  }
+
   void Descend(LevelFit& fit) const {
     if (by_.errors_grow) fit.LetErrorsGrow(fits_.noise().cwiseAbs2());
     fits_.Descend(fit, by_.n_iterations);

@@ -18,6 +18,7 @@ using Eigen::VectorXd;
 constexpr double kDirected = 2.0;      // standard deviations
 constexpr double kAsked = 3.0;         // the same, where some thirty are asked at once: few are by chance
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
+constexpr double kLimitStep = -0.7;    // of a limit, to half of it: nothing tells of one that is not reached
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableShare = 0.02;
 constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
@@ -53,8 +54,21 @@ Stretches EvidenceOf(const std::vector<ParameterSpec>& specs, const LevelFit& fi
   return fit.EvidenceIn(wider, nominal, moved, steps);
 }
 
-Stretches EvidenceOf(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
-  return EvidenceOf(specs, fit, wider, VectorXd::Constant(static_cast<Eigen::Index>(specs.size()), kSuspectStep));
+/// Of all specs alike.
+VectorXd SuspectSteps(const std::vector<ParameterSpec>& specs) {
+  return VectorXd::Constant(static_cast<Eigen::Index>(specs.size()), kSuspectStep);
+}
+
+/// Down to where a limit of a force acts, too.
+VectorXd StepsToLimits(const std::vector<ParameterSpec>& specs) {
+  VectorXd steps = SuspectSteps(specs);
+  for (size_t k = 0; k < specs.size(); ++k) {
+    const std::string& path = specs[k].field;
+    if (path.ends_with("/forcerange") || path.ends_with("/actfrcrange")) {
+      steps[static_cast<Eigen::Index>(k)] = kLimitStep;
+    }
+  }
+  return steps;
 }
 
 /// Steps as short as the logs tell each of them alone: over longer ones effects bend, and what goes with x would seem
@@ -62,7 +76,8 @@ Stretches EvidenceOf(const std::vector<ParameterSpec>& specs, const LevelFit& fi
 VectorXd NearbySteps(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
   const auto n_more = static_cast<Eigen::Index>(specs.size());
   VectorXd information = VectorXd::Zero(n_more);
-  for (const StretchEvidence& s : EvidenceOf(specs, fit, wider)) information += s.information.diagonal().tail(n_more);
+  for (const StretchEvidence& s : EvidenceOf(specs, fit, wider, SuspectSteps(specs)))
+    information += s.information.diagonal().tail(n_more);
   const VectorXd std = information.cwiseMax(1e-12).cwiseSqrt().cwiseInverse();
   return (kStepOfStd * std).cwiseMax(kShortestStep).cwiseMin(kSuspectStep);
 }
@@ -193,7 +208,7 @@ bool IsDirected(const Suspect& scored) {
 
 std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                                    const Prior& prior) {
-  const WithEachAlone with(EvidenceOf(specs, fit, wider), fit.x(), prior, GuessFromStretches);
+  const WithEachAlone with(EvidenceOf(specs, fit, wider, StepsToLimits(specs)), fit.x(), prior, GuessFromStretches);
   std::vector<Suspect> scored;
   for (size_t k = 0; k < specs.size(); ++k) {
     if (const std::optional<StretchEstimate> estimate = with.Of(k)) scored.push_back(ScoreOf(specs[k], *estimate));
