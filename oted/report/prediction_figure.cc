@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -38,6 +39,12 @@ std::vector<Errors> Judged(const json& horizon) {
   return judged;
 }
 
+/// Labels of a logarithmic axis that leave each other room: 1, 2 and 5 of each decade, or the decades alone.
+json TicksOver(double least, double most) {
+  constexpr double kFewDecades = 2;
+  return std::log10(most / least) < kFewDecades ? json("D2") : json(1);
+}
+
 }  // namespace
 
 std::string PredictionFigure(const json& horizon) {
@@ -51,8 +58,13 @@ std::string PredictionFigure(const json& horizon) {
                             n_judged > kMostDrawn
                                 ? fmt::format("; the {} of {} channels farthest from the floor", kMostDrawn, n_judged)
                                 : ""));
-  const auto share = [](const Errors& errors, const std::optional<double>& error) {
-    return error ? json(std::max(*error / errors.spread, kSmallestShown)) : json();
+  double least = 1, most = kSmallestShown;
+  const auto share = [&](const Errors& errors, const std::optional<double>& error) {
+    if (!error) return json();
+    const double of_spread = std::max(*error / errors.spread, kSmallestShown);
+    least = std::min(least, of_spread);
+    most = std::max(most, of_spread);
+    return json(of_spread);
   };
   std::vector<std::string> names;
   for (const Errors& errors : channels) {
@@ -80,7 +92,7 @@ std::string PredictionFigure(const json& horizon) {
   add("nominal", &Errors::nominal, {{"color", "var:--nominal"}, {"size", 10}});
   add("designed", &Errors::designed, {{"color", "var:--designed"}, {"size", 10}});
   SetRows(figure, names);
-  figure.layout()["xaxis"] = {{"type", "log"}, {"tickformat", "~%"}};
+  figure.layout()["xaxis"] = {{"type", "log"}, {"tickformat", "~%"}, {"dtick", TicksOver(least, most)}};
   PlotKey key;
   key.Add("line", "--nominal", "nominal simulator").Add("line", "--designed", "designed simulator");
   key.Add("line", "--muted", "what the sensors alone would leave");
