@@ -1,10 +1,12 @@
 #include "cli/terminal.h"
 
 #include <fmt/format.h>
+#include <pthread.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 
 #include "cli/console.h"
@@ -13,6 +15,9 @@ namespace oted::cli {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kRedrawn{200};
+constexpr std::chrono::seconds kTick{1};
 
 std::string FormatDuration(double seconds) {
   const int s = static_cast<int>(seconds + 0.5);
@@ -27,9 +32,30 @@ int TerminalWidth() {
 
 }  // namespace
 
-TerminalSink::TerminalSink(bool quiet) : quiet_(quiet), is_terminal_(isatty(STDERR_FILENO) != 0) {}
+TerminalSink::TerminalSink(bool quiet) : quiet_(quiet), is_terminal_(isatty(STDERR_FILENO) != 0) {
+  if (is_terminal_ && !quiet_) ticker_ = std::jthread([this](const std::stop_token& stop) { Tick(stop); });
+}
 
-TerminalSink::~TerminalSink() { FinishLine(); }
+TerminalSink::~TerminalSink() {
+  const std::lock_guard lock(mutex_);
+  FinishLine();
+}
+
+void TerminalSink::Tick(const std::stop_token& stop) {
+  // Ctrl-C interrupts what works, not this.
+  sigset_t all;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, nullptr);
+  std::unique_lock lock(mutex_);
+  while (!stop.stop_requested()) {
+    ticks_.wait_for(lock, stop, kTick, [] { return false; });
+    if (!stage_.empty() && !IsFinished() && Clock::now() - last_draw_ >= kTick) Draw();
+  }
+}
+
+bool TerminalSink::IsFinished() const {
+  return std::ranges::all_of(jobs_, [](const auto& job) { return job.second.done >= job.second.total; });
+}
 
 void TerminalSink::FinishLine() {
   if (stage_.empty() || quiet_) return;
@@ -55,13 +81,12 @@ void TerminalSink::Progress(std::string_view stage, std::string_view label, int6
   job->second.done = done;
   job->second.total = total;
   if (!note.empty()) note_ = jobs_.size() > 1 ? fmt::format("{}: {}", label, note) : std::string(note);
-  const bool finished =
-      std::all_of(jobs_.begin(), jobs_.end(), [](const auto& j) { return j.second.done >= j.second.total; });
-  if (finished || Clock::now() - last_draw_ > std::chrono::milliseconds(200)) Draw(finished);
+  if (IsFinished() || Clock::now() - last_draw_ > kRedrawn) Draw();
 }
 
-void TerminalSink::Draw(bool finished) {
+void TerminalSink::Draw() {
   last_draw_ = Clock::now();
+  const bool finished = IsFinished();
   int64_t first = 0, done = 0, total = 0;
   for (const auto& [label, job] : jobs_) {
     first += job.first;
