@@ -11,6 +11,7 @@
 #include "oted/run/design_findings.h"
 #include "oted/run/design_record.h"
 #include "oted/run/policy_records.h"
+#include "oted/run/suspect_sentence.h"
 #include "oted/run/verdict_sentence.h"
 
 namespace oted::records_test {
@@ -392,6 +393,21 @@ TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNomi
               HasSubstr("there the sensors explain what remains, but not in every recording"));
   record.fit->left_out->parts = {{0.4, true, {0}}, {1.2, false, {1}}};
   EXPECT_THAT(VerdictSentence(record, {0}), EndsWith("that it did not learn from"));
+}
+
+TEST(SuspectSentence, SaysWithWhichOtherSurelyMoreIsGained) {
+  FreedTrial trial;
+  trial.value = 2;
+  trial.kept = true;
+  trial.seconds = 0.5;
+  trial.gain = {1.4, 0.1};
+  trial.nats = Estimated{40, 4};
+  const auto sentence = [&] {
+    return SuspectSentence({.spec = {.name = "mass", .field = "body/*/mass"}, .trial = trial}, {}, {});
+  };
+  EXPECT_THAT(sentence(), EndsWith("50 % less error over 0.5 s; the logs are surely likelier with it (by 40 nats)"));
+  trial.led_by = {"force_limit"};
+  EXPECT_THAT(sentence(), EndsWith("(by 40 nats); surely more is gained with 'force_limit'"));
 }
 
 }  // namespace oted::records_test

@@ -84,7 +84,10 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   }
   if (!(trial.gain.value > 0)) return freed + ": predictions get no better" + likelier;
   const std::string text = fmt::format("{}: {}", freed, Bought(trial, channels, off));
-  if (trial.kept) return text + likelier;
+  if (trial.kept) {
+    return text + likelier +
+           (trial.led_by.empty() ? "" : fmt::format("; surely more is gained with '{}'", trial.led_by.front()));
+  }
   if (EndsAtBound(spec, trial.value, trial.value)) {
     return text + "; it is at the end of its range, so that something else may be off";
   }
