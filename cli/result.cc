@@ -63,7 +63,7 @@ void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
     }
   }
   for (const std::string& condition : conditions) {
-    Print("  the logs do not tell: if {}, {}\n", condition, fmt::join(moved[condition], ", "));
+    Print("  if {}, {} (the logs do not tell)\n", condition, fmt::join(moved[condition], ", "));
   }
 }
 
@@ -212,7 +212,9 @@ void PrintSuspects(const DesignRecord& design) {
   const bool may_grow =
       design.grown.empty() && std::ranges::none_of(design.parameters, [](const auto& p) { return EndsAtBound(p); });
   if (has_line && may_grow)
-    Print("  (--grow adds the best of these by itself, and begins again: give it an --out of its own)\n");
+    Print(
+        "  (add the first and design again; then see what is left. --grow does so by itself: give it an --out of its "
+        "own)\n");
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;
   if (design.fit->suspects.empty() && design.verdict != DesignVerdict::kUndecided)

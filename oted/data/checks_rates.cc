@@ -279,24 +279,41 @@ class Rates {
     }
   }
 
-  /// Velocities are usually late together: one finding for all.
+  /// Sensors are usually late together: one finding for all.
   void AddLags() {
-    std::vector<std::string> shown, channels;
-    double longest = 0;  // [rows]
+    std::vector<std::string> rates, positions, late_rates, late_positions;
+    double longest = 0, longest_of_positions = 0;  // [rows]
     for (const RateAgreement& rate : rates_) {
       if (!rate.IsShifted()) continue;
-      channels.push_back(Velocity(rate));
-      shown.push_back(
-          fmt::format("{} by {:g} rows{}", Velocity(rate), std::abs(rate.lag), rate.lag > 0 ? "" : " too early"));
-      longest = std::max(longest, rate.lag);
+      const bool is_rate = rate.lag > 0;
+      const std::string name = is_rate ? Velocity(rate) : Position(rate);
+      (is_rate ? rates : positions).push_back(name);
+      (is_rate ? late_rates : late_positions).push_back(fmt::format("{} by {:g} rows", name, std::abs(rate.lag)));
+      (is_rate ? longest : longest_of_positions) =
+          std::max(is_rate ? longest : longest_of_positions, std::abs(rate.lag));
     }
-    if (channels.empty()) return;
-    Add("velocity_lag", fmt::format("velocities come later than their positions move: {}", fmt::join(shown, ", ")),
-        channels, "a filter or another clock: the states in these rows never were",
-        fmt::format("none needed for the default method, which finds velocities from positions; for the others leave "
-                    "these columns out, shift them by so much, or search the lag: lag = {{ field = \"obs/{}/delay\", "
-                    "range = [0, {:g}], scale = \"absolute\" }}",
-                    channels[0], std::max(1.0, std::ceil(2 * longest))));
+    constexpr const char* kMeaning = "a filter or another clock: no state of the robot has the numbers of one row";
+    if (!rates.empty()) {
+      Add("velocity_lag",
+          fmt::format("velocities come later than their positions move: {}", fmt::join(late_rates, ", ")), rates,
+          kMeaning,
+          fmt::format("none needed for the default method, which finds velocities from positions; for the others leave "
+                      "these columns out, shift them by so much, or search the lag: {}",
+                      LineOfLag(rates[0], longest)));
+    }
+    if (!positions.empty()) {
+      Add("position_lag",
+          fmt::format("positions come later than their velocities say: {}", fmt::join(late_positions, ", ")), positions,
+          kMeaning,
+          fmt::format("search the lag: {}{}; or shift the columns by so much",
+                      LineOfLag(positions[0], longest_of_positions),
+                      positions.size() > 1 ? ", and that of the others" : ""));
+    }
+  }
+
+  static std::string LineOfLag(const std::string& channel, double rows) {
+    return fmt::format("lag = {{ field = \"obs/{}/delay\", range = [0, {:g}], scale = \"absolute\" }}", channel,
+                       std::max(1.0, std::ceil(2 * rows)));
   }
 
   const Dataset& dataset_;

@@ -121,6 +121,16 @@ TEST(Rates, AVelocityThatLagsIsNamedWithItsLag) {
   EXPECT_NE(f.what.find("knee/qvel by 2.5 rows"), std::string::npos) << f.what;
 }
 
+TEST(Rates, APositionThatLagsIsNamedWithItsLagAndTheLineThatSearchesIt) {
+  const auto f = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{Hip(t), Knee(t - 2.5 * kPeriod), HipRate(t), KneeRate(t)};
+                      })),
+                      "position_lag");
+  EXPECT_EQ(f.channels, std::vector<std::string>{"knee/qpos"});
+  EXPECT_NE(f.what.find("knee/qpos by 2.5 rows"), std::string::npos) << f.what;
+  EXPECT_NE(f.remedy.find(R"(field = "obs/knee/qpos/delay", range = [0, 5])"), std::string::npos) << f.remedy;
+}
+
 TEST(Rates, ALagThatNoiseDrawsBetweenRowsIsOneWhereItExplainsMuch) {
   const auto is_shifted = [](double lag, double gain) {
     RateAgreement rate;

@@ -338,7 +338,9 @@ bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
 bool PredictsBetter(const HeldOutPrediction& prediction) {
   const bool all_learned = std::ranges::all_of(prediction.horizons, &HeldOutPrediction::Horizon::learned);
   const bool better = std::ranges::any_of(prediction.horizons, [&](const HeldOutPrediction::Horizon& h) {
-    return (all_learned || !h.learned) && IsSure(h.gain);
+    // Other recordings say more than a few windows that are far off in parts of those that it learned from.
+    const bool is_sure = IsSure(h.gain) || (h.gain.value > kLeastGain && IsSure(h.gain_of_recordings));
+    return (all_learned || !h.learned) && is_sure;
   });
   return better && !PredictsWorse(prediction);
 }

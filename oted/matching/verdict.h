@@ -159,8 +159,8 @@ bool IsSureLoss(const Estimated& gain);
 /// Whether what is compared at a horizon surely predicts worse than the design: over all channels, or in one.
 bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared);
 /// Whether the design surely predicts better than the nominal simulator: at some horizon, and at none surely worse,
-/// neither in all windows nor in the recordings that were kept aside whole. Logs that it learned from count for it only
-/// where no others can judge.
+/// neither in all windows nor in the recordings that were kept aside whole. It is sure in all windows; or in those
+/// recordings alone, and all windows are better. Logs that it learned from count for it only where no others can judge.
 bool PredictsBetter(const HeldOutPrediction& prediction);
 /// Whether it surely predicts worse at some horizon, in all windows or in whole recordings.
 bool PredictsWorse(const HeldOutPrediction& prediction);

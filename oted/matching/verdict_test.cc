@@ -273,6 +273,11 @@ TEST(PredictsBetter, AGainCountsWhereItIsSureAndNoHorizonLoses) {
   EXPECT_TRUE(PredictsBetter(elsewhere)) << "chance reaches it";
   elsewhere.horizons[0].gain_of_recordings = {-1, 0.1};
   EXPECT_FALSE(PredictsBetter(elsewhere)) << "parts of what it learned from do not outvote other recordings";
+  elsewhere.horizons[0].gain_of_recordings = {3, 0.1};
+  elsewhere.horizons[0].gain = {1.8, 1.2};
+  EXPECT_TRUE(PredictsBetter(elsewhere)) << "nor do a few of their windows";
+  elsewhere.horizons[0].gain = {-0.2, 1.2};
+  EXPECT_FALSE(PredictsBetter(elsewhere)) << "all windows together are none better";
 }
 
 TEST(PredictsBetter, LogsThatItLearnedFromCountWhereNoOthersCanJudge) {

@@ -304,7 +304,6 @@ class CandidateList {
 
   /// What else the model has of springs, and of what it moves in.
   void Surroundings() {
-    AddMultiple("stiffness", "joint/*/stiffness");
     Springs();
     AddMultiple("tendon_stiffness", "tendon/*/stiffness");
     const auto is_tendon_damping = [](const ParameterSpec& spec) {
@@ -315,18 +314,26 @@ class CandidateList {
     AddMultiple("density", "opt/density");
   }
 
-  /// Where springs rest, of few joints that move.
+  /// How stiff springs are and where they rest, of each of few joints that move; of many, one multiple of all.
   void Springs() {
     std::vector<const Moving*> sprung;
     for (const Moving& m : moving_) {
       if (HasSome(fmt::format("joint/{}/stiffness", m.joint->name))) sprung.push_back(&m);
     }
-    if (sprung.size() > kFewJoints) return;
+    if (sprung.empty() || sprung.size() > kFewJoints) {
+      AddMultiple("stiffness", "joint/*/stiffness");
+      return;
+    }
+    const auto named = [&](const char* field, const Moving& m) {
+      return sprung.size() == 1 ? std::string(field) : fmt::format("{}_{}", field, m.joint->name);
+    };
+    for (const Moving* m : sprung) {
+      AddMultiple(named("stiffness", *m), fmt::format("joint/{}/stiffness", m->joint->name));
+    }
     for (const Moving* m : sprung) {
       const std::string path = fmt::format("joint/{}/springref", m->joint->name);
       const double rests = nominal_.Describe(path).places.front().nominal;
-      Add({sprung.size() == 1 ? "springref" : "springref_" + m->joint->name, path, rests - kMostSpringOff,
-           rests + kMostSpringOff, ParameterScale::kAbsolute});
+      Add({named("springref", *m), path, rests - kMostSpringOff, rests + kMostSpringOff, ParameterScale::kAbsolute});
     }
   }
 

@@ -180,6 +180,10 @@ TEST(VerdictSentence, ClaimsNoMoreThanWasAsked) {
   validation.horizons[0].in_recordings = {4, 0.5, true};
   EXPECT_THAT(sentence(), EndsWith("Judged by 1 recording that it did not learn from, and by other parts of those that "
                                    "it did"));
+  validation.horizons[0].surely_better = false;
+  EXPECT_THAT(sentence(),
+              EndsWith("in that recording alone its error is 50 % less, over all windows that is not sure"));
+  validation.horizons[0].surely_better = true;
   validation.horizons[0].in_recordings = {4, -0.1, false};
   EXPECT_THAT(sentence(), EndsWith("in that recording alone it is 10 % worse than the nominal one"));
   validation.n_parts = 0;

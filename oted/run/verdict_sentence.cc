@@ -51,9 +51,13 @@ std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRec
   if (validation.n_parts == 0) return n > 0 ? "; judged by " + recordings : "";
   if (n == 0) return "; judged by other parts of the recordings that it learned from: other motions were not tested";
   std::string text = fmt::format("; judged by {}, and by other parts of those that it did", recordings);
-  if (!shown.in_recordings || shown.in_recordings->surely_better) return text;
+  if (!shown.in_recordings || (shown.in_recordings->surely_better && shown.surely_better)) return text;
   const std::string alone = n == 1 ? "that recording" : "those recordings";
   const double narrowed = shown.in_recordings->narrowed;
+  if (shown.in_recordings->surely_better) {
+    return text + fmt::format(": in {} alone its error is {} less, over all windows that is not sure", alone,
+                              ShareInWords(narrowed));
+  }
   return text + fmt::format(": in {} alone it is {}", alone,
                             narrowed < -0.005 ? fmt::format("{:.0f} % worse than the nominal one", -100 * narrowed)
                                               : "not surely better than the nominal one");

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kLongest = 3.0;                  // [control steps]
 constexpr double kLongestSeconds = 0.03;          // [s]: of actions, where that is more
+constexpr double kLongestOfPositions = 0.05;      // [s]: the same of a camera
 constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's zero
 constexpr size_t kMostLatePositions = 16;         // whose lags are suspected one by one
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
@@ -36,8 +37,8 @@ std::vector<std::string> PositionsOf(const SimulatorSpec& spec) {
 
 std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const ParameterSpace& searched) {
   if (spec.observation_shape.size() != 1 || spec.n_discrete_actions > 0 || !(spec.control_period_s > 0)) return {};
-  const double longest = std::max(kLongest, std::ceil(kLongestSeconds / spec.control_period_s));
-  std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, longest)};
+  const auto longest = [&](double seconds) { return std::max(kLongest, std::ceil(seconds / spec.control_period_s)); };
+  std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, longest(kLongestSeconds))};
   candidates.push_back(Spec("rates_delay", kRates, 0, kLongest));
   const std::vector<std::string> positions = PositionsOf(spec);
   for (const std::string& name : positions) {
@@ -47,7 +48,7 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
   const bool are_all = positions.size() == 1 && spec.obs_dim() == 1;
   if (!are_all && positions.size() <= kMostLatePositions) {
     for (const std::string& name : positions) {
-      candidates.push_back(Spec(name + "_delay", fmt::format("obs/{}/delay", name), 0, kLongest));
+      candidates.push_back(Spec(name + "_delay", fmt::format("obs/{}/delay", name), 0, longest(kLongestOfPositions)));
     }
   }
   std::vector<ChannelField> taken;

@@ -184,6 +184,8 @@ class InitTest(ProgramTest):
             mujoco.mj_step(model, data, 4)
         text, task = self.init(self.csv(rows))
         self.assertEqual(task["parameters"]["springref"]["field"], "joint/elbow_joint/springref", text)
+        self.assertIn("joint/elbow_joint/stiffness", text)  # of few springs each by itself
+        self.assertNotIn("joint/*/stiffness", text)
 
     def test_a_stiffness_at_the_end_of_its_range_widens_it(self):
         servos = ARM.replace('<motor name="shoulder" joint="shoulder_joint" ctrlrange="-20 20"/>',

@@ -55,8 +55,9 @@ struct ReadingModel {
 /// counts, or the digits of a text file. 0 where readings hardly ever repeat.
 Eigen::VectorXd QuantisationNoise(const Dataset& dataset);
 
-/// (obs_dim): nonzero for rates that show surely later than the positions that they belong to, by a row or more: a
-/// drive filters or queues them. Not of a channel whose delay is known or searched (SimulatorSpec::reading_ages).
+/// (obs_dim): nonzero for rates that show surely later than the positions that they belong to, by three quarters of a
+/// row or more: a drive filters or queues them. Not of a channel whose delay is known or searched
+/// (SimulatorSpec::reading_ages).
 std::vector<char> LateReadings(const SimulatorSpec& spec, const Dataset& dataset);
 
 /// (obs_dim): nonzero for rates that were computed from logged positions (differences, smoothed differences): a linear

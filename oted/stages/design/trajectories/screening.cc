@@ -36,6 +36,9 @@ Suspect Undirected(const ParameterSpec& spec) {
   return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal};
 }
 
+/// Of a sensor.
+bool IsLag(const ParameterSpec& spec) { return spec.field.starts_with("obs/") && spec.nominal == spec.low; }
+
 /// Whether one of `others` has one of its paths: a mass, and that mass with the inertia.
 bool SharesPath(const Suspect& one, const std::vector<Suspect>& others) {
   const std::vector<std::string> paths = TiedPaths(one.spec.field);
@@ -145,8 +148,8 @@ class SuspectScreening::Fit {
     WindowReplayer replayer = fits_.Replayer(wider, readings_);
     const Prior prior = fits_.PriorIn(wider.parameters());
     std::vector<double> values = {suspect.value};
-    if (IsChannelPath(suspect.spec.field) && suspect.spec.nominal == suspect.spec.low) {
-      values.push_back(Undirected(suspect.spec).value);
+    if (const double inside = Undirected(suspect.spec).value; IsLag(suspect.spec) && suspect.value != inside) {
+      values.push_back(inside);
     }
     VectorXd best;
     suspect.explains = -std::numeric_limits<double>::infinity();
