@@ -279,41 +279,48 @@ class Rates {
     }
   }
 
-  /// Sensors are usually late together: one finding for all.
+  /// Sensors of one kind that are late. They usually are together: one finding for all.
+  struct Late {
+    std::vector<std::string> channels, shown;
+    double longest = 0;  // [rows]
+
+    void Add(const std::string& channel, double rows) {
+      channels.push_back(channel);
+      shown.push_back(fmt::format("{} by {:g} rows", channel, rows));
+      longest = std::max(longest, rows);
+    }
+    std::string Line() const {
+      return fmt::format("lag = {{ field = \"obs/{}/delay\", range = [0, {:g}], scale = \"absolute\" }}", channels[0],
+                         std::max(1.0, std::ceil(2 * longest)));
+    }
+  };
+
   void AddLags() {
-    std::vector<std::string> rates, positions, late_rates, late_positions;
-    double longest = 0, longest_of_positions = 0;  // [rows]
+    Late rates, positions;
     for (const RateAgreement& rate : rates_) {
       if (!rate.IsShifted()) continue;
-      const bool is_rate = rate.lag > 0;
-      const std::string name = is_rate ? Velocity(rate) : Position(rate);
-      (is_rate ? rates : positions).push_back(name);
-      (is_rate ? late_rates : late_positions).push_back(fmt::format("{} by {:g} rows", name, std::abs(rate.lag)));
-      (is_rate ? longest : longest_of_positions) =
-          std::max(is_rate ? longest : longest_of_positions, std::abs(rate.lag));
+      if (rate.lag > 0) {
+        rates.Add(Velocity(rate), rate.lag);
+      } else {
+        positions.Add(Position(rate), -rate.lag);
+      }
     }
     constexpr const char* kMeaning = "a filter or another clock: no state of the robot has the numbers of one row";
-    if (!rates.empty()) {
+    if (!rates.channels.empty()) {
       Add("velocity_lag",
-          fmt::format("velocities come later than their positions move: {}", fmt::join(late_rates, ", ")), rates,
-          kMeaning,
+          fmt::format("velocities come later than their positions move: {}", fmt::join(rates.shown, ", ")),
+          rates.channels, kMeaning,
           fmt::format("none needed for the default method, which finds velocities from positions; for the others leave "
                       "these columns out, shift them by so much, or search the lag: {}",
-                      LineOfLag(rates[0], longest)));
+                      rates.Line()));
     }
-    if (!positions.empty()) {
+    if (!positions.channels.empty()) {
       Add("position_lag",
-          fmt::format("positions come later than their velocities say: {}", fmt::join(late_positions, ", ")), positions,
-          kMeaning,
-          fmt::format("search the lag: {}{}; or shift the columns by so much",
-                      LineOfLag(positions[0], longest_of_positions),
-                      positions.size() > 1 ? ", and that of the others" : ""));
+          fmt::format("positions come later than their velocities say: {}", fmt::join(positions.shown, ", ")),
+          positions.channels, kMeaning,
+          fmt::format("search the lag: {}{}; or shift the columns by so much", positions.Line(),
+                      positions.channels.size() > 1 ? ", and that of the others" : ""));
     }
-  }
-
-  static std::string LineOfLag(const std::string& channel, double rows) {
-    return fmt::format("lag = {{ field = \"obs/{}/delay\", range = [0, {:g}], scale = \"absolute\" }}", channel,
-                       std::max(1.0, std::ceil(2 * rows)));
   }
 
   const Dataset& dataset_;
