@@ -402,8 +402,7 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
   if (record.predicts_better) {
     return fmt::format(
                "outside the family: the best fit lies at the end of the range of {}; there the error {} is {} less "
-               "than "
-               "the nominal one's{}",
+               "than the nominal one's{}",
                at_bounds.empty() ? "some parameter" : at_bounds, over, share,
                off.empty() ? "; " + NotTold(*record.validation)
                            : ", and more than the sensors explain: " + WhatRemains(*record.validation, horizon, off)) +

@@ -45,8 +45,7 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
     candidates.push_back(Spec(name + "_bias", fmt::format("obs/{}/bias", name), -kFarthest, kFarthest));
   }
   // All that is read late is an action's delay, one position alone is none: a camera beside an encoder.
-  const bool are_all = positions.size() == 1 && spec.obs_dim() == 1;
-  if (!are_all && positions.size() <= kMostLatePositions) {
+  if (spec.obs_dim() > 1 && positions.size() <= kMostLatePositions) {
     for (const std::string& name : positions) {
       candidates.push_back(Spec(name + "_delay", fmt::format("obs/{}/delay", name), 0, longest(kLongestOfPositions)));
     }

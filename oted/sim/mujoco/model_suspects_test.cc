@@ -25,6 +25,13 @@ std::vector<std::string> Fields(const std::vector<ParameterSpec>& specs) {
   return fields;
 }
 
+/// Of a model where nothing is searched.
+std::vector<ParameterSpec> SuspectsOf(const char* mjcf) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "model.xml", mjcf);
+  return ModelSuspects(*LoadModel(folder / "model.xml").model, ParameterSpace());
+}
+
 TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "gravity", .field = "opt/gravity[2]"},
                                                      {.name = "foot", .field = "geom/foot_geom/friction[0]"}});
@@ -48,15 +55,12 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
 }
 
 TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
-  const TestFolder folder;
-  WriteFileAtomically(folder / "fish.xml", R"(<mujoco>
+  const std::vector<std::string> fields = Fields(SuspectsOf(R"(<mujoco>
     <option viscosity="0.1"/>
     <worldbody><body><joint name="fin" axis="0 1 0"/><geom size="0.1 0.1" type="capsule"/></body></worldbody>
     <tendon><fixed name="cord" stiffness="2"><joint joint="fin" coef="1"/></fixed></tendon>
     <actuator><general joint="fin" dyntype="filter" dynprm="0.1"/></actuator>
-  </mujoco>)");
-  const LoadedModel loaded = LoadModel(folder / "fish.xml");
-  const std::vector<std::string> fields = Fields(ModelSuspects(*loaded.model, ParameterSpace()));
+  </mujoco>)"));
   EXPECT_THAT(fields, Contains("actuator/*/dynprm[0]"));
   EXPECT_THAT(fields, Contains("tendon/*/stiffness"));
   EXPECT_THAT(fields, Contains("tendon/*/damping"));
@@ -66,29 +70,23 @@ TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
 }
 
 TEST(ModelSuspects, AreAllNumbersOfAThrustersGearAndAllMassesAtOnce) {
-  const TestFolder folder;
-  WriteFileAtomically(folder / "drone.xml", R"(<mujoco>
+  const std::vector<std::string> fields = Fields(SuspectsOf(R"(<mujoco>
     <worldbody><body name="frame"><freejoint/><geom size="0.1"/><site name="rotor"/>
     <body name="camera"><geom size="0.02"/></body></body></worldbody>
     <actuator><motor site="rotor" gear="0 0 2 0 0 0.1"/></actuator>
-  </mujoco>)");
-  const LoadedModel loaded = LoadModel(folder / "drone.xml");
-  const std::vector<std::string> fields = Fields(ModelSuspects(*loaded.model, ParameterSpace()));
+  </mujoco>)"));
   EXPECT_THAT(fields, Contains("actuator/*/gear"));
   EXPECT_THAT(fields, Contains("body/*/mass + body/*/inertia"));
   EXPECT_THAT(fields, Contains("body/frame/mass"));
 }
 
 TEST(ModelSuspects, AreLimitsOfForcesAndHowSoftAnEqualityIs) {
-  const TestFolder folder;
-  WriteFileAtomically(folder / "gripper.xml", R"(<mujoco>
+  const std::vector<std::string> fields = Fields(SuspectsOf(R"(<mujoco>
     <worldbody><body><joint name="left" actuatorfrcrange="-3 3"/><geom size="0.1"/></body>
     <body><joint name="right"/><geom size="0.1"/></body></worldbody>
     <equality><joint joint1="left" joint2="right"/></equality>
     <actuator><motor joint="left" forcerange="-2 2"/></actuator>
-  </mujoco>)");
-  const LoadedModel loaded = LoadModel(folder / "gripper.xml");
-  const std::vector<std::string> fields = Fields(ModelSuspects(*loaded.model, ParameterSpace()));
+  </mujoco>)"));
   EXPECT_THAT(fields, Contains("actuator/*/forcerange"));
   EXPECT_THAT(fields, Contains("joint/*/actfrcrange"));
   EXPECT_THAT(fields, Contains("equality/*/solref[0]"));
@@ -98,13 +96,10 @@ TEST(ModelSuspects, AreLimitsOfForcesAndHowSoftAnEqualityIs) {
 }
 
 TEST(ModelSuspects, AreWhereSpringsRest) {
-  const TestFolder folder;
-  WriteFileAtomically(folder / "leg.xml", R"(<mujoco><compiler angle="radian"/>
+  const std::vector<ParameterSpec> suspects = SuspectsOf(R"(<mujoco><compiler angle="radian"/>
     <worldbody><body><joint name="hip" stiffness="2" springref="0.3"/><geom size="0.1"/>
     <body><joint name="knee"/><geom size="0.1"/></body></body></worldbody>
   </mujoco>)");
-  const LoadedModel loaded = LoadModel(folder / "leg.xml");
-  const std::vector<ParameterSpec> suspects = ModelSuspects(*loaded.model, ParameterSpace());
   EXPECT_THAT(Fields(suspects), Not(Contains("joint/knee/springref")));
   const auto hip = std::ranges::find(suspects, "joint/hip/springref", &ParameterSpec::field);
   ASSERT_NE(hip, suspects.end());

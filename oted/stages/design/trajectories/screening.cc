@@ -36,7 +36,7 @@ Suspect Undirected(const ParameterSpec& spec) {
   return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal};
 }
 
-/// Of a sensor.
+/// Whether it is how late a sensor is.
 bool IsLag(const ParameterSpec& spec) { return spec.field.starts_with("obs/") && spec.nominal == spec.low; }
 
 /// Whether one of `others` has one of its paths: a mass, and that mass with the inertia.
