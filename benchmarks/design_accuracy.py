@@ -64,10 +64,10 @@ def run(cell, oted, n_seeds):
     for seed in design["settings"][0]["seeds"]:
         errors = [abs(mode - value) for mode, value in zip(seed["mode"], true)]
         seeds.append({"seed": seed["seed"], "mode": seed["mode"], "std": seed["std"], "errors": errors,
-                      "mean_error": statistics.mean(errors), "c": seed.get("c"), "common": seed["common"]})
+                      "mean_error": statistics.mean(errors), "c": seed.get("c"), "common": seed.get("common")})
     return dict(cell, truth=true, seeds=seeds, mean_error=statistics.mean(s["mean_error"] for s in seeds),
                   worst_error=max(s["mean_error"] for s in seeds), verdict=design["verdict"],
-                  nominal_common=design["nominal_common"], score=design["score"],
+                  nominal_common=design.get("nominal_common"), score=design.get("score"),
                   seconds_per_design_two_cores=seconds / n_seeds, cpu_seconds_per_design=cpu / n_seeds,
                   n_transitions=design["dataset"]["n_transitions"],
                   command=" ".join(command).replace(out, "OUT").replace(str(oted), "oted"), commit=commit())

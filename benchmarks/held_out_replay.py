@@ -98,7 +98,7 @@ def run_case(oted, case, noise, forms, out):
             design = design_by(oted, form, case, logs, folder)
             z = design["mixture"][0]["mode"]
             result = {"mode": z, "seconds": round(time.monotonic() - start, 1), "verdict": design["verdict"],
-                      "common": design["settings"][0]["common"], "commit": commit(), **replay_errors(data, z)}
+                      "commit": commit(), **replay_errors(data, z)}
             if form == "auto":
                 # What each form made of four fifths of the logs, as auto saw it and as it is.
                 result["choice"] = design["method_choices"][0]
@@ -111,15 +111,14 @@ def run_case(oted, case, noise, forms, out):
 
 def print_table(out):
     print(f"| off, noise | error after 10 steps: {', '.join(FORMS)} | auto: held-out error (its truth) of each form tried | auto "
-          "takes | the common judge prefers |\n|---|---|---|---|---|")
+          "takes |\n|---|---|---|---|")
     for record in records(out).values():
         forms = record["forms"]
         name, _, factor = OFF[record["case"]]
         error = [f"{forms[form]['10']['geometric']:.4f}" for form in FORMS]
         choice = forms.get("auto", {}).get("choice", {"tried": [], "method": ""})
         tried = [f"{t['method']} {t['error']:.3g} ({t['truth']['10']['geometric']:.4f})" for t in choice["tried"]]
-        judged = max(FORMS, key=lambda form: forms[form]["common"])
-        print(f"| {name} {factor}, {record['noise']:g} | {', '.join(error)} | {', '.join(tried)} | {choice['method']} | {judged} |")
+        print(f"| {name} {factor}, {record['noise']:g} | {', '.join(error)} | {', '.join(tried)} | {choice['method']} |")
 
 
 if __name__ == "__main__":

@@ -149,8 +149,7 @@ def run_case(task, noise, kind, case, oted, extra, episodes):
         "seconds": round(seconds, 1), "sentence": answer["sentence"], "horizons": slim_horizons(prediction.get("prediction")),
         "parameters": [{key: p[key] for key in ("name", "mode", "std", "interval90", "verdict")}
                        for p in answer["parameters"]],
-        "correlation": answer["correlation"], "verdict": answer["verdict"], "nominal_common": answer["nominal_common"],
-        "common": answer["settings"][0]["common"],
+        "correlation": answer["correlation"], "verdict": answer["verdict"],
         "fit": {key: q["fit"][key] for key in ("window", "explained", "noise_std")} if q.get("fit") else None,
         "suspects": [slim_suspect(suspect) for suspect in answer.get("fit", {}).get("suspects", [])],
         "n_transitions": answer["dataset"]["n_transitions"], "settings": extra[1::2],

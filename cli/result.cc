@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -264,6 +265,7 @@ void PrintDesign(const DesignRecord& design, const Options& options, const std::
   Print("\nverdict: {}\n", design.sentence);
   PrintSuspects(design);
   PrintMethodChoices(design);
+  std::fflush(stdout);  // films take seconds, and a pipe shows nothing yet; what fails is told at the end
 }
 
 int PrintResult(const std::filesystem::path& run_directory, const Options& options) {

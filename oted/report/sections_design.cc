@@ -35,7 +35,7 @@ std::string BestSeed(const json& report) {
     const char* score = TextAt(report["design"], "score_name") == "paper" ? "c" : "common";
     for (const json& seed : ListAt(setting, "seeds")) {
       const std::optional<double> value = NumberAt(seed, score);
-      if (value && (!best || *value > *best)) {
+      if (name.empty() || (value && (!best || *value > *best))) {
         best = value;
         name = TextAt(seed, "seed");
       }

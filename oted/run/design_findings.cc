@@ -171,8 +171,8 @@ bool AskForMore(const std::vector<Suspect>& suspects) { return std::ranges::any_
 
 /// What does not depend on how far each parameter is known; with the verdict where a classifier decides.
 /// @param suspects  of the best design
-Judgement Judge(const Candidate& best, const std::vector<Suspect>& suspects, double nominal_common,
-                double designed_common, int n_transitions) {
+Judgement Judge(const Candidate& best, const std::vector<Suspect>& suspects, std::optional<double> nominal_common,
+                std::optional<double> designed_common, int n_transitions) {
   Judgement judgement;
   if (best.prediction) {
     judgement.better = PredictsBetter(*best.prediction);
@@ -181,7 +181,7 @@ Judgement Judge(const Candidate& best, const std::vector<Suspect>& suspects, dou
     judgement.off = ChannelsOff(*best.prediction);
     return judgement;
   }
-  judgement.verdict = JudgeDesign(nominal_common, designed_common, n_transitions);
+  judgement.verdict = JudgeDesign(nominal_common.value(), designed_common.value(), n_transitions);
   judgement.better = !IsNegative(judgement.verdict);
   judgement.reaches_floor = FloorIsReached(judgement.verdict);
   return judgement;
@@ -305,7 +305,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.selected = selected.setting;
   record.mixture = mixture.members;
   record.score_name = run.config.selection.score;
-  record.score = record.score_name == SelectionScore::kPaper ? selected.c.value() : selected.common;
+  record.score = record.score_name == SelectionScore::kPaper ? selected.c : selected.common;
   record.verdict = best.prediction
                        ? JudgePrediction(best.q, *best.prediction, DoubtsOf(best, findings.suspects, summaries))
                        : judgement.verdict;

@@ -139,23 +139,32 @@ DesignRecord::Validation ValidationFrom(const RecordReader& reader) {
   return validation;
 }
 
-void AddOfAlgorithm1(const std::optional<double>& c, const std::optional<double>& learning_progress, json& record) {
-  if (c) record["c"] = *c;
-  if (learning_progress) record["learning_progress"] = *learning_progress;
+/// @param scored  a seed or a setting
+template <class Scored>
+void AddScores(const Scored& scored, json& record) {
+  if (scored.common) record["common"] = *scored.common;
+  if (scored.c) record["c"] = *scored.c;
+  if (scored.learning_progress) record["learning_progress"] = *scored.learning_progress;
+}
+
+template <class Scored>
+void ReadScores(const RecordReader& reader, Scored& scored) {
+  scored.common = reader.Find<double>("common");
+  scored.c = reader.Find<double>("c");
+  scored.learning_progress = reader.Find<double>("learning_progress");
 }
 
 json SettingToJson(const DesignRecord::Setting& setting) {
   json seeds = json::array();
   for (const DesignRecord::Seed& seed : setting.seeds) {
-    seeds.push_back({{"seed", seed.seed}, {"mode", seed.mode}, {"std", seed.std}, {"common", seed.common}});
-    AddOfAlgorithm1(seed.c, seed.learning_progress, seeds.back());
+    seeds.push_back({{"seed", seed.seed}, {"mode", seed.mode}, {"std", seed.std}});
+    AddScores(seed, seeds.back());
   }
   json record = {{"name", setting.name},
                  {"method", setting.method},
-                 {"common", setting.common},
                  {"design_deviation", setting.design_deviation},
                  {"seeds", seeds}};
-  AddOfAlgorithm1(setting.c, setting.learning_progress, record);
+  AddScores(setting, record);
   return record;
 }
 
@@ -163,18 +172,14 @@ DesignRecord::Setting SettingFrom(const RecordReader& reader) {
   DesignRecord::Setting setting;
   setting.name = reader.Get<std::string>("name");
   setting.method = reader.Get<std::string>("method");
-  setting.c = reader.Find<double>("c");
-  setting.common = reader.Number("common");
   setting.design_deviation = reader.Number("design_deviation");
-  setting.learning_progress = reader.Find<double>("learning_progress");
+  ReadScores(reader, setting);
   for (const RecordReader& s : reader.List("seeds")) {
     DesignRecord::Seed seed;
     seed.seed = s.Get<int>("seed");
     seed.mode = s.Numbers("mode");
     seed.std = s.Numbers("std");
-    seed.c = s.Find<double>("c");
-    seed.common = s.Number("common");
-    seed.learning_progress = s.Find<double>("learning_progress");
+    ReadScores(s, seed);
     setting.seeds.push_back(std::move(seed));
   }
   return setting;
@@ -290,13 +295,11 @@ json DesignRecord::ToJson() const {
       {"correlation", correlation},
       {"selected", selected},
       {"mixture", json::array()},
-      {"score", score},
       {"score_name", NameOf(SelectionScoreNames(), score_name)},
       {"verdict", ToString(verdict)},
       {"sentence", sentence},
       {"predicts_better", predicts_better},
       {"log2", std::numbers::ln2},
-      {"nominal_common", nominal_common},
       {"dataset", {{"path", dataset.path}, {"sha256", dataset.sha256}, {"n_transitions", dataset.n_transitions}}},
       {"model", {{"task", task}, {"sha256", model_sha256}}},
       {"versions", {{"oted", oted_version}, {"mujoco", mujoco_version}}}};
@@ -304,6 +307,8 @@ json DesignRecord::ToJson() const {
   for (const Member& member : mixture) {
     record["mixture"].push_back({{"seed", member.seed}, {"mode", member.mode}, {"std", member.std}});
   }
+  if (score) record["score"] = *score;
+  if (nominal_common) record["nominal_common"] = *nominal_common;
   if (!inputs.empty()) record["inputs"] = inputs;
   if (fit) record["fit"] = FitToJson(*fit);
   if (!grown.empty()) record["grown"] = SuspectsToJson(grown);
@@ -324,7 +329,7 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
   for (const RecordReader& m : reader.List("mixture")) {
     design.mixture.push_back({m.Get<int>("seed"), m.Numbers("mode"), m.Numbers("std")});
   }
-  design.score = reader.Number("score");
+  design.score = reader.Find<double>("score");
   design.score_name = reader.GetNamed<SelectionScore>("score_name", SelectionScoreNames());
   design.verdict = reader.GetNamed<DesignVerdict>("verdict", DesignVerdictNames());
   design.sentence = reader.Get<std::string>("sentence");
@@ -339,7 +344,7 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
       return choices;
     });
   }
-  design.nominal_common = reader.Number("nominal_common");
+  design.nominal_common = reader.Find<double>("nominal_common");
   for (const RecordReader& s : reader.List("settings")) design.settings.push_back(SettingFrom(s));
   const RecordReader dataset = reader.At("dataset"), versions = reader.At("versions");
   design.dataset = {dataset.Get<std::string>("path"), dataset.Get<std::string>("sha256"),

@@ -117,13 +117,13 @@ struct DesignRecord {
     int n_recordings = 0, n_parts = 0;    ///< that judge (HeldOutPrediction)
   };
   struct Seed : Member {
-    double common = 0;
+    std::optional<double> common;                ///< none where no judge was asked (SelectSimulator)
     std::optional<double> c, learning_progress;  ///< only of Algorithm 1
   };
   struct Setting {
     std::string name, method;
-    double common = 0, design_deviation = 0;
-    std::optional<double> c, learning_progress;  ///< likewise
+    double design_deviation = 0;
+    std::optional<double> common, c, learning_progress;  ///< likewise
     std::vector<Seed> seeds;
   };
   struct Source {
@@ -137,7 +137,7 @@ struct DesignRecord {
   std::vector<std::vector<double>> correlation;
   std::string selected;         ///< setting
   std::vector<Member> mixture;  ///< its seeds: the simulators that agents train in
-  double score = 0;             ///< the selected setting's, by `score_name`
+  std::optional<double> score;  ///< the selected setting's, by `score_name`; none where it has none
   SelectionScore score_name = SelectionScore::kCommon;
   DesignVerdict verdict = DesignVerdict::kNoGap;
   std::string sentence;  ///< the verdict, with its figures (VerdictSentence)
@@ -150,7 +150,7 @@ struct DesignRecord {
   bool WasGrown(const std::string& parameter) const;
   std::optional<Validation> validation;      ///< none where nothing can be predicted
   std::vector<MethodChoice> method_choices;  ///< of settings whose method was left to auto
-  double nominal_common = 0;
+  std::optional<double> nominal_common;      ///< none where no judge was asked
   std::vector<Setting> settings;
   Source dataset;
   std::string model_sha256;

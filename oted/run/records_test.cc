@@ -69,7 +69,12 @@ json Design() {
   DesignRecord::Seed seed;
   seed.seed = 1;
   seed.mode = seed.std = {1.0};
-  design.settings = {{.name = "default", .method = "transitions", .c = 0.1, .learning_progress = 0.2, .seeds = {seed}}};
+  design.settings = {{.name = "default",
+                      .method = "transitions",
+                      .common = 0.65,
+                      .c = 0.1,
+                      .learning_progress = 0.2,
+                      .seeds = {seed}}};
   design.dataset = {"demos.hdf5", "ab", 100};
   return design.ToJson();
 }

@@ -51,6 +51,7 @@ DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& des
   for (const Design& design : designs) findings.candidates.push_back(AsCandidate(run, design));
   const SimulatorSelectionJob job{
       *run.factory, run.dataset, clone, run.config.selection, run.Key("simulator selection"), run.context};
+  if (findings.candidates.size() == 1) Predict(run, findings.candidates.front());
   findings.result = SelectSimulator(job, findings.candidates);
   // Auto decides by how the best design of a setting predicts, and the verdict by how the best of all does.
   for (const auto& [setting, asked] : run.config.DesignSettings()) {

@@ -163,16 +163,17 @@ std::string ButOverLonger(const DesignRecord::Validation& validation) {
 }
 
 std::string GapClosedForAClassifier(const DesignRecord& record) {
-  double designed_common = record.nominal_common;
+  const double nominal_common = record.nominal_common.value();
+  double designed_common = nominal_common;
   for (const DesignRecord::Setting& setting : record.settings) {
-    if (setting.name == record.selected) designed_common = setting.common;
+    if (setting.name == record.selected) designed_common = setting.common.value();
   }
-  if (JudgeDesign(record.nominal_common, designed_common, record.dataset.n_transitions) == DesignVerdict::kNoGap) {
+  if (JudgeDesign(nominal_common, designed_common, record.dataset.n_transitions) == DesignVerdict::kNoGap) {
     return "gap closed: a classifier can tell neither simulator from the logs, but an identified parameter lies off "
            "its "
            "nominal value";
   }
-  const bool hardly = CannotTell(record.nominal_common);
+  const bool hardly = CannotTell(nominal_common);
   return fmt::format(
       "gap closed: a classifier cannot tell the designed simulator from the logs; it can {}tell the nominal one",
       hardly ? "hardly " : "");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "oted/base/error.h"
 
@@ -54,6 +55,10 @@ double* JointFriction::Values(const std::string& array) {
   return base_.data();
 }
 
+bool JointFriction::GrowsWithLoad(int lane) const {
+  return std::ranges::any_of(values_[kLoadFriction].row(lane), [](double value) { return value != 0; });
+}
+
 void JointFriction::Rest(int lane) {
   std::ranges::fill(load_.row(lane), 0.0);
   Write(lane);
@@ -80,8 +85,11 @@ void JointFriction::TakeLoad(const mjModel* model, mjData* data, int lane, void*
 }
 
 int JointFriction::Prepare(std::span<const int> lanes) {
-  const int n = static_cast<int>(lanes.size());
-  const int n_failed = loaded_ ? mjb_apply(batch_, lanes.data(), n, TakeLoad, this, 0) : 0;
+  std::vector<int> loaded;
+  if (loaded_)
+    std::ranges::copy_if(lanes, std::back_inserter(loaded), [this](int lane) { return GrowsWithLoad(lane); });
+  const int n = static_cast<int>(loaded.size());
+  const int n_failed = n > 0 ? mjb_apply(batch_, loaded.data(), n, TakeLoad, this, 0) : 0;
   for (const int lane : lanes) Write(lane);
   return n_failed;
 }

@@ -41,7 +41,7 @@ bool IsFrictionPath(const std::string& path);
 /// The friction of all lanes of a batch.
 class JointFriction {
  public:
-  /// @param loaded  whether load_friction is a parameter: it takes another pass over each physics step
+  /// @param loaded  whether load_friction is a parameter: lanes that have some take another pass over each physics step
   JointFriction(mjBatch_* batch, bool loaded);
 
   /// (lanes, nv) of dof_frictionloss or a FrictionArray: where parameters are written.
@@ -55,6 +55,7 @@ class JointFriction {
 
  private:
   static void TakeLoad(const mjModel_* model, mjData_* data, int lane, void* self);
+  bool GrowsWithLoad(int lane) const;
   void Write(int lane);
 
   mjBatch_* batch_;

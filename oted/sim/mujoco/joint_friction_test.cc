@@ -105,6 +105,25 @@ TEST(JointFriction, NominalIsTheModelItself) {
   EXPECT_EQ(shown, After(*without, {0.01}, {0.7, 0.2}, {0.05, 0.3}, 30));
 }
 
+TEST(JointFriction, GrowsWithTheTorqueOfItsOwnLaneAlone) {
+  const std::vector<std::vector<double>> z = {{0.1, 1, 0.3, 0.02}, {0.1, 1, 0, 0.02}, {0.2, 1, 0.5, 0.02}};
+  const std::vector<int> lanes = {0, 1, 2};
+  const auto together = Factory(Folder())->Make(3, 1), alone = Factory(Folder())->Make(1, 1);
+  std::vector<double> torques;
+  for (const int lane : lanes) {
+    together->SetParameters(lane, z[static_cast<size_t>(lane)]);
+    ASSERT_TRUE(together->SetStateFromObservation(lane, std::vector<double>{0, 0, 0.7, 0.2}));
+    torques.insert(torques.end(), {0.3, 0.1});
+  }
+  for (int i = 0; i < 5; ++i) together->Step(lanes, torques);
+  for (const int lane : lanes) {
+    const auto shown = together->observation(lane);
+    EXPECT_EQ(std::vector(shown.begin(), shown.end()),
+              After(*alone, z[static_cast<size_t>(lane)], {0.7, 0.2}, {0.3, 0.1}, 5))
+        << lane;
+  }
+}
+
 TEST(JointFriction, LeavesNothingBehindInALane) {
   const auto simulator = Factory(Folder())->Make(1, 1);
   const std::vector<double> z = {0.1, 1, 0.3, 0.02};

@@ -97,7 +97,7 @@ std::vector<double> DistancesToMean(const std::vector<Candidate>& candidates, co
 double RankingScore(const SettingScore& setting, SelectionScore score) {
   switch (score) {
     case SelectionScore::kCommon:
-      return setting.common;
+      return setting.common.value();
     case SelectionScore::kPaper:
       return setting.c.value();
     case SelectionScore::kDesignDeviation:
@@ -114,7 +114,7 @@ int BestSeed(const std::vector<int>& seeds, const std::vector<Candidate>& candid
   const std::vector<double> distance = DistancesToMean(candidates, seeds);
   const auto score_of = [&](size_t i) {
     const CandidateScore& of = scores[static_cast<size_t>(seeds[i])];
-    return score == SelectionScore::kPaper ? of.c.value() : of.common;
+    return (score == SelectionScore::kPaper ? of.c : of.common).value();
   };
   size_t best = 0;
   for (size_t i = 1; i < seeds.size(); ++i) {
@@ -138,7 +138,6 @@ void ScoreCandidates(const SimulatorSelectionJob& job, std::vector<Candidate>& c
     return JudgeReplays(job.factory, halves, z, n_rows, job.config.judge_steps, judge).common;
   };
   const int n = static_cast<int>(candidates.size());
-  result.candidates.resize(candidates.size());
   std::atomic<int> n_done{0};
   ParallelFor(n + 1, job.context.n_threads, [&](int i) {
     job.context.ThrowIfStopped();
@@ -184,8 +183,7 @@ void ScoreSettings(const std::vector<Candidate>& candidates, SelectionResult& re
   }
   for (SettingScore& setting : result.settings) {
     setting.c = MeanOver(setting.candidates, [&](size_t i) { return result.candidates[i].c; });
-    setting.common =
-        *MeanOver(setting.candidates, [&](size_t i) { return std::optional(result.candidates[i].common); });
+    setting.common = MeanOver(setting.candidates, [&](size_t i) { return result.candidates[i].common; });
     setting.learning_progress = MeanOver(setting.candidates, [&](size_t i) { return candidates[i].learning_progress; });
     setting.design_deviation = DesignDeviation(candidates, setting.candidates);
   }
@@ -228,7 +226,9 @@ void CheckSelectionScore(SelectionScore score, const std::string& setting, const
 SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates) {
   OTED_CHECK(!candidates.empty());
   SelectionResult result;
-  ScoreCandidates(job, candidates, result);
+  result.candidates.resize(candidates.size());
+  const bool is_judged_already = candidates.size() == 1 && candidates[0].prediction && !candidates[0].g;
+  if (!is_judged_already) ScoreCandidates(job, candidates, result);
   ScoreSettings(candidates, result);
   PickBest(candidates, job.config.score, result);
   return result;

@@ -65,14 +65,16 @@ struct SimulatorSelectionJob {
 
 struct CandidateScore {
   std::optional<double> c;  ///< the paper's c(h_i): mean -log(1 - g) on fresh rollouts with z ~ q, by the design's g
-  double common = 0;        ///< held-out Eq. 2 / 2 of a judge that every candidate gets anew; log 2 at a perfect match
+  /// Held-out Eq. 2 / 2 of a judge that every candidate gets anew; log 2 at a perfect match. None of a lone candidate
+  /// that its predictions judge.
+  std::optional<double> common;
 };
 
 struct SettingScore {
   std::string setting;
-  std::vector<int> candidates;  ///< indices into the candidates
-  std::optional<double> c;      ///< mean over seeds; highest wins; none where the design left no g
-  double common = 0;            ///< mean over seeds; highest wins
+  std::vector<int> candidates;   ///< indices into the candidates
+  std::optional<double> c;       ///< mean over seeds; highest wins; none where the design left no g
+  std::optional<double> common;  ///< mean over seeds; highest wins; none where no judge was asked
   double design_deviation =
       0;  ///< standard deviation of the modes over seeds, in ranges, mean over parameters; lowest wins
   std::optional<double> learning_progress;  ///< mean over seeds; highest wins; likewise
@@ -82,9 +84,10 @@ struct SettingScore {
 struct SelectionResult {
   std::vector<CandidateScore> candidates;
   std::vector<SettingScore> settings;
-  int selected_setting = 0;   ///< index into settings, by config.score
-  int best_candidate = 0;     ///< of the selected setting
-  double nominal_common = 0;  ///< the common score of the nominal simulator: is there a gap at all?
+  int selected_setting = 0;  ///< index into settings, by config.score
+  int best_candidate = 0;    ///< of the selected setting
+  /// The common score of the nominal simulator: is there a gap at all? None where no judge was asked.
+  std::optional<double> nominal_common;
 };
 
 /// @throws UsageError where `score` ranks by what only Algorithm 1 leaves, and a setting's method is another
@@ -93,7 +96,9 @@ void CheckSelectionScore(SelectionScore score, const std::string& setting, const
 
 /// Scores of differently strong discriminators are not comparable (a blind g gives log 2 on any simulator), so beside
 /// the paper's c every candidate is judged by one common protocol: a fresh discriminator, trained on one half of the
-/// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score).
+/// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score). Where
+/// there is but one candidate, there is nothing to rank: it is scored only if it has a g, or no predictions that judge
+/// it.
 /// @param candidates  at least one; their g are evaluated; all have one where the score is the paper's or learning
 ///                    progress (CheckSelectionScore)
 SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates);

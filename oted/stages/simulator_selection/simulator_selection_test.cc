@@ -48,11 +48,11 @@ TEST(SelectSimulator, ACandidateAtTheTruthOutranksOneFarAway) {
   const Dataset logs = PointMassLogs(kTruth, 8);
   const auto result =
       Select(logs, {CertainOf("far", 1, {0.6, 0.9, 0.5}, logs), CertainOf("true", 1, kTruth, logs)}, SmallConfig());
-  EXPECT_GT(result.candidates[1].common, kLog2 - 0.05);
-  EXPECT_LT(result.candidates[0].common, kLog2 - 0.2);
+  EXPECT_GT(result.candidates[1].common.value(), kLog2 - 0.05);
+  EXPECT_LT(result.candidates[0].common.value(), kLog2 - 0.2);
   EXPECT_EQ(result.settings[static_cast<size_t>(result.selected_setting)].setting, "true");
   EXPECT_EQ(result.best_candidate, 1);
-  EXPECT_LT(result.nominal_common, kLog2 - 0.1) << "the nominal simulator has gain and damping wrong";
+  EXPECT_LT(result.nominal_common.value(), kLog2 - 0.1) << "the nominal simulator has gain and damping wrong";
 }
 
 TEST(SelectSimulator, ASettingWhosePlaceAnotherTookIsScoredAndNeverSelected) {
@@ -69,7 +69,7 @@ TEST(SelectSimulator, ASettingWhosePlaceAnotherTookIsScoredAndNeverSelected) {
 TEST(SelectSimulator, WithoutAGapTheUndesignedSimulatorScoresLog2) {
   const Dataset logs = PointMassLogs(PointMassFactory().parameters().Nominal(), 8);
   const auto result = Select(logs, {CertainOf("a", 1, {0.6, 0.5, 0.5}, logs)}, SmallConfig());
-  EXPECT_NEAR(result.nominal_common, kLog2, 0.03);
+  EXPECT_NEAR(result.nominal_common.value(), kLog2, 0.03);
   EXPECT_LE(result.nominal_common, kLog2) << "a blind judge is the worst judge";
 }
 
@@ -103,6 +103,23 @@ TEST(SelectSimulator, ACandidatesScoreDoesNotDependOnItsRivals) {
   EXPECT_EQ(alone.candidates[0].c, beside.candidates[1].c);
 }
 
+TEST(SelectSimulator, WhatIsAloneAndJudgedByItsPredictionsIsNotScored) {
+  const Dataset logs = PointMassLogs(kTruth, 4);
+  const auto is_scored = [&](bool is_predicted, bool has_g) {
+    Candidate candidate = CertainOf("a", 1, kTruth, logs);
+    if (is_predicted) candidate.prediction.emplace();
+    if (!has_g) candidate.g.reset();
+    const auto result = Select(logs, {candidate}, SmallConfig());
+    EXPECT_EQ(result.best_candidate, 0);
+    EXPECT_EQ(result.settings[0].common, result.candidates[0].common);
+    EXPECT_EQ(result.nominal_common.has_value(), result.candidates[0].common.has_value());
+    return result.candidates[0].common.has_value();
+  };
+  EXPECT_FALSE(is_scored(true, false));
+  EXPECT_TRUE(is_scored(false, false)) << "a judge gives the verdict";
+  EXPECT_TRUE(is_scored(true, true)) << "the paper's own score is asked of it";
+}
+
 TEST(SelectSimulator, ADesignThatLeftNoDiscriminatorHasNoPaperScore) {
   const Dataset logs = PointMassLogs(kTruth, 4);
   std::vector<Candidate> candidates = {CertainOf("with", 1, kTruth, logs), CertainOf("without", 1, kTruth, logs)};
@@ -134,9 +151,9 @@ TEST(SelectSimulator, ASettingsScoresAreMeansOverItsSeeds) {
   // Modes 0.8 and 1.7 of a range of 1.8: deviation 0.25, the other two parameters none; mean over three.
   EXPECT_NEAR(differ.design_deviation, 0.25 / 3, 1e-6);
   EXPECT_DOUBLE_EQ(differ.learning_progress.value(), 2);
-  EXPECT_DOUBLE_EQ(differ.common, 0.5 * (by_deviation.candidates[2].common + by_deviation.candidates[3].common));
-  EXPECT_DOUBLE_EQ(differ.c.value(),
-                   0.5 * (by_deviation.candidates[2].c.value() + by_deviation.candidates[3].c.value()));
+  const auto& of_seeds = by_deviation.candidates;
+  EXPECT_DOUBLE_EQ(differ.common.value(), 0.5 * (of_seeds[2].common.value() + of_seeds[3].common.value()));
+  EXPECT_DOUBLE_EQ(differ.c.value(), 0.5 * (of_seeds[2].c.value() + of_seeds[3].c.value()));
   EXPECT_EQ(by_deviation.settings[static_cast<size_t>(by_deviation.selected_setting)].setting, "agree")
       << "the lowest deviation wins";
 

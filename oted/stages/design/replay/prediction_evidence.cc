@@ -32,7 +32,7 @@ constexpr double kTailOfSix = 1.45;  // Student's t of six draws over the normal
 constexpr int kFewestPredicted = 3;  // windows of a part that judges
 constexpr double kSurely = 2.0;      // standard errors
 constexpr int kNoiseCorrections = 2, kCorrectionsOfOthers = 4;
-constexpr double kNoNoise = 1e-6;           // of a channel's spread: such noise is none
+constexpr double kNoNoise = 1e-5;  // of a channel's spread: such noise is none, as readings of single precision
 constexpr double kVarianceOfMedian = 5.44;  // of the logarithm of a median of n squared normal numbers, times n
 constexpr double kLeastFreedomOfRow = 0.2;  // starts take the rest
 constexpr double kNoiseAllowed = 0.1;       // the least excess of a channel that counts is four such errors already

@@ -188,6 +188,13 @@ LevelFit LevelFit::LeavingOut(const std::vector<char>& flags) const {
   return fit;
 }
 
+LevelFit LevelFit::Sampled(int n_rows) const {
+  const size_t every = std::max<size_t>(1, static_cast<size_t>(this->n_rows() / std::max(1, n_rows)));
+  std::vector<char> left_out(level_.windows.size(), 1);
+  for (size_t w = 0; w < left_out.size(); w += every) left_out[w] = 0;
+  return LeavingOut(left_out);
+}
+
 std::optional<VectorXd> LevelFit::PredictedStart(size_t w) const {
   if (w == 0 || level_.stretch[w - 1] != level_.stretch[w] || residuals_[w - 1].size() == 0) return std::nullopt;
   const LogWindow &before = level_.windows[w - 1], &window = level_.windows[w];

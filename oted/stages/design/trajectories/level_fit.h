@@ -76,6 +76,8 @@ class LevelFit {
   /// The same fit, going on without the windows of which a flag is set. Its first step takes the derivatives that are
   /// there, unless it gains nothing by them: where they were taken near the minimum, as a jackknife does.
   LevelFit LeavingOut(const std::vector<char>& flags) const;
+  /// The same of every k-th window, so many that they hold `n_rows` at least; all windows where there are fewer.
+  LevelFit Sampled(int n_rows) const;
   /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
   /// windows.
   double FinalCost();

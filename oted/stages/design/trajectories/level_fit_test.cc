@@ -87,6 +87,26 @@ TEST(LevelFit, GoingOnWithoutWindowsComesToTheFitThatNeverHadThem) {
   EXPECT_GT((both.x() - wanted).cwiseAbs().maxCoeff(), 0.1);
 }
 
+TEST(LevelFit, ASampleHoldsWindowsFromAllOfTheLogs) {
+  const Dataset logs = PointMassLogs(kTruth, 20);
+  WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), logs);
+  const ParameterSpace space = PointMass::MakeParameters();
+  const Prior prior = Prior::Uniform(3);
+  const Eigen::VectorXd scale = ChannelScales(logs);
+  const LevelFit fit(replayer, space, prior, scale, WindowsOf(logs, replayer), TrueX(space));
+  for (const int n_rows : {kSteps, 70, fit.n_rows() / 3, fit.n_rows()}) {
+    const LevelFit sample = fit.Sampled(n_rows);
+    EXPECT_GE(sample.n_rows(), n_rows);
+    EXPECT_LT(sample.n_rows(), 2 * n_rows + kSteps);
+    int longest = logs.size() - sample.level().windows.back().begin;
+    for (size_t w = 1; w < sample.level().windows.size(); ++w) {
+      longest = std::max(longest, sample.level().windows[w].begin - sample.level().windows[w - 1].begin);
+    }
+    EXPECT_LT(longest, 3 * logs.size() * kSteps / n_rows) << n_rows;
+  }
+  EXPECT_EQ(fit.Sampled(10 * fit.n_rows()).n_rows(), fit.n_rows());
+}
+
 TEST(LevelFit, AWindowThatCannotBeReplayedSaysNothingWhereverItStands) {
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 20), 0.02, RngKey(1));
   WindowReplayer replayer(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), logs);

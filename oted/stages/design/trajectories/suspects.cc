@@ -19,6 +19,7 @@ constexpr double kDirected = 2.0;      // standard deviations
 constexpr double kAsked = 3.0;         // the same, where some thirty are asked at once: few are by chance
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kLimitStep = -0.7;    // of a limit, to half of it: nothing tells of one that is not reached
+constexpr int kStepRows = 240;
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableShare = 0.02;
 constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
@@ -72,12 +73,14 @@ VectorXd StepsToLimits(const std::vector<ParameterSpec>& specs) {
 }
 
 /// Steps as short as the logs tell each of them alone: over longer ones effects bend, and what goes with x would seem
-/// to be told from it.
+/// to be told from it. Some of the rows say how short.
 VectorXd NearbySteps(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
   const auto n_more = static_cast<Eigen::Index>(specs.size());
   VectorXd information = VectorXd::Zero(n_more);
-  for (const StretchEvidence& s : EvidenceOf(specs, fit, wider, SuspectSteps(specs)))
-    information += s.information.diagonal().tail(n_more);
+  const LevelFit some = fit.Sampled(kStepRows);
+  const double times_fewer = static_cast<double>(fit.n_rows()) / some.n_rows();
+  for (const StretchEvidence& s : EvidenceOf(specs, some, wider, SuspectSteps(specs)))
+    information += times_fewer * s.information.diagonal().tail(n_more);
   const VectorXd std = information.cwiseMax(1e-12).cwiseSqrt().cwiseInverse();
   return (kStepOfStd * std).cwiseMax(kShortestStep).cwiseMin(kSuspectStep);
 }
