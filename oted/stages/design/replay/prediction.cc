@@ -165,6 +165,27 @@ FittedStarts PredictionJudge::Fit(const std::vector<double>& z, std::vector<LogW
                     .n_iterations = is_guessed ? kGuessedIterations : kLeadIterations});
 }
 
+std::vector<VectorXd> PredictionJudge::FitLeads(const std::vector<double>& z, const std::vector<LogWindow>& windows,
+                                                const std::vector<VectorXd>& guesses) const {
+  FittedStarts fitted = Fit(z, windows, n_lead_, guesses);
+  const ReadingModel& readings = replayer_.readings();
+  if (readings.unread.empty()) return std::move(fitted.starts);
+  const WindowLikelihood likelihood(readings, variance_, n_lead_);
+  std::vector<size_t> caught;
+  for (size_t w = 0; w < windows.size(); ++w) {
+    if (!likelihood.Explains(fitted.residuals[w])) caught.push_back(w);
+  }
+  FittedStarts grown{Picked(guesses, caught), {}};
+  for (int n_steps = readings.ShortestWindow(); n_steps < 2 * n_lead_; n_steps *= 2) {
+    grown = Fit(z, Picked(windows, caught), std::min(n_steps, n_lead_), std::move(grown.starts));
+  }
+  for (size_t k = 0; k < caught.size(); ++k) {
+    const bool is_better = likelihood.Cost(grown.residuals[k]) < likelihood.Cost(fitted.residuals[caught[k]]);
+    if (is_better) fitted.starts[caught[k]] = std::move(grown.starts[k]);
+  }
+  return std::move(fitted.starts);
+}
+
 FittedStarts PredictionJudge::Replay(const std::vector<double>& z, bool fits_leads) const {
   FittedStarts replays{LoggedStarts(replayer_, windows_), {}};
   replays.residuals.resize(windows_.size());
@@ -172,7 +193,7 @@ FittedStarts PredictionJudge::Replay(const std::vector<double>& z, bool fits_lea
     const std::vector<size_t> at = WindowsOf(n_lead_ + n_steps);
     const std::vector<LogWindow> windows = Picked(windows_, at);
     std::vector<VectorXd> starts = Picked(replays.starts, at);
-    if (fits_leads) starts = Fit(z, windows, n_lead_, std::move(starts)).starts;
+    if (fits_leads) starts = FitLeads(z, windows, starts);
     std::vector<VectorXd> residuals = replayer_.Residuals(windows, starts, z);
     for (size_t k = 0; k < at.size(); ++k) {
       replays.starts[at[k]] = std::move(starts[k]);

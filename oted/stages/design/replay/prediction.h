@@ -89,6 +89,10 @@ class PredictionJudge {
   /// The starts of windows, fitted to their first steps.
   FittedStarts Fit(const std::vector<double>& z, std::vector<LogWindow> windows, int n_steps,
                    std::vector<Eigen::VectorXd> starts) const;
+  /// The same of the leads. Where rates are unread, leads that are not explained were often caught in a local minimum,
+  /// by a contact: they are fitted again to more and more of their readings, and the better start is kept.
+  std::vector<Eigen::VectorXd> FitLeads(const std::vector<double>& z, const std::vector<LogWindow>& windows,
+                                        const std::vector<Eigen::VectorXd>& guesses) const;
   /// All windows to their ends, from where they were logged or where their leads say.
   FittedStarts Replay(const std::vector<double>& z, bool fits_leads) const;
   Squares SquaresOf(FittedStarts replays) const;

@@ -3,10 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
+#include <span>
+#include <vector>
 
 #include "oted/data/sensor_noise.h"
 #include "oted/matching/testing.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/replay/reading_model.h"
+#include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/testing.h"
 
 namespace oted::prediction_test {
 
@@ -38,6 +44,40 @@ TEST(PredictionJudge, UnderNoiseTheLogsOwnSimulatorComesToTheSensorsFloor) {
   const VectorXd rms = Rms(Judged(logs, 0.05), kTruth);
   EXPECT_GT(rms.minCoeff(), 0.045);
   EXPECT_LT(rms[1], 0.06) << "of the velocity, whose start is damped away";
+}
+
+/// Between walls that throw it back, seen by its position alone.
+class UnseenBetweenWalls : public PositionAlone {
+ public:
+  using PositionAlone::PositionAlone;
+  void Step(std::span<const int> lanes, std::span<const double> actions) override {
+    PositionAlone::Step(lanes, actions);
+    for (const int lane : lanes) {
+      const std::span<const double> state = PointMass::observation(lane);
+      if (std::abs(state[0]) > 0.3 && state[0] * state[1] > 0) {
+        PointMass::SetStateFromObservation(lane, std::vector<double>{state[0], -0.9 * state[1]});
+      }
+    }
+  }
+};
+
+class UnseenBetweenWallsFactory : public PositionAloneFactory {
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<UnseenBetweenWalls>(n_lanes, n_threads);
+  }
+};
+
+TEST(PredictionJudge, ALeadWhoseFirstFitIsCaughtByAContactIsFittedAgain) {
+  UnseenBetweenWalls target(40, 1);
+  const Dataset logs = RandomLogs(target, kTruth);
+  const UnseenBetweenWallsFactory factory;
+  WindowReplayer replayer = MakeReplayer(factory, 0, logs, ReadingModel::Of(factory.spec(), logs, {}), 1);
+  const PredictionJudge judge(replayer, logs, VectorXd::Constant(1, 1e-6), {4}, 0.0125);
+  ASSERT_GT(judge.n_windows(), 50);
+  const Eigen::MatrixXd lead = judge.Predict(kTruth).lead;
+  const double found = static_cast<double>((lead.array() < 1e-10).count()) / static_cast<double>(lead.cols());
+  EXPECT_GT(found, 0.9);
 }
 
 TEST(PredictionJudge, AnotherSimulatorIsFartherOffTheLongerItPredicts) {

@@ -22,6 +22,7 @@ constexpr int kManyReplays = 50000;     // control steps of a linearization: wha
 constexpr int kFewestRows = 256;        // however much they cost
 constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is rounding
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
+constexpr double kSameFit = 0.004;      // in x, a thousandth of the range
 
 /// Windows of twice the length; the longest at once where the shorter ones told all but rounding.
 Level NextLevel(const Level& level, bool is_known) {
@@ -29,6 +30,10 @@ Level NextLevel(const Level& level, bool is_known) {
   if (!is_known) return next;
   for (Level longer = Joined(next); !longer.windows.empty(); longer = Joined(longer)) next = longer;
   return next;
+}
+
+VectorXd AsVector(const std::vector<double>& values) {
+  return Eigen::Map<const VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
 }  // namespace
@@ -142,7 +147,10 @@ bool ShortWindows::FitLengths(VectorXd x, bool again) {
     }
     ExpectUnguessed(*fit);
     const double growth = std::exp((noise.array() / SensorNoise().array()).log().mean());
-    if (growth > kTolerableGrowth && !IsRounding(noise)) return false;
+    if (growth > kTolerableGrowth && !IsRounding(noise)) {
+      // Where shorter windows are exact and these ask for the same, more is left as some starts were not found.
+      return !IsNoisy() && (fit->x() - x).cwiseAbs().maxCoeff() < kSameFit;
+    }
     x = fit->x();
     evidence_.window = level.windows.front().n_steps;
     evidence_.explained = fit->ShareExplained();
@@ -187,9 +195,11 @@ bool ShortWindows::IsRounding(const VectorXd& noise) const {
   return (noise.array() <= kVisibleNoise * scale_.array()).all();
 }
 
-VectorXd ShortWindows::SensorNoise() const {
-  return Eigen::Map<const VectorXd>(evidence_.short_noise_std.data(), scale_.size());
+bool ShortWindows::IsNoisy() const {
+  return !IsRounding(AsVector(fit_ == nullptr ? evidence_.short_noise_std : evidence_.noise_std));
 }
+
+VectorXd ShortWindows::SensorNoise() const { return AsVector(evidence_.short_noise_std); }
 
 bool ShortWindows::FitMoreRows() {
   const int n_lanes = 1 + space_.size() + replayer_->state_dim();

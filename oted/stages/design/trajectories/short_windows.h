@@ -38,8 +38,8 @@ class ShortWindows {
   int shortest() const { return shortest_; }  ///< control steps
   /// Whether the logs are exact but for rounding: their readings are the states.
   bool is_exact() const { return is_exact_; }
-  /// Whether more than rounding is left.
-  bool IsNoisy() const { return !IsRounding(SensorNoise()); }
+  /// Whether more than rounding is left by the longest windows that are explained: shorter ones find starts less well.
+  bool IsNoisy() const;
   /// (obs_dim): what the shortest windows leave.
   Eigen::VectorXd SensorNoise() const;
 
