@@ -40,6 +40,7 @@ json HorizonToJson(const HeldOutPrediction::Horizon& h) {
                         {"spread", c.spread},
                         {"guess", c.guess},
                         {"judged", c.judged},
+                        {"in_some", c.in_some},
                         {"excess", ToJson(c.excess)},
                         {"gain", ToJson(c.gain)}});
   }
@@ -74,7 +75,8 @@ HeldOutPrediction::Horizon HorizonFromJson(const json& h) {
                                 .judged = c.at("judged"),
                                 .excess = EstimatedFromJson(c.at("excess")),
                                 .gain = EstimatedFromJson(c.at("gain")),
-                                .guess = NumberFrom(c.at("guess"))});
+                                .guess = NumberFrom(c.at("guess")),
+                                .in_some = c.at("in_some")});
   }
   return horizon;
 }

@@ -26,11 +26,14 @@ struct HeldOutPrediction {
     /// Whether it has a part in what is told of all channels. Velocities that were computed from positions, or that a
     /// drive shows late, have none: their errors are not the simulator's. Their gain and excess are 0.
     bool judged = true;
-    Estimated excess;  ///< of the designed simulator over the floor, in these windows and in those that it learned from
-    Estimated gain;    ///< of the designed simulator over the nominal one: of sums over the windows
+    /// Of the designed simulator over the floor, in these windows and in those that it learned from: in a typical one,
+    /// or of sums over all of them where some are far off and most are not (`in_some`).
+    Estimated excess;
+    Estimated gain;  ///< of the designed simulator over the nominal one: of sums over the windows
     /// The least error of three guesses that know no simulator: its mean over the logs, that it stays as it was last
     /// read, that it goes on along a line through the readings that a start is fitted to.
     double guess = 0;
+    bool in_some = false;
   };
   struct Horizon {
     double seconds = 0;  ///< 0 where time has no unit

@@ -230,7 +230,8 @@ DesignRecord::Validation::Horizon HorizonInRecord(const HeldOutPrediction::Horiz
   for (size_t c = 0; c < h.channels.size(); ++c) {
     horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
                                 h.channels[c].designed, h.channels[c].floor, h.channels[c].spread, h.channels[c].judged,
-                                h.channels[c].guess});
+                                h.channels[c].guess,
+                                h.channels[c].in_some ? std::exp(0.5 * h.channels[c].excess.value) : 0});
   }
   if (h.n_of_recordings > 0) {
     horizon.in_recordings = {h.n_of_recordings, 1 - std::exp(-0.5 * h.gain_of_recordings.value),

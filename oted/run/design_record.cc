@@ -120,7 +120,7 @@ DesignRecord::Validation::Horizon HorizonFrom(const RecordReader& h) {
   for (const RecordReader& c : h.List("channels")) {
     horizon.channels.push_back({c.Get<std::string>("name"), c.Get<std::string>("unit"), c.Number("nominal"),
                                 c.Number("designed"), c.Has("floor") ? c.Number("floor") : 0, c.Number("spread"),
-                                c.Get<bool>("judged"), c.Number("guess")});
+                                c.Get<bool>("judged"), c.Number("guess"), c.Find<double>("times_in_some").value_or(0)});
   }
   if (h.Has("in_recordings")) {
     const RecordReader of = h.At("in_recordings");
@@ -243,6 +243,7 @@ json HorizonToRecord(const DesignRecord::Validation::Horizon& h) {
                         {"spread", c.spread},
                         {"guess", c.guess},
                         {"judged", c.judged}});
+    if (c.times_in_some > 0) channels.back()["times_in_some"] = c.times_in_some;
   }
   json record = {{"seconds", h.seconds}, {"n_steps", h.n_steps},   {"n_windows", h.n_windows},
                  {"learned", h.learned}, {"narrowed", h.narrowed}, {"surely_better", h.surely_better},

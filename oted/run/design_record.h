@@ -91,6 +91,9 @@ struct DesignRecord {
       double spread = 0;                 ///< standard deviation over the logs [unit]
       bool judged = true;                ///< HeldOutPrediction::Channel::judged
       double guess = 0;                  ///< HeldOutPrediction::Channel::guess [unit]
+      /// So many times the floor's error in all windows together, those that were learned from as well, where some are
+      /// far off and most are not; 0 otherwise.
+      double times_in_some = 0;
     };
     /// In whole recordings alone, where parts of others judge as well.
     struct InRecordings {

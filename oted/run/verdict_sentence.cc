@@ -21,6 +21,12 @@ constexpr const char* kAsksForMore =
     "the logs surely ask for something that is not searched (see the suspects): values may be off";
 constexpr const char* kGuesses = "its mean, that it stays, that it goes on as it began";
 
+/// Three names at most, the last of them how many there are beside.
+std::vector<std::string> FewOf(const std::vector<std::string>& channels) {
+  if (channels.size() <= 3) return channels;
+  return {channels[0], channels[1], fmt::format("{} other channels", channels.size() - 2)};
+}
+
 /// "[rad/s]" behind a number.
 std::string WithUnit(double value, const std::string& unit) {
   return unit.empty() ? fmt::format("{:.2g}", value) : fmt::format("{:.2g} {}", value, unit);
@@ -34,11 +40,19 @@ std::string WhatRemains(const DesignRecord::Validation& validation, const Design
   const auto more = [&](const auto& horizon) { return first_of(horizon).designed / first_of(horizon).floor; };
   const auto& at = more(shown) > kVisiblyMore ? shown : *std::ranges::max_element(validation.horizons, {}, more);
   const auto& c = first_of(at);
-  std::string text = fmt::format("{} {}{} (sensors alone: {:.2g})", c.name, WithUnit(c.designed, c.unit),
-                                 &at == &shown ? "" : " over " + InWords(at), c.floor);
-  if (off.size() == 2) text += " and " + shown.channels[static_cast<size_t>(off[1])].name;
-  if (off.size() > 2) text += fmt::format(" and {} other channels", off.size() - 1);
-  return text;
+  const auto in_some = [&](const auto& horizon) { return first_of(horizon).times_in_some; };
+  const auto& farthest = *std::ranges::max_element(validation.horizons, {}, in_some);
+  std::string others;
+  if (off.size() == 2) others = " and " + shown.channels[static_cast<size_t>(off[1])].name;
+  if (off.size() > 2) others = fmt::format(" and {} other channels", off.size() - 1);
+  if (in_some(farthest) > 0) {
+    return fmt::format(
+        "{}{} (over {} up to {:.2g} times as much in all windows together, those of the logs that it learned from as "
+        "well: some are far off)",
+        c.name, others, InWords(farthest), in_some(farthest));
+  }
+  return fmt::format("{} {}{} (sensors alone: {:.2g}){}", c.name, WithUnit(c.designed, c.unit),
+                     &at == &shown ? "" : " over " + InWords(at), c.floor, others);
 }
 
 namespace {
@@ -126,11 +140,13 @@ std::string WhyOnlyNarrowed(const DesignRecord& record) {
 
 /// Channels that no prediction tells anything of, to be appended to a sentence that the floor is reached.
 std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
-  std::string names;
+  std::vector<std::string> names;
   for (const auto& c : horizon.channels) {
-    if (c.judged && IsNoBetterThanGuess(c.floor, c.spread)) names += (names.empty() ? "" : ", ") + c.name;
+    if (c.judged && IsNoBetterThanGuess(c.floor, c.spread)) names.push_back(c.name);
   }
-  return names.empty() ? "" : fmt::format("; nothing is known of {}: noise alone explains what it shows", names);
+  if (names.empty()) return "";
+  return fmt::format("; of {} {} tells nothing: there noise alone explains what is read", Enumerate(FewOf(names)),
+                     horizon.learned ? "this" : "what was kept aside");
 }
 
 /// Channels that no verdict rests on, to be appended to a sentence that the floor is reached.
@@ -266,9 +282,8 @@ std::string ButAGuess(const DesignRecord::Validation& validation) {
     if (names.empty()) continue;
     if (text.empty()) {
       first = names;
-      if (names.size() > 3) names = {names[0], names[1], fmt::format("{} other channels", names.size() - 2)};
-      text = fmt::format("; over {} it predicts {} no better than a guess ({})", InWords(horizon), Enumerate(names),
-                         kGuesses);
+      text = fmt::format("; over {} it predicts {} no better than a guess ({})", InWords(horizon),
+                         Enumerate(FewOf(names)), kGuesses);
     } else {
       text += fmt::format(
           ", over {} {}", InWords(horizon),

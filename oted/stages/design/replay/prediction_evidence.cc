@@ -47,6 +47,13 @@ VectorXd LargestNoiseOf(const PredictionProblem& problem) {
   return problem.learned == nullptr ? largest : largest.cwiseMax(LargestNoise(*problem.learned)).eval();
 }
 
+/// The mean of several draws of the same windows.
+MatrixXd MeanOf(const std::vector<MatrixXd>& draws) {
+  MatrixXd sum = draws.front();
+  for (size_t k = 1; k < draws.size(); ++k) sum += draws[k];
+  return sum / static_cast<double>(draws.size());
+}
+
 /// Of recordings that something was learned from.
 int NumberOfParts(const PredictionProblem& problem) {
   return static_cast<int>(problem.kept_aside.Episodes().size()) - problem.n_whole;
@@ -298,17 +305,30 @@ class Evidence {
       excess_over_lower = TypicalRatios(designed, floor_of_other, designed.cols(), judge.channels());
       excess_over_lower->Add(ErrorOfNoise(), judge.channels().weight);
     }
-    const auto excess_in = [&](Eigen::Index c) {
+    std::vector<MatrixXd> draws_of_judged;
+    for (const MatrixXd& draw : draws) draws_of_judged.push_back(draw.leftCols(of_judged.cols()));
+    const PredictionRatios in_judged =
+        TypicalRatios(of_judged, floor_of(draws_of_judged), of_judged.cols(), judge.channels());
+    const auto typical_in = [&](Eigen::Index c) {
       return lower && IsSure(lower->OfChannel(c)) ? excess_over_lower->OfChannel(c) : excess.OfChannel(c);
     };
+    // What is far off in some windows drowns in what is typical of all.
+    const PredictionRatios in_sum = RatiosOfSums(designed, MeanOf(draws), judge.channels());
+    const auto is_in_some = [&](Eigen::Index c) {
+      const Estimated sum = in_sum.OfChannel(c);
+      return sum.value > std::max(kFarOff, typical_in(c).value) && IsSure(sum);
+    };
+    const auto excess_in = [&](Eigen::Index c) { return is_in_some(c) ? in_sum.OfChannel(c) : typical_in(c); };
     const Eigen::Index n_channels = designed.rows();
     horizon.excess = excess_in(n_channels);
     horizon.odd_episodes = OddEpisodes(LogRatios(designed, floor, designed.cols(), judge.channels()), parts, at);
     for (Eigen::Index c = 0; c < n_channels; ++c) {
       HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
-      const Estimated of_channel = excess_in(c);
-      if (channel.judged) channel.excess = of_channel;
-      channel.floor = channel.designed * std::exp(-0.5 * of_channel.value);
+      if (channel.judged) channel.excess = excess_in(c);
+      channel.in_some = channel.judged && is_in_some(c);
+      // What is sure is told as it is in all windows, and else as in those that the error is of.
+      const double excess_shown = IsSure(typical_in(c)) ? typical_in(c).value : in_judged.OfChannel(c).value;
+      channel.floor = channel.designed * std::exp(-0.5 * excess_shown);
     }
     return horizon;
   }
