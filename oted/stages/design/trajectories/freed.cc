@@ -112,13 +112,19 @@ class FreedTrials {
   }
 
  private:
+  struct Costs {
+    WindowCosts of_windows;
+    std::vector<int> ages;  // ReadingModel::ages
+  };
+
   /// Whether one of two that were tried makes the same windows surely likelier than the other, each by the noise that
   /// it leaves; or surely gains more, where that is not known of both. A few nats tell nothing, however sure: where two
   /// are one to the logs, as a servo's kv and all that it moves, the fits end that near each other.
   bool Leads(const Suspect& one, const Suspect& other) const {
     const auto ours = costs_.find(one.spec.name), theirs = costs_.find(other.spec.name);
-    if (ours != costs_.end() && theirs != costs_.end()) {
-      const std::optional<Estimated> nats = NatsGained(ours->second, theirs->second);
+    // Fits with other sensors late held other readings.
+    if (ours != costs_.end() && theirs != costs_.end() && ours->second.ages == theirs->second.ages) {
+      const std::optional<Estimated> nats = NatsGained(ours->second.of_windows, theirs->second.of_windows);
       if (nats) return nats->value > std::max(kFewestSureNats, kSureErrors * nats->error);
     }
     const Estimated &a = one.trial->gain, &b = other.trial->gain;
@@ -228,7 +234,7 @@ class FreedTrials {
     if (!can_tell) freed = without = {};
     if (!can_tell || (!is_long && nats.value > 0)) nats = ask(fits_.parts().learn);
     if (!std::isfinite(nats.error)) return std::nullopt;
-    costs_[suspect.spec.name] = freed;
+    costs_[suspect.spec.name] = {freed, readings.ages};
     return nats;
   }
 
@@ -264,8 +270,8 @@ class FreedTrials {
   SuspectFits fits_;
   SuspectScreening screening_;
   std::optional<VectorXd> without_;
-  std::optional<Fitted> fitted_without_;      ///< in the windows that freed suspects are fitted to
-  std::map<std::string, WindowCosts> costs_;  ///< with each suspect that was tried, where they are known
+  std::optional<Fitted> fitted_without_;  ///< in the windows that freed suspects are fitted to
+  std::map<std::string, Costs> costs_;    ///< with each suspect that was tried, where they are known
 };
 
 /// Of `suspects`, the likeliest first, as many as are named; the first `n` of them are freed.
