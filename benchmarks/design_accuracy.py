@@ -5,11 +5,13 @@
 
 Data are five episodes of the shipped medium policy: the shipped files, copies with sensor noise of standard deviation 0.02 on
 every observation (medium-noisy), and, for the target "drawn", episodes collected in a target drawn at random
-(study_data.py). Every cell runs `oted design` and leaves one line of JSON in --out; a cell that is there is not run again.
+(study_data.py). Hopper's positions are also given alone (medium-positions, medium-noisy-positions), as a CSV with a task file
+of its own whose model is Gymnasium's. Every cell runs `oted design` and leaves one line of JSON in --out; a cell that is there is not run again.
 Prints the table as Markdown. Errors are in multiples of the nominal value, mean over the three parameters.
 """
 
 import argparse
+import csv
 import json
 import pathlib
 import resource
@@ -19,7 +21,9 @@ import subprocess
 import tempfile
 import time
 
-from study_data import (HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, number, records_of, run_missing,
+import numpy as np
+
+from study_data import (DATA, HIGH, LOW, PARAMETERS, ROOT, TASKS, cells_of, commit, logs, number, records_of, run_missing,
                         truth)
 
 N_SEEDS = 5
@@ -36,16 +40,52 @@ FORMS = {
 }
 
 
+ALONE = "-positions"
+HOPPER = ("rootz", "rooty", "thigh_joint", "leg_joint", "foot_joint")  # what it observes of qpos, in this order
+
+
 def cells():
     for cell in cells_of(FORMS):
         if cell["form"] != "paper" or (cell["data"] == "medium" and cell["target"] != "drawn"):
             yield cell
+    for target in ("shifted", "drawn"):
+        for data in DATA:
+            yield {"task": "hopper", "target": target, "data": data + ALONE, "form": "trajectories"}
+
+
+def positions_alone(data, oted, folder):
+    """Hopper's logs without velocities, as a task file of the caller's own would have them. Returns the words that name it."""
+    logs_file, rows = f"{folder}/logs.npz", []
+    subprocess.run([str(oted), "data", "convert", data, logs_file], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    logged = np.load(logs_file)
+    episode = np.concatenate([[0], np.cumsum(logged["terminals"] | logged["timeouts"])])
+    for i, e in enumerate(episode[:-1]):
+        rows.append([e, *logged["observations"][i, :len(HOPPER)], *logged["actions"][i]])
+        if episode[i + 1] != e:
+            rows.append([e, *logged["next_observations"][i, :len(HOPPER)], *logged["actions"][i]])
+    with open(f"{folder}/logs.csv", "w", newline="", encoding="utf-8") as file:
+        head = ["episode", *(f"joint/{joint}/qpos" for joint in HOPPER), *(f"actuator/#{i}" for i in range(3))]
+        csv.writer(file).writerows([head, *rows])
+    task = pathlib.Path(folder) / "task.toml"
+    observations = ", ".join(f'"joint/{joint}/qpos"' for joint in HOPPER)
+    task.write_text(f'''[task]
+model = "package:gymnasium/envs/mujoco/assets/hopper.xml"
+control_period = 0.008
+observations = [{observations}]
+start = "logs"
+[data]
+path = "logs.csv"
+''')
+    return [str(task)]
 
 
 def run(cell, oted, n_seeds):
     out = tempfile.mkdtemp(prefix="oted-design-")
-    data = logs(cell["task"], cell["target"], cell["data"], oted, out)
-    command = [str(oted), "design", "--task", TASKS[cell["task"]], "--data", data, "--seed", "1", "--seeds", str(n_seeds),
+    data = logs(cell["task"], cell["target"], cell["data"].removesuffix(ALONE), oted, out)
+    words = ["--task", TASKS[cell["task"]], "--data", data]
+    if cell["data"].endswith(ALONE):
+        words = positions_alone(data, oted, out)
+    command = [str(oted), "design", *words, "--seed", "1", "--seeds", str(n_seeds),
                "--out", f"{out}/run", "--quiet", "--json", "--set", "report.motion=false"]
     for setting in FORMS[cell["form"]]:
         command += ["--set", setting]

@@ -36,10 +36,9 @@ constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
 constexpr size_t kMoved = 2;            // joints that an action may be the command of: those that it moves most
 constexpr size_t kMostJoints = 12;      // those that fit worst
 constexpr size_t kMostCorrections = 3;
-constexpr size_t kMostRecordings = 50;   // with more of them, too few windows lie in each
-constexpr size_t kMostOdd = 5;           // recordings that are searched one by one
-constexpr int kFewestOwnStretches = 10;  // that a recording has to last for one of its own: few fit by chance
-constexpr double kAsUsual = 2;           // what a correction of one recording must come down to
+constexpr size_t kMostRecordings = 50;        // with more of them, too few windows lie in each
+constexpr int kMostOdd = 5, kFewestOwn = 10;  // recordings that are searched one by one; windows that each has to last
+constexpr double kAsUsual = 2;                // what a correction of one recording must come down to
 constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "control_rate", "swapped_columns",
                                   "quaternion_order", "quaternion_inverse", "turn_frame",   "velocity_frame",
                                   "quaternion_sign",  "shifted_actions"};
@@ -114,12 +113,12 @@ class Search {
       errors[e] = Take(dataset.Select({episodes[e]})).value_or(Errors{});
     }
     const Errors usual = UsualErrors(errors, kGood * kGood);
-    size_t n_searched = 0;
+    int n_searched = 0;
     for (size_t e = 0; e < episodes.size() && n_searched < kMostOdd; ++e) {
       if (errors[e].empty() || !IsOdd(errors[e], usual)) continue;
       ++n_searched;
       const std::optional<Errors> now = Take(dataset.Select({episodes[e]}));
-      if (episodes[e].size() < kFewestOwnStretches * windows_.windows.front().n_steps) continue;
+      if (episodes[e].size() < kFewestOwn * windows_.windows.front().n_steps) continue;
       std::vector<Trial> trials = Try(*now);
       std::erase_if(trials, [&](const Trial& t) {
         return MeanOf(t.errors, t.correction.judged) > kAsUsual * MeanOf(usual, t.correction.judged) ||

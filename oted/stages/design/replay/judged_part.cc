@@ -129,6 +129,18 @@ MatrixXd Beside(const MatrixXd& a, const MatrixXd& b) {
   return both;
 }
 
+MatrixXd AllBeside(const std::vector<MatrixXd>& draws) {
+  MatrixXd all = draws.front();
+  for (size_t k = 1; k < draws.size(); ++k) all = Beside(all, draws[k]);
+  return all;
+}
+
+MatrixXd MeanOf(const std::vector<MatrixXd>& draws) {
+  MatrixXd sum = draws.front();
+  for (size_t k = 1; k < draws.size(); ++k) sum += draws[k];
+  return sum / static_cast<double>(draws.size());
+}
+
 VectorXd Medians(const MatrixXd& squares) {
   VectorXd medians(squares.rows());
   for (Eigen::Index c = 0; c < squares.rows(); ++c) {

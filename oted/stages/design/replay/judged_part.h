@@ -61,6 +61,9 @@ using Imitations = std::vector<std::vector<PredictionJudge::Squares>>;
 
 /// The windows of `a`, and behind them those of `b`.
 Eigen::MatrixXd Beside(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
+/// Several draws of the same windows, one behind the other; and their mean. At least one.
+Eigen::MatrixXd AllBeside(const std::vector<Eigen::MatrixXd>& draws);
+Eigen::MatrixXd MeanOf(const std::vector<Eigen::MatrixXd>& draws);
 
 /// Of each channel, the median over windows; those that broke down count as the largest.
 Eigen::VectorXd Medians(const Eigen::MatrixXd& squares);

@@ -10,6 +10,7 @@
 #include "oted/matching/held_out.h"
 #include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
+#include "oted/stages/design/replay/excess.h"
 #include "oted/stages/design/replay/judged_part.h"
 #include "oted/stages/design/replay/longest_horizon.h"
 #include "oted/stages/design/replay/noise_bound.h"
@@ -45,13 +46,6 @@ constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
 VectorXd LargestNoiseOf(const PredictionProblem& problem) {
   const VectorXd largest = LargestNoise(problem.kept_aside);
   return problem.learned == nullptr ? largest : largest.cwiseMax(LargestNoise(*problem.learned)).eval();
-}
-
-/// The mean of several draws of the same windows.
-MatrixXd MeanOf(const std::vector<MatrixXd>& draws) {
-  MatrixXd sum = draws.front();
-  for (size_t k = 1; k < draws.size(); ++k) sum += draws[k];
-  return sum / static_cast<double>(draws.size());
 }
 
 /// Of recordings that something was learned from.
@@ -286,49 +280,26 @@ class Evidence {
       for (const auto& squares : imitations) draws.push_back(all_of(squares));
       return draws;
     };
-    const auto floor_of = [&](const std::vector<MatrixXd>& draws) {
-      MatrixXd floor(designed.rows(), 0);
-      for (const MatrixXd& draw : draws) floor = Beside(floor, draw);
-      return floor;
-    };
     const std::vector<MatrixXd> draws = draws_of(imitated_);
-    const MatrixXd floor = floor_of(draws);
-    PredictionRatios excess = TypicalRatios(designed, floor, designed.cols(), judge.channels());
-    excess.Widen((HasFewWindows() ? kTailOfSix : 1) * ScatterOfDraws(draws, judge.channels()));
-    excess.Add(ErrorOfNoise(), judge.channels().weight);
+    const JudgedChannels& channels = judge.channels();
+    const ExcessOverFloor::Inputs inputs{.designed = designed,
+                                         .draws = draws,
+                                         .n_judged = of_judged.cols(),
+                                         .times_scatter = HasFewWindows() ? kTailOfSix : 1,
+                                         .error_of_noise = ErrorOfNoise()};
+    ExcessOverFloor excess(inputs, channels);
     // The design may be so wrong that it does not predict even its own logs. Where the other one predicts these logs no
-    // worse, and logs of its own surely better, sensors leave no more than that.
-    std::optional<PredictionRatios> lower, excess_over_lower;
+    // worse, its floor counts.
     if (!imitated_by_other_.empty() && horizon.gain.value <= 0) {
-      const MatrixXd floor_of_other = floor_of(draws_of(imitated_by_other_));
-      lower = TypicalRatios(floor, floor_of_other, designed.cols(), judge.channels());
-      excess_over_lower = TypicalRatios(designed, floor_of_other, designed.cols(), judge.channels());
-      excess_over_lower->Add(ErrorOfNoise(), judge.channels().weight);
+      excess.TakeLower(inputs, draws_of(imitated_by_other_), channels);
     }
-    std::vector<MatrixXd> draws_of_judged;
-    for (const MatrixXd& draw : draws) draws_of_judged.push_back(draw.leftCols(of_judged.cols()));
-    const PredictionRatios in_judged =
-        TypicalRatios(of_judged, floor_of(draws_of_judged), of_judged.cols(), judge.channels());
-    const auto typical_in = [&](Eigen::Index c) {
-      return lower && IsSure(lower->OfChannel(c)) ? excess_over_lower->OfChannel(c) : excess.OfChannel(c);
-    };
-    // What is far off in some windows drowns in what is typical of all.
-    const PredictionRatios in_sum = RatiosOfSums(designed, MeanOf(draws), judge.channels());
-    const auto is_in_some = [&](Eigen::Index c) {
-      const Estimated sum = in_sum.OfChannel(c);
-      return sum.value > std::max(kFarOff, typical_in(c).value) && IsSure(sum);
-    };
-    const auto excess_in = [&](Eigen::Index c) { return is_in_some(c) ? in_sum.OfChannel(c) : typical_in(c); };
-    const Eigen::Index n_channels = designed.rows();
-    horizon.excess = excess_in(n_channels);
-    horizon.odd_episodes = OddEpisodes(LogRatios(designed, floor, designed.cols(), judge.channels()), parts, at);
-    for (Eigen::Index c = 0; c < n_channels; ++c) {
+    horizon.excess = excess.Of(designed.rows());
+    horizon.odd_episodes = OddEpisodes(LogRatios(designed, AllBeside(draws), designed.cols(), channels), parts, at);
+    for (Eigen::Index c = 0; c < designed.rows(); ++c) {
       HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
-      if (channel.judged) channel.excess = excess_in(c);
-      channel.in_some = channel.judged && is_in_some(c);
-      // What is sure is told as it is in all windows, and else as in those that the error is of.
-      const double excess_shown = IsSure(typical_in(c)) ? typical_in(c).value : in_judged.OfChannel(c).value;
-      channel.floor = channel.designed * std::exp(-0.5 * excess_shown);
+      if (channel.judged) channel.excess = excess.Of(c);
+      channel.in_some = channel.judged && excess.IsInSome(c);
+      channel.floor = channel.designed * std::exp(-0.5 * excess.Shown(c));
     }
     return horizon;
   }
@@ -456,8 +427,8 @@ std::optional<HeldOutPrediction> Predict(const PredictionProblem& asked, const s
   if (with_floor) {
     evidence.FindFloor(!PredictsBetter(prediction));  // of gains alone
     prediction = CompareAll(evidence, horizons);
+    prediction.longest = LongestPredicted(problem, WithoutNoise(space, other), horizons.back());
   }
-  if (with_floor) prediction.longest = LongestPredicted(problem, WithoutNoise(space, other), horizons.back());
   prediction.open_ends = OpenEnds(evidence, problem, steps);
   prediction.n_recordings = problem.n_whole;
   prediction.n_parts = problem.learned == nullptr ? 0 : NumberOfParts(problem);

@@ -122,6 +122,33 @@ TEST(PredictLogs, AFaultInOneOfFiveEpisodesLeavesNoFloorThatIsReachedAndIsNamed)
   EXPECT_EQ(ToldOf(prediction.horizons).odd_episodes, std::vector<int>{2});
 }
 
+TEST(PredictLogs, WhatAFewWindowsOfAllRecordingsShowIsNotTheFloor) {
+  const PointMassFactory factory;
+  const auto in_some = [&](const Dataset& logs) {
+    const HeldOutPrediction prediction = Evidence(logs, kTruth, 0.02, 1, factory, {});
+    const auto is_it = [](const HeldOutPrediction::Channel& channel) { return channel.in_some; };
+    return std::ranges::any_of(prediction.horizons,
+                               [&](const auto& horizon) { return std::ranges::any_of(horizon.channels, is_it); });
+  };
+  int n_by_chance = 0;
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    n_by_chance += in_some(WithSensorNoise(PointMassLogs(kTruth, 25), 0.02, RngKey(seed))) ? 1 : 0;
+  }
+  EXPECT_EQ(n_by_chance, 0);
+  Dataset pushed = WithSensorNoise(PointMassLogs(kTruth, 25), 0.02, RngKey(1));  // in every sixth episode, once
+  const std::vector<Episode> episodes = pushed.Episodes();
+  for (size_t e = 0; e < episodes.size(); e += 6) {
+    const int row = (episodes[e].begin + episodes[e].end) / 2;
+    pushed.actions(row, 0) = -3 * pushed.actions(row, 0);
+  }
+  const HeldOutPrediction prediction = Evidence(pushed, kTruth, 0.02, 1, factory, {});
+  EXPECT_FALSE(ReachesFloor(prediction));
+  EXPECT_TRUE(in_some(pushed));
+  for (const auto& horizon : prediction.horizons) {
+    EXPECT_GT(horizon.channels[0].floor, 0.015) << "noise of 0.02 is on every reading, whatever the pushes did";
+  }
+}
+
 TEST(PredictLogs, TellsHowFarItIsAndStopsWhereItIsTold) {
   const Dataset logs = WithSensorNoise(PointMassLogs(kTruth, 25), 0.05, RngKey(1));
   const PointMassFactory factory;
