@@ -63,16 +63,30 @@ std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::
                          : "no interval is narrower");
 }
 
+/// Names and units, and the floor where it was looked for over that horizon.
+std::vector<DesignRecord::Validation::Channel> ChannelsOver(double seconds, const SimulatorSpec& spec,
+                                                            const std::optional<HeldOutPrediction>& prediction) {
+  std::vector<DesignRecord::Validation::Channel> channels;
+  for (size_t c = 0; c < static_cast<size_t>(spec.obs_dim()); ++c) {
+    channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c)});
+    if (!prediction) continue;
+    for (const HeldOutPrediction::Horizon& h : prediction->horizons) {
+      if (h.seconds == seconds) channels.back().floor = h.channels[c].floor;
+    }
+  }
+  return channels;
+}
+
+/// @param off  the channels in which more is left than the sensors explain
 DesignRecord::Fit FitOf(const FitEvidence& fit, const std::vector<Suspect>& suspects, const std::vector<int>& off,
-                        const SimulatorSpec& spec) {
+                        const SimulatorSpec& spec, const std::optional<HeldOutPrediction>& prediction) {
   DesignRecord::Fit record{fit.window, fit.explained, {}, {}, fit.left_out};
   for (size_t c = 0; c < fit.noise_std.size(); ++c) {
     record.channels.push_back({ChannelName(spec, c), fit.noise_std[c], fit.short_noise_std[c], fit.long_noise_std[c],
                                std::ranges::find(off, static_cast<int>(c)) != off.end()});
   }
-  std::vector<DesignRecord::Validation::Channel> channels;
-  for (size_t c = 0; c < fit.noise_std.size(); ++c) channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c)});
   for (const Suspect& suspect : suspects) {
+    const auto channels = ChannelsOver(suspect.trial ? suspect.trial->seconds : 0, spec, prediction);
     record.suspects.push_back({suspect, SuspectSentence(suspect, channels, off), ParameterLine(suspect.spec)});
   }
   return record;
@@ -314,7 +328,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   const bool moved_unseen = !best.prediction && record.verdict == DesignVerdict::kNoGap && HasMoved(space, summaries);
   if (moved_unseen) record.verdict = DesignVerdict::kGapClosed;
   if (const std::optional<FitEvidence>& fit = findings.candidates[ToldBy(findings)].fit) {
-    record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec());
+    record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec(), best.prediction);
     if (best.fit && !best.fit->own_logs.empty()) {
       const bool none_is_settled = best.fit->unsettled.size() == static_cast<size_t>(space.size());
       record.fit->own_logs = {best.fit->own_logs, OwnLogsSentence(space, best.fit->own_logs, none_is_settled)};

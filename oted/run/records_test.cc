@@ -404,6 +404,37 @@ TEST(VerdictSentence, NamesRecordingsThatAFitWithoutThemPredictsWorseThanTheNomi
   EXPECT_THAT(VerdictSentence(record, {0}), EndsWith("that it did not learn from"));
 }
 
+TEST(VerdictSentence, SaysWhereSomeWindowsAloneAreFarOff) {
+  DesignRecord record = Narrowed();
+  DesignRecord::Validation::Channel hand{"hand", "rad", 0.1, 0.0102, 0.01, 1};
+  hand.times_in_some = 4.2;
+  record.validation->horizons = {{0.5, 50, 9, false, 0.62, true, {hand, {"box", "m", 0.1, 0.01, 0.01, 1}}, {}}};
+  EXPECT_THAT(
+      VerdictSentence(record, {0, 1}),
+      HasSubstr("hand and box (over 0.5 s up to 4.2 times as much in all windows together, those of the logs that "
+                "it learned from as well: some are far off)"));
+  record.validation->horizons[0].channels[0].designed = 0.04;
+  EXPECT_THAT(VerdictSentence(record, {0, 1}), HasSubstr("hand 0.04 rad (sensors alone: 0.01) and box"))
+      << "it shows in the windows that judge";
+}
+
+TEST(SuspectSentence, SaysWhatTheSensorsLeaveBesideWhatItBought) {
+  FreedTrial trial;
+  trial.value = 2;
+  trial.kept = true;
+  trial.seconds = 0.5;
+  trial.gain = {1.4, 0.1};
+  trial.before = {0.04};
+  trial.after = {0.02};
+  const auto sentence = [&](double floor) {
+    DesignRecord::Validation::Channel hand{"hand", "rad"};
+    hand.floor = floor;
+    return SuspectSentence({.spec = {.name = "mass", .field = "body/*/mass"}, .trial = trial}, {hand}, {0});
+  };
+  EXPECT_THAT(sentence(0.015), EndsWith("hand 0.04 to 0.02 rad (sensors alone: 0.015)"));
+  EXPECT_THAT(sentence(0), EndsWith("hand 0.04 to 0.02 rad"));
+}
+
 TEST(SuspectSentence, SaysWithWhichOtherSurelyMoreIsGained) {
   FreedTrial trial;
   trial.value = 2;

@@ -42,6 +42,7 @@ std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Vali
     const auto c = static_cast<size_t>(*most);
     const std::string unit = channels[c].unit.empty() ? "" : " " + channels[c].unit;
     text += fmt::format(", {} {:.2g} to {:.2g}{}", channels[c].name, trial.before[c], trial.after[c], unit);
+    if (channels[c].floor > 0) text += fmt::format(" (sensors alone: {:.2g})", channels[c].floor);
   }
   return text;
 }

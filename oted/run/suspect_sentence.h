@@ -12,7 +12,7 @@ namespace oted {
 std::string ParameterLine(const ParameterSpec& spec);
 
 /// What the logs say of a suspect, and what freeing it bought.
-/// @param channels  of the predictions: names and units
+/// @param channels  of the predictions: names and units, and the floor where it is known
 /// @param off       those in which more is left than the sensors explain, the farthest off first; the first is told of
 std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignRecord::Validation::Channel>& channels,
                             const std::vector<int>& off);

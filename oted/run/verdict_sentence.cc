@@ -45,7 +45,7 @@ std::string WhatRemains(const DesignRecord::Validation& validation, const Design
   std::string others;
   if (off.size() == 2) others = " and " + shown.channels[static_cast<size_t>(off[1])].name;
   if (off.size() > 2) others = fmt::format(" and {} other channels", off.size() - 1);
-  if (in_some(farthest) > 0) {
+  if (!(more(at) > kVisiblyMore) && in_some(farthest) > 0) {
     return fmt::format(
         "{}{} (over {} up to {:.2g} times as much in all windows together, those of the logs that it learned from as "
         "well: some are far off)",
