@@ -29,21 +29,17 @@ constexpr double kActionHelps = 0.6;   // the same for an action, in the two cha
 constexpr double kMostLeft = 1.0;      // error of its channels, of their change, beside which a correction is none
 constexpr double kLeftOfGuess = 0.55;  // the same of a zero, and of what one recording has for itself
 constexpr double kTwoForOne = 0.7;     // what two changes must leave of what one does
-constexpr double kAlike = 1.1;         // corrections that leave within so much of the best are named beside it
-constexpr double kOwnAlike = 1.5;
+constexpr double kAlike = 1.1, kOwnAlike = 1.5;  // corrections that leave within so much of the best are named beside
 constexpr double kRivalAlike = 2.0;     // the same of a constant beside a zero: more than one constant may be off
 constexpr double kSmallestZero = 0.02;  // [rad]; [m]: a tenth
-constexpr size_t kMoved = 2;            // joints that an action may be the command of: those that it moves most
-constexpr size_t kMostJoints = 12;      // those that fit worst
-constexpr size_t kMostCorrections = 3;
-constexpr size_t kMostRecordings = 50;        // with more of them, too few windows lie in each
+constexpr size_t kMoved = 2, kMostJoints = 12;  // that an action may command: it moves them most; that fit worst
+constexpr size_t kMostCorrections = 3, kMostRecordings = 50;  // with more recordings, few windows lie in each
 constexpr int kMostOdd = 5, kFewestOwn = 10;  // recordings that are searched one by one; windows that each has to last
 constexpr double kAsUsual = 2;                // what a correction of one recording must come down to
 constexpr const char* kOfAll[] = {"rate_sign",        "rate_unit",          "control_rate", "swapped_columns",
                                   "quaternion_order", "quaternion_inverse", "turn_frame",   "velocity_frame",
                                   "quaternion_sign",  "shifted_actions"};
-constexpr double kCorrelated = 0.6;  // of a velocity with its position
-constexpr double kBeyond = 3;        // an action, of the bound of its range
+constexpr double kCorrelated = 0.6, kBeyond = 3;  // a velocity with its position; an action, times its bound
 constexpr double kThousandth = 1e-3, kHundredth = 1e-2;
 
 /// A position and its rate, where that is logged.
@@ -125,8 +121,9 @@ class Search {
                !MendsTo(kLeftOfGuess, t.errors, t.correction);
       });
       if (trials.empty()) continue;
+      const size_t n_found = findings_.size();
       Report({std::move(trials), *now, windows_}, fmt::format("in episode {} alone: ", e + 1));
-      findings_.back().row = episodes[e].begin;
+      if (findings_.size() > n_found) findings_.back().row = episodes[e].begin;
     }
   }
 
@@ -408,6 +405,8 @@ class Search {
     const Trial& best = trials.front();
     const std::optional<ParameterRival> rival = RivalOf(step);
     const std::vector<int>& judged = best.correction.judged;
+    // A zero comes and goes with no recording where a constant of the model, the same in all, explains more.
+    if (rival && !where.empty() && rival->error <= MeanOf(best.errors, judged)) return false;
     auto [change, remedy] = best.correction.InWords(spec_);
     if (const char* setting = best.correction.Setting(); setting != nullptr && where.empty()) {
       remedy += fmt::format(" ({})", setting);
@@ -429,7 +428,8 @@ class Search {
                                         rival->words, std::sqrt(rival->error))
                           : "the columns are not what the model means by them; a design would bend parameters to fit "
                             "that",
-         .remedy = where + remedy + (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
+         .remedy = where + (rival ? "design first, and where the zero itself is known to be off " : "") + remedy +
+                   (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
     return !rival;
   }
 
