@@ -6,8 +6,8 @@
 Data are five episodes of the shipped medium policy: the shipped files, copies with sensor noise of standard deviation 0.02 on
 every observation (medium-noisy), and, for the target "drawn", episodes collected in a target drawn at random
 (study_data.py). Hopper's positions are also given alone (medium-positions, medium-noisy-positions), as a CSV with a task file
-of its own whose model is Gymnasium's. Every cell runs `oted design` and leaves one line of JSON in --out; a cell that is there is not run again.
-Prints the table as Markdown. Errors are in multiples of the nominal value, mean over the three parameters.
+of its own whose model is Gymnasium's. Every cell runs `oted design` and leaves one line of JSON in --out; a cell that is there
+is not run again. Prints the table as Markdown. Errors are in multiples of the nominal value, mean over the three parameters.
 """
 
 import argparse
@@ -38,8 +38,6 @@ FORMS = {
     "transitions": ["design.method=transitions"],
     "paper": ["design.method=paper"],
 }
-
-
 ALONE = "-positions"
 HOPPER = ("rootz", "rooty", "thigh_joint", "leg_joint", "foot_joint")  # what it observes of qpos, in this order
 
@@ -54,7 +52,7 @@ def cells():
 
 
 def positions_alone(data, oted, folder):
-    """Hopper's logs without velocities, as a task file of the caller's own would have them. Returns the words that name it."""
+    """Hopper's logs without velocities, as a task file of the caller's own would have them. Returns its path."""
     logs_file, rows = f"{folder}/logs.npz", []
     subprocess.run([str(oted), "data", "convert", data, logs_file], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     logged = np.load(logs_file)
@@ -76,15 +74,14 @@ start = "logs"
 [data]
 path = "logs.csv"
 ''')
-    return [str(task)]
+    return task
 
 
 def run(cell, oted, n_seeds):
     out = tempfile.mkdtemp(prefix="oted-design-")
     data = logs(cell["task"], cell["target"], cell["data"].removesuffix(ALONE), oted, out)
-    words = ["--task", TASKS[cell["task"]], "--data", data]
-    if cell["data"].endswith(ALONE):
-        words = positions_alone(data, oted, out)
+    alone = cell["data"].endswith(ALONE)
+    words = [str(positions_alone(data, oted, out))] if alone else ["--task", TASKS[cell["task"]], "--data", data]
     command = [str(oted), "design", *words, "--seed", "1", "--seeds", str(n_seeds),
                "--out", f"{out}/run", "--quiet", "--json", "--set", "report.motion=false"]
     for setting in FORMS[cell["form"]]:

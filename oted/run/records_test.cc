@@ -418,12 +418,18 @@ TEST(VerdictSentence, SaysWhereSomeWindowsAloneAreFarOff) {
       << "it shows in the windows that judge";
 }
 
-TEST(SuspectSentence, SaysWhatTheSensorsLeaveBesideWhatItBought) {
+/// Of a mass that was freed and kept.
+FreedTrial Kept() {
   FreedTrial trial;
   trial.value = 2;
   trial.kept = true;
   trial.seconds = 0.5;
   trial.gain = {1.4, 0.1};
+  return trial;
+}
+
+TEST(SuspectSentence, SaysWhatTheSensorsLeaveBesideWhatItBought) {
+  FreedTrial trial = Kept();
   trial.before = {0.04};
   trial.after = {0.02};
   const auto sentence = [&](double floor) {
@@ -436,11 +442,7 @@ TEST(SuspectSentence, SaysWhatTheSensorsLeaveBesideWhatItBought) {
 }
 
 TEST(SuspectSentence, SaysWithWhichOtherSurelyMoreIsGained) {
-  FreedTrial trial;
-  trial.value = 2;
-  trial.kept = true;
-  trial.seconds = 0.5;
-  trial.gain = {1.4, 0.1};
+  FreedTrial trial = Kept();
   trial.nats = Estimated{40, 4};
   const auto sentence = [&] {
     return SuspectSentence({.spec = {.name = "mass", .field = "body/*/mass"}, .trial = trial}, {}, {});

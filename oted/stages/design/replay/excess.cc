@@ -21,19 +21,15 @@ PredictionRatios InJudged(const ExcessOverFloor::Inputs& in, const JudgedChannel
 }  // namespace
 
 ExcessOverFloor::ExcessOverFloor(const Inputs& in, const JudgedChannels& channels)
-    : typical_(TypicalRatios(in.designed, AllBeside(in.draws), in.designed.cols(), channels)),
+    : typical_(TypicalRatios(in.designed, in.floor, in.designed.cols(), channels)),
       in_judged_(InJudged(in, channels)),
       in_sum_(RatiosOfSums(in.designed, MeanOf(in.draws), channels)) {
   typical_.Widen(in.times_scatter * ScatterOfDraws(in.draws, channels));
   typical_.Add(in.error_of_noise, channels.weight);
-}
-
-void ExcessOverFloor::TakeLower(const Inputs& in, const std::vector<MatrixXd>& of_other,
-                                const JudgedChannels& channels) {
-  const MatrixXd floor_of_other = AllBeside(of_other);
-  const Index n = in.designed.cols();
-  lower_ = TypicalRatios(AllBeside(in.draws), floor_of_other, n, channels);
-  over_lower_ = TypicalRatios(in.designed, floor_of_other, n, channels);
+  if (in.draws_of_other.empty()) return;
+  const MatrixXd floor_of_other = AllBeside(in.draws_of_other);
+  lower_ = TypicalRatios(in.floor, floor_of_other, in.designed.cols(), channels);
+  over_lower_ = TypicalRatios(in.designed, floor_of_other, in.designed.cols(), channels);
   over_lower_->Add(in.error_of_noise, channels.weight);
 }
 

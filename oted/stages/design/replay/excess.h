@@ -16,15 +16,15 @@ class ExcessOverFloor {
   struct Inputs {
     const Eigen::MatrixXd& designed;            ///< of all windows, those that judge first
     const std::vector<Eigen::MatrixXd>& draws;  ///< of the same windows as the design itself would have logged them
-    Eigen::Index n_judged = 0;                  ///< windows that judge
-    double times_scatter = 1;                   ///< what the draws' scatter counts as an error
-    Eigen::VectorXd error_of_noise;             ///< (channels): of the logarithm of the sensors' variance
+    const Eigen::MatrixXd& floor;               ///< AllBeside(draws)
+    /// Draws of another simulator's; may be empty. Where it surely predicts logs of its own better than the design
+    /// predicts those of its own, sensors leave no more than that.
+    std::vector<Eigen::MatrixXd> draws_of_other;
+    Eigen::Index n_judged = 0;       ///< windows that judge
+    double times_scatter = 1;        ///< what the draws' scatter counts as an error
+    Eigen::VectorXd error_of_noise;  ///< (channels): of the logarithm of the sensors' variance
   };
   ExcessOverFloor(const Inputs& in, const JudgedChannels& channels);
-
-  /// Where another simulator surely predicts logs of its own better than the design predicts those of its own, sensors
-  /// leave no more than that. @param of_other  draws of that
-  void TakeLower(const Inputs& in, const std::vector<Eigen::MatrixXd>& of_other, const JudgedChannels& channels);
 
   /// In a typical window; of sums over all of them where some are far off (IsInSome).
   Estimated Of(Eigen::Index c) const { return IsInSome(c) ? in_sum_.OfChannel(c) : Typical(c); }

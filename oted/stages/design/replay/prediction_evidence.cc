@@ -281,20 +281,22 @@ class Evidence {
       return draws;
     };
     const std::vector<MatrixXd> draws = draws_of(imitated_);
+    const MatrixXd floor = AllBeside(draws);
     const JudgedChannels& channels = judge.channels();
-    const ExcessOverFloor::Inputs inputs{.designed = designed,
-                                         .draws = draws,
-                                         .n_judged = of_judged.cols(),
-                                         .times_scatter = HasFewWindows() ? kTailOfSix : 1,
-                                         .error_of_noise = ErrorOfNoise()};
-    ExcessOverFloor excess(inputs, channels);
     // The design may be so wrong that it does not predict even its own logs. Where the other one predicts these logs no
     // worse, its floor counts.
-    if (!imitated_by_other_.empty() && horizon.gain.value <= 0) {
-      excess.TakeLower(inputs, draws_of(imitated_by_other_), channels);
-    }
+    const bool other_counts = horizon.gain.value <= 0;
+    const ExcessOverFloor excess(
+        {.designed = designed,
+         .draws = draws,
+         .floor = floor,
+         .draws_of_other = other_counts ? draws_of(imitated_by_other_) : std::vector<MatrixXd>(),
+         .n_judged = of_judged.cols(),
+         .times_scatter = HasFewWindows() ? kTailOfSix : 1,
+         .error_of_noise = ErrorOfNoise()},
+        channels);
     horizon.excess = excess.Of(designed.rows());
-    horizon.odd_episodes = OddEpisodes(LogRatios(designed, AllBeside(draws), designed.cols(), channels), parts, at);
+    horizon.odd_episodes = OddEpisodes(LogRatios(designed, floor, designed.cols(), channels), parts, at);
     for (Eigen::Index c = 0; c < designed.rows(); ++c) {
       HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
       if (channel.judged) channel.excess = excess.Of(c);
