@@ -95,8 +95,10 @@ void TerminalSink::Draw() {
   }
   const double fraction = total > 0 ? static_cast<double>(done) / static_cast<double>(total) : 1.0;
   const double elapsed = std::chrono::duration<double>(Clock::now() - stage_start_).count();
-  const double left =
-      done > first ? elapsed * static_cast<double>(total - done) / static_cast<double>(done - first) : 0;
+  // Before anything is done nobody knows.
+  const std::string left =
+      done > first ? FormatDuration(elapsed * static_cast<double>(total - done) / static_cast<double>(done - first))
+                   : "?";
   const int tenth = static_cast<int>(10 * fraction);
   if (!is_terminal_ && tenth <= last_tenth_ && !finished) return;
   last_tenth_ = tenth;
@@ -105,8 +107,7 @@ void TerminalSink::Draw() {
   const int filled = static_cast<int>(kBarWidth * fraction);
   std::string bar;
   for (int i = 0; i < kBarWidth; ++i) bar += i < filled ? "█" : "░";
-  const std::string times =
-      finished ? FormatDuration(elapsed) : fmt::format("{}<{}", FormatDuration(elapsed), FormatDuration(left));
+  const std::string times = finished ? FormatDuration(elapsed) : fmt::format("{}<{}", FormatDuration(elapsed), left);
   const std::string head = fmt::format("{:<9} {} {:3.0f}%  [{}]", stage_, bar, 100 * fraction, times);
   if (is_terminal_) {
     const size_t room = static_cast<size_t>(std::max(0, TerminalWidth() - kBarWidth - 34));

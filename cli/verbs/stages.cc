@@ -9,6 +9,7 @@
 #include "cli/session.h"
 #include "cli/settings_help.h"
 #include "cli/verbs/export.h"
+#include "oted/base/error.h"
 #include "oted/report/report.h"
 #include "oted/run/agents_step.h"
 #include "oted/run/run_inputs.h"
@@ -25,6 +26,16 @@ struct StageVerb {
   void (*call)(Pipeline&);
 };
 
+/// The answer does not wait for films and agents, nor what was found for what suspects it.
+void DesignAndPrint(Pipeline& pipeline, const Options& options) {
+  try {
+    PrintDesign(pipeline.SelectSimulator().record, options, pipeline.config().TruthVector());
+  } catch (const Interrupted&) {
+    if (pipeline.DesignsSoFar() != nullptr) PrintUnjudged(*pipeline.DesignsSoFar(), options);
+    throw;
+  }
+}
+
 void AddStageVerb(Program& program, const StageVerb& stage) {
   CLI::App* verb = program.app.add_subcommand(stage.name, stage.help);
   auto options = std::make_shared<Options>();
@@ -39,10 +50,7 @@ void AddStageVerb(Program& program, const StageVerb& stage) {
     }
     {
       Session session(*options, program.command_line);
-      // The answer does not wait for films and agents.
-      if (stage.makes.designs) {
-        PrintDesign(session.pipeline().SelectSimulator().record, *options, session.pipeline().config().TruthVector());
-      }
+      if (stage.makes.designs) DesignAndPrint(session.pipeline(), *options);
       stage.call(session.pipeline());
       WriteExports(options->out);
       WriteReport(options->out);

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "oted/base/log.h"
 #include "oted/data/dataset.h"
 #include "oted/data/finding.h"
 #include "oted/sim/simulator.h"
@@ -15,7 +16,8 @@ namespace oted {
 /// @param dataset  as CheckDataset found it: channels whose velocities disagree with their positions are corrected one
 /// by
 ///   one, others together
-void CheckCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads,
+/// @throws Interrupted when a stop was requested
+void CheckCorrections(const SimulatorFactory& factory, const Dataset& dataset, const RunContext& context,
                       std::vector<Finding>& findings);
 
 }  // namespace oted

@@ -325,18 +325,20 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
   return warnings;
 }
 
-std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads) {
+std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Dataset& dataset,
+                                     const RunContext& context) {
   if (!factory.spec().can_replay() || !factory.spec().image_shape.empty()) return {};
   std::vector<Finding> findings = CheckDataset(dataset, FactsOf(factory.spec()));
   const auto n_before = static_cast<std::ptrdiff_t>(findings.size());
-  CheckCorrections(factory, dataset, n_threads, findings);
+  CheckCorrections(factory, dataset, context, findings);
   findings.erase(findings.begin(), findings.begin() + n_before);
   return findings;
 }
 
-std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads) {
+std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset,
+                                            const RunContext& context) {
   std::vector<std::string> warnings;
-  for (const Finding& f : FindCorrections(factory, dataset, n_threads))
+  for (const Finding& f : FindCorrections(factory, dataset, context))
     warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.remedy));
   return warnings;
 }
@@ -377,7 +379,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     const bool all_late =
         std::ranges::any_of(check.findings, [](const Finding& f) { return f.check == "shifted_actions"; });
     if (!all_late) CheckLateRecordings(*factory, dataset, kOneStepRows, context.n_threads, check.findings);
-    CheckCorrections(*factory, dataset, context.n_threads, check.findings);
+    CheckCorrections(*factory, dataset, context, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states
     try {
       check.gap =
@@ -386,7 +388,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
       return check;  // one half alone has no state that can be set: clipped_observations tells
     }
   } else if (spec.can_replay()) {
-    CheckCorrections(*factory, dataset, context.n_threads, check.findings);
+    CheckCorrections(*factory, dataset, context, check.findings);
     check.findings.push_back({.check = "gap",
                               .severity = Severity::kNote,
                               .what =

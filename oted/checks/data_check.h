@@ -42,9 +42,11 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
 /// What CheckCorrections finds of checked data: which changes of the columns (a joint's or an action's sign, two joints
 /// swapped, a zero) would make the nominal simulator predict the logs far better. None where logs of the task cannot be
 /// replayed.
-std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Dataset& dataset, int n_threads);
+std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Dataset& dataset,
+                                     const RunContext& context);
 /// The same, a sentence each with the remedy.
-std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset, int n_threads);
+std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset,
+                                            const RunContext& context);
 
 /// @param factory  may be null: then the checks that need a simulator are left out. Its parameters, if any, are checked
 ///   for an effect on the logged episodes.

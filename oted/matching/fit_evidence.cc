@@ -53,6 +53,19 @@ std::vector<SearchInterval> IntervalsOf(const json& record) {
   return intervals;
 }
 
+}  // namespace
+
+std::vector<LeftOutPart> LeftOutInTurn::WorseRecordings() const {
+  std::vector<LeftOutPart> worse;
+  std::ranges::copy_if(parts, std::back_inserter(worse),
+                       [&](const LeftOutPart& part) { return recordings && part.sure && part.error > 1; });
+  return worse;
+}
+
+bool IsLikelier(const FreedTrial& trial) {
+  return trial.nats && trial.nats->value > std::max(kFewestSureNats, kSureErrors * trial.nats->error);
+}
+
 json ToJson(const FreedTrial& trial) {
   json record = {{"value", trial.value},     {"std", trial.std},           {"kept", trial.kept},
                  {"seconds", trial.seconds}, {"n_steps", trial.n_steps},   {"n_windows", trial.n_windows},
@@ -80,19 +93,6 @@ FreedTrial TrialFromJson(const json& record) {
   if (record.contains("nats")) trial.nats = EstimatedFromJson(record.at("nats"));
   trial.intervals90 = IntervalsOf(record.at("intervals90"));
   return trial;
-}
-
-}  // namespace
-
-std::vector<LeftOutPart> LeftOutInTurn::WorseRecordings() const {
-  std::vector<LeftOutPart> worse;
-  std::ranges::copy_if(parts, std::back_inserter(worse),
-                       [&](const LeftOutPart& part) { return recordings && part.sure && part.error > 1; });
-  return worse;
-}
-
-bool IsLikelier(const FreedTrial& trial) {
-  return trial.nats && trial.nats->value > std::max(kFewestSureNats, kSureErrors * trial.nats->error);
 }
 
 json ToJson(const Suspect& suspect) {

@@ -114,6 +114,9 @@ struct FitEvidence {
   std::vector<Suspect> asked = {};
 };
 
+nlohmann::json ToJson(const FreedTrial& trial);
+/// @throws nlohmann::json::exception when a member is missing
+FreedTrial TrialFromJson(const nlohmann::json& record);
 nlohmann::json ToJson(const Suspect& suspect);
 /// @throws nlohmann::json::exception when a member is missing
 Suspect SuspectFromJson(const nlohmann::json& record);

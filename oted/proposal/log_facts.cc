@@ -147,15 +147,15 @@ std::optional<Dataset> WithVelocities(const Dataset& dataset, const std::vector<
 }
 
 std::vector<std::string> SuspiciousFacts(const SimulatorFactory& factory, const Dataset& dataset,
-                                         const ModelOutline& model, int n_threads) {
+                                         const ModelOutline& model, const RunContext& context) {
   std::vector<std::string> facts;
   AddLimitFacts(dataset, factory.spec(), model, facts);
-  for (const Finding& f : FindCorrections(factory, dataset, n_threads)) {
+  for (const Finding& f : FindCorrections(factory, dataset, context)) {
     // A note has a rival, which its meaning names.
     const std::string meaning = f.severity == Severity::kNote ? f.meaning + "; " : "";
     facts.push_back(fmt::format("{}: {}; {}{}", f.check, f.what, meaning, f.remedy));
   }
-  if (factory.spec().can_set_state) AddReplayFacts(factory, dataset, n_threads, facts);
+  if (factory.spec().can_set_state) AddReplayFacts(factory, dataset, context.n_threads, facts);
   return facts;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/base/log.h"
 #include "oted/data/dataset.h"
 #include "oted/sim/mujoco/model_outline.h"
 #include "oted/sim/simulator.h"
@@ -23,6 +24,6 @@ std::optional<Dataset> WithVelocities(const Dataset& dataset, const std::vector<
 /// that the model contradicts, joint limits, actions that act later.
 /// @param dataset  of the task `factory` is of, with its period
 std::vector<std::string> SuspiciousFacts(const SimulatorFactory& factory, const Dataset& dataset,
-                                         const ModelOutline& model, int n_threads);
+                                         const ModelOutline& model, const RunContext& context);
 
 }  // namespace oted

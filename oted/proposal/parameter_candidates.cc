@@ -1,6 +1,7 @@
 #include "oted/proposal/parameter_candidates.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -365,6 +366,15 @@ class CandidateList {
     Add({name, fmt::format("body/{0}/mass + body/{0}/inertia", body), 0.5, most, ParameterScale::kNominal, true});
   }
 
+  /// Bodies of joints that nothing drives, such as the trunk of what hops in a plane: "@actuated" leaves them out.
+  std::set<std::string> Undriven() const {
+    std::set<std::string> bodies, driven;
+    if (Shared() == "*") return bodies;
+    for (const Moving& m : moving_) (m.driven ? driven : bodies).insert(m.joint->body);
+    std::erase_if(bodies, [&](const std::string& body) { return driven.contains(body); });
+    return bodies;
+  }
+
   void Masses() {
     constexpr double kMost = 2, kMostOfHand = 5;  // a light hand may carry several times its own mass
     for (const ModelOutline::Joint* joint : floating_) {
@@ -383,8 +393,13 @@ class CandidateList {
     const bool are_many = moving_.size() > kFewJoints;
     if (are_many) {
       AddMass("mass", Shared(), kMost);
-      std::erase_if(bodies, [&](const std::string& body) { return !fastened.contains(body); });
-      if (bodies.size() > kFewJoints) return;
+      const std::set<std::string> undriven = Undriven();
+      std::erase_if(bodies, [&](const auto& body) { return !fastened.contains(body) && !undriven.contains(body); });
+      if (bodies.size() > kFewJoints) {
+        left_out_.push_back(
+            fmt::format("masses of {}: each needs a parameter of its own, and they are many", fmt::join(bodies, ", ")));
+        return;
+      }
     }
     // The last first: what it carries is known least.
     std::ranges::reverse(bodies);

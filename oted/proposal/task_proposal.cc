@@ -320,7 +320,7 @@ class Proposer {
       if (finding.severity == Severity::kNote || finding.only_discriminated) continue;  // the default needs no remedy
       proposal_.suspicious.push_back(fmt::format("{}: {}; {}", finding.check, finding.what, finding.remedy));
     }
-    for (std::string& fact : SuspiciousFacts(*factory_, dataset_, model_, context_.n_threads)) {
+    for (std::string& fact : SuspiciousFacts(*factory_, dataset_, model_, context_)) {
       proposal_.suspicious.push_back(std::move(fact));
     }
     context_.log->Progress("check", "", 1, 1, "");

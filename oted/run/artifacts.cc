@@ -100,6 +100,14 @@ Artifact GrowthArtifact(const RunSetup& run, int round) {
           .made_from = RoundsBefore(run, round)};
 }
 
+Artifact GrowthDesignArtifact(const RunSetup& run, int round) {
+  return {.file = run.directory.growth(round) / "q.json",
+          .schema = QRecord::kSchema,
+          .fingerprint = GrowthArtifact(run, round).fingerprint,
+          .is_guest = true,
+          .is_replaceable = true};
+}
+
 Artifact DesignArtifact(const RunSetup& run, const std::string& setting, int seed) {
   std::vector<fs::path> made_from = CloneUsedBy(run, run.Designs(setting).config);
   std::ranges::move(RoundsBefore(run, static_cast<int>(run.growth.size()) + 1), std::back_inserter(made_from));
@@ -165,7 +173,7 @@ Artifact ReplayArtifact(const RunSetup& run) {
           .schema = kReplaySchema,
           .fingerprint = Fingerprint({"replay", SelectionArtifact(run).fingerprint, run.config.report.replay_steps}),
           .made_from = {SelectionFile(run)},
-          .is_for_show = true};
+          .is_replaceable = true};
 }
 
 Artifact FilmArtifact(const RunSetup& run) {
@@ -177,7 +185,7 @@ Artifact FilmArtifact(const RunSetup& run) {
           .fingerprint = replay.fingerprint,
           .files = std::move(films),
           .made_from = {replay.file},
-          .is_for_show = true};
+          .is_replaceable = true};
 }
 
 Artifact AgentArtifact(const RunSetup& run, Ground ground, int index) {

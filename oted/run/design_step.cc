@@ -29,15 +29,17 @@ Design Make(const RunSetup& run, const std::string& setting, int seed, const Pol
       result.clone->Save(folder / "policy.npz");
       design.clone = std::make_shared<TanhGaussianPolicy>(*std::move(result.clone));
     }
-    return QRecord{std::move(result.q), designs.config.adversarial.lambda, result.learning_progress,
-                   std::move(result.fit)}
-        .ToJson();
+    return RecordOf(std::move(result), designs.config).ToJson();
   };
   design.record = QRecord::FromJson(run.directory.Once(artifact, make), run.parameters(), artifact.file.string());
   return design;
 }
 
 }  // namespace
+
+QRecord RecordOf(DesignResult result, const DesignConfig& config) {
+  return {std::move(result.q), config.adversarial.lambda, result.learning_progress, std::move(result.fit)};
+}
 
 DesignProblem ProblemOf(const RunSetup& run, const std::string& setting, int seed, const Policy* clone,
                         const RunContext& context) {

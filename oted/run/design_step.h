@@ -28,6 +28,9 @@ struct Design {
 DesignProblem ProblemOf(const RunSetup& run, const std::string& setting, int seed, const Policy* clone,
                         const RunContext& context);
 
+/// What q.json holds of a design.
+QRecord RecordOf(DesignResult result, const DesignConfig& config);
+
 /// design/SETTING/SEED: q.json, with Algorithm 1 discriminator.npz, and policy.npz where clone and design were trained
 /// jointly.
 /// @param clone  null where no design uses it (DesignNeedsClone)

@@ -11,6 +11,7 @@
 #include "oted/matching/verdict.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/design_step.h"
+#include "oted/run/kept_trials.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/suspect_sentence.h"
 #include "oted/run/trial_log.h"
@@ -24,7 +25,7 @@ namespace {
 /// Where predictions leave something to explain, what explains it; elsewhere what the fit's own windows ask.
 /// @param design  what the method was given; q and fit are what it gave
 std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config, const FitEvidence& fit,
-                         const Designer& q, const std::optional<HeldOutPrediction>& prediction) {
+                         const Designer& q, const std::optional<HeldOutPrediction>& prediction, TrialKeeper& keeper) {
   if (!prediction) return {};
   const ParameterSpace& space = design.factory.parameters();
   const Prior prior = ForTrajectories(config.Start(space).prior(), space);
@@ -34,7 +35,8 @@ std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config
                              .fit = fit,
                              .z = q.Mode(),
                              .kept_aside = design.KeptAsideKey(),
-                             .context = design.context};
+                             .context = design.context,
+                             .keeper = keeper};
   const auto free = LeavesGap(*prediction) ? TrySuspects : TryAsked;
   return free(problem, config.trajectories.tried);
 }
@@ -49,12 +51,16 @@ GrowthRecord MakeRound(const RunSetup& run, int round) {
   DesignProblem problem = ProblemOf(run, setting, 1, nullptr, context);
   problem.folder = run.directory.growth(round);
   problem.run_name = run.directory.NameOf(problem.folder);
-  const DesignResult design = LearnDesign(problem, config);
+  const Artifact artifact = GrowthDesignArtifact(run, round);
+  const auto made =
+      run.directory.Once(artifact, [&] { return RecordOf(LearnDesign(problem, config), config).ToJson(); });
+  const QRecord design = QRecord::FromJson(made, run.parameters(), artifact.file.string());
   // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
   GrowthRecord record;
   for (const int i : ParametersAtBounds(design.q)) record.at_bounds.push_back(problem.factory.parameters()[i].name);
   if (!design.fit || !record.at_bounds.empty()) return record;
-  return {Try(problem, config, *design.fit, design.q, PredictKeptAside(problem, design.q, design.fit))};
+  KeptTrials keeper(run.directory, artifact);
+  return {Try(problem, config, *design.fit, design.q, PredictKeptAside(problem, design.q, design.fit), keeper)};
 }
 
 /// Makes `run` one of a parameter more.
@@ -98,12 +104,17 @@ std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findi
   const Candidate& told = findings.candidates[ToldBy(findings)];
   if (!told.fit) return {};
   const DesignProblem problem = ProblemOf(run, told.setting, told.seed, nullptr, run.context);
-  return Try(problem, run.Designs(told.setting).config, *told.fit, told.q, best.prediction);
+  const Artifact design = DesignArtifact(run, told.setting, told.seed);
+  KeptTrials keeper(run.directory, design);
+  return Try(problem, run.Designs(told.setting).config, *told.fit, told.q, best.prediction, keeper);
 }
 
 void Grow(RunSetup& run) {
   AddRounds(run, [&](int round) -> std::optional<GrowthRecord> {
-    return OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
+    auto record =
+        OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
+    KeptTrials::Remove(run.directory.growth(round));
+    return record;
   });
   if (run.growth.size() == 1 && run.growth.front().Freed() == nullptr) {
     if (const std::string why = WhyNothing(run.growth.front()); !why.empty()) run.context.log->Warning(why);

@@ -50,6 +50,8 @@ const std::vector<Design>& Pipeline::Design() {
   return *designs_;
 }
 
+const std::vector<oted::Design>* Pipeline::DesignsSoFar() const { return designs_ ? &*designs_ : nullptr; }
+
 const SelectedDesign& Pipeline::SelectSimulator() {
   if (!selected_) selected_ = SelectDesign(run_, Design(), CloneForDesign());
   return *selected_;

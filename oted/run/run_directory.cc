@@ -230,7 +230,7 @@ std::optional<fs::path> RunDirectory::LostSource(const Artifact& artifact, const
 }
 
 json RunDirectory::Once(const Artifact& artifact, const std::function<json()>& make) const {
-  Found found = artifact.is_for_show ? LookLeniently(artifact) : Look(artifact);
+  Found found = artifact.is_replaceable ? LookLeniently(artifact) : Look(artifact);
   if (found.state == Found::State::kWhole) {
     // Stages of their own have repaired theirs by now. What is left is made within this one.
     if (const auto lost = LostSource(artifact, found.record)) {

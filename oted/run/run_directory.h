@@ -23,8 +23,8 @@ struct Artifact {
   std::vector<std::string> derived = {};
   /// The records that it is made from, where they are there.
   std::vector<std::filesystem::path> made_from = {};
-  bool is_guest = false;     ///< checkpoints and curves beside it are another stage's
-  bool is_for_show = false;  ///< nothing is made from it: where it is of other settings it is simply made again
+  bool is_guest = false;        ///< checkpoints and curves beside it are another stage's
+  bool is_replaceable = false;  ///< no result rests on it: where it is of other settings it is simply made again
 };
 
 class RunDirectory {
@@ -87,7 +87,7 @@ class RunDirectory {
 
   /// An artefact on top of the run has no folder of its own, and so no checkpoint.
   bool HasFolder(const Artifact& artifact) const {
-    return !artifact.is_guest && !artifact.is_for_show && artifact.file.parent_path() != root_;
+    return !artifact.is_guest && !artifact.is_replaceable && artifact.file.parent_path() != root_;
   }
   void CheckOne(const Artifact& artifact) const;
   Found Look(const Artifact& artifact) const;

@@ -12,6 +12,7 @@
 #include "oted/run/artifacts.h"
 #include "oted/run/design_findings.h"
 #include "oted/run/growth_step.h"
+#include "oted/run/kept_trials.h"
 #include "oted/run/method_choice_step.h"
 
 namespace oted {
@@ -41,7 +42,7 @@ std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<Metho
 /// than the sensors explain, at a bound as well.
 std::vector<std::string> CorrectionsOf(const RunSetup& run, const std::optional<HeldOutPrediction>& prediction) {
   if (!prediction || !LeavesGap(*prediction)) return {};
-  std::vector<std::string> warnings = CorrectionWarnings(*run.factory, run.dataset, run.context.n_threads);
+  std::vector<std::string> warnings = CorrectionWarnings(*run.factory, run.dataset, run.context);
   for (const std::string& warning : warnings) run.context.log->Warning(warning);
   return warnings;
 }
@@ -76,6 +77,7 @@ SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const Po
   SelectedDesign selected;
   selected.record =
       OnceAs<DesignRecord>(run.directory, SelectionArtifact(run), [&] { return Select(run, clone, designs); });
+  for (const Design& design : designs) KeptTrials::Remove(run.directory.design_seed(design.setting, design.seed));
   const std::string& setting = selected.record.selected;
   if (std::ranges::find(designs, setting, &Design::setting) == designs.end()) {
     Append(designs, MakeDesigns(run, {{setting, run.Designs(setting)}}, clone));

@@ -187,7 +187,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
                           .n_transitions = logs.size()};
   result.sentence = SentenceOf(result, prediction);
   if (!result.reaches_floor) {
-    const std::vector<std::string> corrections = CorrectionWarnings(*factory, logs, context.n_threads);
+    const std::vector<std::string> corrections = CorrectionWarnings(*factory, logs, context);
     if (!corrections.empty()) result.sentence += "; but the recordings themselves may be wrong (see the warnings)";
     std::ranges::copy(corrections, std::back_inserter(result.warnings));
   }

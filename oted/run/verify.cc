@@ -30,10 +30,10 @@ bool IsNameOfAFile(const fs::path& path) {
 
 /// Records that are always sealed; among the exports q.json is not, its record speaks for it.
 bool AlwaysHasSeal(const fs::path& path) {
-  constexpr std::array<const char*, 17> kNames = {
-      "agent.json",      "choice.json", "clone.json",  "dataset.json", "design.json",  "evaluation.json",
-      "export.json",     "growth.json", "model.json",  "motion.json",  "offline.json", "policy_selection.json",
-      "prediction.json", "q.json",      "replay.json", "report.json",  "versions.json"};
+  constexpr std::array<const char*, 18> kNames = {
+      "agent.json",      "choice.json", "clone.json",  "dataset.json", "design.json",   "evaluation.json",
+      "export.json",     "growth.json", "model.json",  "motion.json",  "offline.json",  "policy_selection.json",
+      "prediction.json", "q.json",      "replay.json", "report.json",  "suspects.json", "versions.json"};
   if (path.filename() == "q.json" && path.parent_path().filename() == "export") return false;
   return std::ranges::find(kNames, path.filename()) != kNames.end();
 }

@@ -10,6 +10,7 @@
 #include "oted/report/gather.h"
 #include "oted/report/sample_run.h"
 #include "oted/run/design_record.h"
+#include "oted/run/kept_trials.h"
 #include "oted/run/policy_records.h"
 #include "oted/run/records.h"
 #include "tests/fuzz/families.h"
@@ -73,6 +74,9 @@ FuzzFamily RecordFamily() {
   choice.tried.push_back({.mode = {1}});
   seed(MethodChoiceRecord{choice}.ToJson());
   seed(GrowthRecord{{suspect}}.ToJson());
+  seed(ScreeningRecord{{{suspect}, {{"damping", Eigen::VectorXd::Ones(3)}}}}.ToJson());
+  const WindowCosts costs{{{{0, 8}, Eigen::VectorXd::Ones(2)}}};
+  seed(TrialRecord{{FreedTrial{}, TrialCosts{costs, {0, 1}}}}.ToJson());
   seed(SampleDesign(suspect).ToJson());
   seed(AgentRecord{.episodes = {{"length", 3.5}}}.ToJson());
   seed(OfflineRecord{.baseline = "mbop", .losses = {{"loss", 0.5}}}.ToJson());
@@ -88,6 +92,8 @@ FuzzFamily RecordFamily() {
                     CodecReader<PredictionRecord>("prediction.json"),
                     CodecReader<MethodChoiceRecord>("choice.json"),
                     CodecReader<GrowthRecord>("growth.json"),
+                    CodecReader<ScreeningRecord>("suspects.json"),
+                    CodecReader<TrialRecord>("trial_1.json"),
                     CodecReader<DesignRecord>("design.json"),
                     CodecReader<AgentRecord>("agent.json"),
                     CodecReader<OfflineRecord>("offline.json"),

@@ -74,13 +74,15 @@ TEST(DesignOfJointFriction, FrictionAtRestIsTheFirstSuspect) {
   const ReplayFit fit =
       MatchTrajectories({*factory, logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
                         {.rows = 400, .starts = 2, .coarse = 16});
+  TrialKeeper keeper;
   const std::vector<Suspect> suspects = TrySuspects({.factory = *factory,
                                                      .dataset = logs,
                                                      .prior = prior,
                                                      .fit = *fit.evidence,
                                                      .z = ToZ(factory->parameters(), fit.mean),
                                                      .kept_aside = RngKey(1),
-                                                     .context = context},
+                                                     .context = context,
+                                                     .keeper = keeper},
                                                     3);
   ASSERT_FALSE(suspects.empty());
   EXPECT_EQ(suspects[0].spec.name, "stribeck_torque");

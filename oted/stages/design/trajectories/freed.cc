@@ -46,9 +46,33 @@ class FreedTrials {
   explicit FreedTrials(const FreedProblem& problem) : problem_(problem), fits_(problem), screening_(fits_) {}
 
   /// @param thoroughly  as TrySuspects has it
-  std::vector<Suspect> Find(bool thoroughly) { return screening_.Find(thoroughly); }
+  ScreenedSuspects Find(bool thoroughly) { return screening_.Find(thoroughly); }
 
-  std::optional<FreedTrial> Try(const Suspect& suspect) {
+  /// @param screened_x  of the parameters and the suspect, by the windows that screened it; null where none did
+  TriedSuspect Try(const Suspect& suspect, const VectorXd* screened_x) {
+    TriedSuspect tried;
+    tried.trial = Freed(suspect, screened_x, tried.costs);
+    return tried;
+  }
+
+  /// Of a suspect that was tried, now or before.
+  void Know(const std::string& name, const std::optional<TrialCosts>& costs) {
+    if (costs) costs_[name] = *costs;
+  }
+
+  /// Names, of those that were tried, which surely lead this one (FreedTrial::led_by).
+  std::vector<std::string> LeadersOf(const Suspect& one, const std::vector<Suspect>& suspects) const {
+    std::vector<std::string> leaders;
+    for (const Suspect& other : suspects) {
+      if (!other.trial || other.spec.name == one.spec.name) continue;
+      if (Leads(other, one)) leaders.push_back(other.spec.name);
+    }
+    return leaders;
+  }
+
+ private:
+  std::optional<FreedTrial> Freed(const Suspect& suspect, const VectorXd* screened_x,
+                                  std::optional<TrialCosts>& costs) {
     const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
     if (wider == nullptr) return std::nullopt;
     const ParameterSpace& space = wider->parameters();
@@ -60,7 +84,7 @@ class FreedTrials {
     std::optional<Fitted> best;
     std::vector<VectorXd> starts = {fits_.StartOf(*wider, x, suspect.value), fits_.StartOf(*wider, x, before.back())};
     // The other parameters have moved with it there.
-    if (const VectorXd* screened = screening_.FittedWith(suspect)) starts.front() = *screened;
+    if (screened_x != nullptr) starts.front() = *screened_x;
     for (const VectorXd& start : starts) {
       if (best && !IsCaught(*best)) break;
       std::optional<Fitted> fitted = Fit(*wider, prior, readings, start);
@@ -71,7 +95,7 @@ class FreedTrials {
     const auto prediction = Beside(*wider, readings, q.Mode(), before);
     if (!prediction) return std::nullopt;
     const HeldOutPrediction::Horizon& told = ToldOf(prediction->horizons);
-    const std::optional<Estimated> nats = NatsOf(suspect, *wider, readings, *best);
+    const std::optional<Estimated> nats = NatsOf(*wider, readings, *best, costs);
     const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSureErrors * told.gain.error;
     // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
     const bool is_no_worse = !PredictsWorse(*prediction) && (!problem_.fit.errors_grow || told.gain.value > 0);
@@ -100,22 +124,6 @@ class FreedTrials {
     }
     return trial;
   }
-
-  /// Names, of those that were tried, which surely lead this one (FreedTrial::led_by).
-  std::vector<std::string> LeadersOf(const Suspect& one, const std::vector<Suspect>& suspects) const {
-    std::vector<std::string> leaders;
-    for (const Suspect& other : suspects) {
-      if (!other.trial || other.spec.name == one.spec.name) continue;
-      if (Leads(other, one)) leaders.push_back(other.spec.name);
-    }
-    return leaders;
-  }
-
- private:
-  struct Costs {
-    WindowCosts of_windows;
-    std::vector<int> ages;  // ReadingModel::ages
-  };
 
   /// Whether one of two that were tried makes the same windows surely likelier than the other, each by the noise that
   /// it leaves; or surely gains more, where that is not known of both. A few nats tell nothing, however sure: where two
@@ -209,8 +217,8 @@ class FreedTrials {
   /// and those agree, of the others too; of the others alone where fewer than two such windows were kept aside. One
   /// number more cannot follow hundreds of windows, so that these tell as honestly, and they are four times as many.
   /// None where nothing was kept aside, and where the fit without it is of other windows.
-  std::optional<Estimated> NatsOf(const Suspect& suspect, const SimulatorFactory& wider, const ReadingModel& readings,
-                                  const Fitted& with) {
+  std::optional<Estimated> NatsOf(const SimulatorFactory& wider, const ReadingModel& readings, const Fitted& with,
+                                  std::optional<TrialCosts>& costs) {
     if (fits_.LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) return std::nullopt;
     const ParameterSpace& space = wider.parameters();
     std::vector<double> nominal = ToZ(problem_.factory.parameters(), fitted_without_->x);
@@ -234,7 +242,7 @@ class FreedTrials {
     if (!can_tell) freed = without = {};
     if (!can_tell || (!is_long && nats.value > 0)) nats = ask(fits_.parts().learn);
     if (!std::isfinite(nats.error)) return std::nullopt;
-    costs_[suspect.spec.name] = {freed, readings.ages};
+    costs = {freed, readings.ages};
     return nats;
   }
 
@@ -270,18 +278,23 @@ class FreedTrials {
   SuspectFits fits_;
   SuspectScreening screening_;
   std::optional<VectorXd> without_;
-  std::optional<Fitted> fitted_without_;  ///< in the windows that freed suspects are fitted to
-  std::map<std::string, Costs> costs_;    ///< with each suspect that was tried, where they are known
+  std::optional<Fitted> fitted_without_;     ///< in the windows that freed suspects are fitted to
+  std::map<std::string, TrialCosts> costs_;  ///< with each suspect that was tried, where they are known
 };
 
-/// Of `suspects`, the likeliest first, as many as are named; the first `n` of them are freed.
-std::vector<Suspect> TryFirst(const FreedProblem& problem, FreedTrials& trials, std::vector<Suspect> suspects, int n) {
+/// Of those that were screened, the likeliest first, as many as are named; the first `n` of them are freed.
+std::vector<Suspect> TryFirst(const FreedProblem& problem, FreedTrials& trials, ScreenedSuspects screened, int n) {
+  std::vector<Suspect> suspects = std::move(screened.suspects);
   suspects.resize(std::min(suspects.size(), std::max(kFewestNamed, static_cast<size_t>(n))));
   const auto n_tried = static_cast<int64_t>(std::min(suspects.size(), static_cast<size_t>(n)));
   for (int64_t k = 0; k < n_tried; ++k) {
     Suspect& suspect = suspects[static_cast<size_t>(k)];
     problem.context.log->Progress("freed", "tried", k, n_tried, suspect.spec.name);
-    suspect.trial = trials.Try(suspect);
+    const auto x = screened.x_with.find(suspect.spec.name);
+    const VectorXd* screened_x = x == screened.x_with.end() ? nullptr : &x->second;
+    TriedSuspect tried = problem.keeper.Tried(static_cast<int>(k) + 1, [&] { return trials.Try(suspect, screened_x); });
+    suspect.trial = std::move(tried.trial);
+    trials.Know(suspect.spec.name, tried.costs);
   }
   if (n_tried > 0) problem.context.log->Progress("freed", "tried", n_tried, n_tried, "");
   for (Suspect& suspect : suspects) {
@@ -295,13 +308,13 @@ std::vector<Suspect> TryFirst(const FreedProblem& problem, FreedTrials& trials, 
 std::vector<Suspect> TrySuspects(const FreedProblem& problem, int n) {
   if (!(problem.factory.spec().control_period_s > 0)) return {};
   FreedTrials trials(problem);
-  return TryFirst(problem, trials, trials.Find(n > 0), n);
+  return TryFirst(problem, trials, problem.keeper.Screened([&] { return trials.Find(n > 0); }), n);
 }
 
 std::vector<Suspect> TryAsked(const FreedProblem& problem, int n) {
   if (problem.fit.asked.empty() || !(problem.factory.spec().control_period_s > 0)) return {};
   FreedTrials trials(problem);
-  return TryFirst(problem, trials, problem.fit.asked, n);
+  return TryFirst(problem, trials, {problem.fit.asked, {}}, n);
 }
 
 }  // namespace oted

@@ -9,6 +9,7 @@
 #include "oted/matching/fit_evidence.h"
 #include "oted/matching/prior.h"
 #include "oted/sim/simulator.h"
+#include "oted/stages/design/trajectories/trial_keeper.h"
 
 namespace oted {
 
@@ -22,6 +23,7 @@ struct FreedProblem {
   std::vector<double> z;  ///< what the design found
   RngKey kept_aside;      ///< which logs it kept aside
   const RunContext& context;
+  TrialKeeper& keeper;  ///< of each step that is done
 };
 
 /// Of the factory's Suspects, those that nobody searches and that the logs ask to be other than they are. Each is taken

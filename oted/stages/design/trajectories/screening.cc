@@ -208,7 +208,12 @@ void SuspectScreening::Tell(const char* what) {
   fits_.problem().context.log->Progress("suspects", "scored", n_told_++, n_to_tell_, what);
 }
 
-std::vector<Suspect> SuspectScreening::Find(bool thoroughly) {
+ScreenedSuspects SuspectScreening::Find(bool thoroughly) {
+  std::vector<Suspect> found = FindAll(thoroughly);
+  return {std::move(found), std::move(fitted_)};
+}
+
+std::vector<Suspect> SuspectScreening::FindAll(bool thoroughly) {
   if (fits_.problem().factory.Suspects().empty()) return {};
   n_to_tell_ = kToldOfWindows;
   if (fits_.problem().fit.errors_grow) {
@@ -222,11 +227,6 @@ std::vector<Suspect> SuspectScreening::Find(bool thoroughly) {
   if (!found.empty() || !thoroughly) return found;
   n_to_tell_ = n_told_ + kToldOfWindows;
   return FindBy(GrownWindows());
-}
-
-const VectorXd* SuspectScreening::FittedWith(const Suspect& suspect) const {
-  const auto fitted = fitted_.find(suspect.spec.name);
-  return fitted == fitted_.end() ? nullptr : &fitted->second;
 }
 
 /// @param outstanding  by other windows: fitted as well

@@ -7,6 +7,7 @@
 
 #include "oted/matching/fit_evidence.h"
 #include "oted/stages/design/trajectories/suspect_fits.h"
+#include "oted/stages/design/trajectories/trial_keeper.h"
 
 namespace oted {
 
@@ -16,15 +17,13 @@ class SuspectScreening {
 
   /// The likeliest first. Where long windows took the place of short ones, those tell of little but noise.
   /// @param thoroughly  as TrySuspects has it
-  std::vector<Suspect> Find(bool thoroughly);
-
-  /// x and the suspect's coordinate as the windows gave them; null where it was not screened.
-  const Eigen::VectorXd* FittedWith(const Suspect& suspect) const;
+  ScreenedSuspects Find(bool thoroughly);
 
  private:
   struct Windows;
   struct Scored;
   class Fit;
+  std::vector<Suspect> FindAll(bool thoroughly);
   std::vector<Suspect> FindBy(const Windows& by, const std::vector<Suspect>& outstanding = {});
   Windows ShortWindows() const;
   Windows GrownWindows() const;

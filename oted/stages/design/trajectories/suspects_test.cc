@@ -96,13 +96,15 @@ std::vector<Suspect> SuspectsIn(const Dataset& logs, uint64_t seed, std::set<std
   const ReplayFit fit =
       MatchTrajectories({factory, logs, prior, RngKey(seed), [](int, int, const Eigen::VectorXd&) {}, context},
                         {.rows = 400, .starts = 2, .coarse = 16});
+  TrialKeeper keeper;
   const FreedProblem problem = {.factory = factory,
                                 .dataset = logs,
                                 .prior = prior,
                                 .fit = *fit.evidence,
                                 .z = ToZ(factory.parameters(), fit.mean),
                                 .kept_aside = RngKey(seed),
-                                .context = context};
+                                .context = context,
+                                .keeper = keeper};
   const std::vector<Suspect> suspects = free(problem, 3);
   if (asked != nullptr) *asked = log.names;
   return suspects;
