@@ -22,6 +22,7 @@ constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
 constexpr double kMostSpringOff = 1.0;     // [rad], [m]: of where a spring rests
 constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
+constexpr double kMostAside = 0.1;         // of the model's extent
 constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
 
 struct SuspectedField {
@@ -42,6 +43,17 @@ std::string GearPath(const mjModel& model) {
     if (i % 6 != 0 && model.actuator_gear[i] != 0) return "actuator/*/gear";
   }
   return "actuator/*/gear[0]";
+}
+
+/// Where a thing that does not move stands: of what the robot touches this is measured by hand.
+void AddPlace(const mjModel& model, int body, const std::string& called, std::vector<SuspectedField>& places) {
+  constexpr const char* kAxes = "xyz";
+  const double most = RoundBound(kMostAside * model.stat.extent);
+  const std::string object = ObjectName(model, mjOBJ_BODY, body);
+  for (int axis = 0; axis < 3; ++axis) {
+    places.push_back(
+        {fmt::format("{}_{}", called, kAxes[axis]), fmt::format("body/{}/pos[{}]", object, axis), {}, most});
+  }
 }
 
 /// Where the springs of single joints rest.
@@ -105,6 +117,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
     places.push_back({called + "_com", fmt::format("body/{}/ipos", object)});
     // The length of the link before it.
     if (model.body_parentid[body] > 0) places.push_back({called + "_pos", fmt::format("body/{}/pos", object)});
+    if (model.body_weldid[body] == 0 && model.body_parentid[body] == 0) AddPlace(model, body, called, places);
   }
   return places;
 }

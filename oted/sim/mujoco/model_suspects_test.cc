@@ -69,6 +69,18 @@ TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
   EXPECT_THAT(fields, Not(Contains("opt/density")));
 }
 
+TEST(ModelSuspects, AreWhereThingsStandThatTheRobotTouches) {
+  const std::vector<ParameterSpec> suspects = SuspectsOf(R"(<mujoco>
+    <worldbody><body><joint axis="0 1 0"/><geom size="0.1 0.5" type="capsule"/></body>
+    <body name="box" pos="0.4 0 0.25"><geom type="box" size="0.1 0.2 0.05"/></body></worldbody>
+  </mujoco>)");
+  EXPECT_THAT(Fields(suspects), Contains("body/box/pos[0]"));
+  const auto height = std::ranges::find(suspects, "body/box/pos[2]", &ParameterSpec::field);
+  ASSERT_NE(height, suspects.end());
+  EXPECT_EQ(height->nominal, 0.25);
+  EXPECT_DOUBLE_EQ(height->high - 0.25, 0.25 - height->low) << "above or below";
+}
+
 TEST(ModelSuspects, AreAllNumbersOfAThrustersGearAndAllMassesAtOnce) {
   const std::vector<std::string> fields = Fields(SuspectsOf(R"(<mujoco>
     <worldbody><body name="frame"><freejoint/><geom size="0.1"/><site name="rotor"/>

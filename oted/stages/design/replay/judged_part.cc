@@ -17,17 +17,6 @@ using Eigen::VectorXd;
 namespace {
 constexpr int kMostPredicted = 60;  // windows at each horizon
 
-VectorXd RootMeanSquares(const MatrixXd& squares) {
-  VectorXd sum = VectorXd::Zero(squares.rows());
-  double n = 0;
-  for (Eigen::Index w = 0; w < squares.cols(); ++w) {
-    if (squares.col(w).hasNaN()) continue;
-    sum += squares.col(w);
-    ++n;
-  }
-  return (sum / n).cwiseSqrt();
-}
-
 }  // namespace
 
 JudgedPart::JudgedPart(const PredictionProblem& problem, const Dataset& logs, const std::vector<int>& horizons,
@@ -121,6 +110,17 @@ HeldOutPrediction::Horizon ErrorsOver(const PredictionJudge& judge, size_t h, do
                                 .guess = guess[c]});
   }
   return horizon;
+}
+
+VectorXd RootMeanSquares(const MatrixXd& squares) {
+  VectorXd sum = VectorXd::Zero(squares.rows());
+  double n = 0;
+  for (Eigen::Index w = 0; w < squares.cols(); ++w) {
+    if (squares.col(w).hasNaN()) continue;
+    sum += squares.col(w);
+    ++n;
+  }
+  return (sum / n).cwiseSqrt();
 }
 
 MatrixXd Beside(const MatrixXd& a, const MatrixXd& b) {

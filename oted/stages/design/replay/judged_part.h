@@ -59,6 +59,8 @@ Estimated IfJudged(const PredictionJudge& judge, size_t c, const PredictionRatio
 /// A simulator's predictions of logs that it made itself: by draw of the noise, by part.
 using Imitations = std::vector<std::vector<PredictionJudge::Squares>>;
 
+/// (channels), of (channels, windows): windows in which the physics broke down do not count.
+Eigen::VectorXd RootMeanSquares(const Eigen::MatrixXd& squares);
 /// The windows of `a`, and behind them those of `b`.
 Eigen::MatrixXd Beside(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 /// Several draws of the same windows, one behind the other; and their mean. At least one.

@@ -34,7 +34,7 @@ TEST(LargestNoise, IsSomewhatMoreThanTheNoiseOfSmoothReadings) {
 
 TEST(LargestNoise, ExactReadingsHaveNoneThatMatters) {
   const Eigen::VectorXd largest = LargestNoise(Logs(400, 0));
-  EXPECT_LT(largest[0], 1e-4) << "a sine is a cubic but for the fourth order";
+  EXPECT_LT(largest[0], 1e-6) << "a sine is a polynomial but for high orders";
   EXPECT_LT(largest[1], 1e-10);
 }
 

@@ -296,14 +296,24 @@ class Evidence {
          .error_of_noise = ErrorOfNoise()},
         channels);
     horizon.excess = excess.Of(designed.rows());
+    const VectorXd of_draws = ErrorsOf(draws, of_judged.cols()).cwiseMax(kNoNoise * channels.spread);
     horizon.odd_episodes = OddEpisodes(LogRatios(designed, floor, designed.cols(), channels), parts, at);
     for (Eigen::Index c = 0; c < designed.rows(); ++c) {
       HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
       if (channel.judged) channel.excess = excess.Of(c);
       channel.in_some = channel.judged && excess.IsInSome(c);
       channel.floor = channel.designed * std::exp(-0.5 * excess.Shown(c));
+      // A ratio knows no error below what counts as visible.
+      if (IsSure(channel.excess)) channel.floor = std::min(channel.floor, of_draws[c]);
     }
     return horizon;
+  }
+
+  /// (channels): of the windows that judge, over all draws.
+  static VectorXd ErrorsOf(const std::vector<MatrixXd>& draws, Eigen::Index n_judged) {
+    std::vector<MatrixXd> judged;
+    for (const MatrixXd& draw : draws) judged.push_back(draw.leftCols(n_judged));
+    return RootMeanSquares(AllBeside(judged));
   }
 
   /// @param excess  of each window of these parts, one part behind the other

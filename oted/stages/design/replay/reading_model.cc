@@ -6,6 +6,7 @@
 
 #include "oted/data/checks_rates.h"
 #include "oted/data/normalizer.h"
+#include "oted/stages/design/replay/noise_bound.h"
 
 namespace oted {
 namespace {
@@ -158,13 +159,15 @@ std::vector<char> LateReadings(const SimulatorSpec& spec, const Dataset& dataset
   return late;
 }
 
-std::vector<char> ComputedReadings(const SimulatorSpec& spec, const Dataset& dataset, const VectorXd& noise) {
+std::vector<char> ComputedReadings(const SimulatorSpec& spec, const Dataset& dataset, const VectorXd& told) {
   std::vector<char> computed(static_cast<size_t>(spec.obs_dim()), 0);
   const int n_around =
       spec.control_period_s > 0
           ? std::clamp(static_cast<int>(std::lround(kComputedOver / spec.control_period_s)), 3, kMostNeighbours)
           : 0;
   if (spec.rate_of.empty() || n_around == 0) return computed;
+  // A fit takes what its simulator has wrong for noise.
+  const VectorXd noise = told.cwiseMin(LargestNoise(dataset));
   for (int c = 0; c < spec.obs_dim(); ++c) {
     const int source = spec.rate_of[static_cast<size_t>(c)];
     if (source < 0) continue;

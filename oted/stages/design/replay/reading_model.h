@@ -63,11 +63,11 @@ std::vector<char> LateReadings(const SimulatorSpec& spec, const Dataset& dataset
 /// (obs_dim): nonzero for rates that were computed from logged positions (differences, smoothed differences): a linear
 /// combination of the positions around gives them to a tenth of their noise. They say nothing that the positions do
 /// not, and their noise is not white.
-/// @param noise  (obs_dim): standard deviations, as told by a fit
-std::vector<char> ComputedReadings(const SimulatorSpec& spec, const Dataset& dataset, const Eigen::VectorXd& noise);
+/// @param told  (obs_dim): standard deviations of the noise, as told by a fit; LargestNoise is an upper bound of them
+std::vector<char> ComputedReadings(const SimulatorSpec& spec, const Dataset& dataset, const Eigen::VectorXd& told);
 
 /// (obs_dim): nonzero for readings that a fit leaves out and nobody is judged by: computed and late ones.
-/// @param noise  as ComputedReadings has it
+/// @param noise  what ComputedReadings is told
 std::vector<char> ReadingsLeftOut(const SimulatorSpec& spec, const Dataset& dataset, const Eigen::VectorXd& noise);
 
 }  // namespace oted

@@ -114,6 +114,20 @@ Dataset LogsOfSines(double lag, double noise_of_position, double noise_of_rate) 
   return logs;
 }
 
+TEST(ComputedReadings, AreNotExactOnesThatAWrongSimulatorMisses) {
+  SimulatorSpec spec = RatesKnown();
+  spec.control_period_s = 0.02;
+  Dataset logs = LogsOfSines(0, 0, 0);
+  // A motion that no combination of a few positions gives.
+  for (int i = 0; i < logs.size(); ++i) {
+    const double t = i * spec.control_period_s, phase = 0.4 * t * t;
+    logs.observations(i, 0) = std::sin(phase);
+    logs.observations(i, 1) = 0.8 * t * std::cos(phase);
+  }
+  const VectorXd misses = Eigen::Vector2d(0.02, 0.28);
+  EXPECT_EQ(ComputedReadings(spec, logs, misses), (std::vector<char>{0, 0}));
+}
+
 TEST(LateReadings, AreRatesThatAreARowOrMoreBehindTheirPositions) {
   SimulatorSpec spec = RatesKnown();
   spec.control_period_s = 0.02;
