@@ -83,7 +83,7 @@ void PrintPerChannel(const SimulatorSpec* spec, const DataCheck& check) {
   const TaskFacts facts = spec != nullptr ? FactsOf(*spec) : TaskFacts{};
   const bool has_one_step = check.one_step && check.one_step->n_rows > 0;
   Print("\n{:<26} {:>12} {:>14}{}\n", "channel", "change/row", "noise std",
-        has_one_step ? fmt::format(" {:>16} {:>9}", "one-step error", "of change") : "");
+        has_one_step ? fmt::format(" {:>16} {:>13}", "one-step error", "error/change") : "");
   const size_t n = check.noise.empty() ? check.one_step->rms_error.size() : check.noise.size();
   for (size_t j = 0; j < n; ++j) {
     std::string change = "-", noise = "-", one_step;
@@ -94,9 +94,14 @@ void PrintPerChannel(const SimulatorSpec* spec, const DataCheck& check) {
     }
     if (has_one_step) {
       const double error = check.one_step->rms_error[j], of = check.one_step->rms_change[j];
-      one_step = fmt::format(" {:>16.3g} {:>9}", error, of > 0 ? fmt::format("{:.2g}", error / of) : "-");
+      one_step = fmt::format(" {:>16.3g} {:>13}", error, of > 0 ? fmt::format("{:.2g}", error / of) : "-");
     }
     Print("{:<26} {:>12} {:>14}{}\n", facts.ObservationName(static_cast<int>(j)), change, noise, one_step);
+  }
+  if (has_one_step) {
+    Print(
+        "one-step error: how far the nominal model, started at a row, ends from the next one\n"
+        "error/change: that error over the change from row to row; 1 is no better than to say that nothing moves\n");
   }
 }
 

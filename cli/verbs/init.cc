@@ -39,6 +39,7 @@ void PrintProposal(const Proposal& proposal, const std::string& out) {
     parameters.push_back(fmt::format("{:<26} {}  {:g} .. {:g}{}", spec.name, spec.field, spec.low, spec.high,
                                      spec.scale == ParameterScale::kAbsolute ? "" : " x nominal"));
   }
+  if (proposal.NamesActuated()) parameters.push_back(fmt::format("@actuated: {}", Proposal::kActuated));
   PrintLines("parameters to doubt", parameters);
   PrintLines("not freed", proposal.left_out);
   PrintLines("guessed, so check it", proposal.guessed);

@@ -1,7 +1,9 @@
 #include "oted/proposal/parameter_choice.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -16,6 +18,7 @@ namespace {
 
 constexpr double kLeastEffect = 0.05;  // standard deviations of an observation, between the bounds
 constexpr double kOwnEffect = 0.01;    // share of an effect's square that others together must leave unexplained
+constexpr double kNamedShare = 0.3;    // of the largest part: those that make up an effect
 constexpr int kEpisodes = 3, kEpisodeRows = 2000;  // that effects are measured on
 
 /// The beginnings of the first episodes.
@@ -30,34 +33,32 @@ Dataset Beginnings(const Dataset& dataset) {
   return dataset.Select(episodes);
 }
 
-/// Takes effects one by one and says of each how much of it those taken before do not explain: Cholesky's
-/// decomposition of the matrix of cosines, row by row.
-class Explained {
- public:
-  explicit Explained(const Array2<double>& cosines) : cosines_(cosines) {}
-
-  /// The share of the square of effect i that is its own. Keeps it among those taken if that is at least `least`.
-  double Take(int i, double least) {
-    std::vector<double> row;
-    double own = cosines_(i, i);
-    for (size_t k = 0; k < taken_.size(); ++k) {
-      double rest = cosines_(i, taken_[k]);
-      for (size_t m = 0; m < k; ++m) rest -= row[m] * rows_[k][m];
-      row.push_back(rest / rows_[k][k]);
-      own -= row.back() * row.back();
-    }
-    if (own < least) return own;
-    row.push_back(std::sqrt(own));
-    rows_.push_back(std::move(row));
-    taken_.push_back(i);
-    return own;
-  }
-
- private:
-  const Array2<double>& cosines_;
-  std::vector<int> taken_;
-  std::vector<std::vector<double>> rows_;
+/// What an effect has that others, taken together, do not give.
+struct Rest {
+  double own = 1;                    ///< share of its square
+  std::vector<size_t> made_of = {};  ///< the others that give most of it
 };
+
+/// @param cosines  of the angles between effects
+Rest RestOf(size_t effect, const std::vector<size_t>& others, const Array2<double>& cosines) {
+  if (others.empty()) return {};
+  const auto n = static_cast<Eigen::Index>(others.size());
+  const auto cosine = [&](size_t i, size_t k) { return cosines(static_cast<int>(i), static_cast<int>(k)); };
+  Eigen::MatrixXd among(n, n);
+  Eigen::VectorXd with(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const size_t one = others[static_cast<size_t>(i)];
+    with[i] = cosine(effect, one);
+    for (Eigen::Index k = 0; k < n; ++k) among(i, k) = cosine(one, others[static_cast<size_t>(k)]);
+  }
+  const Eigen::VectorXd given = among.ldlt().solve(with);
+  Rest rest{cosine(effect, effect) - with.dot(given), {}};
+  const double least = kNamedShare * given.cwiseAbs().maxCoeff();
+  for (Eigen::Index k = 0; k < n; ++k) {
+    if (std::abs(given[k]) >= least) rest.made_of.push_back(others[static_cast<size_t>(k)]);
+  }
+  return rest;
+}
 
 }  // namespace
 
@@ -111,18 +112,22 @@ ParameterChoice ChooseParameters(
     }
   }
   // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
-  Explained explained(cosines);
+  std::vector<size_t> taken;
   for (size_t i = 0; i < candidates.size(); ++i) {
     if (!kept[i]) continue;
-    if (explained.Take(static_cast<int>(i), kOwnEffect) >= kOwnEffect) {
+    const Rest rest = RestOf(i, taken, cosines);
+    if (rest.own >= kOwnEffect) {
+      taken.push_back(i);
       choice.chosen.push_back(candidates[i]);
-    } else {
-      choice.left_out.push_back(
-          fmt::format("{} ({}): those that are freed have nearly the same effect, taken together; it stays as in the "
-                      "model, and the design suspects it if the logs ask; or free it in the place of one that you "
-                      "trust more",
-                      candidates[i].name, candidates[i].field));
+      continue;
     }
+    std::vector<std::string> names;
+    for (const size_t other : rest.made_of) names.push_back(candidates[other].name);
+    choice.left_out.push_back(fmt::format(
+        "{} ({}): {} nearly the same effect; it stays as in the model, and the design suspects it if the "
+        "logs ask; or free it in the place of one that you trust more",
+        candidates[i].name, candidates[i].field,
+        names.size() == 1 ? names.front() + " has" : fmt::format("{} together have", fmt::join(names, ", "))));
   }
   return choice;
 }

@@ -381,6 +381,11 @@ class Proposer {
 
 }  // namespace
 
+bool Proposal::NamesActuated() const {
+  return std::ranges::any_of(config.parameters,
+                             [](const auto& spec) { return spec.field.find("@actuated") != std::string::npos; });
+}
+
 nlohmann::json Proposal::ToJson(const std::filesystem::path& out) const {
   nlohmann::json record = {{"schema", "oted.init/1"},
                            {"task_file", out.string()},

@@ -28,6 +28,10 @@ struct Proposal {
   std::vector<std::string> left_out;    ///< parameters that were not freed, and why
   std::string text;                     ///< of the task file
 
+  /// Whether a path of a parameter has the word, which the file and the terminal then explain.
+  bool NamesActuated() const;
+  static constexpr const char* kActuated = "what an actuator drives, and nothing else";
+
   /// Schema oted.init/1. @param out  where the task file stands
   nlohmann::json ToJson(const std::filesystem::path& out) const;
 };

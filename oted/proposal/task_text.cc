@@ -133,6 +133,7 @@ void WriteParameters(std::ostream& out, const Proposal& proposal) {
                        spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",
                        spec.logarithmic ? ", log = true" : "");
   }
+  if (proposal.NamesActuated()) out << "# @actuated: " << Proposal::kActuated << "\n";
   WriteComments(out, "Not freed:", proposal.left_out);
 }
 

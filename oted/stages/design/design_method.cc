@@ -17,13 +17,16 @@
 namespace oted {
 namespace {
 
+constexpr int kMostShown = 4;
+
 void LogMode(const DesignProblem& problem, int done, int total, const std::vector<double>& z) {
   const ParameterSpace& space = problem.factory.parameters();
   std::string note;
   for (int i = 0; i < space.size(); ++i) {
     problem.context.log->Scalar(problem.run_name, "design/mode/" + space[i].name, done, z[static_cast<size_t>(i)]);
-    if (i < 4) note += fmt::format("{}{} {:.3f}", i > 0 ? "  " : "", space[i].name, z[static_cast<size_t>(i)]);
+    if (i < kMostShown) note += fmt::format("{}{} {:.3f}", i > 0 ? "  " : "", space[i].name, z[static_cast<size_t>(i)]);
   }
+  if (space.size() > kMostShown) note += fmt::format("  and {} more", space.size() - kMostShown);
   problem.context.log->Progress("design", problem.run_name, done, total, note);
 }
 
