@@ -11,6 +11,7 @@
 #include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/testing.h"
 #include "oted/stages/design/trajectories/level_fit.h"
+#include "oted/stages/design/trajectories/own_designs.h"
 #include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted::own_logs_test {
@@ -44,7 +45,7 @@ TEST(OwnLogs, AreWhatTheSimulatorMakesOfTheExplainedWindows) {
   for (int i = 0; i < 8; ++i) fit.Step();
   fit.FinalCost();
   Rng rng(2);
-  const Dataset own = OwnLogs(logs, replayer, fit, kTruth, VectorXd::Zero(2), rng);
+  const Dataset own = OwnLogs(logs, replayer, fit, kTruth, VectorXd::Zero(2), Through::kExplained, rng);
   WindowReplayer again(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), own);
   for (const Episode& episode : logs.Episodes()) {
     if (episode.begin == spoilt.begin) {

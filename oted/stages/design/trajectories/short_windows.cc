@@ -5,6 +5,9 @@
 #include <limits>
 #include <utility>
 
+#include "oted/matching/designer.h"
+#include "oted/stages/design/trajectories/own_logs.h"
+
 namespace oted {
 namespace {
 
@@ -30,6 +33,11 @@ Level NextLevel(const Level& level, bool is_known) {
   if (!is_known) return next;
   for (Level longer = Joined(next); !longer.windows.empty(); longer = Joined(longer)) next = longer;
   return next;
+}
+
+/// Of the noise from shorter windows to longer ones: the geometric mean over channels.
+double Growth(const VectorXd& of_longer, const VectorXd& of_shorter) {
+  return std::exp((of_longer.array() / of_shorter.array()).log().mean());
 }
 
 VectorXd AsVector(const std::vector<double>& values) {
@@ -146,10 +154,11 @@ bool ShortWindows::FitLengths(VectorXd x, bool again) {
       continue;
     }
     ExpectUnguessed(*fit);
-    const double growth = std::exp((noise.array() / SensorNoise().array()).log().mean());
+    const double growth = Growth(noise, SensorNoise());
     if (growth > kTolerableGrowth && !IsRounding(noise)) {
       // Where shorter windows are exact and these ask for the same, more is left as some starts were not found.
-      return !IsNoisy() && (fit->x() - x).cwiseAbs().maxCoeff() < kSameFit;
+      if (!IsNoisy()) return (fit->x() - x).cwiseAbs().maxCoeff() < kSameFit;
+      return problem_.judged && fit_ != nullptr && growth < kTolerableGrowth * GrowthInOwnLogs(fit->level());
     }
     x = fit->x();
     evidence_.window = level.windows.front().n_steps;
@@ -172,6 +181,37 @@ void ShortWindows::TryOtherStarts(LevelFit& fit) {
       steps_.Tell(fit.x());
     }
   }
+}
+
+double ShortWindows::GrowthInOwnLogs(const Level& longer) {
+  const VectorXd noise = SensorNoise();
+  const Dataset logs = OwnLogs(problem_.dataset, *replayer_, *fit_, ToZ(space_, fit_->x()), noise, Through::kAll, rng_);
+  WindowReplayer of_own = MakeReplayer(problem_.factory, space_.size(), logs, readings(), problem_.context.n_threads);
+  return GrowthOf(longer.windows, of_own);
+}
+
+double ShortWindows::GrowthOf(const std::vector<LogWindow>& windows, WindowReplayer& replayer) {
+  Level pieces;
+  for (size_t k = 0; k < windows.size(); ++k) {
+    for (int i = 0; i < windows[k].n_steps; i += shortest_) {
+      pieces.windows.push_back({windows[k].begin + i, shortest_, windows[k].episode_begin});
+      pieces.starts.push_back(replayer.Guess(pieces.windows.back()));
+      pieces.stretch.push_back(static_cast<int>(k));
+    }
+  }
+  VectorXd first, last;
+  const auto make = [&](Level level, VectorXd x) {
+    return std::make_unique<LevelFit>(replayer, space_, problem_.prior, scale_, std::move(level), std::move(x));
+  };
+  const auto descend = [&](LevelFit& fit, bool is_first) {
+    Descend(fit, kLevelIterations);
+    TryOtherStarts(fit);
+    fit.FinalCost();
+    last = fit.noise_variance();
+    if (is_first) first = last;
+  };
+  FitGrowing(std::move(pieces), fit_->x(), windows.front().n_steps, 1, make, descend);
+  return Growth(last.cwiseSqrt(), first.cwiseSqrt());
 }
 
 bool ShortWindows::LeaveOutComputed() {

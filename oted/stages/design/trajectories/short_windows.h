@@ -57,6 +57,12 @@ class ShortWindows {
   bool FitLengths(Eigen::VectorXd x, bool again);
   /// Fits those that are caught in a local minimum from other starts.
   void TryOtherStarts(LevelFit& fit);
+  /// How many times the noise of the shortest windows these longer ones leave in logs that the simulator of the fit
+  /// made itself, with the sensors' noise. Where that is more than once, as through contact, starts are hard to find,
+  /// and as much in the logs does not speak against the simulator.
+  double GrowthInOwnLogs(const Level& longer);
+  /// The same of windows of any logs, which grow from their shortest pieces.
+  double GrowthOf(const std::vector<LogWindow>& windows, WindowReplayer& replayer);
   /// Whether there are readings that were computed from others, or that are of an earlier time than they say; they are
   /// left out from here on.
   bool LeaveOutComputed();

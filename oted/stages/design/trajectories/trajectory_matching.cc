@@ -15,7 +15,7 @@
 #include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
-#include "oted/stages/design/trajectories/own_logs.h"
+#include "oted/stages/design/trajectories/own_designs.h"
 #include "oted/stages/design/trajectories/short_windows.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
 #include "oted/stages/design/trajectories/suspects.h"
