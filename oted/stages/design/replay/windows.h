@@ -30,6 +30,7 @@ class WindowReplayer {
   int obs_dim() const { return obs_dim_; }
   int state_dim() const { return readings_.state_dim(); }
   const ReadingModel& readings() const { return readings_; }
+  const Dataset& dataset() const { return dataset_; }
   /// The guess for coordinates that the logs suggest nothing of, and its standard deviation, from a fit.
   /// @param k  into readings().unread
   void Expect(int k, double mean, double std);

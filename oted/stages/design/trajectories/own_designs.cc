@@ -42,7 +42,7 @@ OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesCo
       problem.context.log->Progress("own logs", name, done, total, "");
     };
     Rng rng = key.Index(off.size()).MakeRng();
-    const Dataset logs = OwnLogs(problem.dataset, design.replayer(), design.fit(), z, noise, Through::kExplained, rng);
+    const Dataset logs = OwnLogs(design.replayer(), design.fit(), z, noise, Through::kExplained, rng);
     const ReplayProblem again{problem.factory, logs,  problem.prior,     problem.key, tell,
                               problem.context, false, problem.kept_aside};
     FitEvidence unused;

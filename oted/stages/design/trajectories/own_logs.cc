@@ -36,9 +36,9 @@ std::map<int, Chains> ChainsOf(const LevelFit& fit, Through through) {
 
 }  // namespace
 
-Dataset OwnLogs(const Dataset& logs, WindowReplayer& replayer, const LevelFit& fit, const std::vector<double>& z,
-                const VectorXd& noise_std, Through through, Rng& rng) {
-  Dataset own = logs;
+Dataset OwnLogs(WindowReplayer& replayer, const LevelFit& fit, const std::vector<double>& z, const VectorXd& noise_std,
+                Through through, Rng& rng) {
+  Dataset own = replayer.dataset();
   const Eigen::Index n_channels = noise_std.size();
   for (const auto& [n_steps, chains] : ChainsOf(fit, through)) {
     const std::vector<VectorXd> residuals = replayer.Residuals(chains.windows, chains.starts, z);

@@ -15,10 +15,10 @@ namespace oted {
 /// each stretch, which need not be that of the logs.
 enum class Through { kExplained, kAll };
 
-/// The logs, with what the simulator makes of the fitted windows in place of their readings: the same actions from the
-/// fitted starts, and the sensors' noise. Windows that follow each other are replayed as one.
+/// The replayer's logs, with what the simulator makes of the fitted windows in place of their readings: the same
+/// actions from the fitted starts, and the sensors' noise. Windows that follow each other are replayed as one.
 /// @param noise_std  (obs_dim)
-Dataset OwnLogs(const Dataset& logs, WindowReplayer& replayer, const LevelFit& fit, const std::vector<double>& z,
+Dataset OwnLogs(WindowReplayer& replayer, const LevelFit& fit, const std::vector<double>& z,
                 const Eigen::VectorXd& noise_std, Through through, Rng& rng);
 
 }  // namespace oted

@@ -45,7 +45,7 @@ TEST(OwnLogs, AreWhatTheSimulatorMakesOfTheExplainedWindows) {
   for (int i = 0; i < 8; ++i) fit.Step();
   fit.FinalCost();
   Rng rng(2);
-  const Dataset own = OwnLogs(logs, replayer, fit, kTruth, VectorXd::Zero(2), Through::kExplained, rng);
+  const Dataset own = OwnLogs(replayer, fit, kTruth, VectorXd::Zero(2), Through::kExplained, rng);
   WindowReplayer again(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), own);
   for (const Episode& episode : logs.Episodes()) {
     if (episode.begin == spoilt.begin) {
@@ -59,6 +59,11 @@ TEST(OwnLogs, AreWhatTheSimulatorMakesOfTheExplainedWindows) {
     const VectorXd left = again.Residuals({whole}, {again.Logged(whole, 0)}, kTruth)[0];
     EXPECT_LT(left.cwiseAbs().maxCoeff(), 1e-9) << episode.begin;
   }
+  // Through all windows the spoilt episode is the simulator's own as well.
+  const Dataset whole = OwnLogs(replayer, fit, kTruth, VectorXd::Zero(2), Through::kAll, rng);
+  WindowReplayer of_whole(std::make_unique<PointMass>(PointMassOptions{}, 64, 1), whole);
+  const LogWindow last{spoilt.begin, kWindowsPerEpisode * kSteps, spoilt.begin};
+  EXPECT_LT(of_whole.Residuals({last}, {of_whole.Logged(last, 0)}, kTruth)[0].cwiseAbs().maxCoeff(), 1e-9);
 }
 
 TEST(AsWideAs, WidensWhereDesignsLieFartherOffThanTheCovarianceSaysAndNowhereElse) {

@@ -185,7 +185,7 @@ void ShortWindows::TryOtherStarts(LevelFit& fit) {
 
 double ShortWindows::GrowthInOwnLogs(const Level& longer) {
   const VectorXd noise = SensorNoise();
-  const Dataset logs = OwnLogs(problem_.dataset, *replayer_, *fit_, ToZ(space_, fit_->x()), noise, Through::kAll, rng_);
+  const Dataset logs = OwnLogs(*replayer_, *fit_, ToZ(space_, fit_->x()), noise, Through::kAll, rng_);
   WindowReplayer of_own = MakeReplayer(problem_.factory, space_.size(), logs, readings(), problem_.context.n_threads);
   return GrowthOf(longer.windows, of_own);
 }
