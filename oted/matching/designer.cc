@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/matching/as_vector.h"
 
 namespace oted {
 
@@ -180,7 +181,7 @@ GaussianSearch GaussianFromJson(const nlohmann::json& q, const ParameterSpace& s
     throw DataError(
         fmt::format("the covariance in '{}' is not positive definite; make it again with 'oted design'", where));
   }
-  GaussianSearch gaussian(space, Eigen::Map<const Eigen::VectorXd>(mean.data(), space.size()), covariance);
+  GaussianSearch gaussian(space, AsVector(mean), covariance);
   if (q.contains("prior")) gaussian.SetPrior(Prior::FromJson(q.at("prior"), space.size(), where));
   return gaussian;
 }

@@ -6,6 +6,7 @@
 
 #include "oted/base/bisection.h"
 #include "oted/base/error.h"
+#include "oted/matching/as_vector.h"
 
 namespace oted {
 namespace {
@@ -142,7 +143,7 @@ double GaussianSearch::KlToPrior() const {
   double kl = 0;
   if (!prior_.uniform) {
     const Eigen::MatrixXd covariance = Covariance();
-    const Eigen::VectorXd shift = Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean;
+    const Eigen::VectorXd shift = AsVector(mean_) - prior_.mean;
     kl = 0.5 * ((prior_.precision * covariance).trace() + shift.dot(prior_.precision * shift) - size());
     kl += prior_.factor.diagonal().array().log().sum() - correlation_factor_.diagonal().array().log().sum();
     for (const double log_std : log_std_) kl -= log_std;
@@ -161,8 +162,7 @@ void GaussianSearch::Ascend(const std::vector<SearchSample>& draws, std::span<co
   OTED_CHECK(draws.size() == advantages.size() && !draws.empty());
   OTED_CHECK(correlation_factor_.isIdentity(0));
   const double n = static_cast<double>(draws.size());
-  const Eigen::VectorXd pull =
-      prior_.precision * (Eigen::Map<const Eigen::VectorXd>(mean_.data(), size()) - prior_.mean);
+  const Eigen::VectorXd pull = prior_.precision * (AsVector(mean_) - prior_.mean);
   for (size_t i = 0; i < mean_.size(); ++i) {
     const double std = std::exp(log_std_[i]);
     const auto at = static_cast<Eigen::Index>(i);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
+#include "oted/matching/as_vector.h"
 
 namespace oted {
 
@@ -64,7 +65,7 @@ Prior Prior::FromJson(const json& prior, int d, const std::string& where) {
     throw DataError(
         fmt::format("the prior in '{}' is no Gaussian over {} parameters; make it again with 'oted design'", where, d));
   }
-  return Gaussian(Eigen::Map<const VectorXd>(mean.data(), d), covariance);
+  return Gaussian(AsVector(mean), covariance);
 }
 
 }  // namespace oted

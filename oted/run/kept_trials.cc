@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "oted/base/files.h"
+#include "oted/matching/as_vector.h"
 #include "oted/run/fingerprint.h"
 #include "oted/run/record_reader.h"
 
@@ -22,10 +23,6 @@ std::string NameOf(int trial) { return fmt::format("trial_{}", trial); }
 std::string FileOf(const std::string& name) { return name + ".json"; }
 
 json ListOf(const VectorXd& numbers) { return std::vector<double>(numbers.begin(), numbers.end()); }
-
-VectorXd VectorOf(const std::vector<double>& numbers) {
-  return Eigen::Map<const VectorXd>(numbers.data(), static_cast<Eigen::Index>(numbers.size()));
-}
 
 }  // namespace
 
@@ -44,7 +41,7 @@ ScreeningRecord ScreeningRecord::FromJson(const json& record, const std::string&
   });
   const RecordReader x_with = reader.At("x_with");
   for (const auto& [name, unused] : record.at("x_with").items()) {
-    read.screened.x_with[name] = VectorOf(x_with.Numbers(name.c_str()));
+    read.screened.x_with[name] = AsVector(x_with.Numbers(name.c_str()));
   }
   return read;
 }
@@ -69,7 +66,7 @@ TrialRecord TrialRecord::FromJson(const json& record, const std::string& where) 
   read.tried.costs.emplace();
   read.tried.costs->ages = reader.Get<std::vector<int>>("ages");
   for (const RecordReader& part : reader.List("parts")) {
-    WindowCosts::Part costs{part.Get<std::vector<int>>("rows"), VectorOf(part.Numbers("costs"))};
+    WindowCosts::Part costs{part.Get<std::vector<int>>("rows"), AsVector(part.Numbers("costs"))};
     if (costs.rows.size() != static_cast<size_t>(costs.costs.size())) part.Fail("costs", "not as many as rows");
     read.tried.costs->of_windows.parts.push_back(std::move(costs));
   }

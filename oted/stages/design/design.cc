@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/matching/as_vector.h"
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/design_method.h"
 #include "oted/stages/design/replay/kept_aside.h"
@@ -24,7 +25,7 @@ std::vector<std::vector<double>> AsLikely(const ParameterSpace& space, const Uns
   if (unseen.z.empty()) return {};
   const std::vector<double> fitted = ZToLogit(space, unseen.z);
   const Eigen::Index n = space.size();
-  const Eigen::Map<const VectorXd> x(fitted.data(), n);
+  const auto x = AsVector(fitted);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(Eigen::Map<const MatrixXd>(unseen.covariance.data(), n, n));
   const VectorXd std = axes.eigenvalues().cwiseMax(0.0).cwiseSqrt().cwiseMin(kLongest);
   Rng rng = key.Stage("as_likely").MakeRng();
@@ -93,8 +94,7 @@ std::optional<HeldOutPrediction> PredictKeptAside(const DesignProblem& problem, 
   const ReadingModel readings = ReadingsOf(spec, logs, fit->unseen);
   const HeldOutParts parts = KeepAside(logs, spec.control_period_s, problem.KeptAsideKey());
   const std::vector<Episode> episodes = logs.Episodes();
-  const auto n_channels = static_cast<Eigen::Index>(fit->short_noise_std.size());
-  const VectorXd noise = Eigen::Map<const VectorXd>(fit->short_noise_std.data(), n_channels);
+  const VectorXd noise = AsVector(fit->short_noise_std);
   return predict({.factory = problem.factory,
                   .kept_aside = parts.judge,
                   .learned = all_learned ? nullptr : &parts.learn,

@@ -8,6 +8,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
+#include "oted/matching/as_vector.h"
 #include "oted/matching/designer.h"
 
 namespace oted {
@@ -131,9 +132,9 @@ Prior FromDesign(const std::string& source, const ParameterSpace& space, const P
   const double n = static_cast<double>(components.size());
   VectorXd mean = VectorXd::Zero(space.size());
   MatrixXd covariance = MatrixXd::Zero(space.size(), space.size());
-  for (const Designer& q : components) mean += Eigen::Map<const VectorXd>(q.mean().data(), q.size()) / n;
+  for (const Designer& q : components) mean += AsVector(q.mean()) / n;
   for (const Designer& q : components) {
-    const VectorXd off = Eigen::Map<const VectorXd>(q.mean().data(), q.size()) - mean;
+    const VectorXd off = AsVector(q.mean()) - mean;
     covariance += (q.Covariance() + off * off.transpose()) / n;
   }
   return Prior::Gaussian(mean, covariance);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "oted/base/error.h"
+#include "oted/matching/as_vector.h"
 #include "oted/stages/design/images/posterior.h"
 #include "oted/stages/design/images/ratio_estimator.h"
 
@@ -58,7 +59,7 @@ Designer AnswerTo(const Array2<double>& features, const ParameterSpace& space, R
       Designer(space, 1.0), [&](const Array2<double>& u) { return g.LogLikelihoods(features, u); }, key);
 }
 
-VectorXd MeanOf(const Designer& q) { return Eigen::Map<const VectorXd>(q.mean().data(), q.size()); }
+VectorXd MeanOf(const Designer& q) { return AsVector(q.mean()); }
 
 Array2<double> UnitOf(const std::vector<VectorXd>& points) {
   Array2<double> u;

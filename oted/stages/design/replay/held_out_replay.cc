@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/matching/as_vector.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/replay/start_fit.h"
 
@@ -35,7 +36,7 @@ std::vector<LogWindow> OverlappingWindows(const Dataset& logs, int n_steps, Wind
 HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held_out,
                             const std::vector<std::vector<double>>& z, const FitEvidence& fit, int n_threads) {
   const SimulatorSpec& spec = factory.spec();
-  const Eigen::Map<const VectorXd> noise(fit.short_noise_std.data(), spec.obs_dim());
+  const auto noise = AsVector(fit.short_noise_std);
   // What one method leaves out tells of none: late or computed velocities.
   const ReadingModel model = ReadingModel::Of(spec, held_out, ReadingsLeftOut(spec, held_out, noise));
   WindowReplayer replayer = MakeReplayer(factory, 0, held_out, model, n_threads);
@@ -45,7 +46,7 @@ HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held
   }
   const std::vector<LogWindow> windows = OverlappingWindows(held_out, errors.n_steps, replayer);
   const std::vector<VectorXd> readings = LoggedStarts(replayer, windows);
-  const Eigen::Map<const VectorXd> spread(fit.scale.data(), spec.obs_dim());
+  const auto spread = AsVector(fit.scale);
   const VectorXd unit = noise.cwiseMax(kNoticeableError * spread).replicate(errors.n_steps + 1, 1);
   const WindowLikelihood likelihood(replayer.readings(), noise.cwiseAbs2(), errors.n_steps);
   const VectorXd start_step = replayer.readings().StartStep();

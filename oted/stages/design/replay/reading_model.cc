@@ -6,6 +6,7 @@
 
 #include "oted/data/checks_rates.h"
 #include "oted/data/normalizer.h"
+#include "oted/matching/as_vector.h"
 #include "oted/stages/design/replay/noise_bound.h"
 
 namespace oted {
@@ -79,7 +80,7 @@ ReadingModel ReadingModel::Of(const SimulatorSpec& spec, const Dataset& dataset,
   readings.smallest_std = QuantisationNoise(dataset);
   const std::vector<double> scale = Normalizer::Fit(dataset.observations).scale;
   readings.state_scale = VectorXd::Ones(spec.state_dim());
-  readings.state_scale.head(obs_dim) = Eigen::Map<const VectorXd>(scale.data(), obs_dim);
+  readings.state_scale.head(obs_dim) = AsVector(scale);
   for (int j = 0; j < spec.state_dim(); ++j) {
     if (j >= obs_dim || !readings.IsHeld(j, 0)) readings.unread.push_back(j);
   }

@@ -4,6 +4,7 @@
 
 #include "oted/base/error.h"
 #include "oted/data/normalizer.h"
+#include "oted/matching/as_vector.h"
 #include "oted/matching/designer.h"
 
 namespace oted {
@@ -21,7 +22,7 @@ std::vector<double> ToZ(const ParameterSpace& space, const VectorXd& x) {
 
 VectorXd NominalStart(const ParameterSpace& space) {
   const std::vector<double> x = ZToLogit(space, space.Nominal());
-  return Eigen::Map<const VectorXd>(x.data(), space.size()).cwiseMax(-kEdge).cwiseMin(kEdge);
+  return AsVector(x).cwiseMax(-kEdge).cwiseMin(kEdge);
 }
 
 Prior ForTrajectories(const Prior& prior, const ParameterSpace& space) {
@@ -31,7 +32,7 @@ Prior ForTrajectories(const Prior& prior, const ParameterSpace& space) {
 
 VectorXd ChannelScales(const Dataset& dataset) {
   const std::vector<double> scale = Normalizer::Fit(dataset.observations).scale;
-  return Eigen::Map<const VectorXd>(scale.data(), static_cast<Eigen::Index>(scale.size()));
+  return AsVector(scale);
 }
 
 ReadingModel ReadingsOf(const SimulatorSpec& spec, const Dataset& logs, const std::optional<UnseenFit>& unseen) {
@@ -39,8 +40,8 @@ ReadingModel ReadingsOf(const SimulatorSpec& spec, const Dataset& logs, const st
   ReadingModel readings = ReadingModel::Of(spec, logs, unseen->computed);
   // Where a sensor may lag that could not then, more is unread, of which the fit expected nothing.
   if (readings.unread.size() != unseen->mean.size()) return readings;
-  readings.mean = Eigen::Map<const VectorXd>(unseen->mean.data(), readings.mean.size());
-  readings.std = Eigen::Map<const VectorXd>(unseen->std.data(), readings.std.size());
+  readings.mean = AsVector(unseen->mean);
+  readings.std = AsVector(unseen->std);
   return readings;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "oted/base/error.h"
+#include "oted/matching/as_vector.h"
 
 namespace oted {
 
@@ -80,7 +81,7 @@ VectorXd WindowReplayer::Unread(const LogWindow& window, const VectorXd& start) 
 VectorXd WindowReplayer::Logged(const LogWindow& window, int t) const {
   const auto row =
       t == 0 ? dataset_.observations.row(window.begin) : dataset_.next_observations.row(window.begin + t - 1);
-  return Eigen::Map<const VectorXd>(row.data(), obs_dim_);
+  return AsVector(row);
 }
 
 bool WindowReplayer::CanStart(const LogWindow& window) {
@@ -135,8 +136,8 @@ std::vector<VectorXd> WindowReplayer::Residuals(const std::vector<LogWindow>& wi
         if (simulator_->status(lane) == LaneStatus::kDiverged) residual.resize(0);
         if (residual.size() == 0) continue;
         const auto simulated = simulator_->observation(lane);
-        residual.segment(t * obs_dim_, obs_dim_) = Logged(windows[first + static_cast<size_t>(lane)], t) -
-                                                   Eigen::Map<const VectorXd>(simulated.data(), obs_dim_);
+        residual.segment(t * obs_dim_, obs_dim_) =
+            Logged(windows[first + static_cast<size_t>(lane)], t) - AsVector(simulated);
       }
     }
   }
@@ -193,14 +194,14 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
         Linearization& linear = result[w];
         if (!linear.valid) continue;
         const auto base = simulator_->observation(k * per_window);
-        const Eigen::Map<const VectorXd> simulated(base.data(), obs_dim_);
+        const auto simulated = AsVector(base);
         linear.residual.segment(t * obs_dim_, obs_dim_) = Logged(windows[w], t) - simulated;
         for (int p = 0; p < per_window; ++p) {
           const int lane = k * per_window + p;
           linear.valid = linear.valid && simulator_->status(lane) != LaneStatus::kDiverged;
           if (p == 0) continue;
           const auto moved = simulator_->observation(lane);
-          const VectorXd change = Eigen::Map<const VectorXd>(moved.data(), obs_dim_) - simulated;
+          const VectorXd change = AsVector(moved) - simulated;
           if (p <= n_parameters) {
             linear.d_parameters.block(t * obs_dim_, p - 1, obs_dim_, 1) = change / steps[p - 1];
           } else {

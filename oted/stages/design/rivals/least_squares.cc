@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "oted/matching/as_vector.h"
 #include "oted/matching/designer.h"
 
 namespace oted {
@@ -142,14 +143,14 @@ ReplayFit FitLeastSquares(const ReplayProblem& problem, const LeastSquaresConfig
   const auto& [factory, dataset, prior, key, progress, context, unused_judged, unused_aside] = problem;
   const ParameterSpace& space = factory.parameters();
   Predictions predictions(factory, dataset, config, key.Stage("windows"), context.n_threads);
-  const int n = predictions.n_parameters(), n_total = config.starts * kMaxIterations;
+  const int n_total = config.starts * kMaxIterations;
   Rng rng = key.Stage("starts").MakeRng();
 
   VectorXd best_u;
   double best_cost = std::numeric_limits<double>::infinity();
   for (int start = 0; start < config.starts; ++start) {
     const std::vector<double> nominal = space.ToUnit(space.Nominal());
-    VectorXd u = Eigen::Map<const VectorXd>(nominal.data(), n).cwiseMax(kStartMargin).cwiseMin(1 - kStartMargin);
+    VectorXd u = AsVector(nominal).cwiseMax(kStartMargin).cwiseMin(1 - kStartMargin);
     if (start > 0) {
       for (double& coordinate : u) coordinate = rng.Uniform(kStartMargin, 1 - kStartMargin);
     }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "oted/matching/as_vector.h"
 #include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/own_logs.h"
 
@@ -34,7 +35,7 @@ OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesCo
   if (!design.IsNoisy() || design.fit().ShareAtOtherMinima(of_starts) < kOtherMinima) return {};
   const VectorXd x = design.fit().x();
   const std::vector<double> z = ToZ(problem.factory.parameters(), x);
-  const Eigen::Map<const VectorXd> noise(evidence.noise_std.data(), problem.dataset.obs_dim());
+  const auto noise = AsVector(evidence.noise_std);
   OwnDesigns own;
   std::vector<VectorXd> off;
   while (own.x.size() < kMostLogs) {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "oted/matching/as_vector.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/trajectories/own_logs.h"
 
@@ -26,6 +27,7 @@ constexpr int kFewestRows = 256;        // however much they cost
 constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is rounding
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 constexpr double kSameFit = 0.004;      // in x, a thousandth of the range
+constexpr size_t kGrownWindows = 40;    // at most, of own logs
 
 /// Windows of twice the length; the longest at once where the shorter ones told all but rounding.
 Level NextLevel(const Level& level, bool is_known) {
@@ -38,10 +40,6 @@ Level NextLevel(const Level& level, bool is_known) {
 /// Of the noise from shorter windows to longer ones: the geometric mean over channels.
 double Growth(const VectorXd& of_longer, const VectorXd& of_shorter) {
   return std::exp((of_longer.array() / of_shorter.array()).log().mean());
-}
-
-VectorXd AsVector(const std::vector<double>& values) {
-  return Eigen::Map<const VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
 }  // namespace
@@ -184,10 +182,15 @@ void ShortWindows::TryOtherStarts(LevelFit& fit) {
 }
 
 double ShortWindows::GrowthInOwnLogs(const Level& longer) {
+  const auto [known, is_new] = growth_in_own_logs_.try_emplace(longer.windows.front().n_steps);
+  if (!is_new) return known->second;
+  std::vector<LogWindow> some;
+  const size_t stride = (longer.windows.size() + kGrownWindows - 1) / kGrownWindows;
+  for (size_t w = 0; w < longer.windows.size(); w += stride) some.push_back(longer.windows[w]);
   const VectorXd noise = SensorNoise();
   const Dataset logs = OwnLogs(*replayer_, *fit_, ToZ(space_, fit_->x()), noise, Through::kAll, rng_);
   WindowReplayer of_own = MakeReplayer(problem_.factory, space_.size(), logs, readings(), problem_.context.n_threads);
-  return GrowthOf(longer.windows, of_own);
+  return known->second = GrowthOf(some, of_own);
 }
 
 double ShortWindows::GrowthOf(const std::vector<LogWindow>& windows, WindowReplayer& replayer) {

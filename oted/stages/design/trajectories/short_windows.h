@@ -3,6 +3,7 @@
 /// well as the short ones.
 
 #include <Eigen/Dense>
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -83,6 +84,7 @@ class ShortWindows {
   int shortest_ = 0, longest_ = 0;  // control steps of the windows that are joined
   Level first_;
   std::unique_ptr<LevelFit> fit_;
+  std::map<int, double> growth_in_own_logs_;  // by the windows' length: the fit of more rows asks again
 };
 
 }  // namespace oted

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/matching/as_vector.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/suspects.h"
@@ -21,12 +22,11 @@ constexpr double kShortSeconds = 0.06;
 SuspectFits::SuspectFits(const FreedProblem& problem)
     : problem_(problem),
       period_(problem.factory.spec().control_period_s),
-      noise_(Eigen::Map<const VectorXd>(problem.fit.short_noise_std.data(),
-                                        static_cast<Eigen::Index>(problem.fit.short_noise_std.size()))),
+      noise_(AsVector(problem.fit.short_noise_std)),
       parts_(KeepAside(problem.dataset, period_, problem.kept_aside)) {
   const bool has_unseen = problem.fit.unseen && !problem.fit.unseen->z.empty();
   const std::vector<double> x = ZToLogit(problem.factory.parameters(), has_unseen ? problem.fit.unseen->z : problem.z);
-  x_ = Eigen::Map<const VectorXd>(x.data(), static_cast<Eigen::Index>(x.size()));
+  x_ = AsVector(x);
 }
 
 ReadingModel SuspectFits::ReadingsOf(const SimulatorFactory& factory) const {
