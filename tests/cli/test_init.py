@@ -172,6 +172,32 @@ class InitTest(ProgramTest):
         self.assertIn("armature_shoulder_joint", task["parameters"])
         self.assertNotIn("elbow_joint/armature", text)
 
+    def test_of_many_joints_what_nothing_drives_has_a_mass_of_its_own(self):
+        hand = """<body name="hand" pos="0 0 -0.3"><joint name="wrist_joint" axis="0 1 0" damping="0.05" armature="0.01"/>
+          <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.1" mass="0.3" contype="0" conaffinity="0"/></body>"""
+        cart = """<body name="cart" pos="0 0 1"><joint name="rail" type="slide" axis="1 0 0" damping="1" stiffness="30"/>
+          <geom size="0.1" mass="3" contype="0" conaffinity="0"/><body name="upper">"""
+        robot = ARM.replace('<body name="upper" pos="0 0 1">', cart)
+        robot = robot.replace('mass="0.6" contype="0" conaffinity="0"/>', 'mass="0.6" contype="0" conaffinity="0"/>' + hand)
+        robot = robot.replace("</worldbody>", "</body></worldbody>").replace(
+            "</actuator>", '<motor name="wrist" joint="wrist_joint" ctrlrange="-20 20"/></actuator>')
+        self.model.write_text(robot)
+        model = mujoco.MjModel.from_xml_string(robot)
+        data, rows = mujoco.MjData(model), []
+        for k in range(400):
+            t = 0.02 * k
+            u = [4 * math.sin(3 * t) + 3 * math.sin(8 * t), 2 * math.sin(5 * t + 1), 0.4 * math.sin(7 * t + 2)]
+            rows.append([t, *data.qpos, *data.qvel, *u])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 4)
+        joints = [model.joint(j).name for j in range(model.njnt)]
+        names = ["time", *(f"{j}_pos" for j in joints), *(f"{j}_vel" for j in joints), "shoulder_cmd", "elbow_cmd", "wrist_cmd"]
+        text, task = self.init(self.csv(np.array(rows), names))
+        # Of the arm's own masses one multiple is enough; the cart is no part of it.
+        self.assertIn("body/@actuated/mass", text)
+        self.assertIn("body/cart/mass", text)
+        self.assertIn("@actuated: what an actuator drives", text)
+
     def test_where_a_spring_rests_is_told_in_place_of_a_zero(self):
         sprung = ARM.replace('name="elbow_joint"', 'name="elbow_joint" stiffness="3"')
         self.model.write_text(sprung)
