@@ -110,8 +110,8 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
   const bool may_be_right = FloorIsReached(design.verdict) || design.verdict == DesignVerdict::kUndecided;
   if (!may_be_right && design.validation) {
     const bool is_known = NotTold(*design.validation).empty();
-    Print("something that is not searched {} off as well: any value may be farther off than its interval says\n",
-          is_known ? "is" : "may be");
+    Print("something that is not searched {}: any value may be farther off than its interval says\n",
+          is_known ? "is off as well" : "may be off as well, or the method has not found the values exactly");
   }
 }
 

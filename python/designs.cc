@@ -139,7 +139,7 @@ void AddDesigns(nb::module_& m) {
         const nb::gil_scoped_release release;
         ValidationRequest request;
         request.run = run_directory;
-        request.data = data;
+        request.data = {data};
         request.model = model;
         NullSink log;
         RunConfig config;

@@ -117,6 +117,7 @@ void AddCheck(CLI::App& data, Program& program) {
   AddSeed(*verb, options->seed);
   AddThreads(*verb, options->threads);
   verb->add_flag("--strict", options->strict, "exit with 3 also for warnings");
+  verb->add_flag("--quiet", options->quiet, "no progress on stderr");
   verb->footer(
       "Exit code: 0 without errors, 3 with errors (--strict: or warnings). docs/data_checks.md explains each.");
   verb->callback([&program, options] {
@@ -124,7 +125,7 @@ void AddCheck(CLI::App& data, Program& program) {
     const Dataset dataset = ReadChosen(config, options->episodes);
     const auto factory = FactoryOf(config, dataset);
     const SimulatorSpec* spec = factory ? &factory->spec() : nullptr;
-    TerminalSink log(true);
+    TerminalSink log(options->quiet || options->json);
     const DataCheck check =
         CheckData(dataset, factory.get(), SeedOf(options->seed), MakeContext(log, options->threads));
     if (options->json) {

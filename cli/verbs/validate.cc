@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -41,14 +43,17 @@ void AddValidateVerb(Program& program) {
   struct Words {
     ValidationRequest request;
     std::string run;
+    std::vector<std::string> more;
     int threads = -1;
     bool json = false, quiet = false;
   };
   auto words = std::make_shared<Words>();
   verb->add_option("RUN_DIR,--out", words->run, "run directory that holds a design.json")->required();
   verb->add_option("--data", words->request.data,
-                   "recordings of the same task, which the design did not see; or a task file that names their columns")
-      ->required();
+                   "recordings of the same task, which the design did not see: one file or several; or a task file "
+                   "that names their columns")
+      ->allow_extra_args(false);
+  verb->add_option("LOGS", words->more, "the same");
   verb->add_option("--episodes", words->request.episodes, "how many of them, from the first [default: all]");
   verb->add_option("--model", words->request.model,
                    "another MJCF or URDF of the robot, compared as it is in place of the task file's model");
@@ -62,6 +67,7 @@ void AddValidateVerb(Program& program) {
       "not explain what it leaves.");
   verb->callback([&program, words] {
     words->request.run = words->run;
+    std::ranges::copy(words->more, std::back_inserter(words->request.data));
     TerminalSink console(words->json || words->quiet);
     const ValidationResult result = Validate(words->request, MakeContext(console, std::max(0, words->threads)));
     if (words->json) {

@@ -46,21 +46,30 @@ std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
 }
 
 /// What designs from the design's own logs found of each parameter.
-/// @param none_is_settled  FitEvidence::unsettled has all of them
+/// @param unsettled  FitEvidence::unsettled
 std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::vector<double>>& found,
-                            bool none_is_settled) {
+                            const std::vector<int>& unsettled) {
   std::vector<std::string> ranges;
   for (int i = 0; i < space.size(); ++i) {
     const auto value = [i](const std::vector<double>& z) { return z[static_cast<size_t>(i)]; };
     const auto [least, most] = std::ranges::minmax(found | std::views::transform(value));
     ranges.push_back(fmt::format("{} {:.3g} to {:.3g}", space[i].name, least, most));
   }
-  return fmt::format("from {} logs that the designed simulator made at these values the same method finds {}; {}",
-                     found.size(), fmt::join(ranges, ", "),
-                     none_is_settled
-                         ? "with contacts and noise many stretches may as well have begun otherwise: any value may be "
-                           "farther off than its interval says"
-                         : "no interval is narrower");
+  std::string so = "every interval covers these";
+  if (unsettled.size() == static_cast<size_t>(space.size())) {
+    so = "with contacts and noise many stretches may as well have begun otherwise: any value may be farther off than "
+         "its "
+         "interval says";
+  } else if (!unsettled.empty()) {
+    std::vector<std::string> names;
+    for (const int i : unsettled) names.push_back(space[i].name);
+    so += fmt::format(", and {} {} at most weak, as these lie far from the design's", fmt::join(names, ", "),
+                      names.size() == 1 ? "is" : "are");
+  }
+  return fmt::format(
+      "own logs: from {} logs that the designed simulator made at these values the same method finds {}; "
+      "{}",
+      found.size(), fmt::join(ranges, ", "), so);
 }
 
 /// Names and units, and the floor where it was looked for over that horizon.
@@ -330,8 +339,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   if (const std::optional<FitEvidence>& fit = findings.candidates[ToldBy(findings)].fit) {
     record.fit = FitOf(*fit, findings.suspects, judgement.off, run.spec(), best.prediction);
     if (best.fit && !best.fit->own_logs.empty()) {
-      const bool none_is_settled = best.fit->unsettled.size() == static_cast<size_t>(space.size());
-      record.fit->own_logs = {best.fit->own_logs, OwnLogsSentence(space, best.fit->own_logs, none_is_settled)};
+      record.fit->own_logs = {best.fit->own_logs, OwnLogsSentence(space, best.fit->own_logs, best.fit->unsettled)};
     }
   }
   for (const GrowthRecord& round : run.growth) {

@@ -80,8 +80,8 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   if (trial.kept && IsLikelier(trial)) {
     likelier = fmt::format("; the logs are surely likelier with it (by {:.0f} nats)", trial.nats->value);
   } else if (!trial.kept && suspect.IsLikely()) {
-    likelier =
-        fmt::format("; yet the windows that it was found by are likelier with it (by {:.0f} nats)", suspect.explains);
+    likelier = fmt::format("; yet the windows of the logs that named it are likelier with it (by {:.0f} nats)",
+                           suspect.explains);
   }
   if (!(trial.gain.value > 0)) return freed + ": predictions get no better" + likelier;
   const std::string text = fmt::format("{}: {}", freed, Bought(trial, channels, off));

@@ -93,6 +93,26 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
          ButElsewhere(result.validation) + ButAGuess(result.validation);
 }
 
+/// @throws UsageError where none is named, or a task file among others
+void TakeData(const std::vector<std::string>& files, DataConfig& data) {
+  if (files.empty()) throw UsageError("no recordings are named; add --data FILE");
+  const auto is_task_file = [](const std::string& file) { return file.ends_with(".toml"); };
+  if (files.size() == 1) {
+    if (is_task_file(files.front()))
+      data = RunConfig::FromTomlFile(files.front()).data;
+    else
+      data.Take(files.front());
+    return;
+  }
+  data.Take("");
+  for (const std::string& file : files) {
+    if (is_task_file(file)) {
+      throw UsageError(fmt::format("'{}' is a task file among other recordings; name it alone", file));
+    }
+    data.recordings.push_back({file, {}});
+  }
+}
+
 /// The files of `asked` whose content the design learned from.
 std::vector<std::string> Learned(const DataConfig& design, const DataConfig& asked) {
   std::set<std::string> known;
@@ -158,10 +178,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
                     config.task.name));
   }
   const DataConfig of_design = config.data;
-  if (request.data.ends_with(".toml"))
-    config.data = RunConfig::FromTomlFile(request.data).data;
-  else
-    config.data.Take(request.data);
+  TakeData(request.data, config.data);
   config.data.episodes = request.episodes;
   const std::vector<std::string> learned = Learned(of_design, config.data);
   const Dataset logs = ReadEpisodes(config.data, SpecOf(config.task));
@@ -202,7 +219,10 @@ nlohmann::json ValidationResult::ToJson(const ValidationRequest& request) const 
   nlohmann::json record = {
       {"schema", "oted.validation/1"},
       {"run", request.run.string()},
-      {"dataset", {{"path", request.data}, {"sha256", data_sha256}, {"n_transitions", n_transitions}}},
+      {"dataset",
+       {{"path", request.data.size() == 1 ? nlohmann::json(request.data.front()) : nlohmann::json(request.data)},
+        {"sha256", data_sha256},
+        {"n_transitions", n_transitions}}},
       {"sentence", sentence},
       {"warnings", warnings},
       {"predicts_better", predicts_better},

@@ -13,10 +13,10 @@
 namespace oted {
 
 struct ValidationRequest {
-  std::filesystem::path run;     ///< run directory that holds a design.json
-  std::string data;              ///< recordings of the same task
-  std::string episodes = "all";  ///< how many of them
-  std::string model;             ///< MJCF or URDF to compare with, in the place of the task's own; may be empty
+  std::filesystem::path run;      ///< run directory that holds a design.json
+  std::vector<std::string> data;  ///< recordings of the same task; or a task file that names them, alone
+  std::string episodes = "all";   ///< how many of them
+  std::string model;              ///< MJCF or URDF to compare with, in the place of the task's own; may be empty
 };
 
 struct ValidationResult {

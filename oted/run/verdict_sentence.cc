@@ -339,7 +339,7 @@ std::string ButOdd(const DesignRecord::Validation& validation) {
   if (odd.empty()) return "";
   std::vector<int> numbers;
   for (const int episode : odd) numbers.push_back(episode + 1);
-  return fmt::format("; {} {} of the logs {} far off, most are not: look there",
+  return fmt::format("; {} {} of the logs {} far off, the others are not: look there",
                      odd.size() == 1 ? "episode" : "episodes", fmt::join(numbers, ", "),
                      odd.size() == 1 ? "is" : "are");
 }

@@ -261,6 +261,10 @@ class InitTest(ProgramTest):
         later = self.succeed("validate", run, "--data", self.csv(swing(3), file="later.csv"))
         self.assertIn("these recordings", later.stdout)
         self.assertNotIn("learned from", later.stdout + later.stderr)
+        both = json.loads(self.succeed("validate", run, "--data", self.folder / "later.csv", self.csv(swing(4), file="last.csv"),
+                                       "--json").stdout)
+        self.assertEqual(both["dataset"]["n_transitions"], 2 * 149)
+        self.assertOneLine(program.oted("validate", run), program.USAGE, "--data FILE")
         known = self.succeed("validate", run, "--data", self.folder / "b.csv")
         self.assertIn("the design learned from", known.stdout + known.stderr)
         joint = self.model.read_text().split('joint name="')[1].split('"')[0]

@@ -228,11 +228,16 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
   const std::vector<double> z = ToZ(space, fit.x());
   std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
   RestsOn found;
+  // Of a mass that is searched with its inertia, the mass alone would read as if it were not searched.
+  const auto is_searched = [&](const ParameterSpec& spec) {
+    return std::ranges::any_of(space.specs(), [&](const ParameterSpec& p) { return IsPartOf(spec, p); });
+  };
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
     const Suspect scored = ScoreOf(specs[k], *estimate);
     if (scored.explains > kAsked * kAsked / 2 && IsNoticeable(specs[k], scored.value)) found.asked.push_back(scored);
+    if (is_searched(specs[k])) continue;
     const double off = specs[k].IsMultiple() ? std::log(1 + kOff) : kOff;
     const auto [change, std] = LastOf(*estimate);
     const WithEachAlone::Following following = with.FollowingOf(k);
@@ -242,7 +247,6 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     if (!is_alike && IsExcluded(off, change, std)) continue;
     const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
     for (size_t i = 0; i < z.size(); ++i) {
-      if (IsPartOf(specs[k], space[static_cast<int>(i)])) continue;
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
       const bool is_outside = moved[i] < intervals[i].low || moved[i] > intervals[i].high;
       if (by > (is_alike || is_outside ? kTrace : 1))
