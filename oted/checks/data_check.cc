@@ -320,7 +320,8 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
   for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
     if (f.only_discriminated && !discriminated) continue;
     if (f.check == kImpossibleMotion) throw DataError(fmt::format("{}; {}", f.what, f.remedy));
-    if (f.severity != Severity::kNote) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.meaning));
+    if (f.severity != Severity::kNote)
+      warnings.push_back(fmt::format("{}{}: {}; {}", kOfData, f.check, f.what, f.meaning));
   }
   return warnings;
 }
@@ -339,7 +340,7 @@ std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, con
                                             const RunContext& context) {
   std::vector<std::string> warnings;
   for (const Finding& f : FindCorrections(factory, dataset, context))
-    warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.remedy));
+    warnings.push_back(fmt::format("{}{}: {}; {}", kOfData, f.check, f.what, f.remedy));
   return warnings;
 }
 

@@ -39,6 +39,9 @@ TaskFacts FactsOf(const SimulatorSpec& spec);
 /// @param discriminated  whether the design learns to tell these logs from a simulator
 std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated);
 
+/// How a warning that is of the logs begins, in a run.
+inline constexpr const char* kOfData = "data, ";
+
 /// What CheckCorrections finds of checked data: which changes of the columns (a joint's or an action's sign, two joints
 /// swapped, a zero) would make the nominal simulator predict the logs far better. None where logs of the task cannot be
 /// replayed.

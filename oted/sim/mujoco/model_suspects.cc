@@ -45,14 +45,33 @@ std::string GearPath(const mjModel& model) {
   return "actuator/*/gear[0]";
 }
 
-/// Where a thing that does not move stands: of what the robot touches this is measured by hand.
-void AddPlace(const mjModel& model, int body, const std::string& called, std::vector<SuspectedField>& places) {
-  constexpr const char* kAxes = "xyz";
+/// Where things stand that do not move, and a floor lies: of what the robot touches this is measured by hand.
+void AddPlaces(const mjModel& model, std::vector<SuspectedField>& places) {
   const double most = RoundBound(kMostAside * model.stat.extent);
-  const std::string object = ObjectName(model, mjOBJ_BODY, body);
-  for (int axis = 0; axis < 3; ++axis) {
+  const auto add = [&](const std::string& kind, const std::string& object, const std::string& called, int axis) {
     places.push_back(
-        {fmt::format("{}_{}", called, kAxes[axis]), fmt::format("body/{}/pos[{}]", object, axis), {}, most});
+        {fmt::format("{}_{}", called, "xyz"[axis]), fmt::format("{}/{}/pos[{}]", kind, object, axis), {}, most});
+  };
+  std::vector<int> of_world;
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    const bool touches = model.geom_contype[geom] != 0 || model.geom_conaffinity[geom] != 0;
+    if (model.geom_bodyid[geom] == 0 && touches) of_world.push_back(geom);
+  }
+  if (of_world.size() <= static_cast<size_t>(kMostSingly)) {
+    for (const int geom : of_world) {
+      const std::string object = ObjectName(model, mjOBJ_GEOM, geom);
+      const std::string called = object.starts_with("#") ? fmt::format("geom{}", geom) : object;
+      // A plane has no end that could lie elsewhere.
+      for (int axis = model.geom_type[geom] == mjGEOM_PLANE ? 2 : 0; axis < 3; ++axis)
+        add("geom", object, called, axis);
+    }
+  }
+  if (model.nbody - 1 > kMostBodies) return;
+  for (int body = 1; body < model.nbody; ++body) {
+    if (model.body_weldid[body] != 0 || model.body_parentid[body] != 0) continue;
+    const std::string object = ObjectName(model, mjOBJ_BODY, body);
+    const std::string called = object.starts_with("#") ? fmt::format("body{}", body) : object;
+    for (int axis = 0; axis < 3; ++axis) add("body", object, called, axis);
   }
 }
 
@@ -97,6 +116,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"gravity", "opt/gravity[2]"}};
   if (model.na > 0) places.push_back({"drive_lag", "actuator/*/dynprm[0]"});
   AddSprings(model, places);
+  AddPlaces(model, places);
   if (const double down = std::abs(model.opt.gravity[2]);
       down > 0 && model.opt.gravity[0] == 0 && model.opt.gravity[1] == 0) {
     // A base that does not stand level, and a floor that is none.
@@ -117,7 +137,6 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
     places.push_back({called + "_com", fmt::format("body/{}/ipos", object)});
     // The length of the link before it.
     if (model.body_parentid[body] > 0) places.push_back({called + "_pos", fmt::format("body/{}/pos", object)});
-    if (model.body_weldid[body] == 0 && model.body_parentid[body] == 0) AddPlace(model, body, called, places);
   }
   return places;
 }

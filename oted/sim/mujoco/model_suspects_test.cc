@@ -72,9 +72,12 @@ TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
 TEST(ModelSuspects, AreWhereThingsStandThatTheRobotTouches) {
   const std::vector<ParameterSpec> suspects = SuspectsOf(R"(<mujoco>
     <worldbody><body><joint axis="0 1 0"/><geom size="0.1 0.5" type="capsule"/></body>
-    <body name="box" pos="0.4 0 0.25"><geom type="box" size="0.1 0.2 0.05"/></body></worldbody>
+    <body name="box" pos="0.4 0 0.25"><geom type="box" size="0.1 0.2 0.05"/></body>
+    <geom name="floor" type="plane" size="1 1 1"/></worldbody>
   </mujoco>)");
   EXPECT_THAT(Fields(suspects), Contains("body/box/pos[0]"));
+  EXPECT_THAT(Fields(suspects), Contains("geom/floor/pos[2]"));
+  EXPECT_THAT(Fields(suspects), Not(Contains("geom/floor/pos[0]"))) << "it has no end";
   const auto height = std::ranges::find(suspects, "body/box/pos[2]", &ParameterSpec::field);
   ASSERT_NE(height, suspects.end());
   EXPECT_EQ(height->nominal, 0.25);
