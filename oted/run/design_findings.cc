@@ -67,8 +67,7 @@ std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::
                       names.size() == 1 ? "is" : "are");
   }
   return fmt::format(
-      "own logs: from {} logs that the designed simulator made at these values the same method finds {}; "
-      "{}",
+      "own logs: from {} logs that the designed simulator made at these values the same method finds {}; {}",
       found.size(), fmt::join(ranges, ", "), so);
 }
 

@@ -50,9 +50,56 @@ class FreedTrials {
 
   /// @param screened_x  of the parameters and the suspect, by the windows that screened it; null where none did
   TriedSuspect Try(const Suspect& suspect, const VectorXd* screened_x) {
-    TriedSuspect tried;
-    tried.trial = Freed(suspect, screened_x, tried.costs);
-    return tried;
+    const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
+    if (wider == nullptr) return {};
+    const ParameterSpace& space = wider->parameters();
+    const VectorXd x = Without();
+    std::vector<double> before = ToZ(problem_.factory.parameters(), x);
+    before.push_back(space[space.size() - 1].nominal);
+    const Prior prior = fits_.PriorIn(space);
+    const ReadingModel readings = fits_.ReadingsOf(*wider);
+    std::optional<Fitted> best;
+    std::vector<VectorXd> starts = {fits_.StartOf(*wider, x, suspect.value), fits_.StartOf(*wider, x, before.back())};
+    // The other parameters have moved with it there.
+    if (screened_x != nullptr) starts.front() = *screened_x;
+    for (const VectorXd& start : starts) {
+      if (best && !IsCaught(*best)) break;
+      std::optional<Fitted> fitted = Fit(*wider, prior, readings, start);
+      if (fitted && (!best || fitted->cost < best->cost)) best = std::move(fitted);
+    }
+    if (!best) return {};
+    const Designer q(space, best->x, best->covariance);
+    const auto prediction = Beside(*wider, readings, q.Mode(), before);
+    if (!prediction) return {};
+    const HeldOutPrediction::Horizon& told = ToldOf(prediction->horizons);
+    std::optional<Likelier> likelier = LikelierWith(*wider, readings, *best);
+    const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSureErrors * told.gain.error;
+    // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
+    const bool is_no_worse = !PredictsWorse(*prediction) && (!problem_.fit.errors_grow || told.gain.value > 0);
+    // At an end of its range it stands in for something else. And what leaves another one at its bound is not what put
+    // it there.
+    const double value = q.Mode().back();
+    const bool is_at_bound = EndsAtBound(space[space.size() - 1], value, value) || !ParametersAtBounds(q).empty();
+    FreedTrial trial{.value = value,
+                     .std = q.Std().back(),
+                     .intervals90 = q.CentralInterval(kIntervalMass),
+                     .kept = false,
+                     .seconds = told.seconds,
+                     .n_steps = told.n_steps,
+                     .n_windows = told.n_windows,
+                     .learned = told.learned || fits_.LearnsFromAll(),
+                     .gain = told.gain,
+                     .nats = likelier ? std::optional(likelier->nats) : std::nullopt,
+                     .led_by = {},
+                     .before = {},
+                     .after = {}};
+    trial.kept = !is_at_bound && (predicts_better || (IsLikelier(trial) && is_no_worse));
+    trial.intervals90.pop_back();  // of what was freed
+    for (const HeldOutPrediction::Channel& channel : told.channels) {
+      trial.before.push_back(channel.nominal);
+      trial.after.push_back(channel.designed);
+    }
+    return {std::move(trial), likelier ? std::optional(std::move(likelier->costs)) : std::nullopt};
   }
 
   /// Of a suspect that was tried, now or before.
@@ -71,60 +118,6 @@ class FreedTrials {
   }
 
  private:
-  std::optional<FreedTrial> Freed(const Suspect& suspect, const VectorXd* screened_x,
-                                  std::optional<TrialCosts>& costs) {
-    const std::unique_ptr<SimulatorFactory> wider = problem_.factory.With({suspect.spec});
-    if (wider == nullptr) return std::nullopt;
-    const ParameterSpace& space = wider->parameters();
-    const VectorXd x = Without();
-    std::vector<double> before = ToZ(problem_.factory.parameters(), x);
-    before.push_back(space[space.size() - 1].nominal);
-    const Prior prior = fits_.PriorIn(space);
-    const ReadingModel readings = fits_.ReadingsOf(*wider);
-    std::optional<Fitted> best;
-    std::vector<VectorXd> starts = {fits_.StartOf(*wider, x, suspect.value), fits_.StartOf(*wider, x, before.back())};
-    // The other parameters have moved with it there.
-    if (screened_x != nullptr) starts.front() = *screened_x;
-    for (const VectorXd& start : starts) {
-      if (best && !IsCaught(*best)) break;
-      std::optional<Fitted> fitted = Fit(*wider, prior, readings, start);
-      if (fitted && (!best || fitted->cost < best->cost)) best = std::move(fitted);
-    }
-    if (!best) return std::nullopt;
-    const Designer q(space, best->x, best->covariance);
-    const auto prediction = Beside(*wider, readings, q.Mode(), before);
-    if (!prediction) return std::nullopt;
-    const HeldOutPrediction::Horizon& told = ToldOf(prediction->horizons);
-    const std::optional<Estimated> nats = NatsOf(*wider, readings, *best, costs);
-    const bool predicts_better = PredictsBetter(*prediction) && told.gain.value > kSureErrors * told.gain.error;
-    // Likelier windows of real logs may go with worse predictions of other motions: there the error has to fall.
-    const bool is_no_worse = !PredictsWorse(*prediction) && (!problem_.fit.errors_grow || told.gain.value > 0);
-    // At an end of its range it stands in for something else. And what leaves another one at its bound is not what put
-    // it there.
-    const double value = q.Mode().back();
-    const bool is_at_bound = EndsAtBound(space[space.size() - 1], value, value) || !ParametersAtBounds(q).empty();
-    FreedTrial trial{.value = value,
-                     .std = q.Std().back(),
-                     .intervals90 = q.CentralInterval(kIntervalMass),
-                     .kept = false,
-                     .seconds = told.seconds,
-                     .n_steps = told.n_steps,
-                     .n_windows = told.n_windows,
-                     .learned = told.learned || fits_.LearnsFromAll(),
-                     .gain = told.gain,
-                     .nats = nats,
-                     .led_by = {},
-                     .before = {},
-                     .after = {}};
-    trial.kept = !is_at_bound && (predicts_better || (IsLikelier(trial) && is_no_worse));
-    trial.intervals90.pop_back();  // of what was freed
-    for (const HeldOutPrediction::Channel& channel : told.channels) {
-      trial.before.push_back(channel.nominal);
-      trial.after.push_back(channel.designed);
-    }
-    return trial;
-  }
-
   /// Whether one of two that were tried makes the same windows surely likelier than the other, each by the noise that
   /// it leaves; or surely gains more, where that is not known of both. A few nats tell nothing, however sure: where two
   /// are one to the logs, as a servo's kv and all that it moves, the fits end that near each other.
@@ -213,12 +206,17 @@ class FreedTrials {
     return Fitted{fit->level().windows.front().n_steps, fit->x(), cost, covariance, fit->noise_variance()};
   }
 
+  struct Likelier {
+    Estimated nats;
+    TrialCosts costs;
+  };
+
   /// Nats by which windows of the logs become likelier: of those that were kept aside and, where windows are noise's
   /// and those agree, of the others too; of the others alone where fewer than two such windows were kept aside. One
   /// number more cannot follow hundreds of windows, so that these tell as honestly, and they are four times as many.
   /// None where nothing was kept aside, and where the fit without it is of other windows.
-  std::optional<Estimated> NatsOf(const SimulatorFactory& wider, const ReadingModel& readings, const Fitted& with,
-                                  std::optional<TrialCosts>& costs) {
+  std::optional<Likelier> LikelierWith(const SimulatorFactory& wider, const ReadingModel& readings,
+                                       const Fitted& with) {
     if (fits_.LearnsFromAll() || !fitted_without_ || fitted_without_->n_steps != with.n_steps) return std::nullopt;
     const ParameterSpace& space = wider.parameters();
     std::vector<double> nominal = ToZ(problem_.factory.parameters(), fitted_without_->x);
@@ -242,8 +240,7 @@ class FreedTrials {
     if (!can_tell) freed = without = {};
     if (!can_tell || (!is_long && nats.value > 0)) nats = ask(fits_.parts().learn);
     if (!std::isfinite(nats.error)) return std::nullopt;
-    costs = {freed, readings.ages};
-    return nats;
+    return Likelier{nats, {freed, readings.ages}};
   }
 
   /// Of what the design found in the part of the logs that learns, and what that part gives in the windows that freed
