@@ -57,9 +57,8 @@ std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::
   }
   std::string so = "every interval covers these";
   if (unsettled.size() == static_cast<size_t>(space.size())) {
-    so = "with contacts and noise many stretches may as well have begun otherwise: any value may be farther off than "
-         "its "
-         "interval says";
+    so = "with contacts and noise many stretches may as well have begun otherwise: any value may be farther off "
+         "than its interval says";
   } else if (!unsettled.empty()) {
     std::vector<std::string> names;
     for (const int i : unsettled) names.push_back(space[i].name);

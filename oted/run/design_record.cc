@@ -14,8 +14,6 @@ using nlohmann::json;
 
 // ---------------------------------------------------------------- growth.json
 
-namespace {
-
 json SuspectsToJson(const std::vector<Suspect>& suspects) {
   json list = json::array();
   for (const Suspect& suspect : suspects) list.push_back(ToJson(suspect));
@@ -29,8 +27,6 @@ std::vector<Suspect> SuspectsFrom(const RecordReader& reader, const char* field)
     return suspects;
   });
 }
-
-}  // namespace
 
 const Suspect* GrowthRecord::Freed() const { return BestFreed(suspects); }
 std::vector<const Suspect*> GrowthRecord::Rivals() const { return RivalsOfBest(suspects); }

@@ -13,6 +13,11 @@
 
 namespace oted {
 
+class RecordReader;
+
+nlohmann::json SuspectsToJson(const std::vector<Suspect>& suspects);
+std::vector<Suspect> SuspectsFrom(const RecordReader& reader, const char* field);
+
 /// growth/ROUND/growth.json: a design that was made to find what its parameters lack.
 struct GrowthRecord {
   static constexpr const char* kSchema = "oted.growth/1";

@@ -8,6 +8,7 @@
 
 #include "oted/base/files.h"
 #include "oted/matching/as_vector.h"
+#include "oted/run/design_record.h"
 #include "oted/run/fingerprint.h"
 #include "oted/run/record_reader.h"
 
@@ -27,18 +28,14 @@ json ListOf(const VectorXd& numbers) { return std::vector<double>(numbers.begin(
 }  // namespace
 
 json ScreeningRecord::ToJson() const {
-  json record = {{"schema", kSchema}, {"suspects", json::array()}, {"x_with", json::object()}};
-  for (const Suspect& suspect : screened.suspects) record["suspects"].push_back(::oted::ToJson(suspect));
+  json record = {{"schema", kSchema}, {"suspects", SuspectsToJson(screened.suspects)}, {"x_with", json::object()}};
   for (const auto& [name, x] : screened.x_with) record["x_with"][name] = ListOf(x);
   return record;
 }
 
 ScreeningRecord ScreeningRecord::FromJson(const json& record, const std::string& where) {
   const RecordReader reader(record, kSchema, where);
-  ScreeningRecord read;
-  reader.Read("suspects", [&](const json& list) {
-    for (const json& suspect : list) read.screened.suspects.push_back(SuspectFromJson(suspect));
-  });
+  ScreeningRecord read{{SuspectsFrom(reader, "suspects"), {}}};
   const RecordReader x_with = reader.At("x_with");
   for (const auto& [name, unused] : record.at("x_with").items()) {
     read.screened.x_with[name] = AsVector(x_with.Numbers(name.c_str()));
