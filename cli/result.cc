@@ -240,19 +240,6 @@ void PrintSuspects(const DesignRecord& design) {
   }
 }
 
-/// Of a file that lacks these. @param left_out  names, between commas
-std::string WhatItLacks(const DesignRecord& design, const std::string& left_out) {
-  const std::string names = ", " + left_out + ", ";
-  bool are_sensors = true, may_be_none = true;
-  for (const DesignRecord::Parameter& p : design.parameters) {
-    if (names.find(", " + p.name + ", ") == std::string::npos) continue;
-    are_sensors = are_sensors && p.field.starts_with("obs/");
-    may_be_none = may_be_none && p.interval90_low <= p.nominal && p.nominal <= p.interval90_high;
-  }
-  if (may_be_none) return "but its interval holds the nominal value, which the file has";
-  return are_sensors ? "the file moves as the robot does, read by other sensors" : "alone the file predicts worse";
-}
-
 template <class Record>
 std::optional<Record> Read(const json& record, const char* name) {
   return record.is_null() ? std::nullopt : std::optional<Record>(Record::FromJson(record, name));
@@ -320,13 +307,10 @@ int PrintResult(const std::filesystem::path& run_directory, const Options& optio
     if (picked && design) PrintPick(*picked, *design, run_directory);
     const std::filesystem::path designed = run_directory / "export" / "designed.xml";
     if (std::filesystem::exists(designed)) {
-      const std::string left_out = NotInFile(designed);
       Print("\ndesigned model: {}", designed.string());
-      if (!left_out.empty()) {
-        Print(
-            "\n  without {}, which this file cannot hold. The errors above are with it; {}\n"
-            "  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports, has the reasons)",
-            left_out, design ? WhatItLacks(*design, left_out) : "alone the file predicts worse");
+      if (const std::string lacks = WhatExportedModelLacks(run_directory); !lacks.empty()) {
+        Print("\n  {}\n  (oted.make_env in Python steps it with all; docs/file_formats.md, Exports, has the reasons)",
+              lacks);
       }
     }
     Print("\nreport: {}\n", (report / "report.html").string());

@@ -83,7 +83,6 @@ std::string Origin(const FinishedDesign& design, const Member& member) {
 }
 
 constexpr double kNearNominal = 0.005;  // of the range
-constexpr const char* kNotInThisFile = "Not in this file, as they are no fields of the model: ";
 
 /// Whether a file is there and is the record of a stage, of this run or another.
 bool IsSealedRecord(const fs::path& file) {
@@ -174,23 +173,44 @@ bool IsAtNominal(const DesignRecord& record, const std::vector<Member>& members,
                              [&](const Member& member) { return std::abs(member.mode[at] - found->nominal) < near; });
 }
 
-std::vector<ExportedFile> ExportModels(const FinishedDesign& design, const ExportRequest& request) {
+struct ExportedModels {
+  std::vector<ExportedFile> files;
+  std::vector<std::string> left_out;  ///< names of the parameters that the files cannot hold
+};
+
+ExportedModels ExportModels(const FinishedDesign& design, const ExportRequest& request) {
   const Members members = SelectMembers(design, request.member);
   const auto factory = FactoryOf(design.config);
   CheckSameModel(design, *factory);
   std::string remarks = "Load it with mujoco.MjModel.from_xml_path or MuJoCo's viewer.";
-  std::vector<std::string> left_out = factory->NotInMjcf().value_or(std::vector<std::string>{});
-  std::erase_if(left_out, [&](const std::string& name) { return IsAtNominal(design.record, members.chosen, name); });
-  if (!left_out.empty()) {
-    remarks = fmt::format("{}{}.\n{}", kNotInThisFile, fmt::join(left_out, ", "), remarks);
+  ExportedModels models{{}, factory->NotInMjcf().value_or(std::vector<std::string>{})};
+  std::erase_if(models.left_out,
+                [&](const std::string& name) { return IsAtNominal(design.record, members.chosen, name); });
+  if (!models.left_out.empty()) {
+    remarks = fmt::format("Not in this file, as they are no fields of the model: {}.\n{}",
+                          fmt::join(models.left_out, ", "), remarks);
   }
-  std::vector<ExportedFile> written;
   for (const Member& member : members.chosen) {
     const fs::path path = MjcfPath(request.mjcf, member, members.all);
     WriteFileAtomically(path, factory->Mjcf(member.mode, Origin(design, member) + remarks));
-    written.push_back({fmt::format("designed model, seed {}", member.seed), path});
+    models.files.push_back({fmt::format("designed model, seed {}", member.seed), path});
   }
-  return written;
+  return models;
+}
+
+/// What a designed model's file lacks, and what that means for its user.
+std::string WhatItLacks(const DesignRecord& design, const std::vector<std::string>& left_out) {
+  bool are_sensors = true, may_be_none = true;
+  for (const DesignRecord::Parameter& p : design.parameters) {
+    if (std::ranges::find(left_out, p.name) == left_out.end()) continue;
+    are_sensors = are_sensors && p.field.starts_with("obs/");
+    may_be_none = may_be_none && p.interval90_low <= p.nominal && p.nominal <= p.interval90_high;
+  }
+  const char* meaning = may_be_none   ? "but its interval holds the nominal value, which the file has"
+                        : are_sensors ? "the file moves as the robot does, read by other sensors"
+                                      : "alone the file predicts worse";
+  return fmt::format("without {}, which this file cannot hold. The errors above are with it; {}",
+                     fmt::join(left_out, ", "), meaning);
 }
 
 // The selected setting's q of every seed, each with the same weight: what stage 4 draws from.
@@ -239,11 +259,13 @@ std::string Sysid(const FinishedDesign& design) {
 }
 
 // What speaks for the files of the run's own exports.
-void SealExports(const FinishedDesign& design, const std::vector<ExportedFile>& written) {
+/// @param lacks  of the designed model's file: WhatItLacks; empty where it lacks nothing
+void SealExports(const FinishedDesign& design, const std::vector<ExportedFile>& written, const std::string& lacks) {
   std::vector<std::string> names;
   for (const ExportedFile& file : written) names.push_back(file.path.filename().string());
   json record = {{"schema", "oted.export/1"},
                  {"made_from", {{"../design.json", SealOf(ReadSealed(design.folder / "design.json", true))}}}};
+  if (!lacks.empty()) record["lacks"] = lacks;
   const fs::path folder = design.folder / kExportFolder;
   Seal(record, folder, names);
   WriteJson(folder / kExports, record);
@@ -274,12 +296,9 @@ ExportRequest DefaultExports(const fs::path& run_directory) {
   return {.mjcf = folder / "designed.xml", .q = folder / "q.json", .sysid = folder / "parameters.yaml"};
 }
 
-std::string NotInFile(const fs::path& mjcf) {
-  const std::string text = ReadFile(mjcf);
-  const size_t at = text.find(kNotInThisFile);
-  if (at == std::string::npos) return "";
-  const size_t begin = at + std::string_view(kNotInThisFile).size();
-  return text.substr(begin, text.find(".\n", begin) - begin);
+std::string WhatExportedModelLacks(const fs::path& run_directory) {
+  const fs::path record = run_directory / kExportFolder / kExports;
+  return fs::exists(record) ? ReadSealed(record, true).value("lacks", "") : "";
 }
 
 void RemoveExports(const fs::path& run_directory) {
@@ -293,8 +312,13 @@ std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequ
   const FinishedDesign design = ReadDesign(run_directory);
   CheckTargets(design, request);
   std::vector<ExportedFile> written;
+  std::string lacks;
   try {
-    if (!request.mjcf.empty()) written = ExportModels(design, request);
+    if (!request.mjcf.empty()) {
+      ExportedModels models = ExportModels(design, request);
+      written = std::move(models.files);
+      if (!models.left_out.empty()) lacks = WhatItLacks(design.record, models.left_out);
+    }
     if (!request.q.empty()) {
       WriteJson(request.q, MixtureJson(design));
       written.push_back({"q(z), mixture of all seeds", request.q});
@@ -307,7 +331,7 @@ std::vector<ExportedFile> Export(const fs::path& run_directory, const ExportRequ
     throw DataError(fmt::format("'{}' lacks what a design records ({}); make it again with 'oted design'",
                                 (run_directory / "design.json").string(), e.what()));
   }
-  if (request.q == run_directory / kExportFolder / "q.json") SealExports(design, written);
+  if (request.q == run_directory / kExportFolder / "q.json") SealExports(design, written, lacks);
   return written;
 }
 

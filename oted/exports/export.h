@@ -39,9 +39,9 @@ ExportRequest DefaultExports(const std::filesystem::path& run_directory);
 /// together, when the model has changed since the design, or when MuJoCo cannot write it (DesignedMjcf).
 std::vector<ExportedFile> Export(const std::filesystem::path& run_directory, const ExportRequest& request);
 
-/// Names of the parameters that a designed model's file lacks, as it says itself, "zero, lag"; oted's simulators and
-/// environments have them. Empty where it lacks none.
-std::string NotInFile(const std::filesystem::path& mjcf);
+/// What the designed model that the default request wrote lacks, and what that means: "without zero, lag, which ...".
+/// The simulators and environments of the run have it. Empty where it lacks nothing.
+std::string WhatExportedModelLacks(const std::filesystem::path& run_directory);
 
 /// Removes what the default request writes.
 void RemoveExports(const std::filesystem::path& run_directory);

@@ -169,6 +169,7 @@ json Gather(const fs::path& run_dir) {
   add("dataset", ReadResult(run_dir / "dataset.json", "oted.dataset/1"));
   add("design", ReadResult(run_dir / "design.json", "oted.design/1"));
   CheckSameData(report, run_dir);
+  add("export", ReadResult(run_dir / "export" / "export.json", "oted.export/1"));
   add("policy_selection", ReadResult(run_dir / "policy_selection.json", "oted.policy_selection/1"));
   add("replay", ReadResult(run_dir / "motion" / "replay.json", "oted.replay/1"));
   add("motion", ReadResult(run_dir / "motion" / "motion.json", "oted.motion/1"));

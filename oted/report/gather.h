@@ -10,6 +10,7 @@ namespace oted {
 /// - `parameters`: design.json's, each with `truth` and `absolute_error` where an evaluation knows them, and
 ///   `seed_modes`, the modes of the selected setting's seeds;
 /// - `policies`: evaluation.json's; `evaluation`, `design`, `policy_selection`, `dataset`: the files themselves;
+/// - `export`: export/export.json, what speaks for the exported files;
 /// - `clone`: {result, curves}; `agents`, `nominal`: lists of {name, result, curves}; `baselines`: the same with the
 ///   baseline's name, `baseline`;
 /// - `replay`, `motion`: motion/replay.json and motion.json, which names the pictures beside it;

@@ -283,6 +283,11 @@ json Unknown(const json& report, const std::string& verdict) {
                           : "Whether the sensors explain what is left these logs do not tell. Something beside these "
                             "parameters may differ.");
   }
+  if (report.contains("export") && !TextAt(report["export"], "lacks").empty()) {
+    unknown.push_back(
+        fmt::format("The file export/designed.xml is {}. Environments that oted makes of this run have it.",
+                    TextAt(report["export"], "lacks")));
+  }
   if (const std::vector<std::string> starred = Starred(report); !starred.empty()) {
     unknown.push_back(AsSentence(StarredForPolicies(starred)));
   }

@@ -188,7 +188,8 @@ class SuspectsTest(unittest.TestCase):
 class OwnRobotTest(unittest.TestCase):
     """A link with a position servo, logged by MuJoCo's own Python; its joint's damping is 1.6 times the model's."""
 
-    def design(self, plant=None, change=None):
+    def design(self, plant=None, change=None, more=()):
+        """What design.json has, what was said, and the report."""
         def target(model):
             model.dof_damping[:] *= 1.6
             if change is not None:
@@ -202,15 +203,20 @@ class OwnRobotTest(unittest.TestCase):
             folder = pathlib.Path(name)
             result = program.oted("design", log_robots.write(robot, log, folder), "--out", folder / "run", "--quiet",
                                   "--param", "damping=joint/hip/damping:0.2:5:log", "--param",
-                                  "stiffness=actuator/hip/kp:0.3:3:log", "--set", "report.motion=false")
+                                  "stiffness=actuator/hip/kp:0.3:3:log", "--set", "report.motion=false", *more)
             self.assertEqual(result.returncode, 0, result.stderr)
-            return json.loads((folder / "run/design.json").read_text()), result.stdout
+            design = json.loads((folder / "run/design.json").read_text())
+            return design, result.stdout, (folder / "run/report.html").read_text()
+
+    @staticmethod
+    def delay(rows):
+        rows[:, 1:, 0] = rows[:, :-1, 0].copy()
 
     def test_a_force_limit_that_the_model_does_not_reach_is_the_first_suspect(self):
         def weaken(model):
             model.actuator_forcerange[:] /= 6  # the model's own drive never comes near 24 N m
 
-        design, said = self.design(change=weaken)
+        design, said, _ = self.design(change=weaken)
         self.assertEqual(design["verdict"], "gap_narrowed", design["sentence"])
         first = design["fit"]["suspects"][0]
         self.assertEqual(first["field"], "actuator/*/forcerange", said)
@@ -218,18 +224,21 @@ class OwnRobotTest(unittest.TestCase):
         self.assertAlmostEqual(first["freed"]["value"], 1 / 6, delta=0.01)
 
     def test_a_position_that_comes_a_row_late_beside_a_prompt_velocity_is_the_first_suspect(self):
-        def delay(rows):
-            rows[:, 1:, 0] = rows[:, :-1, 0].copy()
-
-        design, said = self.design(plant=delay)
+        design, said, _ = self.design(plant=self.delay)
         self.assertEqual(design["verdict"], "gap_narrowed", design["sentence"])
         first = design["fit"]["suspects"][0]
         self.assertEqual(first["field"], "obs/joint/hip/qpos/delay", said)
         self.assertTrue(first["freed"]["kept"])
         self.assertAlmostEqual(first["freed"]["value"], 1, delta=0.1)
 
+    def test_what_the_exported_model_cannot_hold_is_told_by_the_output_and_by_the_report(self):
+        _, said, report = self.design(plant=self.delay, more=["--param", "lag=obs/joint/hip/qpos/delay:0:3:absolute"])
+        lacks = "without lag, which this file cannot hold"
+        self.assertIn(f"run/export/designed.xml\n  {lacks}", said)
+        self.assertIn(f"The file export/designed.xml is {lacks}", report)
+
     def test_with_neither_nothing_is_suspected(self):
-        design, said = self.design()
+        design, said, _ = self.design()
         self.assertEqual(design["verdict"], "gap_closed", design["sentence"])
         self.assertEqual(design["fit"]["suspects"], [], said)
 

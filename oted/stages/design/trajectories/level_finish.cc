@@ -130,16 +130,30 @@ LevelFit::LastStep LevelFit::TakeLastStep() {
   return {.covariance = estimate.covariance, .arrived = length == 1};
 }
 
-FittedStarts LevelFit::Settled(std::vector<VectorXd> starts, const VectorXd& x) const {
-  const std::vector<double> z = ToZ(space_, x);
+FittedStarts LevelFit::SettledIn(WindowReplayer& replayer, std::vector<VectorXd> starts,
+                                 const std::vector<double>& z) const {
   const WindowLikelihood likelihood = Likelihood();
-  return FitStarts(replayer_, std::move(starts),
+  return FitStarts(replayer, std::move(starts),
                    {level_.windows, z, likelihood, StartSteps(), starts_are_held_ ? 0 : kSettlingIterations});
 }
 
 double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
   const auto cost = [&](const VectorXd& at) { return CostOfWindows(Settled(level_.starts, at).residuals); };
   return (cost(x) - cost(than)) / readings_per_error_;
+}
+
+std::vector<double> LevelFit::NatsGainedIn(WindowReplayer& wider, const std::vector<double>& nominal,
+                                           const std::vector<std::vector<double>>& values) const {
+  const auto cost = [&](const std::vector<double>& further) {
+    std::vector<double> z = ToZ(space_, x_);
+    z.insert(z.end(), further.begin(), further.end());
+    return CostOfWindows(SettledIn(wider, level_.starts, z).residuals);
+  };
+  const double cost_without = cost(nominal);
+  std::vector<double> gained;
+  for (const std::vector<double>& further : values)
+    gained.push_back((cost_without - cost(further)) / readings_per_error_);
+  return gained;
 }
 
 double LevelFit::ShareAtOtherMinima(Rng& rng) const {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
 
 #include "oted/base/picked.h"
 #include "oted/matching/designer.h"
@@ -193,6 +195,20 @@ LevelFit LevelFit::Sampled(int n_rows) const {
   std::vector<char> left_out(level_.windows.size(), 1);
   for (size_t w = 0; w < left_out.size(); w += every) left_out[w] = 0;
   return LeavingOut(left_out);
+}
+
+LevelFit LevelFit::WorstExplained(int n_rows) const {
+  const WindowLikelihood likelihood = Likelihood();
+  std::vector<size_t> worst_first(residuals_.size());
+  std::iota(worst_first.begin(), worst_first.end(), size_t{0});
+  std::ranges::stable_sort(worst_first, std::ranges::greater(),
+                           [&](size_t w) { return likelihood.Cost(residuals_[w]); });
+  const auto n = std::min(worst_first.size(), static_cast<size_t>((n_rows + n_steps() - 1) / n_steps()));
+  std::vector<char> left_out(residuals_.size(), 1);
+  for (size_t k = 0; k < n; ++k) left_out[worst_first[k]] = 0;
+  LevelFit worst = LeavingOut(left_out);
+  worst.variance_ = variance_;  // what they leave is no noise
+  return worst;
 }
 
 std::optional<VectorXd> LevelFit::PredictedStart(size_t w) const {

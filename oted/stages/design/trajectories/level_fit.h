@@ -78,6 +78,8 @@ class LevelFit {
   LevelFit LeavingOut(const std::vector<char>& flags) const;
   /// The same of every k-th window, so many that they hold `n_rows` at least; all windows where there are fewer.
   LevelFit Sampled(int n_rows) const;
+  /// The same of the windows that it explains worst, so many that they hold `n_rows` at least.
+  LevelFit WorstExplained(int n_rows) const;
   /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
   /// windows.
   double FinalCost();
@@ -108,6 +110,10 @@ class LevelFit {
   /// By how many nats windows are less likely at `x` than at `than`, their starts fitted anew at both. Behind Finish or
   /// CovarianceOfParts.
   double NatsLostAt(const Eigen::VectorXd& x, const Eigen::VectorXd& than) const;
+  /// By how many nats windows become likelier where the parameters that `wider` has after those of x take each of
+  /// `values` in place of the nominal ones, their starts fitted anew. After FinalCost.
+  std::vector<double> NatsGainedIn(WindowReplayer& wider, const std::vector<double>& nominal,
+                                   const std::vector<std::vector<double>>& values) const;
   /// Share of windows whose start has another local minimum near: moved by as much as it is uncertain and fitted again,
   /// it comes to rest elsewhere, better or worse. After Finish.
   double ShareAtOtherMinima(Rng& rng) const;
@@ -147,7 +153,12 @@ class LevelFit {
   std::vector<char> TakeBetterStarts(std::vector<Eigen::VectorXd>& moved, const Eigen::VectorXd& x,
                                      const WindowLikelihood& likelihood) const;
   /// The windows' starts at x, from `starts` on; these where they are held.
-  FittedStarts Settled(std::vector<Eigen::VectorXd> starts, const Eigen::VectorXd& x) const;
+  FittedStarts Settled(std::vector<Eigen::VectorXd> starts, const Eigen::VectorXd& x) const {
+    return SettledIn(replayer_, std::move(starts), ToZ(space_, x));
+  }
+  /// The same in another simulator. @param z  of all its parameters
+  FittedStarts SettledIn(WindowReplayer& replayer, std::vector<Eigen::VectorXd> starts,
+                         const std::vector<double>& z) const;
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   /// Of all windows; without the prior.

@@ -15,6 +15,7 @@
 #include "oted/sim/channel_path.h"
 #include "oted/sim/suspect_name.h"
 #include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/distant_places.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/suspects.h"
 
@@ -26,9 +27,9 @@ using Eigen::VectorXd;
 constexpr int kScreenedRows = 960;
 constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
-constexpr int kToldOfWindows = 3;     // fitted, all of a kind scored, each alone
+constexpr int kToldOfWindows = 4;     // fitted, all of a kind scored, each alone, places
 constexpr const char* kFitted = "windows";
-constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4;
+constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4, kMostPlaces = 3;
 
 /// One that no score favours, and where its fit begins.
 Suspect Undirected(const ParameterSpec& spec) {
@@ -46,6 +47,12 @@ bool SharesPath(const Suspect& one, const std::vector<Suspect>& others) {
     return std::ranges::any_of(TiedPaths(other.spec.field),
                                [&](const std::string& path) { return std::ranges::find(paths, path) != paths.end(); });
   });
+}
+
+/// That of `suspects` which is `one`; null where it is not among them.
+const Suspect* FindIn(const std::vector<Suspect>& suspects, const Suspect& one) {
+  const auto found = std::ranges::find_if(suspects, [&](const Suspect& s) { return s.spec.field == one.spec.field; });
+  return found == suspects.end() ? nullptr : &*found;
 }
 
 /// The first n of which no two share a path.
@@ -131,26 +138,26 @@ class SuspectScreening::Fit {
   const LevelFit& operator*() const { return *fit_; }
   const ReadingModel& readings() const { return readings_; }
 
-  /// The same windows, fitted with the suspect as well, from where it stands. Where it is a sensor's lag, fits with it
-  /// and without leave out what tells of the time before a window.
+  /// The same windows, fitted with the suspect as well, from where it stands and from `values`. Where it is a sensor's
+  /// lag, fits with it and without leave out what tells of the time before a window.
   /// @return x and the suspect's coordinate; value and nats go to the suspect
-  VectorXd With(Suspect& suspect) const {
+  VectorXd With(Suspect& suspect, std::vector<double> values = {}) const {
     const std::unique_ptr<SimulatorFactory> wider = fits_.problem().factory.With({suspect.spec});
-    ReadingModel readings = fits_.ReadingsOf(*wider);
-    if (readings.ages == readings_.ages) return With(suspect, *wider);
-    const Fit of_later(fits_, by_, std::move(readings));
-    return of_later ? of_later.With(suspect, *wider) : With(suspect, *wider);
-  }
-
- private:
-  /// A sensor that is late by rows is far from one that is late by a part of one: it has a second start.
-  VectorXd With(Suspect& suspect, const SimulatorFactory& wider) const {
-    WindowReplayer replayer = fits_.Replayer(wider, readings_);
-    const Prior prior = fits_.PriorIn(wider.parameters());
-    std::vector<double> values = {suspect.value};
+    values.push_back(suspect.value);
+    // A sensor that is late by rows is far from one that is late by a part of one.
     if (const double inside = Undirected(suspect.spec).value; IsLag(suspect.spec) && suspect.value != inside) {
       values.push_back(inside);
     }
+    ReadingModel readings = fits_.ReadingsOf(*wider);
+    if (readings.ages == readings_.ages) return With(suspect, *wider, values);
+    const Fit of_later(fits_, by_, std::move(readings));
+    return of_later ? of_later.With(suspect, *wider, values) : With(suspect, *wider, values);
+  }
+
+ private:
+  VectorXd With(Suspect& suspect, const SimulatorFactory& wider, const std::vector<double>& values) const {
+    WindowReplayer replayer = fits_.Replayer(wider, readings_);
+    const Prior prior = fits_.PriorIn(wider.parameters());
     VectorXd best;
     suspect.explains = -std::numeric_limits<double>::infinity();
     for (const double value : values) {
@@ -239,10 +246,10 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
   std::vector<Suspect> favoured(scored.wholes.begin(), undirected.begin());
   if (by.asks_all) AddUndirected(undirected, favoured);
   std::vector<Suspect> suspects = FirstApart(favoured, by.n_asked);
-  for (const auto& more : {scored.Outstanding(), outstanding}) {
+  const std::vector<Suspect> places = FindPlaces(fit);
+  for (const auto& more : {scored.Outstanding(), outstanding, FirstApart(places, kMostPlaces)}) {
     for (const Suspect& suspect : more) {
-      const auto is_it = [&](const Suspect& other) { return other.spec.field == suspect.spec.field; };
-      if (std::ranges::none_of(suspects, is_it)) suspects.push_back(suspect);
+      if (FindIn(suspects, suspect) == nullptr) suspects.push_back(suspect);
     }
   }
   const auto n_asked = static_cast<int64_t>(suspects.size());
@@ -252,13 +259,26 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
   for (int64_t k = 0; k < n_asked; ++k) {
     Suspect& suspect = suspects[static_cast<size_t>(k)];
     tell(k, suspect);
-    fitted_[suspect.spec.name] = fit.With(suspect);
+    const Suspect* at_a_distance = FindIn(places, suspect);
+    fitted_[suspect.spec.name] =
+        fit.With(suspect, at_a_distance ? std::vector{at_a_distance->value} : std::vector<double>());
   }
   if (n_asked > 0) tell(n_asked, suspects.back());
   std::ranges::stable_sort(suspects, std::ranges::greater(), &Suspect::explains);
   std::erase_if(suspects,
                 [](const Suspect& s) { return !(s.explains > kFewestSureNats) || !IsNoticeable(s.spec, s.value); });
   return suspects;
+}
+
+std::vector<Suspect> SuspectScreening::FindPlaces(const Fit& fit) {
+  std::vector<ParameterSpec> places = fits_.problem().factory.Suspects();
+  std::erase_if(places, [](const ParameterSpec& spec) { return !IsPlace(spec); });
+  if (places.empty()) return {};
+  const std::unique_ptr<SimulatorFactory> wide = fits_.problem().factory.With(places);
+  if (wide == nullptr) return {};
+  Tell("where things stand");
+  WindowReplayer with_places = fits_.Replayer(*wide, fit.readings());
+  return FindDistantPlaces(places, *fit, with_places);
 }
 
 /// Each suspect and, where it is of several joints, drives, tendons or bodies, each of these alone.
