@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kLeastEffect = 0.05;  // standard deviations of an observation, between the bounds
 constexpr double kOwnEffect = 0.01;    // share of an effect's square that others together must leave unexplained
+constexpr double kTogether = 1.5;      // times what the model has, of all that is a force
 constexpr double kNamedShare = 0.3;    // of the largest part: those that make up an effect
 constexpr int kEpisodes = 3, kEpisodeRows = 2000;  // that effects are measured on
 
@@ -58,6 +59,36 @@ Rest RestOf(size_t effect, const std::vector<size_t>& others, const Array2<doubl
     if (std::abs(given[k]) >= least) rest.made_of.push_back(others[static_cast<size_t>(k)]);
   }
   return rest;
+}
+
+/// Whether it sets nothing but how heavy something is or how strong a torque or force: where all that there is of these
+/// grows alike, a robot moves as before.
+bool IsForce(const ParameterSpec& spec) {
+  constexpr const char* kForces[] = {"/mass",         "/inertia",   "/armature",   "/damping",
+                                     "/frictionloss", "/stiffness", "/gainprm[0]", "/gear",
+                                     "/gear[0]",      "/kp",        "/kv"};
+  return std::ranges::all_of(TiedPaths(spec.field), [&](const std::string& path) {
+    return std::ranges::any_of(kForces, [&](const char* end) { return path.ends_with(end); });
+  });
+}
+
+/// All of `specs` as one multiple.
+ParameterSpec AsOne(const std::vector<ParameterSpec>& specs) {
+  std::vector<std::string> fields;
+  for (const ParameterSpec& spec : specs) fields.push_back(spec.field);
+  return {.name = "all_of_them",
+          .field = fmt::format("{}", fmt::join(fields, " + ")),
+          .low = 1 / kTogether,
+          .high = kTogether,
+          .logarithmic = true};
+}
+
+/// Why it is left out. @param others_have  what moves the logs as it does: "gain has", "gain, damping together have"
+std::string SameEffect(const ParameterSpec& spec, const std::string& others_have) {
+  return fmt::format(
+      "{} ({}): {} nearly the same effect; it stays as in the model, and the design suspects it if the logs ask; or "
+      "free it in the place of one that you trust more",
+      spec.name, spec.field, others_have);
 }
 
 }  // namespace
@@ -123,12 +154,22 @@ ParameterChoice ChooseParameters(
     }
     std::vector<std::string> names;
     for (const size_t other : rest.made_of) names.push_back(candidates[other].name);
-    choice.left_out.push_back(fmt::format(
-        "{} ({}): {} nearly the same effect; it stays as in the model, and the design suspects it if the "
-        "logs ask; or free it in the place of one that you trust more",
-        candidates[i].name, candidates[i].field,
-        names.size() == 1 ? names.front() + " has" : fmt::format("{} together have", fmt::join(names, ", "))));
+    choice.left_out.push_back(SameEffect(candidates[i], names.size() == 1
+                                                            ? names.front() + " has"
+                                                            : fmt::format("{} together have", fmt::join(names, ", "))));
   }
+  // Through contact derivatives are too rough to tell that. Replays with all of them larger are not.
+  std::vector<ParameterSpec> forces;
+  for (const size_t i : taken) {
+    const ParameterSpec& spec = check.parameters[i].spec;
+    if (IsForce(spec) && spec.nominal != 0) forces.push_back(spec);
+  }
+  if (forces.size() < 2) return choice;
+  const ParameterCheck together = CheckParameters(*remake({AsOne(forces)}), &logs, key, context.n_threads);
+  if (together.parameters.front().effect.largest_change >= kLeastEffect) return choice;
+  const ParameterSpec& last = forces.back();
+  choice.left_out.push_back(SameEffect(last, "the other masses, drives, damping and friction together have"));
+  std::erase_if(choice.chosen, [&](const ParameterSpec& spec) { return spec.name == last.name; });
   return choice;
 }
 

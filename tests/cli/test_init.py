@@ -155,6 +155,41 @@ class InitTest(ProgramTest):
         self.assertEqual(fields["mass_hand"], ["body/hand/mass", "body/hand/inertia"])
         self.assertEqual(task["parameters"]["mass_hand"]["range"], [0.5, 5])
 
+    def test_of_a_hopping_leg_not_all_that_is_a_force_is_freed(self):
+        leg = """<mujoco>
+          <option timestep="0.002" integrator="implicitfast"/>
+          <worldbody><geom type="plane" size="3 3 0.1"/>
+            <body name="trunk" pos="0 0 0.55"><joint name="rail" type="slide" axis="0 0 1" damping="0.5"/>
+              <geom type="box" size="0.06 0.06 0.04" mass="2"/>
+              <body name="thigh"><joint name="hip" axis="0 1 0" damping="0.2" armature="0.01" frictionloss="0.1"/>
+                <geom type="capsule" fromto="0 0 0 0 0 -0.25" size="0.02" mass="0.4" contype="0" conaffinity="0"/>
+                <body name="shin" pos="0 0 -0.25"><joint name="knee" axis="0 1 0" damping="0.2" armature="0.01" frictionloss="0.1"/>
+                  <geom type="capsule" fromto="0 0 0 0 0 -0.25" size="0.02" mass="0.3"/></body></body></body>
+          </worldbody>
+          <actuator><motor name="hip" joint="hip" ctrlrange="-30 30"/><motor name="knee" joint="knee" ctrlrange="-30 30"/></actuator>
+        </mujoco>"""
+        self.model.write_text(leg)
+        model = mujoco.MjModel.from_xml_string(leg)
+        model.body("trunk").mass[:] *= 1.3
+        model.dof_damping[2] *= 2.2
+        model.actuator_gainprm[1, 0] *= 0.85
+        model.geom_friction[:, 0] *= 0.5
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        data, rows, random = mujoco.MjData(model), [], np.random.default_rng(1)
+        data.qpos[:] = [-0.1, 0.7, -1.4]
+        for k in range(500):
+            bend = 0.35 * math.sin(0.1 * k) + 0.2 * math.sin(0.037 * k) + random.normal(0, 0.01)
+            u = np.clip(50 * (np.array([0.7 + bend, -1.4 - 2 * bend]) - data.qpos[1:]) - 1.5 * data.qvel[1:], -30, 30)
+            rows.append([0.01 * k, *(data.qpos + random.normal(0, 1e-3, 3)), *(data.qvel + random.normal(0, 0.02, 3)), *u])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 5)
+        names = ["time", "rail_pos", "hip_pos", "knee_pos", "rail_vel", "hip_vel", "knee_vel", "hip_cmd", "knee_cmd"]
+        text, task = self.init(self.csv(np.array(rows), names))
+        # Twice the masses, drives and damping hop as before.
+        masses = [name for name in task["parameters"] if name.startswith("mass")]
+        self.assertEqual(masses, ["mass_shin", "mass_thigh"], text)
+        self.assertIn("mass_trunk (body/trunk/mass + body/trunk/inertia): the other masses, drives, damping and friction", text)
+
     def test_a_joint_that_nothing_drives_gets_no_rotor(self):
         bare = ARM.replace('damping="0.05" armature="0.01"', 'damping="0.05"')
         elbow = '<motor name="elbow" joint="elbow_joint" ctrlrange="-20 20"/>'
