@@ -18,7 +18,6 @@
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
 #include "oted/base/words.h"
-#include "oted/checks/data_check.h"
 #include "oted/exports/export.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/design_record.h"
@@ -196,9 +195,7 @@ void PrintSuspects(const DesignRecord& design) {
   }
   if (!design.fit) return;
   const bool leaves_nothing = std::ranges::none_of(design.fit->channels, &DesignRecord::Channel::disagrees);
-  const bool has_wrong_column =
-      std::ranges::any_of(design.warnings, [](const std::string& warning) { return warning.starts_with(kOfData); });
-  if (has_wrong_column && !design.fit->suspects.empty()) {
+  if (design.columns_seem_wrong && !design.fit->suspects.empty()) {
     Print("first mend the columns that a warning names: a suspect may only stand in for them\n");
   }
   bool has_line = false;
@@ -218,7 +215,7 @@ void PrintSuspects(const DesignRecord& design) {
   }
   const bool may_grow =
       design.grown.empty() && std::ranges::none_of(design.parameters, [](const auto& p) { return EndsAtBound(p); });
-  if (has_line && may_grow && !has_wrong_column)
+  if (has_line && may_grow && !design.columns_seem_wrong)
     Print(
         "  (add the first and design again; then see what is left. --grow does so by itself: give it an --out of its "
         "own)\n");

@@ -302,7 +302,8 @@ class Search {
                           : "the columns are not what the model means by them; a design would bend parameters to fit "
                             "that",
          .remedy = where + (rival ? "design first, and where the zero itself is known to be off " : "") + remedy +
-                   (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or ")))});
+                   (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or "))),
+         .may_be_parameter = best.correction.kind == CorrectionKind::kZero});
     return !rival;
   }
 

@@ -320,8 +320,7 @@ std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpe
   for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
     if (f.only_discriminated && !discriminated) continue;
     if (f.check == kImpossibleMotion) throw DataError(fmt::format("{}; {}", f.what, f.remedy));
-    if (f.severity != Severity::kNote)
-      warnings.push_back(fmt::format("{}{}: {}; {}", kOfData, f.check, f.what, f.meaning));
+    if (f.severity != Severity::kNote) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.meaning));
   }
   return warnings;
 }
@@ -336,12 +335,8 @@ std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Data
   return findings;
 }
 
-std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset,
-                                            const RunContext& context) {
-  std::vector<std::string> warnings;
-  for (const Finding& f : FindCorrections(factory, dataset, context))
-    warnings.push_back(fmt::format("{}{}: {}; {}", kOfData, f.check, f.what, f.remedy));
-  return warnings;
+std::string CorrectionWarning(const Finding& correction) {
+  return fmt::format("data, {}: {}; {}", correction.check, correction.what, correction.remedy);
 }
 
 DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uint64_t seed, const RunContext& context) {

@@ -39,17 +39,13 @@ TaskFacts FactsOf(const SimulatorSpec& spec);
 /// @param discriminated  whether the design learns to tell these logs from a simulator
 std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated);
 
-/// How a warning that is of the logs begins, in a run.
-inline constexpr const char* kOfData = "data, ";
-
 /// What CheckCorrections finds of checked data: which changes of the columns (a joint's or an action's sign, two joints
 /// swapped, a zero) would make the nominal simulator predict the logs far better. None where logs of the task cannot be
 /// replayed.
 std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Dataset& dataset,
                                      const RunContext& context);
-/// The same, a sentence each with the remedy.
-std::vector<std::string> CorrectionWarnings(const SimulatorFactory& factory, const Dataset& dataset,
-                                            const RunContext& context);
+/// Such a finding as a warning of a run, with its remedy.
+std::string CorrectionWarning(const Finding& correction);
 
 /// @param factory  may be null: then the checks that need a simulator are left out. Its parameters, if any, are checked
 ///   for an effect on the logged episodes.

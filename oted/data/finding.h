@@ -25,6 +25,7 @@ struct Finding {
   std::vector<std::string> channels = {};  ///< those concerned; empty: none in particular
   std::string meaning;                     ///< for the design
   std::string remedy;
+  bool may_be_parameter = false;    ///< a parameter of the simulator may do what the columns seem to have wrong: a zero
   bool only_discriminated = false;  ///< it concerns designs alone that learn to tell logs from a simulator
 };
 

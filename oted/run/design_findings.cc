@@ -8,6 +8,7 @@
 #include <limits>
 #include <ranges>
 
+#include "oted/checks/data_check.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/fingerprint.h"
 #include "oted/run/suspect_sentence.h"
@@ -316,7 +317,8 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   record.dataset = {run.config.data.Files(), run.dataset.sha256, run.dataset.size()};
   AddParameters(space, summaries, record);
   if (best.fit) AddConditions(*best.fit, record);
-  record.warnings = findings.corrections;
+  for (const Finding& correction : findings.corrections) record.warnings.push_back(CorrectionWarning(correction));
+  record.columns_seem_wrong = CountOf(findings.corrections, Severity::kWarning) > 0;
   for (const auto& [added, rival] : disputed) record.warnings.push_back(RivalSentence(*added, *rival));
   AddWarnings(space, findings.has_effect, ParametersAtBounds(best.q), record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "oted/data/finding.h"
 #include "oted/run/design_record.h"
 #include "oted/run/run_setup.h"
 #include "oted/stages/design/method_choice.h"
@@ -13,10 +14,10 @@ namespace oted {
 struct DesignFindings {
   std::vector<Candidate> candidates;
   SelectionResult result;
-  std::vector<MethodChoice> choices;     ///< of the settings whose method was left to auto
-  std::vector<Suspect> suspects;         ///< of the design that ToldBy names
-  std::vector<std::string> corrections;  ///< of the logs' columns, where more is left than the sensors explain
-  std::vector<bool> has_effect;          ///< per parameter, whether it changes anything that the logs show
+  std::vector<MethodChoice> choices;  ///< of the settings whose method was left to auto
+  std::vector<Suspect> suspects;      ///< of the design that ToldBy names
+  std::vector<Finding> corrections;   ///< of the logs' columns, where more is left than the sensors explain
+  std::vector<bool> has_effect;       ///< per parameter, whether it changes anything that the logs show
 };
 
 /// Index of the candidate whose fit and suspects the record shows: the best seed of the selected setting. Where auto

@@ -49,12 +49,16 @@ std::vector<Disputed> DisputedIn(const std::vector<GrowthRecord>& growth) {
 }
 
 json GrowthRecord::ToJson() const {
-  return {{"schema", kSchema}, {"suspects", SuspectsToJson(suspects)}, {"at_bounds", at_bounds}};
+  return {{"schema", kSchema},
+          {"suspects", SuspectsToJson(suspects)},
+          {"at_bounds", at_bounds},
+          {"wrong_columns", wrong_columns}};
 }
 
 GrowthRecord GrowthRecord::FromJson(const json& record, const std::string& where) {
   const RecordReader reader(record, kSchema, where);
-  return {SuspectsFrom(reader, "suspects"), reader.Get<std::vector<std::string>>("at_bounds")};
+  return {SuspectsFrom(reader, "suspects"), reader.Get<std::vector<std::string>>("at_bounds"),
+          reader.Get<std::vector<std::string>>("wrong_columns")};
 }
 
 // ---------------------------------------------------------------- design.json
@@ -289,6 +293,7 @@ json DesignRecord::ToJson() const {
       {"schema", kSchema},
       {"task", task},
       {"warnings", warnings},
+      {"columns_seem_wrong", columns_seem_wrong},
       {"correlation", correlation},
       {"selected", selected},
       {"mixture", json::array()},
@@ -320,6 +325,7 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
   DesignRecord design;
   design.task = reader.Get<std::string>("task");
   design.warnings = reader.Get<std::vector<std::string>>("warnings");
+  design.columns_seem_wrong = reader.Get<bool>("columns_seem_wrong");
   for (const RecordReader& p : reader.List("parameters")) design.parameters.push_back(ParameterFrom(p));
   design.correlation = reader.Get<std::vector<std::vector<double>>>("correlation");
   design.selected = reader.Get<std::string>("selected");

@@ -24,6 +24,8 @@ struct GrowthRecord {
   /// Empty where the design leaves no more than the sensors explain, or ends at a bound.
   std::vector<Suspect> suspects;
   std::vector<std::string> at_bounds = {};  ///< parameters that end at one
+  /// Columns of the logs that no parameter makes right, a sentence each. A suspect would stand in for them.
+  std::vector<std::string> wrong_columns = {};
 
   /// What joins the parameters; null where nothing does.
   const Suspect* Freed() const;
@@ -141,6 +143,7 @@ struct DesignRecord {
 
   std::string task;
   std::vector<std::string> warnings;
+  bool columns_seem_wrong = false;  ///< a warning says of which
   std::vector<Parameter> parameters;
   std::vector<std::vector<double>> correlation;
   std::string selected;         ///< setting

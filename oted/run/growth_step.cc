@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "oted/checks/data_check.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/design_step.h"
@@ -58,9 +59,18 @@ GrowthRecord MakeRound(const RunSetup& run, int round) {
   // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
   GrowthRecord record;
   for (const int i : ParametersAtBounds(design.q)) record.at_bounds.push_back(problem.factory.parameters()[i].name);
-  if (!design.fit || !record.at_bounds.empty()) return record;
+  if (!design.fit) return record;
+  const auto prediction = PredictKeptAside(problem, design.q, design.fit);
+  if (prediction && LeavesGap(*prediction)) {
+    for (const Finding& correction : FindCorrections(*run.factory, run.dataset, context)) {
+      const bool is_wrong = correction.severity == Severity::kWarning && !correction.may_be_parameter;
+      if (is_wrong) record.wrong_columns.push_back(correction.what);
+    }
+  }
+  if (!record.wrong_columns.empty() || !record.at_bounds.empty()) return record;
   KeptTrials keeper(run.directory, artifact);
-  return {Try(problem, config, *design.fit, design.q, PredictKeptAside(problem, design.q, design.fit), keeper)};
+  record.suspects = Try(problem, config, *design.fit, design.q, prediction, keeper);
+  return record;
 }
 
 /// Makes `run` one of a parameter more.
@@ -76,6 +86,10 @@ void AddParameter(RunSetup& run, const Suspect& freed) {
 
 /// Why a round added nothing; empty where the sensors explain what is left, and nothing was to be added.
 std::string WhyNothing(const GrowthRecord& round) {
+  if (!round.wrong_columns.empty()) {
+    return fmt::format("nothing was added: columns of the logs seem wrong ({}); mend them first",
+                       fmt::join(round.wrong_columns, "; "));
+  }
   if (!round.at_bounds.empty()) {
     return fmt::format("nothing was added: '{}' ends at a bound of its range; widen it first",
                        fmt::join(round.at_bounds, "', '"));

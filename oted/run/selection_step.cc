@@ -40,11 +40,11 @@ std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<Metho
 
 /// What a design leaves need not be the model's fault: a joint's sign, say, is no parameter. Asked where it leaves more
 /// than the sensors explain, at a bound as well.
-std::vector<std::string> CorrectionsOf(const RunSetup& run, const std::optional<HeldOutPrediction>& prediction) {
+std::vector<Finding> CorrectionsOf(const RunSetup& run, const std::optional<HeldOutPrediction>& prediction) {
   if (!prediction || !LeavesGap(*prediction)) return {};
-  std::vector<std::string> warnings = CorrectionWarnings(*run.factory, run.dataset, run.context);
-  for (const std::string& warning : warnings) run.context.log->Warning(warning);
-  return warnings;
+  std::vector<Finding> corrections = FindCorrections(*run.factory, run.dataset, run.context);
+  for (const Finding& correction : corrections) run.context.log->Warning(CorrectionWarning(correction));
+  return corrections;
 }
 
 DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& designs) {

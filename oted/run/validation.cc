@@ -204,9 +204,9 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
                           .n_transitions = logs.size()};
   result.sentence = SentenceOf(result, prediction);
   if (!result.reaches_floor) {
-    const std::vector<std::string> corrections = CorrectionWarnings(*factory, logs, context);
+    const std::vector<Finding> corrections = FindCorrections(*factory, logs, context);
     if (!corrections.empty()) result.sentence += "; but the recordings themselves may be wrong (see the warnings)";
-    std::ranges::copy(corrections, std::back_inserter(result.warnings));
+    std::ranges::transform(corrections, std::back_inserter(result.warnings), CorrectionWarning);
   }
   result.sentence = Sentences(std::move(result.sentence));
   if (other == nullptr) return result;

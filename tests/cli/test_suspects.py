@@ -136,6 +136,7 @@ class SuspectsTest(unittest.TestCase):
         result, design = self.design("grown", GAIN, more=["--grow", "--set", "design.trajectories.tried=1"])
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual([p["name"] for p in design["parameters"]], ["gain", "damping"])
+        self.assertFalse(design["columns_seem_wrong"])
         for parameter, truth in zip(design["parameters"], (1.2, 0.7)):
             self.assertAlmostEqual(parameter["mode"], truth, delta=1e-3)
         self.assertEqual([grown["field"] for grown in design["grown"]], ["joint/*/damping"])
@@ -159,7 +160,7 @@ class SuspectsTest(unittest.TestCase):
         self.assertNotIn("grown", design)
         self.assertIn("nothing was added: 'gain' ends at a bound of its range; widen it first", result.stderr)
 
-    def test_an_action_of_the_other_sign_is_told_and_the_remedy_with_it(self):
+    def test_an_action_of_the_other_sign_is_told_and_the_remedy_with_it_and_nothing_grows(self):
         flipped = self.folder / "flipped.npz"
         with numpy.load(self.demos) as logs:
             columns = dict(logs)
@@ -167,13 +168,16 @@ class SuspectsTest(unittest.TestCase):
         numpy.savez(flipped, **columns)
         result = program.oted("design", "--task", "Hopper-v5", "--data", flipped, "--episodes", "1", "--out",
                               self.folder / "flipped", "--quiet", "--param", GAIN, *QUICK, "--set", "design.method=trajectories", "--set",
-                              "design.trajectories.tried=0")
+                              "design.trajectories.tried=1", "--grow")
         design = json.loads((self.folder / "flipped/design.json").read_text())
         self.assertIn(design["verdict"], ("gap_narrowed", "outside_family"))
         [warning] = [warning for warning in design["warnings"] if warning.startswith("data, ")]
         self.assertIn("action_sign", warning)
         self.assertIn("turn round the sign of", warning)
         self.assertIn(warning, result.stdout + result.stderr)
+        self.assertTrue(design["columns_seem_wrong"])
+        self.assertNotIn("grown", design)
+        self.assertIn("nothing was added: columns of the logs seem wrong", result.stderr)
 
     def test_what_cannot_grow_is_refused_before_anything_is_written(self):
         for setting, words in (("design.method=paper", "method trajectories alone finds"),
