@@ -121,6 +121,12 @@ void PrintFindings(const Dataset& dataset, const DataCheck& check, Severity seve
 
 std::string Plural(int n, const char* thing) { return fmt::format("{} {}{}", n, thing, n == 1 ? "" : "s"); }
 
+/// A small gap of rows may add up to a large one over many.
+std::string GapInWords(GapVerdict verdict) {
+  if (verdict == GapVerdict::kNone) return "none seen in single rows";
+  return verdict == GapVerdict::kSmall ? "small in single rows" : ToString(verdict);
+}
+
 }  // namespace
 
 void PrintDataInfo(const Dataset& dataset, const std::string& format, const SimulatorSpec* spec,
@@ -147,8 +153,7 @@ void PrintDataCheck(const Dataset& dataset, const SimulatorSpec* spec, const Dat
   PrintFindings(dataset, check, Severity::kNote, "notes");
   if (check.gap) {
     Print("\n{:<14}{}: area under the curve {:.3f} (0.5: logs and simulator cannot be told apart), {} transitions\n",
-          "gap", check.Verdict() == GapVerdict::kNone ? "none seen in single rows" : ToString(check.Verdict()),
-          check.gap->auc, dataset.size());
+          "gap", GapInWords(check.Verdict()), check.gap->auc, dataset.size());
   } else if (spec == nullptr) {
     Print("\nwith --task, the check also compares the logs with the simulator\n");
   }
