@@ -11,10 +11,9 @@
 #include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/excess.h"
+#include "oted/stages/design/replay/imitation.h"
 #include "oted/stages/design/replay/judged_part.h"
 #include "oted/stages/design/replay/longest_horizon.h"
-#include "oted/stages/design/replay/noise_bound.h"
-#include "oted/stages/design/replay/noise_estimate.h"
 #include "oted/stages/design/replay/prediction.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
 
@@ -26,27 +25,9 @@ using Eigen::VectorXd;
 
 constexpr std::array<double, 3> kHorizons = {0.1, 0.5, 1.0};  // [s]
 constexpr double kStepWithoutUnit = 0.05;                     // [s]
-// Of few windows more, whose scatter tells of chance what few blocks do not.
-constexpr size_t kFewestImitations = 2, kFewestOfFew = 6;
-constexpr int kFewWindows = 30;
-constexpr double kTailOfSix = 1.45;  // Student's t of six draws over the normal, 99 %
-constexpr int kFewestPredicted = 3;  // windows of a part that judges
-constexpr double kSurely = 2.0;      // standard errors
-constexpr int kNoiseCorrections = 2, kCorrectionsOfOthers = 4;
-constexpr double kNoNoise = 1e-5;  // of a channel's spread: such noise is none, as readings of single precision
-constexpr double kVarianceOfMedian = 5.44;  // of the logarithm of a median of n squared normal numbers, times n
-constexpr double kLeastFreedomOfRow = 0.2;  // starts take the rest
-constexpr double kNoiseAllowed = 0.1;       // the least excess of a channel that counts is four such errors already
-constexpr double kMoved = 0.25;             // of the range: what an identified parameter is known to
-// Of the noise's standard deviation. Short windows take some of a simulator's error for noise, and leads take as much:
-// hardly ever is the guess too low.
-constexpr double kLeastCorrection = 1 / 3.0, kLargestCorrection = 1.25;
-
-/// (obs_dim): what the sensors' noise does not exceed in any part of the logs.
-VectorXd LargestNoiseOf(const PredictionProblem& problem) {
-  const VectorXd largest = LargestNoise(problem.kept_aside);
-  return problem.learned == nullptr ? largest : largest.cwiseMax(LargestNoise(*problem.learned)).eval();
-}
+constexpr double kTailOfSix = 1.45;                           // Student's t of six draws over the normal, 99 %
+constexpr int kFewestPredicted = 3;                           // windows of a part that judges
+constexpr double kMoved = 0.25;                               // of the range: what an identified parameter is known to
 
 /// Of recordings that something was learned from.
 int NumberOfParts(const PredictionProblem& problem) {
@@ -74,26 +55,21 @@ class Evidence {
   /// @param other  z that the design is compared with
   Evidence(const PredictionProblem& problem, std::vector<double> other, const std::vector<int>& horizons,
            double period_s, Steps& steps)
-      : problem_(problem), other_(std::move(other)), steps_(steps), largest_noise_(LargestNoiseOf(problem)) {
+      : problem_(problem), other_(std::move(other)), steps_(steps) {
     AddPart(problem.kept_aside, problem.JudgesByLearned(), horizons, period_s);
     if (problem.learned != nullptr) AddPart(*problem.learned, true, horizons, period_s);
     if (parts_.empty()) return;
-    noise_ = problem.noise;
-    if (problem.noise_of_other_logs) {  // from none at all nothing can be corrected
-      const VectorXd& spread = parts_.front()->judge().channels().spread;
-      noise_ = (noise_.array() > kNoNoise * spread.array()).select(noise_, kNoiseGuess * spread).eval();
-    }
-    noise_ = noise_.cwiseMin(largest_noise_).eval();
+    imitator_.emplace(problem_, parts_, [this] { steps_.Tell(); });
     for (const auto& part : parts_) designed_.push_back(part->judge().Predict(problem.z));
     of_other_.resize(parts_.size());
   }
+  Evidence(const Evidence&) = delete;  // what imitates refers to it
+  Evidence& operator=(const Evidence&) = delete;
 
   /// Compare knows of it from here on. It takes most of the time.
   /// @param of_other  how the other simulator predicts logs of its own counts as well (Compare)
   void FindFloor(bool of_other) {
-    const bool is_rounding = (noise_.array() <= kNoNoise * parts_.front()->judge().channels().spread.array()).all();
-    is_exact_ = is_rounding && problem_.readings.ShowsState();
-    if (is_exact_) {
+    if (imitator_->IsExact()) {
       // The design's own logs would be predicted without error.
       imitated_ = {designed_};
       for (PredictionJudge::Squares& squares : imitated_.front()) {
@@ -101,10 +77,13 @@ class Evidence {
       }
       return;  // of readings that are the state there is nothing to find
     }
-    steps_.Expect(ImitationSteps(problem_.as_likely.size()) + (of_other ? ImitationSteps(0) : 0));
-    imitated_ = Imitate(
-        problem_.z, [&](size_t p) -> const auto& { return designed_[p]; }, problem_.as_likely);
-    if (of_other) imitated_by_other_ = Imitate(other_, [&](size_t p) -> const auto& { return Other(p); }, {});
+    steps_.Expect(imitator_->Steps(problem_.as_likely.size()) + (of_other ? imitator_->Steps(0) : 0));
+    std::vector<const PredictionJudge::Squares*> of_parts;
+    for (const PredictionJudge::Squares& squares : designed_) of_parts.push_back(&squares);
+    imitated_ = imitator_->Imitate(problem_.z, of_parts, problem_.as_likely);
+    if (!of_other) return;
+    for (size_t p = 0; p < parts_.size(); ++p) of_parts[p] = &Other(p);
+    imitated_by_other_ = imitator_->Imitate(other_, of_parts, {});
   }
 
   /// How errors compare over this many control steps. @param is_first  shorter episodes are then predicted to their end
@@ -170,89 +149,6 @@ class Evidence {
     learned_.push_back(learned);
   }
 
-  int Corrections() const { return problem_.noise_of_other_logs ? kCorrectionsOfOthers : kNoiseCorrections; }
-
-  bool HasFewWindows() const {
-    int n_windows = 0;
-    for (const auto& part : parts_) n_windows += part->judge().n_windows();
-    return n_windows < kFewWindows;
-  }
-  size_t FewestImitations() const { return HasFewWindows() ? kFewestOfFew : kFewestImitations; }
-
-  /// Of Imitate, at most.
-  size_t ImitationSteps(size_t n_as_likely) const {
-    size_t n = static_cast<size_t>(Corrections()) + std::max(FewestImitations(), n_as_likely);
-    for (const auto& part : parts_) n += static_cast<size_t>(part->judge().FollowSteps());
-    return n;
-  }
-
-  /// What the simulator at z makes of the logs, with noise by which its own leads leave as much as the logs' do.
-  /// @param of_part  its prediction of a part
-  /// @param as_likely  as PredictionProblem::as_likely, of this simulator
-  template <class Predicted>
-  Imitations Imitate(const std::vector<double>& z, const Predicted& of_part,
-                     const std::vector<std::vector<double>>& as_likely) {
-    std::vector<std::vector<VectorXd>> followed;
-    MatrixXd logged(problem_.noise.size(), 0);
-    for (size_t p = 0; p < parts_.size(); ++p) {
-      followed.push_back(parts_[p]->judge().Follow(z, of_part(p).starts, [&] { steps_.Tell(); }));
-      logged = Beside(logged, of_part(p).lead);
-    }
-    const auto imitate = [&](const std::vector<double>& by, const VectorXd& noise, Rng& rng) {
-      std::vector<PredictionJudge::Squares> of_parts;
-      for (size_t p = 0; p < parts_.size(); ++p) {
-        of_parts.push_back(parts_[p]->PredictItself(by, followed[p], noise, rng));
-      }
-      steps_.Tell();
-      return of_parts;
-    };
-    VectorXd noise = noise_;
-    for (int round = 0; round < Corrections(); ++round) {
-      Rng rng = problem_.key.Stage("noise").Index(static_cast<uint64_t>(round)).MakeRng();
-      MatrixXd made(noise.size(), 0);
-      for (const PredictionJudge::Squares& squares : imitate(z, noise, rng)) made = Beside(made, squares.lead);
-      const VectorXd corrected = Corrected(noise, logged, made);
-      if (corrected == noise) break;
-      noise = corrected;
-    }
-    Rng rng = problem_.key.Stage("imitations").MakeRng();
-    Imitations imitations;
-    for (const std::vector<double>& off : as_likely) imitations.push_back(imitate(off, noise, rng));
-    while (imitations.size() < FewestImitations()) imitations.push_back(imitate(z, noise, rng));
-    return imitations;
-  }
-
-  /// The noise with which a simulator's own logs leave as much in the leads as the logs do.
-  /// @param logged, made  (channels, windows): what leads of the logs leave, and those of logs made with `noise`
-  VectorXd Corrected(const VectorXd& noise, const MatrixXd& logged, const MatrixXd& made) const {
-    if (logged.cols() == 0) return noise;
-    const VectorXd factor = (Medians(logged).array() / Medians(made).array()).sqrt();
-    const PredictionRatios leads = TypicalRatios(logged, made, logged.cols(), parts_.front()->judge().channels());
-    VectorXd corrected = noise;
-    for (Eigen::Index c = 0; c < noise.size(); ++c) {
-      // Leads are few: chance alone does not move what a fit of all windows told.
-      const bool surely = std::abs(2 * std::log(factor[c])) > kSurely * leads.OfChannel(c).error;
-      if (surely && std::isfinite(factor[c])) {
-        corrected[c] *=
-            problem_.noise_of_other_logs ? factor[c] : std::clamp(factor[c], kLeastCorrection, kLargestCorrection);
-        corrected[c] = std::min(corrected[c], largest_noise_[c]);
-      }
-    }
-    return corrected;
-  }
-
-  /// (channels): standard errors of the logarithm of the sensors' variance, which a median of squared residuals tells
-  /// (NoiseVariance), where starts took freedom from these; beyond what the least excess that counts allows for.
-  VectorXd ErrorOfNoise() const {
-    const Eigen::Index n_channels = noise_.size();
-    if (is_exact_ || problem_.noise_rows == 0) return VectorXd::Zero(n_channels);
-    const double n_steps = problem_.readings.ShortestWindow();
-    const double of_starts = problem_.readings.state_dim() / static_cast<double>(n_channels);
-    const double freedom = problem_.noise_rows * std::max(kLeastFreedomOfRow, (n_steps + 1 - of_starts) / n_steps);
-    const double error = std::sqrt(kVarianceOfMedian / freedom);
-    return VectorXd::Constant(n_channels, std::max(0.0, error - kNoiseAllowed));
-  }
-
   HeldOutPrediction::Horizon Compare(int n_steps, const std::vector<size_t>& parts, const std::vector<size_t>& at) {
     const size_t judging = parts.front(), h = at.front();
     const auto all_of = [&](const std::vector<PredictionJudge::Squares>& squares) {
@@ -292,8 +188,8 @@ class Evidence {
          .floor = floor,
          .draws_of_other = other_counts ? draws_of(imitated_by_other_) : std::vector<MatrixXd>(),
          .n_judged = of_judged.cols(),
-         .times_scatter = HasFewWindows() ? kTailOfSix : 1,
-         .error_of_noise = ErrorOfNoise()},
+         .times_scatter = imitator_->HasFewWindows() ? kTailOfSix : 1,
+         .error_of_noise = imitator_->ErrorOfNoise()},
         channels);
     horizon.excess = excess.Of(designed.rows());
     const VectorXd of_draws = ErrorsOf(draws, of_judged.cols()).cwiseMax(kNoNoise * channels.spread);
@@ -361,9 +257,8 @@ class Evidence {
   // By part, what PredictionJudge::Predict gave.
   std::vector<PredictionJudge::Squares> designed_;
   std::vector<std::optional<PredictionJudge::Squares>> of_other_;
+  std::optional<Imitator> imitator_;  // none where there is no part
   Imitations imitated_, imitated_by_other_;
-  VectorXd noise_, largest_noise_;  // of the sensors
-  bool is_exact_ = false;           // readings are the state
 };
 
 /// z with sensors that add no noise: a prediction is of what they would read without.
