@@ -11,19 +11,25 @@ namespace oted {
 using Eigen::VectorXd;
 
 Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_steps, int n_rows, Rng& rng) {
-  Level level;
-  int n_stretches = 0;
-  for (const LogWindow& stretch : DrawStretches(dataset, length, n_rows, rng)) {
-    for (int i = stretch.begin; i + n_steps <= stretch.begin + length; i += n_steps) {
-      const LogWindow window{i, n_steps, stretch.episode_begin};
-      if (!replayer.CanStart(window)) continue;
-      level.windows.push_back(window);
-      level.starts.push_back(replayer.Guess(window));
-      level.stretch.push_back(n_stretches);
+  Level stretches{.windows = DrawStretches(dataset, length, n_rows, rng), .starts = {}, .stretch = {}};
+  stretches.stretch.resize(stretches.windows.size());
+  std::iota(stretches.stretch.begin(), stretches.stretch.end(), 0);
+  return Cut(replayer, stretches, n_steps);
+}
+
+Level Cut(WindowReplayer& replayer, const Level& longer, int n_steps) {
+  Level pieces;
+  for (size_t w = 0; w < longer.windows.size(); ++w) {
+    const LogWindow& window = longer.windows[w];
+    for (int i = 0; i + n_steps <= window.n_steps; i += n_steps) {
+      const LogWindow piece{window.begin + i, n_steps, window.episode_begin};
+      if (!replayer.CanStart(piece)) continue;
+      pieces.windows.push_back(piece);
+      pieces.starts.push_back(replayer.Guess(piece));
+      pieces.stretch.push_back(longer.stretch[w]);
     }
-    ++n_stretches;
   }
-  return level;
+  return pieces;
 }
 
 Level Leading(const Level& level, size_t n) {

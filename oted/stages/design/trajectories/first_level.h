@@ -16,6 +16,10 @@ namespace oted {
 /// Stretches of the log of `length` rows in a random order, until they hold `n_rows`; cut into windows of `n_steps`.
 Level FirstLevel(WindowReplayer& replayer, const Dataset& dataset, int length, int n_steps, int n_rows, Rng& rng);
 
+/// Windows cut into whole pieces of `n_steps`, each of its window's stretch and from where its readings say; without
+/// those that cannot start. @param longer  its starts do not matter
+Level Cut(WindowReplayer& replayer, const Level& longer, int n_steps);
+
 /// The first `n` windows of a level.
 Level Leading(const Level& level, size_t n);
 

@@ -11,6 +11,7 @@
 #include "oted/base/error.h"
 #include "oted/matching/designer.h"
 #include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/left_out.h"
 
 namespace oted {
@@ -85,19 +86,7 @@ Level GrowingWindows(WindowReplayer& replayer, const Dataset& dataset, int short
                      double period_s) {
   int whole = shortest;
   while (CanGrow(whole, n_steps)) whole *= 2;
-  const Level longest = LongWindows(replayer, dataset, whole, n_rows, period_s);
-  Level pieces;
-  for (size_t w = 0; w < longest.windows.size(); ++w) {
-    const LogWindow& window = longest.windows[w];
-    for (int i = 0; i < whole; i += shortest) {
-      const LogWindow piece{window.begin + i, shortest, window.episode_begin};
-      if (!replayer.CanStart(piece)) continue;
-      pieces.windows.push_back(piece);
-      pieces.starts.push_back(replayer.Guess(piece));
-      pieces.stretch.push_back(longest.stretch[w]);
-    }
-  }
-  return pieces;
+  return Cut(replayer, LongWindows(replayer, dataset, whole, n_rows, period_s), shortest);
 }
 
 int AffordableRows(int wanted, double n_steps, const SimulatorFactory& factory, const ReadingModel& readings) {

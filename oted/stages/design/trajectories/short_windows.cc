@@ -184,24 +184,19 @@ void ShortWindows::TryOtherStarts(LevelFit& fit) {
 double ShortWindows::GrowthInOwnLogs(const Level& longer) {
   const auto [known, is_new] = growth_in_own_logs_.try_emplace(longer.windows.front().n_steps);
   if (!is_new) return known->second;
-  std::vector<LogWindow> some;
+  Level some;
   const size_t stride = (longer.windows.size() + kGrownWindows - 1) / kGrownWindows;
-  for (size_t w = 0; w < longer.windows.size(); w += stride) some.push_back(longer.windows[w]);
+  for (size_t w = 0; w < longer.windows.size(); w += stride) {
+    some.windows.push_back(longer.windows[w]);
+    some.stretch.push_back(static_cast<int>(w));
+  }
   const VectorXd noise = SensorNoise();
   const Dataset logs = OwnLogs(*replayer_, *fit_, ToZ(space_, fit_->x()), noise, Through::kAll, rng_);
   WindowReplayer of_own = MakeReplayer(problem_.factory, space_.size(), logs, readings(), problem_.context.n_threads);
   return known->second = GrowthOf(some, of_own);
 }
 
-double ShortWindows::GrowthOf(const std::vector<LogWindow>& windows, WindowReplayer& replayer) {
-  Level pieces;
-  for (size_t k = 0; k < windows.size(); ++k) {
-    for (int i = 0; i < windows[k].n_steps; i += shortest_) {
-      pieces.windows.push_back({windows[k].begin + i, shortest_, windows[k].episode_begin});
-      pieces.starts.push_back(replayer.Guess(pieces.windows.back()));
-      pieces.stretch.push_back(static_cast<int>(k));
-    }
-  }
+double ShortWindows::GrowthOf(const Level& windows, WindowReplayer& replayer) {
   VectorXd first, last;
   const auto make = [&](Level level, VectorXd x) {
     return std::make_unique<LevelFit>(replayer, space_, problem_.prior, scale_, std::move(level), std::move(x));
@@ -213,7 +208,7 @@ double ShortWindows::GrowthOf(const std::vector<LogWindow>& windows, WindowRepla
     last = fit.noise_variance();
     if (is_first) first = last;
   };
-  FitGrowing(std::move(pieces), fit_->x(), windows.front().n_steps, 1, make, descend);
+  FitGrowing(Cut(replayer, windows, shortest_), fit_->x(), windows.windows.front().n_steps, 1, make, descend);
   return Growth(last.cwiseSqrt(), first.cwiseSqrt());
 }
 

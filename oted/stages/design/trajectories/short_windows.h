@@ -62,8 +62,8 @@ class ShortWindows {
   /// made itself, with the sensors' noise. Where that is more than once, as through contact, starts are hard to find,
   /// and as much in the logs does not speak against the simulator.
   double GrowthInOwnLogs(const Level& longer);
-  /// The same of windows of any logs, which grow from their shortest pieces.
-  double GrowthOf(const std::vector<LogWindow>& windows, WindowReplayer& replayer);
+  /// The same of windows of any logs, each of a stretch of its own, which grow from their shortest pieces.
+  double GrowthOf(const Level& windows, WindowReplayer& replayer);
   /// Whether there are readings that were computed from others, or that are of an earlier time than they say; they are
   /// left out from here on.
   bool LeaveOutComputed();
