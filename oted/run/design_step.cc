@@ -29,9 +29,9 @@ Design Make(const RunSetup& run, const std::string& setting, int seed, const Pol
       result.clone->Save(folder / "policy.npz");
       design.clone = std::make_shared<TanhGaussianPolicy>(*std::move(result.clone));
     }
-    return RecordOf(std::move(result), designs.config).ToJson();
+    return RecordOf(std::move(result), designs.config);
   };
-  design.record = QRecord::FromJson(run.directory.Once(artifact, make), run.parameters(), artifact.file.string());
+  design.record = OnceAs<QRecord>(run.directory, artifact, make, run.parameters());
   return design;
 }
 

@@ -53,9 +53,8 @@ GrowthRecord MakeRound(const RunSetup& run, int round) {
   problem.folder = run.directory.growth(round);
   problem.run_name = run.directory.NameOf(problem.folder);
   const Artifact artifact = GrowthDesignArtifact(run, round);
-  const auto made =
-      run.directory.Once(artifact, [&] { return RecordOf(LearnDesign(problem, config), config).ToJson(); });
-  const QRecord design = QRecord::FromJson(made, run.parameters(), artifact.file.string());
+  const auto make = [&] { return RecordOf(LearnDesign(problem, config), config); };
+  const QRecord design = OnceAs<QRecord>(run.directory, artifact, make, run.parameters());
   // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
   GrowthRecord record;
   for (const int i : ParametersAtBounds(design.q)) record.at_bounds.push_back(problem.factory.parameters()[i].name);

@@ -53,10 +53,9 @@ std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::stri
                                          .context = share,
                                          .judged = false},
                                         config);
-      return QRecord{std::move(result.q), config.adversarial.lambda, {}, {}}.ToJson();
+      return QRecord{std::move(result.q), config.adversarial.lambda, {}, {}};
     };
-    const auto record = run.directory.Once(artifact, make);
-    modes[static_cast<size_t>(i)] = QRecord::FromJson(record, run.parameters(), artifact.file.string()).q.Mode();
+    modes[static_cast<size_t>(i)] = OnceAs<QRecord>(run.directory, artifact, make, run.parameters()).q.Mode();
   });
   return modes;
 }

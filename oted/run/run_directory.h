@@ -109,10 +109,10 @@ class RunDirectory {
   std::shared_ptr<Held> held_;
 };
 
-/// Once, with the record's own codec.
-template <class Record, class Make>
-Record OnceAs(const RunDirectory& directory, const Artifact& artifact, const Make& make) {
-  return Record::FromJson(directory.Once(artifact, [&] { return make().ToJson(); }), artifact.file.string());
+/// Once, with the record's own codec. @param needed  what that needs beside the record, as the parameters of a q
+template <class Record, class Make, class... Needed>
+Record OnceAs(const RunDirectory& directory, const Artifact& artifact, const Make& make, const Needed&... needed) {
+  return Record::FromJson(directory.Once(artifact, [&] { return make().ToJson(); }), needed..., artifact.file.string());
 }
 
 }  // namespace oted
