@@ -24,6 +24,7 @@ namespace oted {
 namespace {
 
 constexpr double kWorseThanBlind = 0.47;  // area under the curve
+constexpr const char* kShiftedActions = "shifted_actions";
 constexpr int kOneStepRows = 2000;
 constexpr double kExact = 1e-3;     // median ratio below which the simulator is the logs' own
 constexpr double kUseless = 0.5;    // above which it predicts a step hardly better than "nothing changes"
@@ -109,6 +110,26 @@ std::string DelayAmong(const ParameterSpace& parameters) {
   return found == parameters.specs().end() ? "" : found->name;
 }
 
+/// Actions that stand a row before or after the one that they acted in.
+void AddShift(const OneStepError& e, const SimulatorFactory& factory, std::vector<Finding>& findings) {
+  const std::optional<ActionShift> better = BetterShift(e, kShiftGain);
+  if (!better || e.median_ratio < kExact) return;
+  const bool is_before = better->shift < 0;
+  const std::string delay = is_before ? DelayAmong(factory.parameters()) : "";
+  findings.push_back(
+      {.check = kShiftedActions,
+       .severity = delay.empty() ? Severity::kWarning : Severity::kNote,
+       .what = ShiftInWords(*better),
+       .count = std::abs(better->shift),
+       .meaning = is_before ? "the target acts with a delay, its sensors show late, or actions were logged too early"
+                            : "actions were logged too late: with the state that they led to",
+       .remedy = !delay.empty() ? fmt::format("none needed: the parameter '{}' takes it", delay)
+                 : is_before    ? "shift the actions in the log by this number of rows, or make the delay a parameter: "
+                                  "action/delay, obs/NAME/delay"
+                                : "give each row the action of that later row",
+       .may_be_parameter = is_before});
+}
+
 void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const std::vector<ChannelNoise>& noise,
                 std::vector<Finding>& findings) {
   const SimulatorSpec& spec = factory.spec();
@@ -157,21 +178,7 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
          .meaning = "these states or actions are impossible in the model",
          .remedy = "check units and frames; a step size that is too large does it, too"});
   }
-  const std::optional<ActionShift> better = BetterShift(e, kShiftGain);
-  if (!better || exact) return;
-  const bool is_before = better->shift < 0;
-  const std::string delay = is_before ? DelayAmong(factory.parameters()) : "";
-  findings.push_back(
-      {.check = "shifted_actions",
-       .severity = delay.empty() ? Severity::kWarning : Severity::kNote,
-       .what = ShiftInWords(*better),
-       .count = std::abs(better->shift),
-       .meaning = is_before ? "the target acts with a delay, its sensors show late, or actions were logged too early"
-                            : "actions were logged too late: with the state that they led to",
-       .remedy = !delay.empty() ? fmt::format("none needed: the parameter '{}' takes it", delay)
-                 : is_before    ? "shift the actions in the log by this number of rows, or make the delay a parameter: "
-                                  "action/delay, obs/NAME/delay"
-                                : "give each row the action of that later row"});
+  AddShift(e, factory, findings);
 }
 
 void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
@@ -332,6 +339,11 @@ std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Data
   const auto n_before = static_cast<std::ptrdiff_t>(findings.size());
   CheckCorrections(factory, dataset, context, findings);
   findings.erase(findings.begin(), findings.begin() + n_before);
+  if (factory.spec().can_set_state) {
+    AddShift(MeasureOneStep(factory, dataset, kOneStepRows, context.n_threads), factory, findings);
+    // What comes late a design suspects by itself, and says how late.
+    std::erase_if(findings, [](const Finding& f) { return f.check == kShiftedActions && f.may_be_parameter; });
+  }
   return findings;
 }
 
@@ -373,7 +385,7 @@ DataCheck CheckData(const Dataset& dataset, const SimulatorFactory* factory, uin
     const auto better = FindBetterEngine(spec.task, *check.one_step, dataset, kOneStepRows, context.n_threads);
     if (better) AddEngine(*better, *check.one_step, spec, check.findings);
     const bool all_late =
-        std::ranges::any_of(check.findings, [](const Finding& f) { return f.check == "shifted_actions"; });
+        std::ranges::any_of(check.findings, [](const Finding& f) { return f.check == kShiftedActions; });
     if (!all_late) CheckLateRecordings(*factory, dataset, kOneStepRows, context.n_threads, check.findings);
     CheckCorrections(*factory, dataset, context, check.findings);
     if (check.one_step->n_rows == 0) return check;  // a judge would start from the same states

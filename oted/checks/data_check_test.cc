@@ -90,6 +90,24 @@ TEST(CheckData, ActionsThatAreARowLateAreFound) {
   EXPECT_NE(Find(check, "shifted_actions")->what.find("1 row(s) before"), std::string::npos);
 }
 
+TEST(FindCorrections, ActionsWithTheStateThatTheyLedToAreFoundAndThoseThatActLateAreLeftToTheDesign) {
+  const PointMassFactory factory;
+  NullSink log;
+  const RunContext context{.log = &log, .n_threads = 1};
+  for (const int by : {-1, 1}) {
+    Dataset logs = PointMassLogs({1, 1, 0.5}, 20);
+    const Array2<double> own = logs.actions;
+    for (const Episode& e : logs.Episodes()) {
+      for (int i = std::max(e.begin, e.begin - by); i < std::min(e.end, e.end - by); ++i)
+        logs.actions(i, 0) = own(i + by, 0);
+    }
+    const std::vector<Finding> found = FindCorrections(factory, logs, context);
+    const bool is_found = std::ranges::count(found, "shifted_actions", &Finding::check) == 1;
+    EXPECT_EQ(is_found, by < 0) << "a delay is a parameter";
+    for (const Finding& finding : found) EXPECT_FALSE(finding.may_be_parameter) << finding.what;
+  }
+}
+
 TEST(CheckData, AStepThatNoiseHidesIsNoWarningAndOneOfAnotherModelIs) {
   Dataset noisy = PointMassLogs({1, 1, 0.5}, 20);
   Rng rng(4);

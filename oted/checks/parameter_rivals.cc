@@ -6,12 +6,14 @@
 #include <array>
 
 #include "oted/sim/channel_path.h"
+#include "oted/stages/design/trajectories/distant_places.h"
 
 namespace oted {
 namespace {
 
 constexpr std::array<double, 4> kFactors = {0.5, 0.7, 1.4, 2.0};
-constexpr std::array<double, 6> kSpringOff = {-0.5, -0.25, -0.1, 0.1, 0.25, 0.5};  // [rad], [m]
+constexpr std::array<double, 8> kPlaceOff = {-0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4};  // of half the range
+constexpr std::array<double, 6> kSpringOff = {-0.5, -0.25, -0.1, 0.1, 0.25, 0.5};            // [rad], [m]
 
 /// Values to try; none of what a zero is not mistaken for.
 std::vector<double> Tried(const ParameterSpec& spec) {
@@ -20,6 +22,8 @@ std::vector<double> Tried(const ParameterSpec& spec) {
     for (const double factor : kFactors) values.push_back(factor * spec.nominal);
   } else if (spec.field.ends_with("/springref")) {
     for (const double off : kSpringOff) values.push_back(spec.nominal + off);
+  } else if (IsPlace(spec)) {
+    for (const double off : kPlaceOff) values.push_back(spec.nominal + off * (spec.high - spec.low) / 2);
   }
   return values;
 }

@@ -18,7 +18,7 @@ struct ParameterRival {
 };
 
 /// Tries what is often off in such a model (SimulatorFactory::Suspects), one constant after another, each with a few
-/// factors; of where a spring rests, a few places. None where the simulator knows no suspects.
+/// factors; of where a spring rests or something stands, a few places. None where the simulator knows no suspects.
 class ParameterRivals {
  public:
   ParameterRivals(const SimulatorFactory& factory, int n_threads);

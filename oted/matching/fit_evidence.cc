@@ -26,19 +26,19 @@ json SpecToJson(const ParameterSpec& spec) {
           {"range", {spec.low, spec.high}},
           {"scale", spec.scale == ParameterScale::kAbsolute ? "absolute" : "nominal"},
           {"log", spec.logarithmic},
-          {"unit", spec.unit}};
+          {"unit", spec.unit},
+          {"nominal", spec.nominal}};
 }
 
 ParameterSpec SpecFromJson(const json& record) {
-  const bool absolute = record.at("scale") == "absolute";
   return {.name = record.at("name"),
           .field = record.at("field"),
           .low = record.at("range").at(0),
           .high = record.at("range").at(1),
-          .scale = absolute ? ParameterScale::kAbsolute : ParameterScale::kNominal,
+          .scale = record.at("scale") == "absolute" ? ParameterScale::kAbsolute : ParameterScale::kNominal,
           .logarithmic = record.at("log"),
           .unit = record.at("unit"),
-          .nominal = absolute ? 0.0 : 1.0};
+          .nominal = record.at("nominal")};
 }
 
 json InRecord(const std::vector<SearchInterval>& intervals) {

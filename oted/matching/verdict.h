@@ -118,15 +118,17 @@ bool GuessesAsWell(const Horizons& horizons, double times = 1) {
   }
   return true;
 }
+inline constexpr double kMostlyNoise = 0.5;  ///< of a channel's spread: what the sensors leave where they show nothing
 /// Whether the logs show nothing that a simulator could be judged by: at no horizon and in no channel does one predict
-/// better than the channel's mean. A robot at rest with noisy sensors, readings at random. The floor means nothing
-/// there: noise as large as the readings explains everything.
-/// @param horizons  each with channels, each with `judged`, `nominal`, `designed` and `spread`
+/// better than the channel's mean, nor would one that is right. A robot at rest with noisy sensors, readings at random.
+/// The floor means nothing there: noise as large as the readings explains everything.
+/// @param horizons  each with channels, each with `judged`, `nominal`, `designed`, `floor` and `spread`
 template <class Horizons>
 bool ShowsNothing(const Horizons& horizons) {
   for (const auto& horizon : horizons) {
     for (const auto& c : horizon.channels) {
-      const bool guesses = IsNoBetterThanGuess(c.nominal, c.spread) && IsNoBetterThanGuess(c.designed, c.spread);
+      const bool guesses = IsNoBetterThanGuess(c.nominal, c.spread) && IsNoBetterThanGuess(c.designed, c.spread) &&
+                           c.floor >= kMostlyNoise * c.spread;
       if (c.judged && !guesses) return false;
     }
   }

@@ -332,13 +332,16 @@ TEST(SmallChange, IsATwentiethOfWhatMayBeNoneHoweverWideItsRange) {
 TEST(JudgePrediction, LogsThatNobodyPredictsBetterThanTheirMeanEarnNoWord) {
   const Designer q = MakeDesigner({0, 0}, {0.01, 0.01});
   HeldOutPrediction noise = Predicted(kNothing, kNothing);
-  for (HeldOutPrediction::Channel& c : noise.horizons[0].channels) c.spread = 1;
+  for (HeldOutPrediction::Channel& c : noise.horizons[0].channels) c.spread = c.floor = 1;
   EXPECT_TRUE(ShowsNothing(noise.horizons));
   EXPECT_FALSE(ReachesFloor(noise)) << "what cannot be judged has not passed";
   EXPECT_FALSE(LeavesGap(noise)) << "nor is there anything to find";
   EXPECT_TRUE(ChannelsOff(noise).empty());
   EXPECT_EQ(Judged(q, noise), DesignVerdict::kUndecided);
   EXPECT_EQ(JudgePrediction(q, noise, {.asks_for_more = true}), DesignVerdict::kUndecided);
+  HeldOutPrediction moves = noise;
+  for (HeldOutPrediction::Channel& c : moves.horizons[0].channels) c.floor = 0.1;
+  EXPECT_FALSE(ShowsNothing(moves.horizons)) << "a simulator that is right would predict them: a sign may be wrong";
   noise.horizons[0].channels[1].spread = 5;
   EXPECT_FALSE(ShowsNothing(noise.horizons)) << "one channel is predicted";
   EXPECT_EQ(Judged(q, noise), DesignVerdict::kNoGap);

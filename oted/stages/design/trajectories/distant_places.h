@@ -2,6 +2,8 @@
 /// Places that no derivative tells of: what the robot touches may stand where the model touches nothing. Not in the
 /// paper.
 
+#include <Eigen/Dense>
+#include <optional>
 #include <vector>
 
 #include "oted/matching/fit_evidence.h"
@@ -9,7 +11,9 @@
 
 namespace oted {
 
-/// Whether a suspect is where something stands: a coordinate of a body or of a geom, on both sides of the model's.
+/// Whether a suspect is a value on both sides of the model's: a place, a zero. What it does may begin at a distance.
+bool IsShift(const ParameterSpec& spec);
+/// Whether it is where something stands: a coordinate of a body or of a geom.
 bool IsPlace(const ParameterSpec& spec);
 
 /// Each of `places` some distances off in both directions, in the windows that the fit explains worst.
@@ -18,5 +22,10 @@ bool IsPlace(const ParameterSpec& spec);
 /// @return those with a value that makes these windows surely likelier, and by how many nats; the surest first
 std::vector<Suspect> FindDistantPlaces(const std::vector<ParameterSpec>& places, const LevelFit& fit,
                                        WindowReplayer& wider);
+
+/// The same of the places that are searched. @return x with the one moved that these windows ask for most; none where
+/// they surely ask for none
+/// @param explained_alone  whether windows count that become explained, and none that is only less far off
+std::optional<Eigen::VectorXd> WithPlaceMoved(const LevelFit& fit, const ParameterSpace& space, bool explained_alone);
 
 }  // namespace oted

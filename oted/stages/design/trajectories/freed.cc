@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 
+#include "oted/base/picked.h"
 #include "oted/matching/designer.h"
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
@@ -107,6 +111,24 @@ class FreedTrials {
     if (costs) costs_[name] = *costs;
   }
 
+  /// What is kept first; of these the likeliest, where the same windows tell of all that were tried.
+  void PutInOrder(std::span<Suspect> tried) const {
+    const auto is_kept = [](const Suspect& suspect) { return suspect.trial && suspect.trial->kept; };
+    std::vector<std::pair<bool, double>> ranks;
+    for (const Suspect& suspect : tried) {
+      const std::optional<Estimated> nats = NatsBeside(tried.front(), suspect);
+      if (!nats) {
+        std::ranges::stable_partition(tried, is_kept);
+        return;
+      }
+      ranks.emplace_back(is_kept(suspect), nats->value);
+    }
+    std::vector<size_t> order(tried.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    std::ranges::stable_sort(order, std::ranges::greater(), [&](size_t k) { return ranks[k]; });
+    std::ranges::move(Picked(std::vector<Suspect>(tried.begin(), tried.end()), order), tried.begin());
+  }
+
   /// Names, of those that were tried, which surely lead this one (FreedTrial::led_by).
   std::vector<std::string> LeadersOf(const Suspect& one, const std::vector<Suspect>& suspects) const {
     std::vector<std::string> leaders;
@@ -122,14 +144,20 @@ class FreedTrials {
   /// it leaves; or surely gains more, where that is not known of both. A few nats tell nothing, however sure: where two
   /// are one to the logs, as a servo's kv and all that it moves, the fits end that near each other.
   bool Leads(const Suspect& one, const Suspect& other) const {
-    const auto ours = costs_.find(one.spec.name), theirs = costs_.find(other.spec.name);
-    // Fits with other sensors late held other readings.
-    if (ours != costs_.end() && theirs != costs_.end() && ours->second.ages == theirs->second.ages) {
-      const std::optional<Estimated> nats = NatsGained(ours->second.of_windows, theirs->second.of_windows);
-      if (nats) return nats->value > std::max(kFewestSureNats, kSureErrors * nats->error);
+    if (const std::optional<Estimated> nats = NatsBeside(other, one)) {
+      return nats->value > std::max(kFewestSureNats, kSureErrors * nats->error);
     }
     const Estimated &a = one.trial->gain, &b = other.trial->gain;
     return a.value - b.value > kSureErrors * std::hypot(a.error, b.error);
+  }
+
+  /// By how many nats the same windows are likelier with `other` than with `one`, each by the noise that it leaves;
+  /// none where that is not known of both.
+  std::optional<Estimated> NatsBeside(const Suspect& one, const Suspect& other) const {
+    const auto ours = costs_.find(one.spec.name), theirs = costs_.find(other.spec.name);
+    // Fits with other sensors late held other readings.
+    if (ours == costs_.end() || theirs == costs_.end() || ours->second.ages != theirs->second.ages) return std::nullopt;
+    return NatsGained(theirs->second.of_windows, ours->second.of_windows);
   }
 
   /// Whether a fit with one parameter more ends above the fit without it, where it could be as well.
@@ -294,6 +322,7 @@ std::vector<Suspect> TryFirst(const FreedProblem& problem, FreedTrials& trials, 
     trials.Know(suspect.spec.name, tried.costs);
   }
   if (n_tried > 0) problem.context.log->Progress("freed", "tried", n_tried, n_tried, "");
+  trials.PutInOrder(std::span(suspects).first(static_cast<size_t>(n_tried)));
   for (Suspect& suspect : suspects) {
     if (suspect.trial) suspect.trial->led_by = trials.LeadersOf(suspect, suspects);
   }

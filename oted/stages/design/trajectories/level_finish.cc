@@ -142,17 +142,14 @@ double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
   return (cost(x) - cost(than)) / readings_per_error_;
 }
 
-std::vector<double> LevelFit::NatsGainedIn(WindowReplayer& wider, const std::vector<double>& nominal,
+std::vector<double> LevelFit::NatsGainedIn(WindowReplayer& wider, const std::vector<double>& z,
                                            const std::vector<std::vector<double>>& values) const {
-  const auto cost = [&](const std::vector<double>& further) {
-    std::vector<double> z = ToZ(space_, x_);
-    z.insert(z.end(), further.begin(), further.end());
-    return CostOfWindows(SettledIn(wider, level_.starts, z).residuals);
+  const auto cost = [&](const std::vector<double>& at) {
+    return CostOfWindows(SettledIn(wider, level_.starts, at).residuals);
   };
-  const double cost_without = cost(nominal);
+  const double cost_without = cost(z);
   std::vector<double> gained;
-  for (const std::vector<double>& further : values)
-    gained.push_back((cost_without - cost(further)) / readings_per_error_);
+  for (const std::vector<double>& value : values) gained.push_back((cost_without - cost(value)) / readings_per_error_);
   return gained;
 }
 

@@ -197,7 +197,7 @@ LevelFit LevelFit::Sampled(int n_rows) const {
   return LeavingOut(left_out);
 }
 
-LevelFit LevelFit::WorstExplained(int n_rows) const {
+LevelFit LevelFit::WorstExplained(int n_rows, bool explained_alone) const {
   const WindowLikelihood likelihood = Likelihood();
   std::vector<size_t> worst_first(residuals_.size());
   std::iota(worst_first.begin(), worst_first.end(), size_t{0});
@@ -208,6 +208,7 @@ LevelFit LevelFit::WorstExplained(int n_rows) const {
   for (size_t k = 0; k < n; ++k) left_out[worst_first[k]] = 0;
   LevelFit worst = LeavingOut(left_out);
   worst.variance_ = variance_;  // what they leave is no noise
+  worst.explained_alone_ = explained_alone;
   return worst;
 }
 

@@ -54,6 +54,7 @@ class LevelFit {
   }
 
   const Eigen::VectorXd& x() const { return x_; }
+  std::vector<double> z() const { return ToZ(space_, x_); }
   const Level& level() const { return level_; }
   const ReadingModel& readings() const { return replayer_.readings(); }
   int n_rows() const { return static_cast<int>(level_.windows.size()) * n_steps(); }  ///< that it rests on
@@ -78,8 +79,9 @@ class LevelFit {
   LevelFit LeavingOut(const std::vector<char>& flags) const;
   /// The same of every k-th window, so many that they hold `n_rows` at least; all windows where there are fewer.
   LevelFit Sampled(int n_rows) const;
-  /// The same of the windows that it explains worst, so many that they hold `n_rows` at least.
-  LevelFit WorstExplained(int n_rows) const;
+  /// The same of the windows that it explains worst, so many that they hold `n_rows` at least. @param explained_alone
+  /// whether those that are not explained do not count (CountExplainedAlone)
+  LevelFit WorstExplained(int n_rows, bool explained_alone) const;
   /// Negative log likelihood at the present x, starts and noise, after Step; comparable between fits of the same
   /// windows.
   double FinalCost();
@@ -110,9 +112,10 @@ class LevelFit {
   /// By how many nats windows are less likely at `x` than at `than`, their starts fitted anew at both. Behind Finish or
   /// CovarianceOfParts.
   double NatsLostAt(const Eigen::VectorXd& x, const Eigen::VectorXd& than) const;
-  /// By how many nats windows become likelier where the parameters that `wider` has after those of x take each of
-  /// `values` in place of the nominal ones, their starts fitted anew. After FinalCost.
-  std::vector<double> NatsGainedIn(WindowReplayer& wider, const std::vector<double>& nominal,
+  /// By how many nats windows become likelier at each of `values` than at z, their starts fitted anew. After FinalCost.
+  /// @param wider      of a simulator that may have more parameters, behind those of x
+  /// @param z, values  of all its parameters
+  std::vector<double> NatsGainedIn(WindowReplayer& wider, const std::vector<double>& z,
                                    const std::vector<std::vector<double>>& values) const;
   /// Share of windows whose start has another local minimum near: moved by as much as it is uncertain and fitted again,
   /// it comes to rest elsewhere, better or worse. After Finish.

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "oted/matching/as_vector.h"
+#include "oted/stages/design/trajectories/distant_places.h"
 #include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/own_logs.h"
 
@@ -32,7 +33,10 @@ OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesCo
                               const FitEvidence& evidence, const MatrixXd& covariance) {
   const RngKey key = problem.key.Stage("own logs");
   Rng of_starts = key.MakeRng();
-  if (!design.IsNoisy() || design.fit().ShareAtOtherMinima(of_starts) < kOtherMinima) return {};
+  // Of where something stands few windows tell, and they through contact.
+  const bool has_places = std::ranges::any_of(problem.factory.parameters().specs(), IsPlace);
+  if (!design.IsNoisy()) return {};
+  if (!has_places && design.fit().ShareAtOtherMinima(of_starts) < kOtherMinima) return {};
   const VectorXd x = design.fit().x();
   const std::vector<double> z = ToZ(problem.factory.parameters(), x);
   const auto noise = AsVector(evidence.noise_std);

@@ -26,7 +26,7 @@ struct OwnDesigns {
 /// By the same method from the same starting points, without the last levels of more rows. Two of them; four where
 /// these lie farther off than `covariance` says.
 /// @param evidence  of the design: its noise
-/// @return none where windows have no local minima
+/// @return none where windows have no local minima, unless where something stands is searched
 OwnDesigns DesignsFromOwnLogs(const ReplayProblem& problem, const TrajectoriesConfig& config, ShortWindows& design,
                               const FitEvidence& evidence, const Eigen::MatrixXd& covariance);
 

@@ -7,6 +7,7 @@
 
 #include "oted/matching/as_vector.h"
 #include "oted/matching/designer.h"
+#include "oted/stages/design/trajectories/distant_places.h"
 #include "oted/stages/design/trajectories/own_logs.h"
 
 namespace oted {
@@ -28,6 +29,7 @@ constexpr double kVisibleNoise = 1e-4;  // of a channel's spread: below is round
 constexpr double kNearlyAll = 0.9;      // of the windows: no other start, and no length between, tells more
 constexpr double kSameFit = 0.004;      // in x, a thousandth of the range
 constexpr size_t kGrownWindows = 40;    // at most, of own logs
+constexpr int kMostMoves = 6;           // of places, at one length
 
 /// Windows of twice the length; the longest at once where the shorter ones told all but rounding.
 Level NextLevel(const Level& level, bool is_known) {
@@ -142,7 +144,7 @@ bool ShortWindows::FitLengths(VectorXd x, bool again) {
       Descend(*fit, kLevelIterations);
     }
     TryOtherStarts(*fit);
-    fit->FinalCost();
+    MovePlaces(fit);
     const VectorXd noise = fit->noise_variance().cwiseSqrt();
     evidence_.long_noise_std = {noise.begin(), noise.end()};
     if (is_first) evidence_.short_noise_std = evidence_.long_noise_std;
@@ -178,6 +180,25 @@ void ShortWindows::TryOtherStarts(LevelFit& fit) {
       settled = fit.Step();
       steps_.Tell(fit.x());
     }
+  }
+}
+
+void ShortWindows::MovePlaces(std::unique_ptr<LevelFit>& fit) {
+  double cost = fit->FinalCost();
+  const auto move = [&](bool explained_alone) {
+    const std::optional<VectorXd> x = WithPlaceMoved(*fit, space_, explained_alone);
+    if (!x) return false;
+    auto moved = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, fit->level(), *x);
+    Descend(*moved, kLevelIterations);
+    TryOtherStarts(*moved);
+    const double cost_there = moved->FinalCost();
+    if (!(cost_there < cost)) return false;
+    cost = cost_there;
+    fit = std::move(moved);
+    return true;
+  };
+  // From afar windows are less far off before they are explained; near by, those that are not say little.
+  for (int k = 0; k < kMostMoves && (move(false) || move(true)); ++k) {
   }
 }
 

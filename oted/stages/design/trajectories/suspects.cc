@@ -7,6 +7,7 @@
 
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/replay_fit.h"
+#include "oted/stages/design/trajectories/distant_places.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
 
 namespace oted {
@@ -227,6 +228,17 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
   const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior, EstimateFromStretches);
   const std::vector<double> z = ToZ(space, fit.x());
   std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
+  // Of what is touched farther away, or read as farther away, derivatives tell too little. @param moved  where x
+  // follows it
+  const auto is_refuted = [&](size_t k, double value, const std::vector<double>& moved) {
+    std::vector<double> without = z;
+    for (const ParameterSpec& spec : specs) without.push_back(spec.nominal);
+    std::vector<double> alone = without;
+    alone[z.size() + k] = value;
+    std::vector<double> followed = alone;
+    std::ranges::copy(moved, followed.begin());
+    return std::ranges::max(fit.NatsGainedIn(wider, without, {alone, followed})) < -kFewestSureNats;
+  };
   RestsOn found;
   // Of a mass that is searched with its inertia, the mass alone would read as if it were not searched.
   const auto is_searched = [&](const ParameterSpec& spec) {
@@ -246,6 +258,7 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     const bool is_alike = following.square_of_sine <= bend * bend;
     if (!is_alike && IsExcluded(off, change, std)) continue;
     const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
+    if (IsShift(specs[k]) && is_refuted(k, At(specs[k], off), moved)) continue;
     for (size_t i = 0; i < z.size(); ++i) {
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
       const bool is_outside = moved[i] < intervals[i].low || moved[i] > intervals[i].high;
