@@ -70,22 +70,28 @@ const char* Correction::Check() const {
   return "";
 }
 
-const char* Correction::Setting() const {
+std::string Correction::Setting(const SimulatorSpec& spec) const {
+  const auto line = [&](const char* setting, double number) {
+    std::vector<std::string> entries;
+    for (const std::string& name : Names(spec)) entries.push_back(fmt::format("\"{}\" = {:.6g}", name, number));
+    return fmt::format("{} = {{ {} }}", setting, fmt::join(entries, ", "));
+  };
   switch (kind) {
     case CorrectionKind::kSign:
     case CorrectionKind::kActionSign:
     case CorrectionKind::kMirror:
+      return line("data.scale", -1);
     case CorrectionKind::kUnit:
     case CorrectionKind::kActionUnit:
-      return "data.scale";
+      return line("data.scale", value);
     case CorrectionKind::kZero:
-      return "data.offset";
+      return line("data.offset", value);
     case CorrectionKind::kSwap:
     case CorrectionKind::kActionSwap:
     case CorrectionKind::kQuaternionOrder:
-      return nullptr;
+      return "";
   }
-  return nullptr;
+  return "";
 }
 
 std::vector<std::string> Correction::Names(const SimulatorSpec& spec) const {

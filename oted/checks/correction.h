@@ -35,8 +35,9 @@ struct Correction {
     std::string remedy;  ///< "turn round the sign of joint/elbow/qpos and joint/elbow/qvel"
   };
   Words InWords(const SimulatorSpec& spec) const;
-  /// That makes this change of all recordings; null where none does.
-  const char* Setting() const;
+  /// The line of a task file that makes this change of all recordings: 'data.scale = { "actuator/elbow" = -1 }'. Empty
+  /// where none does.
+  std::string Setting(const SimulatorSpec& spec) const;
   std::vector<std::string> Names(const SimulatorSpec& spec) const;
   void ApplyTo(Dataset& dataset) const;
   /// The same change of states, (n, state_dim): a rate that no observation shows goes with its position.

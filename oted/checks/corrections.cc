@@ -281,7 +281,7 @@ class Search {
     // A zero comes and goes with no recording where a constant of the model, the same in all, explains more.
     if (rival && !where.empty() && rival->error <= MeanOf(best.errors, judged)) return false;
     auto [change, remedy] = best.correction.InWords(spec_);
-    if (const char* setting = best.correction.Setting(); setting != nullptr && where.empty()) {
+    if (const std::string setting = best.correction.Setting(spec_); !setting.empty() && where.empty()) {
       remedy += fmt::format(" ({})", setting);
     }
     std::vector<std::string> others;

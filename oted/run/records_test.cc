@@ -341,7 +341,7 @@ TEST(VerdictSentence, SaysOverWhichHorizonMoreIsLeftThanSensorsExplain) {
   DesignRecord record = Narrowed();
   record.validation->horizons.push_back({0.1, 10, 9, false, 0.7, true, {{"hip", "rad", 0.2, 0.023, 0.024, 1}}, {}});
   record.validation->horizons.push_back({1, 100, 9, false, 0.1, false, {{"hip", "rad", 0.9, 0.17, 0.11, 1}}, {}});
-  EXPECT_THAT(VerdictSentence(record, {0}), AllOf(StartsWith("gap narrowed by 70 % over 0.1 s"),
+  EXPECT_THAT(VerdictSentence(record, {0}), AllOf(StartsWith("gap narrowed by 70 % over 0.1 s (9 windows)"),
                                                   HasSubstr("hip 0.17 rad over 1 s (sensors alone: 0.11)")));
   record.validation->horizons[0].channels[0].floor = 0.01;
   EXPECT_THAT(VerdictSentence(record, {0}), HasSubstr(": hip 0.023 rad (sensors alone: 0.01)"));
@@ -355,7 +355,7 @@ TEST(VerdictSentence, OfADesignThatGuessesSayAsMuchAsClaimsNothing) {
   EXPECT_THAT(VerdictSentence(record, {0}),
               HasSubstr("at no horizon does the designed simulator predict better than guesses"));
   EXPECT_THAT(VerdictSentence(record, {0}),
-              HasSubstr("Over 0.1 s its error is 94 % less than the nominal simulator's: elbow"));
+              HasSubstr("Over 0.1 s (9 windows) its error is 94 % less than the nominal simulator's: elbow"));
   EXPECT_THAT(VerdictSentence(record, {}), EndsWith("94 % less than the nominal simulator's"))
       << "its floor is as uncertain";
   record.validation->horizons.push_back(
@@ -370,8 +370,8 @@ TEST(VerdictSentence, WhereWindowsDoNotTellTheFloorItSaysHowFarTheErrorMayGoAndW
   const char* may_be =
       " logs do not tell whether the sensors explain what remains: over 0.5 s it may be up to 2.1 times";
   EXPECT_THAT(VerdictSentence(record, {}),
-              AllOf(StartsWith("gap narrowed by 40 % over 0.5 s. These logs do not tell"), HasSubstr(may_be),
-                    HasSubstr("Episodes 2, 5 of the logs are far off")));
+              AllOf(StartsWith("gap narrowed by 40 % over 0.5 s (9 windows). These logs do not tell"),
+                    HasSubstr(may_be), HasSubstr("Episodes 2, 5 of the logs are far off")));
   record.verdict = DesignVerdict::kUndecided;
   record.predicts_better = false;
   EXPECT_THAT(VerdictSentence(record, {}),

@@ -13,6 +13,7 @@ namespace oted {
 namespace {
 
 constexpr double kShown = 0.5;        // [s]
+constexpr int kFewToldWindows = 10;   // fewer are told beside the horizon
 constexpr double kWorse = 1.1;        // times the nominal simulator's error
 constexpr double kVisiblyMore = 1.1;  // times the floor
 constexpr double kMuchNarrowed = 0.5;
@@ -171,6 +172,10 @@ std::string ButValuesOff(const DesignRecord& record) {
       names.size() == 1 ? "another value" : "other values", Enumerate(names));
 }
 
+std::string WindowsOf(const DesignRecord::Validation::Horizon& horizon) {
+  return fmt::format("{} window{}", horizon.n_windows, horizon.n_windows == 1 ? "" : "s");
+}
+
 /// That longer replays are worse than the nominal simulator's, to be appended to a good word.
 std::string ButOverLonger(const DesignRecord::Validation& validation) {
   if (!validation.longest || !(validation.longest->narrowed < -kVisiblyLost)) return "";
@@ -311,8 +316,7 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
   std::set<std::string> worse;
   for (const auto& horizon : validation.horizons) {
     if (horizon.n_steps > shown.n_steps && shown.surely_better && !horizon.surely_better) {
-      unsure += fmt::format("{}{} ({} window{})", unsure.empty() ? "" : " and ", InWords(horizon), horizon.n_windows,
-                            horizon.n_windows == 1 ? "" : "s");
+      unsure += fmt::format("{}{} ({})", unsure.empty() ? "" : " and ", InWords(horizon), WindowsOf(horizon));
     }
     for (const auto& channel : horizon.channels) {
       const auto ratio = [](const auto& c) { return c.designed / c.nominal; };
@@ -365,7 +369,9 @@ namespace {
 std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
   if (!record.validation || record.validation->horizons.empty()) return WithoutPrediction(record);
   const auto& horizon = ShownHorizon(*record.validation);
-  const std::string over = "over " + InWords(horizon), share = ShareInWords(horizon.narrowed);
+  const std::string few =
+      horizon.n_windows > 0 && horizon.n_windows < kFewToldWindows ? fmt::format(" ({})", WindowsOf(horizon)) : "";
+  const std::string over = "over " + InWords(horizon) + few, share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
   // Where the floor is reached.
   const std::string but =

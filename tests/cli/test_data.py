@@ -186,8 +186,8 @@ class TestCheck(DataTest):
         clean = log_robots.drive(robot, noise=1e-3)
         turned, _ = log_robots.plant("action sign", robot, clean, log_robots.hinges_of(robot))
         degrees = log_robots.dataclasses.replace(clean, commands=clean.commands * 180 / np.pi)
-        unit = ("action_unit", "multiply actuator/proximal and actuator/distal by 0.0174533 (data.scale)")
-        for log, expected in ((clean, []), (turned, [("action_sign", "turn round the sign of actuator/proximal (data.scale)")]),
+        unit = ("action_unit", 'multiply actuator/proximal and actuator/distal by 0.0174533 (data.scale = { "actuator/proximal" = 0.0174533, "actuator/distal" = 0.0174533 })')
+        for log, expected in ((clean, []), (turned, [("action_sign", 'turn round the sign of actuator/proximal (data.scale = { "actuator/proximal" = -1 })')]),
                               (degrees, [unit])):
             record = json.loads(self.succeed("data", "check", log_robots.write(robot, log, self.folder), "--json").stdout)
             self.assertEqual([(f["check"], f["remedy"]) for f in record["findings"]
