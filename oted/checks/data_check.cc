@@ -220,8 +220,11 @@ void CheckEffects(const SimulatorFactory& factory, const Dataset& dataset, RngKe
   for (size_t i = 0; i < effects.size(); ++i) {
     const ParameterSpec& spec = factory.parameters()[static_cast<int>(i)];
     if (effects[i].largest_change > 0) {
+      const double change = effects[i].largest_change;
       seen.push_back(
-          fmt::format("'{}' by {:.{}f}", spec.name, effects[i].largest_change, effects[i].largest_change < 10 ? 2 : 0));
+          change < kBreaksDown
+              ? fmt::format("'{}' by {:.{}f}", spec.name, change, change < 10 ? 2 : 0)
+              : fmt::format("'{}' without end (at one end of its range the physics breaks down)", spec.name));
       continue;
     }
     findings.push_back(

@@ -87,6 +87,13 @@ class ChannelChecks {
   ChannelChecks(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings)
       : d_(dataset), facts_(facts), findings_(findings) {}
 
+  /// Whether a quaternion's component is at its bound because nothing has turned.
+  bool IsTurnOfNone(int j, double bound) const {
+    return std::abs(bound) == 1 && std::ranges::any_of(facts_.bodies, [&](const TurningBody& body) {
+             return std::ranges::find(body.orientation, j) != body.orientation.end();
+           });
+  }
+
   void Observations() {
     std::vector<std::string> constant;
     std::vector<int> at_clip(static_cast<size_t>(d_.size()), 0);
@@ -110,7 +117,7 @@ class ChannelChecks {
       if (r.step > 0) continue;  // a grid meets its extremes often
       for (const double bound : {r.low, r.high}) {
         const auto n = std::count(column.begin(), column.end(), bound);
-        if (n < 3 || static_cast<double>(n) < kClippedShare * d_.size()) continue;
+        if (n < 3 || static_cast<double>(n) < kClippedShare * d_.size() || IsTurnOfNone(j, bound)) continue;
         if (clipped.empty() || clipped.back() != name) clipped.push_back(name);
         if (std::find(bounds.begin(), bounds.end(), bound) == bounds.end()) bounds.push_back(bound);
         for (int i = 0; i < d_.size(); ++i) at_clip[static_cast<size_t>(i)] |= column[static_cast<size_t>(i)] == bound;

@@ -237,6 +237,17 @@ TEST(Checks, AClippedObservationIsFoundAndItsBoundNamed) {
   EXPECT_NE(found.what.find("-0.6, 0.6"), std::string::npos) << found.what;
 }
 
+TEST(Checks, AQuaternionOfABodyThatHasNotTurnedIsNotClipped) {
+  Dataset d = CleanLog();
+  for (Array2<double>* m : {&d.observations, &d.next_observations}) {
+    for (int i = 0; i < d.size(); ++i) (*m)(i, 1) = std::min(10 * (*m)(i, 1), 1.0);
+  }
+  EXPECT_TRUE(Has(Check(d), "clipped_observations"));
+  TaskFacts facts = kFacts;
+  facts.bodies.push_back({.orientation = {1, -1, -1, -1}});
+  EXPECT_FALSE(Has(Check(d, facts), "clipped_observations"));
+}
+
 TEST(Checks, AGridIsFoundWithItsStep) {
   Dataset d = CleanLog();
   for (Array2<double>* m : {&d.observations, &d.next_observations}) {

@@ -11,8 +11,6 @@
 namespace oted {
 namespace {
 
-constexpr double kBroke = 1e9;
-
 constexpr double kWholeRange = 1.0;
 constexpr double kSmallStep = 0.02;
 
@@ -48,7 +46,7 @@ class PairedLanes {
       const bool low_broke = simulator_->status(low) == LaneStatus::kDiverged;
       const bool high_broke = simulator_->status(high) == LaneStatus::kDiverged;
       // The numbers of a lane that diverged mean nothing; that one of two did is an effect.
-      if (low_broke != high_broke) effects_[i].largest_change = std::max(effects_[i].largest_change, kBroke);
+      if (low_broke != high_broke) effects_[i].largest_change = std::max(effects_[i].largest_change, kBreaksDown);
       std::fill(changes_.row(low / 2).begin(), changes_.row(low / 2).end(), 0.0);
       if (low_broke || high_broke) continue;
       const auto a = simulator_->observation(low), b = simulator_->observation(high);

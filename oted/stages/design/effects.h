@@ -9,6 +9,8 @@
 
 namespace oted {
 
+inline constexpr double kBreaksDown = 1e9;  ///< a change: the physics breaks down at one end of the range
+
 /// What one parameter does to replayed episodes.
 struct ParameterEffect {
   /// Largest change of any observation, in standard deviations of that observation in the dataset, when the parameter
