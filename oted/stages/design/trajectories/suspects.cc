@@ -20,7 +20,7 @@ constexpr double kDirected = 2.0;      // standard deviations
 constexpr double kAsked = 3.0;         // the same, where some thirty are asked at once: few are by chance
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kLimitStep = -0.7;    // of a limit, to half of it: nothing tells of one that is not reached
-constexpr int kStepRows = 240;
+constexpr int kStepRows = 240, kRefutingRows = 960;
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableShare = 0.02;
 constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
@@ -228,6 +228,7 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
   const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior, EstimateFromStretches);
   const std::vector<double> z = ToZ(space, fit.x());
   std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
+  const LevelFit some = fit.Sampled(kRefutingRows);
   // Of what is touched farther away, or read as farther away, derivatives tell too little. @param moved  where x
   // follows it
   const auto is_refuted = [&](size_t k, double value, const std::vector<double>& moved) {
@@ -237,7 +238,7 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     alone[z.size() + k] = value;
     std::vector<double> followed = alone;
     std::ranges::copy(moved, followed.begin());
-    return std::ranges::max(fit.NatsGainedIn(wider, without, {alone, followed})) < -kFewestSureNats;
+    return std::ranges::max(some.NatsGainedIn(wider, without, {alone, followed})) < -kFewestSureNats;
   };
   RestsOn found;
   // Of a mass that is searched with its inertia, the mass alone would read as if it were not searched.
@@ -258,12 +259,16 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     const bool is_alike = following.square_of_sine <= bend * bend;
     if (!is_alike && IsExcluded(off, change, std)) continue;
     const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
-    if (IsShift(specs[k]) && is_refuted(k, At(specs[k], off), moved)) continue;
+    std::vector<std::pair<double, Condition>> named;
     for (size_t i = 0; i < z.size(); ++i) {
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
       const bool is_outside = moved[i] < intervals[i].low || moved[i] > intervals[i].high;
       if (by > (is_alike || is_outside ? kTrace : 1))
-        of_each[i].emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
+        named.emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
+    }
+    if (named.empty() || (IsShift(specs[k]) && is_refuted(k, At(specs[k], off), moved))) continue;
+    for (auto& [by, condition] : named) {
+      of_each[static_cast<size_t>(condition.parameter)].emplace_back(by, std::move(condition));
     }
   }
   KeepSurest(found.asked);
