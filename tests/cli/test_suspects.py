@@ -168,7 +168,7 @@ class SuspectsTest(unittest.TestCase):
         numpy.savez(flipped, **columns)
         result = program.oted("design", "--task", "Hopper-v5", "--data", flipped, "--episodes", "1", "--out",
                               self.folder / "flipped", "--quiet", "--param", GAIN, *QUICK, "--set", "design.method=trajectories", "--set",
-                              "design.trajectories.tried=1", "--grow")
+                              "design.trajectories.tried=0", "--grow")
         design = json.loads((self.folder / "flipped/design.json").read_text())
         self.assertIn(design["verdict"], ("gap_narrowed", "outside_family"))
         [warning] = [warning for warning in design["warnings"] if warning.startswith("data, ")]
