@@ -111,23 +111,23 @@ std::string DelayAmong(const ParameterSpace& parameters) {
 }
 
 /// Actions that stand a row before or after the one that they acted in.
-void AddShift(const OneStepError& e, const SimulatorFactory& factory, std::vector<Finding>& findings) {
+std::optional<Finding> FindShift(const OneStepError& e, const SimulatorFactory& factory) {
   const std::optional<ActionShift> better = BetterShift(e, kShiftGain);
-  if (!better || e.median_ratio < kExact) return;
+  if (!better || e.median_ratio < kExact) return std::nullopt;
   const bool is_before = better->shift < 0;
   const std::string delay = is_before ? DelayAmong(factory.parameters()) : "";
-  findings.push_back(
-      {.check = kShiftedActions,
-       .severity = delay.empty() ? Severity::kWarning : Severity::kNote,
-       .what = ShiftInWords(*better),
-       .count = std::abs(better->shift),
-       .meaning = is_before ? "the target acts with a delay, its sensors show late, or actions were logged too early"
-                            : "actions were logged too late: with the state that they led to",
-       .remedy = !delay.empty() ? fmt::format("none needed: the parameter '{}' takes it", delay)
-                 : is_before    ? "shift the actions in the log by this number of rows, or make the delay a parameter: "
-                                  "action/delay, obs/NAME/delay"
-                                : "give each row the action of that later row",
-       .may_be_parameter = is_before});
+  return Finding{
+      .check = kShiftedActions,
+      .severity = delay.empty() ? Severity::kWarning : Severity::kNote,
+      .what = ShiftInWords(*better),
+      .count = std::abs(better->shift),
+      .meaning = is_before ? "the target acts with a delay, its sensors show late, or actions were logged too early"
+                           : "actions were logged too late: with the state that they led to",
+      .remedy = !delay.empty() ? fmt::format("none needed: the parameter '{}' takes it", delay)
+                : is_before    ? "shift the actions in the log by this number of rows, or make the delay a parameter: "
+                                 "action/delay, obs/NAME/delay"
+                               : "give each row the action of that later row",
+      .may_be_parameter = is_before};
 }
 
 void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const std::vector<ChannelNoise>& noise,
@@ -178,7 +178,7 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
          .meaning = "these states or actions are impossible in the model",
          .remedy = "check units and frames; a step size that is too large does it, too"});
   }
-  AddShift(e, factory, findings);
+  if (std::optional<Finding> shift = FindShift(e, factory)) findings.push_back(*std::move(shift));
 }
 
 void AddGap(const SimulatorSpec& spec, int n_transitions, DataCheck& check) {
@@ -343,9 +343,9 @@ std::vector<Finding> FindCorrections(const SimulatorFactory& factory, const Data
   CheckCorrections(factory, dataset, context, findings);
   findings.erase(findings.begin(), findings.begin() + n_before);
   if (factory.spec().can_set_state) {
-    AddShift(MeasureOneStep(factory, dataset, kOneStepRows, context.n_threads), factory, findings);
+    auto shift = FindShift(MeasureOneStep(factory, dataset, kOneStepRows, context.n_threads), factory);
     // What comes late a design suspects by itself, and says how late.
-    std::erase_if(findings, [](const Finding& f) { return f.check == kShiftedActions && f.may_be_parameter; });
+    if (shift && !shift->may_be_parameter) findings.push_back(*std::move(shift));
   }
   return findings;
 }

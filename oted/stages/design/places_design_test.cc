@@ -12,20 +12,12 @@
 
 namespace oted::places_design_test {
 
-constexpr const char* kXml = R"(<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody><body><joint name="hinge" axis="0 1 0" damping="0.05"/>
-    <geom type="capsule" fromto="0 0 0 0 0 -0.38" size="0.02" mass="0.5"/></body>
-    <body name="wall" pos="0.6 0 -0.2"><geom type="box" size="0.1 0.2 0.4"/></body></worldbody>
-  <actuator><motor name="motor" joint="hinge" ctrlrange="-3 3"/></actuator>
-</mujoco>)";
-
 TEST(DesignBesideAWall, FindsTheWallThatTheModelNeverTouches) {
   const TestFolder folder;
   const ParameterSpec wall = {
       .name = "wall", .field = "body/wall/pos[0]", .low = 0.3, .high = 0.9, .scale = ParameterScale::kAbsolute};
   const ParameterSpec damping = {.name = "damping", .field = "joint/*/damping", .low = 0.5, .high = 2};
-  const MujocoSimulatorFactory factory(HingeTask(folder, kXml), {wall, damping});
+  const MujocoSimulatorFactory factory(HingeTask(folder, kBesideAWall), {wall, damping});
   NullSink log;
   const Prior prior = Prior::Uniform(2);
   const RunContext context{.log = &log, .n_threads = 1};

@@ -106,6 +106,15 @@ inline ModelTask HingeTask(const TestFolder& folder, const std::string& xml) {
   return task;
 }
 
+/// A pendulum of 0.4 m beside a wall that it does not reach where the model has it.
+inline constexpr const char* kBesideAWall = R"(<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody><body><joint name="hinge" axis="0 1 0" damping="0.05"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -0.38" size="0.02" mass="0.5"/></body>
+    <body name="wall" pos="0.6 0 -0.2"><geom type="box" size="0.1 0.2 0.4"/></body></worldbody>
+  <actuator><motor name="motor" joint="hinge" ctrlrange="-3 3"/></actuator>
+</mujoco>)";
+
 /// An episode of lane 0 from its present state on, appended to `logs`. @param action  of each step
 template <class Action>
 void AppendEpisode(Simulator& simulator, int n_steps, const Action& action, Dataset& logs) {

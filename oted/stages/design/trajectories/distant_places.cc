@@ -14,8 +14,7 @@ namespace {
 
 constexpr int kProbedRows = 240;
 constexpr double kSharesOff[] = {-0.5, -0.25, -0.12, 0.12, 0.25, 0.5};  // of the way to an end of the range
-
-constexpr double kSharesNear[] = {-0.02, -0.005, 0.005, 0.02};  // of the range
+constexpr double kSharesNear[] = {-0.02, -0.005, 0.005, 0.02};          // of the range
 
 double ValueOff(const ParameterSpec& place, double share) {
   const double end = share < 0 ? place.low : place.high;
@@ -57,29 +56,30 @@ std::vector<Suspect> FindDistantPlaces(const std::vector<ParameterSpec>& places,
 }
 
 std::optional<Eigen::VectorXd> WithPlaceMoved(const LevelFit& fit, const ParameterSpace& space, bool explained_alone) {
-  std::optional<LevelFit> worst;
-  std::optional<Eigen::VectorXd> best;
-  double gained = kFewestSureNats;
-  for (int i = 0; i < space.size(); ++i) {
-    if (!IsPlace(space[i])) continue;
-    if (!worst) worst.emplace(fit.WorstExplained(kProbedRows, explained_alone));
-    std::vector<double> z = fit.z();
-    const double present = z[static_cast<size_t>(i)];
-    std::vector<double> values;
-    for (const double share : kSharesOff) values.push_back(ValueOff(space[i], share));
+  const std::vector<double> z = fit.z();
+  std::vector<std::vector<double>> values;
+  for (size_t i = 0; i < z.size(); ++i) {
+    const ParameterSpec& spec = space[static_cast<int>(i)];
+    if (!IsPlace(spec)) continue;
+    const auto add = [&](double value) {
+      values.push_back(z);
+      values.back()[i] = std::clamp(value, spec.low, spec.high);
+    };
+    for (const double share : kSharesOff) add(ValueOff(spec, share));
     // Through contact the cost is rough, and a descent ends in its first hollow.
-    for (const double share : kSharesNear) values.push_back(present + share * (space[i].high - space[i].low));
-    for (const double value : values) {
-      z[static_cast<size_t>(i)] = std::clamp(value, space[i].low, space[i].high);
-      Eigen::VectorXd x = fit.x();
-      x[i] = ZToLogit(space, z)[static_cast<size_t>(i)];
-      const double nats = -worst->NatsLostAt(x, fit.x());
-      if (!(nats > gained)) continue;
-      gained = nats;
-      best = x;
-    }
+    for (const double share : kSharesNear) add(z[i] + share * (spec.high - spec.low));
   }
-  return best;
+  if (values.empty()) return std::nullopt;
+  const std::vector<double> gained = fit.WorstExplained(kProbedRows, explained_alone).NatsGainedAt(values);
+  const auto most = std::ranges::max_element(gained);
+  if (!(*most > kFewestSureNats)) return std::nullopt;
+  const std::vector<double>& moved = values[static_cast<size_t>(most - gained.begin())];
+  const std::vector<double> there = ZToLogit(space, moved);
+  Eigen::VectorXd x = fit.x();
+  for (size_t i = 0; i < z.size(); ++i) {
+    if (moved[i] != z[i]) x[static_cast<Eigen::Index>(i)] = there[i];
+  }
+  return x;
 }
 
 }  // namespace oted

@@ -11,14 +11,6 @@
 
 namespace oted::distant_places_test {
 
-// The pendulum is 0.4 m long: where the model has the wall, it never gets there.
-constexpr const char* kXml = R"(<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody><body><joint name="hinge" axis="0 1 0" damping="0.05"/>
-    <geom type="capsule" fromto="0 0 0 0 0 -0.38" size="0.02" mass="0.5"/></body>
-    <body name="wall" pos="0.6 0 -0.2"><geom type="box" size="0.1 0.2 0.4"/></body></worldbody>
-  <actuator><motor name="motor" joint="hinge" ctrlrange="-3 3"/></actuator>
-</mujoco>)";
 constexpr int kSteps = 10;
 
 ParameterSpec PlaceOfWall(int axis, double model) {
@@ -32,7 +24,7 @@ ParameterSpec PlaceOfWall(int axis, double model) {
 /// What is found where the wall stands at `x`.
 std::vector<Suspect> FoundWith(double x) {
   const TestFolder folder;
-  const ModelTask task = HingeTask(folder, kXml);
+  const ModelTask task = HingeTask(folder, kBesideAWall);
   const ParameterSpec damping = {.name = "damping", .field = "joint/*/damping", .low = 0.5, .high = 2};
   const MujocoSimulatorFactory target(task, {PlaceOfWall(0, 0.6)}), factory(task, {damping});
   const Dataset logs = WithSensorNoise(LogsUnderTorques(target, {x}, 1.2), 0.002, RngKey(3));

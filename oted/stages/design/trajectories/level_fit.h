@@ -117,6 +117,10 @@ class LevelFit {
   /// @param z, values  of all its parameters
   std::vector<double> NatsGainedIn(WindowReplayer& wider, const std::vector<double>& z,
                                    const std::vector<std::vector<double>>& values) const;
+  /// The same of its own parameters, from where they are.
+  std::vector<double> NatsGainedAt(const std::vector<std::vector<double>>& values) const {
+    return NatsGainedIn(replayer_, z(), values);
+  }
   /// Share of windows whose start has another local minimum near: moved by as much as it is uncertain and fitted again,
   /// it comes to rest elsewhere, better or worse. After Finish.
   double ShareAtOtherMinima(Rng& rng) const;
