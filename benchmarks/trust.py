@@ -257,8 +257,8 @@ def print_named(task, kind, of):
     """Whether the culprit is among the suspects, before all others, kept when it is freed, and by how much it is off."""
     count = [0] * 4
     for r in of:
-        fields = [suspect["field"] for suspect in r["suspects"]]
-        freed = next((s.get("freed") for s in r["suspects"] if s["field"] == culprit(r)), None) or {}
+        fields = [suspect["field"].replace("/ipos[0]", "/ipos") for suspect in r["suspects"]]  # the arm's only one
+        freed = next((s.get("freed") for s, field in zip(r["suspects"], fields) if field == culprit(r)), None) or {}
         for i, holds in enumerate((culprit(r) in fields, fields[:1] == [culprit(r)], freed.get("kept", False),
                                    abs(freed.get("value", math.inf) / r["truth"][name_of_culprit(r)] - 1) < 0.1)):
             count[i] += holds

@@ -28,8 +28,9 @@ constexpr double kMostLeft = 1.0;      // error of its channels, of their change
 constexpr double kLeftOfGuess = 0.55;  // the same of a zero, and of what one recording has for itself
 constexpr double kTwoForOne = 0.7;     // what two changes must leave of what one does
 constexpr double kAlike = 1.1, kOwnAlike = 1.5;  // corrections that leave within so much of the best are named beside
-constexpr double kRivalAlike = 2.0;  // the same of a constant beside a zero: more than one constant may be off
-constexpr size_t kMoved = 2;         // joints that an action may command: it moves them most
+constexpr double kRivalAlike = 2.0;     // the same of a constant beside a zero: more than one constant may be off
+constexpr double kRivalOfAction = 1.0;  // beside a change of actions
+constexpr size_t kMoved = 2;            // joints that an action may command: it moves them most
 constexpr size_t kMostCorrections = 3, kMostRecordings = 50;  // with more recordings, few windows lie in each
 constexpr int kMostOdd = 5, kFewestOwn = 10;  // recordings that are searched one by one; windows that each has to last
 constexpr double kAsUsual = 2;                // what a correction of one recording must come down to
@@ -259,16 +260,18 @@ class Search {
     return fmt::format("{}", fmt::join(names, " and "));
   }
 
-  /// A constant of the model that predicts the logs, as they are, about as well as this zero does.
+  /// A constant of the model that predicts the logs, as they are, about as well as this zero does, or as this change of
+  /// actions.
   std::optional<ParameterRival> RivalOf(const Step& step) {
-    const Correction& zero = step.trials.front().correction;
-    if (zero.kind != CorrectionKind::kZero) return std::nullopt;
+    const Correction& best = step.trials.front().correction;
+    if (best.kind != CorrectionKind::kZero && !best.IsOfActions()) return std::nullopt;
     ReplayedWindows mended = step.windows;
-    Apply(zero, mended);
+    Apply(best, mended);
     const std::optional<Errors> errors = replays_.Errors(mended, kScreening);
     if (!errors) return std::nullopt;
     if (!rivals_) rivals_.emplace(factory_, context_.n_threads);
-    return rivals_->Best(step.windows, zero.judged, kRivalAlike * MeanOf(*errors, zero.judged), kScreening);
+    const double alike = best.IsOfActions() ? kRivalOfAction : kRivalAlike;
+    return rivals_->Best(step.windows, best.judged, alike * MeanOf(*errors, best.judged), kScreening);
   }
 
   /// @param where  of the log, where not in all of it
@@ -287,6 +290,7 @@ class Search {
     std::vector<std::string> others;
     for (size_t i = 1; i < trials.size(); ++i) others.push_back(trials[i].correction.InWords(spec_).remedy);
     const double period = spec_.control_period_s;
+    const bool may_be_parameter = best.correction.kind == CorrectionKind::kZero;
     findings_.push_back(
         {.check = best.correction.Check(),
          .severity = rival ? Severity::kNote : Severity::kWarning,
@@ -297,13 +301,17 @@ class Search {
              period > 0 ? fmt::format(" of {:.3g} s", replays_.n_steps() * period) : ""),
          .count = static_cast<int64_t>(best.correction.columns.size()),
          .channels = best.correction.Names(spec_),
-         .meaning = rival ? fmt::format("a zero, or a constant of the model that is off: {} alone leaves {:.2g}",
-                                        rival->words, std::sqrt(rival->error))
-                          : "the columns are not what the model means by them; a design would bend parameters to fit "
-                            "that",
-         .remedy = where + (rival ? "design first, and where the zero itself is known to be off " : "") + remedy +
-                   (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or "))),
-         .may_be_parameter = best.correction.kind == CorrectionKind::kZero});
+         .meaning =
+             rival ? fmt::format("{}, or a constant of the model that is off: {} alone leaves {:.2g}",
+                                 may_be_parameter ? "a zero" : "wrong columns", rival->words, std::sqrt(rival->error))
+                   : "the columns are not what the model means by them; a design would bend parameters to fit "
+                     "that",
+         .remedy = where +
+                   (rival ? fmt::format("design first, and where the {} known to be off ",
+                                        may_be_parameter ? "zero itself is" : "columns are")
+                          : "") +
+                   remedy + (others.empty() ? "" : fmt::format("; as good: {}", fmt::join(others, "; or "))),
+         .may_be_parameter = may_be_parameter});
     return !rival;
   }
 

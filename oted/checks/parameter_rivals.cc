@@ -22,7 +22,7 @@ std::vector<double> Tried(const ParameterSpec& spec) {
     for (const double factor : kFactors) values.push_back(factor * spec.nominal);
   } else if (spec.field.ends_with("/springref")) {
     for (const double off : kSpringOff) values.push_back(spec.nominal + off);
-  } else if (IsPlace(spec)) {
+  } else if (IsShift(spec) && spec.field.find("pos[") != std::string::npos) {  // of a thing, or of a centre of mass
     for (const double off : kPlaceOff) values.push_back(spec.nominal + off * (spec.high - spec.low) / 2);
   }
   return values;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
@@ -16,6 +17,7 @@ constexpr double kLongest = 3.0;                  // [control steps]
 constexpr double kLongestSeconds = 0.03;          // [s]: of actions, where that is more
 constexpr double kLongestOfPositions = 0.05;      // [s]: the same of a camera
 constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's zero
+constexpr double kFarthestRate = 1.0;             // [rad/s], [m/s]: the same of a gyroscope
 constexpr size_t kMostLatePositions = 16;         // whose lags are suspected one by one
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
 
@@ -23,12 +25,11 @@ ParameterSpec Spec(const std::string& name, const std::string& path, double low,
   return {.name = name, .field = path, .low = low, .high = high, .scale = ParameterScale::kAbsolute};
 }
 
-/// Observations in metres or radians, by name.
-std::vector<std::string> PositionsOf(const SimulatorSpec& spec) {
+/// Observations in one of these units, by name.
+std::vector<std::string> ObservationsIn(const SimulatorSpec& spec, const std::array<std::string, 2>& units) {
   std::vector<std::string> names;
   for (size_t j = 0; j < std::min(spec.observation_names.size(), spec.observation_units.size()); ++j) {
-    const std::string& unit = spec.observation_units[j];
-    if (unit == "rad" || unit == "m") names.push_back(spec.observation_names[j]);
+    if (std::ranges::find(units, spec.observation_units[j]) != units.end()) names.push_back(spec.observation_names[j]);
   }
   return names;
 }
@@ -40,10 +41,12 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
   const auto longest = [&](double seconds) { return std::max(kLongest, std::ceil(seconds / spec.control_period_s)); };
   std::vector<ParameterSpec> candidates = {Spec("delay", "action/delay", 0, longest(kLongestSeconds))};
   candidates.push_back(Spec("rates_delay", kRates, 0, kLongest));
-  const std::vector<std::string> positions = PositionsOf(spec);
-  for (const std::string& name : positions) {
-    candidates.push_back(Spec(name + "_bias", fmt::format("obs/{}/bias", name), -kFarthest, kFarthest));
-  }
+  const auto suspect_zero = [&](const std::string& name, double farthest) {
+    candidates.push_back(Spec(name + "_bias", fmt::format("obs/{}/bias", name), -farthest, farthest));
+  };
+  const std::vector<std::string> positions = ObservationsIn(spec, {"rad", "m"});
+  for (const std::string& name : positions) suspect_zero(name, kFarthest);
+  for (const std::string& name : ObservationsIn(spec, {"rad/s", "m/s"})) suspect_zero(name, kFarthestRate);
   // All that is read late is an action's delay, one position alone is none: a camera beside an encoder.
   if (spec.obs_dim() > 1 && positions.size() <= kMostLatePositions) {
     for (const std::string& name : positions) {

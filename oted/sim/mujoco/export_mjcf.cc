@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <set>
 #include <string_view>
 
 #include "oted/base/error.h"
@@ -162,11 +163,25 @@ std::string WithDelay(const std::string& text, double delay_s, mjModel& model) {
   return ShortenNumbers(ToText(*spec));
 }
 
+// Bodies that a parameter moved the frame of inertia of (LetInertiaMove).
+std::set<int> NoLongerSimple(const mjModel& compiled, const mjModel& pristine) {
+  std::set<int> bodies;
+  for (int body = 0; body < compiled.nbody; ++body) {
+    if (compiled.body_simple[body] != 0 && pristine.body_simple[body] == 0) bodies.insert(body);
+  }
+  return bodies;
+}
+
 // `designed` written on top of what the pristine model was compiled from.
 std::string Write(const mjSpec& original, const mjModel& pristine, mjModel& designed, bool fix_inertias) {
   const SpecPtr spec(mj_copySpec(&original));
   OTED_CHECK(spec != nullptr);
   ModelPtr base = Compile(*spec);
+  const std::set<int> general = NoLongerSimple(*base, pristine);
+  if (!general.empty()) {
+    AllowSimple(*spec, general, false);
+    base = Compile(*spec);
+  }
   if (fix_inertias) {
     FixInertias(*spec, pristine);
     base = Compile(*spec);
@@ -175,6 +190,10 @@ std::string Write(const mjSpec& original, const mjModel& pristine, mjModel& desi
   designed.opt.disableflags = base->opt.disableflags;
   if (mj_copyBack(spec.get(), &designed) != 1) throw Refused{mjs_getError(spec.get())};
   MakeFoldersAbsolute(*spec);
+  if (!general.empty()) {  // moved, they are not, and versions before 4.0 do not know the attribute
+    AllowSimple(*spec, general, true);
+    Compile(*spec);  // only then does MuJoCo write it
+  }
   return ShortenNumbers(ToText(*spec));
 }
 

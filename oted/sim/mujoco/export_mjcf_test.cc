@@ -290,6 +290,51 @@ TEST(DesignedMjcf, WithADelayMovesAsTheDesignsOwnSimulatorDoes) {
   }
 }
 
+// MuJoCo 4 refuses to move the centre of mass of a body that it compiled as a simple one.
+TEST(DesignedMjcf, ALoadBesideTheCentreOfABoxActsAsInAModelThatHasIt) {
+  const TestFolder folder;
+  const auto write = [&](const std::string& name, const std::string& inertial) {
+    WriteFileAtomically(folder / name, R"(<mujoco><worldbody><body name="hull" pos="0 0 1"><freejoint/>)" + inertial +
+                                           R"(<geom type="box" size="0.3 0.2 0.1"/><site name="side"/></body></worldbody>
+      <actuator><motor site="side" gear="1" ctrlrange="-1 1"/></actuator></mujoco>)");
+    return LoadModel(folder / name);
+  };
+  const auto inertial = [](const std::string& x) {
+    return R"(<inertial pos=")" + x + R"( 0 0" mass="2" diaginertia="0.1 0.2 0.25"/>)";
+  };
+  const LoadedModel truth = write("truth.xml", inertial("0.05"));
+  write("model.xml", inertial("0"));
+  ModelTask task;
+  task.name = "box";
+  task.model = folder / "model.xml";
+  task.observations = {"joint/*/qpos", "joint/*/qvel"};
+  task.control_period = 0.02;
+  const ParameterSpec load{
+      .name = "load", .field = "body/hull/ipos[0]", .low = -0.2, .high = 0.2, .scale = ParameterScale::kAbsolute};
+  const MujocoSimulatorFactory factory(task, {load});
+  const std::string text = DesignedMjcf(factory, std::vector{0.05}, "");
+  EXPECT_THAT(text, Not(HasSubstr("simple="))) << "older versions do not know it";
+  WriteFileAtomically(folder / "designed.xml", text);
+  const LoadedModel designed = LoadModel(folder / "designed.xml");
+  const auto fall = [](const mjModel& model) {
+    std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(&model), mj_deleteData);
+    data->qvel[4] = 3;
+    for (int k = 0; k < 200; ++k) mj_step(&model, data.get());
+    return std::vector<double>(data->qpos, data->qpos + model.nq);
+  };
+  const std::vector<double> expected = fall(*truth.model), got = fall(*designed.model);
+  const auto simulator = factory.MakeMujoco(1, 1);
+  simulator->SetParameters(0, std::vector<double>{0.05});
+  ModelPtr in_batch(mj_copyModel(nullptr, &factory.model()));
+  simulator->CopyModel(0, *in_batch);
+  const std::vector<double> of_batch = fall(*in_batch);
+  for (size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_NEAR(got[i], expected[i], 1e-12) << i;
+    EXPECT_NEAR(of_batch[i], expected[i], 1e-12) << i;
+  }
+  EXPECT_GT(std::abs(expected[0]), 0.01) << "without the load it turns about its frame";
+}
+
 TEST(DesignedMjcf, RefusesAValueOutsideItsBounds) {
   const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "mass", .field = "body/*/mass"}});
   EXPECT_THROW(DesignedMjcf(factory, std::vector{7.0}, ""), UsageError);

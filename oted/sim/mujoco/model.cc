@@ -164,4 +164,21 @@ LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::ve
   return Finish(std::move(spec), std::move(model));
 }
 
+void AllowSimple(mjSpec& spec, const std::set<int>& bodies, bool allow) {
+  for (mjsElement* e = mjs_firstElement(&spec, mjOBJ_BODY); e != nullptr; e = mjs_nextElement(&spec, e)) {
+    if (bodies.contains(mjs_getId(e))) mjs_asBody(e)->simple = allow ? 1 : 0;
+  }
+}
+
+void LetInertiaMove(LoadedModel& loaded, const std::set<int>& bodies) {
+  AllowSimple(*loaded.spec, bodies, false);
+  ModelPtr model(mj_compile(loaded.spec.get(), nullptr));
+  if (model == nullptr) {
+    throw DataError(fmt::format("MuJoCo cannot compile the model again: {}", mjs_getError(loaded.spec.get())));
+  }
+  AllowSimple(*loaded.spec, bodies, true);
+  model->opt.disableflags = loaded.model->opt.disableflags;
+  loaded.model = std::move(model);
+}
+
 }  // namespace oted

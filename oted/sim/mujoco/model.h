@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,14 @@ LoadedModel LoadModel(const std::filesystem::path& path, bool legacy_capsules = 
 /// @param range {low, high}, or empty  @throws UsageError when a path matches nothing or a joint has no range at all
 LoadedModel LoadModelWithMotors(const std::filesystem::path& path, const std::vector<std::string>& motors,
                                 const std::vector<double>& range);
+
+/// Whether MuJoCo may take these bodies for simple ones (mjsBody.simple). It computes less for a body whose frame of
+/// inertia is its frame, and refuses to move that frame then. @param bodies  ids of a spec that was compiled
+void AllowSimple(mjSpec& spec, const std::set<int>& bodies, bool allow);
+
+/// Compiles it again so that the frames of inertia of these simple bodies can move. The fingerprint and `loaded.spec`
+/// stay the file's. @param bodies  ids  @throws DataError with MuJoCo's reason
+void LetInertiaMove(LoadedModel& loaded, const std::set<int>& bodies);
 
 /// The compiled model as a .mjb file has it.
 std::string SerializeModel(const mjModel& model);

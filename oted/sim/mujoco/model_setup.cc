@@ -357,6 +357,7 @@ std::shared_ptr<const MujocoSetup> MakeModelSetup(const ModelTask& task, std::ve
   setup->model_path = FindModelFile(task.model);
   ProbeModel(setup->model_path);
   setup->loaded = LoadModelWithMotors(setup->model_path, task.motors, task.action_range);
+  LetInertiaMove(specs, setup->loaded);
   plan->model = setup->loaded.model.get();
   Builder(task, *setup, *plan).Build(logged_starts);
   AddParameters(std::move(specs), *setup);

@@ -1,6 +1,7 @@
 #include "oted/sim/mujoco/model_suspects.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -23,6 +24,7 @@ constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuator
 constexpr double kMostSpringOff = 1.0;     // [rad], [m]: of where a spring rests
 constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
 constexpr double kMostAside = 0.1;         // of the model's extent
+constexpr double kBesideAxis = 0.05;       // of how far a centre of mass lies from its frame
 constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
 
 struct SuspectedField {
@@ -43,6 +45,11 @@ std::string GearPath(const mjModel& model) {
     if (i % 6 != 0 && model.actuator_gear[i] != 0) return "actuator/*/gear";
   }
   return "actuator/*/gear[0]";
+}
+
+std::string CalledBody(const mjModel& model, int body) {
+  const std::string object = ObjectName(model, mjOBJ_BODY, body);
+  return object.starts_with("#") ? fmt::format("body{}", body) : object;
 }
 
 /// Where things stand that do not move, and a floor lies: of what the robot touches this is measured by hand.
@@ -69,9 +76,9 @@ void AddPlaces(const mjModel& model, std::vector<SuspectedField>& places) {
   if (model.nbody - 1 > kMostBodies) return;
   for (int body = 1; body < model.nbody; ++body) {
     if (model.body_weldid[body] != 0 || model.body_parentid[body] != 0) continue;
-    const std::string object = ObjectName(model, mjOBJ_BODY, body);
-    const std::string called = object.starts_with("#") ? fmt::format("body{}", body) : object;
-    for (int axis = 0; axis < 3; ++axis) add("body", object, called, axis);
+    for (int axis = 0; axis < 3; ++axis) {
+      add("body", ObjectName(model, mjOBJ_BODY, body), CalledBody(model, body), axis);
+    }
   }
 }
 
@@ -84,6 +91,35 @@ void AddSprings(const mjModel& model, std::vector<SuspectedField>& places) {
     if (model.jnt_stiffness[joint] == 0) continue;
     const std::string name = ObjectName(model, mjOBJ_JOINT, joint);
     places.push_back({name + "_springref", fmt::format("joint/{}/springref", name), {}, kMostSpringOff});
+  }
+}
+
+/// Whether it is a base that moves, or nothing hangs on it: bodies that carry what no model knows of.
+bool MayCarry(const mjModel& model, int body) {
+  if (model.body_mass[body] <= 0 || model.body_weldid[body] == 0) return false;
+  const bool is_base = model.body_parentid[body] == 0;
+  return is_base || std::count(model.body_parentid + body + 1, model.body_parentid + model.nbody, body) == 0;
+}
+
+/// A body's centre of mass: a multiple of how far it lies along the axes that it lies on, and of a body that may carry
+/// a load a shift along the others, where no multiple moves it.
+void AddCentreOfMass(const mjModel& model, int body, std::vector<SuspectedField>& places) {
+  const mjtNum *const centre = model.body_ipos + 3 * body, *const inertia = model.body_inertia + 3 * body;
+  const double least = kBesideAxis * mju_norm3(centre);
+  const std::string path = fmt::format("body/{}/ipos", ObjectName(model, mjOBJ_BODY, body));
+  const std::string called = CalledBody(model, body) + "_com";
+  const double radius = std::sqrt(std::max({inertia[0], inertia[1], inertia[2]}) / model.body_mass[body]);
+  std::vector<std::string> along;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::string of_axis = fmt::format("{}[{}]", path, axis);
+    if (MayCarry(model, body) && std::abs(centre[axis]) <= least) {
+      places.push_back({fmt::format("{}_{}", called, "xyz"[axis]), of_axis, {}, RoundBound(radius)});
+    } else {
+      along.push_back(of_axis);
+    }
+  }
+  if (!along.empty()) {
+    places.push_back({called, along.size() == 3 ? path : fmt::format("{}", fmt::join(along, " + "))});
   }
 }
 
@@ -129,12 +165,10 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
     return places;
   }
   for (int body = 1; body < model.nbody; ++body) {
-    const std::string name = model.names + model.name_bodyadr[body];
-    const std::string object = name.empty() ? fmt::format("#{}", body) : name;
-    const std::string called = name.empty() ? fmt::format("body{}", body) : name;
+    const std::string object = ObjectName(model, mjOBJ_BODY, body), called = CalledBody(model, body);
     places.push_back({called + "_mass", fmt::format("body/{}/mass", object)});
     places.push_back({called + "_mass_and_inertia", MassWithInertia(object)});
-    places.push_back({called + "_com", fmt::format("body/{}/ipos", object)});
+    AddCentreOfMass(model, body, places);
     // The length of the link before it.
     if (model.body_parentid[body] > 0) places.push_back({called + "_pos", fmt::format("body/{}/pos", object)});
   }

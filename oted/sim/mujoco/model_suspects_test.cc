@@ -1,5 +1,6 @@
 #include "oted/sim/mujoco/model_suspects.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -39,7 +40,8 @@ TEST(ModelSuspects, AreWhatTheModelHasAndNobodySearches) {
   EXPECT_THAT(fields, Contains("joint/*/damping"));
   EXPECT_THAT(fields, Contains("body/torso/mass"));
   EXPECT_THAT(fields, Contains("body/torso/mass + body/torso/inertia"));
-  EXPECT_THAT(fields, Contains("body/foot/ipos"));
+  EXPECT_THAT(fields, Contains("body/foot/ipos[0] + body/foot/ipos[2]"));
+  EXPECT_THAT(fields, Contains("body/foot/ipos[1]"));    // a load on its side: 0, which no multiple moves
   EXPECT_THAT(fields, Contains("body/foot/pos"));        // how long the leg is
   EXPECT_THAT(fields, Not(Contains("body/torso/pos")));  // where the joints say
   EXPECT_THAT(fields, Contains("geom/*/solref[0]"));
@@ -67,6 +69,25 @@ TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
   EXPECT_THAT(fields, Contains("tendon/*/frictionloss"));  // 0 in the model: a value
   EXPECT_THAT(fields, Contains("opt/viscosity"));
   EXPECT_THAT(fields, Not(Contains("opt/density")));
+}
+
+TEST(ModelSuspects, AreLoadsBesideTheAxesOfABaseAndOfALastLink) {
+  const std::vector<ParameterSpec> suspects = SuspectsOf(R"(<mujoco>
+    <worldbody><body name="hull"><freejoint/><geom type="box" size="0.3 0.2 0.1"/>
+      <body name="upper"><joint axis="0 1 0"/><geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.4"/>
+        <body name="hand" pos="0 0 0.4"><joint axis="0 1 0"/><geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.4"/></body>
+      </body></body></worldbody>
+  </mujoco>)");
+  const std::vector<std::string> fields = Fields(suspects);
+  for (const char* axis : {"0", "1", "2"}) EXPECT_THAT(fields, Contains(fmt::format("body/hull/ipos[{}]", axis)));
+  EXPECT_THAT(fields, Not(Contains("body/hull/ipos"))) << "there is nothing to multiply";
+  EXPECT_THAT(fields, Contains("body/upper/ipos"));
+  EXPECT_THAT(fields, Not(Contains("body/upper/ipos[0]"))) << "it carries the hand, which the model knows";
+  EXPECT_THAT(fields, Contains("body/hand/ipos[0]"));
+  EXPECT_THAT(fields, Contains("body/hand/ipos[2]"));
+  const auto hand = std::ranges::find(suspects, "body/hand/ipos[0]", &ParameterSpec::field);
+  EXPECT_EQ(hand->scale, ParameterScale::kAbsolute);
+  EXPECT_DOUBLE_EQ(hand->high, 0.2) << "its radius of gyration is 0.13 m";
 }
 
 TEST(ModelSuspects, AreWhereThingsStandThatTheRobotTouches) {

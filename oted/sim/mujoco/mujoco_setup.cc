@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <set>
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/gymnasium_rules.h"
@@ -101,7 +102,27 @@ void NameWhatIsMultiplied(const std::vector<Places>& places, std::vector<Paramet
   }
 }
 
+/// The bodies that MuJoCo takes for simple and whose frame of inertia a parameter moves.
+std::set<int> SimpleBodiesMoved(const mjModel& model, std::vector<ParameterSpec> specs) {
+  std::set<int> bodies;
+  for (ParameterSpec& spec : specs) {
+    for (const ModelField& field : ResolveParameter(model, spec)) {
+      const int size = field.array == "body_ipos" ? 3 : field.array == "body_iquat" ? 4 : 0;
+      if (size == 0) continue;
+      for (const int at : field.indices) {
+        if (model.body_simple[at / size] != 0) bodies.insert(at / size);
+      }
+    }
+  }
+  return bodies;
+}
+
 }  // namespace
+
+void LetInertiaMove(const std::vector<ParameterSpec>& specs, LoadedModel& loaded) {
+  const std::set<int> bodies = SimpleBodiesMoved(*loaded.model, specs);
+  if (!bodies.empty()) LetInertiaMove(loaded, bodies);
+}
 
 std::vector<double> FixedState(const mjModel& model, int key) {
   DataPtr data(mj_makeData(&model));
@@ -142,6 +163,7 @@ std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& name, std:
   for (const ParameterSpec& spec : specs) spec.Check();
   setup->model_path = AssetFolder() / task.xml_file;
   setup->loaded = LoadModel(setup->model_path, task.legacy_capsules);
+  LetInertiaMove(specs, setup->loaded);
   const mjModel& model = *setup->loaded.model;
   AddParameters(std::move(specs), *setup);
   setup->spec = MakeSpec(task, model);

@@ -32,6 +32,10 @@ struct MujocoSetup {
 /// One of Gymnasium's tasks. @throws UsageError, DataError
 std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& task, std::vector<ParameterSpec> specs);
 
+/// Compiles the model again where a parameter moves what MuJoCo would refuse to move. Before anything refers to it.
+/// @throws UsageError, DataError
+void LetInertiaMove(const std::vector<ParameterSpec>& specs, LoadedModel& loaded);
+
 /// Resolves the parameters against `setup.loaded` and fills in what depends on them. @throws UsageError
 void AddParameters(std::vector<ParameterSpec> specs, MujocoSetup& setup);
 

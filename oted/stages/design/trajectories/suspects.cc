@@ -201,7 +201,7 @@ bool IsExcluded(double off, double change, double std) {
 }
 
 bool IsNoticeable(const ParameterSpec& spec, double z) {
-  const bool is_length = spec.field.ends_with("/pos") || spec.field.ends_with("/ipos");
+  const bool is_length = spec.field.ends_with("/pos") || spec.field.find("/ipos") != std::string::npos;
   if (spec.IsMultiple()) return std::abs(std::log(z)) > (is_length ? kNoticeableLength : kNoticeableLog);
   return std::abs(z - spec.nominal) > kNoticeableShare * (spec.high - spec.low);
 }
