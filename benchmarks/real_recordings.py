@@ -6,9 +6,10 @@ Each cell is one `oted design` on the fit recordings. The judge is this script, 
 oted: windows of 1 s begin every 0.25 s in the held-out recordings, the logged actions are taken open loop, and every model
 starts from the same state, a parabola through the logged positions of 0.05 s about the start. The error is the root mean
 square of the joint positions over the first 0.1, 0.5 and 1 s; printed are ratios to the nominal model's, geometric means over
-joints. What MJCF cannot carry is taken from the design's q.json: a delay of the actions, the zero of a position sensor that is
-added to what the model shows. A column `gain` multiplies the stiffness of every servo. A cell that is in
-results/real_recordings.jsonl is not made again. Needs mujoco and numpy (requirements-test.txt).
+joints; the file has the largest of any single recording, too (worst). What MJCF cannot carry is taken from the design's
+q.json: a delay of the actions, the zero of a position sensor that is added to what the model shows. A column `gain` multiplies
+the stiffness of every servo. A cell that is in results/real_recordings.jsonl is not made again. Needs mujoco and numpy
+(requirements-test.txt).
 
 The method init is auto with the task file that `oted init` writes from the model and the fit recordings alone, as it is: its
 parameters in place of those of the folder's task.toml. It knows nothing of a column `gain`.
@@ -46,6 +47,7 @@ SETS = {  # control period [s], held-out recordings by name
     "simple_pendulum": (0.005, {"all": None}),
     "so101_arm": (0.02, {"waypoints": ("fast_transitions", "figure_eight", "diagonal_sweep", "symmetric_motion"),
                          "jumps": ("prbs_excitation",)}),
+    "so101_others": (0.02, {"all": None}),
     "servo_pendulum": (0.005, {"new gain": ("sin_sin-200", "up_and_down-200", "sin_time_square-200"),
                                "new motion": ("sin_time_square-100", "sin_time_square-400", "sin_time_square-800")}),
 }
@@ -132,6 +134,11 @@ def errors(judged, logs, period):
     return {mark: np.sqrt(mean[:round(mark / period)].mean(axis=0)) for mark in MARKS}
 
 
+def ratios(designed, nominal):
+    """Geometric mean over joints, per mark."""
+    return {str(mark): round(float(np.exp(np.mean(np.log(designed[mark] / nominal[mark])))), 3) for mark in MARKS}
+
+
 def design(folder, method, oted, out):
     """The designed model, and the program's exit code."""
     task = folder / "task.toml"
@@ -175,20 +182,24 @@ def make(name, method, oted):
         model, code = rival(folder, period, place) if method == RIVAL else design(folder, method, oted, place)
         seconds, cpu = time.monotonic() - begin, processor_time() - cpu
         logs = episodes(folder / "held_out.csv.gz")
-        cell = {"set": name, "method": method, "exit_code": code, "seconds": round(seconds), "cpu_seconds": round(cpu), "ratios": {}, "nominal": {}}
+        cell = {"set": name, "method": method, "exit_code": code, "seconds": round(seconds), "cpu_seconds": round(cpu),
+                "ratios": {}, "worst": {}, "nominal": {}}
         for part, wanted in parts.items():
             chosen = [of for episode, of in logs.items() if wanted is None or episode in wanted]
-            nominal = errors(Judged(folder / "model.xml"), chosen, period)
+            own = Judged(folder / "model.xml")
+            nominal = errors(own, chosen, period)
             designed = errors(model, chosen, period)
+            of_each = [ratios(errors(model, [one], period), errors(own, [one], period)) for one in chosen]
+            cell["worst"][part] = {mark: max(ratio[mark] for ratio in of_each) for mark in of_each[0]}
             cell["nominal"][part] = {str(mark): [round(float(v), 4) for v in nominal[mark]] for mark in MARKS}
-            cell["ratios"][part] = {
-                str(mark): round(float(np.exp(np.mean(np.log(designed[mark] / nominal[mark])))), 3) for mark in MARKS}
+            cell["ratios"][part] = ratios(designed, nominal)
     return cell
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sets", nargs="*", default=list(SETS), choices=list(SETS))
+    there = [name for name in SETS if (ROOT / "examples/real" / name).exists()]
+    parser.add_argument("--sets", nargs="*", default=there, choices=list(SETS))
     parser.add_argument("--methods", nargs="*", default=["auto", "least-squares"])
     parser.add_argument("--oted", default=ROOT / "build/release/oted")
     parser.add_argument("--table", action="store_true", help="print what is there and run nothing")

@@ -1,6 +1,7 @@
 """Makes the logs of a set from its makers' repository (README.md names commits and licences).
 
     examples/real/convert.py so101_arm SAGE                      # a checkout of isaac-sim2real/sage at 4ffd262
+    examples/real/convert.py so101_others SAGE                   # all its other recordings, which are not in this repository
     examples/real/convert.py servo_pendulum BAM                  # a checkout of Rhoban/bam at af22604
     examples/real/convert.py double_pendulum_a0 DOUBLE_PENDULUM  # of dfki-ric-underactuated-lab/double_pendulum at 1e8544e
     examples/real/convert.py double_pendulum_c0 DOUBLE_PENDULUM
@@ -13,6 +14,7 @@ import csv
 import gzip
 import json
 import pathlib
+import shutil
 import sys
 
 import numpy as np
@@ -24,6 +26,7 @@ SO101 = {
     "fit": ("large_amplitude", "random_waypoints", "oscillation_med_freq", "chirp_sweep", "workspace_sweep", "reach_and_return"),
     "held_out": ("fast_transitions", "figure_eight", "diagonal_sweep", "symmetric_motion", "prbs_excitation"),
 }
+SO101_OTHERS = ("multisine", "step_response", "friction_gravity", "circular_motion", "coupled_joints", "trapezoidal_profile")
 NOMINAL_GAIN = 400  # the firmware gain that the model's kp stands for
 SERVO = {  # motion, firmware gain
     "fit": [(motion, gain) for gain in (100, 400, 800) for motion in ("sin_sin", "up_and_down")],
@@ -55,7 +58,7 @@ def write(path, head, episodes):
         packed.write(("\n".join(lines) + "\n").encode())
 
 
-def so101(checkout):
+def so101(checkout, folder, parts):
     def episode(name):
         folder = checkout / "output/real/so101/custom" / name
         with open(folder / "state_motor.csv") as states, open(folder / "control.csv") as commands:
@@ -68,8 +71,19 @@ def so101(checkout):
 
     head = ["episode", "time"] + [f"joint/{joint}/{field}" for field in ("qpos", "qvel") for joint in SO101_JOINTS]
     head += [f"actuator/{joint}" for joint in SO101_JOINTS]
-    for part, names in SO101.items():
-        write(HERE / f"so101_arm/{part}.csv.gz", head, [episode(name) for name in names])
+    for part, names in parts.items():
+        write(folder / f"{part}.csv.gz", head, [episode(name) for name in names])
+
+
+def so101_others(checkout):
+    """None that so101_arm has: six to fit, chosen by their names, all others held out."""
+    seen = set(SO101["fit"] + SO101["held_out"] + SO101_OTHERS)
+    rest = [path.name for path in sorted((checkout / "output/real/so101/custom").iterdir()) if path.name not in seen]
+    folder = HERE / "so101_others"
+    folder.mkdir(exist_ok=True)
+    for name in ("model.xml", "task.toml", "LICENSE"):
+        shutil.copy(HERE / "so101_arm" / name, folder)
+    so101(checkout, folder, {"fit": SO101_OTHERS, "held_out": rest})
 
 
 def servo(checkout):
@@ -109,11 +123,14 @@ def double_pendulum(checkout, name):
         write(HERE / name / f"{part}.csv.gz", head, [one for number in numbers.split() for one in episodes(number)])
 
 
+MAKERS = {
+    "so101_arm": lambda source: so101(source, HERE / "so101_arm", SO101),
+    "so101_others": so101_others,
+    "servo_pendulum": servo,
+    **{name: lambda source, name=name: double_pendulum(source, name) for name in DOUBLE_PENDULUMS},
+}
+
 if __name__ == "__main__":
-    if len(sys.argv) != 3 or sys.argv[1] not in ("so101_arm", "servo_pendulum", *DOUBLE_PENDULUMS):
+    if len(sys.argv) != 3 or sys.argv[1] not in MAKERS:
         raise SystemExit(__doc__)
-    source = pathlib.Path(sys.argv[2])
-    if sys.argv[1] in DOUBLE_PENDULUMS:
-        double_pendulum(source, sys.argv[1])
-    else:
-        (so101 if sys.argv[1] == "so101_arm" else servo)(source)
+    MAKERS[sys.argv[1]](pathlib.Path(sys.argv[2]))
