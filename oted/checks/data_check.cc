@@ -325,10 +325,10 @@ TaskFacts FactsOf(const SimulatorSpec& spec) {
   return facts;
 }
 
-std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated) {
+std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, Concern most) {
   std::vector<std::string> warnings;
   for (const Finding& f : CheckDataset(dataset, FactsOf(spec))) {
-    if (f.only_discriminated && !discriminated) continue;
+    if (f.concern > most) continue;
     if (f.check == kImpossibleMotion) throw DataError(fmt::format("{}; {}", f.what, f.remedy));
     if (f.severity != Severity::kNote) warnings.push_back(fmt::format("data, {}: {}; {}", f.check, f.what, f.meaning));
   }

@@ -36,8 +36,8 @@ TaskFacts FactsOf(const SimulatorSpec& spec);
 
 /// What the checks that need no simulator warn of, a sentence each.
 /// @throws DataError where readings are of no robot (kImpossibleMotion): nothing can be said of such logs
-/// @param discriminated  whether the design learns to tell these logs from a simulator
-std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, bool discriminated);
+/// @param most  the methods that design from these logs
+std::vector<std::string> DataWarnings(const Dataset& dataset, const SimulatorSpec& spec, Concern most);
 
 /// What CheckCorrections finds of checked data: which changes of the columns (a joint's or an action's sign, two joints
 /// swapped, a zero) would make the nominal simulator predict the logs far better. None where logs of the task cannot be

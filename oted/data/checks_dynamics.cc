@@ -153,7 +153,7 @@ void CheckDynamics(const Dataset& dataset, const TaskFacts& facts, std::vector<F
                                    "whatever the parameters are; the default method estimates the noise beside them",
                         .remedy = "none needed for the default method; for the others give the simulator the same "
                                   "noise (obs/NAME/noise_std)",
-                        .only_discriminated = true});
+                        .concern = Concern::kDiscriminatingMethods});
   };
   add(Severity::kWarning, strong);
   add(Severity::kNote, weak);

@@ -157,8 +157,8 @@ class Rates {
   std::string Position(const RateAgreement& rate) const { return facts_.ObservationName(rate.position); }
   std::string Velocity(const RateAgreement& rate) const { return facts_.ObservationName(rate.velocity); }
 
-  void Add(const char* check, std::string what, std::vector<std::string> channels, std::string meaning,
-           std::string remedy) {
+  Finding& Add(const char* check, std::string what, std::vector<std::string> channels, std::string meaning,
+               std::string remedy) {
     findings_.push_back({.check = check,
                          .severity = Severity::kWarning,
                          .what = std::move(what),
@@ -166,6 +166,7 @@ class Rates {
                          .channels = std::move(channels),
                          .meaning = std::move(meaning),
                          .remedy = std::move(remedy)});
+    return findings_.back();
   }
 
   /// Velocities that go with the position of another joint.
@@ -312,7 +313,8 @@ class Rates {
           rates.channels, kMeaning,
           fmt::format("none needed for the default method, which finds velocities from positions; for the others leave "
                       "these columns out, shift them by so much, or search the lag: {}",
-                      rates.Line()));
+                      rates.Line()))
+          .concern = Concern::kOtherMethods;
     }
     if (!positions.channels.empty()) {
       Add("position_lag",

@@ -15,6 +15,13 @@ enum class Severity {
 /// "error", "warning", "note".
 std::string ToString(Severity severity);
 
+/// The designs that a finding concerns, each with those that the one before it concerns.
+enum class Concern {
+  kEveryMethod,
+  kOtherMethods,          ///< than the default, which has an answer to it
+  kDiscriminatingMethods  ///< that learn to tell logs from a simulator
+};
+
 /// One finding (docs/data_checks.md lists every check with its statistic and threshold).
 struct Finding {
   std::string check;  ///< name of the check: "missed_boundary"
@@ -25,8 +32,8 @@ struct Finding {
   std::vector<std::string> channels = {};  ///< those concerned; empty: none in particular
   std::string meaning;                     ///< for the design
   std::string remedy;
-  bool may_be_parameter = false;    ///< a parameter of the simulator may do what the columns seem to have wrong: a zero
-  bool only_discriminated = false;  ///< it concerns designs alone that learn to tell logs from a simulator
+  bool may_be_parameter = false;  ///< a parameter of the simulator may do what the columns seem to have wrong: a zero
+  Concern concern = Concern::kEveryMethod;
 };
 
 /// How many findings have this severity.

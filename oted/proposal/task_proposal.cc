@@ -317,7 +317,7 @@ class Proposer {
   void Look() {
     context_.log->Progress("check", "", 0, 1, "whether something is wrong with the logs");
     for (const Finding& finding : CheckDataset(dataset_, FactsOf(factory_->spec()))) {
-      if (finding.severity == Severity::kNote || finding.only_discriminated) continue;  // the default needs no remedy
+      if (finding.severity == Severity::kNote || finding.concern != Concern::kEveryMethod) continue;
       proposal_.suspicious.push_back(fmt::format("{}: {}; {}", finding.check, finding.what, finding.remedy));
     }
     for (std::string& fact : SuspiciousFacts(*factory_, dataset_, model_, context_)) {

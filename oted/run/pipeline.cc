@@ -15,6 +15,14 @@
 #include "oted/stages/design/design_method.h"
 
 namespace oted {
+namespace {
+
+Concern ConcernOf(DesignMethod method) {
+  if (method == DesignMethod::kTrajectories) return Concern::kEveryMethod;
+  return Describe(method).learns_discriminator() ? Concern::kDiscriminatingMethods : Concern::kOtherMethods;
+}
+
+}  // namespace
 
 Pipeline::Pipeline(RunConfig config, const std::filesystem::path& out, RunContext context)
     : run_(SetUpRun(std::move(config), out, context)) {
@@ -26,9 +34,9 @@ Pipeline::Pipeline(RunConfig config, const std::filesystem::path& out, RunContex
 
 void Pipeline::WarnAboutData() {
   if (std::exchange(told_of_data_, true)) return;
-  const bool discriminated = std::ranges::any_of(
-      run_.settings, [](const auto& named) { return Describe(named.second.config.method).learns_discriminator(); });
-  for (const std::string& warning : DataWarnings(run_.dataset, run_.spec(), discriminated)) {
+  Concern most = Concern::kEveryMethod;
+  for (const auto& [name, setting] : run_.settings) most = std::max(most, ConcernOf(setting.config.method));
+  for (const std::string& warning : DataWarnings(run_.dataset, run_.spec(), most)) {
     run_.context.log->Warning(warning + "; 'oted data check' has more");
   }
 }

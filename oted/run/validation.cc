@@ -135,7 +135,7 @@ std::vector<std::string> Doubts(const Dataset& logs, const SimulatorSpec& spec,
   }
   SimulatorSpec unlimited = spec;
   unlimited.max_episode_steps = 0;  // that of the design's own logs
-  std::ranges::move(DataWarnings(logs, unlimited, false), std::back_inserter(doubts));
+  std::ranges::move(DataWarnings(logs, unlimited, Concern::kEveryMethod), std::back_inserter(doubts));
   return doubts;
 }
 

@@ -294,8 +294,9 @@ TEST(DesignedMjcf, WithADelayMovesAsTheDesignsOwnSimulatorDoes) {
 TEST(DesignedMjcf, ALoadBesideTheCentreOfABoxActsAsInAModelThatHasIt) {
   const TestFolder folder;
   const auto write = [&](const std::string& name, const std::string& inertial) {
-    WriteFileAtomically(folder / name, R"(<mujoco><worldbody><body name="hull" pos="0 0 1"><freejoint/>)" + inertial +
-                                           R"(<geom type="box" size="0.3 0.2 0.1"/><site name="side"/></body></worldbody>
+    WriteFileAtomically(folder / name,
+                        R"(<mujoco><worldbody><body name="hull" pos="0 0 1"><freejoint/>)" + inertial +
+                            R"(<geom type="box" size="0.3 0.2 0.1"/><site name="side"/></body></worldbody>
       <actuator><motor site="side" gear="1" ctrlrange="-1 1"/></actuator></mujoco>)");
     return LoadModel(folder / name);
   };
