@@ -183,12 +183,10 @@ RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext 
 
 const std::vector<bool>& ParametersWithEffect(RunSetup& run) {
   if (!run.has_effect.empty()) return run.has_effect;
-  const auto effects =
-      MeasureEffects(*run.factory, run.dataset, kEffectEpisodes, run.Key("effects"), run.context.n_threads);
-  for (size_t i = 0; i < effects.size(); ++i) {
+  run.has_effect = HaveEffects(*run.factory, run.dataset, kEffectEpisodes, run.Key("effects"), run.context.n_threads);
+  for (size_t i = 0; i < run.has_effect.size(); ++i) {
+    if (run.has_effect[i]) continue;
     const ParameterSpec& spec = run.config.parameters[i];
-    run.has_effect.push_back(effects[i].largest_change > 0);
-    if (run.has_effect.back()) continue;
     const std::string message = fmt::format(
         "parameter '{}' ({}) changes nothing that the logged episodes show, from {} to {}: it will be reported as not "
         "identified; check the path, or remove the parameter",

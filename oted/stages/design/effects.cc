@@ -85,13 +85,18 @@ class PairedLanes {
     return settable;
   }
 
+  bool AllHaveOne() const {
+    return std::ranges::all_of(effects_, [](const ParameterEffect& effect) { return effect.largest_change > 0; });
+  }
+
   /// The logged actions of one episode, or of a part of it; lanes that ended go on, as the log did.
-  void Replay(const Episode& episode) {
+  /// @param until_all  no further than each parameter has shown an effect
+  void Replay(const Episode& episode, bool until_all = false) {
     std::vector<int> lanes(static_cast<size_t>(simulator_->n_lanes()));
     std::iota(lanes.begin(), lanes.end(), 0);
     std::vector<double> actions;
     Compare();
-    for (int i = episode.begin; i < episode.end; ++i) {
+    for (int i = episode.begin; i < episode.end && !(until_all && AllHaveOne()); ++i) {
       actions.clear();
       for (size_t lane = 0; lane < lanes.size(); ++lane) {
         const auto action = dataset_.actions.row(i);
@@ -111,19 +116,35 @@ class PairedLanes {
   Array2<double> products_;  // (d, d)
 };
 
+std::vector<ParameterEffect> Measured(const SimulatorFactory& factory, const Dataset& dataset, int max_episodes,
+                                      RngKey key, int n_threads, bool until_all) {
+  PairedLanes lanes(factory, dataset, kWholeRange, n_threads);
+  std::vector<Episode> episodes = dataset.Episodes();
+  episodes.resize(std::min(episodes.size(), static_cast<size_t>(max_episodes)));
+  for (size_t e = 0; e < episodes.size() && !(until_all && lanes.AllHaveOne()); ++e) {
+    lanes.ResetAll(key.Index(e));
+    lanes.Replay(episodes[e], until_all);
+    if (factory.spec().can_set_state && lanes.SetAll(episodes[e], episodes[e].begin)) {
+      lanes.Replay(episodes[e], until_all);
+    }
+  }
+  return lanes.effects();
+}
+
 }  // namespace
 
 std::vector<ParameterEffect> MeasureEffects(const SimulatorFactory& factory, const Dataset& dataset, int max_episodes,
                                             RngKey key, int n_threads) {
-  PairedLanes lanes(factory, dataset, kWholeRange, n_threads);
-  std::vector<Episode> episodes = dataset.Episodes();
-  episodes.resize(std::min(episodes.size(), static_cast<size_t>(max_episodes)));
-  for (size_t e = 0; e < episodes.size(); ++e) {
-    lanes.ResetAll(key.Index(e));
-    lanes.Replay(episodes[e]);
-    if (factory.spec().can_set_state && lanes.SetAll(episodes[e], episodes[e].begin)) lanes.Replay(episodes[e]);
+  return Measured(factory, dataset, max_episodes, key, n_threads, false);
+}
+
+std::vector<bool> HaveEffects(const SimulatorFactory& factory, const Dataset& dataset, int max_episodes, RngKey key,
+                              int n_threads) {
+  std::vector<bool> have;
+  for (const ParameterEffect& effect : Measured(factory, dataset, max_episodes, key, n_threads, true)) {
+    have.push_back(effect.largest_change > 0);
   }
-  return lanes.effects();
+  return have;
 }
 
 Array2<double> EffectCosines(const SimulatorFactory& factory, const Dataset& dataset, int n_starts, RngKey key,

@@ -26,6 +26,10 @@ struct ParameterEffect {
 std::vector<ParameterEffect> MeasureEffects(const SimulatorFactory& factory, const Dataset& dataset, int max_episodes,
                                             RngKey key, int n_threads);
 
+/// Of each parameter, whether MeasureEffects would find one. It ends as soon as all have.
+std::vector<bool> HaveEffects(const SimulatorFactory& factory, const Dataset& dataset, int max_episodes, RngKey key,
+                              int n_threads);
+
 /// How alike the effects of two parameters are: the cosine of their effect vectors, (d, d) with ones on the diagonal.
 /// An effect vector is the change of every observation, in its standard deviations, over short replays
 /// (`kTradeOffSteps` control steps from up to `n_starts` logged states, or from resets where states cannot be set) when

@@ -29,7 +29,7 @@ using Eigen::VectorXd;
 constexpr int kPartIterations = 4;      // of the fit of short windows that goes on without what judges
 constexpr int kFewestPartWindows = 16;  // where fewer are left it is made anew
 constexpr int kValidationRows = 960;
-constexpr int kExactRows = 480;     // that say what the fit of exact logs rests on
+constexpr int kCleanRows = 240;     // that say what the fit of logs without noise rests on
 constexpr double kFarEnd = 0.95;    // of the range: an interval that goes so far is all of it
 constexpr double kElsewhere = 0.5;  // in x: an eighth of the range
 constexpr double kUntold = 0.9;     // of the prior's standard deviation, all else known
@@ -239,9 +239,9 @@ class TrajectoryMatch {
     if (wide == nullptr) return {};
     WindowReplayer wider =
         MakeReplayer(*wide, wide->parameters().size(), problem_.dataset, readings(), problem_.context.n_threads);
-    // Each row of an exact log tells all that any of them does.
-    const bool is_exact = short_.is_exact() && !IsLong();
-    return FindConditions(specs, is_exact ? fit().Sampled(kExactRows) : fit(), wider, problem_.prior, q);
+    // Each row of a log without noise tells all that any of them does.
+    const bool is_clean = !short_.IsNoisy() && !IsLong();
+    return FindConditions(specs, is_clean ? fit().Sampled(kCleanRows) : fit(), wider, problem_.prior, q);
   }
 
   /// Whether nothing could be kept aside.
