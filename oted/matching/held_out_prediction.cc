@@ -51,6 +51,7 @@ json HorizonToJson(const HeldOutPrediction::Horizon& h) {
           {"channels", channels},
           {"excess", ToJson(h.excess)},
           {"gain", ToJson(h.gain)},
+          {"typical_gain", ToJson(h.typical_gain)},
           {"odd_episodes", h.odd_episodes},
           {"n_of_recordings", h.n_of_recordings},
           {"gain_of_recordings", ToJson(h.gain_of_recordings)}};
@@ -64,6 +65,7 @@ HeldOutPrediction::Horizon HorizonFromJson(const json& h) {
                                      .channels = {},
                                      .excess = EstimatedFromJson(h.at("excess")),
                                      .gain = EstimatedFromJson(h.at("gain")),
+                                     .typical_gain = EstimatedFromJson(h.at("typical_gain")),
                                      .odd_episodes = h.at("odd_episodes"),
                                      .n_of_recordings = h.at("n_of_recordings"),
                                      .gain_of_recordings = EstimatedFromJson(h.at("gain_of_recordings"))};

@@ -43,6 +43,7 @@ struct HeldOutPrediction {
     bool learned = false;
     std::vector<Channel> channels;
     Estimated excess, gain;
+    Estimated typical_gain = {};  ///< in a typical window: `gain` is of sums, which one seam of a log may fill
     /// Episodes of the logs, from 0, whose windows are far off: the mean excess is that of twice the floor's error,
     /// while that of the middle episode is below half of it.
     std::vector<int> odd_episodes = {};

@@ -329,6 +329,10 @@ std::vector<int> ChannelsOff(const HeldOutPrediction& prediction) {
 bool IsSure(const Estimated& gain) { return gain.value > std::max(kLeastGain, kGainErrors * gain.error); }
 bool IsSureLoss(const Estimated& gain) { return IsSure({-gain.value, gain.error}); }
 
+bool IsSurelyBetter(const HeldOutPrediction::Horizon& compared) {
+  return IsSure(compared.gain) || (compared.gain.value > kLeastGain && IsSure(compared.typical_gain));
+}
+
 bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared) {
   return IsSure(compared.gain) || std::ranges::any_of(compared.channels, [](const HeldOutPrediction::Channel& c) {
            return IsChannelExcess(c.gain);
@@ -339,7 +343,7 @@ bool PredictsBetter(const HeldOutPrediction& prediction) {
   const bool all_learned = std::ranges::all_of(prediction.horizons, &HeldOutPrediction::Horizon::learned);
   const bool better = std::ranges::any_of(prediction.horizons, [&](const HeldOutPrediction::Horizon& h) {
     // Other recordings say more than a few windows that are far off in parts of those that it learned from.
-    const bool is_sure = IsSure(h.gain) || (h.gain.value > kLeastGain && IsSure(h.gain_of_recordings));
+    const bool is_sure = IsSurelyBetter(h) || (h.gain.value > kLeastGain && IsSure(h.gain_of_recordings));
     return (all_learned || !h.learned) && is_sure;
   });
   return better && !PredictsWorse(prediction);

@@ -160,6 +160,9 @@ bool IsSure(const Estimated& gain);
 bool IsSureLoss(const Estimated& gain);
 /// Whether what is compared at a horizon surely predicts worse than the design: over all channels, or in one.
 bool IsSurelyWorse(const HeldOutPrediction::Horizon& compared);
+/// Whether the design surely predicts better over this horizon: by sums over its windows, or in a typical window while
+/// the sums are better as well. One seam of a log fills a sum with what no simulator does.
+bool IsSurelyBetter(const HeldOutPrediction::Horizon& compared);
 /// Whether the design surely predicts better than the nominal simulator: at some horizon, and at none surely worse,
 /// neither in all windows nor in the recordings that were kept aside whole. It is sure in all windows; or in those
 /// recordings alone, and all windows are better. Logs that it learned from count for it only where no others can judge.

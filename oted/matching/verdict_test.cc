@@ -280,6 +280,15 @@ TEST(PredictsBetter, AGainCountsWhereItIsSureAndNoHorizonLoses) {
   EXPECT_FALSE(PredictsBetter(elsewhere)) << "all windows together are none better";
 }
 
+TEST(PredictsBetter, OneSeamOfALogHidesNoGainThatEveryOtherWindowShows) {
+  HeldOutPrediction seam = Predicted(kNothing, {1.4, 0.9});
+  EXPECT_FALSE(PredictsBetter(seam));
+  seam.horizons[0].typical_gain = {6, 0.5};
+  EXPECT_TRUE(PredictsBetter(seam));
+  seam.horizons[0].gain = {-0.2, 0.9};
+  EXPECT_FALSE(PredictsBetter(seam)) << "where the few windows are worse, they may be what matters";
+}
+
 TEST(PredictsBetter, LogsThatItLearnedFromCountWhereNoOthersCanJudge) {
   HeldOutPrediction learned = Predicted(kNothing, kMuch);
   learned.horizons[0].learned = true;

@@ -247,8 +247,8 @@ std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Dis
 
 DesignRecord::Validation::Horizon HorizonInRecord(const HeldOutPrediction::Horizon& h, const SimulatorSpec& spec) {
   DesignRecord::Validation::Horizon horizon{
-      h.seconds,      h.n_steps, h.n_windows, h.learned,         1 - std::exp(-0.5 * h.gain.value),
-      IsSure(h.gain), {},        {},          MostTimesFloor(h), h.odd_episodes};
+      h.seconds,         h.n_steps, h.n_windows, h.learned,         1 - std::exp(-0.5 * h.gain.value),
+      IsSurelyBetter(h), {},        {},          MostTimesFloor(h), h.odd_episodes};
   for (size_t c = 0; c < h.channels.size(); ++c) {
     horizon.channels.push_back({ChannelName(spec, c), ChannelUnit(spec, c), h.channels[c].nominal,
                                 h.channels[c].designed, h.channels[c].floor, h.channels[c].spread, h.channels[c].judged,

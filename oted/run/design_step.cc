@@ -53,10 +53,17 @@ DesignProblem ProblemOf(const RunSetup& run, const std::string& setting, int see
           .context = context};
 }
 
+bool UsesClone(const RunSetup& run, const DesignConfig& config) {
+  // Where states cannot be set, whatever needs no replays begins at a reset, and the clone goes on.
+  return config.UsesClone() || (!run.spec().can_set_state && !Describe(config.method).needs.replays);
+}
+
 std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, SettingDesigns>& settings,
-                                const Policy* clone) {
+                                const CloneSource& clone) {
   std::vector<std::pair<std::string, int>> jobs;  // setting, seed
   size_t n_missing = 0;
+  const bool acts = std::ranges::any_of(settings, [&](const auto& s) { return UsesClone(run, s.second.config); });
+  const Policy* const cloned = acts ? clone() : nullptr;
   for (const auto& [setting, designs] : settings) {
     for (int seed = 1; seed <= run.NSeeds(setting); ++seed) {
       jobs.emplace_back(setting, seed);
@@ -75,15 +82,9 @@ std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, Setti
   ParallelFor(static_cast<int>(jobs.size()), run.context.n_threads, [&](int i) {
     run.context.ThrowIfStopped();
     const auto& [setting, seed] = jobs[static_cast<size_t>(i)];
-    designs[static_cast<size_t>(i)] = Make(run, setting, seed, clone, share);
+    designs[static_cast<size_t>(i)] = Make(run, setting, seed, cloned, share);
   });
   return designs;
-}
-
-bool DesignNeedsClone(const RunSetup& run) {
-  const auto uses = [](const auto& named) { return named.second.config.UsesClone(); };
-  return !run.spec().can_set_state || std::ranges::any_of(run.settings, uses) ||
-         std::ranges::any_of(run.other_methods, uses);
 }
 
 void Predict(const RunSetup& run, Candidate& candidate) {

@@ -1,6 +1,7 @@
 #pragma once
 /// Stage 2 of a run: q(z | h_i) of every setting h and seed i.
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -24,7 +25,13 @@ struct Design {
   std::shared_ptr<const Policy> clone;  ///< that was trained jointly
 };
 
-/// What the design of a setting's seed is given. @param clone  as MakeDesigns
+/// Makes the clone when it is first asked for: most designs never let it act.
+using CloneSource = std::function<const Policy*()>;
+
+/// Whether the clone acts in such a design.
+bool UsesClone(const RunSetup& run, const DesignConfig& config);
+
+/// What the design of a setting's seed is given. @param clone  null where it does not act (UsesClone)
 DesignProblem ProblemOf(const RunSetup& run, const std::string& setting, int seed, const Policy* clone,
                         const RunContext& context);
 
@@ -33,13 +40,9 @@ QRecord RecordOf(DesignResult result, const DesignConfig& config);
 
 /// design/SETTING/SEED: q.json, with Algorithm 1 discriminator.npz, and policy.npz where clone and design were trained
 /// jointly.
-/// @param clone  null where no design uses it (DesignNeedsClone)
 /// @return all seeds of all settings
 std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, SettingDesigns>& settings,
-                                const Policy* clone);
-
-/// Whether some setting's design or the selection lets the clone act.
-bool DesignNeedsClone(const RunSetup& run);
+                                const CloneSource& clone);
 
 /// A design as the simulator selection scores it.
 Candidate AsCandidate(const RunSetup& run, const Design& design);

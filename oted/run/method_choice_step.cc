@@ -26,7 +26,9 @@ std::vector<DesignConfig> TriedDesigns(const RunSetup& run, const std::string& s
 /// The mode of every method's q, learned from part of the logs.
 std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::string& setting,
                                             const std::vector<DesignConfig>& designs, const Dataset& learn,
-                                            const Policy* clone) {
+                                            const CloneSource& clone) {
+  const bool acts = std::ranges::any_of(designs, [&](const DesignConfig& of) { return UsesClone(run, of); });
+  const Policy* const cloned = acts ? clone() : nullptr;
   TrialLog log(run.context.log, "methods");
   size_t n_missing = 0;
   for (const DesignConfig& design : designs) {
@@ -46,7 +48,7 @@ std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::stri
       const std::filesystem::path folder = artifact.file.parent_path();
       DesignResult result = LearnDesign({.factory = *run.factory,
                                          .dataset = learn,
-                                         .clone = clone,
+                                         .clone = cloned,
                                          .key = run.Key("forms").Stage(setting).Stage("trial"),
                                          .folder = folder,
                                          .run_name = run.directory.NameOf(folder),
@@ -62,7 +64,7 @@ std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::stri
 
 /// By designs from part of the logs, judged on the rest. @param first  the best design by the first method
 MethodChoice ChooseByTrial(const RunSetup& run, const std::string& setting, const Candidate& first,
-                           const Policy* clone) {
+                           const CloneSource& clone) {
   const HeldOutParts parts = HoldOut(run.dataset, run.Key("forms").Stage(setting).Stage("parts"));
   const auto replay = [&](const Dataset& logs, const std::vector<std::vector<double>>& z) {
     return ReplayHeldOut(*run.factory, logs, z, *first.fit, run.context.n_threads);
@@ -90,7 +92,7 @@ MethodChoice ChooseByTrial(const RunSetup& run, const std::string& setting, cons
 }  // namespace
 
 std::vector<MethodChoice> ChooseMethods(const RunSetup& run, const std::vector<Candidate>& candidates,
-                                        const SelectionResult& result, const Policy* clone) {
+                                        const SelectionResult& result, const CloneSource& clone) {
   std::vector<MethodChoice> choices;
   for (const auto& [setting, asked] : run.config.DesignSettings()) {
     if (asked.method) continue;

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "oted/nn/policy.h"
+#include "oted/run/design_step.h"
 #include "oted/run/run_setup.h"
 #include "oted/stages/design/method_choice.h"
 #include "oted/stages/simulator_selection/simulator_selection.h"
@@ -14,6 +14,6 @@ namespace oted {
 /// Of every setting whose method was left to auto, the method and why.
 /// @param candidates, result  the designs by the first methods, and their scores
 std::vector<MethodChoice> ChooseMethods(const RunSetup& run, const std::vector<Candidate>& candidates,
-                                        const SelectionResult& result, const Policy* clone);
+                                        const SelectionResult& result, const CloneSource& clone);
 
 }  // namespace oted

@@ -48,20 +48,18 @@ const ClonedBehavior& Pipeline::CloneBehavior() {
   return *clone_;
 }
 
-const Policy* Pipeline::CloneForDesign() { return DesignNeedsClone(run_) ? CloneBehavior().policy.get() : nullptr; }
-
 const std::vector<Design>& Pipeline::Design() {
   if (designs_) return *designs_;
   if (!run_.directory.IsComplete(SelectionArtifact(run_))) WarnAboutData();
   Grow(run_);
-  designs_ = MakeDesigns(run_, run_.settings, CloneForDesign());
+  designs_ = MakeDesigns(run_, run_.settings, [this] { return CloneBehavior().policy.get(); });
   return *designs_;
 }
 
 const std::vector<oted::Design>* Pipeline::DesignsSoFar() const { return designs_ ? &*designs_ : nullptr; }
 
 const SelectedDesign& Pipeline::SelectSimulator() {
-  if (!selected_) selected_ = SelectDesign(run_, Design(), CloneForDesign());
+  if (!selected_) selected_ = SelectDesign(run_, Design(), [this] { return CloneBehavior().policy.get(); });
   return *selected_;
 }
 

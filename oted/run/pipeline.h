@@ -53,8 +53,6 @@ class Pipeline {
   const Dataset& dataset() const { return run_.dataset; }
 
  private:
-  /// Null where neither designs nor their selection use it.
-  const Policy* CloneForDesign();
   /// The checks of data that need no simulator: told before long work starts, and no more than told.
   void WarnAboutData();
 

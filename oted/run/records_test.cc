@@ -283,6 +283,26 @@ TEST(WeakenWhatMovesFar, LeavesNoNumberOfABodyIdentifiedThatWasAdded) {
   EXPECT_EQ(record.parameters[1].verdict, ParameterVerdict::kIdentified);
 }
 
+TEST(VerdictSentence, NamesTheErrorOfFewWindowsThatNothingIsSureOf) {
+  DesignRecord record = Narrowed();
+  record.verdict = DesignVerdict::kGapClosed;
+  record.predicts_better = true;
+  record.validation->horizons = {{0.5,
+                                  50,
+                                  12,
+                                  false,
+                                  0.9,
+                                  true,
+                                  {{"rail", "m", 0.1, 0.0031, 0.003, 1}, {"hook", "rad", 0.1, 0.008, 0.004, 1}},
+                                  {}}};
+  for (auto& channel : record.validation->horizons[0].channels) channel.judged = true;
+  EXPECT_THAT(VerdictSentence(record, {}),
+              HasSubstr("In hook it leaves 0.008 rad, the sensors 0.004: in few of these"));
+  record.validation->horizons[0].odd_episodes = {1};
+  EXPECT_THAT(VerdictSentence(record, {}),
+              AllOf(Not(HasSubstr("chance")), HasSubstr("Episode 2 of the logs is far off")));
+}
+
 TEST(VerdictSentence, SaysThatTheLogsAskForMoreWhereTheSensorsExplainWhatRemains) {
   DesignRecord record = Narrowed();
   record.validation->horizons.push_back({0.5, 50, 9, false, 0.62, true, {{"servo", "rad", 0.1, 0.01, 0.01, 1}}, {}});

@@ -23,8 +23,8 @@ void Append(std::vector<Design>& designs, std::vector<Design> more) {
 }
 
 /// Designs by the methods that take the place of first ones, which are no longer eligible.
-std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<MethodChoice>& choices, const Policy* clone,
-                                          std::vector<Candidate>& candidates) {
+std::vector<Design> DesignByChosenMethods(RunSetup& run, const std::vector<MethodChoice>& choices,
+                                          const CloneSource& clone, std::vector<Candidate>& candidates) {
   std::map<std::string, SettingDesigns> chosen;
   for (const MethodChoice& choice : choices) {
     if (choice.picked == choice.setting) continue;
@@ -47,13 +47,20 @@ std::vector<Finding> CorrectionsOf(const RunSetup& run, const std::optional<Held
   return corrections;
 }
 
-DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& designs) {
+/// Stage 3 with the clone where it acts: in what a g is trained on, and where a judge cannot go on from logged states.
+SelectionResult Scored(RunSetup& run, const CloneSource& clone, std::vector<Candidate>& candidates) {
+  const auto uses = [&](const Candidate& of) { return of.g && UsesClone(run, run.Designs(of.setting).config); };
+  const bool acts = AsksCommonJudge(candidates) && !run.spec().can_set_state;
+  return SelectSimulator({*run.factory, run.dataset, acts || std::ranges::any_of(candidates, uses) ? clone() : nullptr,
+                          run.config.selection, run.Key("simulator selection"), run.context},
+                         candidates);
+}
+
+DesignRecord Select(RunSetup& run, const CloneSource& clone, std::vector<Design>& designs) {
   DesignFindings findings;
   for (const Design& design : designs) findings.candidates.push_back(AsCandidate(run, design));
-  const SimulatorSelectionJob job{
-      *run.factory, run.dataset, clone, run.config.selection, run.Key("simulator selection"), run.context};
   if (findings.candidates.size() == 1) Predict(run, findings.candidates.front());
-  findings.result = SelectSimulator(job, findings.candidates);
+  findings.result = Scored(run, clone, findings.candidates);
   // Auto decides by how the best design of a setting predicts, and the verdict by how the best of all does.
   for (const auto& [setting, asked] : run.config.DesignSettings()) {
     const auto scored = std::ranges::find(findings.result.settings, setting, &SettingScore::setting);
@@ -61,7 +68,7 @@ DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& des
   }
   findings.choices = ChooseMethods(run, findings.candidates, findings.result, clone);
   std::vector<Design> more = DesignByChosenMethods(run, findings.choices, clone, findings.candidates);
-  if (!more.empty()) findings.result = SelectSimulator(job, findings.candidates);
+  if (!more.empty()) findings.result = Scored(run, clone, findings.candidates);
   Append(designs, std::move(more));
   Predict(run, findings.candidates[static_cast<size_t>(findings.result.best_candidate)]);
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
@@ -73,7 +80,7 @@ DesignRecord Select(RunSetup& run, const Policy* clone, std::vector<Design>& des
 
 }  // namespace
 
-SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const Policy* clone) {
+SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const CloneSource& clone) {
   SelectedDesign selected;
   selected.record =
       OnceAs<DesignRecord>(run.directory, SelectionArtifact(run), [&] { return Select(run, clone, designs); });

@@ -18,6 +18,6 @@ struct SelectedDesign {
 
 /// design.json. A setting whose method was left to auto may be designed by another method on the way.
 /// @param designs  of every setting
-SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const Policy* clone);
+SelectedDesign SelectDesign(RunSetup& run, std::vector<Design> designs, const CloneSource& clone);
 
 }  // namespace oted

@@ -16,6 +16,7 @@ constexpr double kShown = 0.5;        // [s]
 constexpr int kFewToldWindows = 10;   // fewer are told beside the horizon
 constexpr double kWorse = 1.1;        // times the nominal simulator's error
 constexpr double kVisiblyMore = 1.1;  // times the floor
+constexpr double kMayBeChance = 1.5;  // times the floor, and not surely more
 constexpr double kMuchNarrowed = 0.5;
 constexpr double kVisiblyLost = 0.05;  // of the nominal simulator's error
 constexpr const char* kAsksForMore =
@@ -174,6 +175,18 @@ std::string ButValuesOff(const DesignRecord& record) {
 
 std::string WindowsOf(const DesignRecord::Validation::Horizon& horizon) {
   return fmt::format("{} window{}", horizon.n_windows, horizon.n_windows == 1 ? "" : "s");
+}
+
+/// Where no channel is surely above what the sensors leave: that in which the errors of a few windows are.
+std::string ButByChance(const DesignRecord::Validation::Horizon& shown) {
+  const DesignRecord::Validation::Channel* most = nullptr;
+  for (const auto& c : shown.channels) {
+    if (!c.judged || !(c.designed > kMayBeChance * c.floor)) continue;
+    if (most == nullptr || c.designed / c.floor > most->designed / most->floor) most = &c;
+  }
+  if (most == nullptr) return "";
+  return fmt::format("; in {} it leaves {}, the sensors {:.2g}: in few of these windows, which may be chance",
+                     most->name, WithUnit(most->designed, most->unit), most->floor);
 }
 
 /// That longer replays are worse than the nominal simulator's, to be appended to a good word.
@@ -339,13 +352,14 @@ std::string ButElsewhere(const DesignRecord::Validation& validation) {
 }
 
 std::string ButOdd(const DesignRecord::Validation& validation) {
-  const std::vector<int>& odd = ToldOf(validation.horizons).odd_episodes;
-  if (odd.empty()) return "";
-  std::vector<int> numbers;
-  for (const int episode : odd) numbers.push_back(episode + 1);
+  std::set<int> numbers;  // a seam lies in one of a recording's few long windows, or of its many short ones
+  for (const auto& horizon : validation.horizons) {
+    for (const int episode : horizon.odd_episodes) numbers.insert(episode + 1);
+  }
+  if (numbers.empty()) return "";
   return fmt::format("; {} {} of the logs {} far off, the others are not: look there",
-                     odd.size() == 1 ? "episode" : "episodes", fmt::join(numbers, ", "),
-                     odd.size() == 1 ? "is" : "are");
+                     numbers.size() == 1 ? "episode" : "episodes", fmt::join(numbers, ", "),
+                     numbers.size() == 1 ? "is" : "are");
 }
 
 std::string NotTold(const DesignRecord::Validation& validation) {
@@ -373,9 +387,11 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
       horizon.n_windows > 0 && horizon.n_windows < kFewToldWindows ? fmt::format(" ({})", WindowsOf(horizon)) : "";
   const std::string over = "over " + InWords(horizon) + few, share = ShareInWords(horizon.narrowed);
   const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
+  const std::string odd_ones = ButOdd(*record.validation);
   // Where the floor is reached.
-  const std::string but =
-      ButUntold(horizon) + ButStarred(horizon) + ButOverLonger(*record.validation) + ButAtBounds(at_bounds) + judged_by;
+  const std::string but = ButUntold(horizon) + ButStarred(horizon) + ButOverLonger(*record.validation) +
+                          ButAtBounds(at_bounds) + odd_ones + judged_by;
+  const std::string by_chance = off.empty() && odd_ones.empty() ? ButByChance(horizon) : "";
   switch (record.verdict) {
     case DesignVerdict::kNoGap:
       return fmt::format("no gap: {} the nominal simulator predicts the logs as well as the sensors let it{}{}", over,
@@ -385,7 +401,7 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
       const std::string closed =
           fmt::format("gap closed: {} the designed simulator predicts the logs as well as the sensors let it", over);
       if (record.predicts_better)
-        return closed + fmt::format(", with {} less error than the nominal one{}", share, but);
+        return closed + fmt::format(", with {} less error than the nominal one{}{}", share, by_chance, but);
       if (horizon.narrowed > kMuchNarrowed) {
         return closed +
                fmt::format("; its error is {} less than the nominal one's, in too few windows for that to be sure{}",
@@ -395,20 +411,20 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
     }
     case DesignVerdict::kGapNarrowed:
       if (off.empty()) {
-        return fmt::format("gap narrowed by {} {}{}", share, over, WhyOnlyNarrowed(record)) +
-               ButOdd(*record.validation) + judged_by + ButLeftOut(record);
+        return fmt::format("gap narrowed by {} {}{}", share, over, WhyOnlyNarrowed(record)) + by_chance + odd_ones +
+               judged_by + ButLeftOut(record);
       }
       return fmt::format("gap narrowed by {} {}; what remains is more than the sensors explain: {}", share, over,
                          WhatRemains(*record.validation, horizon, off)) +
-             ButElsewhere(*record.validation) + ButAGuess(*record.validation) + ButOdd(*record.validation) + judged_by +
+             ButElsewhere(*record.validation) + ButAGuess(*record.validation) + odd_ones + judged_by +
              ButLeftOut(record);
     case DesignVerdict::kUndecided: {
       if (ShowsNothing(record.validation->horizons)) return std::string("undecided: ") + kNothingShown;
-      const std::string odd = ButOdd(*record.validation), not_told = NotTold(*record.validation);
+      const std::string not_told = NotTold(*record.validation);
       return fmt::format(
           "undecided: {} the designed simulator does not surely predict better than the nominal one, and {}{}", over,
           not_told.empty() ? "that one may predict as well as the sensors let it" : not_told,
-          odd.empty() ? "; log more" : odd);
+          odd_ones.empty() ? "; log more" : odd_ones);
     }
     case DesignVerdict::kOutsideFamily:
       break;
@@ -428,7 +444,7 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
                at_bounds.empty() ? "some parameter" : at_bounds, over, share,
                off.empty() ? "; " + NotTold(*record.validation)
                            : ", and more than the sensors explain: " + WhatRemains(*record.validation, horizon, off)) +
-           ButAGuess(*record.validation) + ButOdd(*record.validation);
+           ButAGuess(*record.validation) + odd_ones;
   }
   if (off.empty()) {
     return fmt::format(
@@ -439,7 +455,7 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
              "outside the family: {} the designed simulator does not surely predict better than the nominal one; what "
              "remains is more than the sensors explain: {}",
              over, WhatRemains(*record.validation, horizon, off)) +
-         ButOdd(*record.validation);
+         odd_ones;
 }
 
 }  // namespace

@@ -43,6 +43,17 @@ TEST(MeasureEffects, AParameterThatChangesNothingMeasuresExactlyZero) {
   EXPECT_EQ(effects[2].largest_change, 0.0) << "idle";
 }
 
+TEST(HaveEffects, TheyAreThoseThatAreMeasuredThoughTheSearchEndsSooner) {
+  EXPECT_EQ(HaveEffects(PointMassFactory(), PointMassLogs(kNominal, 3), 3, RngKey(1), 1),
+            (std::vector<bool>{true, true, false}));
+  // From a start where nothing moves before the logged actions do: the first rows show nothing.
+  Dataset logs = PointMassLogs(kNominal, 2);
+  for (int i = 0; i < logs.size(); ++i) {
+    if (i + 1 < logs.Episodes().front().end) logs.actions(i, 0) = 0;
+  }
+  EXPECT_EQ(HaveEffects(ShiftedStartFactory(), logs, 2, RngKey(1), 1), (std::vector<bool>{true, true, true}));
+}
+
 TEST(MeasureEffects, ResetsCount) {
   const Dataset logs = PointMassLogs(kNominal, 3);
   EXPECT_GT(MeasureEffects(ShiftedStartFactory(), logs, 3, RngKey(1), 1)[2].largest_change, 0.5);

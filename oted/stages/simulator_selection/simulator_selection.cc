@@ -223,12 +223,15 @@ void CheckSelectionScore(SelectionScore score, const std::string& setting, const
       NameOf(SelectionScoreNames(), score), setting, method));
 }
 
+bool AsksCommonJudge(const std::vector<Candidate>& candidates) {
+  return candidates.size() != 1 || !candidates[0].prediction || candidates[0].g;
+}
+
 SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates) {
   OTED_CHECK(!candidates.empty());
   SelectionResult result;
   result.candidates.resize(candidates.size());
-  const bool is_judged_already = candidates.size() == 1 && candidates[0].prediction && !candidates[0].g;
-  if (!is_judged_already) ScoreCandidates(job, candidates, result);
+  if (AsksCommonJudge(candidates)) ScoreCandidates(job, candidates, result);
   ScoreSettings(candidates, result);
   PickBest(candidates, job.config.score, result);
   return result;

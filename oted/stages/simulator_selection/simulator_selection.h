@@ -94,11 +94,13 @@ struct SelectionResult {
 void CheckSelectionScore(SelectionScore score, const std::string& setting, const std::string& method,
                          bool is_algorithm1);
 
+/// Not of one candidate that predictions judge: there is nothing to rank. One with a g is scored all the same.
+bool AsksCommonJudge(const std::vector<Candidate>& candidates);
+
 /// Scores of differently strong discriminators are not comparable (a blind g gives log 2 on any simulator), so beside
 /// the paper's c every candidate is judged by one common protocol: a fresh discriminator, trained on one half of the
-/// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score). Where
-/// there is but one candidate, there is nothing to rank: it is scored only if it has a g, or no predictions that judge
-/// it.
+/// dataset and of new rollouts, tested on the other half, and the reverse (docs/deviations.md#common-score), where that
+/// is asked (AsksCommonJudge).
 /// @param candidates  at least one; their g are evaluated; all have one where the score is the paper's or learning
 ///                    progress (CheckSelectionScore)
 SelectionResult SelectSimulator(const SimulatorSelectionJob& job, std::vector<Candidate>& candidates);

@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 // Of few windows more, whose scatter tells of chance what few blocks do not.
 constexpr size_t kFewestImitations = 2, kFewestOfFew = 6;
 constexpr int kFewWindows = 30;
-constexpr double kSurely = 2.0;  // standard errors
+constexpr double kSurely = 2.0;  // standard errors, of one channel
 constexpr int kNoiseCorrections = 2, kCorrectionsOfOthers = 4;
 constexpr double kVarianceOfMedian = 5.44;  // of the logarithm of a median of n squared normal numbers, times n
 constexpr double kLeastFreedomOfRow = 0.2;  // starts take the rest
@@ -102,10 +102,12 @@ VectorXd Imitator::Corrected(const VectorXd& noise, const MatrixXd& logged, cons
   const VectorXd factor = (Medians(logged).array() / Medians(made).array()).sqrt();
   const PredictionRatios leads = TypicalRatios(logged, made, logged.cols(), parts_.front()->judge().channels());
   VectorXd corrected = noise;
+  // The farthest of n normal numbers lies at some sqrt(2 log n): among many channels one is always two errors off.
+  const double surely = std::sqrt(kSurely * kSurely + 2 * std::log(static_cast<double>(noise.size())));
   for (Eigen::Index c = 0; c < noise.size(); ++c) {
     // Leads are few: chance alone does not move what a fit of all windows told.
-    const bool surely = std::abs(2 * std::log(factor[c])) > kSurely * leads.OfChannel(c).error;
-    if (surely && std::isfinite(factor[c])) {
+    const bool is_sure = std::abs(2 * std::log(factor[c])) > surely * leads.OfChannel(c).error;
+    if (is_sure && std::isfinite(factor[c])) {
       corrected[c] *=
           problem_.noise_of_other_logs ? factor[c] : std::clamp(factor[c], kLeastCorrection, kLargestCorrection);
       corrected[c] = std::min(corrected[c], largest_noise_[c]);

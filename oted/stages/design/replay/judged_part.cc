@@ -99,6 +99,7 @@ HeldOutPrediction::Horizon ErrorsOver(const PredictionJudge& judge, size_t h, do
   horizon.n_steps = judge.horizons()[h];
   horizon.n_windows = judge.n_windows(h);
   horizon.gain = gain.OfAll();
+  horizon.typical_gain = TypicalRatios(other, designed, other.cols(), judge.channels()).OfAll();
   for (Eigen::Index c = 0; c < designed_rms.size(); ++c) {
     horizon.channels.push_back({.nominal = other_rms[c],
                                 .designed = designed_rms[c],

@@ -198,9 +198,8 @@ class Evidence {
       HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
       if (channel.judged) channel.excess = excess.Of(c);
       channel.in_some = channel.judged && excess.IsInSome(c);
-      channel.floor = channel.designed * std::exp(-0.5 * excess.Shown(c));
-      // A ratio knows no error below what counts as visible.
-      if (IsSure(channel.excess)) channel.floor = std::min(channel.floor, of_draws[c]);
+      // A ratio knows no error below what counts as visible, and the design's own may be that of one seam of a log.
+      channel.floor = std::min(channel.designed * std::exp(-0.5 * excess.Shown(c)), of_draws[c]);
     }
     return horizon;
   }
