@@ -336,6 +336,32 @@ TEST(DesignedMjcf, ALoadBesideTheCentreOfABoxActsAsInAModelThatHasIt) {
   EXPECT_GT(std::abs(expected[0]), 0.01) << "without the load it turns about its frame";
 }
 
+TEST(DesignedMjcf, AnOrientationOrAxisOfWhichOneNumberIsSetKeepsLengthOne) {
+  const auto parameter = [](const char* name, const char* field) {
+    return ParameterSpec{.name = name, .field = field, .low = -1, .high = 1, .scale = ParameterScale::kAbsolute};
+  };
+  const MujocoSimulatorFactory factory(
+      "Hopper-v5", {parameter("turned", "body/foot/iquat[1]"), parameter("axis", "joint/foot_joint/axis[0]")});
+  const auto of_z = [&](const std::vector<double>& z) {
+    const auto simulator = factory.MakeMujoco(1, 1);
+    simulator->SetParameters(0, std::vector<double>{0.5, 0.3});
+    simulator->SetParameters(0, z);
+    ModelPtr model(mj_copyModel(nullptr, &factory.model()));
+    simulator->CopyModel(0, *model);
+    return model;
+  };
+  const mjModel& pristine = factory.model();
+  const int foot = mj_name2id(&pristine, mjOBJ_BODY, "foot"), joint = mj_name2id(&pristine, mjOBJ_JOINT, "foot_joint");
+  const ModelPtr moved = of_z({0.5, 0.3});
+  EXPECT_NEAR(mju_norm(moved->body_iquat + 4 * foot, 4), 1, 1e-12);
+  EXPECT_NEAR(mju_norm3(moved->jnt_axis + 3 * joint), 1, 1e-12);
+  EXPECT_NEAR(moved->jnt_axis[3 * joint] / moved->jnt_axis[3 * joint + 1], 0.3 / pristine.jnt_axis[3 * joint + 1],
+              1e-12);
+  const ModelPtr back = of_z(factory.parameters().Nominal());
+  EXPECT_EQ(FirstDifference(*back, pristine), "") << "what was scaled beside the parameter's number comes back";
+  EXPECT_NO_THROW(DesignedMjcf(factory, std::vector{0.5, 0.3}, ""));
+}
+
 TEST(DesignedMjcf, RefusesAValueOutsideItsBounds) {
   const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "mass", .field = "body/*/mass"}});
   EXPECT_THROW(DesignedMjcf(factory, std::vector{7.0}, ""), UsageError);

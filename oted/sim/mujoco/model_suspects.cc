@@ -24,6 +24,7 @@ constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuator
 constexpr double kMostSpringOff = 1.0;     // [rad], [m]: of where a spring rests
 constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
 constexpr double kMostAside = 0.1;         // of the model's extent
+constexpr double kMostLoad = 2.0;          // radii of gyration that a load moves a body's centre of mass
 constexpr double kBesideAxis = 0.05;       // of how far a centre of mass lies from its frame
 constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
 
@@ -113,7 +114,7 @@ void AddCentreOfMass(const mjModel& model, int body, std::vector<SuspectedField>
   for (int axis = 0; axis < 3; ++axis) {
     const std::string of_axis = fmt::format("{}[{}]", path, axis);
     if (MayCarry(model, body) && std::abs(centre[axis]) <= least) {
-      places.push_back({fmt::format("{}_{}", called, "xyz"[axis]), of_axis, {}, RoundBound(radius)});
+      places.push_back({fmt::format("{}_{}", called, "xyz"[axis]), of_axis, {}, RoundBound(kMostLoad * radius)});
     } else {
       along.push_back(of_axis);
     }

@@ -66,6 +66,7 @@ MujocoSimulator::MujocoSimulator(std::shared_ptr<const MujocoSetup> setup, int n
   }
   for (const ModelField& field : setup_->fields) {
     fields_.push_back(Expand(field.array));
+    unit_vectors_.Add(field, fields_.back().values, fields_.back().size);
     if (field.array == "geom_size") bounding_radii_ = Expand("geom_rbound");
     if (field.array == "actuator_dynprm") dynprm_ = fields_.back();
     changes_constants_ = changes_constants_ || field.changes_constants;
@@ -151,6 +152,7 @@ void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
   if (!present.empty() && std::ranges::equal(present, z)) return;
   present.clear();
   const auto values_of = [&](size_t i) { return fields_[i].values + static_cast<ptrdiff_t>(lane) * fields_[i].size; };
+  unit_vectors_.Reset(lane);
   for (size_t i = 0; i < fields_.size(); ++i) {
     const ModelField& field = setup_->fields[i];
     for (size_t k = 0; k < field.indices.size(); ++k) values_of(i)[field.indices[k]] = field.nominal[k];
@@ -165,6 +167,7 @@ void MujocoSimulator::SetParameters(int lane, std::span<const double> z) {
     }
     if (field.array == "geom_size") UpdateBoundingRadii(lane, values_of(i));
   }
+  unit_vectors_.Normalize(lane);
   // It reads the fields written above and nothing that an earlier call computed, so that twice is the same as once.
   if (changes_constants_ && mjb_setConst(batch_.get(), &lane, 1) != 0) {
     throw DataError(fmt::format("MuJoCo rejects these parameters: {}", mjb_error(batch_.get(), lane)));

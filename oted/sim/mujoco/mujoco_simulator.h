@@ -10,6 +10,7 @@
 
 #include "oted/base/array2.h"
 #include "oted/sim/mujoco/task_rules.h"
+#include "oted/sim/mujoco/unit_vectors.h"
 #include "oted/sim/simulator.h"
 
 struct mjBatch_;
@@ -129,6 +130,7 @@ class MujocoSimulator : public Simulator {
   std::unique_ptr<JointResidual> residual_;
   std::vector<LaneArray> arrays_;      // parallel to rules_->arrays()
   std::vector<ExpandedField> fields_;  // parallel to the parameters
+  UnitVectors unit_vectors_;           // of those
   ExpandedField bounding_radii_;       // used when a parameter changes the size of a geom
   ExpandedField dynprm_;               // likewise the time constant of a drive
   bool changes_constants_ = false;

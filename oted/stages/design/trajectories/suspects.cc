@@ -23,10 +23,11 @@ constexpr double kLimitStep = -0.7;    // of a limit, to half of it: nothing tel
 constexpr int kStepRows = 240, kRefutingRows = 960;
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
 constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableShare = 0.02;
-constexpr double kLargestLog = 2.303;  // a linear model knows nothing of a change tenfold
-constexpr double kOff = 0.1;           // of conditions: of a multiple, of the range of a value
-constexpr size_t kMostConditions = 3;  // of each parameter
-constexpr double kTrace = 0.1;         // of a small change
+constexpr double kNoticeableLoad = 0.005;  // of the range: some hundredths of the body's radius of gyration
+constexpr double kLargestLog = 2.303;      // a linear model knows nothing of a change tenfold
+constexpr double kOff = 0.1;               // of conditions: of a multiple, of the range of a value
+constexpr size_t kMostConditions = 3;      // of each parameter
+constexpr double kTrace = 0.1;             // of a small change
 
 /// z where the linear model has moved by `change`.
 double At(const ParameterSpec& spec, double change) {
@@ -201,9 +202,11 @@ bool IsExcluded(double off, double change, double std) {
 }
 
 bool IsNoticeable(const ParameterSpec& spec, double z) {
-  const bool is_length = spec.field.ends_with("/pos") || spec.field.find("/ipos") != std::string::npos;
+  const bool is_centre = spec.field.find("/ipos") != std::string::npos;
+  const bool is_length = is_centre || spec.field.ends_with("/pos");
   if (spec.IsMultiple()) return std::abs(std::log(z)) > (is_length ? kNoticeableLength : kNoticeableLog);
-  return std::abs(z - spec.nominal) > kNoticeableShare * (spec.high - spec.low);
+  const double share = is_centre ? kNoticeableLoad : kNoticeableShare;
+  return std::abs(z - spec.nominal) > share * (spec.high - spec.low);
 }
 
 bool IsDirected(const Suspect& scored) {
