@@ -258,18 +258,19 @@ void PrintDesign(const DesignRecord& design, const Options& options, const std::
   std::fflush(stdout);  // films take seconds, and a pipe shows nothing yet; what fails is told at the end
 }
 
-void PrintUnjudged(const std::vector<Design>& designs, const Options& options) {
-  if (options.json) return;
+std::string UnjudgedInWords(const std::vector<Design>& designs, const Options& options) {
+  std::string words;
+  if (options.json) return words;
   for (const Design& design : designs) {
     const ParameterSpace& space = design.record.q.space();
     const std::vector<double> mode = design.record.q.Mode(), std = design.record.q.Std();
     const std::string which = designs.size() == 1 ? "" : fmt::format(" ({}, seed {})", design.setting, design.seed);
-    Print("\nfound so far{}; there is no verdict yet, and intervals may still widen\n", which);
+    words += fmt::format("\nfound so far{}; there is no verdict yet, and intervals may still widen\n", which);
     for (size_t i = 0; i < mode.size(); ++i) {
-      Print("  {} {:.4g} +- {:.2g}\n", space[static_cast<int>(i)].name, mode[i], std[i]);
+      words += fmt::format("  {} {:.4g} +- {:.2g}\n", space[static_cast<int>(i)].name, mode[i], std[i]);
     }
   }
-  std::fflush(stdout);
+  return words;
 }
 
 int PrintResult(const std::filesystem::path& run_directory, const Options& options) {

@@ -16,8 +16,8 @@ int ReturnDecimals(const std::vector<double>& returns, int otherwise);
 /// Prints what the design found; nothing where JSON is wanted, which comes in one piece.
 /// @param truth  of each parameter, where that is known: its errors are printed
 void PrintDesign(const DesignRecord& design, const Options& options, const std::vector<double>& truth = {});
-/// Prints the values of designs that were stopped before anything judged them; nothing where JSON is wanted.
-void PrintUnjudged(const std::vector<Design>& designs, const Options& options);
+/// The values of designs that nothing has judged yet; empty where JSON is wanted.
+std::string UnjudgedInWords(const std::vector<Design>& designs, const Options& options);
 /// Prints the final tables of a run directory (or its JSON) and where its files lie, and returns the exit code that its
 /// verdict stands for.
 /// @param report  the folder of report.html

@@ -4,8 +4,11 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
+#include <ctime>
 #include <string_view>
+#include <utility>
 
 #include "oted/base/error.h"
 
@@ -21,10 +24,24 @@ constexpr timeval kGrace = {1, 500'000};
 /// For a line to where stderr leads: a pipe that nobody reads or a stopped terminal takes none.
 constexpr timeval kGraceOfLine = {0, 100'000};
 
+constexpr int64_t kSameSignal = 300;  // [ms]
+
 std::atomic<bool> g_has_children{false};
+std::atomic<const std::string*> g_last_words{nullptr};
+std::atomic<int64_t> g_asked_at{0};  // [ms]
+
+int64_t Now() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return now.tv_sec * 1000 + now.tv_nsec / 1'000'000;
+}
 
 extern "C" void OnInterrupt(int) {
-  if (g_stop.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
+  if (g_stop.exchange(true)) {
+    if (Now() - g_asked_at > kSameSignal) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
+    return;
+  }
+  g_asked_at = Now();
   if (g_has_children) return;
   const itimerval grace = {{0, 0}, kGrace};
   ::setitimer(ITIMER_REAL, &grace, nullptr);
@@ -40,6 +57,9 @@ extern "C" void OnGraceOver(int) {
   if (writes.exchange(true)) std::_Exit(static_cast<int>(ExitCode::kInterrupted));
   const itimerval grace = {{0, 0}, kGraceOfLine};
   ::setitimer(ITIMER_REAL, &grace, nullptr);
+  if (const std::string* const words = g_last_words) {
+    [[maybe_unused]] const ssize_t unused = ::write(STDOUT_FILENO, words->data(), words->size());
+  }
   for (const std::string_view part : {"\noted: ", Interrupted::kGoOn, "\n"}) {
     [[maybe_unused]] const ssize_t unused = ::write(STDERR_FILENO, part.data(), part.size());
   }
@@ -71,5 +91,8 @@ void InstallStopHandler() {
 }
 
 void WaitForChildrenOnStop() { g_has_children = true; }
+
+LastWords::LastWords(std::string words) : words_(std::move(words)) { g_last_words = &words_; }
+LastWords::~LastWords() { g_last_words = nullptr; }
 
 }  // namespace oted::cli

@@ -8,6 +8,7 @@
 #include "cli/result.h"
 #include "cli/session.h"
 #include "cli/settings_help.h"
+#include "cli/stop.h"
 #include "cli/verbs/export.h"
 #include "oted/base/error.h"
 #include "oted/report/report.h"
@@ -28,10 +29,12 @@ struct StageVerb {
 
 /// The answer does not wait for films and agents, nor what was found for what suspects it.
 void DesignAndPrint(Pipeline& pipeline, const Options& options) {
+  const std::string found = UnjudgedInWords(pipeline.Design(), options);
   try {
+    const LastWords words(found);
     PrintDesign(pipeline.SelectSimulator().record, options, pipeline.config().TruthVector());
   } catch (const Interrupted&) {
-    if (pipeline.DesignsSoFar() != nullptr) PrintUnjudged(*pipeline.DesignsSoFar(), options);
+    Print("{}", found);
     throw;
   }
 }

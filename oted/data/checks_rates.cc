@@ -30,6 +30,9 @@ constexpr double kLagStep = 0.25;  // [rows]
 // averages out: a lag of one row is found somewhat below.
 constexpr double kNoLag = 0.5, kLag = 0.75;
 constexpr double kLagGain = 0.6;  // what a lag must leave of the squared difference
+constexpr size_t kBlocks = 10;    // of rows, that tell how sure the mean difference is
+constexpr double kSurely = 5.0;   // standard errors
+constexpr double kOffset = 0.05;  // of the velocity's size
 
 /// How far a channel moves from row to row.
 struct RowSteps {
@@ -79,8 +82,9 @@ struct Pair {
   double clip;
 };
 
-Sums Sum(const Pair& pair, double lag, int margin) {
-  Sums sums;
+/// f(mean velocity, change of the position) of each row that has both, the velocity read `lag` rows later.
+template <class F>
+void ForRows(const Pair& pair, double lag, int margin, const F& f) {
   const int whole = static_cast<int>(std::floor(lag));
   const double part = lag - whole;
   for (size_t e = 0; e < pair.position.size(); ++e) {
@@ -93,15 +97,42 @@ Sums Sum(const Pair& pair, double lag, int margin) {
       const size_t k = static_cast<size_t>(i);
       if (std::abs(v[k]) >= pair.clip || std::abs(v[k + 1]) >= pair.clip) continue;
       const double y = p[k + 1] - p[k], x = (at(i) + at(i + 1)) / 2;
-      if (Wraps(y)) continue;
-      sums.xy += x * y;
-      sums.xx += x * x;
-      sums.xxxx += x * x * x * x;
-      sums.yy += y * y;
-      ++sums.n;
+      if (!Wraps(y)) f(x, y);
     }
   }
+}
+
+Sums Sum(const Pair& pair, double lag, int margin) {
+  Sums sums;
+  ForRows(pair, lag, margin, [&](double x, double y) {
+    sums.xy += x * y;
+    sums.xx += x * x;
+    sums.xxxx += x * x * x * x;
+    sums.yy += y * y;
+    ++sums.n;
+  });
   return sums;
+}
+
+/// By how much the velocity is larger than the position moves, on average: noise, filters and lags have no part in it.
+double OffsetOf(const Pair& pair, double period_s) {
+  std::vector<double> off;
+  double square = 0;
+  ForRows(pair, 0, 0, [&](double x, double y) {
+    off.push_back(x - y / period_s);
+    square += x * x;
+  });
+  std::vector<double> sums(kBlocks, 0.0), counts(kBlocks, 0.0);
+  for (size_t i = 0; i < off.size(); ++i) {
+    sums[i * kBlocks / off.size()] += off[i];
+    ++counts[i * kBlocks / off.size()];
+  }
+  double mean = 0, spread = 0;
+  for (size_t b = 0; b < kBlocks; ++b) mean += sums[b] / counts[b] / kBlocks;
+  for (size_t b = 0; b < kBlocks; ++b) spread += std::pow(sums[b] / counts[b] - mean, 2);
+  const double error = std::sqrt(spread / (kBlocks * (kBlocks - 1)));
+  const double least = kOffset * std::sqrt(square / static_cast<double>(off.size()));
+  return std::abs(mean) > std::max(kSurely * error, least) ? mean : 0;
 }
 
 RateAgreement Compare(const Pair& pair, double period_s) {
@@ -126,6 +157,8 @@ RateAgreement Compare(const Pair& pair, double period_s) {
     }
   }
   rate.lag_gain = prompt > 0 ? best / prompt : 1;
+  const bool agrees = period_s > 0 && rate.correlation > kClear && Near(rate.slope, period_s, kUnitSlack);
+  if (agrees) rate.offset = OffsetOf(pair, period_s);
   return rate;
 }
 
@@ -151,6 +184,7 @@ class Rates {
       for (const RateAgreement& rate : rates_) AddFactor(rate);
     }
     AddLags();
+    AddOffsets();
   }
 
  private:
@@ -322,6 +356,19 @@ class Rates {
           positions.channels, kMeaning,
           fmt::format("search the lag: {}{}; or shift the columns by so much", positions.Line(),
                       positions.channels.size() > 1 ? ", and that of the others" : ""));
+    }
+  }
+
+  void AddOffsets() {
+    for (const RateAgreement& rate : rates_) {
+      if (rate.offset == 0) continue;
+      const std::string name = Velocity(rate);
+      Add("velocity_zero", fmt::format("{} is {:.2g} more than {} moves", name, rate.offset, Position(rate)), {name},
+          "the sensor reads this at rest, as a gyroscope may: a design would bend parameters to fit that",
+          fmt::format("add {0:.3g} to {1} (data.offset = {{ \"{1}\" = {0:.3g} }}), or make its zero a parameter: "
+                      "obs/{1}/bias",
+                      -rate.offset, name))
+          .may_be_parameter = true;
     }
   }
 

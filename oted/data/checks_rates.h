@@ -13,6 +13,7 @@ struct RateAgreement {
   double support = 0;              ///< how many rows carry these: the fewer, the more the velocity comes in bursts
   double lag = 0;                  ///< [rows] by which the velocity is late where it goes best with the position
   double lag_gain = 1;             ///< what that leaves of the squared difference
+  double offset = 0;               ///< of the velocity, beside the position's change; 0 where that is not sure
 
   /// Whether the velocity is surely of another row than its position: late, or for a lag below zero too early.
   bool IsShifted() const;

@@ -121,6 +121,20 @@ TEST(Rates, AVelocityThatLagsIsNamedWithItsLag) {
   EXPECT_NE(f.what.find("knee/qvel by 2.5 rows"), std::string::npos) << f.what;
 }
 
+TEST(Rates, AVelocityThatIsNotZeroAtRestIsNamedWithWhatMendsIt) {
+  const auto with = [](double offset, double scale) {
+    return Check(LogOf([=](double t) {
+      const double noise = 0.05 * std::sin(7919 * t);
+      return std::vector<double>{Hip(t), Knee(t) + t, HipRate(t) + offset + noise, scale * (KneeRate(t) + 1) + noise};
+    }));
+  };
+  for (const Finding& f : with(0, 1.01)) ADD_FAILURE() << f.check << ": " << f.what << ", a wheel's scale is no zero";
+  const Finding f = Only(with(0.25, 1), "velocity_zero");
+  EXPECT_EQ(f.channels, std::vector<std::string>{"hip/qvel"});
+  EXPECT_NE(f.remedy.find("data.offset = { \"hip/qvel\" = -0.2"), std::string::npos) << f.remedy;
+  EXPECT_TRUE(f.may_be_parameter);
+}
+
 TEST(Rates, APositionThatLagsIsNamedWithItsLagAndTheLineThatSearchesIt) {
   const auto f = Only(Check(LogOf([](double t) {
                         return std::vector<double>{Hip(t), Knee(t - 2.5 * kPeriod), HipRate(t), KneeRate(t)};

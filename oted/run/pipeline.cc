@@ -56,8 +56,6 @@ const std::vector<Design>& Pipeline::Design() {
   return *designs_;
 }
 
-const std::vector<oted::Design>* Pipeline::DesignsSoFar() const { return designs_ ? &*designs_ : nullptr; }
-
 const SelectedDesign& Pipeline::SelectSimulator() {
   if (!selected_) selected_ = SelectDesign(run_, Design(), [this] { return CloneBehavior().policy.get(); });
   return *selected_;

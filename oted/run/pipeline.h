@@ -37,8 +37,6 @@ class Pipeline {
   /// The other calls make the clone when something needs it: a design that replays logged actions does not.
   const ClonedBehavior& CloneBehavior();
   const std::vector<oted::Design>& Design();
-  /// Those that Design() gave; null before. What was found is there though nothing judged it yet.
-  const std::vector<oted::Design>* DesignsSoFar() const;
   const SelectedDesign& SelectSimulator();
   void ReplayLogs();
   const Agents& TrainAgents();

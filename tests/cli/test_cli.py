@@ -252,6 +252,7 @@ class TestStopping(HopperTest):
         while not list(self.out.glob("design/*/*/checkpoint.npz")) and time.monotonic() < deadline:
             time.sleep(0.005)
         process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGINT)  # as `timeout` does, to the program and to its group
         printed, told = process.communicate(timeout=60)
         self.assertEqual(process.returncode, INTERRUPTED, told)
         self.assertEqual(printed, "")
