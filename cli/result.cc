@@ -22,6 +22,7 @@
 #include "oted/matching/verdict.h"
 #include "oted/run/design_record.h"
 #include "oted/run/policy_records.h"
+#include "oted/run/prediction_words.h"
 #include "oted/run/suspect_sentence.h"
 #include "oted/run/verdict_sentence.h"
 #include "oted/stages/design/design_method.h"

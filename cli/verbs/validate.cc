@@ -12,8 +12,8 @@
 #include "cli/session.h"
 #include "cli/terminal.h"
 #include "oted/base/error.h"
+#include "oted/run/prediction_words.h"
 #include "oted/run/validation.h"
-#include "oted/run/verdict_sentence.h"
 
 namespace oted::cli {
 namespace {

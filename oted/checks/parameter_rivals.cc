@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
+#include <tuple>
 
 #include "oted/sim/channel_path.h"
 #include "oted/stages/design/trajectories/distant_places.h"
@@ -14,6 +16,8 @@ namespace {
 constexpr std::array<double, 4> kFactors = {0.5, 0.7, 1.4, 2.0};
 constexpr std::array<double, 8> kPlaceOff = {-0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4};  // of half the range
 constexpr std::array<double, 6> kSpringOff = {-0.5, -0.25, -0.1, 0.1, 0.25, 0.5};            // [rad], [m]
+
+constexpr int kHalvings = 4;  // of the way from the nominal value to the best of them
 
 /// Values to try; none of what a zero is not mistaken for.
 std::vector<double> Tried(const ParameterSpec& spec) {
@@ -47,20 +51,33 @@ std::optional<ParameterRival> ParameterRivals::Best(const ReplayedWindows& windo
                                                     double most, size_t stride) {
   if (!replays_) return std::nullopt;
   const ParameterSpace& space = wider_->parameters();
-  std::optional<ParameterRival> best;
+  const auto error_at = [&](int i, double value) {
+    std::vector<double> z = space.Nominal();
+    z[static_cast<size_t>(i)] = value;
+    replays_->SetParameters(z);
+    const std::optional<ChannelErrors> errors = replays_->Errors(windows, stride);
+    return errors ? MeanOf(*errors, judged) : std::numeric_limits<double>::infinity();
+  };
+  int best = -1;
+  double value = 0, error = std::numeric_limits<double>::infinity();
   for (int i = 0; i < space.size(); ++i) {
     for (const double tried : Tried(space[i])) {
-      std::vector<double> z = space.Nominal();
-      const double value = std::clamp(tried, space[i].low, space[i].high);
-      z[static_cast<size_t>(i)] = value;
-      replays_->SetParameters(z);
-      const std::optional<ChannelErrors> errors = replays_->Errors(windows, stride);
-      if (!errors) continue;
-      const double error = MeanOf(*errors, judged);
-      if (error < (best ? best->error : most)) best = {InWords(space[i], value), error};
+      const double there = std::clamp(tried, space[i].low, space[i].high), left = error_at(i, there);
+      if (left < error) std::tie(best, value, error) = std::tuple(i, there, left);
     }
   }
-  return best;
+  if (best < 0) return std::nullopt;
+  // Values lie far apart, and beside a change of columns that fits exactly all of them may be far off.
+  const ParameterSpec& spec = space[best];
+  double step = (value - spec.nominal) / 2;
+  for (int halved = 0; halved < kHalvings; ++halved, step /= 2) {
+    for (const double sign : {-1.0, 1.0}) {
+      const double there = std::clamp(value + sign * step, spec.low, spec.high), left = error_at(best, there);
+      if (left < error) std::tie(value, error) = std::tuple(there, left);
+    }
+  }
+  if (!(error < most)) return std::nullopt;
+  return ParameterRival{InWords(spec, value), error};
 }
 
 }  // namespace oted

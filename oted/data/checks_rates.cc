@@ -15,24 +15,12 @@ namespace {
 
 constexpr double kImpossiblePerRow = 1000;             // [rad], [m]
 constexpr double kMostPerRow = 1.0;                    // [rad]
-constexpr double kClear = 0.8;                         // correlation from which on one number is the rate of another
 constexpr double kVague = 0.6;                         // below it is not
-constexpr double kUnitSlack = 0.2;                     // of a factor
 constexpr double kExactlyClear = 0.95, kFactor = 1.5;  // the same for a factor that no unit explains
 constexpr size_t kMostEpisodes = 50;                   // that are looked at one by one
 constexpr double kOtherRate = 1.4;                     // of the usual period
 constexpr double kAgree = 0.05;                        // among the channels of a log with another rate
-constexpr int kFewestPairs = 20;
-constexpr double kFewestCarry = 20;  // rows that must carry a correlation or factor for a finding
-constexpr double kLongestLag_s = 0.05;
-constexpr double kLagStep = 0.25;  // [rows]
-// A velocity at the end of a row, or from differences, is half a row off; so much is no lag. Between rows noise
-// averages out: a lag of one row is found somewhat below.
-constexpr double kNoLag = 0.5, kLag = 0.75;
-constexpr double kLagGain = 0.6;  // what a lag must leave of the squared difference
-constexpr size_t kBlocks = 10;    // of rows, that tell how sure the mean difference is
-constexpr double kSurely = 5.0;   // standard errors
-constexpr double kOffset = 0.05;  // of the velocity's size
+constexpr double kFewestCarry = 20;                    // rows that must carry a correlation or factor for a finding
 
 /// How far a channel moves from row to row.
 struct RowSteps {
@@ -58,112 +46,10 @@ struct Unit {
 constexpr Unit kUnits[] = {{"degrees", "degrees per second", kDegree},
                            {"thousandths (millimetres)", "thousandths (millimetres per second)", 1e-3}};
 
-bool Near(double value, double wanted, double slack) { return std::abs(value - wanted) < slack * std::abs(wanted); }
-
 /// The unit in which a position is `factor` times as large as in the task's; null: none.
 const Unit* UnitOf(double factor) {
   const auto unit = std::ranges::find_if(kUnits, [&](const Unit& u) { return Near(factor, 1 / u.size, kUnitSlack); });
   return unit == std::end(kUnits) ? nullptr : unit;
-}
-
-/// Sums over rows of y (change of the position) and x (mean velocity of the row, read `lag` rows later).
-struct Sums {
-  double xy = 0, xx = 0, yy = 0, xxxx = 0;
-  int n = 0;
-  double Support() const { return xxxx > 0 ? xx * xx / xxxx : 0; }
-  double Slope() const { return xx > 0 ? xy / xx : 0; }
-  double Correlation() const { return xx > 0 && yy > 0 ? xy / std::sqrt(xx * yy) : 0; }
-  /// Share of y's square that the best slope leaves.
-  double Left() const { return 1 - Correlation() * Correlation(); }
-};
-
-struct Pair {
-  std::vector<std::vector<double>> position, velocity;
-  double clip;
-};
-
-/// f(mean velocity, change of the position) of each row that has both, the velocity read `lag` rows later.
-template <class F>
-void ForRows(const Pair& pair, double lag, int margin, const F& f) {
-  const int whole = static_cast<int>(std::floor(lag));
-  const double part = lag - whole;
-  for (size_t e = 0; e < pair.position.size(); ++e) {
-    const auto &p = pair.position[e], &v = pair.velocity[e];
-    const auto at = [&](int i) {
-      const size_t k = static_cast<size_t>(i + whole);
-      return part == 0 ? v[k] : (1 - part) * v[k] + part * v[k + 1];
-    };
-    for (int i = margin; i + 1 + margin < static_cast<int>(p.size()); ++i) {
-      const size_t k = static_cast<size_t>(i);
-      if (std::abs(v[k]) >= pair.clip || std::abs(v[k + 1]) >= pair.clip) continue;
-      const double y = p[k + 1] - p[k], x = (at(i) + at(i + 1)) / 2;
-      if (!Wraps(y)) f(x, y);
-    }
-  }
-}
-
-Sums Sum(const Pair& pair, double lag, int margin) {
-  Sums sums;
-  ForRows(pair, lag, margin, [&](double x, double y) {
-    sums.xy += x * y;
-    sums.xx += x * x;
-    sums.xxxx += x * x * x * x;
-    sums.yy += y * y;
-    ++sums.n;
-  });
-  return sums;
-}
-
-/// By how much the velocity is larger than the position moves, on average: noise, filters and lags have no part in it.
-double OffsetOf(const Pair& pair, double period_s) {
-  std::vector<double> off;
-  double square = 0;
-  ForRows(pair, 0, 0, [&](double x, double y) {
-    off.push_back(x - y / period_s);
-    square += x * x;
-  });
-  std::vector<double> sums(kBlocks, 0.0), counts(kBlocks, 0.0);
-  for (size_t i = 0; i < off.size(); ++i) {
-    sums[i * kBlocks / off.size()] += off[i];
-    ++counts[i * kBlocks / off.size()];
-  }
-  double mean = 0, spread = 0;
-  for (size_t b = 0; b < kBlocks; ++b) mean += sums[b] / counts[b] / kBlocks;
-  for (size_t b = 0; b < kBlocks; ++b) spread += std::pow(sums[b] / counts[b] - mean, 2);
-  const double error = std::sqrt(spread / (kBlocks * (kBlocks - 1)));
-  const double least = kOffset * std::sqrt(square / static_cast<double>(off.size()));
-  return std::abs(mean) > std::max(kSurely * error, least) ? mean : 0;
-}
-
-RateAgreement Compare(const Pair& pair, double period_s) {
-  RateAgreement rate;
-  const int most = period_s > 0 ? std::clamp(static_cast<int>(kLongestLag_s / period_s), 2, 25) : 3;
-  const Sums all = Sum(pair, 0, 0);
-  rate.slope = all.Slope();
-  rate.correlation = all.Correlation();
-  rate.support = all.Support();
-  if (all.n < kFewestPairs) return RateAgreement{};
-  // One row more at each side than is read, as a lag between rows reads two.
-  const int margin = most + 1;
-  if (Sum(pair, 0, margin).n < kFewestPairs) return rate;
-  double best = 1, prompt = 1;
-  for (double lag = -most; lag <= most; lag += kLagStep) {
-    const Sums sums = Sum(pair, lag, margin);
-    const double left = sums.Slope() * all.Slope() > 0 ? sums.Left() : 1;
-    if (std::abs(lag) <= kNoLag) prompt = std::min(prompt, left);
-    if (left < best) {
-      best = left;
-      rate.lag = lag;
-    }
-  }
-  rate.lag_gain = prompt > 0 ? best / prompt : 1;
-  const bool agrees = period_s > 0 && rate.correlation > kClear && Near(rate.slope, period_s, kUnitSlack);
-  if (agrees) rate.offset = OffsetOf(pair, period_s);
-  return rate;
-}
-
-Pair PairOf(const Dataset& dataset, int position, int velocity) {
-  return {SeriesOf(dataset, position), SeriesOf(dataset, velocity), ClipOf(dataset, velocity)};
 }
 
 class Rates {
@@ -214,9 +100,9 @@ class Rates {
     for (const RateAgreement* a : lost) {
       for (const RateAgreement* b : lost) {
         if (a->velocity >= b->velocity) continue;
-        const RateAgreement ab = Compare(PairOf(dataset_, a->position, b->velocity), period_);
-        const RateAgreement ba = Compare(PairOf(dataset_, b->position, a->velocity), period_);
-        if (std::abs(ab.correlation) < kClear || std::abs(ba.correlation) < kClear) continue;
+        const RateAgreement ab = CompareRate(dataset_, a->position, b->velocity, period_);
+        const RateAgreement ba = CompareRate(dataset_, b->position, a->velocity, period_);
+        if (std::abs(ab.correlation) < kClearCorrelation || std::abs(ba.correlation) < kClearCorrelation) continue;
         swapped.emplace_back(a->velocity, b->velocity);
         Add("swapped_columns",
             fmt::format("{} is the rate of {}, and {} that of {}", Velocity(*b), Position(*a), Velocity(*a),
@@ -276,7 +162,7 @@ class Rates {
     if (seconds <= 0 || Near(seconds, period_, kUnitSlack)) return false;
     if (UnitOf(seconds / period_) != nullptr || UnitOf(period_ / seconds) != nullptr) return false;
     const auto agrees = [&](const RateAgreement& r) {
-      if (r.correlation < kClear) return true;
+      if (r.correlation < kClearCorrelation) return true;
       const double spread =
           std::sqrt((1 / (r.correlation * r.correlation) - 1) / r.support);  // of the slope, as a share
       return Near(r.slope, seconds, std::max(2 * kAgree, 2 * spread));
@@ -290,7 +176,7 @@ class Rates {
   }
 
   void AddFactor(const RateAgreement& rate) {
-    if (period_ <= 0 || std::abs(rate.correlation) < kClear) return;
+    if (period_ <= 0 || std::abs(rate.correlation) < kClearCorrelation) return;
     const double factor = rate.slope / period_;
     if (Near(factor, 1, kUnitSlack)) return;
     const std::string position = Position(rate), velocity = Velocity(rate);
@@ -380,36 +266,6 @@ class Rates {
 };
 
 }  // namespace
-
-bool Wraps(double change) { return std::abs(std::abs(change) - 2 * std::numbers::pi) < std::numbers::pi / 2; }
-
-bool RateAgreement::IsShifted() const { return std::abs(lag) >= kLag && lag_gain < kLagGain; }
-
-std::vector<RateAgreement> CompareRates(const Dataset& dataset, const std::vector<int>& rate_of, double period_s) {
-  std::vector<RateAgreement> rates;
-  for (int velocity = 0; velocity < static_cast<int>(rate_of.size()); ++velocity) {
-    const int position = rate_of[static_cast<size_t>(velocity)];
-    if (position < 0 || velocity >= dataset.obs_dim() || position >= dataset.obs_dim()) continue;
-    RateAgreement rate = Compare(PairOf(dataset, position, velocity), period_s);
-    if (rate.slope == 0) continue;
-    rate.velocity = velocity;
-    rate.position = position;
-    rates.push_back(rate);
-  }
-  return rates;
-}
-
-double PeriodByRates(const std::vector<RateAgreement>& rates) {
-  std::vector<double> periods;
-  for (const RateAgreement& rate : rates) {
-    if (rate.correlation > kClear) periods.push_back(rate.slope);
-  }
-  // A few clear channels among vague ones may be clear for another reason: a clip whose edge noise has smeared.
-  if (periods.empty() || 2 * periods.size() < rates.size()) return 0;
-  const double median = MedianOf(periods);
-  const auto agrees = [&](double period) { return Near(period, median, kUnitSlack); };
-  return 2 * std::ranges::count_if(periods, agrees) > static_cast<ptrdiff_t>(periods.size()) ? median : 0;
-}
 
 void CheckWraps(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings) {
   if (!facts.flat_observations) return;

@@ -11,6 +11,7 @@
 #include "oted/checks/data_check.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/fingerprint.h"
+#include "oted/run/prediction_words.h"
 #include "oted/run/suspect_sentence.h"
 #include "oted/run/verdict_sentence.h"
 #include "oted/sim/mujoco/version.h"

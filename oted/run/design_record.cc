@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "oted/run/prediction_words.h"
 #include "oted/run/record_reader.h"
-#include "oted/run/verdict_sentence.h"
 #include "oted/stages/design/trajectories/best_freed.h"
 
 namespace oted {

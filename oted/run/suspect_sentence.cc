@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "oted/matching/verdict.h"
+#include "oted/run/prediction_words.h"
 #include "oted/run/verdict_sentence.h"
 
 namespace oted {
