@@ -159,7 +159,7 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
            exact ? "model, engine and control rate are the logs' own: there is nothing to design"
            : useless
                ? "predicting no change would hardly be worse, and a linear fit of the logs misses half as much at "
-                 "most: wrong parameters alone rarely do that; units, order of columns, control rate or delay do"
+                 "most: units, order of columns, control rate or delay do that, or parameters that are far off"
            : poor ? "a linear fit of the logs does little better: noise, or motion that is fast for these rows, hides "
                     "what one row tells"
            : noise.empty() ? "so few rows do not tell noise from what differs: a design may"

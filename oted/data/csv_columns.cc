@@ -140,10 +140,12 @@ class Finder {
           "[...]. Its columns are {}",
           file_, what, *missing, DidYouMean(*missing, others), setting, Shown()));
     }
+    const std::string called =
+        names.empty() ? "" : fmt::format(", and none is '{}'{}", names.front(), DidYouMean(names.front(), Unused()));
     throw DataError(fmt::format(
-        "'{}' has no column of {}: none begins with '{}'; name them in data.{} = [...] of a task file, which "
+        "'{}' has no column of {}: none begins with '{}'{}; name them in data.{} = [...] of a task file, which "
         "'oted init MODEL.xml {}' writes. Its columns are {}",
-        file_, what, prefix, setting, file_, Shown()));
+        file_, what, prefix, called, setting, file_, Shown()));
   }
 
  private:

@@ -57,9 +57,9 @@ class Resampler {
           InWords(n_faster), from_.period_s, control_period_s_));
     }
     if (n_uneven > 0) {
-      to_.remarks.push_back(
-          fmt::format("{}rows made even: observations interpolated between uneven rows, {} missing rows filled in",
-                      InWords(n_uneven), n_filled));
+      to_.remarks.push_back(fmt::format("{}rows made even: observations interpolated between uneven rows{}",
+                                        InWords(n_uneven),
+                                        n_filled > 0 ? fmt::format(", {} missing rows filled in", n_filled) : ""));
     }
     if (all.n_changed > 0) to_.warnings.push_back(all.InWords(ActionName(all.column)));
     if (n_short > 0) to_.remarks.push_back(fmt::format("{} episodes shorter than a control period left out", n_short));

@@ -101,7 +101,7 @@ void AddReplayFacts(const SimulatorFactory& factory, const Dataset& dataset, int
   if (*own > kUseless) {
     facts.push_back(
         fmt::format("replayed for {:g} s, the model ends {:.2f} times as far from the log as if nothing had "
-                    "moved: compare units, signs and columns before a design",
+                    "moved: units, signs or columns are wrong, or parameters far off; look before a design",
                     kWindow_s, std::sqrt(*own)));
   }
 }

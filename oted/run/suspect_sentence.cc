@@ -43,7 +43,12 @@ std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Vali
     const auto c = static_cast<size_t>(*most);
     const std::string unit = channels[c].unit.empty() ? "" : " " + channels[c].unit;
     text += fmt::format(", {} {:.2g} to {:.2g}{}", channels[c].name, trial.before[c], trial.after[c], unit);
-    if (channels[c].floor > 0) text += fmt::format(" (sensors alone: {:.2g})", channels[c].floor);
+    // The floor was found without it: what is left with it shows that sensors alone leave no more.
+    if (channels[c].floor > trial.after[c]) {
+      text += " (sensors alone: no more)";
+    } else if (channels[c].floor > 0) {
+      text += fmt::format(" (sensors alone: {:.2g})", channels[c].floor);
+    }
   }
   return text;
 }
