@@ -401,13 +401,22 @@ class InitTest(ProgramTest):
         self.assertIn("turn round the sign of joint/elbow_joint/qvel", text)
         self.assertNotIn("actuator/elbow turned round", text)
 
-    def test_velocities_that_show_late_are_told(self):
+    def test_velocities_that_show_late_need_no_look_and_the_check_tells_them(self):
+        """The default method finds velocities from positions."""
         rows = swing(1)
         rows[2:, 3] = rows[:-2, 3].copy()  # the shoulder's, by two rows
         text, _ = self.init(self.csv(rows))
-        self.assertRegex(text, r"later than their positions move: joint/shoulder_joint/qvel by (1\.75|2|2\.25) rows")
+        late = r"later than their positions move: joint/shoulder_joint/qvel by (1\.75|2|2\.25) rows"
+        self.assertNotRegex(text, late)
+        self.assertRegex(self.succeed("data", "check", self.task).stdout.replace("\n            ", " "), late)
+
+    def test_a_velocity_that_is_not_zero_at_rest_is_told(self):
+        rows = swing(1)
+        rows[:, 3] += 0.3
+        text, _ = self.init(self.csv(rows))
+        self.assertRegex(text, r"joint/shoulder_joint/qvel is 0\.(29|3|31) more than joint/shoulder_joint/qpos moves")
         self.task.unlink()
-        self.assertNotIn("later than their positions", self.init(self.csv(swing(2)))[0])
+        self.assertNotIn("velocity_zero", self.init(self.csv(swing(2)))[0])
 
     def test_an_action_of_the_other_sign_is_told(self):
         rows = swing(1)
