@@ -61,6 +61,7 @@ def main():
     parser.add_argument("--oted", default=ROOT / "build/release/oted", type=pathlib.Path)
     parser.add_argument("--repeats", default=3, type=int)
     parser.add_argument("--tasks", nargs="+", default=["hopper", "halfcheetah"], choices=list(TASKS))
+    parser.add_argument("--methods", nargs="+", help="some of those that are compared [all]")
     parser.add_argument("--table", action="store_true", help="print what is there and run nothing")
     arguments = parser.parse_args()
     oted = arguments.oted.resolve()
@@ -68,11 +69,11 @@ def main():
         f"sysid-{way}": lambda task, way=way: sysid(task, way, oted) for way in rival_sysid.WAYS}
     for repeat in range(0 if arguments.table else arguments.repeats):
         for task in arguments.tasks:
-            for name, run in methods.items():
+            for name in arguments.methods or methods:
                 cell = f"{task}-{name}-{repeat + 1}"
                 if cell not in records(STUDY):
                     add_record(STUDY, cell, {"task": task, "method": name, "repeat": repeat + 1, "processors": os.cpu_count(),
-                                             **run(task), "commit": commit()})
+                                             **methods[name](task), "commit": commit()})
     print("| task | method | seconds, each repeat | processor seconds | mean error | times oted's seconds |\n|---|---|---|---|---|---|")
     for task in TASKS:
         for name in methods:
