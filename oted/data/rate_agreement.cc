@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "oted/base/angle.h"
 #include "oted/data/channel_series.h"
 
 namespace oted {
