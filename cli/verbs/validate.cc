@@ -33,6 +33,7 @@ void PrintHorizons(const ValidationResult& result, const std::string& model) {
   Print("{}", NotesOf(result.validation.horizons.front()));
   if (result.validation.longest) Print("\n{}\n", LongestInWords(result.validation));
   Print("\n{}\n", result.sentence);
+  if (!result.of_model.empty()) Print("{}\n", result.of_model);
 }
 
 }  // namespace

@@ -298,6 +298,13 @@ class CandidateList {
       for (const std::string& name : spec_.action_names) motors.push_back(name.substr(name.find('/') + 1));
     }
     PerDrive("servo_stiffness", servos, "kp");
+    // No log tells it from the joints' own damping, which is a candidate.
+    if (std::ranges::any_of(servos, [&](const auto& servo) { return HasSome(fmt::format("actuator/{}/kv", servo)); })) {
+      left_out_.emplace_back(
+          "damping of servos (actuator/*/kv): it acts as the damping of what they drive does; it stays as in the "
+          "model; "
+          "or free it in the place of that damping");
+    }
     PerDrive("servo_gain", speed_servos, "kv");
     if (all_motors || motors.size() <= kFewJoints) PerDrive("gain", motors, "gainprm[0]");
     if (model_.has_activations) AddMultiple("drive_lag", "actuator/*/dynprm[0]");

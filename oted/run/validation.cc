@@ -21,6 +21,7 @@
 #include "oted/run/run_inputs.h"
 #include "oted/run/sensor_noise_of.h"
 #include "oted/run/verify.h"
+#include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/prediction_evidence.h"
 #include "oted/stages/design/replay/replay_fit.h"
 
@@ -93,6 +94,27 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
          ButElsewhere(result.validation) + ButAGuess(result.validation);
 }
 
+/// In how many channels another model's errors are smaller than those of the two simulators: counts, as its windows
+/// were not compared with theirs one by one.
+std::string SentenceOfModel(const std::string& model, const ValidationResult& result) {
+  const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
+  const auto same =
+      std::ranges::find(result.model->horizons, shown.n_steps, &DesignRecord::Validation::Horizon::n_steps);
+  if (same == result.model->horizons.end()) return "";
+  int n_judged = 0, than_nominal = 0, than_designed = 0;
+  for (size_t c = 0; c < shown.channels.size(); ++c) {
+    if (!shown.channels[c].judged) continue;
+    ++n_judged;
+    than_nominal += same->channels[c].designed < shown.channels[c].nominal;
+    than_designed += same->channels[c].designed < shown.channels[c].designed;
+  }
+  return fmt::format(
+      "{}: over {} its error is smaller than the nominal simulator's in {} of {} channels, and smaller than the "
+      "designed "
+      "one's in {}",
+      std::filesystem::path(model).filename().string(), InWords(shown), than_nominal, n_judged, than_designed);
+}
+
 /// @throws UsageError where none is named, or a task file among others
 void TakeData(const std::vector<std::string>& files, DataConfig& data) {
   if (files.empty()) throw UsageError("no recordings are named; add --data FILE");
@@ -139,12 +161,14 @@ std::vector<std::string> Doubts(const Dataset& logs, const SimulatorSpec& spec,
   return doubts;
 }
 
-/// The simulator of another model of the same robot.
+/// The simulator of another model of the same robot, as it is. Delays and sensors stay parameters, so that its windows
+/// are those of the task's own model.
 /// @throws UsageError where its channels are not those of the task's model, by name and in order
-std::unique_ptr<SimulatorFactory> OtherModel(TaskConfig task, const std::string& model, const SimulatorSpec& spec,
+std::unique_ptr<SimulatorFactory> OtherModel(RunConfig config, const std::string& model, const SimulatorSpec& spec,
                                              const Dataset& logs) {
-  task.model.model = model;
-  auto factory = MakeSimulatorFactory(task, {}, logs.EpisodeStarts());
+  config.task.model.model = model;
+  std::erase_if(config.parameters, [](const ParameterSpec& parameter) { return !IsChannelPath(parameter.field); });
+  auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());
   const SimulatorSpec& of_model = factory->spec();
   if (!of_model.can_replay()) {
     throw UsageError(
@@ -184,7 +208,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   const Dataset logs = ReadEpisodes(config.data, SpecOf(config.task));
   const auto factory = MakeSimulatorFactory(config.task, config.parameters, logs.EpisodeStarts());
   const SimulatorSpec& spec = factory->spec();
-  const auto other = request.model.empty() ? nullptr : OtherModel(config.task, request.model, spec, logs);
+  const auto other = request.model.empty() ? nullptr : OtherModel(config, request.model, spec, logs);
   logs.CheckFits(spec.task, spec.obs_dim(), spec.act_dim);
   if (!spec.can_replay()) {
     throw UsageError(
@@ -196,6 +220,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   const HeldOutPrediction prediction = Predict(*factory, logs, design.record.BestMode(), noise, left_out, context);
   ValidationResult result{.validation = InRecord(prediction, spec),
                           .model = std::nullopt,
+                          .of_model = {},
                           .predicts_better = PredictsBetter(prediction),
                           .reaches_floor = ReachesFloor(prediction),
                           .sentence = {},
@@ -211,7 +236,8 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   result.sentence = Sentences(std::move(result.sentence));
   if (other == nullptr) return result;
   context.ThrowIfStopped();
-  result.model = InRecord(Predict(*other, logs, {}, noise, left_out, context), spec);
+  result.model = InRecord(Predict(*other, logs, other->parameters().Nominal(), noise, left_out, context), spec);
+  result.of_model = SentenceOfModel(request.model, result);
   return result;
 }
 
@@ -228,7 +254,9 @@ nlohmann::json ValidationResult::ToJson(const ValidationRequest& request) const 
       {"predicts_better", predicts_better},
       {"reaches_floor", reaches_floor},
       {"validation", ValidationToJson(validation)}};
-  if (model) record["model"] = {{"path", request.model}, {"validation", ValidationToJson(*model)}};
+  if (model) {
+    record["model"] = {{"path", request.model}, {"sentence", of_model}, {"validation", ValidationToJson(*model)}};
+  }
   return record;
 }
 

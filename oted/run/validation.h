@@ -23,6 +23,7 @@ struct ValidationResult {
   /// design.json's, on these recordings: the nominal simulator, the designed one (the best seed's mode) and the floor.
   DesignRecord::Validation validation;
   std::optional<DesignRecord::Validation> model;  ///< `designed` is the other model's
+  std::string of_model;                           ///< how it compares with both, in a sentence; empty without it
   bool predicts_better = false;                   ///< the design, than the nominal simulator, beyond chance
   bool reaches_floor = false;                     ///< what it leaves, the sensors explain
   std::string sentence;

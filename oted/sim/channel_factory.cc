@@ -19,9 +19,8 @@ void CheckDisjoint(const ParameterSpace& space, const std::vector<ChannelSetup::
       const ChannelField &a = channels[k].field, &b = channels[i].field;
       if (a.quantity != b.quantity) continue;
       std::vector<int> common;
-      std::set_intersection(a.observations.begin(), a.observations.end(), b.observations.begin(), b.observations.end(),
-                            std::back_inserter(common));
-      if (common.empty() && a.quantity != ChannelQuantity::kActionDelay) continue;
+      std::ranges::set_intersection(a.channels, b.channels, std::back_inserter(common));
+      if (common.empty()) continue;
       throw UsageError(fmt::format("parameters '{}' ({}) and '{}' ({}) set the same channel; narrow one of the paths",
                                    space[channels[k].index].name, space[channels[k].index].field,
                                    space[channels[i].index].name, space[channels[i].index].field));
@@ -74,14 +73,16 @@ ChannelSimulatorFactory::ChannelSimulatorFactory(std::vector<ParameterSpec> spec
     if (!IsChannelPath(specs[i].field)) continue;
     const ChannelField field = ResolveChannelParameter(setup->spec, specs[i]);
     const int steps = static_cast<int>(std::ceil(specs[i].high));
-    if (field.quantity == ChannelQuantity::kActionDelay) setup->longest_action_delay = steps;
+    if (field.quantity == ChannelQuantity::kActionDelay) {
+      setup->longest_action_delay = std::max(setup->longest_action_delay, steps);
+    }
     if (field.quantity == ChannelQuantity::kObservationDelay) {
       setup->longest_observation_delay = std::max(setup->longest_observation_delay, steps);
       setup->spec.reading_ages.resize(static_cast<size_t>(setup->spec.obs_dim()));
-      for (const int j : field.observations) setup->spec.reading_ages[static_cast<size_t>(j)] = steps;
+      for (const int j : field.channels) setup->spec.reading_ages[static_cast<size_t>(j)] = steps;
     }
     if (field.quantity == ChannelQuantity::kNoiseStd) {
-      for (const int j : field.observations) setup->is_noisy[static_cast<size_t>(j)] = true;
+      for (const int j : field.channels) setup->is_noisy[static_cast<size_t>(j)] = true;
     }
     setup->channels.push_back({static_cast<int>(i), field});
   }
@@ -111,7 +112,7 @@ std::vector<ParameterSpec> ChannelSimulatorFactory::Suspects() const {
 }
 
 std::vector<ParameterSpec> ChannelSimulatorFactory::PartsOf(const ParameterSpec& suspect) const {
-  return plant_->PartsOf(suspect);
+  return IsChannelPath(suspect.field) ? PartsOfChannelSuspect(plant_->spec(), suspect) : plant_->PartsOf(suspect);
 }
 
 std::unique_ptr<SimulatorFactory> ChannelSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {
@@ -137,12 +138,16 @@ std::optional<std::vector<std::string>> ChannelSimulatorFactory::NotInMjcf() con
 }
 
 std::string ChannelSimulatorFactory::Mjcf(std::span<const double> z, const std::string& comment,
-                                          double action_delay_s) const {
+                                          std::span<const double> action_delays_s) const {
+  std::vector<double> delays(static_cast<size_t>(spec().act_dim), 0.0);
+  std::ranges::copy(action_delays_s, delays.begin());
   for (const auto& [index, field] : setup_->channels) {
     if (field.quantity != ChannelQuantity::kActionDelay || !mjcf_delays_actions()) continue;
-    action_delay_s += z[static_cast<size_t>(index)] * spec().control_period_s;
+    for (const int k : field.channels) {
+      delays[static_cast<size_t>(k)] += z[static_cast<size_t>(index)] * spec().control_period_s;
+    }
   }
-  return plant_->Mjcf(setup_->PlantParameters(z), comment, action_delay_s);
+  return plant_->Mjcf(setup_->PlantParameters(z), comment, delays);
 }
 
 std::unique_ptr<SimulatorFactory> WithChannels(const std::vector<ParameterSpec>& specs,

@@ -35,7 +35,8 @@ class ChannelSimulatorFactory : public SimulatorFactory {
   std::unique_ptr<SimulatorFactory> With(const std::vector<ParameterSpec>& more) const override;
   std::optional<std::vector<std::string>> NotInMjcf() const override;
   bool mjcf_delays_actions() const override { return plant_->mjcf_delays_actions(); }
-  std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const override;
+  std::string Mjcf(std::span<const double> z, const std::string& comment,
+                   std::span<const double> action_delays_s = {}) const override;
 
  protected:
   const std::shared_ptr<const ChannelSetup>& setup() const { return setup_; }

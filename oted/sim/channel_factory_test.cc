@@ -91,18 +91,24 @@ TEST(WithChannels, DelaysTellHowManyPastActionsMatter) {
   EXPECT_EQ(Make({Channel("d", "action/delay", 0, 2.5), Channel("l", "obs/x/delay", 0, 2)})->spec().n_past_actions, 5);
 }
 
-TEST(ResolveChannel, ANameAGlobAndANumberPickObservations) {
-  const SimulatorSpec spec = PointMass::MakeSpec({});
-  EXPECT_THAT(ResolveChannel(spec, "obs/*/noise_std").observations, ElementsAre(0, 1));
-  EXPECT_THAT(ResolveChannel(spec, "obs/v/bias").observations, ElementsAre(1));
-  EXPECT_THAT(ResolveChannel(spec, "obs/#1/delay").observations, ElementsAre(1));
-  EXPECT_THAT(ResolveChannel(spec, "obs/0/delay").observations, ElementsAre(0));
+TEST(ResolveChannel, ANameAGlobAndANumberPickActionsAndObservations) {
+  SimulatorSpec spec = PointMass::MakeSpec({});
+  EXPECT_THAT(ResolveChannel(spec, "obs/*/noise_std").channels, ElementsAre(0, 1));
+  EXPECT_THAT(ResolveChannel(spec, "obs/v/bias").channels, ElementsAre(1));
+  EXPECT_THAT(ResolveChannel(spec, "obs/#1/delay").channels, ElementsAre(1));
+  EXPECT_THAT(ResolveChannel(spec, "obs/0/delay").channels, ElementsAre(0));
+  spec.act_dim = 3;
+  spec.action_names = {"actuator/hip", "actuator/knee", "actuator/ankle"};
+  EXPECT_THAT(ResolveChannel(spec, "action/delay").channels, ElementsAre(0, 1, 2));
+  EXPECT_THAT(ResolveChannel(spec, "action/actuator/knee/delay").channels, ElementsAre(1));
+  EXPECT_THAT(ResolveChannel(spec, "action/*k*/delay").channels, ElementsAre(1, 2));
+  EXPECT_THAT(ResolveChannel(spec, "action/#2/delay").channels, ElementsAre(2));
 }
 
 TEST(ResolveChannel, AnObservationsNameMayHaveSlashes) {
   SimulatorSpec spec = PointMass::MakeSpec({});
   spec.observation_names = {"arm/x", "arm/v"};
-  EXPECT_THAT(ResolveChannel(spec, "obs/arm/v/bias").observations, ElementsAre(1));
+  EXPECT_THAT(ResolveChannel(spec, "obs/arm/v/bias").channels, ElementsAre(1));
 }
 
 TEST(ResolveChannel, APathThatMatchesNothingNamesWhatThereIs) {
@@ -111,7 +117,8 @@ TEST(ResolveChannel, APathThatMatchesNothingNamesWhatThereIs) {
   EXPECT_THAT(make("obs/2/bias"), ThrowsMessage<UsageError>(HasSubstr("x, v")));
   EXPECT_THAT(make("obs/x/bais"), ThrowsMessage<UsageError>(HasSubstr("did you mean 'bias'?")));
   EXPECT_THAT(make("obs/bias"), ThrowsMessage<UsageError>(HasSubstr("obs/NAME/bias")));
-  EXPECT_THAT(make("action/noise"), ThrowsMessage<UsageError>(HasSubstr("action/delay")));
+  EXPECT_THAT(make("action/noise"), ThrowsMessage<UsageError>(HasSubstr("action/NAME/delay")));
+  EXPECT_THAT(make("action/knee/delay"), ThrowsMessage<UsageError>(HasSubstr("no action matches 'knee'")));
 }
 
 TEST(ResolveChannel, MultiplesOfTheNominalValueAndRangesThatMissItAreErrors) {
@@ -135,7 +142,7 @@ TEST(ResolveChannel, TwoParametersOnOneChannelAreAnError) {
       ThrowsMessage<UsageError>(AllOf(HasSubstr("'a'"), HasSubstr("'b'"), HasSubstr("same channel"))));
   EXPECT_THAT(
       [] {
-        Make({Channel("a", "action/delay"), Channel("b", "action/delay")});
+        Make({Channel("a", "action/delay"), Channel("b", "action/0/delay")});
       },
       ThrowsMessage<UsageError>(HasSubstr("same channel")));
   EXPECT_NO_THROW(Make({Channel("a", "obs/x/bias"), Channel("b", "obs/v/bias"), Channel("c", "obs/x/delay")}));

@@ -19,10 +19,11 @@ struct Quantity {
   const char* meaning;
 };
 
+constexpr const char* kDelayWord = "delay";
 constexpr Quantity kObservationQuantities[] = {
     {"noise_std", ChannelQuantity::kNoiseStd, "standard deviation of white noise on the sensor's reading"},
     {"bias", ChannelQuantity::kBias, "constant offset of the sensor's reading"},
-    {"delay", ChannelQuantity::kObservationDelay, "age of the sensor's reading"},
+    {kDelayWord, ChannelQuantity::kObservationDelay, "age of the sensor's reading"},
 };
 constexpr const char* kActionDelayMeaning = "time from a command to its effect";
 constexpr const char* kSteps = "control steps";
@@ -39,26 +40,42 @@ std::string CommonUnit(const SimulatorSpec& spec, const std::vector<int>& observ
 
 std::string UnitOf(const SimulatorSpec& spec, const ChannelField& field) {
   const bool reading = field.quantity == ChannelQuantity::kNoiseStd || field.quantity == ChannelQuantity::kBias;
-  return reading ? CommonUnit(spec, field.observations) : kSteps;
+  return reading ? CommonUnit(spec, field.channels) : kSteps;
 }
 
-std::string NameOf(const SimulatorSpec& spec, int observation) {
-  const size_t j = static_cast<size_t>(observation);
-  return spec.observation_names.empty() ? fmt::format("#{}", observation) : spec.observation_names[j];
+/// One per number, "#k" where there is none.
+std::vector<std::string> AllNames(std::vector<std::string> names, int n) {
+  for (int k = static_cast<int>(names.size()); k < n; ++k) names.push_back(fmt::format("#{}", k));
+  return names;
 }
 
-std::vector<int> MatchObservations(const SimulatorSpec& spec, std::string_view pattern, const std::string& path) {
+std::vector<std::string> ObservationNames(const SimulatorSpec& spec) {
+  return AllNames(spec.observation_names, spec.obs_dim());
+}
+
+std::vector<std::string> ActionNames(const SimulatorSpec& spec) { return AllNames(spec.action_names, spec.act_dim); }
+
+/// @param kind  what the names are of
+std::vector<int> Match(const std::vector<std::string>& names, std::string_view pattern, const char* kind,
+                       const std::string& path) {
   std::vector<int> by_name, by_number;
-  std::vector<std::string> names;
-  for (int j = 0; j < spec.obs_dim(); ++j) {
-    names.push_back(NameOf(spec, j));
-    if (MatchesGlob(pattern, names.back())) by_name.push_back(j);
-    if (pattern == std::to_string(j) || pattern == fmt::format("#{}", j)) by_number.push_back(j);
+  for (int k = 0; k < static_cast<int>(names.size()); ++k) {
+    if (MatchesGlob(pattern, names[static_cast<size_t>(k)])) by_name.push_back(k);
+    if (pattern == std::to_string(k) || pattern == fmt::format("#{}", k)) by_number.push_back(k);
   }
   if (!by_name.empty()) return by_name;
   if (!by_number.empty()) return by_number;
-  throw UsageError(fmt::format("parameter path '{}': no observation matches '{}'{}; there are {}", path, pattern,
+  throw UsageError(fmt::format("parameter path '{}': no {} matches '{}'{}; there are {}", path, kind, pattern,
                                DidYouMean(pattern, names), fmt::join(names, ", ")));
+}
+
+/// @param first, last  of the path's slashes
+ChannelField ResolveAction(const SimulatorSpec& spec, const std::string& path, size_t first, size_t last) {
+  if (first == std::string::npos || path.substr(last + 1) != kDelayWord) {
+    throw UsageError(fmt::format("parameter path '{}': of actions there are action/delay and action/NAME/delay", path));
+  }
+  const std::string name = first == last ? "*" : path.substr(first + 1, last - first - 1);
+  return {ChannelQuantity::kActionDelay, Match(ActionNames(spec), name, "action", path)};
 }
 
 }  // namespace
@@ -73,10 +90,7 @@ bool IsChannelPath(const std::string& path) {
 
 ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path) {
   const size_t first = path.find('/'), last = path.rfind('/');
-  if (path == "action/delay") return {ChannelQuantity::kActionDelay, {}};
-  if (path.starts_with("action")) {
-    throw UsageError(fmt::format("parameter path '{}': of actions there is action/delay alone", path));
-  }
+  if (path.starts_with("action")) return ResolveAction(spec, path, first, last);
   if (first == std::string::npos || first == last) {
     throw UsageError(fmt::format(
         "parameter path '{}': wanted obs/NAME/noise_std, obs/NAME/bias or obs/NAME/delay, with * for every observation",
@@ -86,7 +100,8 @@ ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path) 
   for (const Quantity& q : kObservationQuantities) {
     words.emplace_back(q.word);
     if (path.substr(last + 1) != q.word) continue;
-    return {q.quantity, MatchObservations(spec, std::string_view(path).substr(first + 1, last - first - 1), path)};
+    const std::string_view name = std::string_view(path).substr(first + 1, last - first - 1);
+    return {q.quantity, Match(ObservationNames(spec), name, "observation", path)};
   }
   throw UsageError(fmt::format("parameter path '{}': an observation has no '{}'{}; it has {}", path,
                                path.substr(last + 1), DidYouMean(path.substr(last + 1), words),
@@ -126,22 +141,28 @@ PathInfo DescribeChannel(const SimulatorSpec& spec, const std::string& path) {
   PathInfo info;
   info.unit = UnitOf(spec, field);
   if (field.quantity == ChannelQuantity::kActionDelay) {
-    info.places = {{path, 0.0}};
+    const std::vector<std::string> names = ActionNames(spec);
+    for (const int k : field.channels) {
+      info.places.push_back({fmt::format("action/{}/{}", names[static_cast<size_t>(k)], kDelayWord), 0.0});
+    }
     info.meaning = kActionDelayMeaning;
     return info;
   }
+  const std::vector<std::string> names = ObservationNames(spec);
   for (const Quantity& q : kObservationQuantities) {
     if (q.quantity != field.quantity) continue;
     info.meaning = q.meaning;
-    for (const int j : field.observations) {
-      info.places.push_back({fmt::format("obs/{}/{}", NameOf(spec, j), q.word), 0.0});
+    for (const int j : field.channels) {
+      info.places.push_back({fmt::format("obs/{}/{}", names[static_cast<size_t>(j)], q.word), 0.0});
     }
   }
   return info;
 }
 
 std::vector<ParameterOffer> ChannelOffers(const SimulatorSpec& spec) {
-  std::vector<ParameterOffer> offers = {{"action", "action/delay", kSteps, kActionDelayMeaning, {{"action/delay", 0}}}};
+  const PathInfo delay = DescribeChannel(spec, "action/delay");
+  std::vector<ParameterOffer> offers = {{"action", "action/delay", delay.unit, delay.meaning, {{"action/delay", 0}}}};
+  if (spec.act_dim > 1) offers.push_back({"action", "action/NAME/delay", delay.unit, delay.meaning, delay.places});
   for (const Quantity& q : kObservationQuantities) {
     const PathInfo info = DescribeChannel(spec, fmt::format("obs/*/{}", q.word));
     offers.push_back({"obs", fmt::format("obs/NAME/{}", q.word), info.unit, info.meaning, info.places});

@@ -1,6 +1,7 @@
 #pragma once
-/// Paths of parameters between controller and plant: "action/delay", "obs/NAME/noise_std", "obs/NAME/bias",
-/// "obs/NAME/delay". NAME is an observation's name, with * and ?, or its number ("#3", or "3").
+/// Paths of parameters between controller and plant: "action/delay" of all actions, "action/NAME/delay",
+/// "obs/NAME/noise_std", "obs/NAME/bias", "obs/NAME/delay". NAME is an action's or observation's name, with * and ?, or
+/// its number ("#3", or "3").
 
 #include <string>
 #include <vector>
@@ -19,7 +20,7 @@ enum class ChannelQuantity {
 /// What one path stands for.
 struct ChannelField {
   ChannelQuantity quantity = ChannelQuantity::kActionDelay;
-  std::vector<int> observations;  ///< indices, ascending; empty for the action delay
+  std::vector<int> channels;  ///< indices of actions for a delay of actions, else of observations; ascending
 };
 
 /// Whether the path's first word is "action" or "obs".

@@ -19,6 +19,7 @@ constexpr double kLongestOfPositions = 0.05;      // [s]: the same of a camera
 constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's zero
 constexpr double kFarthestRate = 1.0;             // [rad/s], [m/s]: the same of a gyroscope
 constexpr size_t kMostLatePositions = 16;         // whose lags are suspected one by one
+constexpr size_t kMostLateActions = 16;           // whose delays are
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
 
 ParameterSpec Spec(const std::string& name, const std::string& path, double low, double high) {
@@ -61,11 +62,10 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
     return std::ranges::any_of(taken, [&](const ChannelField& other) {
       const bool delays = field.quantity == ChannelQuantity::kActionDelay &&
                           other.quantity == ChannelQuantity::kObservationDelay &&
-                          static_cast<int>(other.observations.size()) == spec.obs_dim();
+                          static_cast<int>(other.channels.size()) == spec.obs_dim();
       if (other.quantity != field.quantity) return delays;
-      return field.quantity == ChannelQuantity::kActionDelay || std::ranges::any_of(field.observations, [&](int j) {
-               return std::ranges::find(other.observations, j) != other.observations.end();
-             });
+      return std::ranges::any_of(field.channels,
+                                 [&](int j) { return std::ranges::find(other.channels, j) != other.channels.end(); });
     });
   };
   std::vector<ParameterSpec> suspects;
@@ -78,6 +78,20 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
     suspects.push_back(candidate);
   }
   return suspects;
+}
+
+std::vector<ParameterSpec> PartsOfChannelSuspect(const SimulatorSpec& spec, const ParameterSpec& suspect) {
+  const ChannelField field = ResolveChannel(spec, suspect.field);
+  const size_t n = field.channels.size();
+  if (field.quantity != ChannelQuantity::kActionDelay || n < 2 || n > kMostLateActions) return {};
+  std::vector<ParameterSpec> parts;
+  for (const ParameterPlace& place : DescribeChannel(spec, suspect.field).places) {
+    const size_t first = place.path.find('/') + 1, last = place.path.rfind('/');
+    ParameterSpec part = Spec(place.path.substr(first, last - first) + "_delay", place.path, suspect.low, suspect.high);
+    ResolveChannelParameter(spec, part);
+    parts.push_back(part);
+  }
+  return parts;
 }
 
 }  // namespace oted

@@ -12,4 +12,7 @@ namespace oted {
 /// no log tells apart. None where observations are images or actions are no quantities.
 std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const ParameterSpace& searched);
 
+/// One of them for each action alone, where it is a delay of several.
+std::vector<ParameterSpec> PartsOfChannelSuspect(const SimulatorSpec& spec, const ParameterSpec& suspect);
+
 }  // namespace oted

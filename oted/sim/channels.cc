@@ -67,6 +67,7 @@ ChannelSimulator::ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, st
   }
   lanes_.resize(static_cast<size_t>(n_lanes()));
   for (Lane& lane : lanes_) {
+    lane.action_delay.assign(neutral_.size(), 0.0);
     lane.noise_std.assign(obs_dim, 0.0);
     lane.bias = lane.delay = lane.shown = lane.noise_std;
     lane.actions.Resize(setup_->longest_action_delay + 1, spec.act_dim);
@@ -74,7 +75,7 @@ ChannelSimulator::ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, st
   }
   actions_.resize(lanes_.size() * neutral_.size());
   before_.resize(actions_.size());
-  late_share_.resize(lanes_.size());
+  late_share_.resize(actions_.size());
 }
 
 void ChannelSimulator::SetParameters(int lane, std::span<const double> z) {
@@ -83,9 +84,9 @@ void ChannelSimulator::SetParameters(int lane, std::span<const double> z) {
   Lane& l = At(lane);
   for (const auto& [index, field] : setup_->channels) {
     const double value = z[static_cast<size_t>(index)];
-    if (field.quantity == ChannelQuantity::kActionDelay) l.action_delay = value;
-    for (const int observation : field.observations) {
-      const size_t j = static_cast<size_t>(observation);
+    for (const int channel : field.channels) {
+      const size_t j = static_cast<size_t>(channel);
+      if (field.quantity == ChannelQuantity::kActionDelay) l.action_delay[j] = value;
       if (field.quantity == ChannelQuantity::kNoiseStd) l.noise_std[j] = value;
       if (field.quantity == ChannelQuantity::kBias) l.bias[j] = value;
       if (field.quantity == ChannelQuantity::kObservationDelay) l.delay[j] = value;
@@ -163,14 +164,15 @@ LoggedHistory ChannelSimulator::OfPlant(const Lane& lane, const LoggedHistory& b
   const size_t act_dim = neutral_.size(), n = static_cast<size_t>(end);
   const LoggedHistory given = {before.observations.first(n * static_cast<size_t>(spec().obs_dim())),
                                before.actions.first(n * act_dim), before.constants};
-  if (lane.action_delay == 0 || setup_->spec.n_discrete_actions > 0) return given;
-  const Age age(lane.action_delay);
+  const bool prompt = std::ranges::all_of(lane.action_delay, [](double delay) { return delay == 0; });
+  if (prompt || setup_->spec.n_discrete_actions > 0) return given;
   const auto was_given = [&](int row, size_t k) {
     return row < 0 ? neutral_[k] : given.actions[static_cast<size_t>(row) * act_dim + k];
   };
   late_history_.resize(given.actions.size());
   for (int row = 0; row < end; ++row) {
     for (size_t k = 0; k < act_dim; ++k) {
+      const Age age(lane.action_delay[k]);
       late_history_[static_cast<size_t>(row) * act_dim + k] =
           spec().MeanAction(k, was_given(row - age.whole - 1, k), was_given(row - age.whole, k), age.fraction);
     }
@@ -225,15 +227,21 @@ void ChannelSimulator::PushAction(int lane, std::span<const double> action) {
   Lane& l = At(lane);
   l.actions.Push(action);
   const bool discrete = setup_->spec.n_discrete_actions > 0;
-  const Age age(discrete ? std::round(l.action_delay) : l.action_delay);
-  const auto first = static_cast<ptrdiff_t>(lane) * std::ssize(neutral_);
-  std::ranges::copy(l.actions.Back(age.whole), actions_.begin() + first);
-  if (age.fraction > 0) std::ranges::copy(l.actions.Back(age.whole + 1), before_.begin() + first);
-  late_share_[static_cast<size_t>(lane)] = age.fraction;
+  for (size_t k = 0; k < neutral_.size(); ++k) {
+    const Age age(discrete ? std::round(l.action_delay[k]) : l.action_delay[k]);
+    const size_t i = static_cast<size_t>(lane) * neutral_.size() + k;
+    actions_[i] = l.actions.Back(age.whole)[k];
+    if (age.fraction > 0) before_[i] = l.actions.Back(age.whole + 1)[k];
+    late_share_[i] = age.fraction;
+  }
 }
 
 void ChannelSimulator::StepPlant(std::span<const int> lanes) {
-  const auto is_late = [&](int lane) { return late_share_[static_cast<size_t>(lane)] > 0; };
+  const size_t act_dim = neutral_.size();
+  const auto is_late = [&](int lane) {
+    const auto shares = std::span<const double>(late_share_).subspan(static_cast<size_t>(lane) * act_dim, act_dim);
+    return std::ranges::any_of(shares, [](double share) { return share > 0; });
+  };
   if (std::ranges::any_of(lanes, is_late)) {
     inside().StepLate(lanes, actions_, {.before = before_, .share = late_share_});
   } else {

@@ -2,7 +2,7 @@
 /// What lies between controller and plant, around any simulator: an action delay, and sensors with noise, bias and
 /// delay. Each is a parameter of z with the nominal value 0 (oted/sim/channel_path.h has the paths).
 ///
-/// Action delay d = n + f control steps, 0 <= f < 1, under a zero-order hold: within control period k the actuators see
+/// Action delay d = n + f control steps, 0 <= f < 1, under a zero-order hold: within control period k an actuator sees
 /// a[k-n-1] for the first f of it and a[k-n] for the rest (Simulator::StepLate). A plant with several time steps in a
 /// control period switches between two of them; in the one that f falls into, it is given the mean of the two actions
 /// over it, each within the action bounds, so that what it shows is continuous in d. Whole numbers are exact. A
@@ -88,7 +88,7 @@ class ChannelSimulator : public WrappedSimulator {
     std::vector<double> values_;
   };
   struct Lane {
-    double action_delay = 0;
+    std::vector<double> action_delay;            // (act_dim)
     std::vector<double> noise_std, bias, delay;  // (obs_dim)
     Memory actions, observations;
     Rng noise{0};
@@ -115,7 +115,7 @@ class ChannelSimulator : public WrappedSimulator {
   std::vector<double> neutral_;  // (act_dim)
   std::vector<Lane> lanes_;
   std::vector<double> actions_, before_;  // (n_lanes, act_dim), what reaches the plant: late, and until then
-  std::vector<double> late_share_;        // (n_lanes): of the control period
+  std::vector<double> late_share_;        // likewise, of the control period
   std::vector<double> late_history_;      // OfPlant's
 };
 

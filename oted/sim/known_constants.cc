@@ -156,8 +156,8 @@ std::optional<std::vector<std::string>> ConstantsSimulatorFactory::NotInMjcf() c
 }
 
 std::string ConstantsSimulatorFactory::Mjcf(std::span<const double> z, const std::string& comment,
-                                            double action_delay_s) const {
-  return inside_->Mjcf(setup_->Join(z, {}), comment, action_delay_s);
+                                            std::span<const double> action_delays_s) const {
+  return inside_->Mjcf(setup_->Join(z, {}), comment, action_delays_s);
 }
 
 std::unique_ptr<SimulatorFactory> WithConstants(const std::vector<ParameterSpec>& parameters,

@@ -75,7 +75,8 @@ class ConstantsSimulatorFactory : public SimulatorFactory {
   std::optional<std::vector<std::string>> NotInMjcf() const override;
   bool mjcf_delays_actions() const override { return inside_->mjcf_delays_actions(); }
   /// With the constants' nominal values.
-  std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const override;
+  std::string Mjcf(std::span<const double> z, const std::string& comment,
+                   std::span<const double> action_delays_s = {}) const override;
 
  private:
   std::vector<ParameterSpec> constants_;

@@ -34,11 +34,9 @@ void Simulator::StepLate(std::span<const int> lanes, std::span<const double> act
   const size_t act_dim = static_cast<size_t>(spec().act_dim);
   std::vector<double> mean(actions.begin(), actions.end());
   for (const int lane : lanes) {
-    const double share = late.share[static_cast<size_t>(lane)];
-    if (share == 0) continue;
     for (size_t k = 0; k < act_dim; ++k) {
       const size_t i = static_cast<size_t>(lane) * act_dim + k;
-      mean[i] = spec().MeanAction(k, late.before[i], actions[i], share);
+      if (late.share[i] != 0) mean[i] = spec().MeanAction(k, late.before[i], actions[i], late.share[i]);
     }
   }
   Step(lanes, mean);
@@ -60,7 +58,7 @@ std::unique_ptr<Renderer> SimulatorFactory::MakeRenderer(int, int, std::string* 
   return nullptr;
 }
 
-std::string SimulatorFactory::Mjcf(std::span<const double>, const std::string&, double) const {
+std::string SimulatorFactory::Mjcf(std::span<const double>, const std::string&, std::span<const double>) const {
   throw UsageError(fmt::format("task '{}' is no MuJoCo model and has no MJCF; write its q(z) with --q", spec().task));
 }
 

@@ -95,7 +95,7 @@ struct LoggedHistory {
 /// What lanes are held at until their present action arrives. Rows of lanes that are not stepped are not read.
 struct LateActions {
   std::span<const double> before;  ///< (n_lanes, act_dim)
-  std::span<const double> share;   ///< (n_lanes): of the control period, 0 <= share < 1
+  std::span<const double> share;   ///< (n_lanes, act_dim): of the control period, 0 <= share < 1
 };
 
 /// A policy that a task brings along. It acts on a lane's true state, which no observation need show.
@@ -157,9 +157,9 @@ class Simulator {
   /// read. A lane that has ended is not reset by itself.
   virtual void Step(std::span<const int> lanes, std::span<const double> actions) = 0;
 
-  /// The same with commands that arrive within the period: lane k is held at its row of `late.before` for the first
-  /// `late.share[k]` of it, and at its row of `actions` from then on. A simulator that knows no shorter time takes the
-  /// mean of the two over the period, each within its bounds.
+  /// The same with commands that arrive within the period: each is `late.before` for the first `late.share` of it, and
+  /// that of `actions` from then on. A simulator that knows no shorter time takes the mean of the two over the period,
+  /// each within its bounds.
   virtual void StepLate(std::span<const int> lanes, std::span<const double> actions, const LateActions& late);
 
   /// Of one lane, after its last Reset, SetStateFromObservation or Step.
@@ -216,14 +216,15 @@ class SimulatorFactory {
   /// Names of the parameters that an MJCF file of the simulated model cannot hold, such as a sensor's delay. None where
   /// no model is simulated that MJCF could hold.
   virtual std::optional<std::vector<std::string>> NotInMjcf() const { return std::nullopt; }
-  /// Whether such a file can make every action act later without another change: MuJoCo fills the past of a late
+  /// Whether such a file can make actions act later without another change: MuJoCo fills the past of a late
   /// actuator with the command 0, at which motors rest, but a servo runs to its zero.
   virtual bool mjcf_delays_actions() const { return false; }
   /// The model simulated at z as MJCF text, with `comment` at its top; without what NotInMjcf names.
-  /// @param action_delay_s  [s] how much later every action acts, if mjcf_delays_actions()
+  /// @param action_delays_s  (act_dim) or empty: how much later each action acts [s], if mjcf_delays_actions()
   /// @throws UsageError where there is none, or z is outside its bounds; DataError where MuJoCo cannot write the values
   /// exactly
-  virtual std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const;
+  virtual std::string Mjcf(std::span<const double> z, const std::string& comment,
+                           std::span<const double> action_delays_s = {}) const;
 };
 
 }  // namespace oted

@@ -148,8 +148,9 @@ class InitTest(ProgramTest):
             rows.append([0.02 * k, *data.qpos, *data.qvel, *u])
             data.ctrl[:] = u
             mujoco.mj_step(model, data, 4)
-        _, task = self.init(self.csv(np.array(rows)))
+        text, task = self.init(self.csv(np.array(rows)))
         fields = {name: parameter["field"] for name, parameter in task["parameters"].items()}
+        self.assertIn("damping of servos (actuator/*/kv)", text)
         self.assertEqual(fields["servo_stiffness_shoulder"], "actuator/shoulder/kp")
         self.assertEqual(fields["servo_stiffness_elbow"], "actuator/elbow/kp")
         self.assertEqual(fields["mass_hand"], ["body/hand/mass", "body/hand/inertia"])
@@ -307,6 +308,8 @@ class InitTest(ProgramTest):
         other.write_text(self.model.read_text().replace(f'"{joint}"', '"another"'))
         self.assertOneLine(program.oted("validate", run, "--data", self.folder / "later.csv", "--model", other), program.USAGE,
                            "joint/another/qpos", f"joint/{joint}/qpos")
+        nominal = self.succeed("validate", run, "--data", self.folder / "later.csv", "--model", self.model).stdout
+        self.assertIn("smaller than the nominal simulator's in 0 of 4 channels", nominal)  # its own errors
 
     def test_a_log_without_times_has_the_rate_of_the_others(self):
         first = self.csv(swing(1), file="a.csv")

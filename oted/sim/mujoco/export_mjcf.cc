@@ -17,6 +17,7 @@
 #include "oted/sim/mujoco/joint_residual.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/model_compare.h"
+#include "oted/sim/mujoco/mujoco_setup.h"
 
 // MuJoCo writes six digits unless it is told otherwise, and tells of no public way to do so.
 extern "C" void _mjPRIVATE__set_xml_precision(int precision);
@@ -145,13 +146,14 @@ double WhatMujocoDelays(double delay_s, double step) {
   return delay_s < step ? step * std::round(delay_s / step) : delay_s;
 }
 
-// The same model with actuators that act later; `model` gets their delays, too.
-std::string WithDelay(const std::string& text, double delay_s, mjModel& model) {
+// The same model with actuators that act later (nactuator) [s]; `model` gets their delays, too.
+std::string WithDelays(const std::string& text, std::span<const double> delays_s, mjModel& model) {
   const SpecPtr spec = ParseText(text);
   const double step = model.opt.timestep;
   for (mjsElement* e = mjs_firstElement(spec.get(), mjOBJ_ACTUATOR); e != nullptr; e = mjs_nextElement(spec.get(), e)) {
     mjsActuator& actuator = *mjs_asActuator(e);
-    const double delay = WhatMujocoDelays(actuator.delay + delay_s, step), n_steps = delay / step;
+    const double later = delays_s[static_cast<size_t>(mjs_getId(e))];
+    const double delay = WhatMujocoDelays(actuator.delay + later, step), n_steps = delay / step;
     if (delay == actuator.delay) continue;
     actuator.delay = delay;
     const bool is_whole = std::abs(n_steps - std::round(n_steps)) < kWholeSteps;
@@ -200,17 +202,18 @@ std::string Write(const mjSpec& original, const mjModel& pristine, mjModel& desi
 }  // namespace
 
 std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const double> z, const std::string& comment,
-                         double action_delay_s) {
+                         std::span<const double> actuator_delays_s) {
   ModelPtr designed(mj_copyModel(nullptr, &factory.model()));
   OTED_CHECK(designed != nullptr);
   const auto simulator = factory.MakeMujoco(1, 1);
   simulator->SetParameters(0, z);
   simulator->CopyModel(0, *designed);
+  const bool any_late = std::ranges::any_of(actuator_delays_s, [](double delay) { return delay > 0; });
   std::string problem;
   for (const bool fix_inertias : {false, true}) {
     try {
       std::string text = Write(factory.model_spec(), factory.model(), *designed, fix_inertias);
-      if (action_delay_s > 0) text = WithDelay(text, action_delay_s, *designed);
+      if (any_late) text = WithDelays(text, actuator_delays_s, *designed);
       problem = FirstDifference(*CompileText(text), *designed);
       if (problem.empty()) return AsComment(comment) + text;
     } catch (const Refused& refused) {
@@ -237,8 +240,15 @@ bool MujocoSimulatorFactory::mjcf_delays_actions() const {
 }
 
 std::string MujocoSimulatorFactory::Mjcf(std::span<const double> z, const std::string& comment,
-                                         double action_delay_s) const {
-  return DesignedMjcf(*this, z, comment, action_delay_s);
+                                         std::span<const double> action_delays_s) const {
+  // An actuator of several controls has one delay in MJCF: that of its first.
+  std::vector<double> delays(action_delays_s.empty() ? 0 : static_cast<size_t>(model().nactuator), 0.0);
+  for (size_t actuator = 0; actuator < delays.size(); ++actuator) {
+    const auto control = std::ranges::find(setup_->controls, model().actuator_ctrladr[actuator]);
+    if (control == setup_->controls.end()) continue;
+    delays[actuator] = action_delays_s[static_cast<size_t>(control - setup_->controls.begin())];
+  }
+  return DesignedMjcf(*this, z, comment, delays);
 }
 
 }  // namespace oted

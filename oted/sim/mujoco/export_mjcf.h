@@ -21,11 +21,11 @@ namespace oted {
 /// - Folders of meshes and textures become absolute paths in <compiler>: the file works wherever it lies on this
 ///   machine. To take it elsewhere, take those folders along and change the two paths.
 /// - What the simulator switches in the model for its own sake (automatic resets off) is not written.
-/// @param action_delay_s  [s] how much later than in the factory's model every actuator acts: MuJoCo's own delay, which
-/// shifts a command by that time, interpolated between physics steps where it is no multiple of one. It knows no delay
-/// between none and one time step: such a one is rounded to either
+/// @param actuator_delays_s  (nactuator) or empty: how much later than in the factory's model each actuator acts [s]:
+/// MuJoCo's own delay, which shifts a command by that time, interpolated between physics steps where it is no multiple
+/// of one. It knows no delay between none and one time step: such a one is rounded to either
 /// @throws UsageError when z is outside its bounds; DataError when MuJoCo cannot write the values exactly.
 std::string DesignedMjcf(const MujocoSimulatorFactory& factory, std::span<const double> z, const std::string& comment,
-                         double action_delay_s = 0);
+                         std::span<const double> actuator_delays_s = {});
 
 }  // namespace oted

@@ -234,15 +234,17 @@ TEST(DesignedMjcf, ActuatorsActLaterByTheDelayAndByNothingElse) {
   const std::vector<double> z = {0.7};
   const double step = factory.model().opt.timestep;
   const auto forces = [&](double delay, const std::vector<double>& commands) {
-    const std::string text = DesignedMjcf(factory, z, "", delay);
+    const std::vector<double> delays = {delay, 0, 0, 3 * step, 0, 0};
+    const std::string text = DesignedMjcf(factory, z, "", delays);
     const SpecPtr spec(mj_parseXMLString(text.c_str(), nullptr, nullptr, 0));
     const ModelPtr model(mj_compile(spec.get(), nullptr));
     std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);
     std::vector<double> got;
     for (const double command : commands) {
-      data->ctrl[0] = command;
+      data->ctrl[0] = data->ctrl[1] = command;
       mj_step(model.get(), data.get());
       got.push_back(data->actuator_force[0]);
+      EXPECT_EQ(data->actuator_force[1], command) << "another actuator";
     }
     return got;
   };
@@ -269,7 +271,8 @@ TEST(DesignedMjcf, WithADelayMovesAsTheDesignsOwnSimulatorDoes) {
                            return std::make_unique<MujocoSimulatorFactory>("HalfCheetah-v5", std::move(own));
                          })->Make(1, 1);
   simulator->SetParameters(0, std::vector<double>{0.7, delay});
-  const std::string text = DesignedMjcf(plant, std::vector<double>{0.7}, "", delay * n_steps * of_step);
+  const std::string text =
+      DesignedMjcf(plant, std::vector<double>{0.7}, "", std::vector<double>(6, delay * n_steps * of_step));
   const SpecPtr spec(mj_parseXMLString(text.c_str(), nullptr, nullptr, 0));
   const ModelPtr model(mj_compile(spec.get(), nullptr));
   std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);

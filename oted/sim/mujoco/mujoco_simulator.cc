@@ -320,32 +320,32 @@ void MujocoSimulator::Step(std::span<const int> lanes, std::span<const double> a
 }
 
 void MujocoSimulator::StepLate(std::span<const int> lanes, std::span<const double> actions, const LateActions& late) {
-  OTED_CHECK(late.before.size() == actions.size() && late.share.size() == lanes_.size());
+  OTED_CHECK(late.before.size() == actions.size() && late.share.size() == actions.size());
   Activate(lanes, actions);
   if (active_.empty()) return;
   const int n_steps = setup_->frame_skip;
-  // When any lane's controls change: before and after the step that its share ends in.
+  const size_t act_dim = setup_->controls.size();
+  // When any control changes: before and after the step that its share ends in.
   std::vector<int> changes = {0, n_steps};
   for (const int lane : active_) {
-    const double share = late.share[static_cast<size_t>(lane)];
-    OTED_CHECK(share >= 0 && share < 1);
-    const double end = share * n_steps;
-    changes.push_back(static_cast<int>(std::floor(end)));
-    changes.push_back(static_cast<int>(std::ceil(end)));
+    for (const double share : late.share.subspan(static_cast<size_t>(lane) * act_dim, act_dim)) {
+      OTED_CHECK(share >= 0 && share < 1);
+      const double end = share * n_steps;
+      changes.push_back(static_cast<int>(std::floor(end)));
+      changes.push_back(static_cast<int>(std::ceil(end)));
+    }
   }
   std::ranges::sort(changes);
   changes.erase(std::ranges::unique(changes).begin(), changes.end());
-  const size_t act_dim = setup_->controls.size();
   std::vector<double> held(act_dim);
-  // Held at the action before for `share` of the steps from `begin` to `end`.
+  // Each at the action before for its share of the steps from `begin` to `end`.
   const auto hold = [&](int lane, double begin, double end) -> std::span<const double> {
-    const double left = late.share[static_cast<size_t>(lane)] * n_steps - begin;
-    const double share = std::clamp(left / (end - begin), 0.0, 1.0);
-    const size_t first = static_cast<size_t>(lane) * act_dim;
-    if (share == 0) return actions.subspan(first, act_dim);
-    if (share == 1) return late.before.subspan(first, act_dim);
     for (size_t k = 0; k < act_dim; ++k) {
-      held[k] = setup_->spec.MeanAction(k, late.before[first + k], actions[first + k], share);
+      const size_t i = static_cast<size_t>(lane) * act_dim + k;
+      const double share = std::clamp((late.share[i] * n_steps - begin) / (end - begin), 0.0, 1.0);
+      held[k] = share == 0   ? actions[i]
+                : share == 1 ? late.before[i]
+                             : setup_->spec.MeanAction(k, late.before[i], actions[i], share);
     }
     return held;
   };

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "oted/sim/channel_factory.h"
+#include "oted/sim/channel_path.h"
 #include "oted/sim/channel_suspects.h"
 #include "oted/sim/mujoco/model_offers.h"
 #include "oted/sim/mujoco/model_setup.h"
@@ -59,7 +60,8 @@ std::vector<ParameterSpec> MujocoSimulatorFactory::Suspects() const {
 }
 
 std::vector<ParameterSpec> MujocoSimulatorFactory::PartsOf(const ParameterSpec& suspect) const {
-  return PartsOfSuspect(*setup_->loaded.model, setup_->space, suspect);
+  return IsChannelPath(suspect.field) ? PartsOfChannelSuspect(setup_->spec, suspect)
+                                      : PartsOfSuspect(*setup_->loaded.model, setup_->space, suspect);
 }
 
 std::unique_ptr<SimulatorFactory> MujocoSimulatorFactory::With(const std::vector<ParameterSpec>& more) const {

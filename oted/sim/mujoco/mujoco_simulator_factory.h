@@ -56,7 +56,8 @@ class MujocoSimulatorFactory : public SimulatorFactory {
   std::optional<std::vector<std::string>> NotInMjcf() const override;
   bool mjcf_delays_actions() const override;
   /// See export_mjcf.h.
-  std::string Mjcf(std::span<const double> z, const std::string& comment, double action_delay_s = 0) const override;
+  std::string Mjcf(std::span<const double> z, const std::string& comment,
+                   std::span<const double> action_delays_s = {}) const override;
 
  private:
   using Maker = std::function<std::unique_ptr<SimulatorFactory>(std::vector<ParameterSpec>)>;

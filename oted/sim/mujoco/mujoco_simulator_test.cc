@@ -404,21 +404,28 @@ TEST(MujocoSimulatorFactory, MissingModelFilesAreErrorsWithTheRemedy) {
 }
 
 /// What lane 0 of the crawler shows after each of `commands`, from one start.
+/// @param delays  of its actions, in control steps; none: there is no such parameter
 std::vector<std::vector<double>> CrawlerShows(double period, const std::vector<std::vector<double>>& commands,
-                                              double delay = -1) {
+                                              const std::vector<double>& delays = {}) {
   const TestFolder folder;
   ModelTask task = CrawlerTask(folder);
   task.control_period = period;
   std::vector<ParameterSpec> specs = {{.name = "gravity", .field = "opt/gravity[2]"}};
-  if (delay >= 0) {
-    specs.push_back({.name = "delay", .field = "action/delay", .high = 3, .scale = ParameterScale::kAbsolute});
-    specs.back().low = 0;
+  std::vector<double> z = {1.1};
+  for (size_t k = 0; k < delays.size(); ++k) {
+    const std::string which = delays.size() == 1 ? "" : std::to_string(k) + "/";
+    specs.push_back({.name = "delay" + std::to_string(k),
+                     .field = "action/" + which + "delay",
+                     .low = 0,
+                     .high = 3,
+                     .scale = ParameterScale::kAbsolute});
+    z.push_back(delays[k]);
   }
   const auto factory = WithChannels(specs, [&](std::vector<ParameterSpec> own) {
     return std::make_unique<MujocoSimulatorFactory>(task, std::move(own));
   });
   const auto simulator = factory->Make(1, 1);
-  simulator->SetParameters(0, delay >= 0 ? std::vector<double>{1.1, delay} : std::vector<double>{1.1});
+  simulator->SetParameters(0, z);
   Rng rng(5);
   simulator->Reset(0, rng);
   std::vector<std::vector<double>> shown;
@@ -436,22 +443,28 @@ TEST(MujocoSimulator, ALateCommandArrivesBetweenTwoTimeStepsOfThePeriod) {
   for (int k = 0; k < kPeriods; ++k) {
     commands.push_back({std::sin(1.0 + 2.7 * k), std::cos(1.9 * k), 0.15 * std::sin(0.3 + k)});
   }
-  for (const double late : {5.0, 8.0, 6.5}) {  // time steps; in the last, one of them is half and half
+  // In time steps, of all actions or of each; with 6.5 one of them is half and half.
+  for (const std::vector<double>& late :
+       std::vector<std::vector<double>>{{5}, {8}, {6.5}, {0, 6.5, 0}, {5, 0, 8}, {3.5, 1, 11.5}}) {
+    const auto late_of = [&](size_t i) { return late.size() == 1 ? late[0] : late[i]; };
     std::vector<std::vector<double>> by_step;
     for (int step = 0; step < kPeriods * kInPeriod; ++step) {
-      const auto given = [&](double when) {
-        const double since = when - late;
-        return since < 0 ? std::vector<double>(3, 0.0) : commands[static_cast<size_t>(since / kInPeriod)];
+      const auto given = [&](size_t i, double when) {
+        const double since = when - late_of(i);
+        return since < 0 ? 0.0 : commands[static_cast<size_t>(since / kInPeriod)][i];
       };
-      const std::vector<double> first = given(step + 0.25), last = given(step + 0.75);
       by_step.emplace_back();
-      for (size_t i = 0; i < 3; ++i)
-        by_step.back().push_back(first[i] == last[i] ? first[i] : (first[i] + last[i]) / 2);
+      for (size_t i = 0; i < 3; ++i) {
+        const double first = given(i, step + 0.25), last = given(i, step + 0.75);
+        by_step.back().push_back(first == last ? first : (first + last) / 2);
+      }
     }
-    const auto delayed = CrawlerShows(0.02, commands, late / kInPeriod), expected = CrawlerShows(0.004, by_step);
+    std::vector<double> delays;
+    for (const double steps : late) delays.push_back(steps / kInPeriod);
+    const auto delayed = CrawlerShows(0.02, commands, delays), expected = CrawlerShows(0.004, by_step);
     for (size_t k = 0; k < kPeriods; ++k) {
       EXPECT_THAT(delayed[k], testing::Pointwise(testing::DoubleNear(1e-9), expected[(k + 1) * kInPeriod - 1]))
-          << late << ", " << k;
+          << testing::PrintToString(late) << ", " << k;
     }
   }
 }
@@ -466,7 +479,9 @@ TEST(MujocoSimulator, LanesThatAreNotLateGoOnToTheLastBitBesideOthersThatAre) {
   Rng rng(7);
   alone->Reset(0, rng);
   const std::vector<int> lanes = {0, 1};
-  const std::vector<double> share = {0, 0.37}, before(12, 0.2);
+  const std::vector<double> before(12, 0.2);
+  std::vector<double> share(12, 0.0);
+  std::fill(share.begin() + 6, share.end(), 0.37);
   for (int step = 0; step < 20; ++step) {
     std::vector<double> action(6), of_both;
     for (size_t k = 0; k < 6; ++k) action[k] = std::sin(1.3 * step + static_cast<double>(k));

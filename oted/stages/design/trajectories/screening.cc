@@ -313,7 +313,7 @@ bool SuspectScreening::IsOfReadingsLeftOut(const ParameterSpec& spec, const Read
   if (!IsChannelPath(spec.field)) return false;
   const ChannelField field = ResolveChannel(fits_.problem().factory.spec(), spec.field);
   return field.quantity != ChannelQuantity::kActionDelay &&
-         std::ranges::all_of(field.observations, [&](int c) { return readings.computed[static_cast<size_t>(c)] != 0; });
+         std::ranges::all_of(field.channels, [&](int c) { return readings.computed[static_cast<size_t>(c)] != 0; });
 }
 
 }  // namespace oted
