@@ -231,7 +231,7 @@ class CsvReader {
       Fail(i,
            fmt::format("time goes back from {} to {} s within episode {}", recording_.times[i - 1], recording_.times[i],
                        episodes_[i]),
-           "give what follows another episode number");
+           "repair the time that is wrong; or give what follows another episode number");
     }
     if (n_jumps_++ == 0) first_jump_ = i;
     return true;

@@ -40,28 +40,10 @@ Suspect Undirected(const ParameterSpec& spec) {
 /// Whether it is how late a sensor is.
 bool IsLag(const ParameterSpec& spec) { return spec.field.starts_with("obs/") && spec.nominal == spec.low; }
 
-/// Whether one of `others` has one of its paths: a mass, and that mass with the inertia.
-bool SharesPath(const Suspect& one, const std::vector<Suspect>& others) {
-  const std::vector<std::string> paths = TiedPaths(one.spec.field);
-  return std::ranges::any_of(others, [&](const Suspect& other) {
-    return std::ranges::any_of(TiedPaths(other.spec.field),
-                               [&](const std::string& path) { return std::ranges::find(paths, path) != paths.end(); });
-  });
-}
-
 /// That of `suspects` which is `one`; null where it is not among them.
 const Suspect* FindIn(const std::vector<Suspect>& suspects, const Suspect& one) {
   const auto found = std::ranges::find_if(suspects, [&](const Suspect& s) { return s.spec.field == one.spec.field; });
   return found == suspects.end() ? nullptr : &*found;
-}
-
-/// The first n of which no two share a path.
-std::vector<Suspect> FirstApart(const std::vector<Suspect>& suspects, size_t n) {
-  std::vector<Suspect> first;
-  for (const Suspect& suspect : suspects) {
-    if (first.size() < n && !SharesPath(suspect, first)) first.push_back(suspect);
-  }
-  return first;
 }
 
 /// Of what "body/foot/mass" and "body/leg/mass + body/leg/inertia" are: "body", "mass".

@@ -186,7 +186,21 @@ double MovedBy(const ParameterSpec& spec, double from, double to) {
   return std::abs(to - from) / SmallChange(spec, from);
 }
 
+/// Whether one of `others` has its first path.
+bool SharesFirstPath(const Suspect& one, const std::vector<Suspect>& others) {
+  const std::string path = TiedPaths(one.spec.field).front();
+  return std::ranges::any_of(others, [&](const Suspect& other) { return TiedPaths(other.spec.field).front() == path; });
+}
+
 }  // namespace
+
+std::vector<Suspect> FirstApart(const std::vector<Suspect>& suspects, size_t n) {
+  std::vector<Suspect> first;
+  for (const Suspect& suspect : suspects) {
+    if (first.size() < n && !SharesFirstPath(suspect, first)) first.push_back(suspect);
+  }
+  return first;
+}
 
 Prior WithOneMore(const Prior& prior, double mean) {
   const int n = prior.size();

@@ -35,6 +35,10 @@ bool IsNoticeable(const ParameterSpec& spec, double z);
 std::vector<Suspect> ScoreSuspects(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider,
                                    const Prior& prior);
 
+/// The first n of which no two share their first path: a mass, and that mass with the inertia, act nearly alike; the
+/// inertia by itself does not.
+std::vector<Suspect> FirstApart(const std::vector<Suspect>& suspects, size_t n);
+
 struct RestsOn {
   std::vector<Condition> conditions;
   std::vector<Suspect> asked;  ///< the surest first, none of them tried

@@ -20,6 +20,16 @@ namespace oted::suspects_test {
 
 constexpr double kDamping = 0.5, kIdle = 0.5;  // of the model
 
+TEST(FirstApart, KeepsAnInertiaBesideTheMassThatItIsTiedTo) {
+  std::vector<Suspect> suspects;
+  for (const char* field : {"body/*/mass + body/*/inertia", "body/*/mass", "opt/gravity[2]", "body/*/inertia", "a/b"}) {
+    suspects.push_back({.spec = {.name = field, .field = field}});
+  }
+  std::vector<std::string> apart;
+  for (const Suspect& suspect : FirstApart(suspects, 3)) apart.push_back(suspect.spec.field);
+  EXPECT_THAT(apart, testing::ElementsAre("body/*/mass + body/*/inertia", "opt/gravity[2]", "body/*/inertia"));
+}
+
 /// The point mass with its gain alone as a parameter; behind it, where there is more, multiples of its damping, of its
 /// idle, or of the gain once more (a gear, that is).
 class GainOfPointMass : public PointMass {
