@@ -53,6 +53,7 @@ json HorizonToJson(const HeldOutPrediction::Horizon& h) {
           {"gain", ToJson(h.gain)},
           {"typical_gain", ToJson(h.typical_gain)},
           {"odd_episodes", h.odd_episodes},
+          {"surely_odd", h.surely_odd},
           {"n_of_recordings", h.n_of_recordings},
           {"gain_of_recordings", ToJson(h.gain_of_recordings)}};
 }
@@ -67,6 +68,7 @@ HeldOutPrediction::Horizon HorizonFromJson(const json& h) {
                                      .gain = EstimatedFromJson(h.at("gain")),
                                      .typical_gain = EstimatedFromJson(h.at("typical_gain")),
                                      .odd_episodes = h.at("odd_episodes"),
+                                     .surely_odd = h.at("surely_odd"),
                                      .n_of_recordings = h.at("n_of_recordings"),
                                      .gain_of_recordings = EstimatedFromJson(h.at("gain_of_recordings"))};
   for (const json& c : h.at("channels")) {

@@ -44,9 +44,9 @@ struct HeldOutPrediction {
     std::vector<Channel> channels;
     Estimated excess, gain;
     Estimated typical_gain = {};  ///< in a typical window: `gain` is of sums, which one seam of a log may fill
-    /// Episodes of the logs, from 0, whose windows are far off: the mean excess is that of twice the floor's error,
-    /// while that of the middle episode is below half of it.
+    /// Episodes of the logs, from 0, whose windows are far off, as those of most are not (FindOddEpisodes).
     std::vector<int> odd_episodes = {};
+    bool surely_odd = false;            ///< one of them is, by more than chance
     int n_of_recordings = 0;            ///< windows in whole recordings, where parts of others judge as well,
     Estimated gain_of_recordings = {};  ///< and the gain in these alone
   };

@@ -290,7 +290,8 @@ bool IsFloorTold(const HeldOutPrediction& prediction) {
 }
 
 bool ReachesFloor(const HeldOutPrediction& prediction) {
-  return !IsOff(prediction) && IsFloorTold(prediction) && !ShowsNothing(prediction.horizons);
+  const bool in_all = std::ranges::none_of(prediction.horizons, &HeldOutPrediction::Horizon::surely_odd);
+  return !IsOff(prediction) && IsFloorTold(prediction) && in_all && !ShowsNothing(prediction.horizons);
 }
 
 bool NominalReachesFloor(const HeldOutPrediction& prediction) {

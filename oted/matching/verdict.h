@@ -142,10 +142,10 @@ bool IsFloorTold(const HeldOutPrediction& prediction);
 /// @param most_times_floor  MostTimesFloor
 inline bool TellsFloor(double most_times_floor) { return most_times_floor < 1.5; }
 /// Whether what the design leaves is what the sensors leave: at no horizon is the excess over the floor both noticeable
-/// and beyond chance, and the windows would show it (IsFloorTold). Over all channels together: more than a tenth (of
-/// mean squares) and 2.5 standard errors; in one channel: more than half and four standard errors. Logs that show
-/// nothing (ShowsNothing) have no floor to reach. Nor has a design whose error is over a tenth larger than that of
-/// guesses at every horizon: its own logs were as uncertain.
+/// and beyond chance, the windows would show it (IsFloorTold), and no episode is surely farther off. Over all channels
+/// together: more than a tenth (of mean squares) and 2.5 standard errors; in one channel: more than half and four
+/// standard errors. Logs that show nothing (ShowsNothing) have no floor to reach. Nor has a design whose error is over
+/// a tenth larger than that of guesses at every horizon: its own logs were as uncertain.
 bool ReachesFloor(const HeldOutPrediction& prediction);
 /// Whether the nominal simulator does: a design of little data can predict worse. No standard error excuses it.
 bool NominalReachesFloor(const HeldOutPrediction& prediction);

@@ -197,7 +197,8 @@ class CandidateList {
     const auto path = [&](const Moving& m) { return fmt::format("joint/{}/{}", m.joint->name, field); };
     std::vector<const Moving*> passive;
     for (const Moving& m : moving_) {
-      if (!m.joint->actuated && !HasNextToNothing(path(m), most(m), multiple)) passive.push_back(&m);
+      const bool is_shared = SharedHas("joint", field, m.joint->name);
+      if (!is_shared && !HasNextToNothing(path(m), most(m), multiple)) passive.push_back(&m);
     }
     if (passive.size() > kFewJoints) return;
     for (const Moving* m : passive) AddField(fmt::format("{}_{}", field, m->joint->name), path(*m), most(*m), multiple);
@@ -216,6 +217,14 @@ class CandidateList {
     const bool driven = model_.actuators.empty() ||
                         std::ranges::any_of(model_.joints, [](const auto& joint) { return joint.actuated; });
     return driven ? "@actuated" : "*";
+  }
+
+  /// Whether what Shared names has this one: a joint that is driven through a tendon is one of them.
+  bool SharedHas(const std::string& kind, const std::string& field, const std::string& name) const {
+    const PathInfo info = nominal_.Describe(fmt::format("{}/{}/{}", kind, Shared(), field));
+    return std::ranges::any_of(info.places, [path = fmt::format("{}/{}/{}", kind, name, field)](const auto& place) {
+      return place.path == path;
+    });
   }
 
   /// Whether the model has so little of a field that multiples of it lead nowhere, beside `most` of it.
@@ -375,10 +384,11 @@ class CandidateList {
 
   /// Bodies of joints that nothing drives, such as the trunk of what hops in a plane: "@actuated" leaves them out.
   std::set<std::string> Undriven() const {
-    std::set<std::string> bodies, driven;
+    std::set<std::string> bodies;
     if (Shared() == "*") return bodies;
-    for (const Moving& m : moving_) (m.driven ? driven : bodies).insert(m.joint->body);
-    std::erase_if(bodies, [&](const std::string& body) { return driven.contains(body); });
+    for (const Moving& m : moving_) {
+      if (!SharedHas("body", "mass", m.joint->body)) bodies.insert(m.joint->body);
+    }
     return bodies;
   }
 

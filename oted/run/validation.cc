@@ -70,12 +70,18 @@ HeldOutPrediction Predict(const SimulatorFactory& factory, const Dataset& logs, 
   return *prediction;
 }
 
+/// Of predictions of which no channel is off: why the floor counts as not reached.
+std::string WhyNotReached(const DesignRecord::Validation& validation) {
+  const std::string not_told = NotTold(validation);
+  return not_told.empty() ? "the sensors explain what it leaves, but not in every recording" : not_told;
+}
+
 std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& prediction) {
   if (ShowsNothing(prediction.horizons)) return kNothingShown;
   const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
   const std::vector<int> off = ChannelsOff(prediction);
   const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain"
-                           : off.empty()        ? "; " + NotTold(result.validation) + ButOdd(result.validation)
+                           : off.empty()        ? "; " + WhyNotReached(result.validation) + ButOdd(result.validation)
                                                 : "; what it leaves is more than the sensors explain: " +
                                                WhatRemains(result.validation, shown, off) + ButOdd(result.validation);
   if (PredictsWorse(prediction)) {

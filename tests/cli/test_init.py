@@ -156,6 +156,32 @@ class InitTest(ProgramTest):
         self.assertEqual(fields["mass_hand"], ["body/hand/mass", "body/hand/inertia"])
         self.assertEqual(task["parameters"]["mass_hand"]["range"], [0.5, 5])
 
+    def test_fingers_on_a_tendon_are_among_the_driven_joints_of_an_arm(self):
+        bodies, ends = "", ""
+        for k, (mass, length) in enumerate([(1.5, 0.2), (1.2, 0.25), (0.8, 0.2), (0.3, 0.1), (0.06, 0.05), (0.04, 0.04)]):
+            bodies += (f'<body name="link{k}" pos="{(0, 0.2, 0.25, 0.2, 0.1, 0.05)[k]} 0 0">'
+                       f'<joint name="j{k}" axis="0 1 0" damping="{0.3 * mass}" armature="{0.01 * mass}" stiffness="{0.1 if k > 3 else 0}"/>'
+                       f'<geom type="capsule" fromto="0 0 0 {length} 0 0" size="0.01" mass="{mass}" contype="0" conaffinity="0"/>')
+            ends += "</body>"
+        motors = "".join(f'<motor name="m{k}" joint="j{k}" ctrlrange="-20 20"/>' for k in range(4))
+        hand = f"""<mujoco><option timestep="0.004" integrator="implicitfast"/><worldbody>{bodies}{ends}</worldbody>
+          <tendon><fixed name="cable"><joint joint="j4" coef="1"/><joint joint="j5" coef="0.7"/></fixed></tendon>
+          <actuator>{motors}<motor name="grip" tendon="cable" ctrlrange="-1 1"/></actuator></mujoco>"""
+        self.model.write_text(hand)
+        model = mujoco.MjModel.from_xml_string(hand)
+        data, rows = mujoco.MjData(model), []
+        for k in range(120):
+            u = [size * math.sin(0.1 * pace * k + phase)
+                 for size, pace, phase in ((8, 1, 0), (6, 1.7, 1), (3, 2.3, 2), (0.5, 3.1, 3), (0.3, 2.9, 4))]
+            rows.append([0.02 * k, *data.qpos, *data.qvel, *u])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 5)
+        names = ["time", *(f"j{k}_pos" for k in range(6)), *(f"j{k}_vel" for k in range(6)), *(f"m{k}" for k in range(4)), "grip"]
+        _, task = self.init(self.csv(np.array(rows), names))
+        fields = [parameter["field"] for parameter in task["parameters"].values()]
+        self.assertIn("joint/@actuated/damping", fields)
+        self.assertEqual([field for field in fields if "j4/damping" in field or "j5/damping" in field], [])
+
     def test_of_a_hopping_leg_not_all_that_is_a_force_is_freed(self):
         leg = """<mujoco>
           <option timestep="0.002" integrator="implicitfast"/>

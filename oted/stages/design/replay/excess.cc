@@ -1,7 +1,9 @@
 #include "oted/stages/design/replay/excess.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "oted/base/statistics.h"
 #include "oted/matching/verdict.h"
 #include "oted/stages/design/replay/judged_part.h"
 
@@ -18,7 +20,37 @@ PredictionRatios InJudged(const ExcessOverFloor::Inputs& in, const JudgedChannel
   return TypicalRatios(in.designed.leftCols(in.n_judged), AllBeside(draws), in.n_judged, channels);
 }
 
+constexpr double kSurelyOdd = 4.0;       // standard errors
+constexpr double kStdOfMiddle = 1.4826;  // of the middle deviation, of normal numbers
+constexpr size_t kFewestOfOdd = 3;       // windows of an episode that have a standard error,
+constexpr size_t kFewestBeside = 4;      // episodes that have a scatter
+
+double LowerMedian(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[(values.size() - 1) / 2];
+}
+
 }  // namespace
+
+OddEpisodes FindOddEpisodes(const std::map<int, std::vector<double>>& excess) {
+  std::vector<double> means;
+  for (const auto& [unused, of] : excess) means.push_back(Mean(of));
+  const double middle = LowerMedian(means);
+  if (!(middle < kFarOff / 2)) return {};
+  std::vector<double> from_middle;
+  for (const double mean : means) from_middle.push_back(std::abs(mean - middle));
+  const double scatter = kStdOfMiddle * LowerMedian(std::move(from_middle));
+  OddEpisodes odd;
+  for (const auto& [episode, of] : excess) {
+    const double mean = Mean(of);
+    const double error = std::hypot(scatter, StandardDeviation(of) / std::sqrt(static_cast<double>(of.size())));
+    const bool has_error = of.size() >= kFewestOfOdd && excess.size() >= kFewestBeside;
+    const bool is_sure = has_error && mean > kFarOff / 2 && mean - middle > kSurelyOdd * error;
+    odd.surely |= is_sure;
+    if (is_sure || mean > kFarOff) odd.numbers.push_back(episode);
+  }
+  return odd;
+}
 
 ExcessOverFloor::ExcessOverFloor(const Inputs& in, const JudgedChannels& channels)
     : typical_(TypicalRatios(in.designed, in.floor, in.designed.cols(), channels)),

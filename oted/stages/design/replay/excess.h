@@ -2,6 +2,7 @@
 /// What a design's predictions leave more than the floor (HeldOutPrediction), channel by channel.
 
 #include <Eigen/Dense>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -9,6 +10,16 @@
 #include "oted/stages/design/replay/prediction_ratios.h"
 
 namespace oted {
+
+struct OddEpisodes {
+  std::vector<int> numbers;
+  bool surely = false;  ///< one of them is, by more than chance
+};
+
+/// Episodes that are predicted far worse than most: their mean excess is that of twice the floor's error; or surely
+/// that of 1.4 times it, by four standard errors more than the middle one's. None where that is 1.4 times, too.
+/// @param excess  of the windows of each episode
+OddEpisodes FindOddEpisodes(const std::map<int, std::vector<double>>& excess);
 
 /// (channels, windows) each: mean squared errors. Channel c = channels is all of them together.
 class ExcessOverFloor {

@@ -193,7 +193,9 @@ class Evidence {
         channels);
     horizon.excess = excess.Of(designed.rows());
     const VectorXd of_draws = ErrorsOf(draws, of_judged.cols()).cwiseMax(kNoNoise * channels.spread);
-    horizon.odd_episodes = OddEpisodes(LogRatios(designed, floor, designed.cols(), channels), parts, at);
+    const OddEpisodes odd = FindOdd(LogRatios(designed, floor, designed.cols(), channels), parts, at);
+    horizon.odd_episodes = odd.numbers;
+    horizon.surely_odd = odd.surely;
     for (Eigen::Index c = 0; c < designed.rows(); ++c) {
       HeldOutPrediction::Channel& channel = horizon.channels[static_cast<size_t>(c)];
       if (channel.judged) channel.excess = excess.Of(c);
@@ -212,23 +214,14 @@ class Evidence {
   }
 
   /// @param excess  of each window of these parts, one part behind the other
-  std::vector<int> OddEpisodes(const VectorXd& excess, const std::vector<size_t>& parts,
-                               const std::vector<size_t>& at) const {
+  OddEpisodes FindOdd(const VectorXd& excess, const std::vector<size_t>& parts, const std::vector<size_t>& at) const {
     std::map<int, std::vector<double>> of_episodes;
     Eigen::Index w = 0;
     for (size_t i = 0; i < parts.size(); ++i) {
       const std::vector<int> begins = parts_[parts[i]]->judge().Begins(at[i]);
       for (const int episode : LoggedEpisodesOf(begins, parts[i])) of_episodes[episode].push_back(excess[w++]);
     }
-    std::vector<double> means;
-    for (const auto& [unused, of] : of_episodes) means.push_back(Mean(of));
-    std::ranges::sort(means);
-    if (!(means[(means.size() - 1) / 2] < kFarOff / 2)) return {};
-    std::vector<int> odd;
-    for (const auto& [episode, of] : of_episodes) {
-      if (Mean(of) > kFarOff) odd.push_back(episode);
-    }
-    return odd;
+    return FindOddEpisodes(of_episodes);
   }
 
   /// The logged episodes that rows of a part are in.

@@ -1,5 +1,6 @@
 #include "oted/stages/design/replay/prediction_evidence.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include "oted/matching/testing.h"
 #include "oted/matching/verdict.h"
 #include "oted/sim/testing.h"
+#include "oted/stages/design/replay/excess.h"
 #include "oted/stages/design/replay/noise_estimate.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
 #include "oted/stages/design/testing.h"
@@ -120,6 +122,27 @@ TEST(PredictLogs, AFaultInOneOfFiveEpisodesLeavesNoFloorThatIsReachedAndIsNamed)
   const HeldOutPrediction prediction = Evidence(cut, kTruth, 0.02, 1, factory, {});
   EXPECT_FALSE(ReachesFloor(prediction));
   EXPECT_EQ(ToldOf(prediction.horizons).odd_episodes, std::vector<int>{2});
+}
+
+TEST(FindOddEpisodes, AreFarOffOrSurelyFartherThanTheOthers) {
+  const auto around = [](double mean) {
+    return std::vector<double>{mean - 0.3, mean - 0.1, mean, mean + 0.1, mean + 0.3};
+  };
+  std::map<int, std::vector<double>> excess = {{0, around(0)}, {1, around(0.1)}, {2, around(1.0)}, {3, around(-0.1)}};
+  const auto find = [&](std::vector<double> of_second) {
+    excess[2] = std::move(of_second);
+    return FindOddEpisodes(excess);
+  };
+  EXPECT_THAT(find(around(1.0)).numbers, testing::ElementsAre(2));
+  EXPECT_TRUE(find(around(1.0)).surely);
+  EXPECT_THAT(find(around(0.6)).numbers, testing::IsEmpty()) << "not 1.4 times the floor's error";
+  EXPECT_THAT(find({1.0}).numbers, testing::IsEmpty()) << "no standard error";
+  for (const std::vector<double>& by_chance : {std::vector<double>{-1.5, 0, 6}, {1.5}}) {
+    EXPECT_THAT(find(by_chance).numbers, testing::ElementsAre(2));
+    EXPECT_FALSE(find(by_chance).surely) << "one window";
+  }
+  for (auto& [unused, of] : excess) of = {1.5};
+  EXPECT_THAT(FindOddEpisodes(excess).numbers, testing::IsEmpty()) << "all are";
 }
 
 TEST(PredictLogs, WhatAFewWindowsOfAllRecordingsShowIsNotTheFloor) {

@@ -27,7 +27,9 @@ using Eigen::VectorXd;
 constexpr int kScreenedRows = 960;
 constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
-constexpr int kToldOfWindows = 4;     // fitted, all of a kind scored, each alone, places
+constexpr double kAtRangeTop = 0.9, kWiderRange = 4;  // of a range, and times it
+constexpr int kRangeWidenings = 2;
+constexpr int kToldOfWindows = 4;  // fitted, all of a kind scored, each alone, places
 constexpr const char* kFitted = "windows";
 constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4, kMostPlaces = 3;
 
@@ -35,6 +37,13 @@ constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4
 Suspect Undirected(const ParameterSpec& spec) {
   const bool at_bound = spec.nominal == spec.low;
   return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal};
+}
+
+/// Whether the fit of a value that the model has none of ended where its range does: how much there may be of a
+/// friction, say, the model tells roughly.
+bool EndsAtTop(const Suspect& suspect) {
+  const ParameterSpec& spec = suspect.spec;
+  return spec.nominal == 0 && spec.low == 0 && !IsChannelPath(spec.field) && suspect.value > kAtRangeTop * spec.high;
 }
 
 /// Whether it is how late a sensor is.
@@ -242,8 +251,12 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
     Suspect& suspect = suspects[static_cast<size_t>(k)];
     tell(k, suspect);
     const Suspect* at_a_distance = FindIn(places, suspect);
-    fitted_[suspect.spec.name] =
-        fit.With(suspect, at_a_distance ? std::vector{at_a_distance->value} : std::vector<double>());
+    VectorXd& fitted = fitted_[suspect.spec.name];
+    fitted = fit.With(suspect, at_a_distance ? std::vector{at_a_distance->value} : std::vector<double>());
+    for (int n = 0; n < kRangeWidenings && EndsAtTop(suspect); ++n) {
+      suspect.spec.high *= kWiderRange;
+      fitted = fit.With(suspect);
+    }
   }
   if (n_asked > 0) tell(n_asked, suspects.back());
   std::ranges::stable_sort(suspects, std::ranges::greater(), &Suspect::explains);
