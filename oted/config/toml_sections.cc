@@ -36,7 +36,9 @@ std::vector<DataConfig::Recording> ReadRecordings(const toml::node& node, const 
   const json list = TomlToJson(node, at);
   const auto refuse = [&](const std::string& what) {
     throw UsageError(
-        fmt::format("{}: {}; wanted [{{ path = \"monday.csv\", constants = {{ payload = 0.4 }} }}, ...]", at, what));
+        fmt::format("{}: {}; wanted [{{ path = \"monday.csv\" }}, {{ path = \"friday.csv\", constants = {{ payload = "
+                    "0.4 }} }}, ...]",
+                    at, what));
   };
   if (!list.is_array() || list.empty()) refuse("data.recordings is no list of recordings");
   std::vector<DataConfig::Recording> recordings;

@@ -155,6 +155,7 @@ json ToJson(const FitEvidence& evidence) {
     record["conditions"].push_back(std::move(of));
   }
   for (const Suspect& asked : evidence.asked) record["asked"].push_back(ToJson(asked));
+  if (evidence.asks_surely) record["asks_surely"] = true;
   return record;
 }
 
@@ -186,6 +187,7 @@ FitEvidence FitEvidenceFromJson(const json& record) {
     evidence.conditions.push_back({of.at("parameter"), SpecFromJson(of), of.at("off"), of.at("value")});
   }
   for (const json& of : record.value("asked", json::array())) evidence.asked.push_back(SuspectFromJson(of));
+  evidence.asks_surely = record.value("asks_surely", false);
   return evidence;
 }
 

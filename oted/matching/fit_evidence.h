@@ -112,6 +112,9 @@ struct FitEvidence {
   /// What the fit's own windows ask to be other than in the model, though their predictions may be as near to the logs
   /// as the sensors let them. By a linear model; the surest first, none of them tried.
   std::vector<Suspect> asked = {};
+  /// Noisy windows surely ask for something, be it by a linear model ever so little: what is far off they may take for
+  /// noise, and say so little of.
+  bool asks_surely = false;
 };
 
 nlohmann::json ToJson(const FreedTrial& trial);

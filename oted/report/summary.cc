@@ -208,15 +208,27 @@ std::vector<std::string> Disagreeing(const json& fit) {
   return names;
 }
 
+/// Channels that no verdict rests on.
+std::vector<std::string> Starred(const json& report) {
+  std::vector<std::string> names;
+  if (!report.contains("design") || !report["design"].contains("validation")) return names;
+  const json& horizons = ListAt(report["design"]["validation"], "horizons");
+  if (horizons.empty()) return names;
+  for (const json& channel : ListAt(horizons.front(), "channels")) {
+    if (!channel.value("judged", true)) names.push_back(TextAt(channel, "name"));
+  }
+  return names;
+}
+
 // What the fit of replayed windows says of the sensors, or of what the simulator lacks.
 void AddFit(const json& report, json* found, json* trust) {
   if (!report.contains("design") || !report["design"].contains("fit")) return;
   const json& fit = report["design"]["fit"];
-  const std::vector<std::string> disagreeing = Disagreeing(fit);
+  const std::vector<std::string> disagreeing = Disagreeing(fit), starred = Starred(report);
   std::optional<double> lowest, highest;
   for (const json& channel : ListAt(fit, "channels")) {
     const std::optional<double> noise = NumberAt(channel, "noise_std");
-    if (!noise) continue;
+    if (!noise || std::ranges::find(starred, TextAt(channel, "name")) != starred.end()) continue;
     lowest = std::min(lowest.value_or(*noise), *noise);
     highest = std::max(highest.value_or(*noise), *noise);
   }
@@ -234,18 +246,6 @@ void AddFit(const json& report, json* found, json* trust) {
                     "deviation of {} to {}, by channel.",
                     100 * NumberAt(fit, "explained").value_or(0), FormatNumber(lowest), FormatNumber(highest)));
   }
-}
-
-/// Channels that no verdict rests on.
-std::vector<std::string> Starred(const json& report) {
-  std::vector<std::string> names;
-  if (!report.contains("design") || !report["design"].contains("validation")) return names;
-  const json& horizons = ListAt(report["design"]["validation"], "horizons");
-  if (horizons.empty()) return names;
-  for (const json& channel : ListAt(horizons.front(), "channels")) {
-    if (!channel.value("judged", true)) names.push_back(TextAt(channel, "name"));
-  }
-  return names;
 }
 
 json Unknown(const json& report, const std::string& verdict) {

@@ -23,7 +23,8 @@
 namespace oted {
 namespace {
 
-/// Where predictions leave something to explain, what explains it; elsewhere what the fit's own windows ask.
+/// Where predictions leave something to explain, or the fit's windows surely ask for something, what explains it;
+/// elsewhere what these windows ask noticeably.
 /// @param design  what the method was given; q and fit are what it gave
 std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config, const FitEvidence& fit,
                          const Designer& q, const std::optional<HeldOutPrediction>& prediction, TrialKeeper& keeper) {
@@ -38,14 +39,14 @@ std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config
                              .kept_aside = design.KeptAsideKey(),
                              .context = design.context,
                              .keeper = keeper};
-  const auto free = LeavesGap(*prediction) ? TrySuspects : TryAsked;
+  const auto free = LeavesGap(*prediction) || fit.asks_surely ? TrySuspects : TryAsked;
   return free(problem, config.trajectories.tried);
 }
 
 GrowthRecord MakeRound(const RunSetup& run, int round) {
   const auto& [setting, designs] = *run.settings.begin();
   const DesignConfig& config = designs.config;
-  TrialLog log(run.context.log, "growth");
+  TrialLog log(run.context.log, fmt::format("growth {}/{}", round, kMostRounds), TrialLog::Stages::kEach);
   RunContext context = run.context;
   context.log = &log;
   // The streams of the design that follows: where nothing is added, it finds and says the same.

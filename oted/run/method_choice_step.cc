@@ -29,7 +29,7 @@ std::vector<std::vector<double>> TrialModes(const RunSetup& run, const std::stri
                                             const CloneSource& clone) {
   const bool acts = std::ranges::any_of(designs, [&](const DesignConfig& of) { return UsesClone(run, of); });
   const Policy* const cloned = acts ? clone() : nullptr;
-  TrialLog log(run.context.log, "methods");
+  TrialLog log(run.context.log, "methods", TrialLog::Stages::kOne);
   size_t n_missing = 0;
   for (const DesignConfig& design : designs) {
     const Artifact artifact = TrialArtifact(run, setting, design);

@@ -1,6 +1,8 @@
 #pragma once
 /// Designs that are made to choose by, and not to keep.
 
+#include <fmt/format.h>
+
 #include <string>
 #include <utility>
 
@@ -8,17 +10,23 @@
 
 namespace oted {
 
-/// Curves of trials would stand among those of designs: their progress alone is told, as a stage of its own.
+/// Curves of trials would stand among those of designs: their progress alone is told.
 class TrialLog : public NullSink {
  public:
-  TrialLog(LogSink* log, std::string stage) : log_(log), stage_(std::move(stage)) {}
-  void Progress(std::string_view, std::string_view label, int64_t done, int64_t total, std::string_view note) override {
-    log_->Progress(stage_, label, done, total, note);
+  enum class Stages {
+    kOne,  ///< trials that run beside one another
+    kEach  ///< one behind the other
+  };
+  TrialLog(LogSink* log, std::string stage, Stages stages) : log_(log), stage_(std::move(stage)), stages_(stages) {}
+  void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
+                std::string_view note) override {
+    log_->Progress(stages_ == Stages::kOne ? stage_ : fmt::format("{} {}", stage_, stage), label, done, total, note);
   }
 
  private:
   LogSink* log_;
   std::string stage_;
+  Stages stages_;
 };
 
 }  // namespace oted

@@ -16,8 +16,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDirected = 2.0;      // standard deviations
-constexpr double kAsked = 3.0;         // the same, where some thirty are asked at once: few are by chance
+constexpr double kDirected = 2.0;  // standard deviations
+constexpr double kAsked = 3.0;     // the same, where some thirty are asked at once: few are by chance
+constexpr double kSurelyAsked = 5.0;
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kLimitStep = -0.7;    // of a limit, to half of it: nothing tells of one that is not reached
 constexpr int kStepRows = 240, kRefutingRows = 960;
@@ -266,6 +267,7 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
     const Suspect scored = ScoreOf(specs[k], *estimate);
+    found.is_sure |= scored.explains > kSurelyAsked * kSurelyAsked / 2;
     if (scored.explains > kAsked * kAsked / 2 && IsNoticeable(specs[k], scored.value)) found.asked.push_back(scored);
     if (is_searched(specs[k])) continue;
     const double off = specs[k].IsMultiple() ? std::log(1 + kOff) : kOff;

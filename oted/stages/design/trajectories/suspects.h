@@ -42,6 +42,7 @@ std::vector<Suspect> FirstApart(const std::vector<Suspect>& suspects, size_t n);
 struct RestsOn {
   std::vector<Condition> conditions;
   std::vector<Suspect> asked;  ///< the surest first, none of them tried
+  bool is_sure = false;        ///< the logs ask for one of `specs` by five standard deviations, be it ever so little
 };
 
 /// What the parameters' values rest on. Each of `specs` is taken alone, a tenth off (of its value, or of its range

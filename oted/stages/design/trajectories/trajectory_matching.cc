@@ -116,6 +116,7 @@ class TrajectoryMatch {
         RestsOn rests_on = WhatFitRestsOn(q);
         evidence_.conditions = std::move(rests_on.conditions);
         evidence_.asked = std::move(rests_on.asked);
+        evidence_.asks_surely = rests_on.is_sure && short_.IsNoisy();
       }
     }
     steps_.Finish(x);
