@@ -102,7 +102,9 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
 
 /// In how many channels another model's errors are smaller than those of the two simulators: counts, as its windows
 /// were not compared with theirs one by one.
-std::string SentenceOfModel(const std::string& model, const ValidationResult& result) {
+/// @param searched  parameters of the design: those that no model holds act in the design alone
+std::string SentenceOfModel(const std::string& model, const ValidationResult& result,
+                            const std::vector<ParameterSpec>& searched) {
   const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
   const auto same =
       std::ranges::find(result.model->horizons, shown.n_steps, &DesignRecord::Validation::Horizon::n_steps);
@@ -114,11 +116,16 @@ std::string SentenceOfModel(const std::string& model, const ValidationResult& re
     than_nominal += same->channels[c].designed < shown.channels[c].nominal;
     than_designed += same->channels[c].designed < shown.channels[c].designed;
   }
+  std::vector<std::string> without;
+  for (const ParameterSpec& parameter : searched) {
+    if (IsChannelPath(parameter.field)) without.push_back("'" + parameter.name + "'");
+  }
   return fmt::format(
-      "{}: over {} its error is smaller than the nominal simulator's in {} of {} channels, and smaller than the "
-      "designed "
-      "one's in {}",
-      std::filesystem::path(model).filename().string(), InWords(shown), than_nominal, n_judged, than_designed);
+      "{}{}: over {} its error is smaller than the nominal simulator's in {} of {} channels, and smaller than the "
+      "designed one's in {}",
+      std::filesystem::path(model).filename().string(),
+      without.empty() ? "" : fmt::format(", without {}", Enumerate(without)), InWords(shown), than_nominal, n_judged,
+      than_designed);
 }
 
 /// @throws UsageError where none is named, or a task file among others
@@ -243,7 +250,7 @@ ValidationResult Validate(const ValidationRequest& request, const RunContext& co
   if (other == nullptr) return result;
   context.ThrowIfStopped();
   result.model = InRecord(Predict(*other, logs, other->parameters().Nominal(), noise, left_out, context), spec);
-  result.of_model = SentenceOfModel(request.model, result);
+  result.of_model = SentenceOfModel(request.model, result, config.parameters);
   return result;
 }
 
