@@ -65,7 +65,7 @@ void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
     }
   }
   for (const std::string& condition : conditions) {
-    Print("  if {}, {} (the logs do not tell)\n", condition, fmt::join(moved[condition], ", "));
+    Print("  if {}, {} (the logs do not tell the two apart)\n", condition, fmt::join(moved[condition], ", "));
   }
 }
 

@@ -206,9 +206,11 @@ std::string WhatItLacks(const DesignRecord& design, const std::vector<std::strin
     are_sensors = are_sensors && p.field.starts_with("obs/");
     may_be_none = may_be_none && p.interval90_low <= p.nominal && p.nominal <= p.interval90_high;
   }
-  const char* meaning = may_be_none   ? "but its interval holds the nominal value, which the file has"
-                        : are_sensors ? "the file moves as the robot does, read by other sensors"
-                                      : "alone the file predicts worse";
+  const char* meaning =
+      may_be_none ? "but its interval holds the nominal value, which the file has"
+      : are_sensors
+          ? "the file moves as the robot does; shift or delay what it shows by these to get the sensors' readings"
+          : "alone the file predicts worse";
   return fmt::format("without {}, which this file cannot hold. The errors above are with it; {}",
                      fmt::join(left_out, ", "), meaning);
 }

@@ -219,9 +219,9 @@ TEST(VerdictSentence, SaysHowManyChannelsJudgeNothing) {
   record.verdict = DesignVerdict::kGapClosed;
   record.validation->horizons.push_back(
       {0.5, 50, 9, false, 0.9, true, {{"servo", "rad", 0.1, 0.1, 0.1, 1}, {"servo_vel", "rad/s", 1, 1, 0.1, 1}}, {}});
-  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("judge nothing")));
+  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("no part in this")));
   record.validation->horizons[0].channels[1].judged = false;
-  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("1 of 2 channels judge nothing, as it is computed"));
+  EXPECT_THAT(VerdictSentence(record, {}), HasSubstr("1 of 2 channels has no part in this, as it is computed"));
 }
 
 TEST(VerdictSentence, OfNoGapNamesValuesThatTheFitAsksForAllTheSame) {

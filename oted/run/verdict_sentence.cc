@@ -114,8 +114,8 @@ std::string ButUntold(const DesignRecord::Validation::Horizon& horizon) {
 std::string ButStarred(const DesignRecord::Validation::Horizon& horizon) {
   const auto n = std::ranges::count_if(horizon.channels, [](const auto& c) { return !c.judged; });
   if (n == 0) return "";
-  return fmt::format("; {} of {} channels judge nothing, as {} computed from positions or late", n,
-                     horizon.channels.size(), n == 1 ? "it is" : "they are");
+  return fmt::format("; {} of {} channels {} computed from positions or late", n, horizon.channels.size(),
+                     n == 1 ? "has no part in this, as it is" : "have no part in this, as they are");
 }
 
 /// Values off the nominal ones though predictions are as good by these, to be appended to a sentence that there is no

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -29,7 +30,9 @@ constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
 constexpr double kAtRangeTop = 0.9, kWiderRange = 4;  // of a range, and times it
 constexpr int kRangeWidenings = 2;
-constexpr int kToldOfWindows = 4;  // fitted, all of a kind scored, each alone, places
+constexpr std::initializer_list<double> kFarContacts = {0.5,
+                                                        2};  // times the model's, where fits of contacts begin, too
+constexpr int kToldOfWindows = 4;                            // fitted, all of a kind scored, each alone, places
 constexpr const char* kFitted = "windows";
 constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4, kMostPlaces = 3;
 
@@ -44,6 +47,12 @@ Suspect Undirected(const ParameterSpec& spec) {
 bool EndsAtTop(const Suspect& suspect) {
   const ParameterSpec& spec = suspect.spec;
   return spec.nominal == 0 && spec.low == 0 && !IsChannelPath(spec.field) && suspect.value > kAtRangeTop * spec.high;
+}
+
+/// Whether it multiplies how stiff or damped contacts are: what a window's start makes of it near by tells little of
+/// it, as starts were found by the wrong one.
+bool IsOfContact(const ParameterSpec& spec) {
+  return spec.IsMultiple() && spec.field.starts_with("geom/") && spec.field.find("/solref[") != std::string::npos;
 }
 
 /// Whether it is how late a sensor is.
@@ -252,7 +261,9 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
     tell(k, suspect);
     const Suspect* at_a_distance = FindIn(places, suspect);
     VectorXd& fitted = fitted_[suspect.spec.name];
-    fitted = fit.With(suspect, at_a_distance ? std::vector{at_a_distance->value} : std::vector<double>());
+    fitted = fit.With(suspect, at_a_distance               ? std::vector{at_a_distance->value}
+                               : IsOfContact(suspect.spec) ? std::vector<double>(kFarContacts)
+                                                           : std::vector<double>());
     for (int n = 0; n < kRangeWidenings && EndsAtTop(suspect); ++n) {
       suspect.spec.high *= kWiderRange;
       fitted = fit.With(suspect);
