@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -30,9 +29,8 @@ constexpr double kLongScreenedSeconds = 0.25;
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
 constexpr double kAtRangeTop = 0.9, kWiderRange = 4;  // of a range, and times it
 constexpr int kRangeWidenings = 2;
-constexpr std::initializer_list<double> kFarContacts = {0.5,
-                                                        2};  // times the model's, where fits of contacts begin, too
-constexpr int kToldOfWindows = 4;                            // fitted, all of a kind scored, each alone, places
+constexpr double kSlowContact = 2;  // times the model's: there, and at its inverse, fits of contacts begin, too
+constexpr int kToldOfWindows = 4;   // fitted, all of a kind scored, each alone, places
 constexpr const char* kFitted = "windows";
 constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4, kMostPlaces = 3;
 
@@ -49,12 +47,6 @@ bool EndsAtTop(const Suspect& suspect) {
   return spec.nominal == 0 && spec.low == 0 && !IsChannelPath(spec.field) && suspect.value > kAtRangeTop * spec.high;
 }
 
-/// Whether it multiplies how stiff or damped contacts are: what a window's start makes of it near by tells little of
-/// it, as starts were found by the wrong one.
-bool IsOfContact(const ParameterSpec& spec) {
-  return spec.IsMultiple() && spec.field.starts_with("geom/") && spec.field.find("/solref[") != std::string::npos;
-}
-
 /// Whether it is how late a sensor is.
 bool IsLag(const ParameterSpec& spec) { return spec.field.starts_with("obs/") && spec.nominal == spec.low; }
 
@@ -62,6 +54,16 @@ bool IsLag(const ParameterSpec& spec) { return spec.field.starts_with("obs/") &&
 const Suspect* FindIn(const std::vector<Suspect>& suspects, const Suspect& one) {
   const auto found = std::ranges::find_if(suspects, [&](const Suspect& s) { return s.spec.field == one.spec.field; });
   return found == suspects.end() ? nullptr : &*found;
+}
+
+/// Where its fit begins, beside where its score says: of where something stands, what was found at a distance; of how
+/// stiff or damped contacts are, far from the model, as starts that were found by a wrong one hold the fit near it.
+/// @param place  null where it is none
+std::vector<double> OtherBeginnings(const ParameterSpec& spec, const Suspect* place) {
+  if (place != nullptr) return {place->value};
+  const bool is_contact = spec.field.starts_with("geom/") && spec.field.find("/solref[") != std::string::npos;
+  if (spec.IsMultiple() && is_contact) return {1 / kSlowContact, kSlowContact};
+  return {};
 }
 
 /// Of what "body/foot/mass" and "body/leg/mass + body/leg/inertia" are: "body", "mass".
@@ -259,11 +261,8 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
   for (int64_t k = 0; k < n_asked; ++k) {
     Suspect& suspect = suspects[static_cast<size_t>(k)];
     tell(k, suspect);
-    const Suspect* at_a_distance = FindIn(places, suspect);
     VectorXd& fitted = fitted_[suspect.spec.name];
-    fitted = fit.With(suspect, at_a_distance               ? std::vector{at_a_distance->value}
-                               : IsOfContact(suspect.spec) ? std::vector<double>(kFarContacts)
-                                                           : std::vector<double>());
+    fitted = fit.With(suspect, OtherBeginnings(suspect.spec, FindIn(places, suspect)));
     for (int n = 0; n < kRangeWidenings && EndsAtTop(suspect); ++n) {
       suspect.spec.high *= kWiderRange;
       fitted = fit.With(suspect);
