@@ -311,8 +311,7 @@ class CandidateList {
     if (std::ranges::any_of(servos, [&](const auto& servo) { return HasSome(fmt::format("actuator/{}/kv", servo)); })) {
       left_out_.emplace_back(
           "damping of servos (actuator/*/kv): it acts as the damping of what they drive does; it stays as in the "
-          "model; "
-          "or free it in the place of that damping");
+          "model; or free it in the place of that damping");
     }
     PerDrive("servo_gain", speed_servos, "kv");
     if (all_motors || motors.size() <= kFewJoints) PerDrive("gain", motors, "gainprm[0]");
