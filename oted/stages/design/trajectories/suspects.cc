@@ -16,9 +16,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDirected = 2.0;  // standard deviations
-constexpr double kAsked = 3.0;     // the same, where some thirty are asked at once: few are by chance
-constexpr double kSurelyAsked = 5.0;
+constexpr double kDirected = 2.0;      // standard deviations
+constexpr double kAsked = 3.0;         // the same, where some thirty are asked at once: few are by chance
+constexpr double kSurelyAsked = 5.0;   // the same, of what may be too little to be noticed
 constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the range of a value
 constexpr double kLimitStep = -0.7;    // of a limit, to half of it: nothing tells of one that is not reached
 constexpr int kStepRows = 240, kRefutingRows = 960;
