@@ -107,6 +107,7 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
           is_of_body ? " (a body's mass, inertia, length and centre of mass imitate each other)" : "");
     PrintConditions(design, ParameterVerdict::kWeak);
   }
+  if (!design.period_sentence.empty()) Print("{}\n", design.period_sentence);
   if (design.fit && design.fit->own_logs) Print("{}\n", design.fit->own_logs->sentence);
   const bool may_be_right = FloorIsReached(design.verdict) || design.verdict == DesignVerdict::kUndecided;
   if (!may_be_right && design.validation) {

@@ -49,7 +49,7 @@ class DataError : public Error {
 class Interrupted : public Error {
  public:
   explicit Interrupted(const std::string& message = kGoOn) : Error(ExitCode::kInterrupted, message) {}
-  static constexpr const char* kGoOn = "interrupted; run the same command again to go on from what is complete";
+  static constexpr const char* kGoOn = "interrupted; the same command goes on from what is complete, if anything is";
 };
 
 /// A bug in oted.

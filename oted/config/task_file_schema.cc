@@ -140,12 +140,13 @@ ordered_json TaskFileSchema() {
       {"type", "object"},
       {"additionalProperties", ConstantSchema()},
       {"description", "NAME = { field = \"PATH\" }: known numbers that differ between recordings"}};
-  ordered_json recording = Table({{"path", {{"type", "string"}, {"minLength", 1}}},
-                                  {"constants", {{"type", "object"}, {"additionalProperties", {{"type", "number"}}}}}});
+  const ordered_json file = {{"type", "string"}, {"minLength", 1}};
+  ordered_json recording =
+      Table({{"path", file}, {"constants", {{"type", "object"}, {"additionalProperties", {{"type", "number"}}}}}});
   recording["required"] = {"path"};
   sections["data"]["properties"]["recordings"] = {{"type", "array"},
                                                   {"minItems", 1},
-                                                  {"items", recording},
+                                                  {"items", {{"anyOf", {file, recording}}}},
                                                   {"description", "several files, with the constants of each"}};
   sections["truth"] = {{"type", "object"},
                        {"additionalProperties", {{"type", "number"}}},

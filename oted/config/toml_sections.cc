@@ -36,13 +36,14 @@ std::vector<DataConfig::Recording> ReadRecordings(const toml::node& node, const 
   const json list = TomlToJson(node, at);
   const auto refuse = [&](const std::string& what) {
     throw UsageError(
-        fmt::format("{}: {}; wanted [{{ path = \"monday.csv\" }}, {{ path = \"friday.csv\", constants = {{ payload = "
+        fmt::format("{}: {}; wanted [\"monday.csv\", {{ path = \"friday.csv\", constants = {{ payload = "
                     "0.4 }} }}, ...]",
                     at, what));
   };
   if (!list.is_array() || list.empty()) refuse("data.recordings is no list of recordings");
   std::vector<DataConfig::Recording> recordings;
-  for (const json& entry : list) {
+  for (json entry : list) {
+    if (entry.is_string()) entry = {{"path", entry}};
     if (!entry.is_object() || !entry.contains("path") || !entry["path"].is_string() || entry["path"] == "") {
       refuse("an entry of data.recordings has no path");
     }

@@ -16,7 +16,7 @@ namespace oted {
 void ReadSection(const toml::table& table, const std::string& file_name, FieldList& section);
 /// [task.quantities]: name = "path".
 void ReadQuantities(const toml::node& node, const std::string& file, std::map<std::string, std::string>& quantities);
-/// data.recordings = [{ path = "monday.csv", constants = { payload = 0.4 } }], or [[data.recordings]].
+/// data.recordings = ["monday.csv", { path = "friday.csv", constants = { payload = 0.4 } }], or [[data.recordings]].
 std::vector<DataConfig::Recording> ReadRecordings(const toml::node& node, const std::string& file);
 /// [design], or one of [design.settings]: settings, and sections of them.
 void ReadDesign(const toml::table& table, const std::string& file_name, DesignChoice& design);

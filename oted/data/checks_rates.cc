@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "oted/base/angle.h"
 #include "oted/data/channel_series.h"
+#include "oted/data/stretch_period.h"
 
 namespace oted {
 namespace {
@@ -20,6 +22,7 @@ constexpr double kExactlyClear = 0.95, kFactor = 1.5;  // the same for a factor 
 constexpr size_t kMostEpisodes = 50;                   // that are looked at one by one
 constexpr double kOtherRate = 1.4;                     // of the usual period
 constexpr double kAgree = 0.05;                        // among the channels of a log with another rate
+constexpr double kExactPeriod = 0.02;                  // of the period: so far off it bends parameters
 constexpr double kFewestCarry = 20;                    // rows that must carry a correlation or factor for a finding
 
 /// How far a channel moves from row to row.
@@ -68,6 +71,7 @@ class Rates {
     AddSwaps();
     if (!AddOtherRates() && !AddControlRate()) {
       for (const RateAgreement& rate : rates_) AddFactor(rate);
+      AddPeriod();
     }
     AddLags();
     AddOffsets();
@@ -173,6 +177,21 @@ class Rates {
         "the log has another rate than the task",
         "set the control period to the log's, or bring the log to the task's");
     return true;
+  }
+
+  /// All channels off by the same few percent.
+  void AddPeriod() {
+    if (period_ <= 0) return;
+    std::vector<int> velocities;
+    for (const RateAgreement& rate : rates_) velocities.push_back(rate.velocity);
+    const std::optional<double> seconds = PeriodByStretches(dataset_, facts_.rate_of, velocities);
+    if (!seconds || Near(*seconds, period_, kExactPeriod) || !Near(*seconds, period_, kUnitSlack)) return;
+    Add("control_period",
+        fmt::format("over many rows positions move as if these were {:.4g} s apart, not {:.4g} s", *seconds, period_),
+        {}, "masses, friction and gains take up a period that is a few percent off",
+        fmt::format("set the control period to {:.4g} s where that is the log's, or give the log its column of times; "
+                    "where all velocities are in another unit, correct these",
+                    *seconds));
   }
 
   void AddFactor(const RateAgreement& rate) {

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 
 #include "oted/base/rng.h"
@@ -173,6 +174,42 @@ TEST(Rates, ARecordingOfAnotherRateIsNamedWithItsOwn) {
 TEST(Rates, AnotherControlRateIsOneFindingWithTheRate) {
   const auto f = Only(Check(LogOf(Truth, 2 * kPeriod)), "control_rate");
   EXPECT_NE(f.what.find("0.02 s apart, not 0.01 s"), std::string::npos) << f.what;
+}
+
+TEST(Rates, APeriodThatIsAFewPercentOffIsToldThroughNoiseAndLagAndNoneIsInventedByThem) {
+  Rng rng(3);
+  const auto with = [&](double period, double knee_rate) {
+    const auto row = [=](double t) {
+      return std::vector<double>{Hip(t), Knee(t), HipRate(t - 0.004), knee_rate * KneeRate(t)};
+    };
+    Dataset logs = LogOf(row, period);
+    for (const Episode& episode : logs.Episodes()) {
+      for (int i = episode.begin; i < episode.end; ++i) {
+        for (int c = 0; c < 4; ++c) {
+          logs.observations(i, c) += (c < 2 ? 0.001 : 0.05) * rng.Normal();
+          if (i > episode.begin) logs.next_observations(i - 1, c) = logs.observations(i, c);
+        }
+      }
+    }
+    return Check(logs);
+  };
+  for (const double times : {0.95, 1.05}) {
+    const Finding f = Only(with(times * kPeriod, 1), "control_period");
+    double seconds = 0;
+    ASSERT_EQ(std::sscanf(f.remedy.c_str(), "set the control period to %lf s", &seconds), 1) << f.remedy;
+    EXPECT_NEAR(seconds, times * kPeriod, 0.01 * kPeriod);
+  }
+  for (const Finding& f : with(kPeriod, 1)) ADD_FAILURE() << f.check << ": " << f.what;
+  for (const Finding& f : with(kPeriod, 1.1)) ADD_FAILURE() << f.check << ": one sensor's scale is no period";
+}
+
+TEST(Rates, FewRowsToASwingAreNoOtherPeriod) {
+  // The trapezoid rule would be 3 % short.
+  const auto fast = [](double t) {
+    return std::vector<double>{std::sin(60 * t) + t, std::cos(55 * t) - t, 60 * std::cos(60 * t) + 1,
+                               -55 * std::sin(55 * t) - 1};
+  };
+  for (const Finding& f : Check(LogOf(fast))) EXPECT_NE(f.check, "control_period") << f.what;
 }
 
 TEST(Rates, AClipThatNoiseSmearsTellsNoRateWhereTheOtherChannelsAreVague) {

@@ -13,6 +13,8 @@
 namespace oted {
 namespace {
 
+constexpr double kSamePeriod = 1e-3;  // times are written with few digits
+
 template <class T>
 void AppendRows(Array2<T>& to, const Array2<T>& from, int begin, int end) {
   for (int i = begin; i < end; ++i) to.AppendRow(from.row(i));
@@ -99,7 +101,7 @@ void Dataset::Append(const Dataset& other) {
   // An episode that this dataset's end cut off must not go on in the other's first.
   if (!terminals.back()) timeouts.back() = 1;
   AppendRange(*this, other, 0, other.size());
-  if (period_s != other.period_s) period_s = 0;
+  if (std::abs(period_s - other.period_s) > kSamePeriod * period_s) period_s = 0;
   if (observation_names != other.observation_names) observation_names.clear();
   if (action_names != other.action_names) action_names.clear();
   const auto add_new = [](std::vector<std::string>& to, const std::vector<std::string>& from) {

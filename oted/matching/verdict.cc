@@ -89,7 +89,7 @@ bool IsNarrower(const Designer& q, int p, double share) {
 
 /// Whether a value is no share of another: control steps, seconds, readings, a direction of gravity.
 bool HasOwnSize(const ParameterSpec& spec) {
-  return (!spec.IsMultiple() && spec.nominal != 0) || spec.low < 0 || IsChannelPath(spec.field);
+  return (!spec.IsMultiple() && spec.nominal != 0) || spec.low < 0 || (IsChannelPath(spec.field) && !spec.IsMultiple());
 }
 
 /// Whether a value is known to no more than half of itself. Not asked of what has a size of its own, or is next to

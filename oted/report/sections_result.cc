@@ -73,6 +73,12 @@ std::string Conditions(const json& parameters, const char* verdict, const char* 
   return items.empty() ? "" : fmt::format("<p>{}:</p>\n<ul>\n{}</ul>\n", introduction, items);
 }
 
+/// That the control period is the task's word, where it is.
+std::string AssumedPeriod(const json& report) {
+  if (!report.contains("design") || TextAt(report["design"], "period_sentence").empty()) return "";
+  return fmt::format("<p>{}.</p>\n", Escape(Sentences(TextAt(report["design"], "period_sentence"))));
+}
+
 /// What the same method makes of logs of the design's own, where the intervals rest on that.
 std::string OwnLogs(const json& report) {
   if (!report.contains("design") || !report["design"].contains("fit")) return "";
@@ -169,7 +175,7 @@ Section ParametersSection(const json& report) {
                  "holds if the model has them right. Otherwise it would be") +
       Conditions(parameters, "weak",
                  "A <em>weak</em> value moves with the following, which the logs do not tell from it. It would be") +
-      OwnLogs(report) + IntervalFigure(parameters);
+      AssumedPeriod(report) + OwnLogs(report) + IntervalFigure(parameters);
   return section;
 }
 

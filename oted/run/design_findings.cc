@@ -47,6 +47,18 @@ std::string ChannelUnit(const SimulatorSpec& spec, size_t c) {
   return c < spec.observation_units.size() ? spec.observation_units[c] : "";
 }
 
+/// DesignRecord::period_sentence.
+std::string PeriodSentence(const Dataset& logs, const SimulatorSpec& spec) {
+  const bool is_told =
+      logs.period_s > 0 || std::ranges::any_of(spec.rate_of, [](int position) { return position >= 0; });
+  if (is_told || !(spec.control_period_s > 0)) return "";
+  return fmt::format(
+      "all values: if the control period is {:g} s, as the task says. These logs hold neither times nor velocities, "
+      "which "
+      "would tell; with another period masses, dampings and forces would be others",
+      spec.control_period_s);
+}
+
 /// What designs from the design's own logs found of each parameter.
 /// @param unsettled  FitEvidence::unsettled
 std::string OwnLogsSentence(const ParameterSpace& space, const std::vector<std::vector<double>>& found,
@@ -319,6 +331,7 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   AddParameters(space, summaries, record);
   if (best.fit) AddConditions(*best.fit, record);
   for (const Finding& correction : findings.corrections) record.warnings.push_back(CorrectionWarning(correction));
+  record.period_sentence = PeriodSentence(run.dataset, run.spec());
   record.columns_seem_wrong = CountOf(findings.corrections, Severity::kWarning) > 0;
   for (const auto& [added, rival] : disputed) record.warnings.push_back(RivalSentence(*added, *rival));
   AddWarnings(space, findings.has_effect, ParametersAtBounds(best.q), record);

@@ -305,6 +305,7 @@ json DesignRecord::ToJson() const {
       {"dataset", {{"path", dataset.path}, {"sha256", dataset.sha256}, {"n_transitions", dataset.n_transitions}}},
       {"model", {{"task", task}, {"sha256", model_sha256}}},
       {"versions", {{"oted", oted_version}, {"mujoco", mujoco_version}}}};
+  if (!period_sentence.empty()) record["period_sentence"] = period_sentence;
   for (const Parameter& parameter : parameters) record["parameters"].push_back(ParameterToRecord(parameter));
   for (const Member& member : mixture) {
     record["mixture"].push_back({{"seed", member.seed}, {"mode", member.mode}, {"std", member.std}});
@@ -326,6 +327,7 @@ DesignRecord DesignRecord::FromJson(const json& record, const std::string& where
   design.task = reader.Get<std::string>("task");
   design.warnings = reader.Get<std::vector<std::string>>("warnings");
   design.columns_seem_wrong = reader.Get<bool>("columns_seem_wrong");
+  design.period_sentence = reader.Find<std::string>("period_sentence").value_or("");
   for (const RecordReader& p : reader.List("parameters")) design.parameters.push_back(ParameterFrom(p));
   design.correlation = reader.Get<std::vector<std::vector<double>>>("correlation");
   design.selected = reader.Get<std::string>("selected");

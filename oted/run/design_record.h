@@ -144,6 +144,9 @@ struct DesignRecord {
   std::string task;
   std::vector<std::string> warnings;
   bool columns_seem_wrong = false;  ///< a warning says of which
+  /// That the control period is the task's word, where logs hold neither times nor a velocity with its position; else
+  /// empty.
+  std::string period_sentence;
   std::vector<Parameter> parameters;
   std::vector<std::vector<double>> correlation;
   std::string selected;         ///< setting

@@ -59,8 +59,8 @@ FinishedDesign ReadDesign(const fs::path& folder) {
   const fs::path file = folder / "design.json";
   if (!fs::exists(file)) {
     throw UsageError(
-        fmt::format("'{}' holds no design.json; name a run directory, and make the design first: oted design "
-                    "--out {}",
+        fmt::format("'{}' holds no design.json; name a run directory, and make the design first, or let it end: oted "
+                    "design --out {}",
                     folder.string(), folder.string()));
   }
   FinishedDesign design{folder, ReadKeptConfig(folder), DesignRecord::FromJson(ReadSealed(file, true), file.string())};

@@ -246,8 +246,7 @@ TEST(Recordings, AConfigurationReadsBackWhatItWrites) {
 TEST(Recordings, AFileThatIsNamedTwiceCountsOnce) {
   const Pendulum pendulum;
   const Inputs once(pendulum.Config(kUnknown));
-  const Inputs twice(
-      pendulum.Config("recordings = [{ path = \"light.csv\" }, { path = \"heavy.csv\" }, { path = \"light.csv\" }]"));
+  const Inputs twice(pendulum.Config("recordings = [\"light.csv\", { path = \"heavy.csv\" }, \"light.csv\"]"));
   EXPECT_EQ(twice.logs.observations, once.logs.observations);
   EXPECT_EQ(twice.logs.Episodes().size(), 2u);
   ASSERT_EQ(twice.logs.warnings.size(), once.logs.warnings.size() + 1);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "oted/base/error.h"
+#include "oted/sim/channel_suspects.h"
 #include "oted/sim/testing.h"
 
 namespace oted::channel_factory_test {
@@ -121,6 +122,39 @@ TEST(ResolveChannel, APathThatMatchesNothingNamesWhatThereIs) {
   EXPECT_THAT(make("action/knee/delay"), ThrowsMessage<UsageError>(HasSubstr("no action matches 'knee'")));
 }
 
+TEST(ResolveChannel, TiedPathsAreOneFieldWhereTheyAreOfOneKind) {
+  const SimulatorSpec spec = PointMass::MakeSpec({});
+  EXPECT_THAT(ResolveChannel(spec, "obs/v/scale + obs/x/scale + obs/v/scale").channels, ElementsAre(0, 1));
+  EXPECT_THAT([&] { ResolveChannel(spec, "obs/v/scale + obs/x/bias"); },
+              ThrowsMessage<UsageError>(HasSubstr("'obs/x/bias' is of another kind than 'obs/v/scale'")));
+}
+
+TEST(ResolveChannel, AScaleIsAFactorAboveZero) {
+  const auto make = [](double low, double high, ParameterScale scale) {
+    return [=] { Make({{.name = "s", .field = "obs/x/scale", .low = low, .high = high, .scale = scale}}); };
+  };
+  EXPECT_NO_THROW(make(0.5, 2, ParameterScale::kNominal)());
+  EXPECT_THAT(make(0.5, 2, ParameterScale::kAbsolute), ThrowsMessage<UsageError>(HasSubstr("leave scale")));
+  EXPECT_THAT(make(-1, 2, ParameterScale::kNominal), ThrowsMessage<UsageError>(HasSubstr("above 0")));
+  EXPECT_THAT(make(1.1, 2, ParameterScale::kNominal), ThrowsMessage<UsageError>(HasSubstr("holds 1")));
+}
+
+TEST(ChannelSuspects, AnEncodersScaleIsThatOfItsVelocityAsWell) {
+  SimulatorSpec spec = PointMass::MakeSpec({});
+  spec.control_period_s = 0.01;
+  spec.observation_units = {"m", "m/s"};
+  spec.rate_of = {-1, 0};
+  const auto paths = [&](const std::string& searched) {
+    std::vector<ParameterSpec> specs;
+    if (!searched.empty()) specs.push_back({.name = "s", .field = searched, .low = 0.5, .high = 2});
+    std::vector<std::string> found;
+    for (const ParameterSpec& suspect : ChannelSuspects(spec, ParameterSpace(specs))) found.push_back(suspect.field);
+    return found;
+  };
+  EXPECT_THAT(paths(""), testing::Contains("obs/x/scale + obs/v/scale"));
+  EXPECT_THAT(paths("obs/x/scale"), testing::Not(testing::Contains(HasSubstr("/scale")))) << "it is searched";
+}
+
 TEST(ResolveChannel, MultiplesOfTheNominalValueAndRangesThatMissItAreErrors) {
   ParameterSpec multiple = Channel("d", "action/delay", 0, 4);
   multiple.scale = ParameterScale::kNominal;
@@ -148,14 +182,14 @@ TEST(ResolveChannel, TwoParametersOnOneChannelAreAnError) {
   EXPECT_NO_THROW(Make({Channel("a", "obs/x/bias"), Channel("b", "obs/v/bias"), Channel("c", "obs/x/delay")}));
 }
 
-TEST(ChannelOffers, NameEveryObservationWithTheNominalValueZero) {
+TEST(ChannelOffers, NameEveryObservationWithTheValueThatChangesNothing) {
   const std::vector<ParameterOffer> offers = ChannelOffers(PointMass::MakeSpec({}));
-  ASSERT_EQ(offers.size(), 4u);
+  ASSERT_EQ(offers.size(), 5u);
   EXPECT_EQ(offers[0].path, "action/delay");
   EXPECT_EQ(offers[1].places[1].path, "obs/v/noise_std");
   for (const ParameterOffer& offer : offers) {
     EXPECT_FALSE(offer.meaning.empty());
-    for (const ParameterPlace& place : offer.places) EXPECT_EQ(place.nominal, 0);
+    for (const ParameterPlace& place : offer.places) EXPECT_EQ(place.nominal, offer.path.ends_with("/scale") ? 1 : 0);
   }
 }
 

@@ -17,12 +17,14 @@ struct Quantity {
   const char* word;
   ChannelQuantity quantity;
   const char* meaning;
+  double nominal = 0;
 };
 
 constexpr const char* kDelayWord = "delay";
 constexpr Quantity kObservationQuantities[] = {
     {"noise_std", ChannelQuantity::kNoiseStd, "standard deviation of white noise on the sensor's reading"},
     {"bias", ChannelQuantity::kBias, "constant offset of the sensor's reading"},
+    {"scale", ChannelQuantity::kScale, "factor of the sensor's reading, as of an encoder's gear", 1},
     {kDelayWord, ChannelQuantity::kObservationDelay, "age of the sensor's reading"},
 };
 constexpr const char* kActionDelayMeaning = "time from a command to its effect";
@@ -39,6 +41,7 @@ std::string CommonUnit(const SimulatorSpec& spec, const std::vector<int>& observ
 }
 
 std::string UnitOf(const SimulatorSpec& spec, const ChannelField& field) {
+  if (field.quantity == ChannelQuantity::kScale) return "";
   const bool reading = field.quantity == ChannelQuantity::kNoiseStd || field.quantity == ChannelQuantity::kBias;
   return reading ? CommonUnit(spec, field.channels) : kSteps;
 }
@@ -78,27 +81,17 @@ ChannelField ResolveAction(const SimulatorSpec& spec, const std::string& path, s
   return {ChannelQuantity::kActionDelay, Match(ActionNames(spec), name, "action", path)};
 }
 
-}  // namespace
-
-bool IsSensorNoise(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/noise_std"); }
-bool IsSensorBias(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/bias"); }
-
-bool IsChannelPath(const std::string& path) {
-  const std::string word = path.substr(0, path.find('/'));
-  return word == "action" || word == "obs";
-}
-
-ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path) {
+/// One path that nothing is tied to.
+ChannelField ResolveOne(const SimulatorSpec& spec, const std::string& path) {
   const size_t first = path.find('/'), last = path.rfind('/');
   if (path.starts_with("action")) return ResolveAction(spec, path, first, last);
-  if (first == std::string::npos || first == last) {
-    throw UsageError(fmt::format(
-        "parameter path '{}': wanted obs/NAME/noise_std, obs/NAME/bias or obs/NAME/delay, with * for every observation",
-        path));
-  }
   std::vector<std::string> words;
+  for (const Quantity& q : kObservationQuantities) words.emplace_back(q.word);
+  if (first == std::string::npos || first == last) {
+    throw UsageError(fmt::format("parameter path '{}': wanted obs/NAME/{}, with * for every observation", path,
+                                 fmt::join(words, ", obs/NAME/")));
+  }
   for (const Quantity& q : kObservationQuantities) {
-    words.emplace_back(q.word);
     if (path.substr(last + 1) != q.word) continue;
     const std::string_view name = std::string_view(path).substr(first + 1, last - first - 1);
     return {q.quantity, Match(ObservationNames(spec), name, "observation", path)};
@@ -108,19 +101,60 @@ ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path) 
                                fmt::join(words, ", ")));
 }
 
+}  // namespace
+
+bool IsSensorNoise(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/noise_std"); }
+bool IsSensorBias(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/bias"); }
+bool IsSensorScale(const std::string& path) { return path.starts_with("obs/") && path.ends_with("/scale"); }
+
+bool IsChannelPath(const std::string& path) {
+  const std::string word = path.substr(0, path.find('/'));
+  return word == "action" || word == "obs";
+}
+
+ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path) {
+  const std::vector<std::string> tied = TiedPaths(path);
+  ChannelField field = ResolveOne(spec, tied.front());
+  for (size_t k = 1; k < tied.size(); ++k) {
+    const ChannelField other = ResolveOne(spec, tied[k]);
+    if (other.quantity != field.quantity) {
+      throw UsageError(
+          fmt::format("parameter path '{}': '{}' is of another kind than '{}'; tie paths that end in one word", path,
+                      tied[k], tied.front()));
+    }
+    field.channels.insert(field.channels.end(), other.channels.begin(), other.channels.end());
+  }
+  std::ranges::sort(field.channels);
+  const auto twice = std::ranges::unique(field.channels);
+  field.channels.erase(twice.begin(), twice.end());
+  return field;
+}
+
 ChannelField ResolveChannelParameter(const SimulatorSpec& spec, ParameterSpec& parameter) {
   const ChannelField field = ResolveChannel(spec, parameter.field);
-  if (parameter.scale != ParameterScale::kAbsolute) {
+  const bool is_factor = field.quantity == ChannelQuantity::kScale;
+  if (is_factor && !parameter.IsMultiple()) {
+    throw UsageError(fmt::format("parameter '{}': '{}' is a factor, nominally 1; leave scale = \"absolute\" out",
+                                 parameter.name, parameter.field));
+  }
+  if (!is_factor && parameter.IsMultiple()) {
     throw UsageError(
         fmt::format("parameter '{}': the nominal value of '{}' is 0 and has no multiples; set scale = \"absolute\" "
                     "(':absolute' on the command line)",
                     parameter.name, parameter.field));
   }
-  if (parameter.low > 0 || parameter.high < 0) {
-    throw UsageError(fmt::format(
-        "parameter '{}': got bounds [{}, {}] for '{}', wanted a range that holds 0, its value in the "
-        "nominal simulator{}",
-        parameter.name, parameter.low, parameter.high, parameter.field, parameter.logarithmic ? "; drop 'log'" : ""));
+  const double nominal = is_factor ? 1 : 0;
+  if (parameter.low > nominal || parameter.high < nominal) {
+    throw UsageError(
+        fmt::format("parameter '{}': got bounds [{}, {}] for '{}', wanted a range that holds {}, its value in the "
+                    "nominal simulator{}",
+                    parameter.name, parameter.low, parameter.high, parameter.field, nominal,
+                    parameter.logarithmic && !is_factor ? "; drop 'log'" : ""));
+  }
+  if (is_factor && !(parameter.low > 0)) {
+    throw UsageError(
+        fmt::format("parameter '{}': got the lower bound {}, wanted a factor above 0; data.scale turns signs",
+                    parameter.name, parameter.low));
   }
   if (parameter.low < 0 && field.quantity != ChannelQuantity::kBias) {
     throw UsageError(fmt::format("parameter '{}': got the lower bound {}, wanted 0: '{}' cannot be negative",
@@ -131,8 +165,8 @@ ChannelField ResolveChannelParameter(const SimulatorSpec& spec, ParameterSpec& p
     throw UsageError(fmt::format("parameter '{}': got a delay of up to {} control steps, wanted {} at most",
                                  parameter.name, parameter.high, kLongestDelay));
   }
-  parameter.nominal = 0;
-  parameter.unit = UnitOf(spec, field);
+  parameter.nominal = nominal;
+  if (!is_factor) parameter.unit = UnitOf(spec, field);
   return field;
 }
 
@@ -153,7 +187,7 @@ PathInfo DescribeChannel(const SimulatorSpec& spec, const std::string& path) {
     if (q.quantity != field.quantity) continue;
     info.meaning = q.meaning;
     for (const int j : field.channels) {
-      info.places.push_back({fmt::format("obs/{}/{}", names[static_cast<size_t>(j)], q.word), 0.0});
+      info.places.push_back({fmt::format("obs/{}/{}", names[static_cast<size_t>(j)], q.word), q.nominal});
     }
   }
   return info;

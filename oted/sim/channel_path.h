@@ -1,7 +1,7 @@
 #pragma once
 /// Paths of parameters between controller and plant: "action/delay" of all actions, "action/NAME/delay",
-/// "obs/NAME/noise_std", "obs/NAME/bias", "obs/NAME/delay". NAME is an action's or observation's name, with * and ?, or
-/// its number ("#3", or "3").
+/// "obs/NAME/noise_std", "obs/NAME/bias", "obs/NAME/scale", "obs/NAME/delay". NAME is an action's or observation's
+/// name, with * and ?, or its number ("#3", or "3"). Several that are tied are joined by " + ".
 
 #include <string>
 #include <vector>
@@ -14,6 +14,7 @@ enum class ChannelQuantity {
   kActionDelay,       ///< [control steps]
   kNoiseStd,          ///< standard deviation of white Gaussian noise [unit of the observation]
   kBias,              ///< added to the observation [unit of the observation]
+  kScale,             ///< factor of the observation, nominally 1
   kObservationDelay,  ///< [control steps]
 };
 
@@ -30,12 +31,15 @@ bool IsSensorNoise(const std::string& path);
 /// Whether it is "obs/NAME/bias".
 bool IsSensorBias(const std::string& path);
 
+/// Whether it is "obs/NAME/scale".
+bool IsSensorScale(const std::string& path);
+
 /// @throws UsageError saying which part of the path matches nothing, with the nearest name.
 ChannelField ResolveChannel(const SimulatorSpec& spec, const std::string& path);
 
-/// Resolves a parameter and completes it (nominal value 0, unit).
-/// @throws UsageError also when the scale is not absolute, or the range does not hold the nominal value 0, or holds
-/// negative delays or noise.
+/// Resolves a parameter and completes it (nominal value and unit).
+/// @throws UsageError also when a sensor's scale is not given in multiples, or anything else is; or the range does not
+/// hold the nominal value, or holds negative delays, noise or scales.
 ChannelField ResolveChannelParameter(const SimulatorSpec& spec, ParameterSpec& parameter);
 
 PathInfo DescribeChannel(const SimulatorSpec& spec, const std::string& path);

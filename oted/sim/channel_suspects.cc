@@ -20,6 +20,8 @@ constexpr double kFarthest = 0.3;                 // [rad], [m]: of a sensor's z
 constexpr double kFarthestRate = 1.0;             // [rad/s], [m/s]: the same of a gyroscope
 constexpr size_t kMostLatePositions = 16;         // whose lags are suspected one by one
 constexpr size_t kMostLateActions = 16;           // whose delays are
+constexpr size_t kMostScales = 16;                // of positions
+constexpr double kMostScaled = 1.5;               // or its inverse
 constexpr const char* kRates = "obs/*vel/delay";  // what Gymnasium and models call them
 
 ParameterSpec Spec(const std::string& name, const std::string& path, double low, double high) {
@@ -35,6 +37,18 @@ std::vector<std::string> ObservationsIn(const SimulatorSpec& spec, const std::ar
   return names;
 }
 
+/// Of a position and of the velocity that is its rate.
+ParameterSpec ScaleOf(const SimulatorSpec& spec, const std::string& position) {
+  std::string field = fmt::format("obs/{}/scale", position);
+  for (size_t j = 0; j < std::min(spec.rate_of.size(), spec.observation_names.size()); ++j) {
+    const int source = spec.rate_of[j];
+    if (source < 0 || spec.observation_names[static_cast<size_t>(source)] != position) continue;
+    field += fmt::format(" + obs/{}/scale", spec.observation_names[j]);
+  }
+  return {
+      .name = position + "_scale", .field = field, .low = 1 / kMostScaled, .high = kMostScaled, .logarithmic = true};
+}
+
 }  // namespace
 
 std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const ParameterSpace& searched) {
@@ -48,6 +62,10 @@ std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const Para
   const std::vector<std::string> positions = ObservationsIn(spec, {"rad", "m"});
   for (const std::string& name : positions) suspect_zero(name, kFarthest);
   for (const std::string& name : ObservationsIn(spec, {"rad/s", "m/s"})) suspect_zero(name, kFarthestRate);
+  // An encoder's ratio is that of its velocity as well.
+  if (positions.size() <= kMostScales) {
+    for (const std::string& name : positions) candidates.push_back(ScaleOf(spec, name));
+  }
   // All that is read late is an action's delay, one position alone is none: a camera beside an encoder.
   if (spec.obs_dim() > 1 && positions.size() <= kMostLatePositions) {
     for (const std::string& name : positions) {

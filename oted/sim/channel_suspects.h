@@ -8,8 +8,8 @@
 namespace oted {
 
 /// The delay of actions, that of all rates together (as far as a pattern names them), and the zero of every angle and
-/// length. What a searched parameter sets is left out, and an action delay beside a searched lag of all sensors, which
-/// no log tells apart. None where observations are images or actions are no quantities.
+/// length, and its scale. What a searched parameter sets is left out, and an action delay beside a searched lag of all
+/// sensors, which no log tells apart. None where observations are images or actions are no quantities.
 std::vector<ParameterSpec> ChannelSuspects(const SimulatorSpec& spec, const ParameterSpace& searched);
 
 /// One of them for each action alone, where it is a delay of several.

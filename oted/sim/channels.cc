@@ -70,6 +70,7 @@ ChannelSimulator::ChannelSimulator(std::shared_ptr<const ChannelSetup> setup, st
     lane.action_delay.assign(neutral_.size(), 0.0);
     lane.noise_std.assign(obs_dim, 0.0);
     lane.bias = lane.delay = lane.shown = lane.noise_std;
+    lane.scale.assign(obs_dim, 1.0);
     lane.actions.Resize(setup_->longest_action_delay + 1, spec.act_dim);
     lane.observations.Resize(setup_->longest_observation_delay + 1, spec.obs_dim());
   }
@@ -89,6 +90,7 @@ void ChannelSimulator::SetParameters(int lane, std::span<const double> z) {
       if (field.quantity == ChannelQuantity::kActionDelay) l.action_delay[j] = value;
       if (field.quantity == ChannelQuantity::kNoiseStd) l.noise_std[j] = value;
       if (field.quantity == ChannelQuantity::kBias) l.bias[j] = value;
+      if (field.quantity == ChannelQuantity::kScale) l.scale[j] = value;
       if (field.quantity == ChannelQuantity::kObservationDelay) l.delay[j] = value;
     }
   }
@@ -141,7 +143,7 @@ bool ChannelSimulator::SetState(int lane, std::span<const double> state, const L
   const size_t obs_dim = l.bias.size();
   if (state.size() != obs_dim + spec().hidden.size()) return inside().SetState(lane, state, {});  // says what is wrong
   std::vector<double> of_plant(state.begin(), state.end());
-  for (size_t j = 0; j < obs_dim; ++j) of_plant[j] -= l.bias[j];
+  for (size_t j = 0; j < obs_dim; ++j) of_plant[j] = l.True(j, of_plant[j]);
   const int n_before = static_cast<int>(before.actions.size() / neutral_.size());
   if (!inside().SetState(lane, of_plant, OfPlant(l, before, n_before))) return false;
   Begin(l, NoiseAfter(state));
@@ -188,7 +190,7 @@ std::optional<bool> ChannelSimulator::EndsAt(int lane, std::span<const double> o
 }
 
 bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back,
-                                 bool unbias) {
+                                 bool corrected) {
   Lane& l = At(lane);
   const size_t obs_dim = observation.size(), act_dim = neutral_.size();
   const int n_before = static_cast<int>(before.observations.size() / obs_dim);
@@ -206,7 +208,7 @@ bool ChannelSimulator::StartBack(int lane, std::span<const double> observation, 
     const int row = start + age.whole;
     state[j] = logged(row, j);
     if (age.fraction > 0) state[j] += age.fraction * (logged(row + 1, j) - state[j]);
-    if (unbias && l.bias[j] != 0) state[j] -= l.bias[j];
+    if (corrected) state[j] = l.True(j, state[j]);
   }
   if (!inside().SetStateFromLog(lane, state, OfPlant(l, before, start))) return false;
 
@@ -275,7 +277,7 @@ void ChannelSimulator::Show(int lane) {
     const Age age(l.delay[j]);
     double value = l.observations.Back(age.whole)[j];
     if (age.fraction > 0) value += age.fraction * (l.observations.Back(age.whole + 1)[j] - value);
-    if (l.bias[j] != 0) value += l.bias[j];
+    value = l.Shown(j, value);
     if (setup_->is_noisy[j]) {
       // Drawn also where its standard deviation is 0: lanes with equal starts keep equal draws.
       const double noise = l.noise.Normal();

@@ -1,6 +1,7 @@
 #pragma once
-/// What lies between controller and plant, around any simulator: an action delay, and sensors with noise, bias and
-/// delay. Each is a parameter of z with the nominal value 0 (oted/sim/channel_path.h has the paths).
+/// What lies between controller and plant, around any simulator: an action delay, and sensors with noise, bias,
+/// scale and delay. Each is a parameter of z with the nominal value 0, of a scale 1 (oted/sim/channel_path.h has the
+/// paths).
 ///
 /// Action delay d = n + f control steps, 0 <= f < 1, under a zero-order hold: within control period k an actuator sees
 /// a[k-n-1] for the first f of it and a[k-n] for the rest (Simulator::StepLate). A plant with several time steps in a
@@ -9,9 +10,9 @@
 /// discrete action is delayed by the nearest whole number. Before an episode's first action the actuators hold 0, or
 /// the nearest bound.
 ///
-/// Sensor j shows x_j(t - d_j) + bias_j + noise_std_j N(0, 1): x is what the plant's own observation shows, a fraction
-/// of a control step is interpolated, readings from before the episode's start are those of its start, and the noise is
-/// drawn anew at every control step.
+/// Sensor j shows scale_j x_j(t - d_j) + bias_j + noise_std_j N(0, 1): x is what the plant's own observation shows, a
+/// fraction of a control step is interpolated, readings from before the episode's start are those of its start, and the
+/// noise is drawn anew at every control step.
 ///
 /// Reward, termination and truncation are the plant's, from its true state and the action that reached it.
 
@@ -57,15 +58,15 @@ class ChannelSimulator : public WrappedSimulator {
   void ResetTo(int lane, std::span<const double> qpos, std::span<const double> qvel, Rng& rng) override;
   /// SetStateFromLog where nothing was logged before.
   bool SetStateFromObservation(int lane, std::span<const double> observation) override;
-  /// The lane shows `observation` as it was logged, noise and all. Its state is the observation less the bias; the
+  /// The lane shows `observation` as it was logged, noise and all. Its state is what shows so; the
   /// noise stays in it. With observation delays the readings are of different ages: the plant is set to the last state
   /// that all of them have shown by now, some steps back, and goes on from there with the logged actions. Logged
   /// actions also fill the action delay. Where the episode is too young for that, it begins at its first logged row. A
-  /// state that the plant refuses less its bias or that far back is set as it was logged.
+  /// state that the plant refuses without bias and scale or that far back is set as it was logged.
   bool SetStateFromLog(int lane, std::span<const double> observation, const LoggedHistory& before) override;
-  /// The plant is set to the state less the biases at once, whatever the delays.
+  /// The plant is set to the state without biases and scales at once, whatever the delays.
   bool SetState(int lane, std::span<const double> state, const LoggedHistory& before) override;
-  /// The plant's rule, applied to the observation less the bias.
+  /// The plant's rule, applied to the observation without bias and scale.
   std::optional<bool> EndsAt(int lane, std::span<const double> observation) override;
   void Step(std::span<const int> lanes, std::span<const double> actions) override;
 
@@ -88,8 +89,10 @@ class ChannelSimulator : public WrappedSimulator {
     std::vector<double> values_;
   };
   struct Lane {
-    std::vector<double> action_delay;            // (act_dim)
-    std::vector<double> noise_std, bias, delay;  // (obs_dim)
+    std::vector<double> action_delay;                                          // (act_dim)
+    double Shown(size_t j, double x) const { return scale[j] * x + bias[j]; }  // without noise
+    double True(size_t j, double reading) const { return (reading - bias[j]) / scale[j]; }
+    std::vector<double> noise_std, bias, scale, delay;  // (obs_dim)
     Memory actions, observations;
     Rng noise{0};
     int clock = 0;    // control steps since the episode's start
@@ -109,7 +112,8 @@ class ChannelSimulator : public WrappedSimulator {
   /// What the plant was given before row `end` of the history: late, and each row the mean over its period. Nothing
   /// where no start of the plant depends on it. Valid until the next call.
   LoggedHistory OfPlant(const Lane& lane, const LoggedHistory& before, int end);
-  bool StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back, bool unbias);
+  bool StartBack(int lane, std::span<const double> observation, const LoggedHistory& before, int n_back,
+                 bool corrected);
 
   std::shared_ptr<const ChannelSetup> setup_;
   std::vector<double> neutral_;  // (act_dim)

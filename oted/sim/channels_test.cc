@@ -17,6 +17,7 @@ using testing::ElementsAreArray;
 ParameterSpec Channel(const std::string& name, const std::string& path, double low, double high) {
   return {.name = name, .field = path, .low = low, .high = high, .scale = ParameterScale::kAbsolute};
 }
+ParameterSpec ScaleOf(const std::string& path) { return {.name = "scale", .field = path, .low = 0.5, .high = 2}; }
 
 /// The point mass with its own three parameters and, behind them, channels.
 std::unique_ptr<ChannelSimulatorFactory> Factory(const std::vector<ParameterSpec>& channels,
@@ -29,7 +30,7 @@ std::unique_ptr<ChannelSimulatorFactory> Factory(const std::vector<ParameterSpec
 
 std::vector<ParameterSpec> AllChannels() {
   return {Channel("delay", "action/delay", 0, 2.5), Channel("noise", "obs/*/noise_std", 0, 0.2),
-          Channel("bias", "obs/v/bias", -0.5, 0.5), Channel("lag", "obs/x/delay", 0, 3)};
+          Channel("bias", "obs/v/bias", -0.5, 0.5), Channel("lag", "obs/x/delay", 0, 3), ScaleOf("obs/v/scale")};
 }
 
 /// Channels whose bias differs between recordings.
@@ -138,6 +139,24 @@ TEST(ChannelSimulator, BiasesAndDelaysChangeWhatIsShownAndNothingElse) {
     EXPECT_NEAR(sensed.Shown()[0], 0.5 * (x[x.size() - 2] + x[x.size() - 3]), 1e-12) << "one and a half steps old";
     EXPECT_EQ((*sensed).reward(kLane), (*bare).reward(kLane));
   }
+}
+
+TEST(ChannelSimulator, AScaleIsOfTheReadingAndNotOfItsBiasAndAStateIsSetAsItIsRead) {
+  OneLane sensed({ScaleOf("obs/x/scale + obs/v/scale"), Channel("bias", "obs/v/bias", -1, 1)}, {1.25, 0.25});
+  OneLane bare({}, {});
+  for (int step = 0; step < 10; ++step) {
+    sensed.Step(ActionAt(step));
+    bare.Step(ActionAt(step));
+    EXPECT_DOUBLE_EQ(sensed.Shown()[0], 1.25 * bare.Shown()[0]);
+    EXPECT_DOUBLE_EQ(sensed.Shown()[1], 1.25 * bare.Shown()[1] + 0.25);
+  }
+  const std::vector<double> read = sensed.Shown(), is = {read[0] / 1.25, (read[1] - 0.25) / 1.25};
+  ASSERT_TRUE((*sensed).SetState(kLane, read, {}));
+  ASSERT_TRUE((*bare).SetState(kLane, is, {}));
+  sensed.Step(0.7);
+  bare.Step(0.7);
+  EXPECT_NEAR(sensed.Shown()[0], 1.25 * bare.Shown()[0], 1e-12);
+  EXPECT_NEAR(sensed.Shown()[1], 1.25 * bare.Shown()[1] + 0.25, 1e-12);
 }
 
 TEST(ChannelSimulator, NoiseIsWhiteGaussianWithItsStandardDeviation) {

@@ -22,6 +22,7 @@ constexpr int kMostSingly = 8;   // joints, drives or tendons that are, where ot
 constexpr double kLow = 0.1, kHigh = 10.0;
 constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
 constexpr double kMostSpringOff = 1.0;     // [rad], [m]: of where a spring rests
+constexpr double kMostTendonOff = 0.3;     // of its length: the same of a tendon's
 constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
 constexpr double kMostAside = 0.1;         // of the model's extent
 constexpr double kMostLoad = 2.0;          // radii of gyration that a load moves a body's centre of mass
@@ -95,6 +96,21 @@ void AddSprings(const mjModel& model, std::vector<SuspectedField>& places) {
   }
 }
 
+/// The length at which the springs of single tendons rest. Those with a dead band have two.
+void AddTendonSprings(const mjModel& model, std::vector<SuspectedField>& places) {
+  if (model.ntendon > kMostSingly) return;
+  for (int tendon = 0; tendon < model.ntendon; ++tendon) {
+    const double length = model.tendon_lengthspring[2 * tendon];
+    if (model.tendon_stiffness[tendon] == 0 || length == 0 || length != model.tendon_lengthspring[2 * tendon + 1])
+      continue;
+    const std::string name = ObjectName(model, mjOBJ_TENDON, tendon);
+    places.push_back({name + "_lengthspring",
+                      fmt::format("tendon/{}/lengthspring", name),
+                      {},
+                      RoundBound(kMostTendonOff * std::abs(length))});
+  }
+}
+
 /// Whether it is a base that moves, or nothing hangs on it: bodies that carry what no model knows of.
 bool MayCarry(const mjModel& model, int body) {
   if (model.body_mass[body] <= 0 || model.body_weldid[body] == 0) return false;
@@ -153,6 +169,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"gravity", "opt/gravity[2]"}};
   if (model.na > 0) places.push_back({"drive_lag", "actuator/*/dynprm[0]"});
   AddSprings(model, places);
+  AddTendonSprings(model, places);
   AddPlaces(model, places);
   if (const double down = std::abs(model.opt.gravity[2]);
       down > 0 && model.opt.gravity[0] == 0 && model.opt.gravity[1] == 0) {

@@ -144,6 +144,23 @@ TEST(ModelSuspects, AreWhereSpringsRest) {
   EXPECT_DOUBLE_EQ(hip->high, 1.3);
 }
 
+TEST(ModelSuspects, AreHowLongTendonsSpringsRest) {
+  const std::vector<ParameterSpec> suspects = SuspectsOf(R"(<mujoco>
+    <worldbody><site name="a"/><body pos="0 0 0.5"><joint/><geom size="0.1"/><site name="b"/></body></worldbody>
+    <tendon>
+      <spatial name="cable" stiffness="50" springlength="0.4"><site site="a"/><site site="b"/></spatial>
+      <spatial name="slack" stiffness="50" springlength="0.3 0.4"><site site="a"/><site site="b"/></spatial>
+      <spatial name="limp"><site site="a"/><site site="b"/></spatial>
+    </tendon></mujoco>)");
+  EXPECT_THAT(Fields(suspects), Not(Contains("tendon/slack/lengthspring"))) << "it has two";
+  EXPECT_THAT(Fields(suspects), Not(Contains("tendon/limp/lengthspring")));
+  const auto cable = std::ranges::find(suspects, "tendon/cable/lengthspring", &ParameterSpec::field);
+  ASSERT_NE(cable, suspects.end());
+  EXPECT_DOUBLE_EQ(cable->nominal, 0.4);
+  EXPECT_LT(cable->low, 0.3);
+  EXPECT_GT(cable->high, 0.5);
+}
+
 TEST(ModelSuspects, AreOfTheOtherJointsWhereOneIsSearched) {
   const MujocoSimulatorFactory factory("Hopper-v5", {{.name = "knee", .field = "joint/leg_joint/damping"}});
   const std::vector<std::string> fields = Fields(factory.Suspects());

@@ -76,6 +76,13 @@ TEST(DesignOfChannels, RecoversTheBiasOfASensor) {
   EXPECT_NEAR(Design(*PointMassBehind("obs/v/bias", -1, 1), 0.4, 60)[kChannel], 0.4, 0.04);
 }
 
+TEST(DesignOfChannels, RecoversTheScaleOfASensor) {
+  std::vector<ParameterSpec> specs = PointMass::MakeParameters().specs();
+  specs.push_back({.name = "channel", .field = "obs/v/scale", .low = 0.5, .high = 2});
+  const ChannelSimulatorFactory factory(specs, [](const auto&) { return std::make_unique<PointMassFactory>(); });
+  EXPECT_NEAR(Design(factory, 1.4, 150)[kChannel], 1.4, 0.05);
+}
+
 TEST(DesignOfChannels, RecoversTheNoiseOfASensor) {
   EXPECT_NEAR(Design(*PointMassBehind("obs/x/noise_std", 0, 0.5), 0.1, 60)[kChannel], 0.1, 0.015);
 }

@@ -142,14 +142,15 @@ double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
   return (cost(x) - cost(than)) / readings_per_error_;
 }
 
+double LevelFit::NatsIn(WindowReplayer& wider, const std::vector<double>& z) const {
+  return CostOfWindows(SettledIn(wider, level_.starts, z).residuals) / readings_per_error_;
+}
+
 std::vector<double> LevelFit::NatsGainedIn(WindowReplayer& wider, const std::vector<double>& z,
                                            const std::vector<std::vector<double>>& values) const {
-  const auto cost = [&](const std::vector<double>& at) {
-    return CostOfWindows(SettledIn(wider, level_.starts, at).residuals);
-  };
-  const double cost_without = cost(z);
+  const double without = NatsIn(wider, z);
   std::vector<double> gained;
-  for (const std::vector<double>& value : values) gained.push_back((cost_without - cost(value)) / readings_per_error_);
+  for (const std::vector<double>& value : values) gained.push_back(without - NatsIn(wider, value));
   return gained;
 }
 

@@ -112,6 +112,9 @@ class LevelFit {
   /// By how many nats windows are less likely at `x` than at `than`, their starts fitted anew at both. Behind Finish or
   /// CovarianceOfParts.
   double NatsLostAt(const Eigen::VectorXd& x, const Eigen::VectorXd& than) const;
+  /// How unlikely windows are, their starts fitted anew, but for a constant. After FinalCost.
+  /// @param wider, z  as NatsGainedIn has them
+  double NatsIn(WindowReplayer& wider, const std::vector<double>& z) const;
   /// By how many nats windows become likelier at each of `values` than at z, their starts fitted anew. After FinalCost.
   /// @param wider      of a simulator that may have more parameters, behind those of x
   /// @param z, values  of all its parameters

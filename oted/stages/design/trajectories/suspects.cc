@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "oted/matching/verdict.h"
+#include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/replay_fit.h"
 #include "oted/stages/design/trajectories/distant_places.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
@@ -23,7 +24,7 @@ constexpr double kSuspectStep = 0.02;  // of the logarithm of a multiple, of the
 constexpr double kLimitStep = -0.7;    // of a limit, to half of it: nothing tells of one that is not reached
 constexpr int kStepRows = 240, kRefutingRows = 960;
 constexpr double kStepOfStd = 0.5, kShortestStep = 1e-4, kSmallestSine = 1e-3;
-constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableShare = 0.02;
+constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableScale = 0.01, kNoticeableShare = 0.02;
 constexpr double kNoticeableLoad = 0.005;  // of the range: some hundredths of the body's radius of gyration
 constexpr double kLargestLog = 2.303;      // a linear model knows nothing of a change tenfold
 constexpr double kOff = 0.1;               // of conditions: of a multiple, of the range of a value
@@ -193,6 +194,60 @@ bool SharesFirstPath(const Suspect& one, const std::vector<Suspect>& others) {
   return std::ranges::any_of(others, [&](const Suspect& other) { return TiedPaths(other.spec.field).front() == path; });
 }
 
+/// What a parameter's value rests on.
+struct Named {
+  double by = 0;  // how far it moves the value
+  size_t suspect = 0;
+  Condition condition;
+};
+
+/// Whether the logs say that something is not off, though derivatives do not: they tell too little of what is touched
+/// farther away, or read as farther away. Asked of few, as each takes fits of starts.
+class Refutation {
+ public:
+  Refutation(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider, std::vector<double> z)
+      : some_(fit.Sampled(kRefutingRows)),
+        wider_(wider),
+        nominal_(std::move(z)),
+        n_searched_(nominal_.size()),
+        supposed_(specs.size()) {
+    for (const ParameterSpec& spec : specs) nominal_.push_back(spec.nominal);
+  }
+
+  /// @param value  of suspect k; `moved`: where the searched parameters follow it
+  void Suppose(size_t k, double value, const std::vector<double>& moved) {
+    Supposed& of = supposed_[k];
+    of.alone = nominal_;
+    of.alone[n_searched_ + k] = value;
+    of.followed = of.alone;
+    std::ranges::copy(moved, of.followed.begin());
+  }
+
+  bool IsRefuted(size_t k) {
+    Supposed& of = supposed_[k];
+    if (!of.is_refuted) of.is_refuted = IsUnlikely(of.followed) && IsUnlikely(of.alone);
+    return *of.is_refuted;
+  }
+
+ private:
+  struct Supposed {
+    std::vector<double> alone, followed;
+    std::optional<bool> is_refuted;
+  };
+
+  bool IsUnlikely(const std::vector<double>& z) {
+    if (!nats_) nats_ = some_.NatsIn(wider_, nominal_);
+    return some_.NatsIn(wider_, z) - *nats_ > kFewestSureNats;
+  }
+
+  LevelFit some_;
+  WindowReplayer& wider_;
+  std::vector<double> nominal_;  // of all
+  size_t n_searched_ = 0;
+  std::vector<Supposed> supposed_;
+  std::optional<double> nats_;  // of the nominal values
+};
+
 }  // namespace
 
 std::vector<Suspect> FirstApart(const std::vector<Suspect>& suspects, size_t n) {
@@ -219,7 +274,10 @@ bool IsExcluded(double off, double change, double std) {
 bool IsNoticeable(const ParameterSpec& spec, double z) {
   const bool is_centre = spec.field.find("/ipos") != std::string::npos;
   const bool is_length = is_centre || spec.field.ends_with("/pos");
-  if (spec.IsMultiple()) return std::abs(std::log(z)) > (is_length ? kNoticeableLength : kNoticeableLog);
+  if (spec.IsMultiple()) {
+    const double least = IsSensorScale(spec.field) ? kNoticeableScale : is_length ? kNoticeableLength : kNoticeableLog;
+    return std::abs(std::log(z)) > least;
+  }
   const double share = is_centre ? kNoticeableLoad : kNoticeableShare;
   return std::abs(z - spec.nominal) > share * (spec.high - spec.low);
 }
@@ -245,24 +303,13 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
   const VectorXd steps = NearbySteps(specs, fit, wider);
   const WithEachAlone with(EvidenceOf(specs, fit, wider, steps), fit.x(), prior, EstimateFromStretches);
   const std::vector<double> z = ToZ(space, fit.x());
-  std::vector<std::vector<std::pair<double, Condition>>> of_each(z.size());
-  const LevelFit some = fit.Sampled(kRefutingRows);
-  // Of what is touched farther away, or read as farther away, derivatives tell too little. @param moved  where x
-  // follows it
-  const auto is_refuted = [&](size_t k, double value, const std::vector<double>& moved) {
-    std::vector<double> without = z;
-    for (const ParameterSpec& spec : specs) without.push_back(spec.nominal);
-    std::vector<double> alone = without;
-    alone[z.size() + k] = value;
-    std::vector<double> followed = alone;
-    std::ranges::copy(moved, followed.begin());
-    return std::ranges::max(some.NatsGainedIn(wider, without, {alone, followed})) < -kFewestSureNats;
-  };
+  std::vector<std::vector<Named>> of_each(z.size());
   RestsOn found;
   // Of a mass that is searched with its inertia, the mass alone would read as if it were not searched.
   const auto is_searched = [&](const ParameterSpec& spec) {
     return std::ranges::any_of(space.specs(), [&](const ParameterSpec& p) { return IsPartOf(spec, p); });
   };
+  Refutation refutation(specs, fit, wider, z);
   for (size_t k = 0; k < specs.size(); ++k) {
     const std::optional<StretchEstimate> estimate = with.Of(k);
     if (!estimate) continue;
@@ -278,23 +325,24 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     const bool is_alike = following.square_of_sine <= bend * bend;
     if (!is_alike && IsExcluded(off, change, std)) continue;
     const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
-    std::vector<std::pair<double, Condition>> named;
+    refutation.Suppose(k, At(specs[k], off), moved);
     for (size_t i = 0; i < z.size(); ++i) {
       const double by = MovedBy(space[static_cast<int>(i)], z[i], moved[i]);
       const bool is_outside = moved[i] < intervals[i].low || moved[i] > intervals[i].high;
       if (by > (is_alike || is_outside ? kTrace : 1))
-        named.emplace_back(by, Condition{static_cast<int>(i), specs[k], At(specs[k], off), moved[i]});
-    }
-    if (named.empty() || (IsShift(specs[k]) && is_refuted(k, At(specs[k], off), moved))) continue;
-    for (auto& [by, condition] : named) {
-      of_each[static_cast<size_t>(condition.parameter)].emplace_back(by, std::move(condition));
+        of_each[i].push_back({by, k, {static_cast<int>(i), specs[k], At(specs[k], off), moved[i]}});
     }
   }
   KeepSurest(found.asked);
-  for (auto& of : of_each) {
-    std::ranges::stable_sort(of, [](const auto& a, const auto& b) { return a.first > b.first; });
-    of.resize(std::min(of.size(), kMostConditions));
-    for (auto& [unused, condition] : of) found.conditions.push_back(std::move(condition));
+  for (std::vector<Named>& of : of_each) {
+    std::ranges::stable_sort(of, std::ranges::greater(), &Named::by);
+    size_t n = 0;
+    for (Named& named : of) {
+      if (n == kMostConditions) break;
+      if (IsShift(named.condition.spec) && refutation.IsRefuted(named.suspect)) continue;
+      found.conditions.push_back(std::move(named.condition));
+      ++n;
+    }
   }
   return found;
 }
