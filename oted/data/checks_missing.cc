@@ -89,7 +89,7 @@ void CheckMissingRows(const Dataset& dataset, const TaskFacts& facts, std::vecto
   }
   if (n_long < kFewestLong || n_long > kMostLong * n || n_agree < kMostAgree * n || n_short > kMostShort * n_long)
     return;
-  findings.push_back({.check = "missing_rows",
+  findings.push_back({.check = kMissingRows,
                       .severity = Severity::kWarning,
                       .what = fmt::format("in {} of {} rows all positions move two or more times as far as their "
                                           "velocities say, in the others as far",

@@ -10,6 +10,7 @@
 
 #include "oted/base/angle.h"
 #include "oted/data/channel_series.h"
+#include "oted/data/checks_missing.h"
 #include "oted/data/stretch_period.h"
 
 namespace oted {
@@ -179,9 +180,9 @@ class Rates {
     return true;
   }
 
-  /// All channels off by the same few percent.
+  /// All channels off by the same few percent. Over lost rows positions move farther as well.
   void AddPeriod() {
-    if (period_ <= 0) return;
+    if (period_ <= 0 || std::ranges::find(findings_, kMissingRows, &Finding::check) != findings_.end()) return;
     std::vector<int> velocities;
     for (const RateAgreement& rate : rates_) velocities.push_back(rate.velocity);
     const std::optional<double> seconds = PeriodByStretches(dataset_, facts_.rate_of, velocities);

@@ -54,8 +54,7 @@ std::string PeriodSentence(const Dataset& logs, const SimulatorSpec& spec) {
   if (is_told || !(spec.control_period_s > 0)) return "";
   return fmt::format(
       "all values: if the control period is {:g} s, as the task says. These logs hold neither times nor velocities, "
-      "which "
-      "would tell; with another period masses, dampings and forces would be others",
+      "which would tell; with another period masses, dampings and forces would be others",
       spec.control_period_s);
 }
 

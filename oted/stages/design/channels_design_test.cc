@@ -5,9 +5,13 @@
 #include <cmath>
 
 #include "oted/base/testing.h"
+#include "oted/matching/designer.h"
 #include "oted/matching/testing.h"
+#include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/effects.h"
+#include "oted/stages/design/testing.h"
+#include "oted/stages/design/trajectories/trajectory_matching.h"
 
 namespace oted::channels_design_test {
 
@@ -76,11 +80,28 @@ TEST(DesignOfChannels, RecoversTheBiasOfASensor) {
   EXPECT_NEAR(Design(*PointMassBehind("obs/v/bias", -1, 1), 0.4, 60)[kChannel], 0.4, 0.04);
 }
 
-TEST(DesignOfChannels, RecoversTheScaleOfASensor) {
-  std::vector<ParameterSpec> specs = PointMass::MakeParameters().specs();
-  specs.push_back({.name = "channel", .field = "obs/v/scale", .low = 0.5, .high = 2});
-  const ChannelSimulatorFactory factory(specs, [](const auto&) { return std::make_unique<PointMassFactory>(); });
-  EXPECT_NEAR(Design(factory, 1.4, 150)[kChannel], 1.4, 0.05);
+TEST(DesignOfChannels, RecoversTheScaleOfAnEncoderBesideWhatItLooksLike) {
+  // A pendulum whose readings are too large swings as if its torque was.
+  const TestFolder folder;
+  const std::vector<ParameterSpec> specs = {
+      {.name = "gain", .field = "actuator/*/gear[0]", .low = 0.5, .high = 2},
+      {.name = "encoder", .field = "obs/joint/hinge/qpos/scale + obs/joint/hinge/qvel/scale", .low = 0.5, .high = 2}};
+  const auto factory = WithChannels(specs, [&](const std::vector<ParameterSpec>& of_plant) {
+    return std::make_unique<MujocoSimulatorFactory>(HingeTask(folder, kBesideAWall), of_plant);
+  });
+  const std::vector<double> truth = {1.2, 1.05};
+  NullSink log;
+  const Prior prior = Prior::Uniform(2);
+  const ReplayFit fit = MatchTrajectories({*factory,
+                                           LogsUnderTorques(*factory, truth, 0.9),
+                                           prior,
+                                           RngKey(1),
+                                           [](int, int, const Eigen::VectorXd&) {},
+                                           {.log = &log, .n_threads = 1}},
+                                          {.rows = 400, .starts = 2, .coarse = 16});
+  const std::vector<double> z = LogitToZ(factory->parameters(), {fit.mean.data(), 2});
+  EXPECT_NEAR(z[0], truth[0], 0.001);
+  EXPECT_NEAR(z[1], truth[1], 0.001);
 }
 
 TEST(DesignOfChannels, RecoversTheNoiseOfASensor) {
