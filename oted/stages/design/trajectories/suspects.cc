@@ -206,11 +206,7 @@ struct Named {
 class Refutation {
  public:
   Refutation(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider, std::vector<double> z)
-      : some_(fit.Sampled(kRefutingRows)),
-        wider_(wider),
-        nominal_(std::move(z)),
-        n_searched_(nominal_.size()),
-        supposed_(specs.size()) {
+      : some_(fit.Sampled(kRefutingRows)), wider_(wider), nominal_(std::move(z)), supposed_(specs.size()) {
     for (const ParameterSpec& spec : specs) nominal_.push_back(spec.nominal);
   }
 
@@ -218,7 +214,7 @@ class Refutation {
   void Suppose(size_t k, double value, const std::vector<double>& moved) {
     Supposed& of = supposed_[k];
     of.alone = nominal_;
-    of.alone[n_searched_ + k] = value;
+    of.alone[nominal_.size() - supposed_.size() + k] = value;
     of.followed = of.alone;
     std::ranges::copy(moved, of.followed.begin());
   }
@@ -242,8 +238,7 @@ class Refutation {
 
   LevelFit some_;
   WindowReplayer& wider_;
-  std::vector<double> nominal_;  // of all
-  size_t n_searched_ = 0;
+  std::vector<double> nominal_;  // of what is searched, and behind it of the suspects
   std::vector<Supposed> supposed_;
   std::optional<double> nats_;  // of the nominal values
 };
