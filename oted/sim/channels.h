@@ -89,9 +89,10 @@ class ChannelSimulator : public WrappedSimulator {
     std::vector<double> values_;
   };
   struct Lane {
-    std::vector<double> action_delay;                                          // (act_dim)
-    double Shown(size_t j, double x) const { return scale[j] * x + bias[j]; }  // without noise
+    double Shown(size_t j, double x) const { return scale[j] * x + bias[j]; }  ///< without noise
     double True(size_t j, double reading) const { return (reading - bias[j]) / scale[j]; }
+
+    std::vector<double> action_delay;                   // (act_dim)
     std::vector<double> noise_std, bias, scale, delay;  // (obs_dim)
     Memory actions, observations;
     Rng noise{0};

@@ -138,8 +138,7 @@ FittedStarts LevelFit::SettledIn(WindowReplayer& replayer, std::vector<VectorXd>
 }
 
 double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
-  const auto cost = [&](const VectorXd& at) { return CostOfWindows(Settled(level_.starts, at).residuals); };
-  return (cost(x) - cost(than)) / readings_per_error_;
+  return NatsIn(replayer_, ToZ(space_, x)) - NatsIn(replayer_, ToZ(space_, than));
 }
 
 double LevelFit::NatsIn(WindowReplayer& wider, const std::vector<double>& z) const {
