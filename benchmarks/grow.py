@@ -2,7 +2,8 @@
 """Whether a design finds what its parameters lack: targets of which one thing is off that nobody searches, and `oted design
 --grow`.
 
-  benchmarks/grow.py [--tasks hopper halfcheetah arm] [--classes contact inertia delay damping friction_loss tilt] [--cases 2]
+  benchmarks/grow.py [--tasks hopper halfcheetah arm]
+    [--classes contact inertia delay damping friction_loss tilt force_limit] [--cases 2]
   benchmarks/grow.py --table
 
 Every case draws the searched parameters and the culprit's size, logs some episodes with noise, grows a design with one seed
@@ -22,7 +23,8 @@ import time
 from study_data import HIGH, LOW, MATCHING_ALONE, PARAMETERS, ROOT, TASKS, add_record, commit, records
 
 CULPRITS = {"contact": "geom/*/solref[0]", "inertia": "body/*/inertia", "delay": "action/delay", "damping": "joint/*/damping",
-            "friction_loss": "joint/@actuated/frictionloss", "tilt": "opt/gravity[0]"}
+            "friction_loss": "joint/@actuated/frictionloss", "tilt": "opt/gravity[0]",
+            "force_limit": "actuator/shoulder/force_limit"}  # which the model lacks; the arm's alone
 ARM = """<mujoco><compiler autolimits="true"/><option timestep="0.002"/>
   <default><joint type="hinge" axis="0 1 0" damping="0.5" armature="0.02"/><geom type="capsule" size="0.03"/></default>
   <worldbody><body name="upper" pos="0 0 1"><joint name="shoulder"/><geom fromto="0 0 0 0.4 0 0" mass="2"/>
@@ -50,6 +52,8 @@ def draw(task, kind, rng):
         return round(rng.uniform(*FRICTION_LOSS[task]), 2), truth
     if kind == "tilt":  # [m/s^2]: two to six degrees
         return round(rng.choice([-1, 1]) * rng.uniform(0.35, 1.0), 3), truth
+    if kind == "force_limit":  # [N m]: 9 hold the arm when it is stretched out
+        return round(rng.uniform(7, 14), 2), truth
     return round(math.exp(rng.choice([-1, 1]) * rng.uniform(math.log(1.6), math.log(3))), 3), truth
 
 
@@ -72,7 +76,8 @@ def run_case(task, kind, case, oted, extra):
         folder = pathlib.Path(name)
         words, policy = task_words(task, folder), policy_of(task)
         searched = [word for key, path in SEARCHED[task].items() for word in ("--param", f"{key}={path}:{LOW}:{HIGH}")]
-        scale = {"delay": ":0:9:absolute", "friction_loss": ":0:9:absolute", "tilt": ":-2:2:absolute"}.get(kind, ":0.2:5")
+        scale = {"delay": ":0:9:absolute", "friction_loss": ":0:9:absolute", "tilt": ":-2:2:absolute",
+                 "force_limit": ":1:500:log:absolute"}.get(kind, ":0.2:5")
         target = [*searched, "--param", f"culprit={CULPRITS[kind]}{scale}", "--truth", f"culprit={culprit}"]
         for key, value in truth.items():
             target += ["--truth", f"{key}={value}"]
@@ -130,7 +135,7 @@ def main():
             for task in arguments.tasks:
                 for kind in arguments.classes:
                     name = f"{task}-{kind}-{case}"
-                    if name in records(arguments.out) or (task == "arm" and kind == "contact"):
+                    if name in records(arguments.out) or (task == "arm" and kind == "contact") or (task != "arm" and kind == "force_limit"):
                         continue
                     add_record(arguments.out, name, run_case(task, kind, case, arguments.oted.resolve(), extra))
     print_table(list(records(arguments.out).values()))

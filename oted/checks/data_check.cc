@@ -143,7 +143,8 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
                         .remedy = "check units, frames and the order of the columns"});
     return;
   }
-  const bool exact = e.median_ratio < kExact;
+  const bool moves = std::ranges::any_of(e.rms_change, [](double change) { return change > 0; });
+  const bool exact = moves && e.median_ratio < kExact;
   // Not where factors of what the simulator does would mend it: wrong gains, masses and dampings are that.
   const auto own = e.ratio_by_shift.find(0);
   const bool poor = e.median_ratio > kUseless && (own == e.ratio_by_shift.end() || own->second > kUseless);
@@ -151,12 +152,15 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
   findings.push_back(
       {.check = "one_step_error",
        .severity = useless ? Severity::kWarning : Severity::kNote,
-       .what = fmt::format("set to s and given a, the nominal {} misses s' by {:.2g} of its change (median over "
-                           "channels, {} rows)",
-                           spec.task, e.median_ratio, e.n_rows),
+       .what = moves ? fmt::format("set to s and given a, the nominal {} misses s' by {:.2g} of its change (median "
+                                   "over channels, {} rows)",
+                                   spec.task, e.median_ratio, e.n_rows)
+                     : fmt::format("s' is s in all of {} rows: there is no change to compare the nominal {} with",
+                                   e.n_rows, spec.task),
        .count = e.n_rows,
        .meaning =
-           exact ? "model, engine and control rate are the logs' own: there is nothing to design"
+           !moves  ? "the robot rests: a design learns from motion alone"
+           : exact ? "model, engine and control rate are the logs' own: there is nothing to design"
            : useless
                ? "predicting no change would hardly be worse, and a linear fit of the logs misses half as much at "
                  "most: units, order of columns, control rate or delay do that, or parameters that are far off"
@@ -166,7 +170,8 @@ void AddOneStep(const OneStepError& e, const SimulatorFactory& factory, const st
            : IsAsNearAsLine(e, noise)
                ? "a linear fit of the logs does no better: noise may be all of it, and a design tells"
                : "model or parameters differ from the target: that is what a design is for",
-       .remedy = useless         ? "look at the channels one by one before you design"
+       .remedy = !moves          ? "log motion"
+                 : useless       ? "look at the channels one by one before you design"
                  : exact || poor ? "none needed"
                                  : "none needed; channels that miss much more than others point at what differs"});
   if (e.n_diverged > 0) {

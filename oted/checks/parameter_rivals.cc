@@ -8,7 +8,7 @@
 #include <tuple>
 
 #include "oted/sim/channel_path.h"
-#include "oted/stages/design/trajectories/distant_places.h"
+#include "oted/stages/design/trajectories/distant_values.h"
 
 namespace oted {
 namespace {

@@ -235,8 +235,11 @@ void RunConfig::Check() const {
     throw UsageError("no task is named; add --task, or [task] with a name or a model to the configuration");
   if (parameters.empty()) {
     throw UsageError(
-        "no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', a [parameters] section, or a "
-        "--preset; 'oted params list' shows what there is");
+        fmt::format("no parameter is declared; add --param 'friction=geom/*/friction[0]:0.2:2.0', a [parameters] "
+                    "section, or a --preset; 'oted params list' shows what there is{}",
+                    task.has_model() ? " (--task takes of a file its [task] alone: for its [parameters] give the file "
+                                       "as the configuration, without --task)"
+                                     : ""));
   }
   const ParameterSpace space(parameters);
   std::vector<std::string> names;

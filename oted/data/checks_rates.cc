@@ -69,8 +69,10 @@ class Rates {
     std::erase_if(rates_,
                   [&](const RateAgreement& r) { return std::ranges::find(elsewhere, r.velocity) != elsewhere.end(); });
     std::erase_if(rates_, [](const RateAgreement& r) { return r.support < kFewestCarry; });
+    AddOwnSwaps();
     AddSwaps();
     if (!AddOtherRates() && !AddControlRate()) {
+      AddOfEpisodes();
       for (const RateAgreement& rate : rates_) AddFactor(rate);
       AddPeriod();
     }
@@ -94,6 +96,26 @@ class Rates {
     return findings_.back();
   }
 
+  void Forget(const std::vector<int>& velocities) {
+    std::erase_if(
+        rates_, [&](const RateAgreement& r) { return std::ranges::find(velocities, r.velocity) != velocities.end(); });
+  }
+
+  /// Positions that are the rates of what stands as their velocities.
+  void AddOwnSwaps() {
+    std::vector<int> swapped;
+    for (const RateAgreement& rate : rates_) {
+      if (period_ <= 0 || Near(rate.slope, period_, kUnitSlack)) continue;
+      const RateAgreement back = CompareRate(dataset_, rate.velocity, rate.position, period_);
+      if (back.correlation < kClearCorrelation || !Near(back.slope, period_, kUnitSlack)) continue;
+      swapped.push_back(rate.velocity);
+      Add("swapped_columns", fmt::format("{} is the rate of {}", Position(rate), Velocity(rate)),
+          {Position(rate), Velocity(rate)}, "two columns stand in each other's place",
+          fmt::format("swap {} and {}", Position(rate), Velocity(rate)));
+    }
+    Forget(swapped);
+  }
+
   /// Velocities that go with the position of another joint.
   void AddSwaps() {
     std::vector<RateAgreement> left;
@@ -101,14 +123,14 @@ class Rates {
     for (const RateAgreement& rate : rates_) {
       if (std::abs(rate.correlation) < kVague) lost.push_back(&rate);
     }
-    std::vector<std::pair<int, int>> swapped;
+    std::vector<int> swapped;
     for (const RateAgreement* a : lost) {
       for (const RateAgreement* b : lost) {
         if (a->velocity >= b->velocity) continue;
         const RateAgreement ab = CompareRate(dataset_, a->position, b->velocity, period_);
         const RateAgreement ba = CompareRate(dataset_, b->position, a->velocity, period_);
         if (std::abs(ab.correlation) < kClearCorrelation || std::abs(ba.correlation) < kClearCorrelation) continue;
-        swapped.emplace_back(a->velocity, b->velocity);
+        swapped.insert(swapped.end(), {a->velocity, b->velocity});
         Add("swapped_columns",
             fmt::format("{} is the rate of {}, and {} that of {}", Velocity(*b), Position(*a), Velocity(*a),
                         Position(*b)),
@@ -116,22 +138,75 @@ class Rates {
             fmt::format("swap {} and {}, or {} and {}", Position(*a), Position(*b), Velocity(*a), Velocity(*b)));
       }
     }
-    std::erase_if(rates_, [&](const RateAgreement& r) {
-      return std::ranges::any_of(swapped,
-                                 [&](const auto& s) { return s.first == r.velocity || s.second == r.velocity; });
-    });
+    Forget(swapped);
+  }
+
+  /// The same of each episode alone; none where there are too many, or one.
+  const std::vector<std::vector<RateAgreement>>& OfEpisodes() {
+    const std::vector<Episode> episodes = dataset_.Episodes();
+    if (!of_episodes_.empty() || episodes.size() < 2 || episodes.size() > kMostEpisodes) return of_episodes_;
+    for (const Episode& episode : episodes) {
+      of_episodes_.push_back(CompareRates(dataset_.Select({episode}), facts_.rate_of, period_));
+      std::erase_if(of_episodes_.back(), [](const RateAgreement& r) { return r.support < kFewestCarry; });
+    }
+    return of_episodes_;
+  }
+
+  /// By which factor a position changes faster than its velocity says in each episode; 0 where one does not tell.
+  std::vector<double> FactorsOf(int velocity) {
+    std::vector<double> factors;
+    for (const std::vector<RateAgreement>& rates : OfEpisodes()) {
+      const auto rate = std::ranges::find(rates, velocity, &RateAgreement::velocity);
+      const bool tells = rate != rates.end() && std::abs(rate->correlation) >= kClearCorrelation;
+      factors.push_back(tells ? rate->slope / period_ : 0);
+    }
+    return factors;
+  }
+
+  /// Joints of which most episodes have position and velocity as they belong together, and others in another sign or
+  /// unit. What is told of all rows together mixes them.
+  void AddOfEpisodes() {
+    if (period_ <= 0) return;
+    std::vector<int> told;
+    for (const RateAgreement& rate : rates_) {
+      const std::vector<double> factors = FactorsOf(rate.velocity);
+      std::vector<std::string> turned, other;
+      size_t n_right = 0;
+      double factor = 0;
+      for (size_t e = 0; e < factors.size(); ++e) {
+        if (Near(factors[e], 1, kUnitSlack)) ++n_right;
+        if (Near(factors[e], -1, kUnitSlack)) turned.push_back(fmt::format("{}", e + 1));
+        if (factors[e] == 0 || std::max(std::abs(factors[e]), 1 / std::abs(factors[e])) < kFactor) continue;
+        other.push_back(fmt::format("{}", e + 1));
+        factor = factors[e];
+      }
+      if (n_right <= turned.size() + other.size() || turned.size() + other.size() == 0) continue;
+      const std::string position = Position(rate), velocity = Velocity(rate);
+      if (!turned.empty()) {
+        Add("rate_sign",
+            fmt::format("in episode {} {} and {} have opposite signs, in the others they have not",
+                        fmt::join(turned, ", "), position, velocity),
+            {position, velocity}, "one of the two has the other sign in that recording",
+            "turn it round in that recording's file: data.scale acts on all of them");
+      }
+      if (!other.empty()) {
+        Add("rate_unit",
+            fmt::format("in episode {} {} changes {:.3g} times as fast as {} says, in the others as fast",
+                        fmt::join(other, ", "), position, factor, velocity),
+            {position, velocity}, "that recording has another unit or another control rate",
+            "bring it to the unit and the rate of the others");
+      }
+      told.push_back(rate.velocity);
+    }
+    Forget(told);
   }
 
   /// Episodes whose rows are further apart, or closer, than those of the rest: one rate for all is true of none.
   bool AddOtherRates() {
+    if (rates_.size() < 2) return false;
     const std::vector<Episode> episodes = dataset_.Episodes();
-    if (rates_.size() < 2 || episodes.size() < 2 || episodes.size() > kMostEpisodes) return false;
     std::vector<double> periods;  // [s], 0 where an episode does not tell
-    for (const Episode& episode : episodes) {
-      std::vector<RateAgreement> rates = CompareRates(dataset_.Select({episode}), facts_.rate_of, period_);
-      std::erase_if(rates, [](const RateAgreement& r) { return r.support < kFewestCarry; });
-      periods.push_back(PeriodByRates(rates));
-    }
+    for (const std::vector<RateAgreement>& rates : OfEpisodes()) periods.push_back(PeriodByRates(rates));
     std::vector<double> told = periods;
     std::erase(told, 0.0);
     if (told.size() < 2) return false;
@@ -139,7 +214,7 @@ class Rates {
     std::vector<double> others;
     std::vector<std::string> numbers;
     int first = -1;
-    for (size_t e = 0; e < episodes.size(); ++e) {
+    for (size_t e = 0; e < periods.size(); ++e) {
       if (periods[e] <= 0 || std::max(periods[e] / usual, usual / periods[e]) < kOtherRate) continue;
       numbers.push_back(fmt::format("{}", e + 1));
       others.push_back(periods[e]);
@@ -283,6 +358,7 @@ class Rates {
   std::vector<Finding>& findings_;
   const double period_;
   std::vector<RateAgreement> rates_;
+  std::vector<std::vector<RateAgreement>> of_episodes_;  // OfEpisodes
 };
 
 }  // namespace

@@ -113,6 +113,39 @@ TEST(Rates, SwappedColumnsAreNamedTogether) {
   EXPECT_NE(f.remedy.find("swap hip/qpos and knee/qpos"), std::string::npos) << f.remedy;
 }
 
+TEST(Rates, APositionThatIsTheRateOfItsVelocityStandsInItsPlace) {
+  const auto f = Only(Check(LogOf([](double t) {
+                        return std::vector<double>{HipRate(t), Knee(t), Hip(t), KneeRate(t)};
+                      })),
+                      "swapped_columns");
+  EXPECT_EQ(f.remedy, "swap hip/qpos and hip/qvel");
+  // By -57.3 a position in degrees would change as well.
+  const auto slow =
+      Only(Check(LogOf([](double t) {
+             const double rate = std::sqrt(57.3);
+             return std::vector<double>{rate * std::cos(rate * t), Knee(t), std::sin(rate * t), KneeRate(t)};
+           })),
+           "swapped_columns");
+  EXPECT_EQ(slow.remedy, "swap hip/qpos and hip/qvel");
+}
+
+TEST(Rates, OneRecordingInAnotherSignOrUnitIsNamed) {
+  const auto of_second = [](double position, double velocity) {
+    Dataset d = LogOf(Truth);
+    for (int i = 150; i < 300; ++i) {
+      for (Array2<double>* rows : {&d.observations, &d.next_observations}) {
+        (*rows)(i, 0) *= position;
+        (*rows)(i, 2) *= velocity;
+      }
+    }
+    return Check(d);
+  };
+  const auto sign = Only(of_second(1, -1), "rate_sign");
+  EXPECT_EQ(sign.what, "in episode 2 hip/qpos and hip/qvel have opposite signs, in the others they have not");
+  const auto unit = Only(of_second(180 / M_PI, 1), "rate_unit");
+  EXPECT_NE(unit.what.find("in episode 2 hip/qpos changes 57.3 times as fast"), std::string::npos) << unit.what;
+}
+
 TEST(Rates, AVelocityThatLagsIsNamedWithItsLag) {
   const auto f = Only(Check(LogOf([](double t) {
                         return std::vector<double>{Hip(t), Knee(t), HipRate(t), KneeRate(t - 2.5 * kPeriod)};

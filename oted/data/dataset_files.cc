@@ -181,7 +181,7 @@ Dataset ReadDataset(const std::string& path, const DataOptions& options) {
   std::error_code error;
   if (format != DataFormat::kMinari && !std::filesystem::is_regular_file(path, error)) {
     throw DataError(
-        fmt::format("dataset '{}' is not a file; check the path (it is relative to where oted runs)", path));
+        fmt::format("dataset '{}' is not a file; check the path (in a file it is relative to that file)", path));
   }
   const TaskNames task{options.observation_names, options.action_names};
   const std::vector<std::string> files = FilesOf(path, format);

@@ -258,10 +258,7 @@ MinariFiles FindMinari(const std::string& path) {
   } else if (fs::is_regular_file(folder, error)) {
     folder = folder.parent_path();
   } else {
-    throw DataError(
-        fmt::format("dataset '{}' is neither a file nor a folder; check the path (it is relative to where "
-                    "oted runs)",
-                    path));
+    throw DataError(fmt::format("dataset '{}' is neither a file nor a folder; check the path", path));
   }
   MinariFiles files{data.string(), ""};
   if (fs::is_regular_file(folder / kMetadataFile, error)) files.metadata = (folder / kMetadataFile).string();

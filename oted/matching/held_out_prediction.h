@@ -44,7 +44,8 @@ struct HeldOutPrediction {
     std::vector<Channel> channels;
     Estimated excess, gain;
     Estimated typical_gain = {};  ///< in a typical window: `gain` is of sums, which one seam of a log may fill
-    /// Episodes of the logs, from 0, whose windows are far off, as those of most are not (FindOddEpisodes).
+    /// Episodes of the logs, from 0, whose windows are far off, as those of most are not, the farthest
+    /// first (FindOddEpisodes).
     std::vector<int> odd_episodes = {};
     bool surely_odd = false;            ///< one of them is, by more than chance
     int n_of_recordings = 0;            ///< windows in whole recordings, where parts of others judge as well,

@@ -182,10 +182,17 @@ void AddSuspects(const json& design, json* found) {
     found->push_back(fmt::format("The parameter {} ({}) was added by the design itself: it predicts better with it.",
                                  TextAt(grown, "name"), TextAt(grown, "field")));
   }
+  int n_bought = 0;
   for (const json& suspect : ListAt(design["fit"], "suspects")) {
     if (!IsBought(suspect)) continue;
+    ++n_bought;
     found->push_back(fmt::format("Suspect, not among the parameters: {}. Add this line to them: {}",
                                  TextAt(suspect, "sentence"), TextAt(suspect, "line")));
+  }
+  if (n_bought > 1) {
+    found->push_back(
+        "Add the first of these lines alone and design again: several suspects may stand for one cause. --grow does so "
+        "by itself.");
   }
 }
 

@@ -121,6 +121,9 @@ TEST(SummariseTest, WhatIsNotSearchedAndOffByTheLogsIsNamedWithTheLineThatFreesI
   EXPECT_THAT(unknown, HasSubstr("with b freed: no better."));
   EXPECT_THAT(unknown + found, Not(HasSubstr("no better. Add this line")));
   EXPECT_THAT(found, HasSubstr("The parameter wear (joint/*/damping) was added by the design itself"));
+  EXPECT_THAT(found, Not(HasSubstr("Add the first"))) << "there is one";
+  const json two = Summarise({{"design", {{"fit", {{"explained", 0.9}, {"suspects", {kept, kept}}}}}}});
+  EXPECT_THAT(Text(two["found"]), HasSubstr("Add the first of these lines alone and design again"));
 }
 
 TEST(SummariseTest, SaysWhichFormWasTakenWhereItWasLeftOpenAndWhy) {

@@ -166,14 +166,19 @@ std::string ButAGuess(const DesignRecord::Validation& validation) {
 }
 
 std::string ButOdd(const DesignRecord::Validation& validation) {
-  std::set<int> numbers;  // a seam lies in one of a recording's few long windows, or of its many short ones
+  // A seam lies in one of a recording's few long windows, or of its many short ones.
+  std::vector<int> numbers = ToldOf(validation.horizons).odd_episodes;
   for (const auto& horizon : validation.horizons) {
-    for (const int episode : horizon.odd_episodes) numbers.insert(episode + 1);
+    for (const int episode : horizon.odd_episodes) {
+      if (std::ranges::find(numbers, episode) == numbers.end()) numbers.push_back(episode);
+    }
   }
   if (numbers.empty()) return "";
-  return fmt::format("; {} {} of the logs {} far off, the others are not: look there",
-                     numbers.size() == 1 ? "episode" : "episodes", fmt::join(numbers, ", "),
-                     numbers.size() == 1 ? "is" : "are");
+  for (int& number : numbers) ++number;
+  const bool is_one = numbers.size() == 1;
+  return fmt::format("; {} {} of the logs {} far off{}, the others are not: look there for another load or setting",
+                     is_one ? "episode" : "episodes", fmt::join(numbers, ", "), is_one ? "is" : "are",
+                     is_one ? "" : ", the first of them most");
 }
 
 std::string NotTold(const DesignRecord::Validation& validation) {

@@ -471,7 +471,7 @@ TEST(SuspectSentence, SaysWithWhichOtherSurelyMoreIsGained) {
   };
   EXPECT_THAT(sentence(), EndsWith("50 % less error over 0.5 s; the logs are surely likelier with it (by 40 nats)"));
   trial.led_by = {"force_limit"};
-  EXPECT_THAT(sentence(), EndsWith("(by 40 nats); surely more is gained with 'force_limit'"));
+  EXPECT_THAT(sentence(), EndsWith("(by 40 nats); the logs are surely likelier yet with 'force_limit' in its place"));
 }
 
 }  // namespace oted::records_test

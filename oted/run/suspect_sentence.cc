@@ -86,14 +86,17 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   if (trial.kept && IsLikelier(trial)) {
     likelier = fmt::format("; the logs are surely likelier with it (by {:.0f} nats)", trial.nats->value);
   } else if (!trial.kept && suspect.IsLikely()) {
-    likelier = fmt::format("; yet the windows of the logs that named it are likelier with it (by {:.0f} nats)",
-                           suspect.explains);
+    const bool is_denied = trial.nats && !(trial.nats->value > 0);
+    likelier = fmt::format("; yet the windows of the logs that named it are likelier with it (by {:.0f} nats){}",
+                           suspect.explains, is_denied ? ", those that it was freed by are not" : "");
   }
   if (!(trial.gain.value > 0)) return freed + ": predictions get no better" + likelier;
   const std::string text = fmt::format("{}: {}", freed, Bought(trial, channels, off));
   if (trial.kept) {
     return text + likelier +
-           (trial.led_by.empty() ? "" : fmt::format("; surely more is gained with '{}'", trial.led_by.front()));
+           (trial.led_by.empty()
+                ? ""
+                : fmt::format("; the logs are surely likelier yet with '{}' in its place", trial.led_by.front()));
   }
   if (EndsAtBound(spec, trial.value, trial.value)) {
     return text + "; it is at the end of its range, so that something else may be off";

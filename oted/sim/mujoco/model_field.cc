@@ -232,6 +232,22 @@ std::vector<ModelField> ServoFields(const mjModel& model, const Owner& owner, co
   return fields;
 }
 
+// Both ends of the actuators' forces. @param index  that a path gave: there is none
+std::vector<ModelField> ForceLimit(const mjModel& model, const Owner& owner, const std::vector<int>& ids, int index,
+                                   const std::string& path) {
+  if (index >= 0) throw UsageError(fmt::format("parameter path '{}': force_limit has no index", path));
+  const auto prefix = [&](int row) { return fmt::format("{}/{}", owner.word, ObjectName(model, owner.type, row)); };
+  const ModelArray array{
+      .name = "actuator_forcerange", .values = model.actuator_forcerange, .n = owner.count, .width = 2};
+  std::vector<ModelField> fields;
+  for (const int end : {0, 1}) {
+    fields.push_back(Collect(array, array.name, ids, end, "forcerange", prefix, path));
+    fields.back().sign = end == 0 ? -1 : 1;
+    fields.back().unit = UnitFor(model, owner, ids, "N | N m");
+  }
+  return fields;
+}
+
 // Where the springs of the joints `ids` rest: MuJoCo keeps that by positions.
 ModelField SpringReference(const mjModel& model, const Owner& owner, const std::vector<int>& ids, int index,
                            const std::string& path) {
@@ -287,6 +303,9 @@ std::vector<ModelField> ResolveOne(const mjModel& model, const std::string& path
   if (owner->type == mjOBJ_ACTUATOR && (ref.name == "kp" || ref.name == "kv")) {
     if (ref.index >= 0) throw UsageError(fmt::format("parameter path '{}': {} has no index", path, ref.name));
     return ServoFields(model, *owner, ids, ref.name, path);
+  }
+  if (owner->type == mjOBJ_ACTUATOR && ref.name == "force_limit") {
+    return ForceLimit(model, *owner, ids, ref.index, path);
   }
   if (owner->type == mjOBJ_JOINT && ref.name == "springref") {
     return {SpringReference(model, *owner, ids, ref.index, path)};

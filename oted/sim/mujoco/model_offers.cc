@@ -56,6 +56,7 @@ struct Beside {
 constexpr Beside kBeside[] = {
     {"actuator", "/kp", "stiffness of a position servo: gainprm[0], and -biasprm[1]"},
     {"actuator", "/kv", "damping of a servo: -biasprm[2], and gainprm[0] of a velocity servo"},
+    {"actuator", "/force_limit", "largest force in either direction: -forcerange[0], and forcerange[1]"},
     {"joint", "/springref", "where its spring rests"}};
 
 }  // namespace

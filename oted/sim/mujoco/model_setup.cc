@@ -10,6 +10,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/sim/mujoco/force_limits.h"
 #include "oted/sim/mujoco/model_probe.h"
 #include "oted/sim/mujoco/model_rules.h"
 #include "oted/sim/mujoco/mujoco_setup.h"
@@ -357,6 +358,7 @@ std::shared_ptr<const MujocoSetup> MakeModelSetup(const ModelTask& task, std::ve
   setup->model_path = FindModelFile(task.model);
   ProbeModel(setup->model_path);
   setup->loaded = LoadModelWithMotors(setup->model_path, task.motors, task.action_range);
+  LetForcesBeLimited(specs, setup->loaded);
   LetInertiaMove(specs, setup->loaded);
   plan->model = setup->loaded.model.get();
   Builder(task, *setup, *plan).Build(logged_starts);

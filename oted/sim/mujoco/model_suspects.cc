@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/force_limits.h"
 #include "oted/sim/mujoco/model_field.h"
 #include "oted/sim/mujoco/model_scale.h"
 #include "oted/sim/mujoco/object_path.h"
@@ -20,20 +22,22 @@ namespace {
 constexpr int kMostBodies = 12;  // whose masses, centres of mass and places are suspected one by one
 constexpr int kMostSingly = 8;   // joints, drives or tendons that are, where others of them are searched
 constexpr double kLow = 0.1, kHigh = 10.0;
-constexpr double kMostLoadFriction = 0.9;  // of the force of a joint's actuators
-constexpr double kMostSpringOff = 1.0;     // [rad], [m]: of where a spring rests
-constexpr double kMostTendonOff = 0.3;     // of its length: the same of a tendon's
-constexpr double kMostTilt = 0.2;          // of gravity: some eleven degrees
-constexpr double kMostAside = 0.1;         // of the model's extent
-constexpr double kMostLoad = 2.0;          // radii of gyration that a load moves a body's centre of mass
-constexpr double kBesideAxis = 0.05;       // of how far a centre of mass lies from its frame
-constexpr double kFrictionShare = 0.1;     // of the torque that holds a mean body at the model's length against gravity
+constexpr double kLowestLimit = 0.001, kHighestLimit = 2.0;  // of a force, times one that is never reached
+constexpr double kMostLoadFriction = 0.9;                    // of the force of a joint's actuators
+constexpr double kMostSpringOff = 1.0;                       // [rad], [m]: of where a spring rests
+constexpr double kMostTendonOff = 0.3;                       // of its length: the same of a tendon's
+constexpr double kMostTilt = 0.2;                            // of gravity: some eleven degrees
+constexpr double kMostAside = 0.1;                           // of the model's extent
+constexpr double kMostLoad = 2.0;       // radii of gyration that a load moves a body's centre of mass
+constexpr double kBesideAxis = 0.05;    // of how far a centre of mass lies from its frame
+constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body at the model's length against gravity
 
 struct SuspectedField {
   std::string name, path;
   /// Where the model has zeros alone: paths, of which the first that it has is suspected as a value.
   std::vector<std::string> if_zero = {};
-  double most = 0;  ///< of it; without such a path: `path` itself, from that much less than in the model to more
+  double most = 0;   ///< of it; without such a path: `path` itself, from that much less than in the model to more
+  double limit = 0;  ///< of a force, hardly reached: a value near it or far below is suspected
 };
 
 std::vector<std::string> OfJoints(const std::string& field) { return {"joint/@actuated/" + field, "joint/*/" + field}; }
@@ -140,7 +144,19 @@ void AddCentreOfMass(const mjModel& model, int body, std::vector<SuspectedField>
   }
 }
 
-std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
+/// Limits of forces, of which some drives of the model have none.
+void AddForceLimits(const mjModel& model, const mjModel& limited, std::vector<SuspectedField>& places) {
+  if (model.nactuator > kMostSingly) return;
+  for (int actuator = 0; actuator < model.nactuator; ++actuator) {
+    if (limited.actuator_forcelimited[actuator] == 0) continue;
+    const std::string name = ObjectName(model, mjOBJ_ACTUATOR, actuator);
+    const double limit = limited.actuator_forcerange[2 * actuator + 1];
+    places.push_back({name + "_force_limit", fmt::format("actuator/{}/force_limit", name), {}, 0, limit});
+  }
+}
+
+/// @param limited  WithForceLimits
+std::vector<SuspectedField> SuspectedFields(const mjModel& model, const mjModel& limited) {
   const double torque = RoundBound(kFrictionShare * HoldingTorque(model));
   const double tension = RoundBound(kFrictionShare * HoldingTension(model));
   std::vector<SuspectedField> places = {
@@ -161,12 +177,19 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"tendon_stiffness", "tendon/*/stiffness"},
       {"equality_time", "equality/*/solref[0]"},
       {"equality_damping", "equality/*/solref[1]"},
-      {"force_limit", "actuator/*/forcerange"},
       {"joint_force_limit", "joint/*/actfrcrange"},
       {"viscosity", "opt/viscosity"},
       {"density", "opt/density"},
       {"inertia", "body/*/inertia"},
       {"gravity", "opt/gravity[2]"}};
+  const auto n_drives = static_cast<size_t>(model.nactuator);
+  const bool has_all_limits = std::ranges::equal(std::span(model.actuator_forcelimited, n_drives),
+                                                 std::span(limited.actuator_forcelimited, n_drives));
+  if (has_all_limits) {
+    places.push_back({"force_limit", "actuator/*/forcerange"});
+  } else {
+    AddForceLimits(model, limited, places);
+  }
   if (model.na > 0) places.push_back({"drive_lag", "actuator/*/dynprm[0]"});
   AddSprings(model, places);
   AddTendonSprings(model, places);
@@ -218,6 +241,15 @@ std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Susp
     }
     return fields;
   }
+  if (place.limit > 0) {
+    spec = {.name = place.name,
+            .field = place.path,
+            .low = kLowestLimit * place.limit,
+            .high = kHighestLimit * place.limit,
+            .scale = ParameterScale::kAbsolute,
+            .logarithmic = true};
+    return Resolved(model, spec);
+  }
   spec = {.name = place.name, .field = place.path, .low = kLow, .high = kHigh, .logarithmic = true};
   std::optional<std::vector<ModelField>> fields = Resolved(model, spec);
   if (fields || place.if_zero.empty()) return fields;
@@ -267,7 +299,8 @@ struct Searched {
 /// What may be suspected beside the parameters of `space`.
 class Suspecting {
  public:
-  Suspecting(const mjModel& model, const ParameterSpace& space) : model_(model), space_(space) {
+  Suspecting(const mjModel& model, const ParameterSpace& space)
+      : pristine_(model), limited_(WithForceLimits(model)), model_(*limited_), space_(space) {
     for (const ParameterSpec& spec : space.specs()) {
       // What is known of each recording nobody doubts, and it may multiply what is.
       if (spec.is_known && spec.IsMultiple()) continue;
@@ -277,7 +310,7 @@ class Suspecting {
 
   std::vector<ParameterSpec> All() const {
     std::vector<ParameterSpec> suspects;
-    for (const SuspectedField& place : SuspectedFields(model_)) {
+    for (const SuspectedField& place : SuspectedFields(pristine_, model_)) {
       ParameterSpec spec;
       if (!FieldsOf(model_, place, spec)) continue;
       if (!Add(place, suspects)) AddEach(place, spec.field, suspects);
@@ -290,7 +323,7 @@ class Suspecting {
     const auto is_of = [&](const SuspectedField& place) {
       return place.path == whole.field || std::ranges::find(place.if_zero, whole.field) != place.if_zero.end();
     };
-    const std::vector<SuspectedField> all = SuspectedFields(model_);
+    const std::vector<SuspectedField> all = SuspectedFields(pristine_, model_);
     if (const auto place = std::ranges::find_if(all, is_of); place != all.end()) AddEach(*place, whole.field, parts);
     return parts;
   }
@@ -318,6 +351,8 @@ class Suspecting {
     for (const SuspectedField& one : OneByOne(model_, place, path)) Add(one, suspects);
   }
 
+  const mjModel& pristine_;
+  ModelPtr limited_;
   const mjModel& model_;
   const ParameterSpace& space_;
   std::vector<Searched> searched_;

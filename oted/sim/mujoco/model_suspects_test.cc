@@ -128,7 +128,24 @@ TEST(ModelSuspects, AreLimitsOfForcesAndHowSoftAnEqualityIs) {
   EXPECT_THAT(fields, Contains("equality/*/solref[0]"));
   EXPECT_THAT(fields, Contains("equality/*/solref[1]"));
   const MujocoSimulatorFactory hopper("Hopper-v5", {});
-  EXPECT_THAT(Fields(hopper.Suspects()), Not(Contains("actuator/*/forcerange")));  // its motors have none
+  EXPECT_THAT(Fields(hopper.Suspects()), Not(Contains("actuator/*/forcerange"))) << "its motors have none";
+}
+
+TEST(ModelSuspects, AreForcesAtWhichDrivesMaySaturateWhoseModelHasNoLimit) {
+  const std::vector<ParameterSpec> suspects = SuspectsOf(R"(<mujoco>
+    <worldbody><body><joint name="left"/><geom size="0.1"/></body>
+    <body><joint name="right"/><geom size="0.1"/></body></worldbody>
+    <actuator><motor name="left" joint="left" ctrlrange="-3 3"/>
+    <motor name="right" joint="right" ctrlrange="-3 3" forcerange="-2 2"/></actuator>
+  </mujoco>)");
+  const auto left = std::ranges::find(suspects, "actuator/left/force_limit", &ParameterSpec::field);
+  ASSERT_NE(left, suspects.end());
+  EXPECT_EQ(left->nominal, 6) << "never reached";
+  EXPECT_EQ(left->unit, "N m");
+  EXPECT_LT(left->low, 0.1);
+  const auto right = std::ranges::find(suspects, "actuator/right/force_limit", &ParameterSpec::field);
+  ASSERT_NE(right, suspects.end());
+  EXPECT_EQ(right->nominal, 2);
 }
 
 TEST(ModelSuspects, AreWhereSpringsRest) {
@@ -251,7 +268,8 @@ TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {
   EXPECT_EQ(wider->parameters()[1].field, suspects[0].field);
   std::vector<double> nominal = {1.0};
   for (const ParameterSpec& suspect : suspects) {
-    EXPECT_EQ(suspect.nominal, suspect.scale == ParameterScale::kAbsolute ? 0.0 : 1.0) << suspect.field;
+    const bool is_limit = suspect.field.ends_with("/force_limit");  // of motors from -1 to 1
+    EXPECT_EQ(suspect.nominal, is_limit ? 2.0 : suspect.IsMultiple() ? 1.0 : 0.0) << suspect.field;
     nominal.push_back(suspect.nominal);
   }
   EXPECT_EQ(wider->parameters().Nominal(), nominal);

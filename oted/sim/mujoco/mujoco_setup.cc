@@ -7,6 +7,7 @@
 #include <set>
 
 #include "oted/base/error.h"
+#include "oted/sim/mujoco/force_limits.h"
 #include "oted/sim/mujoco/gymnasium_rules.h"
 #include "oted/sim/mujoco/object_path.h"
 #include "oted/sim/mujoco/task.h"
@@ -163,6 +164,7 @@ std::shared_ptr<const MujocoSetup> MakeMujocoSetup(const std::string& name, std:
   for (const ParameterSpec& spec : specs) spec.Check();
   setup->model_path = AssetFolder() / task.xml_file;
   setup->loaded = LoadModel(setup->model_path, task.legacy_capsules);
+  LetForcesBeLimited(specs, setup->loaded);
   LetInertiaMove(specs, setup->loaded);
   const mjModel& model = *setup->loaded.model;
   AddParameters(std::move(specs), *setup);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "oted/base/statistics.h"
 #include "oted/matching/verdict.h"
@@ -41,14 +42,18 @@ OddEpisodes FindOddEpisodes(const std::map<int, std::vector<double>>& excess) {
   for (const double mean : means) from_middle.push_back(std::abs(mean - middle));
   const double scatter = kStdOfMiddle * LowerMedian(std::move(from_middle));
   OddEpisodes odd;
+  std::map<int, double> off;
   for (const auto& [episode, of] : excess) {
     const double mean = Mean(of);
     const double error = std::hypot(scatter, StandardDeviation(of) / std::sqrt(static_cast<double>(of.size())));
     const bool has_error = of.size() >= kFewestOfOdd && excess.size() >= kFewestBeside;
     const bool is_sure = has_error && mean > kFarOff / 2 && mean - middle > kSurelyOdd * error;
     odd.surely |= is_sure;
-    if (is_sure || mean > kFarOff) odd.numbers.push_back(episode);
+    if (!is_sure && !(mean > kFarOff)) continue;
+    odd.numbers.push_back(episode);
+    off[episode] = mean;
   }
+  std::ranges::stable_sort(odd.numbers, std::ranges::greater(), [&](int episode) { return off.at(episode); });
   return odd;
 }
 

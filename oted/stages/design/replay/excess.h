@@ -12,8 +12,8 @@
 namespace oted {
 
 struct OddEpisodes {
-  std::vector<int> numbers;
-  bool surely = false;  ///< one of them is, by more than chance
+  std::vector<int> numbers;  ///< the farthest off first
+  bool surely = false;       ///< one of them is, by more than chance
 };
 
 /// Episodes that are predicted far worse than most: their mean excess is that of twice the floor's error; or surely

@@ -124,6 +124,12 @@ TEST(PredictLogs, AFaultInOneOfFiveEpisodesLeavesNoFloorThatIsReachedAndIsNamed)
   EXPECT_EQ(ToldOf(prediction.horizons).odd_episodes, std::vector<int>{2});
 }
 
+TEST(FindOddEpisodes, TheFarthestOffIsTheFirst) {
+  const std::map<int, std::vector<double>> excess = {
+      {0, {0, 0.1}}, {1, {2, 2.1}}, {2, {0.1, 0}}, {3, {4, 4.2}}, {4, {0.1, 0.1}}};
+  EXPECT_THAT(FindOddEpisodes(excess).numbers, testing::ElementsAre(3, 1));
+}
+
 TEST(FindOddEpisodes, AreFarOffOrSurelyFartherThanTheOthers) {
   const auto around = [](double mean) {
     return std::vector<double>{mean - 0.3, mean - 0.1, mean, mean + 0.1, mean + 0.3};

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "oted/matching/as_vector.h"
-#include "oted/stages/design/trajectories/distant_places.h"
+#include "oted/stages/design/trajectories/distant_values.h"
 #include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/own_logs.h"
 

@@ -15,7 +15,7 @@
 #include "oted/sim/channel_path.h"
 #include "oted/sim/suspect_name.h"
 #include "oted/stages/design/replay/replay_fit.h"
-#include "oted/stages/design/trajectories/distant_places.h"
+#include "oted/stages/design/trajectories/distant_values.h"
 #include "oted/stages/design/trajectories/first_level.h"
 #include "oted/stages/design/trajectories/suspects.h"
 
@@ -30,9 +30,9 @@ constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value 
 constexpr double kAtRangeTop = 0.9, kWiderRange = 4;  // of a range, and times it
 constexpr int kRangeWidenings = 2;
 constexpr double kSlowContact = 2;  // times the model's: there, and at its inverse, fits of contacts begin, too
-constexpr int kToldOfWindows = 4;   // fitted, all of a kind scored, each alone, places
+constexpr int kToldOfWindows = 4;   // fitted, all of a kind scored, each alone, at a distance
 constexpr const char* kFitted = "windows";
-constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4, kMostPlaces = 3;
+constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4, kMostDistant = 3;
 
 /// One that no score favours, and where its fit begins.
 Suspect Undirected(const ParameterSpec& spec) {
@@ -56,11 +56,11 @@ const Suspect* FindIn(const std::vector<Suspect>& suspects, const Suspect& one) 
   return found == suspects.end() ? nullptr : &*found;
 }
 
-/// Where its fit begins, beside where its score says: of where something stands, what was found at a distance; of how
-/// stiff or damped contacts are, far from the model, as starts that were found by a wrong one hold the fit near it.
-/// @param place  null where it is none
-std::vector<double> OtherBeginnings(const ParameterSpec& spec, const Suspect* place) {
-  if (place != nullptr) return {place->value};
+/// Where its fit begins, beside where its score says: where it was found at a distance; of how stiff or damped contacts
+/// are, far from the model, as starts that were found by a wrong one hold the fit near it.
+/// @param distant  null where it was not
+std::vector<double> OtherBeginnings(const ParameterSpec& spec, const Suspect* distant) {
+  if (distant != nullptr) return {distant->value};
   const bool is_contact = spec.field.starts_with("geom/") && spec.field.find("/solref[") != std::string::npos;
   if (spec.IsMultiple() && is_contact) return {1 / kSlowContact, kSlowContact};
   return {};
@@ -145,7 +145,7 @@ class SuspectScreening::Fit {
   /// @return x and the suspect's coordinate; value and nats go to the suspect
   VectorXd With(Suspect& suspect, std::vector<double> values = {}) const {
     const std::unique_ptr<SimulatorFactory> wider = fits_.problem().factory.With({suspect.spec});
-    values.push_back(suspect.value);
+    if (std::ranges::find(values, suspect.value) == values.end()) values.push_back(suspect.value);
     // A sensor that is late by rows is far from one that is late by a part of one.
     if (const double inside = Undirected(suspect.spec).value; IsLag(suspect.spec) && suspect.value != inside) {
       values.push_back(inside);
@@ -248,8 +248,8 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
   std::vector<Suspect> favoured(scored.wholes.begin(), undirected.begin());
   if (by.asks_all) AddUndirected(undirected, favoured);
   std::vector<Suspect> suspects = FirstApart(favoured, by.n_asked);
-  const std::vector<Suspect> places = FindPlaces(fit);
-  for (const auto& more : {scored.Outstanding(), outstanding, FirstApart(places, kMostPlaces)}) {
+  const std::vector<Suspect> distant = FindDistantSuspects(fit);
+  for (const auto& more : {scored.Outstanding(), outstanding, FirstApart(distant, kMostDistant)}) {
     for (const Suspect& suspect : more) {
       if (FindIn(suspects, suspect) == nullptr) suspects.push_back(suspect);
     }
@@ -262,7 +262,7 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
     Suspect& suspect = suspects[static_cast<size_t>(k)];
     tell(k, suspect);
     VectorXd& fitted = fitted_[suspect.spec.name];
-    fitted = fit.With(suspect, OtherBeginnings(suspect.spec, FindIn(places, suspect)));
+    fitted = fit.With(suspect, OtherBeginnings(suspect.spec, FindIn(distant, suspect)));
     for (int n = 0; n < kRangeWidenings && EndsAtTop(suspect); ++n) {
       suspect.spec.high *= kWiderRange;
       fitted = fit.With(suspect);
@@ -275,15 +275,20 @@ std::vector<Suspect> SuspectScreening::FindBy(const Windows& by, const std::vect
   return suspects;
 }
 
-std::vector<Suspect> SuspectScreening::FindPlaces(const Fit& fit) {
-  std::vector<ParameterSpec> places = fits_.problem().factory.Suspects();
-  std::erase_if(places, [](const ParameterSpec& spec) { return !IsPlace(spec); });
-  if (places.empty()) return {};
-  const std::unique_ptr<SimulatorFactory> wide = fits_.problem().factory.With(places);
+std::vector<Suspect> SuspectScreening::FindDistantSuspects(const Fit& fit) {
+  const SimulatorFactory& factory = fits_.problem().factory;
+  std::vector<ParameterSpec> specs;
+  for (const ParameterSpec& suspect : factory.Suspects()) {
+    if (!IsDistant(suspect)) continue;
+    specs.push_back(suspect);
+    std::ranges::move(factory.PartsOf(suspect), std::back_inserter(specs));
+  }
+  NameApart(specs, factory.parameters());
+  const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : factory.With(specs);
   if (wide == nullptr) return {};
-  Tell("where things stand");
-  WindowReplayer with_places = fits_.Replayer(*wide, fit.readings());
-  return FindDistantPlaces(places, *fit, with_places);
+  Tell("where things stand, and what drives can do");
+  WindowReplayer with_distant = fits_.Replayer(*wide, fit.readings());
+  return FindDistant(specs, *fit, with_distant);
 }
 
 /// Each suspect and, where it is of several joints, drives, tendons or bodies, each of these alone.

@@ -29,8 +29,8 @@ class SuspectScreening {
   Windows GrownWindows() const;
   Windows LongWindows() const;
   Scored Score(const Fit& fit);
-  /// Of the suspects that are places, those that the windows ask for at a distance.
-  std::vector<Suspect> FindPlaces(const Fit& fit);
+  /// Those that the windows ask for at a distance (IsDistant).
+  std::vector<Suspect> FindDistantSuspects(const Fit& fit);
   /// Windows are being fitted, or all suspects scored in them.
   void Tell(const char* what);
   bool IsOfReadingsLeftOut(const ParameterSpec& spec, const ReadingModel& readings) const;

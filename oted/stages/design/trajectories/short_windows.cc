@@ -7,7 +7,7 @@
 
 #include "oted/matching/as_vector.h"
 #include "oted/matching/designer.h"
-#include "oted/stages/design/trajectories/distant_places.h"
+#include "oted/stages/design/trajectories/distant_values.h"
 #include "oted/stages/design/trajectories/own_logs.h"
 
 namespace oted {
@@ -144,7 +144,7 @@ bool ShortWindows::FitLengths(VectorXd x, bool again) {
       Descend(*fit, kLevelIterations);
     }
     TryOtherStarts(*fit);
-    MovePlaces(fit);
+    MoveDistant(fit);
     const VectorXd noise = fit->noise_variance().cwiseSqrt();
     evidence_.long_noise_std = {noise.begin(), noise.end()};
     if (is_first) evidence_.short_noise_std = evidence_.long_noise_std;
@@ -183,10 +183,10 @@ void ShortWindows::TryOtherStarts(LevelFit& fit) {
   }
 }
 
-void ShortWindows::MovePlaces(std::unique_ptr<LevelFit>& fit) {
+void ShortWindows::MoveDistant(std::unique_ptr<LevelFit>& fit) {
   double cost = fit->FinalCost();
   const auto move = [&](bool explained_alone) {
-    const std::optional<VectorXd> x = WithPlaceMoved(*fit, space_, explained_alone);
+    const std::optional<VectorXd> x = WithDistantMoved(*fit, space_, explained_alone);
     if (!x) return false;
     auto moved = std::make_unique<LevelFit>(*replayer_, space_, problem_.prior, scale_, fit->level(), *x);
     Descend(*moved, kLevelIterations);

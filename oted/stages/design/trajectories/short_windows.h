@@ -58,9 +58,9 @@ class ShortWindows {
   bool FitLengths(Eigen::VectorXd x, bool again);
   /// Fits those that are caught in a local minimum from other starts.
   void TryOtherStarts(LevelFit& fit);
-  /// Fits again from where something stands elsewhere, where windows ask for that, and keeps the better. Afterwards
-  /// FinalCost is behind.
-  void MovePlaces(std::unique_ptr<LevelFit>& fit);
+  /// Fits again from where something stands elsewhere, or saturates, where windows ask for that, and keeps the better.
+  /// Afterwards FinalCost is behind.
+  void MoveDistant(std::unique_ptr<LevelFit>& fit);
   /// How many times the noise of the shortest windows these longer ones leave in logs that the simulator of the fit
   /// made itself, with the sensors' noise. Where that is more than once, as through contact, starts are hard to find,
   /// and as much in the logs does not speak against the simulator.

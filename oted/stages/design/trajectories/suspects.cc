@@ -8,7 +8,7 @@
 #include "oted/matching/verdict.h"
 #include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/replay_fit.h"
-#include "oted/stages/design/trajectories/distant_places.h"
+#include "oted/stages/design/trajectories/distant_values.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
 
 namespace oted {
@@ -31,9 +31,12 @@ constexpr double kOff = 0.1;               // of conditions: of a multiple, of t
 constexpr size_t kMostConditions = 3;      // of each parameter
 constexpr double kTrace = 0.1;             // of a small change
 
+/// Whether changes are of its logarithm.
+bool ChangesByLog(const ParameterSpec& spec) { return spec.IsMultiple() || spec.logarithmic; }
+
 /// z where the linear model has moved by `change`.
 double At(const ParameterSpec& spec, double change) {
-  if (spec.IsMultiple()) return std::exp(std::clamp(change, -kLargestLog, kLargestLog));
+  if (ChangesByLog(spec)) return spec.nominal * std::exp(std::clamp(change, -kLargestLog, kLargestLog));
   return std::clamp(spec.nominal + change * (spec.high - spec.low), spec.low, spec.high);
 }
 
@@ -68,10 +71,7 @@ VectorXd SuspectSteps(const std::vector<ParameterSpec>& specs) {
 VectorXd StepsToLimits(const std::vector<ParameterSpec>& specs) {
   VectorXd steps = SuspectSteps(specs);
   for (size_t k = 0; k < specs.size(); ++k) {
-    const std::string& path = specs[k].field;
-    if (path.ends_with("/forcerange") || path.ends_with("/actfrcrange")) {
-      steps[static_cast<Eigen::Index>(k)] = kLimitStep;
-    }
+    if (IsLimit(specs[k])) steps[static_cast<Eigen::Index>(k)] = kLimitStep;
   }
   return steps;
 }
@@ -312,7 +312,7 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     found.is_sure |= scored.explains > kSurelyAsked * kSurelyAsked / 2;
     if (scored.explains > kAsked * kAsked / 2 && IsNoticeable(specs[k], scored.value)) found.asked.push_back(scored);
     if (is_searched(specs[k])) continue;
-    const double off = specs[k].IsMultiple() ? std::log(1 + kOff) : kOff;
+    const double off = ChangesByLog(specs[k]) ? std::log(1 + kOff) : kOff;
     const auto [change, std] = LastOf(*estimate);
     const WithEachAlone::Following following = with.FollowingOf(k);
     // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.

@@ -1,4 +1,4 @@
-#include "oted/stages/design/trajectories/distant_places.h"
+#include "oted/stages/design/trajectories/distant_values.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,12 +16,31 @@ constexpr int kProbedRows = 240;
 constexpr double kSharesOff[] = {-0.5, -0.25, -0.12, 0.12, 0.25, 0.5};  // of the way to an end of the range
 constexpr double kSharesNear[] = {-0.02, -0.005, 0.005, 0.02};          // of the range
 
-double ValueOff(const ParameterSpec& place, double share) {
-  const double end = share < 0 ? place.low : place.high;
-  return place.nominal + std::abs(share) * (end - place.nominal);
+constexpr double kHalf = 0.5;  // of a limit: below by halves to the end of its range, and once above
+
+/// Values at a distance from the nominal one, which `from` is where it is not searched.
+std::vector<double> ValuesOff(const ParameterSpec& spec, double from) {
+  std::vector<double> values;
+  if (IsLimit(spec)) {
+    values.push_back(from / kHalf);
+    for (double value = from * kHalf; value >= spec.low; value *= kHalf) values.push_back(value);
+    return values;
+  }
+  for (const double share : kSharesOff) {
+    const double end = share < 0 ? spec.low : spec.high;
+    values.push_back(spec.nominal + std::abs(share) * (end - spec.nominal));
+  }
+  return values;
 }
 
 }  // namespace
+
+bool IsLimit(const ParameterSpec& spec) {
+  const bool is_range = spec.field.ends_with("/forcerange") || spec.field.ends_with("/actfrcrange");
+  return spec.field.ends_with("/force_limit") || (spec.IsMultiple() && is_range);
+}
+
+bool IsDistant(const ParameterSpec& spec) { return IsPlace(spec) || IsLimit(spec); }
 
 bool IsShift(const ParameterSpec& spec) {
   return !spec.IsMultiple() && spec.low < spec.nominal && spec.nominal < spec.high;
@@ -29,17 +48,16 @@ bool IsShift(const ParameterSpec& spec) {
 
 bool IsPlace(const ParameterSpec& spec) { return IsShift(spec) && spec.field.find("/pos[") != std::string::npos; }
 
-std::vector<Suspect> FindDistantPlaces(const std::vector<ParameterSpec>& places, const LevelFit& fit,
-                                       WindowReplayer& wider) {
+std::vector<Suspect> FindDistant(const std::vector<ParameterSpec>& specs, const LevelFit& fit, WindowReplayer& wider) {
   const LevelFit worst = fit.WorstExplained(kProbedRows, false);
   std::vector<double> z = fit.z();
   const size_t n_searched = z.size();
-  for (const ParameterSpec& place : places) z.push_back(place.nominal);
+  for (const ParameterSpec& spec : specs) z.push_back(spec.nominal);
   std::vector<Suspect> off;
   std::vector<std::vector<double>> values;
-  for (size_t k = 0; k < places.size(); ++k) {
-    for (const double share : kSharesOff) {
-      off.push_back({.spec = places[k], .value = ValueOff(places[k], share)});
+  for (size_t k = 0; k < specs.size(); ++k) {
+    for (const double value : ValuesOff(specs[k], specs[k].nominal)) {
+      off.push_back({.spec = specs[k], .value = value});
       values.push_back(z);
       values.back()[n_searched + k] = off.back().value;
     }
@@ -55,17 +73,19 @@ std::vector<Suspect> FindDistantPlaces(const std::vector<ParameterSpec>& places,
   return found;
 }
 
-std::optional<Eigen::VectorXd> WithPlaceMoved(const LevelFit& fit, const ParameterSpace& space, bool explained_alone) {
+std::optional<Eigen::VectorXd> WithDistantMoved(const LevelFit& fit, const ParameterSpace& space,
+                                                bool explained_alone) {
   const std::vector<double> z = fit.z();
   std::vector<std::vector<double>> values;
   for (size_t i = 0; i < z.size(); ++i) {
     const ParameterSpec& spec = space[static_cast<int>(i)];
-    if (!IsPlace(spec)) continue;
+    if (!IsDistant(spec)) continue;
     const auto add = [&](double value) {
       values.push_back(z);
       values.back()[i] = std::clamp(value, spec.low, spec.high);
     };
-    for (const double share : kSharesOff) add(ValueOff(spec, share));
+    for (const double value : ValuesOff(spec, z[i])) add(value);
+    if (!IsPlace(spec)) continue;
     // Through contact the cost is rough, and a descent ends in its first hollow.
     for (const double share : kSharesNear) add(z[i] + share * (spec.high - spec.low));
   }
