@@ -8,6 +8,7 @@
 #include "cli/numbers.h"
 #include "cli/value_kinds.h"
 #include "oted/base/error.h"
+#include "oted/data/episode_choice.h"
 #include "oted/run/provenance.h"
 #include "oted/sim/presets.h"
 #include "oted/sim/sysid_file.h"
@@ -62,7 +63,7 @@ void AddRunOptions(CLI::App& app, Options& options, const Makes& makes) {
                  "configuration file (TOML); default: the run directory's own run.toml");
   app.add_option("--task", options.task, kTaskHelp)->type_name(value_kind::kTask);
   app.add_option("--data", options.data, "logged trajectories: .hdf5, .npz, .csv, or a Minari folder");
-  app.add_option("--episodes", options.episodes, "episodes of the data to use, from the first: a number, or all");
+  app.add_option("--episodes", options.episodes, kEpisodeChoiceHelp);
   AddParameterOptions(app, options);
   app.add_option("--truth", options.truth,
                  "name=value, if the truth is known; only what prints results reads it; repeatable")

@@ -16,6 +16,7 @@
 #include "oted/checks/data_check.h"
 #include "oted/checks/data_record.h"
 #include "oted/data/dataset_files.h"
+#include "oted/data/episode_choice.h"
 #include "oted/data/sensor_noise.h"
 #include "oted/run/run_inputs.h"
 
@@ -46,8 +47,7 @@ Dataset ReadChosen(const RunConfig& config, const std::string& episodes) {
   DataOptions how = config.task.name.empty() ? config.data.Options() : DataOptionsFor(config.data, SpecOf(config.task));
   how.check = false;
   const Dataset all = ReadFiles(config.data, how);
-  if (episodes.empty() || episodes == "all") return all;
-  return all.Select(ChooseEpisodes(all, episodes));
+  return episodes.empty() ? all : all.Select(EpisodeChoice(episodes, "--episodes").Of(all));
 }
 
 /// What every other command refuses is told.
@@ -80,7 +80,7 @@ void AddCommon(CLI::App& verb, Options& options) {
   verb.add_option("--task", options.task,
                   "simulator: Hopper-v5, ...; adds channel names and the checks that need a simulator")
       ->type_name(value_kind::kTask);
-  verb.add_option("--episodes", options.episodes, "which episodes: 5 (the first five), 3-7, or all");
+  verb.add_option("--episodes", options.episodes, kEpisodeChoiceHelp);
   verb.add_flag("--json", options.json, "print the result as JSON");
 }
 
@@ -149,7 +149,7 @@ void AddConvert(CLI::App& data) {
   verb->add_option("IN,--data", options->data, "file to read")->required();
   verb->add_option("OUT,--out", options->out, "file to write")->required();
   verb->add_option("--task", options->task, "the task that the data must fit")->type_name(value_kind::kTask);
-  verb->add_option("--episodes", options->episodes, "which episodes: 5 (the first five), 3-7, or all");
+  verb->add_option("--episodes", options->episodes, kEpisodeChoiceHelp);
   verb->add_option("--noise", options->noise,
                    "add sensor noise of this standard deviation to every observation, in its own unit; full states "
                    "(infos/qpos, infos/qvel) are left out")

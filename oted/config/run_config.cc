@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -52,7 +51,7 @@ toml::table Parsed(const std::string& text, const std::string& file_name) {
 FieldList DataConfig::Fields() {
   FieldList fields("data");
   fields.Add("path", &path, "logged trajectories: .hdf5 (D4RL or Minari), a Minari folder, .npz, .csv or .csv.gz");
-  fields.Add("episodes", &episodes, "how many episodes to use, from the first: a number, or all");
+  fields.Add("episodes", &episodes, kEpisodeChoiceHelp);
   fields.AddChoice("format", &format, "the file's format; auto: by path and content", DataFormatNames());
   fields.Add("observations", &columns.observations, "CSV columns with observations; none: those with the prefix obs");
   fields.Add("actions", &columns.actions, "CSV columns with actions; none: those with the prefix act");
@@ -119,16 +118,7 @@ void DataConfig::CheckNamed() const {
   if (empty()) throw UsageError("no data are named; add --data demos.hdf5, or [data] path to the configuration");
 }
 
-std::optional<size_t> DataConfig::n_episodes() const {
-  if (episodes == "all") return std::nullopt;
-  int n = 0;
-  const char *begin = episodes.data(), *end = begin + episodes.size();
-  const auto [rest, error] = std::from_chars(begin, end, n);
-  if (error != std::errc{} || rest != end || n < 1) {
-    throw UsageError(fmt::format("data.episodes is '{}', wanted a number of at least 1, or all", episodes));
-  }
-  return static_cast<size_t>(n);
-}
+EpisodeChoice DataConfig::ChosenEpisodes() const { return {episodes, "data.episodes"}; }
 
 DataOptions DataConfig::Options() const {
   DataOptions options;
@@ -277,7 +267,7 @@ void RunConfig::Check() const {
   } catch (const json::exception&) {
     throw UsageError("a column named in [data] is not UTF-8 text, which run.toml cannot hold; rename it in the file");
   }
-  static_cast<void>(data.n_episodes());
+  static_cast<void>(data.ChosenEpisodes());
   design.Check();
   for (const auto& [name, setting] : settings) setting.Check();
   baselines.Check();

@@ -12,6 +12,7 @@
 #include "oted/config/agents_config.h"
 #include "oted/config/task_config.h"
 #include "oted/data/data_options.h"
+#include "oted/data/episode_choice.h"
 #include "oted/sim/parameter_space.h"
 #include "oted/stages/agent/algorithm.h"
 #include "oted/stages/clone/clone_config.h"
@@ -39,8 +40,8 @@ struct DataConfig {
   bool empty() const { return path.empty() && recordings.empty(); }
   /// @throws UsageError where no data are named
   void CheckNamed() const;
-  /// How many episodes `episodes` asks for; none: all. @throws UsageError
-  std::optional<size_t> n_episodes() const;
+  /// @throws UsageError
+  EpisodeChoice ChosenEpisodes() const;
   std::vector<std::string> AllFiles() const;
   /// For sentences: "a.csv", "a.csv and 2 more".
   std::string Files() const;

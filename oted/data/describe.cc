@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "oted/base/error.h"
@@ -23,13 +22,6 @@ ChannelSummary Summarize(const Array2<double>& m, int j, std::string name) {
   s.std = std::sqrt(square);
   if (!std::isfinite(s.mean)) s.low = s.high = s.mean = s.std = NAN;
   return s;
-}
-
-/// A positive number, or 0.
-size_t Count(std::string_view text) {
-  size_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size() ? value : 0;
 }
 
 }  // namespace
@@ -55,27 +47,6 @@ DatasetSummary Describe(const Dataset& d, const TaskFacts& facts) {
   s.nq = d.qpos.cols();
   s.nv = d.qvel.cols();
   return s;
-}
-
-std::vector<Episode> ChooseEpisodes(const Dataset& dataset, const std::string& which) {
-  std::vector<Episode> episodes = dataset.Episodes();
-  if (which == "all") return episodes;
-  const size_t dash = which.find('-');
-  const bool is_range = dash != std::string::npos;
-  const size_t first = is_range ? Count(std::string_view(which).substr(0, dash)) : 1;
-  const size_t last = Count(is_range ? std::string_view(which).substr(dash + 1) : std::string_view(which));
-  if (first < 1 || last < first) {
-    throw UsageError(
-        fmt::format("'{}' names no episodes; wanted a number (the first so many), a range such as 3-7 "
-                    "(counted from 1), or all",
-                    which));
-  }
-  if (last > episodes.size()) {
-    throw DataError(fmt::format("'{}' asks for episode {}, but '{}' holds {}; ask for fewer, or for all", which, last,
-                                dataset.path, episodes.size()));
-  }
-  return {episodes.begin() + static_cast<std::ptrdiff_t>(first - 1),
-          episodes.begin() + static_cast<std::ptrdiff_t>(last)};
 }
 
 }  // namespace oted

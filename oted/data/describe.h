@@ -29,8 +29,4 @@ struct DatasetSummary {
 /// Names come from `facts`. @throws DataError without rows.
 DatasetSummary Describe(const Dataset& dataset, const TaskFacts& facts);
 
-/// The episodes that `which` names: "all"; "5", the first five; "3-7", the third to the seventh.
-/// @throws UsageError when it is none of these, DataError when there are fewer.
-std::vector<Episode> ChooseEpisodes(const Dataset& dataset, const std::string& which);
-
 }  // namespace oted

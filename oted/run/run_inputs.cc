@@ -101,15 +101,8 @@ Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options) {
         fmt::format("the logs '{}' are not there; check the path, or name their new place with --data", file));
   }
   const Dataset all = ReadFiles(config, options);
-  const std::optional<size_t> wanted = config.n_episodes();
-  if (!wanted) return all;
-  std::vector<Episode> episodes = all.Episodes();
-  if (*wanted > episodes.size()) {
-    throw DataError(fmt::format("data.episodes asks for {} episodes, but '{}' holds {}; ask for fewer, or for all",
-                                *wanted, config.Files(), episodes.size()));
-  }
-  episodes.resize(*wanted);
-  return all.Select(episodes);
+  if (config.episodes == "all") return all;
+  return all.Select(config.ChosenEpisodes().Of(all));
 }
 
 namespace {

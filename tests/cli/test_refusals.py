@@ -82,7 +82,7 @@ class TestData(HopperTest):
         self.assertRefused(result, DATA_OR_MODEL, "11", "17", "HalfCheetah-v5", "name the task")
 
     def test_more_episodes_than_there_are(self):
-        self.assertRefused(self.design("--episodes", "6"), DATA_OR_MODEL, "6 episodes", "holds 5", "fewer")
+        self.assertRefused(self.design("--episodes", "6"), DATA_OR_MODEL, "episode 6", "holds 5", "fewer")
 
     def test_episodes_that_are_no_count(self):
         for text in ("0", "-1", "many", "3x", "99999999999999999999"):
