@@ -53,23 +53,24 @@ std::vector<Suspect> FindDistant(const std::vector<ParameterSpec>& specs, const 
   std::vector<double> z = fit.z();
   const size_t n_searched = z.size();
   for (const ParameterSpec& spec : specs) z.push_back(spec.nominal);
-  std::vector<Suspect> off;
-  std::vector<std::vector<double>> values;
-  for (size_t k = 0; k < specs.size(); ++k) {
-    for (const double value : ValuesOff(specs[k], specs[k].nominal)) {
-      off.push_back({.spec = specs[k], .value = value});
-      values.push_back(z);
-      values.back()[n_searched + k] = off.back().value;
-    }
-  }
-  const std::vector<double> gained = worst.NatsGainedIn(wider, z, values);
-  for (size_t k = 0; k < off.size(); ++k) off[k].explains = gained[k];
-  std::ranges::stable_sort(off, std::ranges::greater(), &Suspect::explains);
+  const LevelFit::Gained gained(worst, wider, z);
   std::vector<Suspect> found;
-  for (Suspect& suspect : off) {
-    const auto is_it = [&](const Suspect& other) { return other.spec.field == suspect.spec.field; };
-    if (suspect.explains > kFewestSureNats && std::ranges::none_of(found, is_it)) found.push_back(std::move(suspect));
+  for (size_t k = 0; k < specs.size(); ++k) {
+    Suspect best{.spec = specs[k], .value = specs[k].nominal};
+    for (const double value : ValuesOff(specs[k], specs[k].nominal)) {
+      std::vector<double> moved = z;
+      moved[n_searched + k] = value;
+      const double nats = gained.At(moved);
+      if (nats > best.explains) {
+        best.explains = nats;
+        best.value = value;
+      }
+      // Where a limit makes windows less likely, a lower one makes them even less so.
+      if (IsLimit(specs[k]) && value < specs[k].nominal && nats < -kFewestSureNats) break;
+    }
+    if (best.explains > kFewestSureNats) found.push_back(std::move(best));
   }
+  std::ranges::stable_sort(found, std::ranges::greater(), &Suspect::explains);
   return found;
 }
 
@@ -90,7 +91,10 @@ std::optional<Eigen::VectorXd> WithDistantMoved(const LevelFit& fit, const Param
     for (const double share : kSharesNear) add(z[i] + share * (spec.high - spec.low));
   }
   if (values.empty()) return std::nullopt;
-  const std::vector<double> gained = fit.WorstExplained(kProbedRows, explained_alone).NatsGainedAt(values);
+  const LevelFit worst = fit.WorstExplained(kProbedRows, explained_alone);
+  const LevelFit::Gained of_worst(worst);
+  std::vector<double> gained;
+  for (const std::vector<double>& moved : values) gained.push_back(of_worst.At(moved));
   const auto most = std::ranges::max_element(gained);
   if (!(*most > kFewestSureNats)) return std::nullopt;
   const std::vector<double>& moved = values[static_cast<size_t>(most - gained.begin())];

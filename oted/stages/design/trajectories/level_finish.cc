@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "oted/base/picked.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 
 namespace oted {
@@ -21,6 +23,7 @@ constexpr double kHardlyTold = 0.3;              // in x: a direction with such 
 constexpr double kLongestLastStep = 3.0;         // in standard deviations of x; further, the quadratic model is a guess
 constexpr int kMostLastSteps = 3;                // where that cuts it short
 constexpr int kSettlingIterations = 6;           // of starts
+constexpr double kUnchanged = 1e-6;              // of squared residuals over their variances: a window that stays
 constexpr double kSameMinimum = 0.5;             // nats that two fits of a start may differ by
 
 }  // namespace
@@ -130,11 +133,11 @@ LevelFit::LastStep LevelFit::TakeLastStep() {
   return {.covariance = estimate.covariance, .arrived = length == 1};
 }
 
-FittedStarts LevelFit::SettledIn(WindowReplayer& replayer, std::vector<VectorXd> starts,
-                                 const std::vector<double>& z) const {
+FittedStarts LevelFit::SettledIn(WindowReplayer& replayer, const std::vector<LogWindow>& windows,
+                                 std::vector<VectorXd> starts, const std::vector<double>& z) const {
   const WindowLikelihood likelihood = Likelihood();
   return FitStarts(replayer, std::move(starts),
-                   {level_.windows, z, likelihood, StartSteps(), starts_are_held_ ? 0 : kSettlingIterations});
+                   {windows, z, likelihood, StartSteps(), starts_are_held_ ? 0 : kSettlingIterations});
 }
 
 double LevelFit::NatsLostAt(const VectorXd& x, const VectorXd& than) const {
@@ -145,12 +148,30 @@ double LevelFit::NatsIn(WindowReplayer& wider, const std::vector<double>& z) con
   return CostOfWindows(SettledIn(wider, level_.starts, z).residuals) / readings_per_error_;
 }
 
-std::vector<double> LevelFit::NatsGainedIn(WindowReplayer& wider, const std::vector<double>& z,
-                                           const std::vector<std::vector<double>>& values) const {
-  const double without = NatsIn(wider, z);
-  std::vector<double> gained;
-  for (const std::vector<double>& value : values) gained.push_back(without - NatsIn(wider, value));
-  return gained;
+LevelFit::Gained::Gained(const LevelFit& fit, WindowReplayer& wider, const std::vector<double>& z)
+    : fit_(fit),
+      wider_(wider),
+      replayed_(wider.Residuals(fit.level_.windows, fit.level_.starts, z)),
+      settled_(fit.SettledIn(wider, fit.level_.starts, z).residuals) {}
+
+double LevelFit::Gained::At(const std::vector<double>& value) const {
+  const Level& level = fit_.level_;
+  const VectorXd precision = fit_.Likelihood().precision();
+  const std::vector<VectorXd> replayed = wider_.Residuals(level.windows, level.starts, value);
+  const auto is_same = [&](const VectorXd& a, const VectorXd& b) {
+    if (a.size() == 0 || b.size() == 0) return a.size() == b.size();  // the physics broke down
+    return precision.dot((a - b).cwiseAbs2()) < kUnchanged;
+  };
+  // What acts at a distance alone leaves most windows as they are, and their starts.
+  std::vector<size_t> changed;
+  for (size_t w = 0; w < replayed.size(); ++w) {
+    if (!is_same(replayed[w], replayed_[w])) changed.push_back(w);
+  }
+  std::vector<VectorXd> residuals = settled_;
+  std::vector<VectorXd> anew =
+      fit_.SettledIn(wider_, Picked(level.windows, changed), Picked(level.starts, changed), value).residuals;
+  for (size_t k = 0; k < changed.size(); ++k) residuals[changed[k]] = std::move(anew[k]);
+  return (fit_.CostOfWindows(settled_) - fit_.CostOfWindows(residuals)) / fit_.readings_per_error_;
 }
 
 double LevelFit::ShareAtOtherMinima(Rng& rng) const {

@@ -113,17 +113,24 @@ class LevelFit {
   /// CovarianceOfParts.
   double NatsLostAt(const Eigen::VectorXd& x, const Eigen::VectorXd& than) const;
   /// How unlikely windows are, their starts fitted anew, but for a constant. After FinalCost.
-  /// @param wider, z  as NatsGainedIn has them
+  /// @param wider, z  as Gained has them
   double NatsIn(WindowReplayer& wider, const std::vector<double>& z) const;
-  /// By how many nats windows become likelier at each of `values` than at z, their starts fitted anew. After FinalCost.
-  /// @param wider      of a simulator that may have more parameters, behind those of x
-  /// @param z, values  of all its parameters
-  std::vector<double> NatsGainedIn(WindowReplayer& wider, const std::vector<double>& z,
-                                   const std::vector<std::vector<double>>& values) const;
-  /// The same of its own parameters, from where they are.
-  std::vector<double> NatsGainedAt(const std::vector<std::vector<double>>& values) const {
-    return NatsGainedIn(replayer_, z(), values);
-  }
+  /// By how many nats windows become likelier elsewhere than at z, their starts fitted anew. After FinalCost.
+  class Gained {
+   public:
+    /// @param fit    must outlive it
+    /// @param wider  of a simulator that may have more parameters, behind those of x
+    /// @param z      of all its parameters
+    Gained(const LevelFit& fit, WindowReplayer& wider, const std::vector<double>& z);
+    /// The same of its own parameters, from where they are.
+    explicit Gained(const LevelFit& fit) : Gained(fit, fit.replayer_, fit.z()) {}
+    double At(const std::vector<double>& value) const;
+
+   private:
+    const LevelFit& fit_;
+    WindowReplayer& wider_;
+    std::vector<Eigen::VectorXd> replayed_, settled_;  // residuals at z: by the starts that are there, by those fitted
+  };
   /// Share of windows whose start has another local minimum near: moved by as much as it is uncertain and fitted again,
   /// it comes to rest elsewhere, better or worse. After Finish.
   double ShareAtOtherMinima(Rng& rng) const;
@@ -168,7 +175,11 @@ class LevelFit {
   }
   /// The same in another simulator. @param z  of all its parameters
   FittedStarts SettledIn(WindowReplayer& replayer, std::vector<Eigen::VectorXd> starts,
-                         const std::vector<double>& z) const;
+                         const std::vector<double>& z) const {
+    return SettledIn(replayer, level_.windows, std::move(starts), z);
+  }
+  FittedStarts SettledIn(WindowReplayer& replayer, const std::vector<LogWindow>& windows,
+                         std::vector<Eigen::VectorXd> starts, const std::vector<double>& z) const;
   /// Where the replay of the window before window w ends; none where that is not its neighbour.
   std::optional<Eigen::VectorXd> PredictedStart(size_t w) const;
   /// Of all windows; without the prior.
