@@ -47,7 +47,10 @@ Dataset ReadChosen(const RunConfig& config, const std::string& episodes) {
   DataOptions how = config.task.name.empty() ? config.data.Options() : DataOptionsFor(config.data, SpecOf(config.task));
   how.check = false;
   const Dataset all = ReadFiles(config.data, how);
-  return episodes.empty() ? all : all.Select(EpisodeChoice(episodes, "--episodes").Of(all));
+  const EpisodeChoice choice = episodes.empty() ? config.data.ChosenEpisodes() : EpisodeChoice(episodes, "--episodes");
+  Dataset chosen = choice.Of(all);
+  if (const std::string told = choice.Renumbering(); !told.empty()) Say(fmt::format("note: {}\n", told));
+  return chosen;
 }
 
 /// What every other command refuses is told.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -12,20 +13,17 @@
 namespace oted {
 namespace {
 
-constexpr size_t kLargestEpisode = 10'000'000;
-
 /// A positive number, or 0.
 size_t Count(std::string_view text) {
   size_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size() && value <= kLargestEpisode ? value : 0;
+  return error == std::errc() && end == text.data() + text.size() ? value : 0;
 }
 
 }  // namespace
 
 EpisodeChoice::EpisodeChoice(std::string text, std::string what) : text_(std::move(text)), what_(std::move(what)) {
-  all_ = text_ == "all";
-  if (all_) return;
+  if (text_ == "all") return;
   const bool is_count = text_.find_first_of(",-") == std::string::npos;
   for (size_t begin = 0; begin <= text_.size();) {
     const size_t end = std::min(text_.find(',', begin), text_.size());
@@ -38,21 +36,38 @@ EpisodeChoice::EpisodeChoice(std::string text, std::string what) : text_(std::mo
           "{} is '{}', wanted a number (the first so many), ranges such as 3-7 or 1,3-7 (counted from 1), or all",
           what_, text_));
     }
-    for (size_t number = first; number <= last; ++number) numbers_.insert(number);
+    ranges_.emplace_back(first, last);
     begin = end + 1;
   }
 }
 
-std::vector<Episode> EpisodeChoice::Of(const Dataset& dataset) const {
-  const std::vector<Episode> episodes = dataset.Episodes();
-  if (all_) return episodes;
-  if (*numbers_.rbegin() > episodes.size()) {
-    throw DataError(fmt::format("{} '{}' asks for episode {}, but '{}' holds {}; ask for fewer, or for all", what_,
-                                text_, *numbers_.rbegin(), dataset.path, episodes.size()));
+Dataset EpisodeChoice::Of(const Dataset& all) const {
+  if (ranges_.empty()) return all;
+  const std::vector<Episode> episodes = all.Episodes();
+  std::set<size_t> numbers;
+  for (const auto& [first, last] : ranges_) {
+    if (last > episodes.size()) {
+      throw DataError(fmt::format("{} '{}' asks for episode {}, but '{}' holds {}; ask for fewer, or for all", what_,
+                                  text_, last, all.path, episodes.size()));
+    }
+    for (size_t number = first; number <= last; ++number) numbers.insert(number);
   }
   std::vector<Episode> chosen;
-  for (const size_t number : numbers_) chosen.push_back(episodes[number - 1]);
-  return chosen;
+  for (const size_t number : numbers) chosen.push_back(episodes[number - 1]);
+  return all.Select(chosen);
+}
+
+std::string EpisodeChoice::Renumbering() const {
+  std::vector<std::pair<size_t, size_t>> ascending = ranges_;
+  std::ranges::sort(ascending);
+  size_t n_from_first = 0;
+  for (const auto& [first, last] : ascending) {
+    if (first > n_from_first + 1) {
+      return fmt::format("the episodes {} of the data are counted from 1 from here on", text_);
+    }
+    n_from_first = std::max(n_from_first, last);
+  }
+  return "";
 }
 
 }  // namespace oted

@@ -1,8 +1,8 @@
 #pragma once
 /// Which of a dataset's episodes are used.
 
-#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "oted/data/dataset.h"
@@ -18,13 +18,14 @@ class EpisodeChoice {
   /// @param what  named in errors: "data.episodes"  @throws UsageError when `text` is none of these
   EpisodeChoice(std::string text, std::string what);
 
-  /// In the dataset's order. @throws DataError when it has fewer episodes
-  std::vector<Episode> Of(const Dataset& dataset) const;
+  /// In the dataset's order. @throws DataError when there are fewer
+  Dataset Of(const Dataset& all) const;
+  /// What to tell where others lie before or between them, as episodes are then counted among these; else "".
+  std::string Renumbering() const;
 
  private:
   std::string text_, what_;
-  bool all_ = false;
-  std::set<size_t> numbers_;  // from 1
+  std::vector<std::pair<size_t, size_t>> ranges_;  // first and last, from 1; none: all
 };
 
 }  // namespace oted

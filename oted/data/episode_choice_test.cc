@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "oted/base/error.h"
 #include "oted/base/testing.h"
 #include "oted/data/testing.h"
@@ -12,7 +14,13 @@ TEST(EpisodeChoice, IsByNumberRangeOrList) {
   const Dataset d = MakeTestDataset(50, 10);
   const auto begins = [&](const std::string& which) {
     std::vector<int> rows;
-    for (const Episode& e : EpisodeChoice(which, "--episodes").Of(d)) rows.push_back(e.begin);
+    const Dataset chosen = EpisodeChoice(which, "--episodes").Of(d);
+    for (const Episode& e : chosen.Episodes()) {
+      const auto row = chosen.observations.row(e.begin);
+      for (int i = 0; i < d.size(); ++i) {
+        if (std::ranges::equal(row, d.observations.row(i))) rows.push_back(i);
+      }
+    }
     return rows;
   };
   EXPECT_EQ(begins("all").size(), 5u);
@@ -20,6 +28,13 @@ TEST(EpisodeChoice, IsByNumberRangeOrList) {
   EXPECT_EQ(begins("2-4"), (std::vector<int>{10, 20, 30}));
   EXPECT_EQ(begins("1,3-5"), (std::vector<int>{0, 20, 30, 40})) << "all but the second";
   EXPECT_EQ(begins("4,2,2-2"), (std::vector<int>{10, 30})) << "in the dataset's order, each once";
+}
+
+TEST(EpisodeChoice, OtherNumbersThanTheFilesAreTold) {
+  const auto told = [](const char* which) { return EpisodeChoice(which, "--episodes").Renumbering(); };
+  for (const char* from_first : {"all", "3", "1-3", "2,1,3-4"}) EXPECT_EQ(told(from_first), "") << from_first;
+  EXPECT_EQ(told("1,3-5"), "the episodes 1,3-5 of the data are counted from 1 from here on");
+  EXPECT_NE(told("2"), told("2-2"));
 }
 
 TEST(EpisodeChoice, WhatNamesNoneIsRefusedWithWhatIsWanted) {

@@ -101,8 +101,7 @@ Dataset ReadEpisodes(const DataConfig& config, const DataOptions& options) {
         fmt::format("the logs '{}' are not there; check the path, or name their new place with --data", file));
   }
   const Dataset all = ReadFiles(config, options);
-  if (config.episodes == "all") return all;
-  return all.Select(config.ChosenEpisodes().Of(all));
+  return config.ChosenEpisodes().Of(all);
 }
 
 namespace {

@@ -178,6 +178,7 @@ RunSetup SetUpRun(RunConfig given, const std::filesystem::path& out, RunContext 
   TakeFinishedGrowth(run);
   CheckDirectory(run);
   if (const auto unread = run.config.UnreadSetting()) context.log->Warning(*unread);
+  if (const auto told = run.config.data.ChosenEpisodes().Renumbering(); !told.empty()) context.log->Warning(told);
   return run;
 }
 

@@ -1,16 +1,19 @@
 #include "oted/sim/mujoco/force_limits.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <map>
 
 #include "oted/base/error.h"
 #include "oted/sim/mujoco/model_field.h"
+#include "oted/sim/mujoco/object_path.h"
 
 namespace oted {
 namespace {
 
-constexpr double kBeyond = 2;  // times the largest force: dampers add to it
+constexpr double kBeyond = 100;  // times the largest force
 
 double LargestOf(const mjtNum* range) { return std::max(std::abs(range[0]), std::abs(range[1])); }
 
@@ -57,23 +60,33 @@ ModelPtr WithForceLimits(const mjModel& model) {
 }
 
 void LetForcesBeLimited(const std::vector<ParameterSpec>& specs, LoadedModel& loaded) {
-  std::set<int> actuators;
+  std::map<int, double> limits;  // of actuators
   for (const ParameterSpec& spec : specs) {
     for (const ModelField& field : ResolvePath(*loaded.model, spec.field)) {
       if (field.array != "actuator_forcerange") continue;
-      for (const int at : field.indices) actuators.insert(at / 2);
+      for (const int at : field.indices) {
+        const int actuator = at / 2;
+        if (loaded.model->actuator_forcelimited[actuator] != 0) continue;
+        const double unreached = UnreachedForce(*loaded.model, actuator);
+        if (unreached == 0) {
+          throw UsageError(fmt::format(
+              "parameter '{}': actuator '{}' has no force limit, and how large its force may become is not known (a "
+              "control without ctrlrange, a muscle, an integrating drive); give it a forcerange in the model",
+              spec.name, ObjectName(*loaded.model, mjOBJ_ACTUATOR, actuator)));
+        }
+        limits[actuator] = spec.IsMultiple() ? unreached : std::min(unreached, spec.high);
+      }
     }
   }
   for (mjsElement* e = mjs_firstElement(loaded.spec.get(), mjOBJ_ACTUATOR); e != nullptr;
        e = mjs_nextElement(loaded.spec.get(), e)) {
-    const int id = mjs_getId(e);
-    const double force = actuators.contains(id) ? UnreachedForce(*loaded.model, id) : 0;
-    if (force == 0) continue;
-    SetLimit(*loaded.model, id, force);
+    const auto limit = limits.find(mjs_getId(e));
+    if (limit == limits.end()) continue;
+    SetLimit(*loaded.model, limit->first, limit->second);
     mjsActuator& actuator = *mjs_asActuator(e);
     actuator.forcelimited = mjLIMITED_TRUE;
-    actuator.forcerange[0] = -force;
-    actuator.forcerange[1] = force;
+    actuator.forcerange[0] = -limit->second;
+    actuator.forcerange[1] = limit->second;
   }
 }
 

@@ -8,15 +8,17 @@
 
 namespace oted {
 
-/// Twice the largest force that a drive without a force limit asks for within the ranges of its control and its joint
-/// [N | N m]: as a limit it never acts. 0 where it has a limit, or where that cannot be told.
+/// A hundred times the largest force that a drive without a force limit asks for within the ranges of its control and
+/// its joint [N | N m]: as a limit it never acts, though dampers add to it and its strength may be searched. 0 where
+/// the drive has a limit, or where that cannot be told.
 double UnreachedForce(const mjModel& model, int actuator);
 
 /// The same model in which drives without a force limit have their UnreachedForce for one.
 ModelPtr WithForceLimits(const mjModel& model);
 
-/// Gives these limits to the drives whose actuator/NAME/forcerange a parameter sets: MuJoCo heeds none that the model
-/// lacks. Simulations of the nominal model stay the same, and so does its fingerprint. @throws UsageError
+/// Gives these limits, or the top of the parameter's range where that is less, to the drives whose force_limit or
+/// forcerange it sets: MuJoCo heeds none that the model lacks. By limits that are not reached simulations stay the
+/// same; the model's fingerprint does. @throws UsageError also where a drive of a force_limit has none and can get none
 void LetForcesBeLimited(const std::vector<ParameterSpec>& specs, LoadedModel& loaded);
 
 }  // namespace oted

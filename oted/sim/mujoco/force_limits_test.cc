@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
 #include "oted/sim/mujoco/model_task.h"
@@ -51,12 +52,12 @@ struct Wheels {
     task.unobserved = {"actuator/muscle/act"};
     task.max_episode_steps = 1000;
   }
-  MujocoSimulatorFactory Limited() const {
+  MujocoSimulatorFactory Limited(double high = 1000) const {
     return {task,
             {{.name = "limit",
               .field = "actuator/motor/force_limit",
               .low = 0.01,
-              .high = 10,
+              .high = high,
               .scale = ParameterScale::kAbsolute}}};
   }
 };
@@ -72,13 +73,13 @@ std::vector<double> Turned(const SimulatorFactory& factory, const std::vector<do
   return {simulator->observation(0)[0], simulator->observation(0)[2]};
 }
 
-TEST(UnreachedForce, IsTwiceWhatRangesOfControlAndJointAllow) {
+TEST(UnreachedForce, IsFarBeyondWhatRangesOfControlAndJointAllow) {
   const Wheels wheels;
   const MujocoSimulatorFactory factory(wheels.task, {});
   const auto of = [&](int actuator) { return UnreachedForce(factory.model(), actuator); };
-  EXPECT_DOUBLE_EQ(of(0), 2 * 3) << "before the gear";
-  EXPECT_DOUBLE_EQ(of(1), 2 * (10 * 1 + 10 * 2)) << "at one end of its control, at the other of its joint";
-  EXPECT_DOUBLE_EQ(of(2), 2 * (4 * 5 + 4 * 5)) << "told to turn back";
+  EXPECT_DOUBLE_EQ(of(0), 100 * 3) << "before the gear";
+  EXPECT_DOUBLE_EQ(of(1), 100 * (10 * 1 + 10 * 2)) << "at one end of its control, at the other of its joint";
+  EXPECT_DOUBLE_EQ(of(2), 100 * (4 * 5 + 4 * 5)) << "told to turn back";
   EXPECT_EQ(of(3), 0) << "it has a limit";
   EXPECT_EQ(of(4), 0) << "a muscle";
   EXPECT_EQ(of(5), 0) << "no range of its control";
@@ -87,10 +88,27 @@ TEST(UnreachedForce, IsTwiceWhatRangesOfControlAndJointAllow) {
 TEST(LetForcesBeLimited, LeavesTheNominalModelAsItIs) {
   const Wheels wheels;
   const MujocoSimulatorFactory plain(wheels.task, {}), limited = wheels.Limited();
-  EXPECT_EQ(limited.parameters()[0].nominal, 6);
+  EXPECT_EQ(limited.parameters()[0].nominal, 300);
   EXPECT_EQ(limited.parameters()[0].unit, "N m");
-  EXPECT_EQ(Turned(limited, {6}), Turned(plain, {})) << "to the last bit";
+  EXPECT_EQ(Turned(limited, {300}), Turned(plain, {})) << "to the last bit";
   EXPECT_EQ(limited.model_sha256(), plain.model_sha256());
+}
+
+TEST(LetForcesBeLimited, TakesTheTopOfARangeThatEndsBelow) {
+  const Wheels wheels;
+  EXPECT_EQ(wheels.Limited(30).parameters()[0].nominal, 30);
+}
+
+TEST(LetForcesBeLimited, ADriveOfUnknownForceIsRefused) {
+  const Wheels wheels;
+  const std::string message = MessageOf<UsageError>([&] {
+    MujocoSimulatorFactory(wheels.task, {{.name = "limit",
+                                          .field = "actuator/free/force_limit",
+                                          .low = 0,
+                                          .high = 9,
+                                          .scale = ParameterScale::kAbsolute}});
+  });
+  EXPECT_THAT(message, HasSubstr("actuator 'free' has no force limit"));
 }
 
 TEST(LetForcesBeLimited, LetsADriveSaturate) {

@@ -417,7 +417,7 @@ std::vector<ModelField> ResolveParameter(const mjModel& model, ParameterSpec& sp
     throw UsageError(
         fmt::format("parameter '{}': '{}' matches values from {} to {}, which one absolute value cannot "
                     "stand for; narrow the path or use multiples of nominal",
-                    spec.name, spec.field, low, high));
+                    spec.name, spec.field, low + 0.0, high));
   }
   if (spec.wanted_nominal && std::abs(*spec.wanted_nominal - low) > 1e-6 * std::abs(low) + 1e-12) {
     throw UsageError(fmt::format(

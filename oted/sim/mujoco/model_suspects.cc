@@ -22,14 +22,14 @@ namespace {
 constexpr int kMostBodies = 12;  // whose masses, centres of mass and places are suspected one by one
 constexpr int kMostSingly = 8;   // joints, drives or tendons that are, where others of them are searched
 constexpr double kLow = 0.1, kHigh = 10.0;
-constexpr double kLowestLimit = 0.001, kHighestLimit = 2.0;  // of a force, times one that is never reached
-constexpr double kMostLoadFriction = 0.9;                    // of the force of a joint's actuators
-constexpr double kMostSpringOff = 1.0;                       // [rad], [m]: of where a spring rests
-constexpr double kMostTendonOff = 0.3;                       // of its length: the same of a tendon's
-constexpr double kMostTilt = 0.2;                            // of gravity: some eleven degrees
-constexpr double kMostAside = 0.1;                           // of the model's extent
-constexpr double kMostLoad = 2.0;       // radii of gyration that a load moves a body's centre of mass
-constexpr double kBesideAxis = 0.05;    // of how far a centre of mass lies from its frame
+constexpr double kLowestLimit = 1e-5, kHighestLimit = 2;  // of a force, times one that is never reached
+constexpr double kMostLoadFriction = 0.9;                 // of the force of a joint's actuators
+constexpr double kMostSpringOff = 1.0;                    // [rad], [m]: of where a spring rests
+constexpr double kMostTendonOff = 0.3;                    // of its length: the same of a tendon's
+constexpr double kMostTilt = 0.2;                         // of gravity: some eleven degrees
+constexpr double kMostAside = 0.1;                        // of the model's extent
+constexpr double kMostLoad = 2.0;                         // radii of gyration that a load moves a body's centre of mass
+constexpr double kBesideAxis = 0.05;                      // of how far a centre of mass lies from its frame
 constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body at the model's length against gravity
 
 struct SuspectedField {

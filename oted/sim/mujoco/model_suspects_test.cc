@@ -140,7 +140,7 @@ TEST(ModelSuspects, AreForcesAtWhichDrivesMaySaturateWhoseModelHasNoLimit) {
   </mujoco>)");
   const auto left = std::ranges::find(suspects, "actuator/left/force_limit", &ParameterSpec::field);
   ASSERT_NE(left, suspects.end());
-  EXPECT_EQ(left->nominal, 6) << "never reached";
+  EXPECT_EQ(left->nominal, 300) << "never reached";
   EXPECT_EQ(left->unit, "N m");
   EXPECT_LT(left->low, 0.1);
   const auto right = std::ranges::find(suspects, "actuator/right/force_limit", &ParameterSpec::field);
@@ -269,7 +269,7 @@ TEST(ModelSuspects, StandBehindTheParametersOfTheSameSimulator) {
   std::vector<double> nominal = {1.0};
   for (const ParameterSpec& suspect : suspects) {
     const bool is_limit = suspect.field.ends_with("/force_limit");  // of motors from -1 to 1
-    EXPECT_EQ(suspect.nominal, is_limit ? 2.0 : suspect.IsMultiple() ? 1.0 : 0.0) << suspect.field;
+    EXPECT_EQ(suspect.nominal, is_limit ? 100.0 : suspect.IsMultiple() ? 1.0 : 0.0) << suspect.field;
     nominal.push_back(suspect.nominal);
   }
   EXPECT_EQ(wider->parameters().Nominal(), nominal);
