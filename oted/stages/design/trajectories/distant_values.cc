@@ -16,14 +16,16 @@ constexpr int kProbedRows = 240;
 constexpr double kSharesOff[] = {-0.5, -0.25, -0.12, 0.12, 0.25, 0.5};  // of the way to an end of the range
 constexpr double kSharesNear[] = {-0.02, -0.005, 0.005, 0.02};          // of the range
 
-constexpr double kHalf = 0.5;  // of a limit: below by halves to the end of its range, and once above
+constexpr int kMostHalvings = 18;  // of a limit
 
 /// Values at a distance from the nominal one, which `from` is where it is not searched.
 std::vector<double> ValuesOff(const ParameterSpec& spec, double from) {
   std::vector<double> values;
   if (IsLimit(spec)) {
-    values.push_back(from / kHalf);
-    for (double value = from * kHalf; value >= spec.low; value *= kHalf) values.push_back(value);
+    double value = 2 * from;
+    for (int k = 0; k <= kMostHalvings; ++k, value /= 2) {
+      if (value != from && spec.low < value && value < spec.high) values.push_back(value);
+    }
     return values;
   }
   for (const double share : kSharesOff) {

@@ -85,6 +85,16 @@ TEST(FindDistant, NamesTheForceThatADriveCannotExceed) {
 
 TEST(FindDistant, FindsNoLimitWhereNoneActs) { EXPECT_TRUE(FoundWith(LimitAndWall(), 300).empty()); }
 
+TEST(FindDistant, ALimitWhoseRangeBeginsAtNothingIsAskedAFewTimes) {
+  std::vector<ParameterSpec> specs = LimitAndWall();
+  specs.front().low = 0;
+  specs.front().high = 1000;
+  specs.front().logarithmic = false;
+  const std::vector<Suspect> found = FoundWith(specs, 0.8);
+  ASSERT_FALSE(found.empty());
+  EXPECT_NEAR(found.front().value, 0.8, 0.3);
+}
+
 TEST(IsLimit, IsALargestForce) {
   EXPECT_TRUE(IsLimit(LimitAndWall().front()));
   EXPECT_FALSE(IsLimit({.name = "gear", .field = "actuator/motor/gear[0]", .low = 0.5, .high = 2}));
