@@ -254,7 +254,7 @@ TEST(RunConfig, AValueOutsideItsRangeOrTypeIsRefusedWithWhatItTakes) {
   EXPECT_THAT(Refusal("[run]\nseed = 2024-01-01\n"), HasSubstr("dates"));
   EXPECT_THAT(Refusal("[design]\nsettings = 3\n"), HasSubstr("[design.settings.NAME]"));
   EXPECT_THAT(Refusal("[design.settings.\"../up\"]\nadversarial.horizon = 3\n"), HasSubstr("'../up'"));
-  for (const char* episodes : {"0", "-3", "\"five\"", "\"\"", "\"5 \"", "99999999999999999", "2.5"}) {
+  for (const char* episodes : {"0", "-3", "\"five\"", "\"\"", "\"5 \"", "\"99999999999999999999\"", "2.5"}) {
     EXPECT_THAT(MessageOf<UsageError>([&] {
                   Parse(fmt::format("[task]\nname = \"Hopper-v5\"\n[data]\nepisodes = {}\n"
                                     "[parameters]\na = {{ field = \"opt/gravity[2]\" }}\n",
