@@ -57,6 +57,11 @@ def draw(task, kind, rng):
     return round(math.exp(rng.choice([-1, 1]) * rng.uniform(math.log(1.6), math.log(3))), 3), truth
 
 
+def applies(kind, task):
+    """The arm touches nothing, and the drive that saturates is its own."""
+    return kind != ("contact" if task == "arm" else "force_limit")
+
+
 def task_words(task, folder):
     """--task words; the arm's files are written into `folder`."""
     if task in TASKS:
@@ -135,7 +140,7 @@ def main():
             for task in arguments.tasks:
                 for kind in arguments.classes:
                     name = f"{task}-{kind}-{case}"
-                    if name in records(arguments.out) or (task == "arm" and kind == "contact") or (task != "arm" and kind == "force_limit"):
+                    if name in records(arguments.out) or not applies(kind, task):
                         continue
                     add_record(arguments.out, name, run_case(task, kind, case, arguments.oted.resolve(), extra))
     print_table(list(records(arguments.out).values()))

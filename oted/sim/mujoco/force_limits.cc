@@ -50,15 +50,6 @@ double UnreachedForce(const mjModel& model, int actuator) {
   return kBeyond * force;
 }
 
-ModelPtr WithForceLimits(const mjModel& model) {
-  ModelPtr limited(mj_copyModel(nullptr, &model));
-  OTED_CHECK(limited != nullptr);
-  for (int actuator = 0; actuator < model.nactuator; ++actuator) {
-    if (const double force = UnreachedForce(model, actuator); force > 0) SetLimit(*limited, actuator, force);
-  }
-  return limited;
-}
-
 void LetForcesBeLimited(const std::vector<ParameterSpec>& specs, LoadedModel& loaded) {
   std::map<int, double> limits;  // of actuators
   for (const ParameterSpec& spec : specs) {

@@ -13,9 +13,6 @@ namespace oted {
 /// the drive has a limit, or where that cannot be told.
 double UnreachedForce(const mjModel& model, int actuator);
 
-/// The same model in which drives without a force limit have their UnreachedForce for one.
-ModelPtr WithForceLimits(const mjModel& model);
-
 /// Gives these limits, or the top of the parameter's range where that is less, to the drives whose force_limit or
 /// forcerange it sets: MuJoCo heeds none that the model lacks. By limits that are not reached simulations stay the
 /// same; the model's fingerprint does. @throws UsageError also where a drive of a force_limit has none and can get none

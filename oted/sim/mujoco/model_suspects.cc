@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <span>
 #include <string>
 #include <utility>
 
@@ -144,19 +143,28 @@ void AddCentreOfMass(const mjModel& model, int body, std::vector<SuspectedField>
   }
 }
 
+bool LacksForceLimits(const mjModel& model) {
+  for (int actuator = 0; actuator < model.nactuator; ++actuator) {
+    if (UnreachedForce(model, actuator) > 0) return true;
+  }
+  return false;
+}
+
 /// Limits of forces, of which some drives of the model have none.
-void AddForceLimits(const mjModel& model, const mjModel& limited, std::vector<SuspectedField>& places) {
+void AddForceLimits(const mjModel& model, std::vector<SuspectedField>& places) {
   if (model.nactuator > kMostSingly) return;
   for (int actuator = 0; actuator < model.nactuator; ++actuator) {
-    if (limited.actuator_forcelimited[actuator] == 0) continue;
+    const mjtNum* range = model.actuator_forcerange + 2 * actuator;
+    const bool has_limit = model.actuator_forcelimited[actuator] != 0;
+    const double limit = has_limit ? range[1] : UnreachedForce(model, actuator);
+    // Of two ends that differ no one value is the limit.
+    if (has_limit ? limit > 0 && -range[0] != limit : limit == 0) continue;
     const std::string name = ObjectName(model, mjOBJ_ACTUATOR, actuator);
-    const double limit = limited.actuator_forcerange[2 * actuator + 1];
     places.push_back({name + "_force_limit", fmt::format("actuator/{}/force_limit", name), {}, 0, limit});
   }
 }
 
-/// @param limited  WithForceLimits
-std::vector<SuspectedField> SuspectedFields(const mjModel& model, const mjModel& limited) {
+std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
   const double torque = RoundBound(kFrictionShare * HoldingTorque(model));
   const double tension = RoundBound(kFrictionShare * HoldingTension(model));
   std::vector<SuspectedField> places = {
@@ -182,13 +190,10 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model, const mjModel&
       {"density", "opt/density"},
       {"inertia", "body/*/inertia"},
       {"gravity", "opt/gravity[2]"}};
-  const auto n_drives = static_cast<size_t>(model.nactuator);
-  const bool has_all_limits = std::ranges::equal(std::span(model.actuator_forcelimited, n_drives),
-                                                 std::span(limited.actuator_forcelimited, n_drives));
-  if (has_all_limits) {
-    places.push_back({"force_limit", "actuator/*/forcerange"});
+  if (LacksForceLimits(model)) {
+    AddForceLimits(model, places);
   } else {
-    AddForceLimits(model, limited, places);
+    places.push_back({"force_limit", "actuator/*/forcerange"});
   }
   if (model.na > 0) places.push_back({"drive_lag", "actuator/*/dynprm[0]"});
   AddSprings(model, places);
@@ -247,8 +252,11 @@ std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Susp
             .low = kLowestLimit * place.limit,
             .high = kHighestLimit * place.limit,
             .scale = ParameterScale::kAbsolute,
-            .logarithmic = true};
-    return Resolved(model, spec);
+            .logarithmic = true,
+            .nominal = place.limit};
+    std::vector<ModelField> fields = ResolvePath(model, spec.field);
+    spec.unit = fields.front().unit;
+    return fields;
   }
   spec = {.name = place.name, .field = place.path, .low = kLow, .high = kHigh, .logarithmic = true};
   std::optional<std::vector<ModelField>> fields = Resolved(model, spec);
@@ -299,8 +307,7 @@ struct Searched {
 /// What may be suspected beside the parameters of `space`.
 class Suspecting {
  public:
-  Suspecting(const mjModel& model, const ParameterSpace& space)
-      : pristine_(model), limited_(WithForceLimits(model)), model_(*limited_), space_(space) {
+  Suspecting(const mjModel& model, const ParameterSpace& space) : model_(model), space_(space) {
     for (const ParameterSpec& spec : space.specs()) {
       // What is known of each recording nobody doubts, and it may multiply what is.
       if (spec.is_known && spec.IsMultiple()) continue;
@@ -310,7 +317,7 @@ class Suspecting {
 
   std::vector<ParameterSpec> All() const {
     std::vector<ParameterSpec> suspects;
-    for (const SuspectedField& place : SuspectedFields(pristine_, model_)) {
+    for (const SuspectedField& place : SuspectedFields(model_)) {
       ParameterSpec spec;
       if (!FieldsOf(model_, place, spec)) continue;
       if (!Add(place, suspects)) AddEach(place, spec.field, suspects);
@@ -323,7 +330,7 @@ class Suspecting {
     const auto is_of = [&](const SuspectedField& place) {
       return place.path == whole.field || std::ranges::find(place.if_zero, whole.field) != place.if_zero.end();
     };
-    const std::vector<SuspectedField> all = SuspectedFields(pristine_, model_);
+    const std::vector<SuspectedField> all = SuspectedFields(model_);
     if (const auto place = std::ranges::find_if(all, is_of); place != all.end()) AddEach(*place, whole.field, parts);
     return parts;
   }
@@ -351,8 +358,6 @@ class Suspecting {
     for (const SuspectedField& one : OneByOne(model_, place, path)) Add(one, suspects);
   }
 
-  const mjModel& pristine_;
-  ModelPtr limited_;
   const mjModel& model_;
   const ParameterSpace& space_;
   std::vector<Searched> searched_;
