@@ -75,6 +75,15 @@ void AddDesigns(const RunSetup& run, const std::string& setting, std::vector<fs:
   }
 }
 
+/// How a design predicts, beside it.
+Artifact PredictionOf(const Artifact& design) {
+  return {.file = design.file.parent_path() / "prediction.json",
+          .schema = PredictionRecord::kSchema,
+          .fingerprint = Fingerprint({"prediction", design.fingerprint}),
+          .made_from = {design.file},
+          .is_guest = true};
+}
+
 fs::path SelectionFile(const RunSetup& run) { return run.directory.root() / "design.json"; }
 
 /// The records of all agents that trained there.
@@ -101,11 +110,14 @@ Artifact GrowthArtifact(const RunSetup& run, int round) {
 }
 
 Artifact GrowthDesignArtifact(const RunSetup& run, int round) {
-  return {.file = run.directory.growth(round) / "q.json",
+  return {.file = run.directory.growth_design(round) / "q.json",
           .schema = QRecord::kSchema,
           .fingerprint = GrowthArtifact(run, round).fingerprint,
-          .is_guest = true,
-          .is_replaceable = true};
+          .made_from = RoundsBefore(run, round)};
+}
+
+Artifact GrowthPredictionArtifact(const RunSetup& run, int round) {
+  return PredictionOf(GrowthDesignArtifact(run, round));
 }
 
 Artifact DesignArtifact(const RunSetup& run, const std::string& setting, int seed) {
@@ -119,12 +131,7 @@ Artifact DesignArtifact(const RunSetup& run, const std::string& setting, int see
 }
 
 Artifact PredictionArtifact(const RunSetup& run, const std::string& setting, int seed) {
-  const Artifact design = DesignArtifact(run, setting, seed);
-  return {.file = run.directory.design_seed(setting, seed) / "prediction.json",
-          .schema = PredictionRecord::kSchema,
-          .fingerprint = Fingerprint({"prediction", design.fingerprint}),
-          .made_from = {design.file},
-          .is_guest = true};
+  return PredictionOf(DesignArtifact(run, setting, seed));
 }
 
 Artifact TrialArtifact(const RunSetup& run, const std::string& setting, const DesignConfig& design) {

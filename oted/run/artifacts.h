@@ -13,8 +13,10 @@ namespace oted {
 Artifact CloneArtifact(const RunSetup& run);
 /// growth/ROUND/growth.json, by the parameters that the run has before that round
 Artifact GrowthArtifact(const RunSetup& run, int round);
-/// growth/ROUND/q.json: the design of that round
+/// growth/ROUND/design/q.json: the design of that round
 Artifact GrowthDesignArtifact(const RunSetup& run, int round);
+/// growth/ROUND/design/prediction.json
+Artifact GrowthPredictionArtifact(const RunSetup& run, int round);
 /// design/SETTING/SEED/q.json
 Artifact DesignArtifact(const RunSetup& run, const std::string& setting, int seed);
 /// design/SETTING/SEED/prediction.json: of the designs that verdicts are about

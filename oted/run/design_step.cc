@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <utility>
 
+#include "oted/base/files.h"
 #include "oted/base/parallel.h"
 #include "oted/run/artifacts.h"
+#include "oted/run/growth_design.h"
 #include "oted/stages/design/design.h"
 #include "oted/stages/design/design_method.h"
 
@@ -14,12 +17,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// A round's design with its curves, which are those of the design in `folder` as well.
+QRecord TakenFromRound(const RunSetup& run, int round, const fs::path& folder, const RunContext& context) {
+  QRecord design = DesignOfRound(run, round, context);
+  const fs::path curves = run.directory.growth_design(round) / kCurves;
+  if (fs::exists(curves)) WriteFileAtomically(folder / kCurves, ReadFile(curves));
+  const int n = run.settings.begin()->second.config.n_iterations();
+  context.log->Progress("design", run.directory.NameOf(folder), n, n, "");
+  return design;
+}
+
 Design Make(const RunSetup& run, const std::string& setting, int seed, const Policy* clone, const RunContext& share) {
   const SettingDesigns& designs = run.Designs(setting);
   const fs::path folder = run.directory.design_seed(setting, seed);
   const Artifact artifact = DesignArtifact(run, setting, seed);
   Design design{.setting = setting, .seed = seed, .record = {}, .discriminator = {}, .clone = nullptr};
   const auto make = [&] {
+    if (const std::optional<int> round = RoundOf(run, setting, seed)) return TakenFromRound(run, *round, folder, share);
     DesignResult result = LearnDesign(ProblemOf(run, setting, seed, clone, share), designs.config);
     if (result.g) {
       result.g->Save(design.discriminator);
@@ -89,6 +103,9 @@ std::vector<Design> MakeDesigns(RunSetup& run, const std::map<std::string, Setti
 
 void Predict(const RunSetup& run, Candidate& candidate) {
   const auto make = [&] {
+    if (const std::optional<int> round = RoundOf(run, candidate.setting, candidate.seed)) {
+      return PredictionOfRound(run, *round, DesignOfRound(run, *round, run.context), run.context);
+    }
     const DesignProblem problem = ProblemOf(run, candidate.setting, candidate.seed, nullptr, run.context);
     return PredictionRecord{PredictKeptAside(problem, candidate.q, candidate.fit)};
   };

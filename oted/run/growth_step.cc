@@ -12,6 +12,7 @@
 #include "oted/matching/verdict.h"
 #include "oted/run/artifacts.h"
 #include "oted/run/design_step.h"
+#include "oted/run/growth_design.h"
 #include "oted/run/kept_trials.h"
 #include "oted/run/run_inputs.h"
 #include "oted/run/suspect_sentence.h"
@@ -44,23 +45,16 @@ std::vector<Suspect> Try(const DesignProblem& design, const DesignConfig& config
 }
 
 GrowthRecord MakeRound(const RunSetup& run, int round) {
-  const auto& [setting, designs] = *run.settings.begin();
-  const DesignConfig& config = designs.config;
   TrialLog log(run.context.log, fmt::format("growth {}/{}", round, kMostRounds), TrialLog::Stages::kEach);
   RunContext context = run.context;
   context.log = &log;
-  // The streams of the design that follows: where nothing is added, it finds and says the same.
-  DesignProblem problem = ProblemOf(run, setting, 1, nullptr, context);
-  problem.folder = run.directory.growth(round);
-  problem.run_name = run.directory.NameOf(problem.folder);
-  const Artifact artifact = GrowthDesignArtifact(run, round);
-  const auto make = [&] { return RecordOf(LearnDesign(problem, config), config); };
-  const QRecord design = OnceAs<QRecord>(run.directory, artifact, make, run.parameters());
+  const DesignProblem problem = ProblemOfRound(run, round, context);
+  const QRecord design = DesignOfRound(run, round, context);
   // What a bound holds may be its range's fault: its owner is to say which, before anything is added.
   GrowthRecord record;
   for (const int i : ParametersAtBounds(design.q)) record.at_bounds.push_back(problem.factory.parameters()[i].name);
   if (!design.fit) return record;
-  const auto prediction = PredictKeptAside(problem, design.q, design.fit);
+  const auto prediction = PredictionOfRound(run, round, design, context).prediction;
   if (prediction && LeavesGap(*prediction)) {
     for (const Finding& correction : FindCorrections(*run.factory, run.dataset, context)) {
       const bool is_wrong = correction.severity == Severity::kWarning && !correction.may_be_parameter;
@@ -68,8 +62,9 @@ GrowthRecord MakeRound(const RunSetup& run, int round) {
     }
   }
   if (!record.wrong_columns.empty() || !record.at_bounds.empty()) return record;
+  const Artifact artifact = GrowthDesignArtifact(run, round);
   KeptTrials keeper(run.directory, artifact);
-  record.suspects = Try(problem, config, *design.fit, design.q, prediction, keeper);
+  record.suspects = Try(problem, run.settings.begin()->second.config, *design.fit, design.q, prediction, keeper);
   return record;
 }
 
@@ -117,6 +112,10 @@ std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findi
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
   const Candidate& told = findings.candidates[ToldBy(findings)];
   if (!told.fit) return {};
+  if (&told == &best && RoundOf(run, told.setting, told.seed)) {
+    const GrowthRecord& round = run.growth.back();
+    if (round.wrong_columns.empty() && round.at_bounds.empty()) return round.suspects;
+  }
   const DesignProblem problem = ProblemOf(run, told.setting, told.seed, nullptr, run.context);
   const Artifact design = DesignArtifact(run, told.setting, told.seed);
   KeptTrials keeper(run.directory, design);
@@ -127,7 +126,7 @@ void Grow(RunSetup& run) {
   AddRounds(run, [&](int round) -> std::optional<GrowthRecord> {
     auto record =
         OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
-    KeptTrials::Remove(run.directory.growth(round));
+    KeptTrials::Remove(run.directory.growth_design(round));
     return record;
   });
   if (run.growth.size() == 1 && run.growth.front().Freed() == nullptr) {

@@ -33,7 +33,6 @@ std::string TextIn(const json& record, const char* field) {
 /// What a run makes in its directory. Other folders there are not its own.
 constexpr std::array<const char*, 9> kFolders = {"agents", "baselines", "clone",  "design", "export",
                                                  "growth", "model",     "motion", "nominal"};
-constexpr const char* kCurves = "curves.csv";
 /// What work that can be stopped keeps beside its result: the work, whose it is, and how far its curves are whole.
 constexpr std::array<const char*, 3> kCheckpoint = {"checkpoint.npz", "checkpoint.json", "checkpoint.curves"};
 

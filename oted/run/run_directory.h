@@ -13,6 +13,9 @@
 
 namespace oted {
 
+/// Beside the record of a stage that learns step by step.
+inline constexpr const char* kCurves = "curves.csv";
+
 /// One record that a stage leaves: a JSON file, and in the same folder what it speaks for.
 struct Artifact {
   std::filesystem::path file;
@@ -47,6 +50,7 @@ class RunDirectory {
   std::filesystem::path trials(const std::string& setting) const { return root_ / "design" / setting / "methods"; }
   /// Of a round in which the parameters grow.
   std::filesystem::path growth(int round) const { return root_ / "growth" / std::to_string(round); }
+  std::filesystem::path growth_design(int round) const { return growth(round) / "design"; }
   std::filesystem::path agent(int index) const { return root_ / "agents" / std::to_string(index); }
   std::filesystem::path nominal(int index) const { return root_ / "nominal" / std::to_string(index); }
   /// Of a baseline: its agents' common folder, or that of one of them.

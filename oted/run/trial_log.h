@@ -10,7 +10,8 @@
 
 namespace oted {
 
-/// Curves of trials would stand among those of designs: their progress alone is told.
+/// Their progress is told as that of other work. Curves of trials that run beside one another would stand among those of
+/// designs.
 class TrialLog : public NullSink {
  public:
   enum class Stages {
@@ -18,6 +19,9 @@ class TrialLog : public NullSink {
     kEach  ///< one behind the other
   };
   TrialLog(LogSink* log, std::string stage, Stages stages) : log_(log), stage_(std::move(stage)), stages_(stages) {}
+  void Scalar(std::string_view run, std::string_view key, int64_t step, double value) override {
+    if (stages_ == Stages::kEach) log_->Scalar(run, key, step, value);
+  }
   void Progress(std::string_view stage, std::string_view label, int64_t done, int64_t total,
                 std::string_view note) override {
     log_->Progress(stages_ == Stages::kOne ? stage_ : fmt::format("{} {}", stage_, stage), label, done, total, note);

@@ -153,6 +153,16 @@ class SuspectsTest(unittest.TestCase):
                 self.assertEqual((run / name).read_bytes(), before[run / name])
             (run / "design.json").unlink()
         self.assertEqual(program.oted("export", run, "--mjcf", self.folder / "grown.xml").returncode, program.DATA_OR_MODEL)
+        # The last round added nothing: its design is the run's, and what a run of the grown parameters finds.
+        result, plain = self.design("grown_by_hand", GAIN, "damping=joint/*/damping:0.1:10:log",
+                                    more=["--set", "design.trajectories.tried=1"])
+        self.assertEqual([p["mode"] for p in design["parameters"]], [p["mode"] for p in plain["parameters"]])
+        for key in ("validation", "sentence"):
+            self.assertEqual(design[key], plain[key])
+        curves = [(folder / "curves.csv").read_bytes() for folder in
+                  (run / "growth/2/design", run / "design/default/1", self.folder / "grown_by_hand/design/default/1")]
+        self.assertEqual(curves[0], curves[1])
+        self.assertEqual(curves[0], curves[2])
 
     def test_where_a_value_ends_at_its_bound_nothing_is_added_and_it_says_why(self):
         result, design = self.design("bound", GAIN.replace(":2.0", ":1.1"), DAMPING, more=["--grow", "--episodes", "1", "--set",
