@@ -111,7 +111,10 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
   if (design.fit && design.fit->own_logs) Print("{}\n", design.fit->own_logs->sentence);
   const bool may_be_right = FloorIsReached(design.verdict) || design.verdict == DesignVerdict::kUndecided;
   if (!may_be_right && design.validation) {
-    const bool is_known = NotTold(*design.validation).empty();
+    // That more is left than the floor is no proof: sensors may be other than the floor takes them to be.
+    const bool is_known = design.fit && std::ranges::any_of(design.fit->suspects, [](const auto& suspected) {
+                            return suspected.suspect.trial && suspected.suspect.trial->kept;
+                          });
     Print("something that is not searched {}: any value may be farther off than its interval says\n",
           is_known ? "is off as well" : "may be off as well, or the method has not found the values exactly");
   }
@@ -189,6 +192,14 @@ void PrintMethodChoices(const DesignRecord& design) {
   }
 }
 
+/// Whether another suspect that is kept surely leads this one: the two may stand for one cause.
+bool IsLed(const DesignRecord::Fit& fit, const FreedTrial& trial) {
+  return std::ranges::any_of(fit.suspects, [&](const DesignRecord::Suspected& other) {
+    const Suspect& suspect = other.suspect;
+    return suspect.trial && suspect.trial->kept && std::ranges::count(trial.led_by, suspect.spec.name) > 0;
+  });
+}
+
 /// What is not searched and would explain what is left, and what was added to the parameters; nothing where the fit
 /// asks for nothing.
 void PrintSuspects(const DesignRecord& design) {
@@ -213,13 +224,14 @@ void PrintSuspects(const DesignRecord& design) {
       continue;
     }
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
-          is_kept || is_asked ? "; add this line: " + suspected.line : "");
+          (is_kept && !IsLed(*design.fit, *trial)) || is_asked ? "; add this line: " + suspected.line : "");
   }
   const bool may_grow =
       design.grown.empty() && std::ranges::none_of(design.parameters, [](const auto& p) { return EndsAtBound(p); });
   if (has_line && may_grow && !design.columns_seem_wrong)
     Print(
-        "  (add the first and design again; then see what is left. --grow does so by itself: give it an --out of its "
+        "  (add the first line alone and design again; then see what is left. --grow does so by itself: give it an "
+        "--out of its "
         "own)\n");
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;

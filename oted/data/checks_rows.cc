@@ -13,7 +13,7 @@
 namespace oted {
 namespace {
 
-constexpr double kDuplicateShare = 0.01;    // of rows: above it a warning
+constexpr double kDuplicateShare = 0.05;    // of rows: above it a warning
 constexpr double kStandingShare = 0.01;     // the same
 constexpr double kInconsistentShare = 0.2;  // of rows: more is no missed boundary but another origin of s'
 constexpr double kJump = 3;                 // times the 95 % quantile of a channel's change, in half of the channels

@@ -182,7 +182,8 @@ DesignVerdict ByPredictionAlone(const Designer& q, const HeldOutPrediction& pred
     const bool is_nominal = ContainsNominal(q) && !NominalIsFarOff(prediction);
     return as_well || is_nominal ? DesignVerdict::kNoGap : DesignVerdict::kGapClosed;
   }
-  if (!better && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
+  const bool may_tell = !FollowsAFewWindows(prediction.horizons);
+  if (!better && may_tell && NominalReachesFloor(prediction)) return DesignVerdict::kNoGap;
   if (GuessesAsWell(prediction.horizons)) return DesignVerdict::kOutsideFamily;
   if (!better && !ExceedsFloor(prediction, kExcessOfNominal)) return DesignVerdict::kUndecided;
   if (!better && !ExceedsFloor(prediction, kExcessOfDesign)) return DesignVerdict::kUndecided;
@@ -284,6 +285,7 @@ bool EndsAtBound(const ParameterSpec& spec, double low, double high) {
 bool IsNoBetterThanGuess(double error, double guess) { return guess > 0 && !(error < kGuess * guess); }
 
 bool IsFloorTold(const HeldOutPrediction& prediction) {
+  if (FollowsAFewWindows(prediction.horizons)) return false;
   return std::ranges::all_of(prediction.horizons, [](const HeldOutPrediction::Horizon& h) {
     return !IsTold(h) || TellsFloor(MostTimesFloor(h));
   });

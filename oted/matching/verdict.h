@@ -84,7 +84,8 @@ struct FitDoubts {
 ///
 ///   no_gap          the floor is reached, and the nominal simulator does as well: its parameters lie in the 99 %
 ///                   region of q, widened by a hundredth of each range, or the design gains nothing noticeable: at no
-///                   horizon a tenth (of mean squares). Or the nominal simulator alone reaches the floor
+///                   horizon a tenth (of mean squares). Or the nominal simulator alone reaches the floor, and not in a
+///                   few brief windows alone (FollowsAFewWindows)
 ///   gap_closed      the floor is reached
 ///   gap_narrowed    it is not, but the design surely predicts better than the nominal simulator
 ///   outside_family  more is left than sensors explain, and it does not, or a parameter ended at a bound: the logs ask
@@ -135,9 +136,25 @@ bool ShowsNothing(const Horizons& horizons) {
   return true;
 }
 
+inline constexpr double kLeastLearned_s = 5;  ///< of windows
+inline constexpr int kFewestLearned = 10;     ///< windows, where time has no unit
+/// Whether all that judges are a few brief windows of noisy logs that the design learned from: its parameters and their
+/// starts follow so little wherever the truth lies, so that no reached floor proves anything. Exact readings are not
+/// followed by chance.
+/// @param horizons  as ToldOf; each with channels, each with `judged` and `floor`
+template <class Horizons>
+bool FollowsAFewWindows(const Horizons& horizons) {
+  const auto& told = ToldOf(horizons);
+  if (!told.learned) return false;
+  bool are_noisy = false;
+  for (const auto& c : told.channels) are_noisy = are_noisy || (c.judged && c.floor > 0);
+  return are_noisy &&
+         (told.seconds > 0 ? told.n_windows * told.seconds < kLeastLearned_s : told.n_windows < kFewestLearned);
+}
+
 /// Whether the windows would show an error half as large again as the floor's, over all horizons up to half a second
 /// (the shortest, where time has no unit). Where they are too few, or some are far off and others are not, chance hides
-/// as much: that the floor is reached is not known.
+/// as much: that the floor is reached is not known. Nor is it where FollowsAFewWindows.
 bool IsFloorTold(const HeldOutPrediction& prediction);
 /// @param most_times_floor  MostTimesFloor
 inline bool TellsFloor(double most_times_floor) { return most_times_floor < 1.5; }

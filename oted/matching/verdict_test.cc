@@ -297,6 +297,26 @@ TEST(PredictsBetter, LogsThatItLearnedFromCountWhereNoOthersCanJudge) {
   EXPECT_FALSE(PredictsBetter(learned)) << "the logs kept aside are predicted worse, if not surely";
 }
 
+TEST(ReachesFloor, AFewBriefWindowsThatItLearnedFromDoNotBearItOut) {
+  const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  const auto learned = [](HeldOutPrediction prediction, double seconds, int n_windows) {
+    HeldOutPrediction::Horizon& horizon = prediction.horizons[0];
+    horizon.learned = true;
+    horizon.seconds = seconds;
+    horizon.n_windows = n_windows;
+    return prediction;
+  };
+  const HeldOutPrediction better = Predicted(kNothing, kMuch), as_good = Predicted(kNothing, kNothing);
+  EXPECT_EQ(Judged(moved, learned(better, 0.1, 20)), DesignVerdict::kGapNarrowed) << "two seconds";
+  EXPECT_EQ(Judged(moved, learned(as_good, 0.1, 20)), DesignVerdict::kUndecided);
+  EXPECT_EQ(Judged(moved, learned(better, 0.5, 2)), DesignVerdict::kGapNarrowed);
+  EXPECT_EQ(Judged(moved, learned(better, 0.5, 10)), DesignVerdict::kGapClosed);
+  EXPECT_EQ(Judged(moved, learned(better, 0, 9)), DesignVerdict::kGapNarrowed) << "time has no unit";
+  HeldOutPrediction exact = learned(better, 0.1, 6);
+  for (HeldOutPrediction::Channel& channel : exact.horizons[0].channels) channel.floor = 0;
+  EXPECT_EQ(Judged(moved, exact), DesignVerdict::kGapClosed) << "no few numbers follow exact readings by chance";
+}
+
 TEST(JudgePrediction, TheFloorAndTheGainDecide) {
   const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
   EXPECT_EQ(Judged(moved, Predicted(kNothing, kMuch)), DesignVerdict::kGapClosed);

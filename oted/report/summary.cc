@@ -176,6 +176,14 @@ void AddMatch(const json& report, json* trust) {
 // Whether freeing a suspect surely bought something.
 bool IsBought(const json& suspect) { return suspect.contains("freed") && suspect["freed"].value("kept", false); }
 
+// Whether another that bought something surely leads this one: the two may stand for one cause.
+bool IsLed(const json& suspect, const json& suspects) {
+  const json leaders = ListAt(suspect["freed"], "led_by");
+  return std::ranges::any_of(suspects, [&](const json& other) {
+    return IsBought(other) && std::ranges::find(leaders, json(TextAt(other, "name"))) != leaders.end();
+  });
+}
+
 // What is not searched and surely explains what is left, and what joined the parameters.
 void AddSuspects(const json& design, json* found) {
   for (const json& grown : ListAt(design, "grown")) {
@@ -183,11 +191,12 @@ void AddSuspects(const json& design, json* found) {
                                  TextAt(grown, "name"), TextAt(grown, "field")));
   }
   int n_bought = 0;
-  for (const json& suspect : ListAt(design["fit"], "suspects")) {
+  const json& suspects = ListAt(design["fit"], "suspects");
+  for (const json& suspect : suspects) {
     if (!IsBought(suspect)) continue;
     ++n_bought;
-    found->push_back(fmt::format("Suspect, not among the parameters: {}. Add this line to them: {}",
-                                 TextAt(suspect, "sentence"), TextAt(suspect, "line")));
+    found->push_back(fmt::format("Suspect, not among the parameters: {}.{}", TextAt(suspect, "sentence"),
+                                 IsLed(suspect, suspects) ? "" : " Add this line to them: " + TextAt(suspect, "line")));
   }
   if (n_bought > 1) {
     found->push_back(

@@ -124,6 +124,13 @@ TEST(SummariseTest, WhatIsNotSearchedAndOffByTheLogsIsNamedWithTheLineThatFreesI
   EXPECT_THAT(found, Not(HasSubstr("Add the first"))) << "there is one";
   const json two = Summarise({{"design", {{"fit", {{"explained", 0.9}, {"suspects", {kept, kept}}}}}}});
   EXPECT_THAT(Text(two["found"]), HasSubstr("Add the first of these lines alone and design again"));
+  json led = kept;
+  led.update({{"name", "late"}, {"line", "late = {}"}, {"freed", {{"kept", true}, {"led_by", {"delay"}}}}});
+  json leads = kept;
+  leads["name"] = "delay";
+  const json one = Summarise({{"design", {{"fit", {{"explained", 0.9}, {"suspects", {leads, led}}}}}}});
+  EXPECT_THAT(Text(one["found"]), HasSubstr("Add this line to them: delay = {}"));
+  EXPECT_THAT(Text(one["found"]), Not(HasSubstr("late = {}"))) << "the two may stand for one cause";
 }
 
 TEST(SummariseTest, SaysWhichFormWasTakenWhereItWasLeftOpenAndWhy) {

@@ -182,6 +182,10 @@ std::string ButOdd(const DesignRecord::Validation& validation) {
 }
 
 std::string NotTold(const DesignRecord::Validation& validation) {
+  if (FollowsAFewWindows(validation.horizons)) {
+    return "these logs do not tell whether the sensors explain what remains: the design learned from all of them, and "
+           "so few rows it can follow wherever the truth lies; log longer";
+  }
   const DesignRecord::Validation::Horizon* worst = &ToldOf(validation.horizons);
   for (const auto& horizon : validation.horizons) {
     if (IsTold(horizon) && horizon.most_times_floor > worst->most_times_floor) worst = &horizon;

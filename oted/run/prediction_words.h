@@ -27,7 +27,8 @@ std::string WhatRemains(const DesignRecord::Validation& validation, const Design
                         const std::vector<int>& off);
 /// How far replays can be followed, and how the two simulators compare there; empty where the record has none.
 std::string LongestInWords(const DesignRecord::Validation& validation);
-/// That windows are too few, or too unlike each other, to show whether the floor is reached; empty where they show it.
+/// That windows are too few, too unlike each other, or what the design learned from, to show whether the floor is
+/// reached; empty where they show it.
 std::string NotTold(const DesignRecord::Validation& validation);
 /// Episodes that are predicted far worse than most, to be appended to a sentence.
 std::string ButOdd(const DesignRecord::Validation& validation);

@@ -469,9 +469,19 @@ TEST(SuspectSentence, SaysWithWhichOtherSurelyMoreIsGained) {
   const auto sentence = [&] {
     return SuspectSentence({.spec = {.name = "mass", .field = "body/*/mass"}, .trial = trial}, {}, {});
   };
-  EXPECT_THAT(sentence(), EndsWith("50 % less error over 0.5 s; the logs are surely likelier with it (by 40 nats)"));
+  EXPECT_THAT(
+      sentence(),
+      EndsWith("50 % less error over 0.5 s than without it; the logs are surely likelier with it (by 40 nats)"));
   trial.led_by = {"force_limit"};
   EXPECT_THAT(sentence(), EndsWith("(by 40 nats); the logs are surely likelier yet with 'force_limit' in its place"));
+}
+
+TEST(SuspectSentence, SaysAFactorOfASensorOfItsReading) {
+  FreedTrial trial = Kept();
+  trial.value = 1.03;
+  const ParameterSpec scale{.name = "scale", .field = "obs/joint/hip/qpos/scale"};
+  EXPECT_THAT(SuspectSentence({.spec = scale, .trial = trial}, {}, {}),
+              testing::StartsWith("with obs/joint/hip/qpos/scale freed (1.03 times the model's reading): "));
 }
 
 }  // namespace oted::records_test

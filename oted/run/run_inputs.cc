@@ -119,7 +119,8 @@ void UseBeliefs(RunConfig& config) {
 
 RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
   if (config.presets.empty() || config.task.name.empty()) return config;
-  ExpandedPresets expanded = ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task, {}));
+  ExpandedPresets expanded =
+      ExpandPresets(config.presets, config.parameters, *MakeSimulatorFactory(config.task, {}, LoggedStarts(config)));
   if (expanded.parameters.empty()) {
     throw UsageError(
         fmt::format("the model of task '{}' has nothing that preset {} names; 'oted params list' shows what "
@@ -135,9 +136,7 @@ RunConfig ExpandPresets(RunConfig config, std::vector<std::string>* notes) {
 
 Array2<double> LoggedStarts(const RunConfig& config) {
   if (!config.task.has_model() || !config.task.model.starts_in_logs() || config.data.empty()) return {};
-  DataConfig data = config.data;
-  data.episodes = "all";
-  return ReadEpisodes(data, SpecOf(config.task)).EpisodeStarts();
+  return ReadEpisodes(config.data, SpecOf(config.task)).EpisodeStarts();
 }
 
 std::unique_ptr<SimulatorFactory> MakeSimulatorFactory(const TaskConfig& task,

@@ -8,6 +8,7 @@
 #include "oted/matching/verdict.h"
 #include "oted/run/prediction_words.h"
 #include "oted/run/verdict_sentence.h"
+#include "oted/sim/channel_path.h"
 
 namespace oted {
 namespace {
@@ -15,8 +16,9 @@ namespace {
 /// "about 1.9 control steps", "0.70 times the model's value".
 std::string ValueInWords(const ParameterSpec& spec, double value) {
   if (spec.IsMultiple()) {
-    const std::string of =
-        spec.MultipliesOthers() ? fmt::format("what '{}' gives", spec.unit.substr(2)) : "the model's value";
+    const std::string of = spec.MultipliesOthers()     ? fmt::format("what '{}' gives", spec.unit.substr(2))
+                           : IsSensorScale(spec.field) ? "the model's reading"
+                                                       : "the model's value";
     // 1.04, but 2.1.
     return fmt::format("{:.{}g} times {}", value, std::abs(value - 1) < 0.1 ? 3 : 2, of);
   }
@@ -38,7 +40,8 @@ std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Vali
   const auto most = std::ranges::max_element(off, {}, helped);
   const std::string horizon =
       trial.seconds > 0 ? fmt::format("{:.2g} s", trial.seconds) : fmt::format("{} control steps", trial.n_steps);
-  std::string text = fmt::format("{} less error over {}", ShareInWords(1 - std::exp(-0.5 * trial.gain.value)), horizon);
+  std::string text = fmt::format("{} less error over {} than without it",
+                                 ShareInWords(1 - std::exp(-0.5 * trial.gain.value)), horizon);
   if (most != off.end() && helped(*most) > 1) {
     const auto c = static_cast<size_t>(*most);
     const std::string unit = channels[c].unit.empty() ? "" : " " + channels[c].unit;

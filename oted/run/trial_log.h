@@ -10,8 +10,8 @@
 
 namespace oted {
 
-/// Their progress is told as that of other work. Curves of trials that run beside one another would stand among those of
-/// designs.
+/// Their progress is told as that of other work. Curves of trials that run beside one another would stand among those
+/// of designs.
 class TrialLog : public NullSink {
  public:
   enum class Stages {

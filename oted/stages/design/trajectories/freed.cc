@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "oted/base/picked.h"
 #include "oted/matching/designer.h"
@@ -35,7 +36,16 @@ constexpr int kFreedIterations = 24, kJoinedIterations = 10, kProbeIterations = 
 constexpr double kShownSeconds = 0.5;
 constexpr int kShortRows = 480;
 constexpr size_t kFewestNamed = 3;
-constexpr double kNoWorse = 2.0;  // nats: the prior of one parameter more
+constexpr double kNearEnd = 0.015;  // of the range: a value so near its bound may be beyond, like one at it
+constexpr double kNoWorse = 2.0;    // nats: the prior of one parameter more
+
+/// Whether a value lies at an end of its range, or next to it.
+bool IsNearBound(const ParameterSpec& spec, double value) {
+  const ParameterSpace space({spec});
+  const double u = space.ToUnit(std::vector<double>{value})[0];
+  const auto at = [&](double unit) { return space.FromUnit(std::vector<double>{std::clamp(unit, 0.0, 1.0)})[0]; };
+  return EndsAtBound(spec, at(u - kNearEnd), at(u + kNearEnd));
+}
 
 struct Fitted {
   int n_steps;  // of the windows
@@ -83,7 +93,7 @@ class FreedTrials {
     // At an end of its range it stands in for something else. And what leaves another one at its bound is not what put
     // it there.
     const double value = q.Mode().back();
-    const bool is_at_bound = EndsAtBound(space[space.size() - 1], value, value) || !ParametersAtBounds(q).empty();
+    const bool is_at_bound = IsNearBound(space[space.size() - 1], value) || !ParametersAtBounds(q).empty();
     FreedTrial trial{.value = value,
                      .std = q.Std().back(),
                      .intervals90 = q.CentralInterval(kIntervalMass),
