@@ -212,6 +212,7 @@ void PrintSuspects(const DesignRecord& design) {
     Print("first mend the columns that a warning names: a suspect may only stand in for them\n");
   }
   bool has_line = false;
+  int n_lines = 0;
   std::string of_no_use;
   for (const DesignRecord::Suspected& suspected : design.fit->suspects) {
     const std::optional<FreedTrial>& trial = suspected.suspect.trial;
@@ -223,16 +224,18 @@ void PrintSuspects(const DesignRecord& design) {
       of_no_use += (of_no_use.empty() ? "" : ", ") + suspected.suspect.spec.field;
       continue;
     }
+    const bool is_offered = (is_kept && !IsLed(*design.fit, *trial)) || is_asked;
+    n_lines += is_offered ? 1 : 0;
     Print("suspect, not among the parameters: {}{}\n", suspected.sentence,
-          (is_kept && !IsLed(*design.fit, *trial)) || is_asked ? "; add this line: " + suspected.line : "");
+          is_offered ? "; add this line: " + suspected.line : "");
   }
   const bool may_grow =
       design.grown.empty() && std::ranges::none_of(design.parameters, [](const auto& p) { return EndsAtBound(p); });
-  if (has_line && may_grow && !design.columns_seem_wrong)
-    Print(
-        "  (add the first line alone and design again; then see what is left. --grow does so by itself: give it an "
-        "--out of its "
-        "own)\n");
+  if (has_line && may_grow && !design.columns_seem_wrong) {
+    Print("  ({} and design again; then see what is left. --grow does so by itself: give it an --out of its own)\n",
+          n_lines > 1 ? "these may stand for one cause: add the first line alone, or one that you know to be off,"
+                      : "add this line");
+  }
   if (!of_no_use.empty()) Print("suspects that were freed and do not surely help: {}\n", of_no_use);
   if (FloorIsReached(design.verdict) || !design.validation) return;
   if (design.fit->suspects.empty() && design.verdict != DesignVerdict::kUndecided)

@@ -184,7 +184,7 @@ std::string ButOdd(const DesignRecord::Validation& validation) {
 std::string NotTold(const DesignRecord::Validation& validation) {
   if (FollowsAFewWindows(validation.horizons)) {
     return "these logs do not tell whether the sensors explain what remains: the design learned from all of them, and "
-           "so few rows it can follow wherever the truth lies; log longer";
+           "it can follow so few rows whatever the truth is";
   }
   const DesignRecord::Validation::Horizon* worst = &ToldOf(validation.horizons);
   for (const auto& horizon : validation.horizons) {

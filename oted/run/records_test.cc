@@ -384,6 +384,17 @@ TEST(VerdictSentence, OfADesignThatGuessesSayAsMuchAsClaimsNothing) {
   EXPECT_THAT(VerdictSentence(record, {0}), Not(HasSubstr("at no horizon")));
 }
 
+TEST(VerdictSentence, OfAFewBriefWindowsThatItLearnedFromClaimsNoFloor) {
+  DesignRecord record = Narrowed();
+  record.validation->horizons.push_back({0.1, 10, 9, true, 0.9, true, {{"servo", "rad", 0.5, 0.05, 0.05, 1}}, {}, 1.1});
+  EXPECT_THAT(
+      VerdictSentence(record, {}),
+      AllOf(HasSubstr("the design learned from all of them, and it can follow so few rows whatever the truth is. "
+                      "Log more. Judged by the logs that it learned from")));
+  record.validation->horizons[0].n_windows = 60;
+  EXPECT_THAT(VerdictSentence(record, {}), Not(HasSubstr("whatever the truth is")));
+}
+
 TEST(VerdictSentence, WhereWindowsDoNotTellTheFloorItSaysHowFarTheErrorMayGoAndWhichEpisodesAreFarOff) {
   DesignRecord record = Narrowed();
   record.validation->horizons.push_back(

@@ -94,7 +94,7 @@ bool AsksForMore(const DesignRecord& record) {
 /// Why the gap is not closed though at no horizon more is left than the sensors explain.
 std::string WhyOnlyNarrowed(const DesignRecord& record) {
   const std::string not_told = NotTold(*record.validation);
-  if (!not_told.empty()) return "; " + not_told;
+  if (!not_told.empty()) return "; " + not_told + "; log more";
   return std::string(": there the sensors explain what remains, but ") +
          (AsksForMore(record) ? kAsksForMore : "not in every recording");
 }
