@@ -27,9 +27,20 @@ struct StageVerb {
   void (*call)(Pipeline&);
 };
 
+const std::vector<Design>& DesignAll(Pipeline& pipeline) {
+  try {
+    return pipeline.Design();
+  } catch (const Interrupted&) {
+    throw Interrupted(
+        "interrupted; the design was not fitted yet: the same command begins the fit that was stopped anew, and what "
+        "was "
+        "complete before it stays");
+  }
+}
+
 /// The answer does not wait for films and agents, nor what was found for what suspects it.
 void DesignAndPrint(Pipeline& pipeline, const Options& options) {
-  const std::string found = UnjudgedInWords(pipeline.Design(), options);
+  const std::string found = UnjudgedInWords(DesignAll(pipeline), options);
   try {
     const LastWords words(found);
     PrintDesign(pipeline.SelectSimulator().record, options, pipeline.config().TruthVector());

@@ -1,5 +1,6 @@
 #include "oted/matching/held_out_prediction.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -20,7 +21,17 @@ double NumberFrom(const json& value) {
 }  // namespace
 
 double MostTimesFloor(const HeldOutPrediction::Horizon& horizon) {
-  return std::exp(0.5 * (horizon.excess.value + kSureOfExcess * horizon.excess.error));
+  double log_ratio = 0;
+  int n_judged = 0;
+  for (const HeldOutPrediction::Channel& c : horizon.channels) {
+    const double seen = kVisibleError * c.spread;
+    const double ratio = std::hypot(c.designed, seen) / std::hypot(c.floor, seen);
+    if (!c.judged || !std::isfinite(ratio) || ratio <= 0) continue;
+    log_ratio += std::log(ratio);
+    ++n_judged;
+  }
+  const double in_sum = n_judged > 0 ? std::exp(log_ratio / n_judged) : 1;
+  return std::max(in_sum, std::exp(0.5 * (horizon.excess.value + kSureOfExcess * horizon.excess.error)));
 }
 
 json ToJson(const Estimated& estimated) { return {{"value", estimated.value}, {"error", estimated.error}}; }

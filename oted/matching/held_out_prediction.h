@@ -91,7 +91,9 @@ const auto& ToldOf(const Horizons& horizons) {
   return *told;
 }
 
-/// So many times the floor's error the design's may be: two standard errors above the excess.
+/// So many times the floor's error the design's may be: two standard errors above the excess, or as many times as the
+/// sums over these windows say, in the geometric mean over channels. Where few windows are far off and the others are
+/// not, the excess of a typical one hides what chance may have made, and may not.
 double MostTimesFloor(const HeldOutPrediction::Horizon& horizon);
 
 nlohmann::json ToJson(const Estimated& estimated);

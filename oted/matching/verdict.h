@@ -141,20 +141,20 @@ inline constexpr int kFewestLearned = 10;     ///< windows, where time has no un
 /// Whether all that judges are a few brief windows of noisy logs that the design learned from: its parameters and their
 /// starts follow so little wherever the truth lies, so that no reached floor proves anything. Exact readings are not
 /// followed by chance.
-/// @param horizons  as ToldOf; each with channels, each with `judged` and `floor`
+/// @param horizons  as ToldOf; each with channels, each with `judged`, `floor` and `spread`
 template <class Horizons>
 bool FollowsAFewWindows(const Horizons& horizons) {
   const auto& told = ToldOf(horizons);
   if (!told.learned) return false;
   bool are_noisy = false;
-  for (const auto& c : told.channels) are_noisy = are_noisy || (c.judged && c.floor > 0);
+  for (const auto& c : told.channels) are_noisy = are_noisy || (c.judged && c.floor > kVisibleError * c.spread);
   return are_noisy &&
          (told.seconds > 0 ? told.n_windows * told.seconds < kLeastLearned_s : told.n_windows < kFewestLearned);
 }
 
 /// Whether the windows would show an error half as large again as the floor's, over all horizons up to half a second
-/// (the shortest, where time has no unit). Where they are too few, or some are far off and others are not, chance hides
-/// as much: that the floor is reached is not known. Nor is it where FollowsAFewWindows.
+/// (the shortest, where time has no unit), and do not, in sum. Where they are too few, or some are far off and others
+/// are not, chance hides as much: that the floor is reached is not known. Nor is it where FollowsAFewWindows.
 bool IsFloorTold(const HeldOutPrediction& prediction);
 /// @param most_times_floor  MostTimesFloor
 inline bool TellsFloor(double most_times_floor) { return most_times_floor < 1.5; }
@@ -194,10 +194,9 @@ bool CannotTell(double common);
 /// Transitions that a classifier needs before its verdict says anything.
 inline constexpr int kFewestJudged = 50;
 
-/// From the common score, where nothing can be predicted. Fewer than kFewestJudged transitions: outside the family, as
-/// from logs that show nothing. No gap: the nominal simulator is within 0.1 nats of log 2 and
-/// the design wins less than 0.005 over it. Gap closed: the designed simulator is within 0.1 nats of log 2. Gap
-/// narrowed: it wins a tenth of the gap. Otherwise outside the family.
+/// From the common score, where nothing can be predicted. Fewer than kFewestJudged transitions: undecided. No gap: the
+/// nominal simulator is within 0.1 nats of log 2 and the design wins less than 0.005 over it. Gap closed: the designed
+/// simulator is within 0.1 nats of log 2. Gap narrowed: it wins a tenth of the gap. Otherwise outside the family.
 DesignVerdict JudgeDesign(double nominal_common, double designed_common, int n_transitions);
 
 /// What a value of a parameter has to change by for that to be told: a twentieth of it. Of a value that may be none,

@@ -297,6 +297,26 @@ TEST(PredictsBetter, LogsThatItLearnedFromCountWhereNoOthersCanJudge) {
   EXPECT_FALSE(PredictsBetter(learned)) << "the logs kept aside are predicted worse, if not surely";
 }
 
+TEST(ReachesFloor, AFewWindowsThatAreFarOffLeaveItOpen) {
+  const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
+  HeldOutPrediction some = Predicted({0.2, 0.1}, kMuch);  // of a typical window
+  ASSERT_EQ(Judged(moved, some), DesignVerdict::kGapClosed);
+  some.horizons[0].channels[0].designed = 2;
+  some.horizons[0].channels[1].designed = 1.5;
+  EXPECT_NEAR(MostTimesFloor(some.horizons[0]), std::sqrt(3), 1e-4) << "in sum";
+  EXPECT_EQ(Judged(moved, some), DesignVerdict::kGapNarrowed);
+  some.horizons[0].channels[1].judged = false;
+  EXPECT_NEAR(MostTimesFloor(some.horizons[0]), 2, 1e-4);
+  some.horizons[0].seconds = 1;
+  EXPECT_EQ(Judged(moved, some), DesignVerdict::kGapClosed) << "longer replays may be chaotic";
+  HeldOutPrediction exact = Predicted({0.05, 0.01}, kMuch);
+  for (HeldOutPrediction::Channel& channel : exact.horizons[0].channels) {
+    channel.designed = 1e-6;
+    channel.floor = 1e-9;
+  }
+  EXPECT_EQ(Judged(moved, exact), DesignVerdict::kGapClosed) << "what nobody sees counts for nothing";
+}
+
 TEST(ReachesFloor, AFewBriefWindowsThatItLearnedFromDoNotBearItOut) {
   const Designer moved = MakeDesigner({0.5, 0}, {0.01, 0.01});
   const auto learned = [](HeldOutPrediction prediction, double seconds, int n_windows) {
@@ -313,7 +333,7 @@ TEST(ReachesFloor, AFewBriefWindowsThatItLearnedFromDoNotBearItOut) {
   EXPECT_EQ(Judged(moved, learned(better, 0.5, 10)), DesignVerdict::kGapClosed);
   EXPECT_EQ(Judged(moved, learned(better, 0, 9)), DesignVerdict::kGapNarrowed) << "time has no unit";
   HeldOutPrediction exact = learned(better, 0.1, 6);
-  for (HeldOutPrediction::Channel& channel : exact.horizons[0].channels) channel.floor = 0;
+  for (HeldOutPrediction::Channel& channel : exact.horizons[0].channels) channel.designed = channel.floor = 1e-9;
   EXPECT_EQ(Judged(moved, exact), DesignVerdict::kGapClosed) << "no few numbers follow exact readings by chance";
 }
 

@@ -54,8 +54,6 @@ class CandidateList {
                 std::vector<std::string>& left_out)
       : nominal_(nominal), spec_(nominal.spec()), dataset_(dataset), model_(model), left_out_(left_out) {
     for (size_t j = 0; j < model.joints.size(); ++j) AddJoint(j);
-    // Of two that the logs cannot tell apart the first is taken: a wheel rather than the cart that it moves.
-    std::ranges::stable_partition(moving_, &Moving::driven);
   }
 
   std::vector<ParameterSpec> All() {

@@ -34,6 +34,10 @@ std::string DesignFingerprint(const RunSetup& run, const std::string& setting) {
                       ParameterIdentity(run.parameters()), setting, settings});
 }
 
+std::string GrowthFingerprint(const RunSetup& run, int round) {
+  return Fingerprint({"growth", round, DesignFingerprint(run, run.settings.begin()->first)});
+}
+
 std::string AgentFingerprint(const RunSetup& run, Ground ground) {
   AlgorithmSettings algorithms = run.config.algorithms;
   const json settings = run.config.Algorithm(run.spec()).fields(algorithms).ToJson();
@@ -102,17 +106,19 @@ Artifact CloneArtifact(const RunSetup& run) {
 }
 
 Artifact GrowthArtifact(const RunSetup& run, int round) {
-  const std::string setting = run.settings.begin()->first;
+  std::vector<fs::path> made_from = RoundsBefore(run, round);
+  made_from.push_back(GrowthDesignArtifact(run, round).file);
+  made_from.push_back(GrowthPredictionArtifact(run, round).file);
   return {.file = run.directory.growth(round) / "growth.json",
           .schema = GrowthRecord::kSchema,
-          .fingerprint = Fingerprint({"growth", round, DesignFingerprint(run, setting)}),
-          .made_from = RoundsBefore(run, round)};
+          .fingerprint = GrowthFingerprint(run, round),
+          .made_from = std::move(made_from)};
 }
 
 Artifact GrowthDesignArtifact(const RunSetup& run, int round) {
   return {.file = run.directory.growth_design(round) / "q.json",
           .schema = QRecord::kSchema,
-          .fingerprint = GrowthArtifact(run, round).fingerprint,
+          .fingerprint = GrowthFingerprint(run, round),
           .made_from = RoundsBefore(run, round)};
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -13,13 +14,17 @@
 #include "oted/stages/design/design_method.h"
 
 namespace oted {
+
+using nlohmann::json;
+
 namespace {
 
 namespace fs = std::filesystem;
 
 /// A round's design with its curves, which are those of the design in `folder` as well.
-QRecord TakenFromRound(const RunSetup& run, int round, const fs::path& folder, const RunContext& context) {
-  QRecord design = DesignOfRound(run, round, context);
+json TakenFromRound(const RunSetup& run, int round, const fs::path& folder, const RunContext& context) {
+  json design =
+      JsonOfRound(run, round, context);  // as it is: a record that was read and written again may round otherwise
   const fs::path curves = run.directory.growth_design(round) / kCurves;
   if (fs::exists(curves)) WriteFileAtomically(folder / kCurves, ReadFile(curves));
   const int n = run.settings.begin()->second.config.n_iterations();
@@ -32,7 +37,7 @@ Design Make(const RunSetup& run, const std::string& setting, int seed, const Pol
   const fs::path folder = run.directory.design_seed(setting, seed);
   const Artifact artifact = DesignArtifact(run, setting, seed);
   Design design{.setting = setting, .seed = seed, .record = {}, .discriminator = {}, .clone = nullptr};
-  const auto make = [&] {
+  const auto make = [&]() -> json {
     if (const std::optional<int> round = RoundOf(run, setting, seed)) return TakenFromRound(run, *round, folder, share);
     DesignResult result = LearnDesign(ProblemOf(run, setting, seed, clone, share), designs.config);
     if (result.g) {
@@ -43,9 +48,9 @@ Design Make(const RunSetup& run, const std::string& setting, int seed, const Pol
       result.clone->Save(folder / "policy.npz");
       design.clone = std::make_shared<TanhGaussianPolicy>(*std::move(result.clone));
     }
-    return RecordOf(std::move(result), designs.config);
+    return RecordOf(std::move(result), designs.config).ToJson();
   };
-  design.record = OnceAs<QRecord>(run.directory, artifact, make, run.parameters());
+  design.record = QRecord::FromJson(run.directory.Once(artifact, make), run.parameters(), artifact.file.string());
   return design;
 }
 

@@ -1,10 +1,15 @@
 #include "oted/run/growth_design.h"
 
+#include <nlohmann/json.hpp>
+
 #include "oted/run/artifacts.h"
 #include "oted/run/design_step.h"
 #include "oted/stages/design/design.h"
 
 namespace oted {
+
+using nlohmann::json;
+
 namespace {
 
 constexpr int kSeed = 1;
@@ -20,12 +25,16 @@ DesignProblem ProblemOfRound(const RunSetup& run, int round, const RunContext& c
   return problem;
 }
 
-QRecord DesignOfRound(const RunSetup& run, int round, const RunContext& context) {
-  const auto make = [&] {
+json JsonOfRound(const RunSetup& run, int round, const RunContext& context) {
+  return run.directory.Once(GrowthDesignArtifact(run, round), [&] {
     const DesignConfig& config = run.Designs(FirstSetting(run)).config;
-    return RecordOf(LearnDesign(ProblemOfRound(run, round, context), config), config);
-  };
-  return OnceAs<QRecord>(run.directory, GrowthDesignArtifact(run, round), make, run.parameters());
+    return RecordOf(LearnDesign(ProblemOfRound(run, round, context), config), config).ToJson();
+  });
+}
+
+QRecord DesignOfRound(const RunSetup& run, int round, const RunContext& context) {
+  return QRecord::FromJson(JsonOfRound(run, round, context), run.parameters(),
+                           GrowthDesignArtifact(run, round).file.string());
 }
 
 PredictionRecord PredictionOfRound(const RunSetup& run, int round, const QRecord& design, const RunContext& context) {

@@ -3,6 +3,7 @@
 ///
 /// The round that adds nothing designs what the run's first design is, by the same streams. It is made once.
 
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 
@@ -15,7 +16,8 @@ namespace oted {
 /// What a round's design is given.
 DesignProblem ProblemOfRound(const RunSetup& run, int round, const RunContext& context);
 
-/// growth/ROUND/design/q.json
+/// growth/ROUND/design/q.json, and as a record
+nlohmann::json JsonOfRound(const RunSetup& run, int round, const RunContext& context);
 QRecord DesignOfRound(const RunSetup& run, int round, const RunContext& context);
 
 /// growth/ROUND/design/prediction.json

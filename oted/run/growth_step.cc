@@ -92,13 +92,11 @@ std::string WhyNothing(const GrowthRecord& round) {
   return round.suspects.empty() ? "" : "nothing was added: no suspect surely predicts better";
 }
 
-/// Rounds until one frees nothing; none where the run does not grow. @param next  gives a round's record; none: not
+/// Rounds until one frees nothing (IsGrown). @param next  gives a round's record; none: not
 /// made yet
 template <class Next>
 void AddRounds(RunSetup& run, const Next& next) {
-  if (!run.grows()) return;
-  while (run.growth.size() < static_cast<size_t>(kMostRounds)) {
-    if (!run.growth.empty() && run.growth.back().Freed() == nullptr) return;
+  while (!IsGrown(run)) {
     std::optional<GrowthRecord> record = next(static_cast<int>(run.growth.size()) + 1);
     if (!record) return;
     if (const Suspect* freed = record->Freed()) AddParameter(run, *freed);
@@ -107,6 +105,11 @@ void AddRounds(RunSetup& run, const Next& next) {
 }
 
 }  // namespace
+
+bool IsGrown(const RunSetup& run) {
+  if (!run.grows() || run.growth.size() >= static_cast<size_t>(kMostRounds)) return true;
+  return !run.growth.empty() && run.growth.back().Freed() == nullptr;
+}
 
 std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findings) {
   const Candidate& best = findings.candidates[static_cast<size_t>(findings.result.best_candidate)];
@@ -123,6 +126,10 @@ std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findi
 }
 
 void Grow(RunSetup& run) {
+  // A program that died behind a round's record may have left them.
+  for (int round = 1; round <= std::ssize(run.growth); ++round) {
+    KeptTrials::Remove(run.directory.growth_design(round));
+  }
   AddRounds(run, [&](int round) -> std::optional<GrowthRecord> {
     auto record =
         OnceAs<GrowthRecord>(run.directory, GrowthArtifact(run, round), [&] { return MakeRound(run, round); });
@@ -138,7 +145,7 @@ void Grow(RunSetup& run) {
 void TakeFinishedGrowth(RunSetup& run) {
   AddRounds(run, [&](int round) -> std::optional<GrowthRecord> {
     const Artifact artifact = GrowthArtifact(run, round);
-    if (!run.directory.IsComplete(artifact)) return std::nullopt;
+    if (!run.directory.IsReady(artifact)) return std::nullopt;
     return OnceAs<GrowthRecord>(run.directory, artifact, [] { return GrowthRecord{}; });
   });
 }

@@ -17,6 +17,9 @@ std::vector<Suspect> SuspectsOf(const RunSetup& run, const DesignFindings& findi
 void Grow(RunSetup& run);
 inline constexpr int kMostRounds = 3;
 
+/// Whether no round is left: one added nothing, or the most were made, or the run does not grow.
+bool IsGrown(const RunSetup& run);
+
 /// The same, as far as the rounds are complete: what a stopped or finished run goes on with. Makes nothing.
 void TakeFinishedGrowth(RunSetup& run);
 

@@ -190,6 +190,11 @@ RunDirectory::Found RunDirectory::LookLeniently(const Artifact& artifact) const 
 
 bool RunDirectory::IsComplete(const Artifact& artifact) const { return Look(artifact).state == Found::State::kWhole; }
 
+bool RunDirectory::IsReady(const Artifact& artifact) const {
+  const Found found = Look(artifact);
+  return found.state == Found::State::kWhole && !LostSource(artifact, found.record);
+}
+
 void RunDirectory::Check(const std::vector<Artifact>& artifacts) const {
   std::vector<OfOtherSettings> others;
   std::set<std::string> stages;

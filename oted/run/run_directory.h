@@ -66,6 +66,8 @@ class RunDirectory {
   /// settings, or by another version: results of two configurations never mix in one directory. @throws DataError when
   /// its record is not as it was written: an edit cannot be told from damage, and making the stage again would lose it
   bool IsComplete(const Artifact& artifact) const;
+  /// Whether Once would read it: it is complete, and the records that it was made from are there.
+  bool IsReady(const Artifact& artifact) const;
   /// The same of each of a run's artefacts; and where one is complete, checks that it was made from the records that
   /// are there (CheckMadeFrom); where it is not, that work which was stopped can go on (CheckCheckpoint).
   /// @throws UsageError that names all that was made, or begun, with other settings

@@ -154,6 +154,9 @@ void CheckDirectory(const RunSetup& run) {
     run.directory.Check(AllArtifacts(run));
   } catch (const UsageError& refused) {
     std::vector<std::string> changed = ChangedSettings(run);
+    // By the parameters of a growth that was stopped, or that damage took away, nothing fits yet.
+    const bool is_to_grow = !IsGrown(run) && std::filesystem::exists(run.directory.growth(1));
+    if (changed.empty() && is_to_grow) return;
     if (changed.empty()) throw;
     if (changed.size() > kMostNamed) {
       changed.resize(kMostNamed);

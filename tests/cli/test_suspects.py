@@ -152,6 +152,17 @@ class SuspectsTest(unittest.TestCase):
             for name in ("design.json", "growth/1/growth.json", "design/default/1/q.json"):
                 self.assertEqual((run / name).read_bytes(), before[run / name])
             (run / "design.json").unlink()
+        # Damage is mended, and what a program left that died behind a round's record goes.
+        for name in ("growth/2/design/q.json", "growth/1/growth.json"):
+            (run / name).write_bytes(before[run / name][:100])
+        (run / "growth/1/design/trial_1.json").write_text("{}")
+        again = program.oted("design", "--out", run, "--quiet")
+        self.assertEqual(again.returncode, 0, again.stderr)
+        self.assertIn("growth.json' is damaged: its stage is made again", again.stderr)
+        kept = [path for path in before if {"growth", "design"} & set(path.relative_to(run).parts)] + [run / "design.json"]
+        self.assertEqual([path for path in kept if path.read_bytes() != before[path]], [])
+        self.assertFalse((run / "growth/1/design/trial_1.json").exists())
+        self.assertEqual(program.oted("verify", run).returncode, 0)
         self.assertEqual(program.oted("export", run, "--mjcf", self.folder / "grown.xml").returncode, program.DATA_OR_MODEL)
         # The last round added nothing: its design is the run's, and what a run of the grown parameters finds.
         result, plain = self.design("grown_by_hand", GAIN, "damping=joint/*/damping:0.1:10:log",

@@ -47,7 +47,7 @@ struct RestsOn {
 
 /// What the parameters' values rest on. Each of `specs` is taken alone, a tenth off (of its value, or of its range
 /// where it is no multiple), and x follows as the logs ask it to. Told are those that the logs do not exclude to be
-/// that far off, and that move a parameter by a small change (SmallChange) or more. A fifth of that is enough where the
+/// that far off, and that move a parameter by a small change (SmallChange) or more. A tenth of that is enough where the
 /// logs do not tell the two apart at all, whatever either is, or where it leads out of the parameter's interval. Of
 /// each parameter the three that move it most.
 ///
