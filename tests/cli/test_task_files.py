@@ -220,6 +220,7 @@ class TaskFiles(ProgramTest):
         begins = logged[[0, *(ends[:-1] + 1)]]
         self.assertLess(np.abs(begins - starts[0]).max(axis=1).min(), 1e-12)
         # A preset asks the model what it has, which these logs start as well.
+        task.write_text(re.sub(r"\[truth\][^\[]*", "", task.read_text()))
         checked = oted("params", "check", task, "--preset", "arm")
         self.assertEqual(checked.returncode, 0, checked.stderr)
 
