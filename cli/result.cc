@@ -69,6 +69,11 @@ void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
   }
 }
 
+/// Whether freeing it surely bought something.
+bool IsKept(const DesignRecord::Suspected& suspected) {
+  return suspected.suspect.trial && suspected.suspect.trial->kept;
+}
+
 /// @param truth  of each parameter, where that is known
 void PrintParameters(const DesignRecord& design, const std::vector<double>& truth) {
   const auto named = [](const DesignRecord::Parameter& p) {
@@ -112,9 +117,7 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
   const bool may_be_right = FloorIsReached(design.verdict) || design.verdict == DesignVerdict::kUndecided;
   if (!may_be_right && design.validation) {
     // That more is left than the floor is no proof: sensors may be other than the floor takes them to be.
-    const bool is_known = design.fit && std::ranges::any_of(design.fit->suspects, [](const auto& suspected) {
-                            return suspected.suspect.trial && suspected.suspect.trial->kept;
-                          });
+    const bool is_known = design.fit && std::ranges::any_of(design.fit->suspects, IsKept);
     Print("something that is not searched {}: any value may be farther off than its interval says\n",
           is_known ? "is off as well" : "may be off as well, or the method has not found the values exactly");
   }
@@ -195,8 +198,7 @@ void PrintMethodChoices(const DesignRecord& design) {
 /// Whether another suspect that is kept surely leads this one: the two may stand for one cause.
 bool IsLed(const DesignRecord::Fit& fit, const FreedTrial& trial) {
   return std::ranges::any_of(fit.suspects, [&](const DesignRecord::Suspected& other) {
-    const Suspect& suspect = other.suspect;
-    return suspect.trial && suspect.trial->kept && std::ranges::count(trial.led_by, suspect.spec.name) > 0;
+    return IsKept(other) && std::ranges::count(trial.led_by, other.suspect.spec.name) > 0;
   });
 }
 
@@ -216,7 +218,7 @@ void PrintSuspects(const DesignRecord& design) {
   std::string of_no_use;
   for (const DesignRecord::Suspected& suspected : design.fit->suspects) {
     const std::optional<FreedTrial>& trial = suspected.suspect.trial;
-    const bool is_kept = trial && trial->kept;
+    const bool is_kept = IsKept(suspected);
     has_line = has_line || is_kept;
     // Where predictions leave nothing to gain, what the windows ask counts alone.
     const bool is_asked = leaves_nothing && suspected.suspect.IsLikely();

@@ -33,8 +33,7 @@ const std::vector<Design>& DesignAll(Pipeline& pipeline) {
   } catch (const Interrupted&) {
     throw Interrupted(
         "interrupted; the design was not fitted yet: the same command begins the fit that was stopped anew, and what "
-        "was "
-        "complete before it stays");
+        "was complete before it stays");
   }
 }
 

@@ -23,8 +23,8 @@ namespace fs = std::filesystem;
 
 /// A round's design with its curves, which are those of the design in `folder` as well.
 json TakenFromRound(const RunSetup& run, int round, const fs::path& folder, const RunContext& context) {
-  json design =
-      JsonOfRound(run, round, context);  // as it is: a record that was read and written again may round otherwise
+  // As it is: a record that was read and written again may round otherwise.
+  json design = JsonOfRound(run, round, context);
   const fs::path curves = run.directory.growth_design(round) / kCurves;
   if (fs::exists(curves)) WriteFileAtomically(folder / kCurves, ReadFile(curves));
   const int n = run.settings.begin()->second.config.n_iterations();
