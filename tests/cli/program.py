@@ -26,7 +26,7 @@ FRICTION = "friction=geom/*/friction[0]:0.2:2.0"
 GRAVITY = "gravity=opt/gravity[2]:0.2:2.0"
 # Contact friction is the larger of the two geoms', and the foot's is 2: the floor's below that has no effect.
 FLOOR = "floor=geom/floor/friction[0]:0.2:1.0"
-# Suspects are tried in test_suspects.py alone: their trials take longer than all the rest.
+# Suspects are tried in test_suspects.py alone.
 TINY_DESIGN = [
     "design.trajectories.tried=0",
     "clone.hidden=16", "clone.max_steps=40", "clone.check_interval=20", "design.adversarial.n_iterations=3", "design.adversarial.n_sims=4",
@@ -82,8 +82,8 @@ def check_task_files(arguments, cwd):
                 task_file_validator().validate(tomllib.loads(file.read_text()))
 
 
-def oted(*arguments, cwd=None, program=None):
-    result = subprocess.run([program or OTED, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300)
+def oted(*arguments, cwd=None, program=None, timeout=300):
+    result = subprocess.run([program or OTED, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=timeout)
     if result.returncode in (0, NO_SIMULATOR):
         check_task_files(arguments, cwd)
     return result
