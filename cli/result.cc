@@ -61,11 +61,11 @@ void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
     if (p.verdict != verdict) continue;
     for (const DesignRecord::RestsOn& of : p.rests_on) {
       if (!moved.contains(of.condition)) conditions.push_back(of.condition);
-      moved[of.condition].push_back(fmt::format("{} would be {:.3g}", p.name, of.value));
+      moved[of.condition].push_back(fmt::format("{} would be {:.{}f}", p.name, of.value, DecimalsOf(p)));
     }
   }
   for (const std::string& condition : conditions) {
-    Print("  if {}, {} (the logs do not tell the two apart)\n", condition, fmt::join(moved[condition], ", "));
+    Print("  if {}, {} (the logs do not show whether it is)\n", condition, fmt::join(moved[condition], ", "));
   }
 }
 

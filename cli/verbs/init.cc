@@ -41,7 +41,7 @@ void PrintProposal(const Proposal& proposal, const std::string& out) {
   }
   if (proposal.NamesActuated()) parameters.push_back(fmt::format("@actuated: {}", Proposal::kActuated));
   PrintLines("parameters to doubt", parameters);
-  PrintLines("not freed", proposal.left_out);
+  PrintLines("not freed", proposal.NotFreed());
   PrintLines("guessed, so check it", proposal.guessed);
   PrintLines("look at this before a design", proposal.suspicious);
   const std::string word = ShellLine({out});

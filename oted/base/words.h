@@ -33,7 +33,8 @@ inline std::string Sentences(std::string clauses) {
 
 /// Under a table some of whose channels have a star.
 inline constexpr const char* kStarredChannels =
-    "* as it seems computed from positions, or late: no verdict rests on it";
+    "* as it seems computed from positions, or late: no verdict rests on it (if it is late, obs/NAME/delay says by how "
+    "much)";
 
 /// Why a percentage may be less than a table shows. @param channels  in which an error is larger than their spread
 inline std::string CountedAtMost(const std::vector<std::string>& channels) {

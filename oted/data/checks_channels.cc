@@ -12,13 +12,14 @@ namespace {
 constexpr double kOnBound = 1e-6;            // of the action range
 constexpr double kClippedActionNote = 0.05;  // share of a channel's rows at a bound
 constexpr double kClippedActionWarning = 0.5;
-constexpr double kUnusedRange = 0.01;   // of the range, that no action leaves
-constexpr double kClippedRows = 0.5;    // share of rows with a clipped observation: above it a warning
-constexpr double kClippedShare = 1e-3;  // of a channel's rows on its very extreme: a clip
-constexpr int kRowsForPrecision = 200;  // fewer say nothing about resolution
-constexpr double kMaxSteps = 20000;     // a grid finer than this share of the range is no matter
-constexpr double kCoarseStep = 0.1;     // of the root mean square change per row: above it a warning
-constexpr size_t kFewValues = 10;       // a flag or a mode, not a measurement
+constexpr double kHardlyTurned = 1 - 1e-5;  // of a quaternion's component
+constexpr double kUnusedRange = 0.01;       // of the range, that no action leaves
+constexpr double kClippedRows = 0.5;        // share of rows with a clipped observation: above it a warning
+constexpr double kClippedShare = 1e-3;      // of a channel's rows on its very extreme: a clip
+constexpr int kRowsForPrecision = 200;      // fewer say nothing about resolution
+constexpr double kMaxSteps = 20000;         // a grid finer than this share of the range is no matter
+constexpr double kCoarseStep = 0.1;         // of the root mean square change per row: above it a warning
+constexpr size_t kFewValues = 10;           // a flag or a mode, not a measurement
 
 std::vector<double> Column(const Array2<double>& m, int j) {
   std::vector<double> column(static_cast<size_t>(m.rows()));
@@ -87,9 +88,9 @@ class ChannelChecks {
   ChannelChecks(const Dataset& dataset, const TaskFacts& facts, std::vector<Finding>& findings)
       : d_(dataset), facts_(facts), findings_(findings) {}
 
-  /// Whether a quaternion's component is at its bound because nothing has turned.
+  /// Whether a quaternion's component is at its bound, but for digits that were cut, because nothing has turned.
   bool IsTurnOfNone(int j, double bound) const {
-    return std::abs(bound) == 1 && std::ranges::any_of(facts_.bodies, [&](const TurningBody& body) {
+    return std::abs(bound) > kHardlyTurned && std::ranges::any_of(facts_.bodies, [&](const TurningBody& body) {
              return std::ranges::find(body.orientation, j) != body.orientation.end();
            });
   }

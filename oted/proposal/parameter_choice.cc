@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -72,6 +73,15 @@ bool IsForce(const ParameterSpec& spec) {
   });
 }
 
+/// A delay before all others: it moves all joints much as a damping and a rotor of each would, and hardly a robot has
+/// none.
+std::vector<size_t> DelayFirst(const std::vector<ParameterSpec>& candidates) {
+  std::vector<size_t> order(candidates.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::ranges::stable_partition(order, [&](size_t i) { return candidates[i].field == kDelayPath; });
+  return order;
+}
+
 /// All of `specs` as one multiple.
 ParameterSpec AsOne(const std::vector<ParameterSpec>& specs) {
   std::vector<std::string> fields;
@@ -83,12 +93,19 @@ ParameterSpec AsOne(const std::vector<ParameterSpec>& specs) {
           .logarithmic = true};
 }
 
-/// Why it is left out. @param others_have  what moves the logs as it does: "gain has", "gain, damping together have"
-std::string SameEffect(const ParameterSpec& spec, const std::string& others_have) {
-  return fmt::format(
-      "{} ({}): {} nearly the same effect; it stays as in the model, and the design suspects it if the logs ask; or "
-      "free it in the place of one that you trust more",
-      spec.name, spec.field, others_have);
+/// It acts nearly as these do: "gain", "gain, damping together".
+ParameterChoice::LeftOut ActsAs(const ParameterSpec& spec, const std::string& others) {
+  return {fmt::format("{} ({}): it acts nearly as {}; it stays as in the model, and the design suspects it if the logs "
+                      "ask; or free it in the place of one of them",
+                      spec.name, spec.field, others),
+          spec};
+}
+
+/// It acts nearly as this one does.
+ParameterChoice::LeftOut HardlyToldFrom(const ParameterSpec& spec, const ParameterSpec& other) {
+  return {fmt::format("{} ({}): the logs can hardly tell it from {}; free the one that you doubt more", spec.name,
+                      spec.field, other.name),
+          spec};
 }
 
 }  // namespace
@@ -98,7 +115,9 @@ ParameterChoice ChooseParameters(
     const RunContext& context,
     const std::function<std::unique_ptr<SimulatorFactory>(const std::vector<ParameterSpec>&)>& remake) {
   ParameterChoice choice;
-  std::vector<ParameterSpec> candidates = ParameterCandidates(nominal, dataset, model, choice.left_out);
+  std::vector<std::string> ruled_out;
+  std::vector<ParameterSpec> candidates = ParameterCandidates(nominal, dataset, model, ruled_out);
+  for (std::string& why : ruled_out) choice.left_out.push_back({std::move(why)});
   const Dataset logs = Beginnings(dataset);
   const std::optional<TrialFit> trial = FitWidened(candidates, dataset, key.Stage("trial"), context, remake);
   const ParameterCheck check = CheckParameters(*remake(candidates), &logs, key, context.n_threads);
@@ -114,10 +133,10 @@ ParameterChoice ChooseParameters(
     const double effect = check.parameters[i].effect.largest_change;
     if (effect >= kLeastEffect) continue;
     kept[i] = false;
-    choice.left_out.push_back(fmt::format(
+    choice.left_out.push_back({fmt::format(
         "{} ({}): {}", candidates[i].name, candidates[i].field,
         effect == 0 ? "the logs do not show it"
-                    : fmt::format("over its range it moves the logs by {:.2g} standard deviations", effect)));
+                    : fmt::format("over its range it moves the logs by {:.2g} standard deviations", effect))});
   }
   // An armature from nothing on can only add: a mass with the same effect goes both ways.
   for (size_t i = 0; i < candidates.size(); ++i) {
@@ -127,9 +146,7 @@ ParameterChoice ChooseParameters(
       const bool is_mass = candidates[mass].field.starts_with("body/") && kept[mass];
       if (!kept[i] || !is_mass || !trade_off(i, mass)) continue;
       kept[i] = false;
-      choice.left_out.push_back(
-          fmt::format("{} ({}): the logs can hardly tell it from {}; free the one that you trust less",
-                      candidates[i].name, candidates[i].field, candidates[mass].name));
+      choice.left_out.push_back(HardlyToldFrom(candidates[i], candidates[mass]));
     }
   }
   // In their order: what gives way to another has no other in its turn to give way to it.
@@ -137,27 +154,26 @@ ParameterChoice ChooseParameters(
     for (size_t one = 0; one < i; ++one) {
       if (!kept[one] || !kept[i] || !trade_off(one, i)) continue;
       kept[i] = false;
-      choice.left_out.push_back(
-          fmt::format("{} ({}): the logs can hardly tell it from {}; free the one that you trust less",
-                      candidates[i].name, candidates[i].field, candidates[one].name));
+      choice.left_out.push_back(HardlyToldFrom(candidates[i], candidates[one]));
     }
   }
   // Twice the drives, masses, damping and friction move as once all of them: no pair tells that.
   std::vector<size_t> taken;
-  for (size_t i = 0; i < candidates.size(); ++i) {
+  for (const size_t i : DelayFirst(candidates)) {
     if (!kept[i]) continue;
     const Rest rest = RestOf(i, taken, cosines);
     if (rest.own >= kOwnEffect) {
       taken.push_back(i);
-      choice.chosen.push_back(candidates[i]);
       continue;
     }
     std::vector<std::string> names;
     for (const size_t other : rest.made_of) names.push_back(candidates[other].name);
-    choice.left_out.push_back(SameEffect(candidates[i], names.size() == 1
-                                                            ? names.front() + " has"
-                                                            : fmt::format("{} together have", fmt::join(names, ", "))));
+    choice.left_out.push_back(ActsAs(candidates[i], names.size() == 1
+                                                        ? names.front() + " does"
+                                                        : fmt::format("{} do together", fmt::join(names, ", "))));
   }
+  std::ranges::sort(taken);
+  for (const size_t i : taken) choice.chosen.push_back(candidates[i]);
   // Through contact derivatives are too rough to tell that. Replays with all of them larger are not.
   std::vector<ParameterSpec> forces;
   for (const size_t i : taken) {
@@ -168,7 +184,7 @@ ParameterChoice ChooseParameters(
   const ParameterCheck together = CheckParameters(*remake({AsOne(forces)}), &logs, key, context.n_threads);
   if (together.parameters.front().effect.largest_change >= kLeastEffect) return choice;
   const ParameterSpec& last = forces.back();
-  choice.left_out.push_back(SameEffect(last, "the other masses, drives, damping and friction together have"));
+  choice.left_out.push_back(ActsAs(last, "the other masses, drives, damping and friction do together"));
   std::erase_if(choice.chosen, [&](const ParameterSpec& spec) { return spec.name == last.name; });
   return choice;
 }

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,15 @@
 namespace oted {
 
 struct ParameterChoice {
+  /// What is not freed.
+  struct LeftOut {
+    std::string why;  ///< "name (field): ..."
+    /// Where it moves the logs as others do: what may be freed in the place of one of them.
+    std::optional<ParameterSpec> alternative = std::nullopt;
+  };
+
   std::vector<ParameterSpec> chosen;
-  std::vector<std::string> left_out;  ///< "name: why", a line each
+  std::vector<LeftOut> left_out;
 };
 
 /// Of ParameterCandidates those that the logs tell. What hardly changes the logged episodes, or changes them just as

@@ -16,7 +16,6 @@
 #include "oted/data/dataset_files.h"
 #include "oted/proposal/first_log.h"
 #include "oted/proposal/log_facts.h"
-#include "oted/proposal/parameter_choice.h"
 #include "oted/proposal/task_text.h"
 #include "oted/run/run_inputs.h"
 #include "oted/sim/mujoco/model_outline.h"
@@ -386,6 +385,12 @@ bool Proposal::NamesActuated() const {
                              [](const auto& spec) { return spec.field.find("@actuated") != std::string::npos; });
 }
 
+std::vector<std::string> Proposal::NotFreed() const {
+  std::vector<std::string> lines;
+  for (const ParameterChoice::LeftOut& of : left_out) lines.push_back(of.why);
+  return lines;
+}
+
 nlohmann::json Proposal::ToJson(const std::filesystem::path& out) const {
   nlohmann::json record = {{"schema", "oted.init/1"},
                            {"task_file", out.string()},
@@ -394,7 +399,7 @@ nlohmann::json Proposal::ToJson(const std::filesystem::path& out) const {
                            {"unused", columns.unused},
                            {"guessed", guessed},
                            {"suspicious", suspicious},
-                           {"not_freed", left_out}};
+                           {"not_freed", NotFreed()}};
   for (const auto* entries : {&columns.observations, &columns.actions}) {
     for (const ColumnMap::Entry& entry : *entries) {
       record["columns"].push_back({{"column", entry.column}, {"path", entry.path}, {"by_order", entry.by_order}});

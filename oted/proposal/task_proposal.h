@@ -9,6 +9,7 @@
 #include "oted/base/log.h"
 #include "oted/config/run_config.h"
 #include "oted/proposal/column_map.h"
+#include "oted/proposal/parameter_choice.h"
 
 namespace oted {
 
@@ -23,14 +24,17 @@ struct ProposalRequest {
 struct Proposal {
   RunConfig config;  ///< with paths as seen from here
   ColumnMap columns;
-  std::vector<std::string> guessed;     ///< what the user should confirm
-  std::vector<std::string> suspicious;  ///< what does not fit, and what to do
-  std::vector<std::string> left_out;    ///< parameters that were not freed, and why
-  std::string text;                     ///< of the task file
+  std::vector<std::string> guessed;                ///< what the user should confirm
+  std::vector<std::string> suspicious;             ///< what does not fit, and what to do
+  std::vector<ParameterChoice::LeftOut> left_out;  ///< parameters that were not freed
+  std::string text;                                ///< of the task file
 
   /// Whether a path of a parameter has the word, which the file and the terminal then explain.
   bool NamesActuated() const;
   static constexpr const char* kActuated = "what an actuator drives, and nothing else";
+
+  /// "name (field): why" of each parameter that was left out.
+  std::vector<std::string> NotFreed() const;
 
   /// Schema oted.init/1. @param out  where the task file stands
   nlohmann::json ToJson(const std::filesystem::path& out) const;

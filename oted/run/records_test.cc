@@ -472,6 +472,8 @@ TEST(SuspectSentence, SaysWhatTheSensorsLeaveBesideWhatItBought) {
   EXPECT_THAT(sentence(0.015), EndsWith("hand 0.04 to 0.02 rad (sensors alone: 0.015)"));
   EXPECT_THAT(sentence(0), EndsWith("hand 0.04 to 0.02 rad"));
   EXPECT_THAT(sentence(0.03), EndsWith("(sensors alone: no more)")) << "0.02 is left with it";
+  EXPECT_THAT(sentence(0.009),
+              HasSubstr("(sensors alone: 0.009); as it leaves more than the sensors do, something else"));
 }
 
 TEST(SuspectSentence, SaysWithWhichOtherSurelyMoreIsGained) {

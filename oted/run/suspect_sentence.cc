@@ -13,6 +13,8 @@
 namespace oted {
 namespace {
 
+constexpr double kSurelyMore = 2;  // times the floor
+
 /// "about 1.9 control steps", "0.70 times the model's value".
 std::string ValueInWords(const ParameterSpec& spec, double value) {
   if (spec.IsMultiple()) {
@@ -56,6 +58,16 @@ std::string Bought(const FreedTrial& trial, const std::vector<DesignRecord::Vali
   return text;
 }
 
+/// Whether it leaves more than sensors do in one of the channels that were off.
+bool LeavesMore(const FreedTrial& trial, const std::vector<DesignRecord::Validation::Channel>& channels,
+                const std::vector<int>& off) {
+  return std::ranges::any_of(off, [&](int channel) {
+    const auto c = static_cast<size_t>(channel);
+    return c < channels.size() && c < trial.after.size() && channels[c].floor > 0 &&
+           trial.after[c] > kSurelyMore * channels[c].floor;
+  });
+}
+
 }  // namespace
 
 std::string ParameterLine(const ParameterSpec& spec) {
@@ -96,10 +108,15 @@ std::string SuspectSentence(const Suspect& suspect, const std::vector<DesignReco
   if (!(trial.gain.value > 0)) return freed + ": predictions get no better" + likelier;
   const std::string text = fmt::format("{}: {}", freed, Bought(trial, channels, off));
   if (trial.kept) {
+    if (!trial.led_by.empty()) {
+      return text + likelier +
+             fmt::format("; the logs are surely likelier yet with '{}' in its place", trial.led_by.front());
+    }
     return text + likelier +
-           (trial.led_by.empty()
-                ? ""
-                : fmt::format("; the logs are surely likelier yet with '{}' in its place", trial.led_by.front()));
+           (LeavesMore(trial, channels, off)
+                ? "; as it leaves more than the sensors do, something else is off too, or it "
+                  "imitates what has no parameter, such as backlash or an elastic drive"
+                : "");
   }
   if (EndsAtBound(spec, trial.value, trial.value)) {
     return text + "; it is at the end of its range, so that something else may be off";

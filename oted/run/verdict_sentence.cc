@@ -19,14 +19,16 @@ constexpr const char* kAsksForMore =
     "the logs surely ask for something that is not searched (see the suspects): values may be off";
 
 /// What judged, to be appended to a sentence with a good word: it claims no more than that.
-std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRecord::Validation::Horizon& shown) {
+std::string JudgedBy(const DesignRecord::Validation& validation, const DesignRecord::Validation::Horizon& shown,
+                     DesignVerdict verdict) {
   if (shown.learned) return "; judged by the logs that it learned from";
   const int n = validation.n_recordings;
   const std::string recordings = fmt::format("{} recording{} that it did not learn from", n, n == 1 ? "" : "s");
   if (validation.n_parts == 0) return n > 0 ? "; judged by " + recordings : "";
   if (n == 0) return "; judged by other parts of the recordings that it learned from: other motions were not tested";
   std::string text = fmt::format("; judged by {}, and by other parts of those that it did", recordings);
-  if (!shown.in_recordings || (shown.in_recordings->surely_better && shown.surely_better)) return text;
+  if (verdict == DesignVerdict::kNoGap || !shown.in_recordings) return text;
+  if (shown.in_recordings->surely_better && shown.surely_better) return text;
   const std::string alone = n == 1 ? "that recording" : "those recordings";
   const double narrowed = shown.in_recordings->narrowed;
   if (shown.in_recordings->surely_better) {
@@ -202,7 +204,7 @@ std::string Clauses(const DesignRecord& record, const std::vector<int>& off) {
   const std::string few =
       horizon.n_windows > 0 && horizon.n_windows < kFewToldWindows ? fmt::format(" ({})", WindowsOf(horizon)) : "";
   const std::string over = "over " + InWords(horizon) + few, share = ShareInWords(horizon.narrowed);
-  const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon);
+  const std::string at_bounds = AtBounds(record), judged_by = JudgedBy(*record.validation, horizon, record.verdict);
   const std::string odd_ones = ButOdd(*record.validation);
   // Where the floor is reached.
   const std::string but = ButUntold(horizon) + ButStarred(horizon) + ButOverLonger(*record.validation) +

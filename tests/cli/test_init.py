@@ -34,6 +34,11 @@ ARM = """<mujoco>
   </actuator>
 </mujoco>
 """
+# The same with servos, lying on its side: what is late there, a damping and a rotor of each joint would imitate.
+SERVOS = ARM.replace('axis="0 1 0"', 'axis="0 0 1"').replace('damping="0.05" armature="0.01"', 'damping="0.3" armature="0.05"').replace(
+    '<motor name="shoulder"', '<position kp="60" kv="4" name="shoulder"').replace(
+        '<motor name="elbow"', '<position kp="40" kv="2.5" name="elbow"').replace('fromto="0 0 0 0 0 -0.4"', 'fromto="0 0 0 0.25 0 0"').replace(
+            'fromto="0 0 0 0 0 -0.3"', 'fromto="0 0 0 0.2 0 0"').replace('pos="0 0 -0.4"', 'pos="0.25 0 0"')
 NAMES = ["time", "shoulder_pos", "elbow_pos", "shoulder_vel", "elbow_vel", "shoulder_cmd", "elbow_cmd"]
 
 
@@ -74,6 +79,34 @@ class InitTest(ProgramTest):
     def assertNothingLeft(self, result, code, *needles):
         self.assertRefused(result, code, *needles)
         self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.suffix in (".toml", ".gz")), [])
+
+    def test_a_late_command_is_freed_and_found_though_dampings_and_rotors_together_act_nearly_as_it_does(self):
+        self.model.write_text(SERVOS)
+        model = mujoco.MjModel.from_xml_string(SERVOS)
+        random = np.random.default_rng(0)
+        logs = []
+        for log in range(3):
+            data, late = mujoco.MjData(model), np.zeros(2)
+            phase, pace = random.uniform(0, 6, (2, 2)), random.uniform(0.4, 0.8, (2, 2))
+            rows = []
+            for k in range(400):
+                u = 0.4 * min(1, k / 100) * sum(np.sin(2 * np.pi * pace[i] * k / 100 + phase[i]) for i in range(2))
+                rows.append([k / 100, *data.qpos + 2e-4 * random.normal(size=2), *u])
+                data.ctrl[:], late = late, u
+                mujoco.mj_step(model, data, 2)
+            logs.append(self.csv(rows, [*NAMES[:3], *NAMES[5:]], f"log{log}.csv"))
+        _, task = self.init(*logs)
+        self.assertLess(task["parameters"]["delay"]["range"][0], 1)
+        # What gave way has a line of its own behind a #, which is the line of a parameter.
+        hidden = [line[2:] for line in self.task.read_text().splitlines() if line.startswith("# ") and "= {" in line]
+        self.assertTrue(any("actuator/elbow/kp" in line for line in hidden), hidden)
+        for line in hidden:
+            (freed,) = tomllib.loads(line).values()
+            self.assertEqual(len(freed["range"]), 2)
+        self.succeed("design", self.task, "--out", self.folder / "run", "--quiet", "--set", "report.motion=false")
+        design = json.loads((self.folder / "run/design.json").read_text())
+        low, high = next(p["interval90"] for p in design["parameters"] if p["name"] == "delay")
+        self.assertTrue(0.5 < low < 1 < high < 1.5, (low, high))
 
     # --- what it writes runs
 
@@ -215,7 +248,7 @@ class InitTest(ProgramTest):
         # Twice the masses, drives and damping hop as before.
         masses = [name for name in task["parameters"] if name.startswith("mass")]
         self.assertEqual(masses, ["mass_shin", "mass_thigh"], text)
-        self.assertIn("mass_trunk (body/trunk/mass + body/trunk/inertia): the other masses, drives, damping and friction", text)
+        self.assertIn("mass_trunk (body/trunk/mass + body/trunk/inertia): it acts nearly as the other masses, drives, damping and friction", text)
 
     def test_a_joint_that_nothing_drives_gets_no_rotor(self):
         bare = ARM.replace('damping="0.05" armature="0.01"', 'damping="0.05"')
@@ -335,7 +368,7 @@ class InitTest(ProgramTest):
         self.assertOneLine(program.oted("validate", run, "--data", self.folder / "later.csv", "--model", other), program.USAGE,
                            "joint/another/qpos", f"joint/{joint}/qpos")
         nominal = self.succeed("validate", run, "--data", self.folder / "later.csv", "--model", self.model).stdout
-        self.assertIn("smaller than the nominal simulator's in 0 of 4 channels", nominal)  # its own errors
+        self.assertIn("its error is about the nominal simulator's (smaller in 0 of 4 channels)", nominal)  # its own errors
 
     def test_a_log_without_times_has_the_rate_of_the_others(self):
         first = self.csv(swing(1), file="a.csv")

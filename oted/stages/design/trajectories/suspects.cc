@@ -28,8 +28,9 @@ constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableScal
 constexpr double kNoticeableLoad = 0.005;  // of the range: some hundredths of the body's radius of gyration
 constexpr double kLargestLog = 2.303;      // a linear model knows nothing of a change tenfold
 constexpr double kOff = 0.1;               // of conditions: of a multiple, of the range of a value
-constexpr size_t kMostConditions = 3;      // of each parameter
-constexpr double kTrace = 0.1;             // of a small change
+constexpr const char* kGravity = "opt/gravity[2]";
+constexpr size_t kMostConditions = 3;  // of each parameter
+constexpr double kTrace = 0.1;         // of a small change
 
 /// Whether changes are of its logarithm.
 bool ChangesByLog(const ParameterSpec& spec) { return spec.IsMultiple() || spec.logarithmic; }
@@ -331,6 +332,8 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
   KeepSurest(found.asked);
   for (std::vector<Named>& of : of_each) {
     std::ranges::stable_sort(of, std::ranges::greater(), &Named::by);
+    // How strong gravity is people know: what acts as it does, such as a mass or a length, comes first.
+    std::ranges::stable_partition(of, [](const Named& named) { return named.condition.spec.field != kGravity; });
     size_t n = 0;
     for (Named& named : of) {
       if (n == kMostConditions) break;
