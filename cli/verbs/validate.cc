@@ -55,7 +55,7 @@ void AddValidateVerb(Program& program) {
                    "that names their columns")
       ->allow_extra_args(false);
   verb->add_option("LOGS", words->more, "the same");
-  verb->add_option("--episodes", words->request.episodes, "how many of them, from the first [default: all]");
+  verb->add_option("--episodes", words->request.episodes, kEpisodeChoiceHelp);
   verb->add_option("--model", words->request.model,
                    "another MJCF or URDF of the robot, compared as it is in place of the task file's model");
   verb->add_option("--threads", words->threads,

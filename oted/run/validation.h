@@ -15,7 +15,7 @@ namespace oted {
 struct ValidationRequest {
   std::filesystem::path run;      ///< run directory that holds a design.json
   std::vector<std::string> data;  ///< recordings of the same task; or a task file that names them, alone
-  std::string episodes = "all";   ///< how many of them
+  std::string episodes = "all";   ///< which of them (EpisodeChoice)
   std::string model;              ///< MJCF or URDF to compare with, in the place of the task's own; may be empty
 };
 
