@@ -33,6 +33,11 @@ void PrintHorizons(const ValidationResult& result, const std::string& model) {
   Print("{}", NotesOf(result.validation.horizons.front()));
   if (result.validation.longest) Print("\n{}\n", LongestInWords(result.validation));
   Print("\n{}\n", result.sentence);
+  if (!result.reaches_floor) {
+    Print(
+        "(name these recordings in a task file: 'oted data check' finds their faults, late commands among them, and a "
+        "design from them what has changed)\n");
+  }
   if (!result.of_model.empty()) Print("{}\n", result.of_model);
 }
 
