@@ -12,6 +12,7 @@
 #include "cli/session.h"
 #include "cli/terminal.h"
 #include "oted/base/error.h"
+#include "oted/data/episode_choice.h"
 #include "oted/run/prediction_words.h"
 #include "oted/run/validation.h"
 
