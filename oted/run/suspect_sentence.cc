@@ -13,7 +13,7 @@
 namespace oted {
 namespace {
 
-constexpr double kSurelyMore = 2;  // times the floor
+constexpr double kMuchMore = 2;  // times the floor
 
 /// "about 1.9 control steps", "0.70 times the model's value".
 std::string ValueInWords(const ParameterSpec& spec, double value) {
@@ -64,7 +64,7 @@ bool LeavesMore(const FreedTrial& trial, const std::vector<DesignRecord::Validat
   return std::ranges::any_of(off, [&](int channel) {
     const auto c = static_cast<size_t>(channel);
     return c < channels.size() && c < trial.after.size() && channels[c].floor > 0 &&
-           trial.after[c] > kSurelyMore * channels[c].floor;
+           trial.after[c] > kMuchMore * channels[c].floor;
   });
 }
 

@@ -34,11 +34,26 @@ ARM = """<mujoco>
   </actuator>
 </mujoco>
 """
-# The same with servos, lying on its side: what is late there, a damping and a rotor of each joint would imitate.
-SERVOS = ARM.replace('axis="0 1 0"', 'axis="0 0 1"').replace('damping="0.05" armature="0.01"', 'damping="0.3" armature="0.05"').replace(
-    '<motor name="shoulder"', '<position kp="60" kv="4" name="shoulder"').replace(
-        '<motor name="elbow"', '<position kp="40" kv="2.5" name="elbow"').replace('fromto="0 0 0 0 0 -0.4"', 'fromto="0 0 0 0.25 0 0"').replace(
-            'fromto="0 0 0 0 0 -0.3"', 'fromto="0 0 0 0.2 0 0"').replace('pos="0 0 -0.4"', 'pos="0.25 0 0"')
+# Servos on an arm that lies on its side: what is late there, a damping and a rotor of each joint would imitate.
+SERVOS = """<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.005" integrator="implicitfast"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder_joint" axis="0 0 1" damping="0.3" armature="0.05" range="-3 3" limited="true"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0.25 0 0" mass="1" contype="0" conaffinity="0"/>
+      <body name="lower" pos="0.25 0 0">
+        <joint name="elbow_joint" axis="0 0 1" damping="0.3" armature="0.05"/>
+        <geom type="capsule" size="0.03" fromto="0 0 0 0.2 0 0" mass="0.6" contype="0" conaffinity="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="shoulder" joint="shoulder_joint" kp="60" kv="4" ctrlrange="-20 20"/>
+    <position name="elbow" joint="elbow_joint" kp="40" kv="2.5" ctrlrange="-20 20"/>
+  </actuator>
+</mujoco>
+"""
 NAMES = ["time", "shoulder_pos", "elbow_pos", "shoulder_vel", "elbow_vel", "shoulder_cmd", "elbow_cmd"]
 
 

@@ -10,7 +10,6 @@ import unittest
 
 import jsonschema
 import log_robots
-import numpy
 import program
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
