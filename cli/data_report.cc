@@ -77,14 +77,28 @@ void PrintReturns(const SimulatorSpec* spec, const std::vector<double>& returns)
   }
 }
 
-/// Noise and one-step error, channel by channel.
+/// "joint/hip/qpos [rad]", as far as both are known.
+std::vector<std::string> ChannelLabels(const SimulatorSpec* spec, size_t n_channels) {
+  const TaskFacts facts = spec != nullptr ? FactsOf(*spec) : TaskFacts{};
+  std::vector<std::string> labels(n_channels);
+  for (size_t j = 0; j < n_channels; ++j) {
+    labels[j] = facts.ObservationName(static_cast<int>(j));
+    const bool has_unit = spec != nullptr && j < spec->observation_units.size() && !spec->observation_units[j].empty();
+    if (has_unit) labels[j] += fmt::format(" [{}]", spec->observation_units[j]);
+  }
+  return labels;
+}
+
+/// Noise and one-step error, channel by channel, in the channel's unit.
 void PrintPerChannel(const SimulatorSpec* spec, const DataCheck& check) {
   if (check.noise.empty() && !check.one_step) return;
-  const TaskFacts facts = spec != nullptr ? FactsOf(*spec) : TaskFacts{};
   const bool has_one_step = check.one_step && check.one_step->n_rows > 0;
-  Print("\n{:<26} {:>12} {:>14}{}\n", "channel", "change/row", "noise std",
-        has_one_step ? fmt::format(" {:>16} {:>13}", "one-step error", "error/change") : "");
   const size_t n = check.noise.empty() ? check.one_step->rms_error.size() : check.noise.size();
+  const std::vector<std::string> labels = ChannelLabels(spec, n);
+  size_t widest = 26;
+  for (const std::string& label : labels) widest = std::max(widest, label.size());
+  Print("\n{:<{}} {:>12} {:>14}{}\n", "channel", widest, "change/row", "noise std",
+        has_one_step ? fmt::format(" {:>16} {:>13}", "one-step error", "error/change") : "");
   for (size_t j = 0; j < n; ++j) {
     std::string change = "-", noise = "-", one_step;
     if (!check.noise.empty()) {
@@ -96,7 +110,7 @@ void PrintPerChannel(const SimulatorSpec* spec, const DataCheck& check) {
       const double error = check.one_step->rms_error[j], of = check.one_step->rms_change[j];
       one_step = fmt::format(" {:>16.3g} {:>13}", error, of > 0 ? fmt::format("{:.2g}", error / of) : "-");
     }
-    Print("{:<26} {:>12} {:>14}{}\n", facts.ObservationName(static_cast<int>(j)), change, noise, one_step);
+    Print("{:<{}} {:>12} {:>14}{}\n", labels[j], widest, change, noise, one_step);
   }
   if (has_one_step) {
     Print(

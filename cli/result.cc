@@ -18,12 +18,12 @@
 #include "oted/base/error.h"
 #include "oted/base/seal.h"
 #include "oted/base/words.h"
+#include "oted/config/parameters_toml.h"
 #include "oted/exports/export.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/design_record.h"
 #include "oted/run/policy_records.h"
 #include "oted/run/prediction_words.h"
-#include "oted/run/suspect_sentence.h"
 #include "oted/run/verdict_sentence.h"
 #include "oted/stages/design/design_method.h"
 
@@ -111,6 +111,9 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
           design.grown.empty() ? "what is not searched" : "in place of what --grow added something else",
           is_of_body ? " (a body's mass, inertia, length and centre of mass imitate each other)" : "");
     PrintConditions(design, ParameterVerdict::kWeak);
+  }
+  for (const DesignRecord::Parameter& p : design.parameters) {
+    if (p.either_side) Print("{}: the logs do not tell on which side of 0 it lies\n", p.name);
   }
   if (!design.period_sentence.empty()) Print("{}\n", design.period_sentence);
   if (design.fit && design.fit->own_logs) Print("{}\n", design.fit->own_logs->sentence);

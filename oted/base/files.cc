@@ -398,7 +398,8 @@ void WriteJson(const fs::path& path, const json& value) { WriteFileAtomically(pa
 
 json ParseJson(std::string_view text, const std::string& where) {
   const auto fail = [&](const std::string& why) {
-    return DataError(fmt::format("'{}' is not valid JSON ({}); remove it and run the command again", where, why));
+    return DataError(fmt::format(
+        "'{}' is not valid JSON ({}); restore it, or remove it and run again the command that made it", where, why));
   };
   // Counted first: what is nested deeper than a record can be would overflow the stack of whoever walks it.
   int depth = 0;

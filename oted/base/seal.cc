@@ -75,7 +75,7 @@ std::vector<std::string> DamagedFiles(const json& record, const fs::path& file) 
 json ReadSealed(const fs::path& file, bool may_lack_seal) {
   json record = ReadJson(file);
   if (IsSealed(record) || (may_lack_seal && SealOf(record).empty())) return record;
-  throw DataError(fmt::format("'{}' {}; restore it, or remove it to make it again", file.string(),
+  throw DataError(fmt::format("'{}' {}; restore it, or remove it and run again the command that made it", file.string(),
                               SealOf(record).empty()
                                   ? "has no seal: it was made by another version of oted, or is damaged"
                                   : "is not as oted wrote it (its seal does not fit its content)"));
@@ -118,8 +118,8 @@ void CheckSealedFile(const json& record, const fs::path& file, const std::string
   const fs::path path = file.parent_path() / name;
   if (found == files.end() || Sha256OfFile(path) == found->second) return;
   throw DataError(
-      fmt::format("'{}' is damaged: its SHA-256 is not the one in '{}'; restore it, or run the command "
-                  "that made it again",
+      fmt::format("'{}' is damaged: its SHA-256 is not the one in '{}'; restore it, or run again the "
+                  "command that made it",
                   path.string(), file.string()));
 }
 

@@ -1,6 +1,8 @@
 #include "oted/base/statistics.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 namespace oted {
 
@@ -15,6 +17,13 @@ double StandardDeviation(std::span<const double> values) {
   double square = 0;
   for (const double v : values) square += (v - mean) * (v - mean);
   return values.size() < 2 ? 0 : std::sqrt(square / static_cast<double>(values.size() - 1));
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 }  // namespace oted

@@ -1,7 +1,8 @@
 #pragma once
-/// Means and deviations of a few numbers, summed in their order.
+/// Means, deviations and medians. Sums run in the order of the numbers.
 
 #include <span>
+#include <vector>
 
 namespace oted {
 
@@ -10,5 +11,8 @@ double Mean(std::span<const double> values);
 
 /// The standard deviation with n - 1 in the denominator; 0 for fewer than two values.
 double StandardDeviation(std::span<const double> values);
+
+/// The middle one; of an even count the upper of the two. 0 for none.
+double Median(std::vector<double> values);
 
 }  // namespace oted

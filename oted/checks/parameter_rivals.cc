@@ -17,6 +17,8 @@ constexpr std::array<double, 4> kFactors = {0.5, 0.7, 1.4, 2.0};
 constexpr std::array<double, 8> kPlaceOff = {-0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4};  // of half the range
 constexpr std::array<double, 6> kSpringOff = {-0.5, -0.25, -0.1, 0.1, 0.25, 0.5};            // [rad], [m]
 
+constexpr std::array<double, 3> kShares = {0.02, 0.1, 0.5};  // of the range of a spring that the model lacks
+
 constexpr int kHalvings = 4;  // of the way from the nominal value to the best of them
 
 /// Values to try; none of what a zero is not mistaken for.
@@ -24,6 +26,8 @@ std::vector<double> Tried(const ParameterSpec& spec) {
   std::vector<double> values;
   if (spec.IsMultiple() && !IsChannelPath(spec.field)) {
     for (const double factor : kFactors) values.push_back(factor * spec.nominal);
+  } else if (spec.field.ends_with("/stiffness")) {
+    for (const double share : kShares) values.push_back(spec.low + share * (spec.high - spec.low));
   } else if (spec.field.ends_with("/springref")) {
     for (const double off : kSpringOff) values.push_back(spec.nominal + off);
   } else if (IsShift(spec) && spec.field.find("pos[") != std::string::npos) {  // of a thing, or of a centre of mass

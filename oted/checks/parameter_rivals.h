@@ -18,8 +18,8 @@ struct ParameterRival {
 };
 
 /// Tries what is often off in such a model (SimulatorFactory::Suspects), one constant after another, each with a few
-/// factors; of where a spring rests, something stands or a centre of mass lies, a few places. The best of them is then
-/// refined. None where the simulator knows no suspects.
+/// factors; of a spring that the model lacks, a few shares of what may be; of where a spring rests, something stands or
+/// a centre of mass lies, a few places. The best of them is then refined. None where the simulator knows no suspects.
 class ParameterRivals {
  public:
   ParameterRivals(const SimulatorFactory& factory, int n_threads);

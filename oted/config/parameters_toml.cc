@@ -255,4 +255,14 @@ json ParameterToJson(const ParameterSpec& spec) {
   return table;
 }
 
+std::string ParameterLine(const ParameterSpec& spec, size_t width) {
+  std::string field;
+  const std::vector<std::string> paths = TiedPaths(spec.field);  // several are a list in a file
+  for (const std::string& path : paths) field += (field.empty() ? "" : ", ") + json(path).dump();
+  if (paths.size() > 1) field = "[" + field + "]";
+  return fmt::format("{:<{}} = {{ field = {}, range = [{:g}, {:g}]{}{} }}", spec.name, width, field, spec.low,
+                     spec.high, spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",
+                     spec.logarithmic ? ", log = true" : "");
+}
+
 }  // namespace oted

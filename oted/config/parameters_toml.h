@@ -35,5 +35,8 @@ nlohmann::json ConstantToJson(const ParameterSpec& constant);
 
 /// One parameter as [parameters] has it.
 nlohmann::json ParameterToJson(const ParameterSpec& spec);
+/// "delay = { field = "action/delay", range = [0, 3], scale = "absolute" }": what adds it to [parameters], without a
+/// belief and a unit. @param width  of the name
+std::string ParameterLine(const ParameterSpec& spec, size_t width = 0);
 
 }  // namespace oted

@@ -56,7 +56,9 @@ FieldList DataConfig::Fields() {
   fields.Add("observations", &columns.observations, "CSV columns with observations; none: those with the prefix obs");
   fields.Add("actions", &columns.actions, "CSV columns with actions; none: those with the prefix act");
   fields.Add("episode", &columns.episode, "CSV column with the episode's number; empty: by the usual names");
-  fields.Add("time", &columns.time, "CSV column with the time [s]; empty: by the usual names");
+  fields.Add(
+      "time", &columns.time,
+      "CSV column with the time, in seconds or in the unit that ends its name (t_ms); empty: by the usual names");
   fields.Add("reward", &columns.reward, "CSV column with the reward; empty: by the usual names");
   fields.Add("terminal", &columns.terminal, "CSV column that is 1 where the task ended; empty: by the usual names");
   fields.Add("timeout", &columns.timeout, "CSV column that is 1 where the episode was cut; empty: by the usual names");

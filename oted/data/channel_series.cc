@@ -31,11 +31,4 @@ double ClipOf(const Dataset& dataset, int channel) {
   return count >= kFewest ? largest : std::numeric_limits<double>::infinity();
 }
 
-double MedianOf(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace oted

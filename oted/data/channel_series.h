@@ -13,6 +13,4 @@ std::vector<std::vector<double>> SeriesOf(const Dataset& dataset, int channel);
 /// A channel's value where a clip shows: the largest magnitude, where it occurs at least three times; else infinity.
 double ClipOf(const Dataset& dataset, int channel);
 
-double MedianOf(std::vector<double> values);  ///< 0 of nothing
-
 }  // namespace oted

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oted/base/statistics.h"
 #include "oted/data/linear_fit.h"
 
 namespace oted {
@@ -34,13 +35,6 @@ std::vector<Episode> Sample(const Dataset& dataset) {
     sample.push_back(episode);
   }
   return sample;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
 }
 
 double Variance(const Array2<double>& m, int j) {

@@ -7,8 +7,10 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "oted/base/angle.h"
+#include "oted/base/statistics.h"
 #include "oted/data/channel_series.h"
 #include "oted/data/checks_missing.h"
 #include "oted/data/stretch_period.h"
@@ -37,7 +39,7 @@ struct RowSteps {
       for (size_t i = 1; i < series.size(); ++i) sizes.push_back(std::abs(series[i] - series[i - 1]));
     }
     count = static_cast<int64_t>(sizes.size());
-    if (count > 0) typical = MedianOf(sizes);
+    if (count > 0) typical = Median(sizes);
   }
 };
 
@@ -210,7 +212,7 @@ class Rates {
     std::vector<double> told = periods;
     std::erase(told, 0.0);
     if (told.size() < 2) return false;
-    const double usual = MedianOf(told);
+    const double usual = Median(told);
     std::vector<double> others;
     std::vector<std::string> numbers;
     int first = -1;
@@ -222,7 +224,7 @@ class Rates {
     }
     if (numbers.empty()) return false;
     const auto [least, most] = std::ranges::minmax(others);
-    const std::string apart = most < kOtherRate * least ? fmt::format("{:.2g}", MedianOf(others))
+    const std::string apart = most < kOtherRate * least ? fmt::format("{:.2g}", Median(others))
                                                         : fmt::format("{:.2g} to {:.2g}", least, most);
     Add("control_rate",
         fmt::format("by positions and velocities the rows of episode {} are {} s apart, those of the others {:.2g} s",

@@ -8,6 +8,9 @@
 #include <cstdint>
 #include <numeric>
 #include <unordered_map>
+#include <utility>
+
+#include "oted/base/statistics.h"
 
 namespace oted {
 namespace {
@@ -33,12 +36,7 @@ std::vector<double> Tolerances(const Array2<double>& m, const std::vector<Episod
         thirds.push_back(std::abs(m(i, j) - 3 * m(i - 1, j) + 3 * m(i - 2, j) - m(i - 3, j)));
       }
     }
-    double noise = 0;
-    if (!thirds.empty()) {
-      const auto middle = thirds.begin() + static_cast<std::ptrdiff_t>(thirds.size() / 2);
-      std::ranges::nth_element(thirds, middle);
-      noise = 1.4826 * *middle / std::sqrt(20.0);  // 1 + 9 + 9 + 1
-    }
+    const double noise = 1.4826 * Median(std::move(thirds)) / std::sqrt(20.0);  // 1 + 9 + 9 + 1
     tolerances.push_back(std::max(kShareOfNoise * noise, kRounding * largest));
   }
   return tolerances;

@@ -14,6 +14,7 @@
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
 #include "oted/data/csv.h"
+#include "oted/data/time_column.h"
 
 namespace oted {
 namespace {
@@ -24,7 +25,6 @@ constexpr std::array<std::string_view, 3> kActionWords = {"actions", "action", "
 constexpr std::array<std::string_view, 1> kQposWords = {"infos/qpos"};
 constexpr std::array<std::string_view, 1> kQvelWords = {"infos/qvel"};
 constexpr std::array<std::string_view, 3> kEpisodeNames = {"episode", "episode_id", "episode_index"};
-constexpr std::array<std::string_view, 5> kTimeNames = {"time", "time_s", "time [s]", "t", "timestamp"};
 constexpr std::array<std::string_view, 2> kRewardNames = {"reward", "rewards"};
 constexpr std::array<std::string_view, 4> kTerminalNames = {"terminal", "terminals", "terminated", "termination"};
 constexpr std::array<std::string_view, 4> kTimeoutNames = {"timeout", "timeouts", "truncated", "truncation"};
@@ -105,6 +105,11 @@ class Finder {
       }
     }
     return -1;
+  }
+
+  int Times() {
+    const int column = FindTimeColumn(header_);
+    return column >= 0 && used_.insert(column).second ? column : -1;
   }
 
   std::vector<int> ByPrefix(Words words, std::vector<std::string>& names) {
@@ -230,7 +235,7 @@ CsvColumns FindColumns(const std::vector<std::string>& header, const DataOptions
   columns.qpos = finder.ByPrefix(kQposWords, unnamed);
   columns.qvel = finder.ByPrefix(kQvelWords, unnamed);
   if (columns.episode < 0) columns.episode = finder.ByConvention(kEpisodeNames);
-  if (columns.time < 0) columns.time = finder.ByConvention(kTimeNames);
+  if (columns.time < 0) columns.time = finder.Times();
   if (columns.reward < 0) columns.reward = finder.ByConvention(kRewardNames);
   if (columns.terminal < 0) columns.terminal = finder.ByConvention(kTerminalNames);
   if (columns.timeout < 0) columns.timeout = finder.ByConvention(kTimeoutNames);

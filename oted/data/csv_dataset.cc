@@ -18,6 +18,7 @@
 #include "oted/data/gzip.h"
 #include "oted/data/loggable.h"
 #include "oted/data/resample.h"
+#include "oted/data/time_column.h"
 
 namespace oted {
 namespace {
@@ -80,6 +81,11 @@ class CsvReader {
     return *value;
   }
 
+  /// [s].
+  double Time(const std::vector<std::string>& fields) const {
+    return Number(fields, columns_.time) / UnitsPerSecond(header_[static_cast<size_t>(columns_.time)]);
+  }
+
   bool Flag(const std::vector<std::string>& fields, int column) const {
     const std::string_view text = Trimmed(fields[static_cast<size_t>(column)]);
     for (const char* no : {"", "0", "0.0", "false", "False", "FALSE"}) {
@@ -99,8 +105,7 @@ class CsvReader {
     const bool ends = (columns_.terminal >= 0 && Flag(fields, columns_.terminal)) ||
                       (columns_.timeout >= 0 && Flag(fields, columns_.timeout));
     const auto is_empty = [&](int column) { return Trimmed(fields[static_cast<size_t>(column)]).empty(); };
-    return !ends && !std::ranges::all_of(columns_.actions, is_empty) &&
-           Number(fields, columns_.time) == recording_.times.back();
+    return !ends && !std::ranges::all_of(columns_.actions, is_empty) && Time(fields) == recording_.times.back();
   }
 
   void CheckTwice() {
@@ -155,7 +160,7 @@ class CsvReader {
     append_state(columns_.qpos, recording_.qpos);
     append_state(columns_.qvel, recording_.qvel);
     AddConstants(fields);
-    if (columns_.time >= 0) recording_.times.push_back(Number(fields, columns_.time));
+    if (columns_.time >= 0) recording_.times.push_back(Time(fields));
     if (columns_.reward >= 0) {
       recording_.rewards.push_back(!has_action && is_empty(columns_.reward) ? 0 : Number(fields, columns_.reward));
     }

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "oted/base/error.h"
+#include "oted/base/statistics.h"
 
 namespace oted {
 
@@ -42,9 +43,8 @@ Normalizer Normalizer::FromMoments(std::vector<double> mean, std::vector<double>
     result.scale.assign(result.mean.size(), 1.0);
     return result;
   }
-  const auto median = varying.begin() + static_cast<std::ptrdiff_t>(varying.size() / 2);
-  std::nth_element(varying.begin(), median, varying.end());
-  for (double& scale : result.scale) scale = std::max(scale, 1e-3 * *median);
+  const double median = Median(std::move(varying));
+  for (double& scale : result.scale) scale = std::max(scale, 1e-3 * median);
   return result;
 }
 

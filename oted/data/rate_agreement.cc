@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "oted/base/statistics.h"
 #include "oted/data/channel_series.h"
 
 namespace oted {
@@ -153,7 +154,7 @@ double PeriodByRates(const std::vector<RateAgreement>& rates) {
   }
   // A few clear channels among vague ones may be clear for another reason: a clip whose edge noise has smeared.
   if (periods.empty() || 2 * periods.size() < rates.size()) return 0;
-  const double median = MedianOf(periods);
+  const double median = Median(periods);
   const auto agrees = [&](double period) { return Near(period, median, kUnitSlack); };
   return 2 * std::ranges::count_if(periods, agrees) > static_cast<ptrdiff_t>(periods.size()) ? median : 0;
 }

@@ -259,9 +259,7 @@ class StreamGrid {
 
 double TypicalStep(std::vector<double> steps) {
   if (steps.empty()) return 0;
-  const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  const double median = *middle;
+  const double median = Median(steps);
   std::erase_if(steps, [&](double step) { return std::abs(step - median) > 0.5 * median; });
   return Mean(steps);
 }

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <span>
 
+#include "oted/base/statistics.h"
 #include "oted/data/channel_series.h"
 #include "oted/data/rate_agreement.h"
 
@@ -94,7 +95,7 @@ std::optional<double> PeriodByStretches(const Dataset& dataset, const std::vecto
     values.push_back(slope->value);
   }
   if (values.size() < 2 || 2 * values.size() < velocities.size()) return std::nullopt;
-  const double median = MedianOf(values);
+  const double median = Median(values);
   const bool agree = std::ranges::all_of(
       slopes, [&](const Slope& s) { return std::abs(s.value - median) < kSameSlope * std::abs(median) + 3 * s.error; });
   return agree ? std::optional(median) : std::nullopt;

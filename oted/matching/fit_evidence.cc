@@ -149,6 +149,10 @@ json ToJson(const FitEvidence& evidence) {
   }
   if (evidence.left_out) record["left_out"] = ToJson(*evidence.left_out);
   if (!evidence.own_logs.empty()) record.update({{"own_logs", evidence.own_logs}, {"unsettled", evidence.unsettled}});
+  for (const MirroredValue& value : evidence.mirrored) {
+    record["mirrored"].push_back(
+        {{"parameter", value.parameter}, {"interval90", {value.interval90.low, value.interval90.high}}});
+  }
   for (const Condition& condition : evidence.conditions) {
     json of = SpecToJson(condition.spec);
     of.update({{"parameter", condition.parameter}, {"off", condition.off}, {"value", condition.value}});
@@ -182,6 +186,10 @@ FitEvidence FitEvidenceFromJson(const json& record) {
   if (record.contains("own_logs")) {
     evidence.own_logs = record.at("own_logs");
     evidence.unsettled = record.at("unsettled").get<std::vector<int>>();
+  }
+  for (const json& of : record.value("mirrored", json::array())) {
+    const json& interval = of.at("interval90");
+    evidence.mirrored.push_back({of.at("parameter"), {interval.at(0), interval.at(1)}});
   }
   for (const json& of : record.value("conditions", json::array())) {
     evidence.conditions.push_back({of.at("parameter"), SpecFromJson(of), of.at("off"), of.at("value")});

@@ -57,8 +57,14 @@ struct Suspect {
 struct Condition {
   int parameter = 0;   ///< of the searched ones
   ParameterSpec spec;  ///< what is not searched, as it would be
-  double off = 1;      ///< z of that: a tenth more than nominal, of its value or of its range
+  double off = 1;      ///< z of that: a tenth more than nominal, of its value or of its range; a rotor's is twice
   double value = 0;    ///< z of the parameter, were it so: by a linear model
+};
+
+/// A value that may as well be its negative: the logs do not tell on which side of 0 it lies.
+struct MirroredValue {
+  int parameter = 0;                   ///< of the searched ones
+  SearchInterval interval90 = {0, 0};  ///< of z, on the other side
 };
 
 /// What predictions of the logs that were kept aside start from.
@@ -108,6 +114,7 @@ struct FitEvidence {
   std::vector<std::vector<double>> own_logs = {};
   /// Parameters whose standard deviation these more than double; all of them where rates are unread as well.
   std::vector<int> unsettled = {};
+  std::vector<MirroredValue> mirrored = {};
   std::vector<Condition> conditions = {};  ///< of each parameter those that move it most
   /// What the fit's own windows ask to be other than in the model, though their predictions may be as near to the logs
   /// as the sensors let them. By a linear model; the surest first, none of them tried.

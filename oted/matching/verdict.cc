@@ -92,13 +92,14 @@ bool HasOwnSize(const ParameterSpec& spec) {
   return (!spec.IsMultiple() && spec.nominal != 0) || spec.low < 0 || (IsChannelPath(spec.field) && !spec.IsMultiple());
 }
 
-/// Whether a value is known to no more than half of itself. Not asked of what has a size of its own, or is next to
-/// nothing.
+/// Whether a value is known to no more than half of itself. Not asked of what may be negative, of a sensor's or a
+/// command's own number, and of what is next to nothing: beside the model's value, or beside the range.
 bool IsLoose(const ParameterSpec& spec, const ParameterSummary& summary) {
-  if (HasOwnSize(spec)) return false;
-  const bool is_multiple = spec.IsMultiple();
+  if (spec.low < 0 || (IsChannelPath(spec.field) && !spec.IsMultiple())) return false;
   const double low = summary.interval90_low, high = summary.interval90_high;
-  const double next_to_nothing = is_multiple ? kNextToNothing : kNextToNothingOfRange * (spec.high - spec.low);
+  const double next_to_nothing = spec.IsMultiple() ? kNextToNothing
+                                                   : std::max(kNextToNothing * std::abs(spec.nominal),
+                                                              kNextToNothingOfRange * (spec.high - spec.low));
   return high > kLoose * low && high - low > next_to_nothing;
 }
 

@@ -80,11 +80,16 @@ ParameterVerdict LabelOf(double mean, double std, bool reaches_floor = true) {
 
 TEST(SummarizeParameters, VerdictFollowsTheWidthOfTheIntervalInUnitsOfThePriors) {
   // The central 90 % interval of u at mean 0 is 2 / (1 + exp(-1.645 std)) - 1 wide; the prior's is 0.9.
-  const auto std_of = [](double fraction) { return -std::log(2 / (1 + 0.9 * fraction) - 1) / 1.644854; };
-  EXPECT_EQ(LabelOf(0, std_of(0.24)), ParameterVerdict::kIdentified);
-  EXPECT_EQ(LabelOf(0, std_of(0.26)), ParameterVerdict::kWeak);
-  EXPECT_EQ(LabelOf(0, std_of(0.59)), ParameterVerdict::kWeak);
-  EXPECT_EQ(LabelOf(0, std_of(0.61)), ParameterVerdict::kNotIdentified);
+  const auto label_of = [](double fraction) {
+    const double std = -std::log(2 / (1 + 0.9 * fraction) - 1) / 1.644854;
+    Designer q(ParameterSpace({{.name = "a", .field = "env/a", .low = -1, .scale = ParameterScale::kAbsolute}}), 1.0);
+    q.Restore({0}, {std::log(std)});
+    return SummarizeParameters({q}, 0, {true}, true)[0].verdict;
+  };
+  EXPECT_EQ(label_of(0.24), ParameterVerdict::kIdentified);
+  EXPECT_EQ(label_of(0.26), ParameterVerdict::kWeak);
+  EXPECT_EQ(label_of(0.59), ParameterVerdict::kWeak);
+  EXPECT_EQ(label_of(0.61), ParameterVerdict::kNotIdentified);
 }
 
 TEST(SummarizeParameters, IntervalsHoldThoseOfOtherDesigns) {
@@ -142,6 +147,7 @@ TEST(SummarizeParameters, AValueKnownToHalfOfItselfIsNotIdentified) {
   EXPECT_EQ(verdict("joint/*/damping", 1, -6, 1), ParameterVerdict::kIdentified) << "next to none of the model's";
   EXPECT_EQ(verdict("joint/*/damping", 1, -1, 0.3), ParameterVerdict::kWeak) << "0.37 to 0.75 of the model's";
   EXPECT_EQ(verdict("joint/*/damping", 1, -1, 0.1), ParameterVerdict::kIdentified);
+  EXPECT_EQ(verdict("joint/*/frictionloss", 0.003, -6, 1), ParameterVerdict::kWeak) << "of [0, 2], all of the model's";
   EXPECT_EQ(verdict("action/delay", 0, -6, 1), ParameterVerdict::kIdentified) << "a control step has a size";
 }
 

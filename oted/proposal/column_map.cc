@@ -10,6 +10,7 @@
 #include <set>
 
 #include "oted/base/fields.h"
+#include "oted/data/time_column.h"
 #include "oted/proposal/column_words.h"
 
 namespace oted {
@@ -167,17 +168,13 @@ class Mapper {
   bool IsBookkeeping(size_t column, const Words& words) {
     std::string lower = columns_[column];
     std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    if (IsConventional(lower)) return true;
+    const int times = FindTimeColumn(columns_);
+    if (IsConventional(lower) || (times >= 0 && static_cast<size_t>(times) == column)) return true;
     const auto has = [&](std::initializer_list<const char*> any) {
       return std::ranges::any_of(any, [&](const char* word) { return std::ranges::find(words, word) != words.end(); });
     };
-    if (has({"time", "timestamp", "stamp", "secs"}) && map_.time.empty() && map_.scaled_time.empty()) {
-      static const std::map<std::string, double> kUnits = {{"ms", 1e-3},   {"msec", 1e-3}, {"us", 1e-6},
-                                                           {"usec", 1e-6}, {"ns", 1e-9},   {"nsec", 1e-9}};
-      for (const auto& [unit, seconds] : kUnits) {
-        if (has({unit.c_str()})) map_.time_unit = seconds;
-      }
-      (map_.time_unit == 1 ? map_.time : map_.scaled_time) = columns_[column];
+    if (has({"time", "timestamp", "stamp", "secs"}) && map_.time.empty()) {
+      if (times < 0) map_.time = columns_[column];
       return true;
     }
     if (map_.episode.empty() && has({"episode", "trial", "run", "traj", "trajectory", "rollout", "segment"})) {

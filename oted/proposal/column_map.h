@@ -19,8 +19,6 @@ struct ColumnMap {
   std::vector<Entry> actions;       ///< in the order of the actuators
   std::vector<std::string> motors;  ///< joints that need one: the model has no actuators
   std::string episode, time;        ///< columns, where no convention finds them
-  double time_unit = 1;             ///< [s], of `time`, or of a time column that is no time in seconds
-  std::string scaled_time;          ///< a time column that is in milliseconds or the like: to be left unread
   std::vector<std::string> unused;  ///< "'name': why"
   bool IsEmpty() const { return observations.empty() && actions.empty(); }
 };

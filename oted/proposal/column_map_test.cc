@@ -137,11 +137,17 @@ TEST(MapColumns, WithoutActuatorsJointsGetMotors) {
 
 TEST(MapColumns, TimesAndEpisodesAreNoUnknowns) {
   const ColumnMap map = MapColumns({"time", "stamp_ms", "trial", "elbow_pos_deg", "battery"}, Arm());
-  EXPECT_EQ(map.scaled_time, "stamp_ms");
-  EXPECT_EQ(map.time_unit, 1e-3);
+  EXPECT_EQ(map.time, "") << "the reader finds it by itself";
   EXPECT_EQ(map.episode, "trial");
   EXPECT_TRUE(map.observations.at(0).in_degrees);
   EXPECT_EQ(map.unused, (Names{"'battery': nothing in the model has such a name"}));
+}
+
+TEST(MapColumns, StampsInTheirUnitAreTheTimesWhereNoOthersAre) {
+  EXPECT_EQ(MapColumns({"stamp_ms", "elbow_pos"}, Arm()).time, "stamp_ms");
+  const ColumnMap map = MapColumns({"t_ms", "elbow_pos"}, Arm());
+  EXPECT_EQ(map.time, "");
+  EXPECT_TRUE(map.unused.empty());
 }
 
 }  // namespace oted::column_map_test

@@ -10,7 +10,9 @@
 #include <utility>
 
 #include "oted/base/error.h"
+#include "oted/base/statistics.h"
 #include "oted/data/dataset_files.h"
+#include "oted/data/time_column.h"
 
 namespace oted {
 namespace {
@@ -142,13 +144,13 @@ double FirstLog::LargestAction(const ColumnMap& map) const {
 }
 
 double FirstLog::RowPeriod(const ColumnMap& map) const {
-  const std::string name = map.scaled_time.empty() ? TimeName(map) : map.scaled_time;
-  const auto time = std::ranges::find(columns_, name, &LogColumn::name);
+  const auto time = std::ranges::find(columns_, TimeName(map), &LogColumn::name);
   if (time == columns_.end()) FailPeriod();
+  const double per_second = UnitsPerSecond(time->name);
   std::vector<double> steps;
   size_t n_down = 0;
   for (size_t i = 1; i < time->values.size(); ++i) {
-    const double rows = (time->values[i] - time->values[i - 1]) * map.time_unit;
+    const double rows = (time->values[i] - time->values[i - 1]) / per_second;
     if (rows > 0) steps.push_back(rows);
     n_down += rows < 0 ? 1 : 0;
   }
@@ -157,28 +159,23 @@ double FirstLog::RowPeriod(const ColumnMap& map) const {
         fmt::format("'{}': column '{}' goes up in {} rows and down in {}; sort the rows by time, or repair the clock",
                     path_, time->name, steps.size(), n_down));
   }
-  const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
-  std::ranges::nth_element(steps, middle);
-  if (*middle > kSlowest_s) {
+  const double step = Median(std::move(steps));
+  if (step > kSlowest_s) {
     throw DataError(
-        fmt::format("'{}': column '{}' goes up by {:.6g} per row, wanted seconds; divide it, or rename it "
-                    "(time_ms, time_us, time_ns) and rows count as steps",
-                    path_, time->name, *middle / map.time_unit));
+        fmt::format("'{}': column '{}' goes up by {:.6g} per row, wanted seconds; divide it, or rename it by "
+                    "its unit (time_ms, time_us, time_ns)",
+                    path_, time->name, step * per_second));
   }
-  return *middle;
+  return step;
 }
 
 /// Of the time column, as the reader finds it.
 std::string FirstLog::TimeName(const ColumnMap& map) const {
   if (!map.time.empty()) return map.time;
-  for (const char* wanted : {"time", "time_s", "time [s]", "t", "timestamp"}) {
-    for (const LogColumn& column : columns_) {
-      std::string lower = column.name;
-      std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-      if (lower == wanted) return column.name;
-    }
-  }
-  return "";
+  std::vector<std::string> names;
+  for (const LogColumn& column : columns_) names.push_back(column.name);
+  const int found = FindTimeColumn(names);
+  return found < 0 ? "" : names[static_cast<size_t>(found)];
 }
 
 void FirstLog::FailPeriod() const {

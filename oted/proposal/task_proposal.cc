@@ -153,13 +153,7 @@ class Proposer {
 
   double RowPeriod() {
     if (log_->arrays()) return ArrayPeriod(*log_->arrays());
-    const double rows = log_->RowPeriod(proposal_.columns);
-    const std::string& unread = proposal_.columns.scaled_time;
-    if (!unread.empty()) {
-      proposal_.guessed.push_back(fmt::format(
-          "column '{}' is no time in seconds: rows count as steps of {:.6g} s, gaps are not seen", unread, rows));
-    }
-    return rows;
+    return log_->RowPeriod(proposal_.columns);
   }
 
   double ArrayPeriod(const Dataset& arrays) {

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "oted/base/error.h"
+#include "oted/config/parameters_toml.h"
 #include "oted/config/toml_writer.h"
 
 namespace oted {
@@ -122,26 +123,18 @@ void WriteData(std::ostream& out, const Proposal& proposal, const std::filesyste
   WriteComments(out, "Columns that are not used:", proposal.columns.unused);
 }
 
-std::string LineOf(const ParameterSpec& spec, size_t width) {
-  const std::vector<std::string> paths = TiedPaths(spec.field);  // several are a list in a file
-  return fmt::format("{:<{}} = {{ field = {}, range = [{:g}, {:g}]{}{} }}\n", spec.name, width,
-                     paths.size() == 1 ? Toml(paths[0]) : Toml(paths), spec.low, spec.high,
-                     spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",
-                     spec.logarithmic ? ", log = true" : "");
-}
-
 void WriteParameters(std::ostream& out, const Proposal& proposal) {
   out << "\n[parameters]  # multiples of nominal unless scale = \"absolute\"; narrow each range to what you know\n";
   size_t widest = 0;
   for (const ParameterSpec& spec : proposal.config.parameters) widest = std::max(widest, spec.name.size());
-  for (const ParameterSpec& spec : proposal.config.parameters) out << LineOf(spec, widest);
+  for (const ParameterSpec& spec : proposal.config.parameters) out << ParameterLine(spec, widest) << "\n";
   if (proposal.NamesActuated()) out << "# @actuated: " << Proposal::kActuated << "\n";
   if (proposal.left_out.empty()) return;
   out << "# Not freed. What has a line of its own acts as others do: to free it, take the # off its line, and put one\n"
          "# before the line of one of these.\n";
   for (const ParameterChoice::LeftOut& of : proposal.left_out) {
     WriteComment(out, "- " + of.why);
-    if (of.alternative) out << "# " << LineOf(*of.alternative, 0);
+    if (of.alternative) out << "# " << ParameterLine(*of.alternative) << "\n";
   }
 }
 

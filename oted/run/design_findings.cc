@@ -9,6 +9,7 @@
 #include <ranges>
 
 #include "oted/checks/data_check.h"
+#include "oted/config/parameters_toml.h"
 #include "oted/matching/verdict.h"
 #include "oted/run/fingerprint.h"
 #include "oted/run/prediction_words.h"
@@ -56,6 +57,14 @@ std::string PeriodSentence(const Dataset& logs, const SimulatorSpec& spec) {
       "all values: if the control period is {:g} s, as the task says. These logs hold neither times nor velocities, "
       "which would tell; with another period masses, dampings and forces would be others",
       spec.control_period_s);
+}
+
+/// That the logs do not tell on which side of 0 a value lies.
+std::string SideSentence(const std::string& parameter) {
+  return fmt::format(
+      "the logs are as likely with the negative of '{}': they do not tell on which side of 0 it lies, and its interval "
+      "holds both; narrow its range to the side that you know, or log a motion that tells them apart",
+      parameter);
 }
 
 /// What designs from the design's own logs found of each parameter.
@@ -243,10 +252,20 @@ std::vector<std::vector<SearchInterval>> IntervalsOfFreed(const std::vector<Susp
   return intervals;
 }
 
+/// An interval that says nothing.
+constexpr SearchInterval kNothing{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+
+/// What parameters may be as well on the other side of 0, where the logs do not tell the side.
+std::vector<std::vector<SearchInterval>> IntervalsOfMirrored(const FitEvidence& fit, size_t n_parameters) {
+  if (fit.mirrored.empty()) return {};
+  std::vector<SearchInterval> intervals(n_parameters, kNothing);
+  for (const MirroredValue& value : fit.mirrored) intervals[static_cast<size_t>(value.parameter)] = value.interval90;
+  return {intervals};
+}
+
 /// The same where --grow added one suspect and the logs are as likely with another: with that, the one added is as the
 /// model has it, and what was added later is not known.
 std::vector<std::vector<SearchInterval>> IntervalsOfRivals(const std::vector<Disputed>& all, size_t n_parameters) {
-  constexpr SearchInterval kNothing{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
   std::vector<std::vector<SearchInterval>> intervals_of_all;
   for (const auto& [added, rival] : all) {
     std::vector<SearchInterval> intervals = rival->trial->intervals90;
@@ -319,6 +338,9 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   std::vector<std::vector<SearchInterval>> otherwise = IntervalsOfFreed(findings.suspects);
   const std::vector<Disputed> disputed = DisputedIn(run.growth);
   std::ranges::move(IntervalsOfRivals(disputed, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
+  if (best.fit) {
+    std::ranges::move(IntervalsOfMirrored(*best.fit, static_cast<size_t>(space.size())), std::back_inserter(otherwise));
+  }
   auto summaries =
       SummarizeParameters(mixture.q, mixture.best, findings.has_effect, judgement.reaches_floor, open_ends, otherwise);
   const bool can_tell = !best.prediction || judgement.better || !judgement.reaches_floor;
@@ -332,6 +354,13 @@ DesignRecord MakeDesignRecord(const RunSetup& run, const DesignFindings& finding
   for (const Finding& correction : findings.corrections) record.warnings.push_back(CorrectionWarning(correction));
   record.period_sentence = PeriodSentence(run.dataset, run.spec());
   record.columns_seem_wrong = CountOf(findings.corrections, Severity::kWarning) > 0;
+  if (best.fit) {
+    for (const MirroredValue& value : best.fit->mirrored) {
+      DesignRecord::Parameter& parameter = record.parameters[static_cast<size_t>(value.parameter)];
+      parameter.either_side = true;
+      record.warnings.push_back(SideSentence(parameter.name));
+    }
+  }
   for (const auto& [added, rival] : disputed) record.warnings.push_back(RivalSentence(*added, *rival));
   AddWarnings(space, findings.has_effect, ParametersAtBounds(best.q), record);
   const Eigen::MatrixXd correlation = mixture.q[static_cast<size_t>(mixture.best)].Correlation();

@@ -207,6 +207,7 @@ json ParameterToRecord(const DesignRecord::Parameter& p) {
           {"std", p.std},
           {"interval90", {p.interval90_low, p.interval90_high}},
           {"rests_on", RestsOnToJson(p.rests_on)},
+          {"either_side", p.either_side},
           {"verdict", ToString(p.verdict)}};
 }
 
@@ -228,6 +229,7 @@ DesignRecord::Parameter ParameterFrom(const RecordReader& reader) {
     p.rests_on.push_back({of.Get<std::string>("name"), of.Get<std::string>("field"), of.Number("off"),
                           of.Number("value"), of.Get<std::string>("condition")});
   }
+  p.either_side = reader.Find<bool>("either_side").value_or(false);
   p.verdict = reader.GetNamed<ParameterVerdict>("verdict", ParameterVerdictNames());
   return p;
 }

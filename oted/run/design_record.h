@@ -59,6 +59,7 @@ struct DesignRecord {
     double interval90_low = 0, interval90_high = 0;
     ParameterVerdict verdict = ParameterVerdict::kNotIdentified;
     std::vector<RestsOn> rests_on = {};
+    bool either_side = false;  ///< the logs are as likely with the negative of its value
   };
   struct Member {
     int seed = 0;

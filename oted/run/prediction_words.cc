@@ -13,6 +13,7 @@
 namespace oted {
 namespace {
 
+constexpr double kMayBeChance = 1.3;   // times the floor, and not surely more
 constexpr double kShown = 0.5;         // [s]
 constexpr double kWorse = 1.1;         // times the nominal simulator's error
 constexpr double kVisiblyMore = 1.1;   // times the floor
@@ -198,6 +199,17 @@ std::string NotTold(const DesignRecord::Validation& validation) {
   return fmt::format(
       "these logs do not tell whether the sensors explain what remains: over {} it may be {} what they leave",
       InWords(*worst), times);
+}
+
+std::string ButByChance(const DesignRecord::Validation::Horizon& shown) {
+  const DesignRecord::Validation::Channel* most = nullptr;
+  for (const auto& c : shown.channels) {
+    if (!c.judged || !(c.designed > kMayBeChance * c.floor)) continue;
+    if (most == nullptr || c.designed / c.floor > most->designed / most->floor) most = &c;
+  }
+  if (most == nullptr) return "";
+  return fmt::format("; in {} it leaves {}, the sensors {:.2g}: in few of these windows, which may be chance",
+                     most->name, WithUnit(most->designed, most->unit), most->floor);
 }
 
 }  // namespace oted

@@ -67,4 +67,8 @@ std::vector<std::string> FewOf(const std::vector<std::string>& channels);
 /// "0.2 rad/s".
 std::string WithUnit(double value, const std::string& unit);
 
+/// Where no channel is surely above what the sensors leave: that in which the errors of a few windows are, to be
+/// appended; empty where none is.
+std::string ButByChance(const DesignRecord::Validation::Horizon& shown);
+
 }  // namespace oted

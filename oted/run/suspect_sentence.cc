@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "oted/matching/verdict.h"
 #include "oted/run/prediction_words.h"
@@ -69,12 +68,6 @@ bool LeavesMore(const FreedTrial& trial, const std::vector<DesignRecord::Validat
 }
 
 }  // namespace
-
-std::string ParameterLine(const ParameterSpec& spec) {
-  return fmt::format("{} = {{ field = {}, range = [{:g}, {:g}]{}{} }}", spec.name, nlohmann::json(spec.field).dump(),
-                     spec.low, spec.high, spec.scale == ParameterScale::kAbsolute ? ", scale = \"absolute\"" : "",
-                     spec.logarithmic ? ", log = true" : "");
-}
 
 std::string ConditionInWords(const Condition& condition) {
   const ParameterSpec& spec = condition.spec;

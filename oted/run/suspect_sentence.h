@@ -8,9 +8,6 @@
 
 namespace oted {
 
-/// "delay = { field = "action/delay", range = [0, 3], scale = "absolute" }": what adds it to [parameters].
-std::string ParameterLine(const ParameterSpec& spec);
-
 /// What the logs say of a suspect, and what freeing it bought.
 /// @param channels  of the predictions: names and units, and the floor where it is known
 /// @param off       those in which more is left than the sensors explain, the farthest off first; the first is told of

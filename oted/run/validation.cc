@@ -83,7 +83,7 @@ std::string SentenceOf(const ValidationResult& result, const HeldOutPrediction& 
   if (ShowsNothing(prediction.horizons)) return kNothingShown;
   const DesignRecord::Validation::Horizon& shown = ShownHorizon(result.validation);
   const std::vector<int> off = ChannelsOff(prediction);
-  const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain"
+  const std::string rest = result.reaches_floor ? "; what it leaves, the sensors explain" + ButByChance(shown)
                            : off.empty()        ? "; " + WhyNotReached(result.validation) + ButOdd(result.validation)
                                                 : "; what it leaves is more than the sensors explain: " +
                                                WhatRemains(result.validation, shown, off) + ButOdd(result.validation);

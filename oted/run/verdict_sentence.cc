@@ -12,8 +12,7 @@
 namespace oted {
 namespace {
 
-constexpr int kFewToldWindows = 10;   // fewer are told beside the horizon
-constexpr double kMayBeChance = 1.5;  // times the floor, and not surely more
+constexpr int kFewToldWindows = 10;  // fewer are told beside the horizon
 constexpr double kMuchNarrowed = 0.5;
 constexpr const char* kAsksForMore =
     "the logs surely ask for something that is not searched (see the suspects): values may be off";
@@ -132,18 +131,6 @@ std::string ButValuesOff(const DesignRecord& record) {
   return fmt::format(
       "; the fit asks for {} of {} though: a gap that noise hides from predictions, or an error of the fit",
       names.size() == 1 ? "another value" : "other values", Enumerate(names));
-}
-
-/// Where no channel is surely above what the sensors leave: that in which the errors of a few windows are.
-std::string ButByChance(const DesignRecord::Validation::Horizon& shown) {
-  const DesignRecord::Validation::Channel* most = nullptr;
-  for (const auto& c : shown.channels) {
-    if (!c.judged || !(c.designed > kMayBeChance * c.floor)) continue;
-    if (most == nullptr || c.designed / c.floor > most->designed / most->floor) most = &c;
-  }
-  if (most == nullptr) return "";
-  return fmt::format("; in {} it leaves {}, the sensors {:.2g}: in few of these windows, which may be chance",
-                     most->name, WithUnit(most->designed, most->unit), most->floor);
 }
 
 std::string GapClosedForAClassifier(const DesignRecord& record) {

@@ -264,9 +264,11 @@ void CheckRecords(const fs::path& run_directory) {
     const bool is_record = file.path.extension() == ".json" || file.path == "run.toml";
     if (!is_record || (file.state != FileState::kDamaged && file.state != FileState::kMissing)) continue;
     if (file.note_is_error) throw DataError(file.note);
-    throw DataError(fmt::format("'{}' is {}: {}; restore it ('oted verify {}' names all that are not whole)",
-                                (root / file.path).string(), file.state == FileState::kDamaged ? "damaged" : "missing",
-                                file.note, root.string()));
+    throw DataError(
+        fmt::format("'{}' is {}: {}; restore it, or run again the command that made it ('oted verify {}' names all "
+                    "that are not whole)",
+                    (root / file.path).string(), file.state == FileState::kDamaged ? "damaged" : "missing", file.note,
+                    root.string()));
   }
 }
 

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "oted/base/error.h"
+#include "oted/base/statistics.h"
 #include "oted/sim/log_window.h"
 
 namespace oted {
@@ -28,13 +29,6 @@ std::vector<int> Spread(const std::vector<int>& rows, int most) {
   std::vector<int> some;
   for (size_t i = 0; i < rows.size(); i += std::max<size_t>(1, every)) some.push_back(rows[i]);
   return some;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
 }
 
 std::unique_ptr<Simulator> NominalLanes(const SimulatorFactory& factory, int n_lanes, int n_threads) {

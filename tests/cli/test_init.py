@@ -525,12 +525,18 @@ class InitTest(ProgramTest):
         self.assertRegex(text, r"shoulder_joint +joint/shoulder_joint/qpos")
         self.assertIn("shoulder_joint", str(task["data"]))
 
-    def test_milliseconds_by_name_count_as_steps(self):
+    def test_times_are_read_in_the_unit_of_their_name(self):
         rows = swing(1)
         rows[:, 0] *= 1000
-        text, task = self.init(self.csv(rows, ["time_ms", *NAMES[1:]]))
-        self.assertAlmostEqual(task["task"]["control_period"], 0.02)
-        self.assertIn("rows count as steps", text)
+        gap = np.delete(rows, slice(40, 50), axis=0)
+        for name, setting in (("time_ms", None), ("stampMs", "stampMs")):
+            with self.subTest(name):
+                _, task = self.init(self.csv(gap, [name, *NAMES[1:]]))
+                self.assertAlmostEqual(task["task"]["control_period"], 0.02)
+                self.assertEqual(task["data"].get("time"), setting)
+                check = program.oted("data", "check", self.task, "--json")
+                self.assertEqual(json.loads(check.stdout)["dataset"]["episodes"], 2, "ten rows are missing")
+                self.task.unlink()
 
     def test_what_it_cannot_tell_is_refused_with_nothing_left(self):
         rows = swing(1)

@@ -14,18 +14,21 @@ namespace {
 constexpr double kWholeRange = 1.0;
 constexpr double kSmallStep = 0.02;
 
-/// Lane 2i holds parameter i `step` of its range below nominal, lane 2i + 1 as much above, at most at its bounds.
+/// Lane 2i holds parameter i `step` of its range below nominal, lane 2i + 1 as much above, at most at its bounds. The
+/// last lane is nominal.
 class PairedLanes {
  public:
   PairedLanes(const SimulatorFactory& factory, const Dataset& dataset, double step, int n_threads)
-      : simulator_(factory.Make(2 * factory.parameters().size(), n_threads)),
+      : simulator_(factory.Make(2 * factory.parameters().size() + 1, n_threads)),
         dataset_(dataset),
         normalizer_(Normalizer::Fit(dataset.observations)),
         effects_(static_cast<size_t>(factory.parameters().size())),
         changes_(factory.parameters().size(), dataset.obs_dim()),
         products_(factory.parameters().size(), factory.parameters().size()) {
     const std::vector<double> nominal = factory.parameters().Nominal(), u = factory.parameters().ToUnit(nominal);
-    for (int lane = 0; lane < simulator_->n_lanes(); ++lane) {
+    const int nominal_lane = simulator_->n_lanes() - 1;
+    simulator_->SetParameters(nominal_lane, nominal);
+    for (int lane = 0; lane < nominal_lane; ++lane) {
       const size_t i = static_cast<size_t>(lane / 2);
       std::vector<double> moved = u, z = nominal;
       moved[i] = std::clamp(u[i] + (lane % 2 == 0 ? -step : step), 0.0, 1.0);
@@ -39,8 +42,12 @@ class PairedLanes {
   /// Of the changes of each two parameters, summed over observations and steps.
   const Array2<double>& products() const { return products_; }
 
-  /// Compares the two lanes of each parameter.
+  /// Compares the two lanes of each parameter, and each with the nominal one: what acts alike on both sides of the
+  /// nominal value differs from that alone.
   void Compare() {
+    const int nominal = simulator_->n_lanes() - 1;
+    const bool has_nominal = simulator_->status(nominal) != LaneStatus::kDiverged;
+    const auto c = simulator_->observation(nominal);
     for (size_t i = 0; i < effects_.size(); ++i) {
       const int low = static_cast<int>(2 * i), high = low + 1;
       const bool low_broke = simulator_->status(low) == LaneStatus::kDiverged;
@@ -52,7 +59,9 @@ class PairedLanes {
       const auto a = simulator_->observation(low), b = simulator_->observation(high);
       for (size_t j = 0; j < a.size(); ++j) {
         changes_(low / 2, static_cast<int>(j)) = (b[j] - a[j]) / normalizer_.scale[j];
-        const double change = std::abs(a[j] - b[j]) / normalizer_.scale[j];
+        const double apart =
+            std::max({a[j], b[j], has_nominal ? c[j] : a[j]}) - std::min({a[j], b[j], has_nominal ? c[j] : a[j]});
+        const double change = apart / normalizer_.scale[j];
         effects_[i].largest_change = std::max(effects_[i].largest_change, change);
         effects_[i].by_observation[j] = std::max(effects_[i].by_observation[j], change);
       }

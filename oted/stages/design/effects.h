@@ -14,7 +14,8 @@ inline constexpr double kBreaksDown = 1e9;  ///< a change: the physics breaks do
 /// What one parameter does to replayed episodes.
 struct ParameterEffect {
   /// Largest change of any observation, in standard deviations of that observation in the dataset, when the parameter
-  /// goes from one bound to the other and all others stay nominal. Exactly 0: no measured effect.
+  /// goes from one bound over its nominal value to the other and all others stay nominal. Exactly 0: no measured
+  /// effect.
   double largest_change = 0;
   /// The same for each observation: (obs_dim).
   std::vector<double> by_observation;

@@ -35,6 +35,27 @@ class ShiftedStartFactory : public PointMassFactory {
   }
 };
 
+/// The same where a shift in either direction is one to the right, of as much.
+class ShiftedAsideFactory : public PointMassFactory {
+  class ShiftedAside : public ShiftedStart {
+   public:
+    using ShiftedStart::ShiftedStart;
+    void SetParameters(int lane, std::span<const double> z) override {
+      ShiftedStart::SetParameters(lane, std::vector<double>{z[0], z[1], std::min(std::abs(z[2] - kNominal[2]), 0.1)});
+    }
+  };
+
+ public:
+  std::unique_ptr<Simulator> Make(int n_lanes, int n_threads) const override {
+    return std::make_unique<ShiftedAside>(PointMassOptions{}, n_lanes, n_threads);
+  }
+};
+
+TEST(MeasureEffects, WhatActsAlikeAtBothBoundsDiffersFromTheNominalValue) {
+  const auto effects = MeasureEffects(ShiftedAsideFactory(), PointMassLogs(kNominal, 3), 3, RngKey(1), 1);
+  EXPECT_GT(effects[2].largest_change, 1e-3);
+}
+
 TEST(MeasureEffects, AParameterThatChangesNothingMeasuresExactlyZero) {
   const auto effects = MeasureEffects(PointMassFactory(), PointMassLogs(kNominal, 3), 3, RngKey(1), 1);
   ASSERT_EQ(effects.size(), 3u);

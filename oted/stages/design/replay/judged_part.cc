@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include "oted/base/statistics.h"
 #include "oted/sim/channel_path.h"
 #include "oted/stages/design/replay/prediction_ratios.h"
 #include "oted/stages/design/replay/reading_model.h"
@@ -149,9 +151,7 @@ VectorXd Medians(const MatrixXd& squares) {
     for (Eigen::Index w = 0; w < squares.cols(); ++w) {
       values.push_back(std::isnan(squares(c, w)) ? std::numeric_limits<double>::infinity() : squares(c, w));
     }
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::ranges::nth_element(values, middle);
-    medians[c] = *middle;
+    medians[c] = Median(std::move(values));
   }
   return medians;
 }

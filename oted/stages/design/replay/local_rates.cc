@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include "oted/base/statistics.h"
 
 namespace oted {
 namespace {
@@ -66,10 +69,9 @@ int LocalRates::HalfWidth(int column) {
       errors.push_back(std::abs(value - Parabola(around.values, around.before)[0]) / (1 - leverage));
     }
     if (errors.size() < 8) break;
-    const auto middle = errors.begin() + static_cast<ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    if (!(*middle < least)) continue;
-    least = *middle;
+    const double typical = Median(std::move(errors));
+    if (!(typical < least)) continue;
+    least = typical;
     best = half_width;
   }
   return half_widths_[column] = best;

@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
+#include "oted/base/statistics.h"
 #include "oted/stages/design/replay/reading_model.h"
 
 namespace oted {
@@ -37,12 +39,10 @@ double NoiseByPolynomial(const Dataset& logs, int channel, const Around& polynom
     }
   }
   if (apart.empty()) return std::numeric_limits<double>::infinity();
-  const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
-  std::ranges::nth_element(apart, middle);
   // Of the difference of a reading and that value, where all have noise of 1.
   double grown = 1;
   for (const double weight : polynomial.weights) grown += 2 * std::pow(weight / polynomial.divisor, 2);
-  return *middle / (kMedianOfNormal * std::sqrt(grown));
+  return Median(std::move(apart)) / (kMedianOfNormal * std::sqrt(grown));
 }
 
 /// A higher order counts where it leaves far less: there is motion that the lower one does not follow, not noise.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "oted/base/statistics.h"
 #include "oted/data/checks_rates.h"
 #include "oted/data/normalizer.h"
 #include "oted/matching/as_vector.h"
@@ -30,12 +31,6 @@ int SourceOf(const SimulatorSpec& spec, const ReadingModel& readings, int j) {
                      : spec.rate_of.empty() ? -1
                                             : spec.rate_of[static_cast<size_t>(j)];
   return source >= 0 && readings.IsHeld(source, 0) ? source : -1;
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// The step of which all of these numbers are multiples, from some origin; 0 where there is none.

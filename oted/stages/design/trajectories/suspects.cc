@@ -28,6 +28,7 @@ constexpr double kNoticeableLog = 0.1, kNoticeableLength = 0.02, kNoticeableScal
 constexpr double kNoticeableLoad = 0.005;  // of the range: some hundredths of the body's radius of gyration
 constexpr double kLargestLog = 2.303;      // a linear model knows nothing of a change tenfold
 constexpr double kOff = 0.1;               // of conditions: of a multiple, of the range of a value
+constexpr double kOffOfRotor = 1.0;        // data sheets hardly have it, and it counts by the square of the gear
 constexpr const char* kGravity = "opt/gravity[2]";
 constexpr size_t kMostConditions = 3;  // of each parameter
 constexpr double kTrace = 0.1;         // of a small change
@@ -162,6 +163,17 @@ struct Step {
 Step LastOf(const StretchEstimate& estimate) {
   const auto last = estimate.step.size() - 1;
   return {estimate.step[last], std::sqrt(estimate.covariance(last, last))};
+}
+
+/// How much more than the model has of it a condition supposes, of what the logs leave open; none where they leave
+/// nothing. @param is_alike  whether they cannot tell it from x at all
+std::optional<double> FarthestOpen(const ParameterSpec& spec, const Step& asked, bool is_alike) {
+  std::vector<double> offs = {ChangesByLog(spec) ? std::log(1 + kOff) : kOff};
+  if (spec.IsMultiple() && spec.field.ends_with("/armature")) offs.insert(offs.begin(), std::log(1 + kOffOfRotor));
+  for (const double off : offs) {
+    if (is_alike || !IsExcluded(off, asked.change, asked.std)) return off;
+  }
+  return std::nullopt;
 }
 
 Suspect ScoreOf(const ParameterSpec& spec, const StretchEstimate& estimate) {
@@ -313,13 +325,13 @@ RestsOn FindConditions(const std::vector<ParameterSpec>& specs, const LevelFit& 
     found.is_sure |= scored.explains > kSurelyAsked * kSurelyAsked / 2;
     if (scored.explains > kAsked * kAsked / 2 && IsNoticeable(specs[k], scored.value)) found.asked.push_back(scored);
     if (is_searched(specs[k])) continue;
-    const double off = ChangesByLog(specs[k]) ? std::log(1 + kOff) : kOff;
-    const auto [change, std] = LastOf(*estimate);
     const WithEachAlone::Following following = with.FollowingOf(k);
     // By such a step an effect bends by half of it, and those of x by steps of their own: a smaller angle is none.
     const double bend = std::max(2 * steps[static_cast<Eigen::Index>(k)], kSmallestSine);
     const bool is_alike = following.square_of_sine <= bend * bend;
-    if (!is_alike && IsExcluded(off, change, std)) continue;
+    const std::optional<double> open = FarthestOpen(specs[k], LastOf(*estimate), is_alike);
+    if (!open) continue;
+    const double off = *open;
     const std::vector<double> moved = Followed(space, fit.x(), off * following.x_per_unit);
     refutation.Suppose(k, At(specs[k], off), moved);
     for (size_t i = 0; i < z.size(); ++i) {

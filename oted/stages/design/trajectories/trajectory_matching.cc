@@ -15,6 +15,7 @@
 #include "oted/stages/design/trajectories/fit_steps.h"
 #include "oted/stages/design/trajectories/level_fit.h"
 #include "oted/stages/design/trajectories/long_windows.h"
+#include "oted/stages/design/trajectories/mirrored_values.h"
 #include "oted/stages/design/trajectories/own_designs.h"
 #include "oted/stages/design/trajectories/short_windows.h"
 #include "oted/stages/design/trajectories/stretch_estimate.h"
@@ -110,8 +111,9 @@ class TrajectoryMatch {
     LeaveUntold(x, covariance);
     if (problem_.judged) {
       evidence_.unseen = FitUnseen();
-      // Only a value that may be called identified is worth its conditions.
       const Designer q(space_, x, covariance);
+      evidence_.mirrored = FindMirrored(fit(), q);
+      // Only a value that may be called identified is worth its conditions.
       if (!NarrowParameters(q).empty()) {
         RestsOn rests_on = WhatFitRestsOn(q);
         evidence_.conditions = std::move(rests_on.conditions);
