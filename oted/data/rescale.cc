@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "oted/base/error.h"
 #include "oted/data/named_columns.h"
 
@@ -52,9 +54,20 @@ void Multiply(Array2<double>& rows, const Numbers& scale, const Numbers& offset)
   }
 }
 
+void CheckFactors(const std::map<std::string, double>& factors) {
+  for (const auto& [pattern, factor] : factors) {
+    if (factor != 0 && std::isfinite(factor)) continue;
+    throw UsageError(
+        fmt::format("data.scale: the factor of '{}' is {}, wanted a unit or a sign, such as 0.001 or -1; nothing would "
+                    "be left of it",
+                    pattern, factor));
+  }
+}
+
 template <class Log>
 void RescaleLog(Log& log, const std::string& file, const Rescaling& rescaling, const TaskNames& task) {
   if (rescaling.empty()) return;
+  CheckFactors(rescaling.scale);
   const Rescaled scale = Find("data.scale", rescaling.scale, log, file, task);
   const Rescaled offset = Find("data.offset", rescaling.offset, log, file, task);
   if (!log.qpos.empty() && !(scale.observations.empty() && offset.observations.empty())) {

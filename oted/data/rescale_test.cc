@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <initializer_list>
+#include <limits>
 #include <utility>
 
 #include "oted/base/error.h"
@@ -70,6 +72,17 @@ TEST(Rescale, WhatNamesNothingOrOneColumnTwiceIsRefused) {
         Rescale(log, {{{"joint/hip/qpos", 2}}, {}}, kNoTask);
       },
       ThrowsMessage<UsageError>(HasSubstr("qpos")));
+}
+
+TEST(Rescale, AFactorThatLeavesNothingIsRefused) {
+  for (const double factor : {0.0, std::numeric_limits<double>::infinity(), std::nan("")}) {
+    Dataset log = Log();
+    EXPECT_THAT(
+        [&] {
+          Rescale(log, {{{"joint/hip/qpos", factor}}, {}}, kNoTask);
+        },
+        ThrowsMessage<UsageError>(HasSubstr("wanted a unit or a sign")));
+  }
 }
 
 }  // namespace oted::rescale_test
