@@ -42,7 +42,7 @@ observations = ["joint/*/qpos", "joint/*/qvel"]
 [data]
 path = "logs.csv"
 [parameters]
-armature = {{ field = "joint/a/damping", range = [0.2, 5.0], scale = "absolute" }}
+armature = {{ field = "joint/a/damping", range = [0.0, 5.0], scale = "absolute" }}
 """
 
     def task(self, step):

@@ -535,8 +535,8 @@ class InitTest(ProgramTest):
                 self.assertAlmostEqual(task["task"]["control_period"], 0.02)
                 self.assertEqual(task["data"].get("time"), setting)
                 check = program.oted("data", "check", self.task, "--json")
-                self.assertEqual(json.loads(check.stdout)["dataset"]["episodes"], 2, "ten rows are missing")
                 self.task.unlink()
+                self.assertEqual(json.loads(check.stdout)["dataset"]["n_episodes"], 2, "ten rows are missing")
 
     def test_what_it_cannot_tell_is_refused_with_nothing_left(self):
         rows = swing(1)
