@@ -20,6 +20,7 @@ constexpr double kLagGain = 0.6;       // what a lag must leave of the squared d
 constexpr size_t kBlocks = 10;         // of rows, that tell how sure the mean difference is
 constexpr double kSureOffset = 5.0;    // standard errors
 constexpr double kLeastOffset = 0.05;  // of the velocity's size
+constexpr double kOfScatter = 0.5;     // of the differences' own scatter
 
 /// Sums over rows of y (change of the position) and x (mean velocity of the row, read `lag` rows later).
 struct Sums {
@@ -70,6 +71,8 @@ Sums Sum(const Pair& pair, double lag, int margin) {
 }
 
 /// By how much the velocity is larger than the position moves, on average: noise, filters and lags have no part in it.
+/// Between coarse rows a gait moves otherwise than its velocities at the rows say, row by row by far more than on
+/// average.
 double OffsetOf(const Pair& pair, double period_s) {
   std::vector<double> off;
   double square = 0;
@@ -87,7 +90,7 @@ double OffsetOf(const Pair& pair, double period_s) {
   for (size_t b = 0; b < kBlocks; ++b) spread += std::pow(sums[b] / counts[b] - mean, 2);
   const double error = std::sqrt(spread / (kBlocks * (kBlocks - 1)));
   const double least = kLeastOffset * std::sqrt(square / static_cast<double>(off.size()));
-  return std::abs(mean) > std::max(kSureOffset * error, least) ? mean : 0;
+  return std::abs(mean) > std::max({kSureOffset * error, least, kOfScatter * StandardDeviation(off)}) ? mean : 0;
 }
 
 RateAgreement Compare(const Pair& pair, double period_s) {
