@@ -182,8 +182,7 @@ std::string Change(double change) {
 void PrintEffects(const ParameterCheck& check) {
   Print(
       "\nLargest change from one bound over the nominal value to the other, in standard deviations of each observation "
-      "({} {} episodes, {} "
-      "transitions)\n\n",
+      "({} {} episodes, {} transitions)\n\n",
       check.n_episodes, check.logged ? "logged" : "random", check.n_transitions);
   size_t width = 11;
   for (const std::string& name : check.simulator.observation_names) width = std::max(width, name.size());

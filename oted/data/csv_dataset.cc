@@ -45,6 +45,7 @@ class CsvReader {
         throw DataError(fmt::format("'{}' line 1: a column's name is not UTF-8; save it as UTF-8", path_));
     }
     columns_ = FindColumns(header_, options_, path_);
+    if (columns_.time >= 0) units_per_second_ = UnitsPerSecond(header_[static_cast<size_t>(columns_.time)]);
     recording_.observation_names = columns_.observation_names;
     recording_.action_names = columns_.action_names;
     if (!columns_.constants.empty()) recording_.constant_names = options_.constant_names;
@@ -83,7 +84,7 @@ class CsvReader {
 
   /// [s].
   double Time(const std::vector<std::string>& fields) const {
-    return Number(fields, columns_.time) / UnitsPerSecond(header_[static_cast<size_t>(columns_.time)]);
+    return Number(fields, columns_.time) / units_per_second_;
   }
 
   bool Flag(const std::vector<std::string>& fields, int column) const {
@@ -314,6 +315,7 @@ class CsvReader {
   const DataOptions& options_;
   std::vector<std::string> header_;
   CsvColumns columns_;
+  double units_per_second_ = 1;  // of the times
   Recording recording_;
   std::vector<int64_t> lines_;
   std::vector<std::string> episodes_;

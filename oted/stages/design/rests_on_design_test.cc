@@ -8,7 +8,7 @@
 #include "oted/data/sensor_noise.h"
 #include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/testing.h"
-#include "oted/stages/design/trajectories/trajectory_matching.h"
+#include "oted/stages/design/trajectories/testing.h"
 
 namespace oted::rests_on_design_test {
 
@@ -26,12 +26,7 @@ TEST(DesignOfAServo, NamesTheDampingThatNoLogTellsFromItsOwn) {
   const ParameterSpec kv = {.name = "kv", .field = "actuator/*/kv", .low = 0.5, .high = 2};
   const MujocoSimulatorFactory factory(HingeTask(folder, kXml), {kv});
   const Dataset logs = WithSensorNoise(LogsUnderTorques(factory, {kTruth}, 0.9), 0.001, RngKey(3));
-  NullSink log;
-  const Prior prior = Prior::Uniform(1);
-  const RunContext context{.log = &log, .n_threads = 1};
-  const ReplayFit fit =
-      MatchTrajectories({factory, logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
-                        {.rows = 400, .starts = 2, .coarse = 16});
+  const ReplayFit fit = BriefFit(factory, logs);
   std::vector<std::string> fields;
   for (const Condition& condition : fit.evidence->conditions) {
     fields.push_back(condition.spec.field);

@@ -10,7 +10,7 @@
 #include "oted/data/sensor_noise.h"
 #include "oted/sim/mujoco/mujoco_simulator_factory.h"
 #include "oted/stages/design/testing.h"
-#include "oted/stages/design/trajectories/trajectory_matching.h"
+#include "oted/stages/design/trajectories/testing.h"
 
 namespace oted::mirrored_values_test {
 
@@ -31,12 +31,7 @@ std::vector<MirroredValue> FoundBeside(const std::string& axis, double truth, do
       .name = "aside", .field = "body/load/ipos[1]", .low = low, .high = 0.12, .scale = ParameterScale::kAbsolute};
   const MujocoSimulatorFactory factory(HingeTask(folder, TurningAbout(axis).c_str()), {aside});
   const Dataset logs = WithSensorNoise(LogsUnderTorques(factory, {truth}, 0.3), 0.0005, RngKey(3));
-  NullSink log;
-  const Prior prior = Prior::Uniform(1);
-  const RunContext context{.log = &log, .n_threads = 1};
-  const ReplayFit fit =
-      MatchTrajectories({factory, logs, prior, RngKey(1), [](int, int, const Eigen::VectorXd&) {}, context},
-                        {.rows = 400, .starts = 2, .coarse = 16});
+  const ReplayFit fit = BriefFit(factory, logs);
   EXPECT_NEAR(std::abs(ToZ(factory.parameters(), fit.mean)[0]), truth, 0.01);
   return fit.evidence->mirrored;
 }
