@@ -13,7 +13,8 @@ namespace oted {
 namespace {
 
 constexpr int kMostGeoms = 2000;
-constexpr int kMostPixels = 16384;  // each way
+constexpr int kMostPixels = 16384;    // each way
+constexpr uint8_t kEmptySpace = 235;  // its grey where the model has no sky; MuJoCo's black hides dark robots
 
 // Whether the model's base travels: its first body moves by itself and does not only turn.
 bool HasMovingBase(const mjModel& model) {
@@ -40,6 +41,16 @@ mjvCamera ChooseCamera(const mjModel& model) {
   return camera;
 }
 
+bool HasSky(const mjModel& model) {
+  return std::find(model.tex_type, model.tex_type + model.ntex, mjTEXTURE_SKYBOX) != model.tex_type + model.ntex;
+}
+
+// The light at the camera, brighter: for a model without lights of its own, which it leaves nearly black.
+void Brighten(mjvLight* headlight) {
+  std::fill_n(headlight->ambient, 3, 0.4F);
+  std::fill_n(headlight->diffuse, 3, 0.6F);
+}
+
 }  // namespace
 
 struct MujocoRenderer::Scene {
@@ -51,11 +62,13 @@ struct MujocoRenderer::Scene {
         width(width_),
         height(height_),
         bottom_up(3 * static_cast<size_t>(width_) * static_cast<size_t>(height_)),
-        picture(bottom_up.size()) {
+        picture(bottom_up.size()),
+        depth(HasSky(*model) ? 0 : bottom_up.size() / 3) {
     OTED_CHECK(model != nullptr && data != nullptr);
     model->vis.global.offwidth = width;
     model->vis.global.offheight = height;
     model->vis.quality.shadowsize = 1024;  // by default 4096, most of the time of a picture of this size
+    if (!HasSky(*model)) model->vis.quality.offsamples = 0;  // smoothed edges would keep some of MuJoCo's black
     mjv_defaultScene(&scene);
     mjv_defaultOption(&option);
     mjr_defaultContext(&context);
@@ -80,9 +93,13 @@ struct MujocoRenderer::Scene {
     mj_comPos(model.get(), data.get());
     mj_camlight(model.get(), data.get());
     mjv_updateScene(model.get(), data.get(), &option, nullptr, &camera, mjCAT_ALL, &scene);
+    if (model->nlight == 0 && scene.nlight > 0) Brighten(&scene.lights[0]);
     const mjrRect viewport = {0, 0, width, height};
     mjr_render(viewport, &scene, &context);
-    mjr_readPixels(bottom_up.data(), nullptr, viewport, &context);
+    mjr_readPixels(bottom_up.data(), depth.empty() ? nullptr : depth.data(), viewport, &context);
+    for (size_t i = 0; i < depth.size(); ++i) {
+      if (depth[i] >= 1) std::fill_n(bottom_up.begin() + static_cast<ptrdiff_t>(3 * i), 3, kEmptySpace);
+    }
   }
 
   std::unique_ptr<RenderContext> gl;  // outlives what MuJoCo keeps in it
@@ -96,6 +113,7 @@ struct MujocoRenderer::Scene {
   mjrContext context;
   bool has_context = false;
   std::vector<uint8_t> bottom_up, picture;
+  std::vector<float> depth;  // empty where a sky lies behind everything
 };
 
 MujocoRenderer::MujocoRenderer(std::unique_ptr<Scene> scene) : scene_(std::move(scene)) {}

@@ -21,7 +21,8 @@ class MujocoRenderer : public Renderer {
   ~MujocoRenderer() override;
 
   /// The model with parameters `z` in pose `qpos` (nq), seen by the model's first camera that follows the robot, or,
-  /// where it has none, by one that shows the whole model and follows a base that moves.
+  /// where it has none, by one that shows the whole model and follows a base that moves. Without a sky the background
+  /// is light grey; without lights the one at the camera is brighter than MuJoCo's.
   /// @return (height, width, 3) bytes, red green blue, the top row first; valid until the next call
   /// @throws DataError when MuJoCo cannot draw it.
   const std::vector<uint8_t>& Draw(std::span<const double> z, std::span<const double> qpos) override;

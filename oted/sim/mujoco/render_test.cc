@@ -81,6 +81,29 @@ TEST_F(RenderTest, APictureHasTheAskedSizeAndTheRobotStandsInItsMiddle) {
   EXPECT_GT(std::sqrt(variance), 20) << "a blank picture";
 }
 
+TEST(RenderBareModelTest, AModelWithoutSkyAndLightsStandsOutFromALightBackground) {
+  const TestFolder folder;
+  WriteFileAtomically(folder / "bare.xml", R"(<mujoco><worldbody><body><joint name="hip" axis="0 1 0"/>
+    <geom type="capsule" size=".05" fromto="0 0 0 0 0 .5" rgba=".1 .1 .1 1"/></body></worldbody>
+    <actuator><motor joint="hip" ctrlrange="-1 1"/></actuator></mujoco>)");
+  ModelTask task;
+  task.name = "bare";
+  task.model = folder / "bare.xml";
+  task.control_period = 0.02;
+  task.observations = {"joint/hip/qpos", "joint/hip/qvel"};
+  const MujocoSimulatorFactory factory(task, {});
+  std::string why_not;
+  const auto renderer = factory.MakeRenderer(kWidth, kHeight, &why_not);
+  if (renderer == nullptr) GTEST_SKIP() << why_not;
+  const std::vector<uint8_t> picture = renderer->Draw({}, std::vector{0.3});
+  EXPECT_GT(picture.front(), 200);
+  EXPECT_LT(*std::min_element(picture.begin(), picture.end()), 120);
+  // The robot is a small part of the picture, and the rest is one colour.
+  const auto n_background = std::count(picture.begin(), picture.end(), picture.front());
+  EXPECT_GT(n_background, 3 * kWidth * kHeight / 2);
+  EXPECT_LT(n_background, 3 * kWidth * kHeight - 300);
+}
+
 TEST_F(RenderTest, TheSamePoseGivesTheSamePictureAndAnotherOneAnother) {
   const std::vector<uint8_t> first = renderer_->Draw(std::vector{1.0}, Standing());
   const std::vector<double> bent = {0, 1.25, 0, -0.5, -0.5, 0.5};
