@@ -53,8 +53,8 @@ bool HasOne(const DesignRecord& design, ParameterVerdict verdict) {
   return std::ranges::find(design.parameters, verdict, &DesignRecord::Parameter::verdict) != design.parameters.end();
 }
 
-/// What values of that verdict rest on.
-void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
+/// The verdict's meaning, and what values of that verdict rest on.
+void PrintMeaning(const DesignRecord& design, ParameterVerdict verdict, const std::string& meaning) {
   std::vector<std::string> conditions;  // in the order that they come in
   std::map<std::string, std::vector<std::string>> moved;
   for (const DesignRecord::Parameter& p : design.parameters) {
@@ -64,8 +64,9 @@ void PrintConditions(const DesignRecord& design, ParameterVerdict verdict) {
       moved[of.condition].push_back(fmt::format("{} would be {:.{}f}", p.name, of.value, DecimalsOf(p)));
     }
   }
+  Print("{}: {}{}\n", ToString(verdict), meaning, conditions.empty() ? "" : "; the logs do not show whether it is:");
   for (const std::string& condition : conditions) {
-    Print("  if {}, {} (the logs do not show whether it is)\n", condition, fmt::join(moved[condition], ", "));
+    Print("  if {}, {}\n", condition, fmt::join(moved[condition], ", "));
   }
 }
 
@@ -98,8 +99,7 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
           ToString(p.verdict), error);
   }
   if (HasOne(design, ParameterVerdict::kIdentified)) {
-    Print("identified: if what is not among the parameters is as in the model\n");
-    PrintConditions(design, ParameterVerdict::kIdentified);
+    PrintMeaning(design, ParameterVerdict::kIdentified, "if what is not among the parameters is as in the model");
   }
   const auto is_doubted = [&](const DesignRecord::Parameter& p) {
     return p.verdict == ParameterVerdict::kWeak && (design.WasGrown(p.name) || !p.rests_on.empty());
@@ -107,10 +107,11 @@ void PrintParameters(const DesignRecord& design, const std::vector<double>& trut
   if (std::ranges::any_of(design.parameters, is_doubted)) {
     const bool is_of_body =
         std::ranges::any_of(design.grown, [](const auto& g) { return g.spec.field.starts_with("body/"); });
-    Print("weak: {} may be off{}\n",
-          design.grown.empty() ? "what is not searched" : "in place of what --grow added something else",
-          is_of_body ? " (a body's mass, inertia, length and centre of mass imitate each other)" : "");
-    PrintConditions(design, ParameterVerdict::kWeak);
+    PrintMeaning(
+        design, ParameterVerdict::kWeak,
+        fmt::format("{} may be off{}",
+                    design.grown.empty() ? "what is not searched" : "in place of what --grow added something else",
+                    is_of_body ? " (a body's mass, inertia, length and centre of mass imitate each other)" : ""));
   }
   for (const DesignRecord::Parameter& p : design.parameters) {
     if (p.either_side) Print("{}: the logs do not tell on which side of 0 it lies\n", p.name);
