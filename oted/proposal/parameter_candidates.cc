@@ -308,11 +308,17 @@ class CandidateList {
     }
     PerDrive("servo_stiffness", servos, "kp");
     // No log tells it from the joints' own damping, which is a candidate.
-    if (std::ranges::any_of(servos, [&](const auto& servo) { return HasSome(fmt::format("actuator/{}/kv", servo)); })) {
-      left_out_.emplace_back(
-          "damping of servos (actuator/*/kv): it acts as the damping of what they drive does; it stays as in the "
-          "model; or free it in the place of that damping");
-    }
+    const auto leave_out_damping = [&](DriveKind kind, const char* what) {
+      if (std::ranges::none_of(model_.actuators, [&](const auto& a) { return a.drive == kind && a.damping != 0; })) {
+        return;
+      }
+      left_out_.push_back(
+          fmt::format("{} (actuator/*/kv): it acts as the damping of what they drive does; it stays as in the model; "
+                      "or free it in the place of that damping",
+                      what));
+    };
+    leave_out_damping(DriveKind::kPositionServo, "damping of servos");
+    leave_out_damping(DriveKind::kMotor, "back-EMF of motors");
     PerDrive("servo_gain", speed_servos, "kv");
     if (all_motors || motors.size() <= kFewJoints) PerDrive("gain", motors, "gainprm[0]");
     if (model_.has_activations) AddMultiple("drive_lag", "actuator/*/dynprm[0]");

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <iterator>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "oted/base/error.h"
@@ -19,14 +20,15 @@ namespace {
 constexpr const char* kServo = "gain alone would move a servo's set point; see servo_stiffness";
 
 constexpr PresetEntry kFriction = {"friction", "geom/*/friction[0]", {{0.3, 3.0}}, true};
-constexpr PresetEntry kGain = {"gain", "actuator/*/gainprm[0]", {{0.5, 2.0}}, true, {}, "actuator/*/biasprm", kServo};
+constexpr PresetEntry kGain = {
+    "gain", "actuator/*/gainprm[0]", {{0.5, 2.0}}, true, {}, {{"actuator/*/kp", "actuator/*/kv"}}, kServo};
 constexpr PresetEntry kDamping = {"damping", "joint/@actuated/damping", {{0.1, 10.0}}, true, {{0.0, 2.0}}};
 constexpr PresetEntry kFrictionLoss = {
     "frictionloss", "joint/@actuated/frictionloss", {{0.1, 10.0}}, true, {{0.0, 2.0}}};
 constexpr PresetEntry kArmature = {"armature", "joint/@actuated/armature", {{0.2, 5.0}}, true, {{0.0, 0.5}}};
 constexpr PresetEntry kStiffness = {"servo_stiffness", "actuator/*/kp", {{0.5, 2.0}}, true};
 constexpr PresetEntry kMass = {"mass", "body/@actuated/mass + body/@actuated/inertia", {{0.5, 2.0}}, true};
-constexpr PresetEntry kResidual = {"residual", "joint/@actuated/residual", {}, false, {}, "",
+constexpr PresetEntry kResidual = {"residual", "joint/@actuated/residual", {}, false, {}, {},
                                    "",         kResidualTerms.data()};
 constexpr double kBelievedShare = 0.15;  // of the reach: the standard deviation of what is believed to be near 0
 constexpr PresetEntry kDelay = {"delay", "action/delay", {}, false, {{0.0, 3.0}}};
@@ -85,6 +87,21 @@ PathInfo Describe(const SimulatorFactory& simulator, const std::string& path) {
   return IsChannelPath(path) ? DescribeChannel(simulator.spec(), path) : simulator.Describe(path);
 }
 
+/// Whether one of the paths sets a number of those.
+bool SharesNumbers(const SimulatorFactory& simulator, const PathInfo& info, std::span<const char* const> paths) {
+  std::set<std::string> numbers;
+  for (const ParameterPlace& place : info.places) numbers.insert(place.path);
+  return std::ranges::any_of(paths, [&](const char* path) {
+    if (*path == '\0') return false;
+    try {
+      return std::ranges::any_of(Describe(simulator, path).places,
+                                 [&](const ParameterPlace& place) { return numbers.contains(place.path); });
+    } catch (const UsageError&) {
+      return false;  // the model has none
+    }
+  });
+}
+
 bool AllZero(const PathInfo& info) {
   return std::all_of(info.places.begin(), info.places.end(), [](const ParameterPlace& p) { return p.nominal == 0; });
 }
@@ -96,13 +113,7 @@ std::string Restrict(const PresetEntry& entry, const SimulatorFactory& simulator
   } catch (const UsageError&) {
     return "the model has none";
   }
-  if (*entry.only_if_zero != '\0') {
-    try {
-      if (!AllZero(Describe(simulator, entry.only_if_zero))) return entry.otherwise;
-    } catch (const UsageError&) {
-      // Nothing there that could be other than 0.
-    }
-  }
+  if (SharesNumbers(simulator, info, entry.set_with_others)) return entry.otherwise;
   spec.name = entry.name;
   spec.field = entry.field;
   if (entry.terms != nullptr) return "";

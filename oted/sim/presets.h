@@ -2,6 +2,7 @@
 /// Lists of parameters that are usually off, for kinds of robots, with bounds to start from. The lists are data, at the
 /// top of presets.cc; docs/parameters.md says why each entry is there.
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,9 +21,8 @@ struct PresetEntry {
   std::optional<Bounds> multiple = std::nullopt;  ///< of the nominal value, where one of the path's values is not 0
   bool logarithmic = false;                       ///< search in log z, of multiples
   std::optional<Bounds> absolute = std::nullopt;  ///< the value itself, where all of them are 0
-  const char* only_if_zero =
-      "";                      ///< a path whose values must be 0, or which names nothing, for the entry to make sense
-  const char* otherwise = "";  ///< what to say where they are not
+  std::array<const char*, 2> set_with_others = {"", ""};  ///< paths that set its numbers together with others
+  const char* otherwise = "";                             ///< what to say where they do: it is left out
   /// A parameter for each number of the path, as far as the simulator tells that they reach, believed to be near 0. The
   /// parameter is called by the name, by what owns the number, and by the term that stands at the number's index.
   const char* const* terms = nullptr;

@@ -19,19 +19,23 @@ using testing::ThrowsMessage;
 /// A point mass that claims to have the numbers behind some paths.
 class Claims : public PointMassFactory {
  public:
-  explicit Claims(std::map<std::string, std::vector<double>> fields) : fields_(std::move(fields)) {}
+  /// @param same  of a path: another one that names the same numbers
+  explicit Claims(std::map<std::string, std::vector<double>> fields, std::map<std::string, std::string> same = {})
+      : fields_(std::move(fields)), same_(std::move(same)) {}
   PathInfo Describe(const std::string& path) const override {
     const auto found = fields_.find(path);
     if (found == fields_.end()) throw UsageError("no " + path);
     PathInfo info;
     for (size_t i = 0; i < found->second.size(); ++i) {
-      info.places.push_back({path + "#" + std::to_string(i), found->second[i]});
+      const std::string& number = same_.contains(path) ? same_.at(path) : path;
+      info.places.push_back({number + "#" + std::to_string(i), found->second[i]});
     }
     return info;
   }
 
  private:
   std::map<std::string, std::vector<double>> fields_;
+  std::map<std::string, std::string> same_;
 };
 
 std::vector<std::string> Names(const std::vector<ParameterSpec>& specs) {
@@ -41,9 +45,11 @@ std::vector<std::string> Names(const std::vector<ParameterSpec>& specs) {
 }
 
 const std::map<std::string, std::vector<double>> kArm = {
-    {"joint/@actuated/damping", {0.5, 0}},    {"joint/@actuated/frictionloss", {0, 0}},
-    {"joint/@actuated/armature", {0.1, 0.1}}, {"actuator/*/gainprm[0]", {1, 1}},
-    {"actuator/*/biasprm", {0, 0}},           {"body/@actuated/mass + body/@actuated/inertia", {2, 1, 3, 4}}};
+    {"joint/@actuated/damping", {0.5, 0}},
+    {"joint/@actuated/frictionloss", {0, 0}},
+    {"joint/@actuated/armature", {0.1, 0.1}},
+    {"actuator/*/gainprm[0]", {1, 1}},
+    {"body/@actuated/mass + body/@actuated/inertia", {2, 1, 3, 4}}};
 
 TEST(ExpandPresets, GivesWhatTheModelHasWithMultiplesOrWhereTheNominalIsZeroTheValueItself) {
   const ExpandedPresets arm = ExpandPresets({"arm"}, {}, Claims(kArm));
@@ -62,9 +68,8 @@ TEST(ExpandPresets, GivesWhatTheModelHasWithMultiplesOrWhereTheNominalIsZeroTheV
 TEST(ExpandPresets, SkipsWhatTheModelLacksAndSaysWhy) {
   auto fields = kArm;
   fields.erase("body/@actuated/mass + body/@actuated/inertia");
-  fields["actuator/*/biasprm"] = {0, -100};
-  fields["actuator/*/kp"] = {100, -100};
-  const ExpandedPresets arm = ExpandPresets({"arm"}, {}, Claims(fields));
+  fields["actuator/*/kp"] = {100, 100};
+  const ExpandedPresets arm = ExpandPresets({"arm"}, {}, Claims(fields, {{"actuator/*/kp", "actuator/*/gainprm[0]"}}));
   EXPECT_THAT(Names(arm.parameters), ElementsAre("damping", "frictionloss", "armature", "servo_stiffness", "delay"));
   EXPECT_THAT(arm.skipped,
               ElementsAre(AllOf(HasSubstr("gain of preset arm"), HasSubstr("set point")),

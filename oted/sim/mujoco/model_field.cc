@@ -14,6 +14,7 @@
 
 #include "oted/base/error.h"
 #include "oted/base/fields.h"
+#include "oted/sim/mujoco/drive_kind.h"
 #include "oted/sim/mujoco/field_info.h"
 #include "oted/sim/mujoco/joint_friction.h"
 #include "oted/sim/mujoco/joint_residual.h"
@@ -182,29 +183,23 @@ std::vector<int> RowsOf(const mjModel& model, const Owner& owner, const ModelArr
   return rows;
 }
 
-// The servos among `ids`: of a position servo kp is gainprm[0] and -biasprm[1], and kv -biasprm[2]; of a velocity servo
-// kv is gainprm[0] and -biasprm[2].
-std::vector<ModelField> ServoFields(const mjModel& model, const Owner& owner, const std::vector<int>& ids,
-                                    const std::string& which, const std::string& path) {
-  const auto gain = [&](int id) { return model.actuator_gainprm[id * mjNGAIN]; };
-  const auto bias = [&](int id, int k) { return model.actuator_biasprm[id * mjNBIAS + k]; };
-  const auto is_affine = [&](int id) {
-    return model.actuator_gaintype[id] == mjGAIN_FIXED && model.actuator_biastype[id] == mjBIAS_AFFINE && gain(id) != 0;
-  };
-  std::vector<int> positions, velocities;
+// kp and kv of the drives among `ids`: of a position servo kp is gainprm[0] and -biasprm[1], and kv -biasprm[2]; of a
+// velocity servo kv is gainprm[0] and -biasprm[2]; of a motor with back-EMF kv is -biasprm[2].
+std::vector<ModelField> FeedbackFields(const mjModel& model, const Owner& owner, const std::vector<int>& ids,
+                                       const std::string& which, const std::string& path) {
+  std::vector<int> positions, velocities, damped;
   for (const int id : ids) {
-    if (is_affine(id) && bias(id, 1) == -gain(id)) {
-      positions.push_back(id);
-    } else if (is_affine(id) && bias(id, 1) == 0 && bias(id, 2) == -gain(id)) {
-      velocities.push_back(id);
-    }
+    const DriveKind drive = DriveOf(model, id);
+    if (drive == DriveKind::kPositionServo) positions.push_back(id);
+    if (drive == DriveKind::kVelocityServo) velocities.push_back(id);
+    if (drive == DriveKind::kPositionServo || DampingOfDrive(model, id) != 0) damped.push_back(id);
   }
   const bool stiffness = which == "kp";
-  if (positions.empty() && (stiffness || velocities.empty())) {
-    throw UsageError(fmt::format(
-        "parameter path '{}': no such actuator is a {} servo (gainprm[0] = kp = -biasprm[1]{}); a motor's strength is "
-        "gainprm[0]",
-        path, stiffness ? "position" : "position or velocity", stiffness ? "" : ", or gainprm[0] = kv = -biasprm[2]"));
+  if (stiffness ? positions.empty() : damped.empty()) {
+    throw UsageError(fmt::format("parameter path '{}': no such actuator is {}; a motor's strength is gainprm[0]", path,
+                                 stiffness ? "a position servo (gainprm[0] = kp = -biasprm[1])"
+                                           : "a position servo, a velocity servo (gainprm[0] = kv = -biasprm[2]) or a "
+                                             "motor with back-EMF (biasprm[2] = -kv)"));
   }
   const auto prefix = [&](int row) { return fmt::format("{}/{}", owner.word, ObjectName(model, owner.type, row)); };
   const ModelArray gains{
@@ -223,11 +218,8 @@ std::vector<ModelField> ServoFields(const mjModel& model, const Owner& owner, co
     add(gains, positions, 0, "gainprm", 1);
     add(biases, positions, 1, "biasprm", -1);
   } else {
-    std::vector<int> both = positions;
-    both.insert(both.end(), velocities.begin(), velocities.end());
-    std::sort(both.begin(), both.end());
     add(gains, velocities, 0, "gainprm", 1);
-    add(biases, both, 2, "biasprm", -1);
+    add(biases, damped, 2, "biasprm", -1);
   }
   return fields;
 }
@@ -302,7 +294,7 @@ std::vector<ModelField> ResolveOne(const mjModel& model, const std::string& path
                                             std::string_view(path).substr(first + 1, last - first - 1), what);
   if (owner->type == mjOBJ_ACTUATOR && (ref.name == "kp" || ref.name == "kv")) {
     if (ref.index >= 0) throw UsageError(fmt::format("parameter path '{}': {} has no index", path, ref.name));
-    return ServoFields(model, *owner, ids, ref.name, path);
+    return FeedbackFields(model, *owner, ids, ref.name, path);
   }
   if (owner->type == mjOBJ_ACTUATOR && ref.name == "force_limit") {
     return ForceLimit(model, *owner, ids, ref.index, path);

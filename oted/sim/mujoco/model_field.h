@@ -9,9 +9,9 @@
 ///
 /// A joint also has stribeck_torque, stribeck_velocity and load_friction (joint_friction.h) and residual
 /// (joint_residual.h), which no mjModel holds.
-/// An actuator also has kp and kv, the stiffness and the damping of a servo, which MuJoCo keeps in several places, and
-/// force_limit, the largest force in either direction; a joint springref, where its spring rests: qpos_spring.
-/// "PATH + PATH" ties paths together: one z drives them all.
+/// An actuator also has kp and kv, the stiffness and the damping of a servo, which MuJoCo keeps in several places (kv
+/// is a motor's back-EMF, too), and force_limit, the largest force in either direction; a joint springref, where its
+/// spring rests: qpos_spring. "PATH + PATH" ties paths together: one z drives them all.
 
 #include <mujoco/mujoco.h>
 

@@ -10,6 +10,7 @@
 #include "oted/base/error.h"
 #include "oted/base/files.h"
 #include "oted/base/testing.h"
+#include "oted/sim/mujoco/drive_kind.h"
 #include "oted/sim/mujoco/model.h"
 #include "oted/sim/mujoco/task.h"
 
@@ -217,6 +218,23 @@ TEST(Servos, StiffnessAndDampingAreWhatMujocosCompilerMakesOfThem) {
   EXPECT_THAT([&] { ResolvePath(*nominal.model, "actuator/#1/kp"); },
               ThrowsMessage<UsageError>(HasSubstr("no such actuator is a position servo")));
   EXPECT_THROW(ResolvePath(*nominal.model, "actuator/#2/kp"), UsageError) << "a velocity servo has none";
+}
+
+TEST(Servos, AMotorsBackEmfIsItsKvAndItsGainStaysApart) {
+  const auto with = [](const std::string& name, double back_emf) {
+    return Compiled(name, kBall,
+                    fmt::format(R"(<general joint="j" gainprm="0.6" biastype="affine" biasprm="0 0 -{}"/>
+      <position joint="j" kp="9" kv="1"/><motor joint="j"/>)",
+                                back_emf));
+  };
+  LoadedModel model = with("motor", 0.5);
+  EXPECT_EQ(DriveOf(*model.model, 0), DriveKind::kMotor);
+  const LoadedModel stronger = with("stronger", 0.75);
+  Write(*model.model, {.name = "back_emf", .field = "actuator/#0/kv"}, 1.5);
+  EXPECT_EQ(Gains(*model.model), Gains(*stronger.model));
+  EXPECT_EQ(ResolvePath(*model.model, "actuator/*/kv")[0].indices.size(), 2u) << "its own and the servo's";
+  EXPECT_THROW(ResolvePath(*model.model, "actuator/#2/kv"), UsageError) << "a motor without";
+  EXPECT_THROW(ResolvePath(*model.model, "actuator/#0/kp"), UsageError);
 }
 
 TEST(SpringReference, IsWhereMujocosCompilerPutsTheRestOfASpring) {

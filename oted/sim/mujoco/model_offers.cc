@@ -55,7 +55,7 @@ struct Beside {
 };
 constexpr Beside kBeside[] = {
     {"actuator", "/kp", "stiffness of a position servo: gainprm[0], and -biasprm[1]"},
-    {"actuator", "/kv", "damping of a servo: -biasprm[2], and gainprm[0] of a velocity servo"},
+    {"actuator", "/kv", "damping of a servo, back-EMF of a motor: -biasprm[2], and gainprm[0] of a velocity servo"},
     {"actuator", "/force_limit", "largest force in either direction: -forcerange[0], and forcerange[1]"},
     {"joint", "/springref", "where its spring rests"}};
 
@@ -64,7 +64,8 @@ constexpr Beside kBeside[] = {
 PathInfo DescribeModelPath(const mjModel& model, const std::string& path) {
   PathInfo info;
   for (const ModelField& field : ResolvePath(model, path)) {
-    for (size_t i = 0; i < field.places.size(); ++i) info.places.push_back({field.places[i], field.nominal[i]});
+    for (size_t i = 0; i < field.places.size(); ++i)
+      info.places.push_back({field.places[i], field.sign * field.nominal[i]});
     if (field.array == kResidualArray) info.reach = ResidualReach(model);
     if (!info.meaning.empty()) continue;
     info.unit = field.unit;

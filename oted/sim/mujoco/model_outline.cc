@@ -26,18 +26,6 @@ JointKind KindOfJoint(int type) {
   }
 }
 
-/// As model_field.cc tells servos from motors.
-DriveKind DriveOf(const mjModel& model, int id) {
-  const double gain = model.actuator_gainprm[id * mjNGAIN];
-  const double* bias = model.actuator_biasprm + id * mjNBIAS;
-  if (model.actuator_gaintype[id] != mjGAIN_FIXED) return DriveKind::kOther;
-  if (model.actuator_biastype[id] == mjBIAS_NONE) return DriveKind::kMotor;
-  if (model.actuator_biastype[id] != mjBIAS_AFFINE) return DriveKind::kOther;
-  if (bias[1] == 0 && bias[2] == 0) return DriveKind::kMotor;
-  if (gain != 0 && bias[1] == -gain) return DriveKind::kPositionServo;
-  return gain != 0 && bias[1] == 0 && bias[2] == -gain ? DriveKind::kVelocityServo : DriveKind::kOther;
-}
-
 ModelOutline::Actuator OutlineOfActuator(const mjModel& model, int id) {
   ModelOutline::Actuator actuator;
   actuator.name = ObjectName(model, mjOBJ_ACTUATOR, id);
@@ -45,6 +33,7 @@ ModelOutline::Actuator OutlineOfActuator(const mjModel& model, int id) {
   if (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) actuator.joint = model.actuator_trnid[2 * id];
   if (type == mjTRN_TENDON) actuator.tendon = model.actuator_trnid[2 * id];
   actuator.drive = DriveOf(model, id);
+  actuator.damping = DampingOfDrive(model, id);
   actuator.n_controls = model.actuator_ctrlnum[id];
   const double gear = std::abs(model.actuator_gear[6 * model.actuator_outadr[id]]);
   actuator.force_per_control = gear * std::abs(model.actuator_gainprm[id * mjNGAIN]);

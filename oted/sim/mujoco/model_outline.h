@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "oted/sim/mujoco/drive_kind.h"
+
 namespace oted {
 
 enum class JointKind { kHinge, kSlide, kBall, kFree };
-/// What a control of an actuator is: a force, a position or a velocity to be reached, or something else.
-enum class DriveKind { kMotor, kPositionServo, kVelocityServo, kOther };
 
 struct ModelOutline {
   struct Joint {
@@ -29,6 +29,7 @@ struct ModelOutline {
     int joint = -1;   ///< that it drives; -1: a tendon or something else
     int tendon = -1;  ///< the same
     DriveKind drive = DriveKind::kOther;
+    double damping = 0;  ///< -biasprm[2]: of a servo, or a motor's back-EMF
     int n_controls = 1;
     bool has_range = false;
     double force_per_control = 1;                                 ///< on the joint or tendon, of a motor

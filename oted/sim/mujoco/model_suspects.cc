@@ -21,6 +21,7 @@ namespace {
 constexpr int kMostBodies = 12;  // whose masses, centres of mass and places are suspected one by one
 constexpr int kMostSingly = 8;   // joints, drives or tendons that are, where others of them are searched
 constexpr double kLow = 0.1, kHigh = 10.0;
+constexpr double kNextToNone = 0.1 / kHigh;               // of the most there may be: multiples of it lead nowhere
 constexpr double kLowestLimit = 1e-5, kHighestLimit = 2;  // of a force, times one that is never reached
 constexpr double kMostLoadFriction = 0.9;                 // of the force of a joint's actuators
 constexpr double kMostSpringOff = 1.0;                    // [rad], [m]: of where a spring rests
@@ -33,7 +34,7 @@ constexpr double kFrictionShare = 0.1;  // of the torque that holds a mean body 
 
 struct SuspectedField {
   std::string name, path;
-  /// Where the model has zeros alone: paths, of which the first that it has is suspected as a value.
+  /// Where the model has none of it, or next to none: paths, of which the first that it has is suspected as a value.
   std::vector<std::string> if_zero = {};
   double most = 0;   ///< of it; without such a path: `path` itself, from that much less than in the model to more
   double limit = 0;  ///< of a force, hardly reached: a value near it or far below is suspected
@@ -176,7 +177,7 @@ std::vector<SuspectedField> SuspectedFields(const mjModel& model) {
       {"stiffness", "joint/*/stiffness", OfJoints("stiffness"), RoundBound(HoldingTorque(model))},
       {"gear", GearPath(model)},
       {"kp", "actuator/*/kp"},
-      {"kv", "actuator/*/kv"},
+      {"kv", "actuator/*/kv", {"actuator/*/kv"}, torque},
       {"friction", "geom/*/friction[0]"},
       {"contact_time", "geom/*/solref[0]"},
       {"contact_damping", "geom/*/solref[1]"},
@@ -230,6 +231,14 @@ std::optional<std::vector<ModelField>> Resolved(const mjModel& model, ParameterS
   }
 }
 
+double Largest(const std::vector<ModelField>& fields) {
+  double largest = 0;
+  for (const ModelField& field : fields) {
+    for (const double value : field.nominal) largest = std::max(largest, std::abs(value));
+  }
+  return largest;
+}
+
 /// Completes `spec` at the first of the place's meanings that the model has.
 std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const SuspectedField& place,
                                                 ParameterSpec& spec) {
@@ -259,14 +268,18 @@ std::optional<std::vector<ModelField>> FieldsOf(const mjModel& model, const Susp
     return fields;
   }
   spec = {.name = place.name, .field = place.path, .low = kLow, .high = kHigh, .logarithmic = true};
-  std::optional<std::vector<ModelField>> fields = Resolved(model, spec);
-  if (fields || place.if_zero.empty()) return fields;
+  std::optional<std::vector<ModelField>> multiple = Resolved(model, spec);
+  if (multiple && Largest(*multiple) >= kNextToNone * place.most) return multiple;
   for (const std::string& path : place.if_zero) {
-    spec = {.name = place.name, .field = path, .low = 0, .high = place.most, .scale = ParameterScale::kAbsolute};
-    fields = Resolved(model, spec);
-    if (fields) return spec.nominal == 0 ? fields : std::nullopt;
+    ParameterSpec value = {
+        .name = place.name, .field = path, .low = 0, .high = place.most, .scale = ParameterScale::kAbsolute};
+    std::optional<std::vector<ModelField>> fields = Resolved(model, value);
+    if (!fields) continue;
+    if (value.nominal < 0 || value.nominal >= kNextToNone * place.most) break;
+    spec = value;
+    return fields;
   }
-  return std::nullopt;
+  return multiple;
 }
 
 /// The same of each joint, drive, tendon or body alone: "joint/elbow/damping".

@@ -71,6 +71,27 @@ TEST(ModelSuspects, AreOfDrivesTendonsAndTheMediumWhereTheModelHasThem) {
   EXPECT_THAT(fields, Not(Contains("opt/density")));
 }
 
+TEST(ModelSuspects, OfWhatTheModelHasNextToNoneOfAreValuesAsIfItHadNone) {
+  const auto of = [](double friction, double kv) {
+    std::vector<std::string> found;
+    const std::string model = fmt::format(R"(<mujoco>
+      <worldbody><body><joint name="hip" axis="0 1 0" damping="1" frictionloss="{}"/>
+      <geom size="0.1 0.4" type="capsule" pos="0.2 0 0"/></body></worldbody>
+      <actuator><position joint="hip" kp="50" kv="{}"/></actuator></mujoco>)",
+                                          friction, kv);
+    for (const ParameterSpec& spec : SuspectsOf(model.c_str())) {
+      if (spec.name == "frictionloss" || spec.name == "kv") {
+        EXPECT_TRUE(spec.IsMultiple() || (spec.low == 0 && spec.high > 1)) << spec.field;
+        found.push_back(spec.name + (spec.IsMultiple() ? " times" : ""));
+      }
+    }
+    return found;
+  };
+  EXPECT_THAT(of(0, 0), ElementsAre("frictionloss", "kv"));
+  EXPECT_THAT(of(1e-4, 1e-4), ElementsAre("frictionloss", "kv"));
+  EXPECT_THAT(of(1, 1), ElementsAre("frictionloss times", "kv times"));
+}
+
 TEST(ModelSuspects, AreLoadsBesideTheAxesOfABaseAndOfALastLink) {
   const std::vector<ParameterSpec> suspects = SuspectsOf(R"(<mujoco>
     <worldbody><body name="hull"><freejoint/><geom type="box" size="0.3 0.2 0.1"/>

@@ -26,6 +26,7 @@ using Eigen::VectorXd;
 
 constexpr int kScreenedRows = 960;
 constexpr double kLongScreenedSeconds = 0.25;
+constexpr double kAtBound = 0.01;     // of the range
 constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
 constexpr double kAtRangeTop = 0.9, kWiderRange = 4;  // of a range, and times it
 constexpr int kRangeWidenings = 2;
@@ -36,15 +37,16 @@ constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4
 
 /// One that no score favours, and where its fit begins.
 Suspect Undirected(const ParameterSpec& spec) {
-  const bool at_bound = spec.nominal == spec.low;
-  return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * (spec.high - spec.low) : spec.nominal};
+  const double range = spec.high - spec.low;
+  const bool at_bound = spec.nominal - spec.low < kAtBound * range;
+  return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * range : spec.nominal};
 }
 
-/// Whether the fit of a value that the model has none of ended where its range does: how much there may be of a
+/// Whether the fit of a value that the model has next to none of ended where its range does: how much there may be of a
 /// friction, say, the model tells roughly.
 bool EndsAtTop(const Suspect& suspect) {
   const ParameterSpec& spec = suspect.spec;
-  return spec.nominal == 0 && spec.low == 0 && !IsChannelPath(spec.field) && suspect.value > kAtRangeTop * spec.high;
+  return !spec.IsMultiple() && spec.low == 0 && !IsChannelPath(spec.field) && suspect.value > kAtRangeTop * spec.high;
 }
 
 /// Whether it is how late a sensor is.
