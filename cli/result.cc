@@ -215,7 +215,7 @@ void PrintSuspects(const DesignRecord& design) {
   if (!design.fit) return;
   const bool leaves_nothing = std::ranges::none_of(design.fit->channels, &DesignRecord::Channel::disagrees);
   if (design.columns_seem_wrong && !design.fit->suspects.empty()) {
-    Print("first mend the columns that a warning names: a suspect may only stand in for them\n");
+    Print("look first at the columns that a warning names: a suspect may only stand in for them, or they for it\n");
   }
   bool has_line = false;
   int n_lines = 0;

@@ -19,13 +19,18 @@ const char* NameOf(FileState state) {
 
 void PrintVerification(const Verification& found) {
   std::map<FileState, int> counts;
+  std::string unproven;
   for (const VerifiedFile& file : found.files) {
     ++counts[file.state];
+    if (file.state == FileState::kUnproven) unproven += (unproven.empty() ? "" : ", ") + file.path.string();
     if (file.state == FileState::kWhole || file.state == FileState::kUnproven) continue;
     Print("{:<10} {}: {}\n", NameOf(file.state), file.path.string(), Printable(file.note));
   }
   std::string text;
-  for (const auto& [state, n] : counts) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", n, NameOf(state));
+  for (const auto& [state, n] : counts) {
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", n, NameOf(state));
+    if (state == FileState::kUnproven) text += fmt::format(" ({})", Printable(unproven));
+  }
   Print("{}{}\n", text, found.in_use ? "; a program works there now" : "");
 }
 

@@ -107,11 +107,11 @@ void DataConfig::CheckConstants(const std::vector<std::string>& names) const {
                         name, recording.path, value));
       }
       if (std::ranges::find(names, name) != names.end()) continue;
-      throw UsageError(
-          fmt::format("data.recordings: '{}' has constant '{}', which [task.constants] does not name{}; add {} = {{ "
-                      "field = \"...\" }} "
-                      "there",
-                      recording.path, name, DidYouMean(name, names), name));
+      throw UsageError(fmt::format(
+          "data.recordings: '{}' has constant '{}', which [task.constants] of the task does not name{}; add "
+          "{} = {{ field = \"...\" }} there (of a design that is made, to the task file that it was made "
+          "from, and design again)",
+          recording.path, name, DidYouMean(name, names), name));
     }
   }
 }

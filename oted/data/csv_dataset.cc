@@ -146,6 +146,7 @@ class CsvReader {
     append(columns_.observations, recording_.observations);
     const bool has_action = !std::ranges::all_of(columns_.actions, is_empty);
     has_action_.push_back(has_action);
+    recording_.n_without_action += has_action ? 0 : 1;
     if (has_action) {
       append(columns_.actions, recording_.actions);
     } else {

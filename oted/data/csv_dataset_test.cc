@@ -128,6 +128,7 @@ TEST_F(CsvDataset, DefectsNameFileLineAndColumn) {
   EXPECT_THAT(Failure("obs0,obs0,act0\n"), HasSubstr("stands there twice"));
   EXPECT_THAT(Failure(""), HasSubstr("is empty"));
   EXPECT_THAT(Failure("obs0,act0\n0,1\n"), HasSubstr("holds no transition"));
+  EXPECT_THAT(Failure("obs0,act0\n0,\n1,\n2,\n"), HasSubstr("none of its 3 rows has an action"));
   EXPECT_THAT(Failure("episode,obs0,act0\n1,0,0\n1,1,0\n2,0,0\n2,1,0\n1,2,0\n"),
               HasSubstr("line 6: episode 1 begins a second"));
   EXPECT_THAT(Failure("episode,t,obs0,act0\n1,0,0,0\n1,1,1,0\n1,2,2,0\n1,1,3,0\n"),
@@ -172,7 +173,7 @@ TEST_F(CsvDataset, MissingRowsAreFilledInAndLongGapsCut) {
   EXPECT_NEAR(filled.observations(40, 0), std::sin(0.4), 1e-4);
   EXPECT_EQ(filled.actions(41, 0), 39) << "held";
   EXPECT_EQ(filled.observations(70, 0), std::sin(0.01 * 70)) << "as it was logged";
-  EXPECT_THAT(filled.remarks, Contains(HasSubstr("2 missing rows filled in")));
+  EXPECT_THAT(filled.warnings, Contains(HasSubstr("2 missing rows filled in")));
   const Dataset cut = Read(SineLog(100, without(40, 49)));
   ASSERT_EQ(cut.Episodes().size(), 2u);
   EXPECT_EQ(cut.size(), 39 + 49);

@@ -57,9 +57,12 @@ class Resampler {
           InWords(n_faster), from_.period_s, control_period_s_));
     }
     if (n_uneven > 0) {
-      to_.remarks.push_back(fmt::format("{}rows made even: observations interpolated between uneven rows{}",
-                                        InWords(n_uneven),
-                                        n_filled > 0 ? fmt::format(", {} missing rows filled in", n_filled) : ""));
+      to_.remarks.push_back(
+          fmt::format("{}rows made even: observations interpolated between uneven rows", InWords(n_uneven)));
+    }
+    if (n_filled > 0) {
+      to_.warnings.push_back(
+          fmt::format("{} missing rows filled in: observations interpolated, actions held", n_filled));
     }
     if (all.n_changed > 0) to_.warnings.push_back(all.InWords(ActionName(all.column)));
     if (n_short > 0) to_.remarks.push_back(fmt::format("{} episodes shorter than a control period left out", n_short));
@@ -237,6 +240,12 @@ Dataset ToDataset(const Recording& recording) {
       dataset.terminals.push_back(last && run.terminated);
       dataset.timeouts.push_back(last && !run.terminated);
     }
+  }
+  if (dataset.size() == 0 && recording.n_without_action == recording.observations.rows()) {
+    throw DataError(
+        fmt::format("'{}' holds no transition: none of its {} rows has an action; fill in the columns of "
+                    "actions, or name others",
+                    recording.file, recording.n_without_action));
   }
   if (dataset.size() == 0) {
     throw DataError(fmt::format(

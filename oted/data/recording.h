@@ -37,6 +37,7 @@ struct Recording {
   std::vector<std::string> observation_names;
   std::vector<std::string> action_names;
   std::vector<std::string> constant_names;
+  int n_without_action = 0;           ///< rows
   std::vector<std::string> remarks;   ///< as a Dataset's
   std::vector<std::string> warnings;  ///< the same
 };

@@ -25,6 +25,7 @@ namespace {
 
 constexpr double kPeriodSlack = 0.01;  // of the reader (docs/file_formats.md)
 constexpr double kRangeSlack = 1.1;    // of actions beyond the logged ones
+constexpr double kNoPeriod = 100;      // [s]: nothing is controlled as slowly
 constexpr uint64_t kSeed = 1;
 
 class Proposer {
@@ -210,10 +211,12 @@ class Proposer {
         proposal_.guessed.push_back(
             fmt::format("'{}' has no times: its rows count as {:.6g} s apart", path, task_.control_period));
       } else if (period && PeriodsDiffer(one.period_s, *period)) {
+        const double longer = std::max(one.period_s, *period);
         throw DataError(fmt::format(
             "rows of '{}' lie {:.3g} s apart, and those of '{}' {:.3g} s: no control period is that of both; "
-            "give --period {:.3g} to read all at that, or make a task file for each",
-            path, one.period_s, log_->path(), *period, std::max(one.period_s, *period)));
+            "{}give --period {:.3g} to read all at that, or make a task file for each",
+            path, one.period_s, log_->path(), *period,
+            longer >= kNoPeriod ? "if times are no seconds, call their column t_ms, t_us or t_ns; or " : "", longer));
       }
       if (one.period_s > 0) period = one.period_s;
       if (unused.empty() && path == log_->path()) unused = one.remarks;

@@ -177,9 +177,11 @@ std::string ButOdd(const DesignRecord::Validation& validation) {
   if (numbers.empty()) return "";
   for (int& number : numbers) ++number;
   const bool is_one = numbers.size() == 1;
-  return fmt::format("; {} {} of the logs {} far off{}, the others are not: look there for another load or setting",
-                     is_one ? "episode" : "episodes", fmt::join(numbers, ", "), is_one ? "is" : "are",
-                     is_one ? "" : ", the first of them most");
+  return fmt::format(
+      "; {} {} of the logs {} far off{}, the others are not: look there for another load or setting, or "
+      "a push from outside",
+      is_one ? "episode" : "episodes", fmt::join(numbers, ", "), is_one ? "is" : "are",
+      is_one ? "" : ", the first of them most");
 }
 
 std::string NotTold(const DesignRecord::Validation& validation) {

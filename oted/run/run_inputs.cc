@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "oted/base/error.h"
@@ -73,6 +74,7 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
   if (config.recordings.empty()) return ReadRecording({config.path, {}}, options);
   Dataset all;
   std::string path, hashes;
+  std::map<std::string, int> told;  // what the reader says, and of how many recordings
   for (const DataConfig::Recording& recording : config.recordings) {
     const Dataset one = ReadRecording(recording, options);
     if (all.size() > 0) CheckAlike(all, one);
@@ -80,6 +82,13 @@ Dataset ReadFiles(const DataConfig& config, const DataOptions& options) {
     all.path = path;
     hashes += fmt::format("{} {}\n", one.sha256, nlohmann::json(recording.constants).dump());
     all.Append(one);
+    for (const std::string& text : one.remarks) ++told[text];
+    for (const std::string& text : one.warnings) ++told[text];
+  }
+  for (std::vector<std::string>* texts : {&all.remarks, &all.warnings}) {
+    for (std::string& text : *texts) {
+      if (const int n = told[text]; n > 1) text += fmt::format(" (in each of {} recordings)", n);
+    }
   }
   all.path = config.Files();
   all.sha256 = Sha256(hashes);

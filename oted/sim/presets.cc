@@ -92,7 +92,7 @@ bool SharesNumbers(const SimulatorFactory& simulator, const PathInfo& info, std:
   std::set<std::string> numbers;
   for (const ParameterPlace& place : info.places) numbers.insert(place.path);
   return std::ranges::any_of(paths, [&](const char* path) {
-    if (*path == '\0') return false;
+    if (path == nullptr) return false;
     try {
       return std::ranges::any_of(Describe(simulator, path).places,
                                  [&](const ParameterPlace& place) { return numbers.contains(place.path); });

@@ -16,13 +16,13 @@ struct PresetEntry {
   struct Bounds {
     double low, high;
   };
-  const char* name;                               ///< of the parameter
-  const char* field;                              ///< its path
-  std::optional<Bounds> multiple = std::nullopt;  ///< of the nominal value, where one of the path's values is not 0
-  bool logarithmic = false;                       ///< search in log z, of multiples
-  std::optional<Bounds> absolute = std::nullopt;  ///< the value itself, where all of them are 0
-  std::array<const char*, 2> set_with_others = {"", ""};  ///< paths that set its numbers together with others
-  const char* otherwise = "";                             ///< what to say where they do: it is left out
+  const char* name;                                 ///< of the parameter
+  const char* field;                                ///< its path
+  std::optional<Bounds> multiple = std::nullopt;    ///< of the nominal value, where one of the path's values is not 0
+  bool logarithmic = false;                         ///< search in log z, of multiples
+  std::optional<Bounds> absolute = std::nullopt;    ///< the value itself, where all of them are 0
+  std::array<const char*, 2> set_with_others = {};  ///< paths that set its numbers together with others
+  const char* otherwise = "";                       ///< what to say where they do: it is left out
   /// A parameter for each number of the path, as far as the simulator tells that they reach, believed to be near 0. The
   /// parameter is called by the name, by what owns the number, and by the term that stands at the number's index.
   const char* const* terms = nullptr;

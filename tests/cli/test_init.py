@@ -6,6 +6,7 @@
 import csv
 import json
 import math
+import re
 import tomllib
 import unittest
 
@@ -322,6 +323,25 @@ class InitTest(ProgramTest):
         self.assertEqual(task["parameters"]["springref"]["field"], "joint/elbow_joint/springref", text)
         self.assertIn("joint/elbow_joint/stiffness", text)  # of few springs each by itself
         self.assertNotIn("joint/*/stiffness", text)
+
+    def test_a_motor_with_back_emf_gets_a_gain_and_the_back_emf_is_told(self):
+        motors = "".join(f'<general name="{name}" joint="{name}_joint" gainprm="8" biastype="affine" biasprm="0 0 -0.4" '
+                         'ctrlrange="-1 1"/>' for name in ("shoulder", "elbow"))
+        arm = re.sub("<actuator>.*</actuator>", f"<actuator>{motors}</actuator>", ARM, flags=re.DOTALL)
+        self.model.write_text(arm)
+        model = mujoco.MjModel.from_xml_string(arm)
+        model.actuator_gainprm[:, 0] *= 0.8
+        data, rows = mujoco.MjData(model), []
+        for k in range(300):
+            u = [0.6 * math.sin(0.1 * k) + 0.3 * math.sin(0.31 * k), 0.4 * math.sin(0.17 * k + 1) + 0.3 * math.sin(0.4 * k)]
+            rows.append([0.02 * k, *data.qpos, *data.qvel, *u])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 4)
+        text, task = self.init(self.csv(np.array(rows)))
+        gains = [p for p in task["parameters"].values() if "gainprm[0]" in p["field"]]
+        self.assertTrue(gains, text)
+        self.assertIn("back-EMF of motors (actuator/*/kv)", text)
+        self.assertNotIn("neither a motor nor a servo", text)
 
     def test_a_stiffness_at_the_end_of_its_range_widens_it(self):
         servos = ARM.replace('<motor name="shoulder" joint="shoulder_joint" ctrlrange="-20 20"/>',

@@ -44,9 +44,12 @@ bool IsLimit(const ParameterSpec& spec) {
 
 bool IsDistant(const ParameterSpec& spec) { return IsPlace(spec) || IsLimit(spec); }
 
-bool IsShift(const ParameterSpec& spec) {
-  return !spec.IsMultiple() && spec.low < spec.nominal && spec.nominal < spec.high;
+bool IsAtLowEnd(const ParameterSpec& spec) {
+  constexpr double kNearly = 0.01;  // of the range
+  return spec.nominal - spec.low < kNearly * (spec.high - spec.low);
 }
+
+bool IsShift(const ParameterSpec& spec) { return !spec.IsMultiple() && !IsAtLowEnd(spec) && spec.nominal < spec.high; }
 
 bool IsPlace(const ParameterSpec& spec) { return IsShift(spec) && spec.field.find("/pos[") != std::string::npos; }
 

@@ -11,6 +11,8 @@
 
 namespace oted {
 
+/// Whether the model has a suspect's lowest value, or nearly: none of a friction, say, or next to none.
+bool IsAtLowEnd(const ParameterSpec& spec);
 /// Whether a suspect is a value on both sides of the model's: a place, a zero. What it does may begin at a distance.
 bool IsShift(const ParameterSpec& spec);
 /// Whether it is where something stands: a coordinate of a body or of a geom.

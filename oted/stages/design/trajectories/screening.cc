@@ -26,8 +26,7 @@ using Eigen::VectorXd;
 
 constexpr int kScreenedRows = 960;
 constexpr double kLongScreenedSeconds = 0.25;
-constexpr double kAtBound = 0.01;     // of the range
-constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins whose nominal one is its bound
+constexpr double kInsideRange = 0.2;  // of the range: where the fit of a value begins that the model has none of
 constexpr double kAtRangeTop = 0.9, kWiderRange = 4;  // of a range, and times it
 constexpr int kRangeWidenings = 2;
 constexpr double kSlowContact = 2;  // times the model's: there, and at its inverse, fits of contacts begin, too
@@ -37,9 +36,8 @@ constexpr size_t kMostScreened = 8, kMostLongScreened = 12, kMostOutstanding = 4
 
 /// One that no score favours, and where its fit begins.
 Suspect Undirected(const ParameterSpec& spec) {
-  const double range = spec.high - spec.low;
-  const bool at_bound = spec.nominal - spec.low < kAtBound * range;
-  return {.spec = spec, .value = at_bound ? spec.low + kInsideRange * range : spec.nominal};
+  const double inside = spec.low + kInsideRange * (spec.high - spec.low);
+  return {.spec = spec, .value = IsAtLowEnd(spec) ? inside : spec.nominal};
 }
 
 /// Whether the fit of a value that the model has next to none of ended where its range does: how much there may be of a
