@@ -44,6 +44,11 @@ void PrintProposal(const Proposal& proposal, const std::string& out) {
   PrintLines("not freed", proposal.NotFreed());
   PrintLines("guessed, so check it", proposal.guessed);
   PrintLines("look at this before a design", proposal.suspicious);
+  if (!proposal.suspicious.empty()) {
+    Print(
+        "  parameters and ranges were chosen by the columns as they are: look at them again once these are "
+        "corrected\n");
+  }
   const std::string word = ShellLine({out});
   Print("\n{}: read it, correct it, then\n  oted data check {}\n  oted design {} --out RUN\n", out, word, word);
 }

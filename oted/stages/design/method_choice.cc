@@ -70,11 +70,11 @@ MethodChoice KeepFirstMethod(const std::optional<HeldOutPrediction>& prediction)
                       ? "these logs show nothing that methods could be compared by: no other method was tried"
                   : ReachesFloor(*prediction)
                       ? "its predictions are as near to the logs as the sensors let them: no other method was tried"
-                  : !LeavesGap(*prediction) && !IsFloorTold(*prediction)
+                  : PredictsBetter(*prediction)
+                      ? "it surely predicts better than the nominal simulator: no other method was tried"
+                  : !IsFloorTold(*prediction)
                       ? "too little of the logs can be predicted to compare methods: no other method was tried"
-                  : !LeavesGap(*prediction)
-                      ? "the nominal simulator predicts as well as the sensors let it: no other method was tried"
-                      : "it surely predicts better than the nominal simulator: no other method was tried";
+                      : "the nominal simulator predicts as well as the sensors let it: no other method was tried";
   return choice;
 }
 

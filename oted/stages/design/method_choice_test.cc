@@ -74,6 +74,10 @@ TEST(KeepFirstMethod, OthersAreTriedWhereMoreIsLeftThanTheSensorsExplainAndNothi
   prediction.horizons[0].gain = {1, 0.1};
   EXPECT_FALSE(AsksForOtherMethods(prediction));
   EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("surely predicts better than the nominal"));
+  prediction.horizons[0].excess = {0.1, 0.6};  // too few windows to tell whether the floor is reached
+  EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("surely predicts better than the nominal"));
+  prediction.horizons[0].gain = {0, 0.3};
+  EXPECT_THAT(KeepFirstMethod(prediction).reason, HasSubstr("too little of the logs can be predicted"));
   EXPECT_FALSE(AsksForOtherMethods(std::nullopt)) << "nothing can be compared";
   prediction.horizons[0].gain = {};
   prediction.horizons[0].channels[0].spread = 1;
